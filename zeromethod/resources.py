@@ -1,0 +1,13 @@
+"""Where the shaders and the packaged rigs lie: inside the wheel, or beside the package in a checkout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).parent
+
+
+def resource(*parts: str) -> Path:
+    """Path of a packaged file or folder, e.g. `resource("shaders", "pattern.frag")`."""
+    installed = _PACKAGE / "data"
+    return (installed if installed.is_dir() else _PACKAGE.parent).joinpath(*parts)

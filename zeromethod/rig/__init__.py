@@ -1,0 +1,1 @@
+"""Rig files: what a bench is made of and where everything stands."""

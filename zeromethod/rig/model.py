@@ -1,0 +1,263 @@
+"""What a rig file may say: every table, key, unit and bound.
+
+One pydantic model per TOML table. All models are frozen, refuse unknown keys and NaN. Lengths in
+mm, angles in degrees, times in s, camera and LCD pixels in px (centres at integers). The world
+frame is that of `zeromethod.optics`: origin on the edge P0 where pattern face and mirror meet,
+x along the mirror towards the captured face, z out of the rubber, y = z cross x.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Index = Annotated[float, Field(ge=1, le=4)]
+Vector2 = tuple[float, float]
+Vector3 = tuple[float, float, float]
+
+
+class Table(BaseModel):
+    """A TOML table: frozen, strict about its keys, no NaN or infinity."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Layer(Table):
+    """One slab parallel to a prism face: plate, bond or air gap (index 1)."""
+
+    index: Index
+    thickness_mm: NotNegative
+
+
+class RestSurface(Table):
+    """Height of the undeformed mirror above z = 0, positive out of the rubber.
+
+    flat; sphere (`radius_mm` > 0 bulges outwards, height 0 at `centre_mm`); map: a .npy of heights
+    in mm, (rows along y, cols along x), bicubic between points, first point at `origin_mm`.
+    """
+
+    shape: Literal["flat", "sphere", "map"] = "flat"
+    radius_mm: float | None = None
+    centre_mm: Vector2 = (0.0, 0.0)
+    file: Path | None = None
+    pitch_mm: Positive | None = None
+    origin_mm: Vector2 = (0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _complete(self) -> RestSurface:
+        if self.shape == "sphere" and not self.radius_mm:
+            raise ValueError("shape 'sphere' needs radius_mm, any number but 0")
+        if self.shape == "map" and (self.file is None or self.pitch_mm is None):
+            raise ValueError("shape 'map' needs file and pitch_mm")
+        return self
+
+
+class Prism(Table):
+    """The rubber: angles of its faces to the mirror, one length, index.
+
+    pattern_angle_deg: alpha0 at P0; captured_angle_deg: beta0 at R0. `leg_mm` is the length of the
+    pattern face, `mirror_length_mm` the paper's L0: give exactly one. The prism spans
+    -width_mm/2 <= y <= width_mm/2.
+    """
+
+    pattern_angle_deg: Annotated[float, Field(gt=5, lt=85)]
+    captured_angle_deg: Annotated[float, Field(gt=5, lt=85)]
+    leg_mm: Positive | None = None
+    mirror_length_mm: Positive | None = None
+    width_mm: Positive
+    index: Annotated[float, Field(gt=1, le=4)]
+    rest: RestSurface = RestSurface()
+
+    @model_validator(mode="after")
+    def _one_length(self) -> Prism:
+        if (self.leg_mm is None) == (self.mirror_length_mm is None):
+            raise ValueError("give exactly one of leg_mm and mirror_length_mm")
+        return self
+
+
+class DisplaySpec(Table):
+    """The LCD: `driver` and its own options, then what the panel is and where it lies.
+
+    The panel lies parallel to the pattern face behind all `pattern_layers`, then tilted by
+    `tilt_deg` (about the face's along direction, about y) round its centre. `centre_mm`: the panel's
+    centre as (distance from P0 along the pattern face, y). With `turn_deg` 0 columns grow away from
+    P0 and rows with y; `turn_deg` turns columns towards rows (+90: columns grow with y);
+    `mirrored` flips the columns before turning.
+
+    Timing: the first row starts to change `latency_s` after the presentation time, the last
+    `scanout_s` later (default one refresh; `scan` "down" = row 0 first); light follows a change
+    exponentially, `rise_s` from 10 to 90 %. Response: light = (code/255)^gamma, or `response_light`,
+    the light (0..1, rising) at equally spaced codes 0..255. `fill` = lit share of the pixel pitch
+    (columns, rows); stripes "rgb" splits a pixel into three along the columns. Polarisation: angle of
+    the emitted light's field to y in the panel's plane (0 = s at the mirror, 90 = p);
+    None = unpolarised.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+
+    driver: str = "simulated"
+    columns: Annotated[int, Field(ge=16, le=16384)]
+    rows: Annotated[int, Field(ge=16, le=16384)]
+    pitch_mm: Positive
+    centre_mm: Vector2
+    turn_deg: float = 0.0
+    mirrored: bool = False
+    tilt_deg: Vector2 = (0.0, 0.0)
+    refresh_hz: Positive
+    latency_s: NotNegative = 0.0
+    scanout_s: NotNegative | None = None
+    scan: Literal["down", "up"] = "down"
+    rise_s: NotNegative = 0.0
+    gamma: Annotated[float, Field(ge=0.2, le=5)] = 1.0
+    response_light: tuple[Share, ...] | None = None
+    fill: tuple[Share, Share] = (1.0, 1.0)
+    stripes: Literal["none", "rgb"] = "none"
+    polarisation_deg: float | None = None
+
+
+class Noise(Table):
+    """Camera noise at the camera's own bit depth: variance = read_grey^2 + grey / electrons_per_grey."""
+
+    read_grey: NotNegative = 0.0
+    electrons_per_grey: Positive | None = None
+    black_grey: NotNegative = 0.0
+
+
+class CameraSpec(Table):
+    """The camera: `driver` and its own options, then pixels, projection and pose, timing, noise.
+
+    perspective: OpenCV's pinhole, `focal_px` (fx, fy), `centre_px` (cx, cy), `distortion`
+    (k1, k2, p1, p2, k3), optical centre at `position_mm`. orthographic ("at infinity", as in the
+    paper): parallel rays, `pixel_mm` apart; the pixel `centre_px` looks at `look_at_mm`.
+    The optical axis points from `position_mm` to `look_at_mm`; with `roll_deg` 0 v runs along world +y
+    (made perpendicular to the axis) and u = v x axis; positive roll turns u towards v. Pixels are
+    exposed all at once (global shutter). `psf_px`: Gaussian sigma of lens and defocus, camera px.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+
+    driver: str = "simulated"
+    columns: Annotated[int, Field(ge=64, le=16384)]
+    rows: Annotated[int, Field(ge=64, le=16384)]
+    bits: Literal[8, 10, 12, 14, 16] = 8
+    projection: Literal["perspective", "orthographic"]
+    focal_px: tuple[Positive, Positive] | None = None
+    pixel_mm: Positive | None = None
+    centre_px: Vector2
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    position_mm: Vector3
+    look_at_mm: Vector3
+    roll_deg: float = 0.0
+    rate_hz: Positive
+    exposure_s: Positive
+    psf_px: NotNegative = 0.0
+    noise: Noise = Noise()
+
+    @model_validator(mode="after")
+    def _complete(self) -> CameraSpec:
+        if self.projection == "perspective" and self.focal_px is None:
+            raise ValueError("projection 'perspective' needs focal_px")
+        if self.projection == "orthographic" and self.pixel_mm is None:
+            raise ValueError("projection 'orthographic' needs pixel_mm")
+        if self.position_mm == self.look_at_mm:
+            raise ValueError("position_mm and look_at_mm must differ")
+        if self.exposure_s * self.rate_hz > 1:
+            raise ValueError("exposure_s must not exceed the frame time 1 / rate_hz")
+        return self
+
+
+class TargetSpec(Table):
+    """The picture that the camera is to see, in camera pixels.
+
+    Light = mean +- contrast x mean; the period is even and a node lies every half period.
+    """
+
+    kind: Literal["cosines", "checker", "lattice", "noise"] = "cosines"
+    period_px: Annotated[int, Field(ge=8, le=64, multiple_of=2)] = 16
+    mean: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
+
+
+class ControlSpec(Table):
+    """The loop. `gain` 0..1: share of each correction applied at once (composition: filter's upper
+    limit; integrator: its gain); `leak` is the integrator's alone, per frame."""
+
+    controller: Literal["composition", "integrator"] = "composition"
+    gain: Annotated[float, Field(gt=0, le=1)] = 1.0
+    leak: Annotated[float, Field(ge=0, lt=1)] = 0.01
+    timeout_s: Positive = 1.0
+
+
+class KnownRest(Table):
+    """A rectangle of the mirror known to stay at rest (a clamped rim): x and y from, to in mm."""
+
+    x_mm: Vector2
+    y_mm: Vector2
+
+
+class SurfaceSpec(Table):
+    """Reading depth: where the rubber is known to be at rest (else the quietest region serves)."""
+
+    known_rest: tuple[KnownRest, ...] = ()
+
+
+class Faults(Table):
+    """Planted faults of the simulated devices; frame numbers count from 0, None = never."""
+
+    drop_frames: tuple[int, ...] = ()
+    repeat_frames: tuple[int, ...] = ()
+    late_frames: tuple[int, ...] = ()
+    late_s: NotNegative = 0.05
+    torn_frames: tuple[int, ...] = ()
+    stall_at_frame: int | None = None
+    stall_s: NotNegative = 0.0
+    camera_lost_at_frame: int | None = None
+    camera_back_after_s: NotNegative | None = None
+    display_lost_at_show: int | None = None
+    light_off_frames: tuple[int, int] | None = None
+
+
+class SimulationSpec(Table):
+    """What only the simulated bench knows: its own clocks, stray light, faults.
+
+    The reading side never looks here. Unset rates equal the rig's. `camera_phase`: start of the first
+    exposure, in camera frames after time 0. `camera_latency_s`: end of exposure to frame in hand.
+    `ghost_faces`, `ghost_gap`: light of the second reflections (both prism faces; pattern face and LCD
+    glass across the gap) relative to the main one. `ambient`: stray light, share of full scale.
+    """
+
+    seed: int = 0
+    renderer: Literal["gpu", "numpy"] = "gpu"
+    display_refresh_hz: Positive | None = None
+    display_jitter_s: NotNegative = 0.0
+    camera_rate_hz: Positive | None = None
+    camera_phase: float = 0.0
+    camera_jitter_s: NotNegative = 0.0
+    camera_latency_s: NotNegative = 0.004
+    peak_grey_share: Share = 0.8
+    ghost_faces: Share = 0.0
+    ghost_gap: Share = 0.0
+    ambient: Share = 0.0
+    faults: Faults = Faults()
+
+
+class Rig(Table):
+    """A whole bench. `press` names a packaged scenario or a press file (see `simulation.press`)."""
+
+    schema_version: Literal[1]
+    name: str
+    prism: Prism
+    pattern_layers: tuple[Layer, ...] = ()
+    captured_layers: tuple[Layer, ...] = ()
+    display: DisplaySpec
+    camera: CameraSpec
+    target: TargetSpec = TargetSpec()
+    control: ControlSpec = ControlSpec()
+    surface: SurfaceSpec = SurfaceSpec()
+    simulation: SimulationSpec = SimulationSpec()
+    press: str = "default"

@@ -1,0 +1,55 @@
+"""The nodes: a regular lattice in camera pixels on which every warp lives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+PADDING = 4
+"""Nodes beyond the measurable ones on every side, so that the picture covers the whole view."""
+
+
+@dataclass(frozen=True)
+class NodeGrid:
+    """Nodes every `spacing_px` camera pixels; pixel centres at integer coordinates.
+
+    A node is measurable when the window of +-(period - 1) px around it lies in the image. The grid
+    holds the measurable nodes and `PADDING` more on every side, whose warp is continued.
+    """
+
+    image_shape: tuple[int, int]
+    period_px: int = 16
+    spacing_px: int = 8
+
+    def _axis(self, length: int) -> NDArray[np.float64]:
+        first = self.period_px
+        count = (length - 1 - (self.period_px - 1) - first) // self.spacing_px + 1
+        return first + self.spacing_px * np.arange(-PADDING, count + PADDING, dtype=np.float64)
+
+    @cached_property
+    def u_px(self) -> NDArray[np.float64]:
+        """(cols,) camera column of each node column."""
+        return self._axis(self.image_shape[1])
+
+    @cached_property
+    def v_px(self) -> NDArray[np.float64]:
+        """(rows,) camera row of each node row."""
+        return self._axis(self.image_shape[0])
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols) of the grid, padding included."""
+        return len(self.v_px), len(self.u_px)
+
+    @property
+    def inner(self) -> tuple[slice, slice]:
+        """Slices of the measurable nodes."""
+        return slice(PADDING, -PADDING), slice(PADDING, -PADDING)
+
+    def mesh(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(u, v), each (rows, cols): camera pixel of every node."""
+        u, v = np.meshgrid(self.u_px, self.v_px)
+        return u, v
