@@ -100,5 +100,7 @@ class DrawingDisplay(Display, Protocol):
     def draw(self, render: Callable[[moderngl.Framebuffer], None]) -> int:
         """Call `render` with the framebuffer to fill (red channel = grey code / 255), then swap.
 
+        LCD row 0 is the framebuffer's top line, as in a window (y = 1 in clip space).
+
         Returns the presentation time in ns; raises DisplayLost.
         """

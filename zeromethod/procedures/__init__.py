@@ -1,0 +1,6 @@
+"""What a person asks of a bench: a run, its figures, its errors against a planted truth."""
+
+from zeromethod.procedures.run import FrameRecord, Run, RunResult, Snapshot, run
+from zeromethod.procedures.summary import summarise
+
+__all__ = ["FrameRecord", "Run", "RunResult", "Snapshot", "run", "summarise"]

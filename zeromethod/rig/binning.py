@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
+
+_SMALLEST_PX = 64
+_PERIODS = 4
 
 
 def binned(rig: Rig, factor: int) -> Rig:
     """Rig whose camera has `factor` times fewer pixels on each axis over the same view.
 
-    The target's period stays the same in (larger) pixels, so nodes lie `factor` times further apart on
-    the mirror.
+    The target's period, the blur and the noise stay the same in (larger) pixels, so nodes lie `factor`
+    times further apart on the mirror.
+
+    Raises
+    ------
+    InputError
+        `factor` does not divide both axes, or leaves fewer pixels than a camera must have (64, and four
+        periods of the target).
     """
     camera = rig.camera
+    if type(factor) is not int or factor < 1 or camera.columns % factor or camera.rows % factor:
+        raise InputError(
+            f"binning: {factor!r}: a whole number that divides {camera.columns} and {camera.rows} camera px"
+        )
+    smallest = max(_SMALLEST_PX, _PERIODS * rig.target.period_px)
+    if min(camera.columns, camera.rows) // factor < smallest:
+        raise InputError(f"binning: {factor}: one that leaves at least {smallest} camera px on each axis")
     scale = {
         "columns": camera.columns // factor,
         "rows": camera.rows // factor,

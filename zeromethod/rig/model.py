@@ -8,14 +8,24 @@ x along the mirror towards the captured face, z out of the rubber, y = z cross x
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from zeromethod.rig.refusal import refused
+
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
+LitShare = Annotated[float, Field(gt=0, le=1)]
+Angle = Annotated[float, Field(ge=-360, le=360)]
+Tilt = Annotated[float, Field(ge=-45, le=45)]
+Rate = Annotated[float, Field(gt=0, le=10000)]
+Lag = Annotated[float, Field(ge=0, le=10)]
+Count = Annotated[int, Field(ge=0)]
+Text = Annotated[str, Field(min_length=1)]
 Index = Annotated[float, Field(ge=1, le=4)]
 Vector2 = tuple[float, float]
 Vector3 = tuple[float, float, float]
@@ -51,9 +61,15 @@ class RestSurface(Table):
     @model_validator(mode="after")
     def _complete(self) -> RestSurface:
         if self.shape == "sphere" and not self.radius_mm:
-            raise ValueError("shape 'sphere' needs radius_mm, any number but 0")
-        if self.shape == "map" and (self.file is None or self.pitch_mm is None):
-            raise ValueError("shape 'map' needs file and pitch_mm")
+            raise refused("radius_mm", self.radius_mm, "a number other than 0 for shape 'sphere'")
+        if self.shape == "map" and self.file is None:
+            raise refused("file", None, "a .npy file for shape 'map'")
+        if self.shape == "map" and self.pitch_mm is None:
+            raise refused("pitch_mm", None, "a number above 0 for shape 'map'")
+        if self.shape != "sphere" and self.radius_mm is not None:
+            raise refused("radius_mm", self.radius_mm, "only with shape 'sphere'")
+        if self.shape != "map" and self.file is not None:
+            raise refused("file", str(self.file), "only with shape 'map'")
         return self
 
 
@@ -75,8 +91,11 @@ class Prism(Table):
 
     @model_validator(mode="after")
     def _one_length(self) -> Prism:
-        if (self.leg_mm is None) == (self.mirror_length_mm is None):
-            raise ValueError("give exactly one of leg_mm and mirror_length_mm")
+        rule = "exactly one of leg_mm and mirror_length_mm"
+        if self.leg_mm is None and self.mirror_length_mm is None:
+            raise refused("leg_mm", None, rule)
+        if self.leg_mm is not None and self.mirror_length_mm is not None:
+            raise refused("mirror_length_mm", self.mirror_length_mm, rule)
         return self
 
 
@@ -100,24 +119,33 @@ class DisplaySpec(Table):
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
-    driver: str = "simulated"
+    driver: Text = "simulated"
     columns: Annotated[int, Field(ge=16, le=16384)]
     rows: Annotated[int, Field(ge=16, le=16384)]
     pitch_mm: Positive
     centre_mm: Vector2
-    turn_deg: float = 0.0
+    turn_deg: Angle = 0.0
     mirrored: bool = False
-    tilt_deg: Vector2 = (0.0, 0.0)
-    refresh_hz: Positive
-    latency_s: NotNegative = 0.0
-    scanout_s: NotNegative | None = None
+    tilt_deg: tuple[Tilt, Tilt] = (0.0, 0.0)
+    refresh_hz: Rate
+    latency_s: Lag = 0.0
+    scanout_s: Lag | None = None
     scan: Literal["down", "up"] = "down"
-    rise_s: NotNegative = 0.0
+    rise_s: Lag = 0.0
     gamma: Annotated[float, Field(ge=0.2, le=5)] = 1.0
     response_light: tuple[Share, ...] | None = None
-    fill: tuple[Share, Share] = (1.0, 1.0)
+    fill: tuple[LitShare, LitShare] = (1.0, 1.0)
     stripes: Literal["none", "rgb"] = "none"
-    polarisation_deg: float | None = None
+    polarisation_deg: Angle | None = None
+
+    @model_validator(mode="after")
+    def _rising(self) -> DisplaySpec:
+        light = self.response_light
+        if light is not None and (len(light) < 2 or any(b <= a for a, b in pairwise(light))):
+            raise refused(
+                "response_light", list(light), "two or more numbers from 0 to 1, each above the last"
+            )
+        return self
 
 
 class Noise(Table):
@@ -141,7 +169,7 @@ class CameraSpec(Table):
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
-    driver: str = "simulated"
+    driver: Text = "simulated"
     columns: Annotated[int, Field(ge=64, le=16384)]
     rows: Annotated[int, Field(ge=64, le=16384)]
     bits: Literal[8, 10, 12, 14, 16] = 8
@@ -152,8 +180,8 @@ class CameraSpec(Table):
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
     position_mm: Vector3
     look_at_mm: Vector3
-    roll_deg: float = 0.0
-    rate_hz: Positive
+    roll_deg: Angle = 0.0
+    rate_hz: Rate
     exposure_s: Positive
     psf_px: NotNegative = 0.0
     noise: Noise = Noise()
@@ -161,13 +189,19 @@ class CameraSpec(Table):
     @model_validator(mode="after")
     def _complete(self) -> CameraSpec:
         if self.projection == "perspective" and self.focal_px is None:
-            raise ValueError("projection 'perspective' needs focal_px")
+            raise refused("focal_px", None, "two numbers above 0 for projection 'perspective'")
         if self.projection == "orthographic" and self.pixel_mm is None:
-            raise ValueError("projection 'orthographic' needs pixel_mm")
-        if self.position_mm == self.look_at_mm:
-            raise ValueError("position_mm and look_at_mm must differ")
-        if self.exposure_s * self.rate_hz > 1:
-            raise ValueError("exposure_s must not exceed the frame time 1 / rate_hz")
+            raise refused("pixel_mm", None, "a number above 0 for projection 'orthographic'")
+        dx, _, dz = (a - p for a, p in zip(self.look_at_mm, self.position_mm, strict=True))
+        if dx == 0 and dz == 0:
+            # v_axis is +y made perpendicular to the axis, so the axis must not lie along y
+            raise refused(
+                "look_at_mm", list(self.look_at_mm), "a point off the line along y through position_mm"
+            )
+        if self.exposure_s * self.rate_hz > 1 + 1e-6:
+            raise refused("exposure_s", self.exposure_s, f"at most the frame time, {1 / self.rate_hz:.6g}")
+        if self.noise.black_grey >= 2**self.bits - 1:
+            raise refused("noise.black_grey", self.noise.black_grey, f"below {2**self.bits - 1}")
         return self
 
 
@@ -182,10 +216,19 @@ class TargetSpec(Table):
     mean: Annotated[float, Field(gt=0, lt=1)] = 0.5
     contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
 
+    @model_validator(mode="after")
+    def _displayable(self) -> TargetSpec:
+        if self.mean * (1 + self.contrast) > 1 + 1e-9:
+            raise refused("contrast", self.contrast, f"at most 1 / mean - 1 = {1 / self.mean - 1:.6g}")
+        return self
+
 
 class ControlSpec(Table):
-    """The loop. `gain` 0..1: share of each correction applied at once (composition: filter's upper
-    limit; integrator: its gain); `leak` is the integrator's alone, per frame."""
+    """The loop: who controls, and how boldly.
+
+    `gain` 0..1: share of each correction applied at once (composition: filter's upper limit;
+    integrator: its gain); `leak` is the integrator's alone, per frame.
+    """
 
     controller: Literal["composition", "integrator"] = "composition"
     gain: Annotated[float, Field(gt=0, le=1)] = 1.0
@@ -199,6 +242,13 @@ class KnownRest(Table):
     x_mm: Vector2
     y_mm: Vector2
 
+    @model_validator(mode="after")
+    def _not_empty(self) -> KnownRest:
+        for key, (start, end) in (("x_mm", self.x_mm), ("y_mm", self.y_mm)):
+            if start >= end:
+                raise refused(key, [start, end], "from, to with from below to")
+        return self
+
 
 class SurfaceSpec(Table):
     """Reading depth: where the rubber is known to be at rest (else the quietest region serves)."""
@@ -209,17 +259,17 @@ class SurfaceSpec(Table):
 class Faults(Table):
     """Planted faults of the simulated devices; frame numbers count from 0, None = never."""
 
-    drop_frames: tuple[int, ...] = ()
-    repeat_frames: tuple[int, ...] = ()
-    late_frames: tuple[int, ...] = ()
+    drop_frames: tuple[Count, ...] = ()
+    repeat_frames: tuple[Count, ...] = ()
+    late_frames: tuple[Count, ...] = ()
     late_s: NotNegative = 0.05
-    torn_frames: tuple[int, ...] = ()
-    stall_at_frame: int | None = None
+    torn_frames: tuple[Count, ...] = ()
+    stall_at_frame: Count | None = None
     stall_s: NotNegative = 0.0
-    camera_lost_at_frame: int | None = None
+    camera_lost_at_frame: Count | None = None
     camera_back_after_s: NotNegative | None = None
-    display_lost_at_show: int | None = None
-    light_off_frames: tuple[int, int] | None = None
+    display_lost_at_show: Count | None = None
+    light_off_frames: tuple[Count, Count] | None = None
 
 
 class SimulationSpec(Table):
@@ -231,15 +281,15 @@ class SimulationSpec(Table):
     glass across the gap) relative to the main one. `ambient`: stray light, share of full scale.
     """
 
-    seed: int = 0
+    seed: Count = 0
     renderer: Literal["gpu", "numpy"] = "gpu"
-    display_refresh_hz: Positive | None = None
-    display_jitter_s: NotNegative = 0.0
-    camera_rate_hz: Positive | None = None
+    display_refresh_hz: Rate | None = None
+    display_jitter_s: Lag = 0.0
+    camera_rate_hz: Rate | None = None
     camera_phase: float = 0.0
-    camera_jitter_s: NotNegative = 0.0
-    camera_latency_s: NotNegative = 0.004
-    peak_grey_share: Share = 0.8
+    camera_jitter_s: Lag = 0.0
+    camera_latency_s: Lag = 0.004
+    peak_grey_share: LitShare = 0.8
     ghost_faces: Share = 0.0
     ghost_gap: Share = 0.0
     ambient: Share = 0.0
@@ -250,7 +300,7 @@ class Rig(Table):
     """A whole bench. `press` names a packaged scenario or a press file (see `simulation.press`)."""
 
     schema_version: Literal[1]
-    name: str
+    name: Text
     prism: Prism
     pattern_layers: tuple[Layer, ...] = ()
     captured_layers: tuple[Layer, ...] = ()
@@ -260,4 +310,13 @@ class Rig(Table):
     control: ControlSpec = ControlSpec()
     surface: SurfaceSpec = SurfaceSpec()
     simulation: SimulationSpec = SimulationSpec()
-    press: str = "default"
+    press: Text = "default"
+
+    @model_validator(mode="after")
+    def _periods(self) -> Rig:
+        smaller = min(self.camera.columns, self.camera.rows)
+        if smaller < 4 * self.target.period_px:
+            raise refused(
+                "target.period_px", self.target.period_px, f"at most a quarter of {smaller} camera px"
+            )
+        return self

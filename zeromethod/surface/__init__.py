@@ -1,0 +1,7 @@
+"""Reading the mirror: slope and depth per node from a measured warp, with their uncertainty."""
+
+from zeromethod.surface.peak import Peak, peak
+from zeromethod.surface.reader import SurfaceReader
+from zeromethod.surface.surface import Anchor, Surface
+
+__all__ = ["Anchor", "Peak", "Surface", "SurfaceReader", "peak"]

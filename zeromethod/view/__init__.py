@@ -1,0 +1,1 @@
+"""What a person sees: the live status line, the summary table, the figure."""

@@ -26,4 +26,4 @@ class Warp:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """(rows, cols) nodes that may be trusted."""
-        return self.flags == 0
+        return np.equal(self.flags, 0)

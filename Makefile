@@ -1,0 +1,51 @@
+# make run   set up, then close the loop on the simulated bench
+# make test  set up, then run all tests
+# make lint  format, lint, types, import layers
+# make bench speed against peers, printed as ratios of the same run
+# Everything lives in .venv; system packages that are missing (EGL, Mesa) are installed first.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: run test lint bench clean
+.DEFAULT_GOAL := run
+
+run: $(VENV)/.run-ready
+	@mkdir -p out
+	$(BIN)/zeromethod run --figure out/run.png --summary out/run.json
+
+test: $(VENV)/.test-ready
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+lint: $(VENV)/.dev-ready
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(VENV)/.run-ready
+	$(BIN)/python benchmarks/residual_speed.py
+	$(BIN)/python benchmarks/loop_speed.py
+
+$(BIN)/python:
+	@PYTHON=$(PYTHON) sh tools/system-packages.sh
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "zeromethod needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version). Try: make PYTHON=python3.11" >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.run-ready: pyproject.toml | $(BIN)/python
+	@PYTHON=$(PYTHON) sh tools/system-packages.sh
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/.test-ready: pyproject.toml | $(BIN)/python
+	@PYTHON=$(PYTHON) sh tools/system-packages.sh
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@touch $@ $(VENV)/.run-ready
+
+$(VENV)/.dev-ready: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,dev]'
+	@touch $@ $(VENV)/.run-ready $(VENV)/.test-ready
+
+clean:
+	rm -rf $(VENV) out dist build

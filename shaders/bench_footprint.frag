@@ -1,0 +1,22 @@
+#version 330 core
+// Footprint of each camera pixel on the LCD: (dq/du, dq/dv) in LCD px, by differences of the ray map.
+uniform sampler2D rays;
+
+layout(location = 0) out vec4 footprint;
+
+vec2 difference(ivec2 pixel, vec4 here, ivec2 step_by) {
+    ivec2 last = textureSize(rays, 0) - 1;
+    vec4 after = texelFetch(rays, min(pixel + step_by, last), 0);
+    vec4 before = texelFetch(rays, max(pixel - step_by, ivec2(0)), 0);
+    // a lost neighbour (w = 0) leaves the one-sided difference
+    vec2 ahead = after.w * (after.xy - here.xy), behind = before.w * (here.xy - before.xy);
+    float sides = after.w * float(all(lessThanEqual(pixel + step_by, last)))
+        + before.w * float(all(greaterThanEqual(pixel - step_by, ivec2(0))));
+    return (ahead + behind) / max(sides, 1.0);
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    vec4 here = texelFetch(rays, pixel, 0);
+    footprint = vec4(difference(pixel, here, ivec2(1, 0)), difference(pixel, here, ivec2(0, 1)));
+}

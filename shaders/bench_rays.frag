@@ -1,0 +1,209 @@
+#version 330 core
+// Where each camera pixel looks: LCD position q (px), reflectance, and whether the ray arrives.
+//
+// Light is followed backwards, from the camera: air, captured layers, rubber, mirror, rubber, pattern layers,
+// LCD. Lengths in mm from the mirror's middle, which keeps float32 to a few 1e-6 mm.
+// GHOST 0: the main ray. 1: reflected once more by the LCD's glass and the near side of its gap. 2: reflected
+// inside at the pattern face and at the captured face, so that it meets the mirror three times.
+#include "bench_mirror.glsl"
+
+struct Face {
+    vec3 edge;      // its point on the mirror at y = 0
+    vec3 along;     // from there to the apex
+    vec3 normal;    // out of the rubber
+    float length;
+};
+uniform Face captured, pattern;
+uniform vec2 half_mirror;   // half length along x, half width along y
+uniform float rubber_index;
+
+uniform vec3 camera_axis, camera_u, camera_v;
+uniform vec2 camera_centre, camera_scale;  // px; 1 / focal px, or mm per px
+uniform float k1, k2, p1, p2, k3;
+uniform vec3 entry;         // where the optical axis meets the outermost captured plane
+uniform float entry_way;    // mm from the camera to there
+uniform float captured_stack;
+#if CAPTURED_LAYERS > 0
+uniform vec2 captured_layers[CAPTURED_LAYERS];  // index, mm
+#endif
+
+// The last slab in front of the LCD is apart: its thickness may vary.
+#if INNER_LAYERS > 0
+uniform vec2 inner_layers[INNER_LAYERS];
+#endif
+uniform float last_index, inner_stack, last_mm;
+uniform vec3 lcd_centre, lcd_column, lcd_row, lcd_normal, lcd_field;
+uniform vec2 lcd_middle;
+uniform float lcd_pitch;
+
+layout(location = 0) out vec4 ray;
+
+bool on_face(Face face, vec3 point) {
+    float offset = dot(point - face.edge, face.along);
+    return offset >= 0.0 && offset <= face.length && abs(point.y) <= half_mirror.y;
+}
+
+bool on_mirror(vec3 point) {
+    return all(lessThanEqual(abs(point.xy), half_mirror));
+}
+
+// Ideal normalised coordinates of the seen ones: Newton on OpenCV's model (k1, k2, p1, p2, k3).
+// False beyond the model's turning point, where none are seen there.
+bool undistort(vec2 seen, out vec2 at) {
+    at = seen;
+    vec2 miss = vec2(0.0);
+#if DISTORTED
+    for (int i = 0; i < 8; ++i) {
+        float x = at.x, y = at.y, r2 = dot(at, at);
+        float radial = r2 * (k1 + r2 * (k2 + r2 * k3));
+        float growth = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3));
+        vec2 shift = radial * at + vec2(
+            2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y);
+        miss = (seen - at) - shift;
+        float xx = 1.0 + radial + growth * x * x + 2.0 * p1 * y + 6.0 * p2 * x;
+        float yy = 1.0 + radial + growth * y * y + 6.0 * p1 * y + 2.0 * p2 * x;
+        float xy = growth * x * y + 2.0 * p1 * x + 2.0 * p2 * y;
+        at += vec2(yy * miss.x - xy * miss.y, xx * miss.y - xy * miss.x) / (xx * yy - xy * xy);
+    }
+#endif
+    return dot(miss, miss) < 1e-10;
+}
+
+// The pixel's ray where it meets the plane of the outermost captured layer, and its unit direction.
+bool camera_ray(vec2 pixel, out vec3 from, out vec3 direction) {
+    vec2 off = (pixel - camera_centre) * camera_scale;
+#if ORTHOGRAPHIC
+    vec3 across = off.x * camera_u + off.y * camera_v;
+    direction = camera_axis;
+    from = entry + across - dot(captured.normal, across) / dot(captured.normal, camera_axis) * camera_axis;
+    return true;
+#else
+    vec2 at;
+    bool settled = undistort(off, at);
+    vec3 across = at.x * camera_u + at.y * camera_v;
+    float facing = dot(captured.normal, camera_axis), turned = dot(captured.normal, across);
+    float way = entry_way * facing / (facing + turned);
+    from = entry + way * across - entry_way * turned / (facing + turned) * camera_axis;
+    direction = normalize(camera_axis + across);
+    return settled;
+#endif
+}
+
+// Through the captured layers into the rubber; index x tangential direction is the same in every slab.
+bool enter_rubber(inout vec3 at, inout vec3 direction) {
+    float inward = -dot(direction, captured.normal);
+    if (inward <= 0.0) {
+        return false;
+    }
+    vec3 tangent = direction + inward * captured.normal;
+    float t2 = dot(tangent, tangent);
+    at -= captured_stack * captured.normal;
+#if CAPTURED_LAYERS > 0
+    for (int i = 0; i < CAPTURED_LAYERS; ++i) {
+        float n2 = captured_layers[i].x * captured_layers[i].x - t2;
+        if (n2 <= 0.0) {
+            return false;
+        }
+        at += tangent * (captured_layers[i].y * inversesqrt(n2));
+    }
+#endif
+    direction = (tangent - captured.normal * sqrt(rubber_index * rubber_index - t2)) / rubber_index;
+    return on_face(captured, at);
+}
+
+// Power reflectance of the mirror for the LCD's polarisation; `travel` leaves it towards the LCD.
+float reflectance(float cosine, vec3 travel, vec3 normal) {
+    float n = rubber_index, transmitted2 = 1.0 - n * n * (1.0 - cosine) * (1.0 + cosine);
+    if (transmitted2 <= 0.0) {
+        return 1.0;
+    }
+    float transmitted = sqrt(transmitted2);
+    float s = (n * cosine - transmitted) / (n * cosine + transmitted);
+    float p = (cosine - n * transmitted) / (cosine + n * transmitted);
+#if POLARISED
+    vec3 field = lcd_field - dot(lcd_field, travel) * travel;
+    vec3 s_axis = cross(travel, normal);
+    float size = dot(field, field) * dot(s_axis, s_axis), part = dot(field, s_axis);
+    float share = size > 0.0 ? part * part / size : 0.5;
+#else
+    float share = 0.5;
+#endif
+    return mix(p * p, s * s, share);
+}
+
+// One reflection off the mirror; `light` loses what is not reflected.
+bool reflect_off_mirror(inout vec3 at, inout vec3 direction, inout float light) {
+    vec3 normal, from = at;
+    if (!meet_mirror(from, direction, at, normal) || !on_mirror(at)) {
+        return false;
+    }
+    float cosine = dot(direction, normal);
+    direction -= 2.0 * cosine * normal;
+    light *= touch(at.xy) * reflectance(cosine, direction, normal);
+    return cosine > 0.0;
+}
+
+bool go_to_face(Face face, inout vec3 at, vec3 direction) {
+    float outward = dot(direction, face.normal);
+    at += dot(face.edge - at, face.normal) / outward * direction;
+    return outward > 0.0 && on_face(face, at);
+}
+
+// From the pattern face to the LCD's plane; q in px.
+bool leave_to_lcd(vec3 at, vec3 direction, out vec2 q) {
+    vec3 tangent = rubber_index * (direction - dot(direction, pattern.normal) * pattern.normal);
+    float t2 = dot(tangent, tangent);
+    at += inner_stack * pattern.normal;
+#if INNER_LAYERS > 0
+    for (int i = 0; i < INNER_LAYERS; ++i) {
+        float n2 = inner_layers[i].x * inner_layers[i].x - t2;
+        if (n2 <= 0.0) {
+            return false;
+        }
+        at += tangent * (inner_layers[i].y * inversesqrt(n2));
+    }
+#endif
+    float n2 = last_index * last_index - t2;
+    if (n2 <= 0.0) {
+        return false;
+    }
+    vec3 last = tangent + sqrt(n2) * pattern.normal;
+    vec3 offset = at - lcd_centre;
+    float towards = dot(last, lcd_normal);
+    float back = dot(offset, lcd_normal) / towards;
+    offset -= back * last;
+#if GHOST == 1
+    offset += 2.0 * last_mm * inversesqrt(n2) * tangent;
+#endif
+    q = vec2(dot(offset, lcd_column), dot(offset, lcd_row)) / lcd_pitch + lcd_middle;
+    // a tilted panel may cut into the stack
+    return towards > 0.0 && back <= 1e-4;
+}
+
+bool trace(vec2 pixel, out vec2 q, out float light) {
+    vec3 at, direction;
+    light = 1.0;
+    q = vec2(0.0);
+    if (!camera_ray(pixel, at, direction) || !enter_rubber(at, direction) || !reflect_off_mirror(at, direction, light)
+        || !go_to_face(pattern, at, direction)) {
+        return false;
+    }
+#if GHOST == 2
+    direction = reflect(direction, pattern.normal);
+    if (!reflect_off_mirror(at, direction, light) || !go_to_face(captured, at, direction)) {
+        return false;
+    }
+    direction = reflect(direction, captured.normal);
+    if (!reflect_off_mirror(at, direction, light) || !go_to_face(pattern, at, direction)) {
+        return false;
+    }
+#endif
+    return leave_to_lcd(at, direction, q);
+}
+
+void main() {
+    vec2 q;
+    float light;
+    bool arrives = trace(floor(gl_FragCoord.xy), q, light);
+    ray = arrives ? vec4(q, light, 1.0) : vec4(0.0);
+}

@@ -1,0 +1,67 @@
+#version 330 core
+// Grey code of one LCD pixel: the target's light at the camera position whose warp is this pixel.
+#define COSINES 0
+#define CHECKER 1
+#define LATTICE 2
+#define NOISE 3
+#include "pattern_keys.glsl"
+
+uniform highp sampler2D places;  // lattice position to first order, by pattern_mesh; 0 where there is none
+uniform highp sampler2D codes;   // grey codes at equally spaced roots of light
+uniform highp sampler2D texture_of_noise;
+uniform vec2 display_px;
+uniform vec2 first_px;           // camera position of node (0, 0)
+uniform float facing;            // sign of det dq/du at rest
+
+layout(location = 0) out vec4 grey;
+
+const float TAU = 6.283185307179586;
+
+// Camera position = whole + part, px, split so that the phase keeps its digits.
+float shape(vec2 whole, vec2 part, vec2 fade) {
+#if KIND == NOISE
+    vec2 low = floor(part), t = part - low;
+    ivec2 size = textureSize(texture_of_noise, 0);
+    ivec2 a = ivec2(mod(whole + low, vec2(size)));
+    ivec2 b = (a + 1) % size;
+    float upper = mix(texelFetch(texture_of_noise, a, 0).r, texelFetch(texture_of_noise, ivec2(b.x, a.y), 0).r, t.x);
+    float lower = mix(texelFetch(texture_of_noise, ivec2(a.x, b.y), 0).r, texelFetch(texture_of_noise, b, 0).r, t.x);
+    return min(fade.x, fade.y) * mix(upper, lower, t.y);
+#else
+    vec2 carrier = cos(TAU / PERIOD * (mod(whole, PERIOD) + part));
+#if KIND == CHECKER
+    return min(fade.x, fade.y) * (carrier.x * carrier.y >= 0.0 ? 1.0 : -1.0);
+#elif KIND == LATTICE
+    return min(fade.x, fade.y) * (max(carrier.x, carrier.y) >= 0.7071067811865476 ? 1.0 : -1.0);
+#else
+    return 0.5 * dot(fade, carrier);
+#endif
+#endif
+}
+
+float code(float light) {
+    float place = sqrt(clamp(light, 0.0, 1.0)) * float(CODES - 1);
+    int low = min(int(place), CODES - 2);
+    return mix(texelFetch(codes, ivec2(low, 0), 0).r, texelFetch(codes, ivec2(low + 1, 0), 0).r, place - float(low));
+}
+
+void main() {
+    vec2 node = texelFetch(places, ivec2(gl_FragCoord.xy), 0).xy;
+    if (node.x == 0.0) discard;
+    vec2 here = vec2(gl_FragCoord.x, display_px.y - gl_FragCoord.y) - 0.5;
+    ivec2 cell = ivec2(node);
+    vec2 t = node - vec2(cell);
+    Support around = support(cell, here);
+    mat2 jacobian;
+    for (int step = 0; step < STEPS; step++) {
+        jacobian = warp_slope(around, t);
+        t -= inverse(jacobian) * warp(around, t);
+    }
+    float area = determinant(jacobian);
+    if (!(area * facing > 0.0)) discard;  // NaN as well: a node of the support has no warp
+    // LCD px per period, across the fringes: of the carrier along u, along v.
+    vec2 lcd_px = abs(area) * PERIOD / SPACING / vec2(length(jacobian[1]), length(jacobian[0]));
+    vec2 fade = smoothstep(FADED_PX, CLEAR_PX, lcd_px);
+    float light = MEAN * (1.0 + CONTRAST * shape(first_px + SPACING * vec2(cell), SPACING * t, fade));
+    grey = vec4(vec3(floor(code(light) + 0.5) / 255.0), 1.0);
+}

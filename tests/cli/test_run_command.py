@@ -1,0 +1,120 @@
+"""`zeromethod run` as a person meets it: what it writes, how it refuses, how it ends."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from zeromethod.cli.main import main
+
+
+def small_rig(folder: Path) -> Path:
+    """The packaged rig seen by a camera of 320x256, as a file: quick to simulate."""
+    from zeromethod.resources import resource
+    from zeromethod.rig.save import save_values
+
+    path = folder / "small.toml"
+    values = {
+        "camera.columns": 320,
+        "camera.rows": 256,
+        "camera.focal_px": [2075.0, 2075.0],
+        "camera.centre_px": [159.5, 127.5],
+    }
+    save_values(resource("calibration", "simulated.toml"), values, path)
+    return path
+
+
+def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as end:
+        main([str(argument) for argument in arguments])
+    printed = capsys.readouterr()
+    return int(end.value.code or 0), printed.out, printed.err
+
+
+def test_a_press_is_nulled_and_read_with_figure_and_summary(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    figure, summary = tmp_path / "run.png", tmp_path / "run.json"
+    code, out, err = outcome(
+        "run", "--rig", small_rig(tmp_path), "--press", "step", "--seconds", 0.6, "--figure", figure,
+        "--summary", summary, capsys=capsys,
+    )  # fmt: skip
+    assert (code, err) == (0, "")
+    assert "peak depth read" in out
+    figures = json.loads(summary.read_text())
+    assert figures["state"] == "locked"
+    assert figures["truth"]["depth_peak_mm"] == pytest.approx(0.2, rel=1e-6)
+    # A quarter of the camera's resolution: the bar of the full rig (0.3 %) widened by the node's size.
+    assert abs(figures["truth"]["depth_peak_error_percent"]) < 1.0
+    assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "--rig", "nowhere.toml"], ["nowhere.toml"]),
+        (["run", "--rig", "nothing"], ["nothing", "simulated", "paper"]),
+        (["run", "--press", "nothing"], ["nothing", "step"]),
+        (["run", "--gain", "2"], ["--gain"]),
+        (["run", "--gain", "0"], ["--gain"]),
+        (["run", "--frames", "0"], ["--frames"]),
+        (["run", "--frames", "3", "--seconds", "1"], ["--frames", "--seconds"]),
+        (["run", "--controller", "magic"], ["composition", "integrator"]),
+        (["run", "--figure", "run.jpeg"], ["--figure", ".png"]),
+        (["run", "--summary", "no/such/folder/run.json"], ["--summary", "does not exist"]),
+        (["run", "--colour", "red"], ["--colour"]),
+        (["walk"], ["walk"]),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    arguments: list[str], words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, err = outcome(*arguments, capsys=capsys)
+    assert code == 2
+    assert err.count("\n") == 1
+    for word in words:
+        assert word in err
+
+
+ANNOUNCING_CAMERA = """
+from pathlib import Path
+from zeromethod.simulation.camera import SimulatedCamera
+
+class Camera(SimulatedCamera):
+    def read(self, timeout_s):
+        frame = super().read(timeout_s)
+        Path("frame.txt").write_text(str(frame.number))
+        return frame
+"""
+
+
+def test_ctrl_c_keeps_what_was_measured_and_exits_130(tmp_path: Path) -> None:
+    rig = small_rig(tmp_path)
+    rig.write_text(rig.read_text().replace('[camera]\ndriver = "simulated"', '[camera]\ndriver = "lab:Camera"'))
+    (tmp_path / "lab.py").write_text(ANNOUNCING_CAMERA)
+    command = [sys.executable, "-m", "zeromethod", "run", "--rig", rig.name, "--press", "hold"]
+    process = subprocess.Popen(
+        [*command, "--seconds", "1000", "--summary", "run.json"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+    )  # fmt: skip
+    deadline = time.monotonic() + 120
+    while not (tmp_path / "frame.txt").exists() and process.poll() is None:
+        assert time.monotonic() < deadline, "the loop never read a frame"
+        time.sleep(0.1)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "Traceback" not in err
+    figures = json.loads((tmp_path / "run.json").read_text())
+    assert figures["interrupted"] is True
+    assert figures["frames"] > 0
+
+
+def test_help_shows_an_example(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = outcome("run", "--help", capsys=capsys)
+    assert code == 0
+    assert "Example: zeromethod run" in out

@@ -1,0 +1,187 @@
+"""Contexts of both backends: they draw, live side by side, nest, and fail in one line."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+import pytest
+
+from zeromethod.errors import InputError
+from zeromethod.gl import backend_of, collect, create_context, egl, osmesa, renderer_name
+from zeromethod.gl.context import BACKENDS, VARIABLE
+
+GREEN, RED = (0.0, 1.0, 0.0, 1.0), (1.0, 0.0, 0.0, 1.0)
+
+
+def cleared(ctx: moderngl.Context, colour: tuple[float, float, float, float]) -> list[int]:
+    """First pixel of a framebuffer of this context after clearing it, 0..255."""
+    framebuffer = ctx.simple_framebuffer((8, 8), 4)
+    framebuffer.clear(*colour)
+    pixel = list(framebuffer.read(components=4)[:4])
+    framebuffer.release()
+    return pixel
+
+
+def created(monkeypatch: pytest.MonkeyPatch, backend: str) -> moderngl.Context:
+    monkeypatch.setenv(VARIABLE, backend)
+    return create_context()
+
+
+def test_context_is_core_3_3_or_newer_and_says_where_it_comes_from(
+    gl_context: moderngl.Context, gl_backend: str
+) -> None:
+    assert gl_context.version_code >= 330
+    assert backend_of(gl_context) == gl_backend
+    assert "OpenGL " in renderer_name(gl_context)
+
+
+def test_without_the_variable_egl_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    ctx = create_context()
+    assert backend_of(ctx) == "egl"
+    ctx.release()
+
+
+def test_new_context_is_current_and_many_can_be_made(
+    monkeypatch: pytest.MonkeyPatch, gl_backend: str
+) -> None:
+    for _ in range(25):
+        ctx = created(monkeypatch, gl_backend)
+        assert cleared(ctx, GREEN) == [0, 255, 0, 255]
+        ctx.release()
+
+
+def test_release_twice_is_harmless(monkeypatch: pytest.MonkeyPatch, gl_backend: str) -> None:
+    ctx = created(monkeypatch, gl_backend)
+    ctx.release()
+    ctx.release()
+
+
+def test_making_a_context_inside_a_block_does_not_steal_it(
+    monkeypatch: pytest.MonkeyPatch, gl_context: moderngl.Context, gl_backend: str
+) -> None:
+    other = created(monkeypatch, gl_backend)
+    with gl_context:
+        assert cleared(gl_context, RED) == [255, 0, 0, 255]
+    assert cleared(other, GREEN) == [0, 255, 0, 255]
+    other.release()
+    with gl_context:
+        assert cleared(gl_context, RED) == [255, 0, 0, 255]
+
+
+@pytest.mark.parametrize("outer", BACKENDS)
+@pytest.mark.parametrize("inner", BACKENDS)
+def test_blocks_nest_across_contexts_and_backends(
+    monkeypatch: pytest.MonkeyPatch, outer: str, inner: str
+) -> None:
+    first, second = created(monkeypatch, outer), created(monkeypatch, inner)
+    for _ in range(3):
+        with first:
+            with second:
+                assert cleared(second, GREEN) == [0, 255, 0, 255]
+                with first, first:
+                    assert cleared(first, RED) == [255, 0, 0, 255]
+                assert cleared(second, RED) == [255, 0, 0, 255]
+            assert cleared(first, GREEN) == [0, 255, 0, 255]
+    assert (first.error, second.error) == ("GL_NO_ERROR", "GL_NO_ERROR")
+    for ctx in (first, second):
+        ctx.release()
+
+
+def test_what_one_context_holds_is_untouched_by_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    contexts = [created(monkeypatch, backend) for backend in (*BACKENDS, *BACKENDS)]
+    framebuffers = []
+    for level, ctx in enumerate(contexts):
+        with ctx:
+            framebuffers.append(ctx.simple_framebuffer((4, 4), 1, dtype="f4"))
+            framebuffers[-1].clear(red=float(level))
+    for level, (ctx, framebuffer) in enumerate(zip(contexts, framebuffers, strict=True)):
+        with ctx:
+            values = np.frombuffer(framebuffer.read(components=1, dtype="f4"), np.float32)
+        assert values.tolist() == [float(level)] * 16
+    for ctx in contexts:
+        ctx.release()
+
+
+def test_forgotten_objects_wait_to_be_collected(gl_context: moderngl.Context) -> None:
+    collect(gl_context)
+    kept, released = gl_context.buffer(reserve=16), gl_context.buffer(reserve=16)
+    gl_context.buffer(reserve=16)
+    released.release()
+    del released
+    assert collect(gl_context) == 1
+    assert kept.size == 16
+
+
+@pytest.mark.parametrize("value", ["cuda", "EGL", "egl,osmesa"])
+def test_unknown_backend_is_refused(monkeypatch: pytest.MonkeyPatch, value: str) -> None:
+    with pytest.raises(InputError, match=f"^ZEROMETHOD_GL: '{value}': allowed are egl, osmesa$"):
+        created(monkeypatch, value)
+
+
+@pytest.fixture
+def nothing_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_egl(device: int) -> None:
+        raise Exception("libEGL.so.1 not loaded")
+
+    def no_osmesa() -> None:
+        raise osmesa.OSMesaError("libOSMesa.so.8: cannot open shared object file")
+
+    monkeypatch.setattr(egl, "_open", no_egl)
+    monkeypatch.setattr(osmesa, "load_osmesa", no_osmesa)
+
+
+@pytest.mark.usefixtures("nothing_installed")
+def test_when_nothing_works_one_line_names_reasons_and_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    with pytest.raises(InputError) as caught:
+        create_context()
+    assert str(caught.value) == (
+        "OpenGL: no context without a screen (egl: libEGL.so.1 not loaded; "
+        "osmesa: libOSMesa.so.8: cannot open shared object file): "
+        "install libegl1 libgl1 libgl1-mesa-dri libglx-mesa0 / libosmesa6"
+    )
+
+
+@pytest.mark.usefixtures("nothing_installed")
+def test_forcing_a_backend_that_fails_does_not_fall_back(
+    monkeypatch: pytest.MonkeyPatch, gl_backend: str
+) -> None:
+    with pytest.raises(InputError, match=f"\\({gl_backend}: [^)]*\\): install "):
+        created(monkeypatch, gl_backend)
+
+
+@pytest.mark.usefixtures("nothing_installed")
+def test_a_failed_creation_leaves_the_current_context_current(
+    monkeypatch: pytest.MonkeyPatch, gl_context: moderngl.Context, gl_backend: str
+) -> None:
+    with pytest.raises(InputError):
+        created(monkeypatch, gl_backend)
+    assert cleared(gl_context, GREEN) == [0, 255, 0, 255]
+
+
+def test_egl_devices_that_are_closed_to_the_user_are_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = egl._open
+
+    def gpu_first(device: int) -> object:
+        if device == 0:
+            raise Exception("eglInitialize failed (0x3001)")
+        return real(device - 1)
+
+    monkeypatch.setattr(egl, "_open", gpu_first)
+    ctx = created(monkeypatch, "egl")
+    assert cleared(ctx, GREEN) == [0, 255, 0, 255]
+    ctx.release()
+
+
+def test_without_a_system_library_the_wheel_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def not_installed(name: str) -> None:
+        raise osmesa.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(osmesa, "_SYSTEM_NAMES", ("libnowhere.so",))
+    monkeypatch.setattr(osmesa.metadata, "distribution", not_installed)
+    load_afresh = osmesa.load_osmesa.__wrapped__
+    with pytest.raises(
+        osmesa.OSMesaError, match=r"libnowhere\.so: .*; wheel lavavu-osmesa is not installed$"
+    ):
+        load_afresh()

@@ -1,0 +1,139 @@
+"""Shader files: includes, defines, and errors that name file and line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+
+from zeromethod.gl import program, shader, shader_source
+
+VERTEX = """#version 330
+out float value;
+void main() { value = float(gl_VertexID) * SCALE; gl_Position = vec4(0.0); }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Folder of shaders in place of the packaged one."""
+    monkeypatch.setattr(shader, "resource", lambda _, name: tmp_path / name)
+    return tmp_path
+
+
+def write(folder: Path, **files: str) -> None:
+    for name, text in files.items():
+        (folder / name.replace("_", ".")).write_text(text)
+
+
+def test_includes_stand_in_place_and_only_once(folder: Path) -> None:
+    write(
+        folder,
+        main_frag='#version 330\n#include "a.glsl"\n  #include "b.glsl"  \nmain\n',
+        a_glsl='#include "b.glsl"\na\n',
+        b_glsl="b\n",
+    )
+    assert shader_source("main.frag") == "#version 330\nb\na\nmain\n"
+
+
+def test_defines_follow_the_version(folder: Path) -> None:
+    write(folder, main_frag="#version 330\nmain\n")
+    source = shader_source("main.frag", N=3, SCALE=2.0, SMALL=1e-7, ON=True, KIND="vec2")
+    assert source.splitlines()[1:-1] == [
+        "#define N 3",
+        "#define SCALE 2.0",
+        "#define SMALL 1e-07",
+        "#define ON 1",
+        "#define KIND vec2",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ({}, r"^shader: shader 'main\.frag' cannot be read \(No such file or directory\)$"),
+        ({"main_frag": "void main() {}\n"}, r"^main\.frag:1: a shader starts with #version$"),
+        ({"main_frag": ""}, r"^main\.frag:1: a shader starts with #version$"),
+        (
+            {"main_frag": '#version 330\n\n#include "no.glsl"\n'},
+            r"^main\.frag:3: shader 'no\.glsl' cannot be read",
+        ),
+        (
+            {"main_frag": '#version 330\n#include "a.glsl"\n', "a_glsl": '\n#include "a.glsl"\n'},
+            r"^a\.glsl:2: #include 'a\.glsl' goes round in a circle$",
+        ),
+        (
+            {
+                "main_frag": '#version 330\n#include "a.glsl"\n',
+                "a_glsl": '#include "b.glsl"\n',
+                "b_glsl": '#include "a.glsl"\n',
+            },
+            r"^b\.glsl:1: #include 'a\.glsl' goes round in a circle$",
+        ),
+    ],
+)
+def test_bad_includes_name_their_place(folder: Path, files: dict[str, str], message: str) -> None:
+    write(folder, **files)
+    with pytest.raises(RuntimeError, match=message):
+        shader_source("main.frag")
+
+
+@pytest.mark.parametrize(
+    ("files", "place"),
+    [
+        (
+            {"main_frag": "#version 330\nout float f;\nvoid main() {\n  f = oops;\n}\n"},
+            r"main\.frag:4: .*oops",
+        ),
+        (
+            {
+                "main_frag": '#version 330\n#include "a.glsl"\nout float f;\nvoid main() { f = 1.0; }\n',
+                "a_glsl": "float g() {\n  return wrong;\n}\n",
+            },
+            r"a\.glsl:2: .*wrong",
+        ),
+        (
+            {"main_frag": "#version 330\nout float f;\nvoid main() { f = SCALE + bad; }\n"},
+            r"main\.frag:3: .*bad",
+        ),
+    ],
+)
+def test_compile_errors_name_file_and_line(
+    gl_context: moderngl.Context, folder: Path, files: dict[str, str], place: str
+) -> None:
+    write(folder, main_vert=VERTEX, **files)
+    with pytest.raises(RuntimeError, match=place) as caught:
+        program(gl_context, "main.vert", "main.frag", SCALE=1.0)
+    assert "\n" not in str(caught.value)
+
+
+def test_compile_errors_of_the_vertex_stage_are_not_blamed_on_the_other(
+    gl_context: moderngl.Context, folder: Path
+) -> None:
+    write(
+        folder,
+        main_vert="#version 330\n\nvoid main() { nope; }\n",
+        main_frag="#version 330\nvoid main() {}\n",
+    )
+    with pytest.raises(RuntimeError, match=r"main\.vert:3: .*nope"):
+        program(gl_context, "main.vert", "main.frag")
+
+
+def test_link_errors_name_the_files(gl_context: moderngl.Context, folder: Path) -> None:
+    write(
+        folder,
+        main_vert="#version 330\nout vec2 a;\nvoid main() { a = vec2(1.0); gl_Position = vec4(0.0); }\n",
+        main_frag="#version 330\nin float a;\nout float f;\nvoid main() { f = a; }\n",
+    )
+    with pytest.raises(RuntimeError, match=r"^main\.vert, main\.frag: .*type"):
+        program(gl_context, "main.vert", "main.frag")
+
+
+def test_varyings_are_captured_without_a_fragment_stage(gl_context: moderngl.Context, folder: Path) -> None:
+    write(folder, main_vert=VERTEX)
+    captured = gl_context.buffer(reserve=4 * 4)
+    drawn = program(gl_context, "main.vert", varyings=["value"], SCALE=2.5)
+    gl_context.vertex_array(drawn, []).transform(captured, mode=gl_context.POINTS, vertices=4)
+    assert np.frombuffer(captured.read(), np.float32).tolist() == [0.0, 2.5, 5.0, 7.5]

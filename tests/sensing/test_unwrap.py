@@ -1,0 +1,169 @@
+import numpy as np
+import pytest
+
+from zeromethod.rig.model import Noise
+from zeromethod.sensing import Residual, ResidualSensor
+from zeromethod.sensing.unwrap import Unwrapper
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.validity import Flag
+
+from .sensing_scenes import GRID, PERIOD, at_nodes, checker, cosines, exposed, pixels, seen
+
+INNER = GRID.inner
+NOISE = Noise(read_grey=2.0, black_grey=4.0)
+
+
+@pytest.fixture(scope="module")
+def sensor():
+    return ResidualSensor(GRID, "cosines", NOISE, 8)
+
+
+def press(peak_u, peak_v, width=39.0, centre=(160, 128)):
+    """Peak displacement 40 px at width 39 px: up to 5 px from node to node."""
+    u, v = pixels()
+    bump = np.exp(-((u - centre[0]) ** 2 + (v - centre[1]) ** 2) / (2 * width**2))
+    return peak_u * bump, peak_v * bump
+
+
+def camera(light, seed=1):
+    return exposed(light, 8, black=4.0, rng=np.random.default_rng(seed), noise=NOISE)
+
+
+def wrong_orders(residual, du, dv):
+    error = residual.d[INNER] - np.stack([at_nodes(du), at_nodes(dv)], axis=-1)
+    return (np.abs(error) > PERIOD / 2).any(axis=-1)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_sudden_press_of_two_and_a_half_periods(sensor, seed):
+    du, dv = press(40.0, -30.0)
+    residual = sensor.measure(camera(seen(cosines, du, dv), seed))
+    valid = residual.valid[INNER]
+    # the steepest ring (strain above shading.LARGEST_STRAIN) may be taken for an edge of the light: 2.3 %
+    assert valid.mean() > 0.97
+    assert not (wrong_orders(residual, du, dv) & valid).any()
+    assert np.abs(residual.d[INNER]).max() > 35
+
+
+@pytest.mark.parametrize("hole", [(slice(70, 110), slice(180, 230)), (slice(110, 150), slice(140, 190))])
+def test_press_with_a_dark_hole_beside_or_at_its_peak(sensor, hole):
+    du, dv = press(40.0, -30.0)
+    light = seen(cosines, du, dv)
+    light[hole] = 0.0
+    residual = sensor.measure(camera(light))
+    valid = residual.valid[INNER]
+    assert valid.mean() > 0.85
+    assert not (wrong_orders(residual, du, dv) & valid).any()
+
+
+def test_press_that_reaches_the_border(sensor):
+    du, dv = press(34.0, 20.0, centre=(290, 128))
+    residual = sensor.measure(camera(seen(cosines, du, dv)))
+    valid = residual.valid[INNER]
+    assert valid.mean() > 0.95
+    assert not (wrong_orders(residual, du, dv) & valid).any()
+
+
+def test_checker_is_unwrapped_along_its_diagonals():
+    sensor = ResidualSensor(GRID, "checker", NOISE, 8)
+    du, dv = press(22.0, -12.0, 45.0)
+    residual = sensor.measure(camera(seen(checker, du, dv, samples=3)))
+    valid = residual.valid[INNER]
+    assert valid.mean() > 0.95
+    assert not (wrong_orders(residual, du, dv) & valid).any()
+
+
+def planted(du, dv, grid=GRID):
+    """Residual with exact displacements, wrapped."""
+    residual = Residual.empty(grid)
+    d = np.stack([du, dv], axis=-1)
+    residual.d[grid.inner] = d - PERIOD * np.rint(d / PERIOD)
+    residual.sigma[grid.inner] = 0.01
+    residual.flags[grid.inner] = 0
+    return residual
+
+
+def ring(inner, outer):
+    """Nodes between two distances (nodes) from the middle of the grid."""
+    rows, cols = (n - 8 for n in GRID.shape)
+    y, x = np.mgrid[:rows, :cols]
+    distance = np.hypot(x - cols // 2, y - rows // 2)
+    return (distance >= inner) & (distance < outer), distance < inner
+
+
+def test_island_is_ambiguous_unless_guessed():
+    hole, island = ring(5, 8)
+    du = np.where(island, 15.0, 0.2)
+    flags = np.where(hole, Flag.MODULATION, 0).astype(np.uint16)
+
+    def measured(guess):
+        residual = planted(du, 0 * du)
+        residual.flags[INNER] |= flags
+        Unwrapper(GRID, diagonal=False).unwrap(residual, guess)
+        return residual
+
+    alone = measured(None)
+    assert (alone.flags[INNER][island] == Flag.AMBIGUOUS).all()
+    assert (alone.flags[INNER][~island & ~hole] == 0).all()
+    guess = np.full((*GRID.shape, 2), np.nan)
+    guess[INNER][island] = (13.0, 0.0)
+    guided = measured(guess)
+    assert guided.valid[INNER][island].all()
+    assert guided.d[INNER][island][:, 0] == pytest.approx(15.0)
+    # a guess that is not within a quarter period decides nothing
+    guess[INNER][island] = (9.0, 0.0)
+    assert (measured(guess).flags[INNER][island] == Flag.AMBIGUOUS).all()
+
+
+def test_guess_settles_a_displacement_of_the_whole_view():
+    shape = tuple(n - 8 for n in GRID.shape)
+    far = planted(np.full(shape, 17.0), np.full(shape, -33.0))
+    far.d[INNER][0, 0] = 6.0  # far enough from null that the flood runs
+    unwrapper = Unwrapper(GRID, diagonal=False)
+    unwrapper.unwrap(far, np.broadcast_to([18.0, -30.0], (*GRID.shape, 2)))
+    assert np.median(far.d[INNER], axis=(0, 1)) == pytest.approx([17.0, -33.0])
+
+
+def test_nodes_round_a_residue_are_flagged():
+    rows, cols = (n - 8 for n in GRID.shape)
+    y, x = np.mgrid[:rows, :cols]
+    # a phase vortex: no order is consistent round its centre
+    du = PERIOD * np.arctan2(y - rows / 2 + 0.5, x - cols / 2 + 0.5) / (2 * np.pi)
+    residual = planted(du, 0 * du)
+    Unwrapper(GRID, diagonal=False).unwrap(residual)
+    near = np.hypot(y - rows / 2 + 0.5, x - cols / 2 + 0.5) < 1
+    assert (residual.flags[INNER][near] & Flag.AMBIGUOUS).all()
+    # and every pair of valid neighbours is continuous: the cut is flagged too
+    d, valid = residual.d[INNER][..., 0], residual.valid[INNER]
+    assert np.abs(np.diff(d, axis=0))[valid[1:] & valid[:-1]].max() < PERIOD / 2
+    assert np.abs(np.diff(d, axis=1))[valid[:, 1:] & valid[:, :-1]].max() < PERIOD / 2
+
+
+def test_too_steep_edges_carry_no_order():
+    rows, cols = (n - 8 for n in GRID.shape)
+    x = np.arange(cols)
+    du = np.broadcast_to(np.where(x < cols // 3, 0.0, 7.6), (rows, cols))
+    residual = planted(du, 0 * du)
+    Unwrapper(GRID, diagonal=False).unwrap(residual)
+    # both sides reach the border of the view with enough of it: each takes its own order
+    assert residual.d[INNER] == pytest.approx(np.stack([du, 0 * du], axis=-1))
+    narrow = np.broadcast_to(np.where(x < 2, 7.6, 0.0), (rows, cols))
+    residual = planted(narrow, 0 * narrow)
+    Unwrapper(GRID, diagonal=False).unwrap(residual)
+    assert residual.valid[INNER][:, 2:].all()
+
+
+def test_near_null_is_left_alone():
+    shape = tuple(n - 8 for n in GRID.shape)
+    rng = np.random.default_rng(0)
+    residual = planted(*rng.uniform(-3.9, 3.9, (2, *shape)))
+    before = residual.copy()
+    Unwrapper(GRID, diagonal=False).unwrap(residual)
+    assert np.array_equal(residual.d, before.d)
+    assert np.array_equal(residual.flags, before.flags)
+
+
+def test_smallest_grid():
+    grid = NodeGrid((64, 64), PERIOD, PERIOD // 2)
+    residual = ResidualSensor(grid, "cosines", NOISE, 8).measure(camera(seen(cosines, 6.0, 0.0, (64, 64))))
+    assert residual.d[grid.inner][..., 0] == pytest.approx(6.0, abs=0.1)

@@ -1,0 +1,254 @@
+"""From LCD codes to camera light: apertures, blur, ghosts, mixing; against integrals and the numpy bench."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import moderngl
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from zeromethod.errors import InputError
+from zeromethod.gl import create_context
+from zeromethod.optics import Dented, Optics
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.simulation.gpu import GpuRenderer
+from zeromethod.simulation.numpy_renderer import NumpyRenderer
+from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.renderer import BenchRenderer, Piece
+
+REST = Mirror()
+PRESSED = Mirror((Dent(Shape.GAUSSIAN, 38.0, 1.0, 0.2, 5.0, contact_mm=1.0),))
+BALL = Mirror((Dent(Shape.BALL, 36.0, -1.0, 0.15, 8.0),))
+
+
+def _rig(base: Rig, **tables: dict[str, object]) -> Rig:
+    changed = {name: getattr(base, name).model_copy(update=value) for name, value in tables.items()}
+    return base.model_copy(update=changed)
+
+
+def _sharp(**tables: dict[str, object]) -> Rig:
+    """320x256 pixels of 3.4 LCD px, no blur."""
+    return _rig(_rig(binned(load_rig("simulated"), 4), camera={"psf_px": 0.0}), **tables)
+
+
+def _window(**tables: dict[str, object]) -> Rig:
+    """96x64 pixels of full resolution (0.84 LCD px each) over the flank of the press, no blur."""
+    camera = {"columns": 96, "rows": 64, "centre_px": (39.5, 161.5), "psf_px": 0.0}
+    return _rig(_rig(load_rig("simulated"), camera=camera), **tables)
+
+
+def _codes(rig: Rig, seed: int = 0) -> NDArray[np.uint8]:
+    shape = rig.display.rows, rig.display.columns
+    return np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8)
+
+
+def _ones(rig: Rig) -> NDArray[np.float32]:
+    return np.ones(rig.display.rows, dtype=np.float32)
+
+
+def _seen(renderer: BenchRenderer, rig: Rig, codes: NDArray[np.uint8], mirror: Mirror) -> NDArray[np.float32]:
+    handle = renderer.upload(codes)
+    light = renderer.expose([Piece(1.0, mirror, [(handle, _ones(rig))])]).copy()
+    renderer.release(handle)
+    return light
+
+
+@pytest.fixture(scope="module")
+def context() -> Iterator[moderngl.Context]:
+    made = create_context()
+    yield made
+    made.release()
+
+
+@pytest.mark.parametrize("fill", [(1.0, 1.0), (0.9, 0.85)])
+def test_white_panel_gives_the_reflectance(fill: tuple[float, float], gl_context: moderngl.Context) -> None:
+    rig = _sharp(display={"fill": fill, "polarisation_deg": 90.0}, prism={"index": 1.33})
+    renderer = GpuRenderer(rig, gl_context)
+    light = _seen(renderer, rig, np.full((rig.display.rows, rig.display.columns), 255, np.uint8), PRESSED)
+    q, reflectance = renderer.ray_map(PRESSED)
+    renderer.close()
+    inside = (q > 5).all(axis=-1) & (q[..., 0] < rig.display.columns - 6) & (q[..., 1] < rig.display.rows - 6)
+    assert inside.mean() > 0.3
+    error = np.abs(light - reflectance)[inside]
+    if fill == (1.0, 1.0):
+        assert error.max() < 2e-4  # float32 footprints
+    else:
+        # single apertures beat with pixels of 3.4 of them, but not on average
+        assert abs((light / np.maximum(reflectance, 1e-3))[inside & (reflectance > 0.1)].mean() - 1) < 2e-3
+    assert reflectance[inside].min() < 0.1
+
+
+def _integrated(
+    rig: Rig, codes: NDArray[np.uint8], mirror: Mirror, pixels: NDArray[np.int_]
+) -> NDArray[np.float64]:
+    """Light at `pixels` (n, 2) as (u, v): exact rays to a pixel's corners, 160 x 160 points between."""
+    optics, surface = Optics(rig), Dented(Optics(rig).rest, mirror)
+    offsets = np.array([-0.5, 0.5])
+    u = pixels[:, 0, None, None] + offsets[None, None, :]
+    v = pixels[:, 1, None, None] + offsets[None, :, None]
+    corners = optics.trace(*np.broadcast_arrays(u, v), surface).q
+    reflectance = optics.trace(pixels[:, 0].astype(float), pixels[:, 1].astype(float), surface).reflectance
+    s = (np.arange(160) + 0.5) / 160
+    weights = np.stack((1 - s, s))
+    q = np.einsum("nabc,ap,bq->npqc", corners, weights, weights)
+    whole = np.rint(q).astype(int)
+    off = q - whole
+    fill = rig.display.fill
+    if rig.display.stripes == "rgb":
+        off[..., 0] = (off[..., 0] * 3 - np.rint(off[..., 0] * 3)) / 3
+        lit = (np.abs(off[..., 0]) < fill[0] / 6) & (np.abs(off[..., 1]) < fill[1] / 2)
+    else:
+        lit = (np.abs(off[..., 0]) < fill[0] / 2) & (np.abs(off[..., 1]) < fill[1] / 2)
+    light = (codes / 255.0) ** rig.display.gamma
+    panel = light[whole[..., 1], whole[..., 0]]
+    return np.asarray(reflectance * (panel * lit).mean(axis=(1, 2)) / (fill[0] * fill[1]))
+
+
+@pytest.mark.parametrize(
+    ("display", "mirror", "tolerance"),
+    [
+        # 160 points on an aperture's border leave up to 1/160 of a grain
+        ({}, REST, 0.01),
+        ({"stripes": "rgb", "fill": (0.7, 0.6)}, REST, 0.01),
+        ({"turn_deg": 90.0}, REST, 0.01),
+        ({}, PRESSED, 0.015),
+        # turned boxes stand in for the parallelogram: random codes are the worst that a panel can show
+        ({"turn_deg": 30.0}, REST, 0.03),
+    ],
+    ids=["rest", "rgb stripes", "quarter turn", "pressed", "turned"],
+)
+def test_apertures_are_integrated_over_the_pixel(
+    display: dict[str, object], mirror: Mirror, tolerance: float, context: moderngl.Context
+) -> None:
+    rig = _window(display=display)
+    codes = _codes(rig)
+    renderer = GpuRenderer(rig, context)
+    light = _seen(renderer, rig, codes, mirror)
+    renderer.close()
+    rng = np.random.default_rng(1)
+    pixels = np.stack((rng.integers(1, 95, 60), rng.integers(1, 63, 60)), axis=-1)
+    error = light[pixels[:, 1], pixels[:, 0]] - _integrated(rig, codes, mirror, pixels)
+    assert np.abs(error).max() < tolerance
+
+
+BENCHES = {
+    "plain": _sharp,
+    "ghosts": lambda: _sharp(simulation={"ghost_gap": 0.05, "ghost_faces": 0.1, "ambient": 0.03}),
+    "turned, striped": lambda: _sharp(
+        display={"turn_deg": 20.0, "stripes": "rgb", "fill": (0.6, 0.8), "gamma": 1.8}
+    ),
+    "blurred": lambda: _sharp(camera={"psf_px": 1.3}),
+    "paper": lambda: load_rig("paper"),
+}
+
+
+@pytest.mark.parametrize("name", BENCHES)
+@pytest.mark.parametrize("mirror", [PRESSED, BALL], ids=["gaussian", "ball"])
+def test_agrees_with_the_numpy_bench(name: str, mirror: Mirror, context: moderngl.Context) -> None:
+    rig = BENCHES[name]()
+    codes = _codes(rig)
+    gpu, reference = GpuRenderer(rig, context), NumpyRenderer(rig)
+    light, expected = (_seen(each, rig, codes, mirror) for each in (gpu, reference))
+    gpu.close()
+    error = np.abs(light - expected)
+    # the shader takes a footprint skewed by less than 0.02 px for a box: up to 1e-3 on a picture of noise
+    assert np.quantile(error, 0.999) < 2e-3
+    assert expected.mean() > 0.1
+
+
+def test_blur_is_a_gaussian_cut_at_four_sigma_and_normalised_at_the_borders(
+    context: moderngl.Context,
+) -> None:
+    sharp, soft = _sharp(), _sharp(camera={"psf_px": 0.9})
+    codes = _codes(sharp)
+    images = []
+    for rig in (sharp, soft):
+        renderer = GpuRenderer(rig, context)
+        images.append(_seen(renderer, rig, codes, REST).astype(float))
+        renderer.close()
+    border = gaussian_filter(np.ones_like(images[0]), 0.9, mode="constant", truncate=4.0)
+    expected = gaussian_filter(images[0], 0.9, mode="constant", truncate=4.0) / border
+    np.testing.assert_allclose(images[1], expected, atol=2e-6)  # float32 sums of 9 x 9
+
+
+def test_rows_mix_pictures_in_light_and_pieces_add(context: moderngl.Context) -> None:
+    rig = _sharp(display={"gamma": 2.2})
+    renderer, reference = GpuRenderer(rig, context), NumpyRenderer(rig)
+    share = np.linspace(0.0, 1.0, rig.display.rows).astype(np.float32) ** 2
+    images = []
+    for each in (renderer, reference):
+        first, second = each.upload(_codes(rig, 1)), each.upload(_codes(rig, 2))
+        pieces = [
+            Piece(0.25, REST, [(first, share), (second, 1 - share)]),
+            Piece(0.45, PRESSED, [(second, _ones(rig))]),
+            Piece(0.3, REST, [(first, _ones(rig))]),
+        ]
+        images.append(each.expose(pieces).copy())
+    renderer.close()
+    np.testing.assert_allclose(images[0], images[1], atol=3e-3)
+
+
+def test_moving_press_and_changing_pictures_are_never_shown_from_memory(context: moderngl.Context) -> None:
+    """A renderer that has drawn much else gives what a fresh one gives."""
+    rig = _sharp()
+    old = GpuRenderer(rig, context)
+    for step in range(6):
+        _seen(old, rig, _codes(rig, step), Mirror((Dent(Shape.GAUSSIAN, 30.0 + step, 0.0, 0.1, 4.0),)))
+    _seen(old, rig, _codes(rig, 9), PRESSED)
+    shown = _seen(old, rig, _codes(rig, 10), PRESSED)
+    old.close()
+    fresh = GpuRenderer(rig, context)
+    np.testing.assert_array_equal(shown, _seen(fresh, rig, _codes(rig, 10), PRESSED))
+    fresh.close()
+
+
+def test_pictures_are_drawn_like_a_window_with_row_0_on_top(gl_context: moderngl.Context) -> None:
+    rig = _sharp(display={"gamma": 1.0})
+    renderer = GpuRenderer(rig, gl_context)
+    handle, framebuffer = renderer.new_picture()
+    rows, cols = rig.display.rows, rig.display.columns
+    framebuffer.clear()
+    framebuffer.clear(red=1.0, viewport=(0, rows // 2, cols, rows // 2))  # GL counts rows from the bottom
+    drawn = renderer.expose([Piece(1.0, REST, [(handle, _ones(rig))])]).copy()
+    codes = np.zeros((rows, cols), np.uint8)
+    codes[: rows // 2] = 255
+    np.testing.assert_allclose(drawn, _seen(renderer, rig, codes, REST), atol=1e-6)
+    renderer.release(handle)
+    assert renderer.new_picture()[0] != handle  # a name is never given twice
+    renderer.close()
+
+
+def test_no_picture_leaves_the_ambient_light(context: moderngl.Context) -> None:
+    renderer = GpuRenderer(_sharp(simulation={"ambient": 0.02}), context)
+    np.testing.assert_allclose(renderer.expose([]), 0.02, rtol=1e-6)
+    np.testing.assert_allclose(renderer.expose([Piece(1.0, REST, [])]), 0.02, rtol=1e-6)
+    renderer.close()
+
+
+def test_wrong_picture_is_refused_in_one_line(context: moderngl.Context) -> None:
+    renderer = GpuRenderer(_sharp(), context)
+    with pytest.raises(InputError, match=r"^picture: \(3, 4\) uint8: allowed is \(1080, 1920\) uint8$"):
+        renderer.upload(np.zeros((3, 4), np.uint8))
+    renderer.close()
+
+
+def test_closes_twice_and_leaves_the_callers_context_alive(context: moderngl.Context) -> None:
+    renderer = GpuRenderer(_sharp(), context)
+    renderer.close()
+    renderer.close()
+    assert context.buffer(b"1234").read() == b"1234"
+    own = GpuRenderer(_sharp())
+    own.ray_map(REST)
+    own.close()
+    own.close()
+
+
+def test_fulfils_the_renderers_contract(context: moderngl.Context) -> None:
+    renderer = GpuRenderer(_sharp(), context)
+    assert isinstance(renderer, BenchRenderer)
+    renderer.close()

@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+
+from zeromethod.rig.model import KnownRest
+from zeromethod.surface.anchor import mean_noise_gain
+
+from .surface_bench import Bench, Gauss, Several, Tail, small_rig
+
+
+@pytest.fixture(scope="module")
+def small():
+    return Bench(small_rig())
+
+
+def offset(bench, surface, dent):
+    """Multiple of h in the depth's error, mm at the view's middle (h = 1)."""
+    h = bench.reader.scale[surface.valid[bench.grid.inner]]
+    return float((bench.error(surface, dent) * h).sum() / (h * h).sum())
+
+
+@pytest.mark.parametrize("dx", [-32.0, -25.0, -6.0, 6.0, 15.0, 25.0, 32.0])
+@pytest.mark.parametrize("y", [0.0, 10.0, 18.0])
+def test_a_press_near_or_over_the_border_does_not_move_zero(small, dx, y):
+    dent = Gauss(0.2, small.centre_mm + dx, y, 5.0)
+    surface = small.reader.read(small.warp(dent))
+    assert surface.anchor.mode == "quiet"
+    # bar 0.1 um
+    assert abs(offset(small, surface, dent)) < 1e-4
+    assert small.truth(dent)[surface.anchor.mask].max() < 1e-3
+
+
+def test_two_presses_leave_zero_where_it_was(small):
+    dent = Several((Gauss(0.2, 25.0, 5.0, 4.0), Gauss(0.15, 55.0, -8.0, 4.0)))
+    surface = small.reader.read(small.warp(dent))
+    assert abs(offset(small, surface, dent)) < 1e-4
+
+
+def test_a_flat_top_over_the_border_is_outvoted(small):
+    """A plateau at the border has no slope either; the larger quiet part counts as rest."""
+
+    class Plateau:
+        def depth(self, x, y):
+            return 0.1 / (1 + np.exp(((x - 60.0) ** 2 + (y - 12.0) ** 2 - 100.0) / 25.0))
+
+        def slope(self, x, y):
+            d = self.depth(x, y)
+            factor = -d * (1 - d / 0.1) * 2 / 25.0
+            return factor * (x - 60.0), factor * (y - 12.0)
+
+    surface = small.reader.read(small.warp(Plateau()))
+    assert abs(offset(small, surface, Plateau())) < 2e-4
+
+
+def test_a_far_field_that_never_ends_goes_into_sigma(small):
+    dent = Tail(0.2, small.centre_mm, 0.0, 3.0)
+    surface = small.reader.read(small.warp(dent))
+    wrong = abs(offset(small, surface, dent))
+    assert wrong > 5e-3
+    # the tail model is this very tail: sigma covers the error and is not wildly larger
+    assert wrong < surface.anchor.sigma_mm < 4 * wrong
+    assert np.nanmin(surface.sigma_depth_mm[small.grid.inner][:, -5:]) > 5e-3
+
+
+def test_a_dent_that_fills_the_view_is_not_called_certain(small):
+    dent = Gauss(0.2, small.centre_mm, 0.0, 24.0)
+    surface = small.reader.read(small.warp(dent))
+    assert surface.anchor.sigma_mm > 0.5 * abs(offset(small, surface, dent))
+
+
+def test_known_rest_is_used_where_it_is_seen():
+    rim = KnownRest(x_mm=(66.0, 77.0), y_mm=(-30.0, 30.0))
+    bench = Bench(small_rig(known_rest=(rim,)))
+    dent = Tail(0.2, bench.centre_mm, 0.0, 3.0)
+    surface = bench.reader.read(bench.warp(dent))
+    assert surface.anchor.mode == "known"
+    assert surface.anchor.sigma_mm == 0.0
+    assert surface.x_mm[surface.anchor.mask].min() >= 65.9
+    # the rim itself is not at rest under this tail: its mean is what is taken off
+    assert abs(surface.depth_mm[surface.anchor.mask].mean()) < 1e-3
+
+
+def test_known_rest_out_of_sight_falls_back_to_the_quietest():
+    bench = Bench(small_rig(known_rest=(KnownRest(x_mm=(200.0, 210.0), y_mm=(0.0, 1.0)),)))
+    surface = bench.reader.read(bench.warp(Gauss(0.2, bench.centre_mm, 0.0, 5.0)))
+    assert surface.anchor.mode == "quiet"
+
+
+def test_noise_of_a_mean_of_correlated_nodes():
+    assert mean_noise_gain(np.array([1.0]), 5) == pytest.approx(0.2)
+    assert mean_noise_gain(np.ones(9), 5) == pytest.approx(1.0)
+    assert mean_noise_gain(np.array([1.0, 0.5]), 2) == pytest.approx(0.75)

@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+
+from zeromethod.surface import Anchor, Surface, peak
+
+
+def surface_of(depth, x, y, valid=None, sigma=1e-5):
+    shape = depth.shape
+    valid = np.ones(shape, bool) if valid is None else valid
+    none = np.zeros(shape, bool)
+    return Surface(
+        np.where(valid, depth, np.nan),
+        np.zeros((*shape, 2)),
+        x,
+        y,
+        np.full(shape, sigma),
+        np.zeros((*shape, 2)),
+        valid,
+        none,
+        Anchor("quiet", none, 0.0),
+        0,
+        1,
+    )
+
+
+def lattice():
+    j, i = np.meshgrid(np.arange(60.0), np.arange(50.0))
+    return 0.4 * j + 0.0003 * j**2, 0.3 * i - 7.0
+
+
+def gauss(nodes, shift, sign=1.0):
+    x, y = lattice()
+    j, i = np.meshgrid(np.arange(60.0), np.arange(50.0))
+    r2 = (j - 30 - shift[0]) ** 2 + (i - 25 - shift[1]) ** 2
+    at = 30 + shift[0]
+    return (
+        sign * 0.2 * np.exp(-0.5 * r2 / nodes**2),
+        x,
+        y,
+        0.4 * at + 0.0003 * at**2,
+        0.3 * (25 + shift[1]) - 7.0,
+    )
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.5, 0.5), (-0.37, 0.21)])
+@pytest.mark.parametrize(("nodes", "bar"), [(4, 3e-4), (6, 1e-4), (13, 1e-4), (40, 1e-5)])
+def test_peak_between_nodes(shift, nodes, bar):
+    depth, x, y, x_true, y_true = gauss(nodes, shift)
+    found = peak(surface_of(depth, x, y))
+    # sixth-order remainder of the quartic over 7x7 nodes
+    assert found.depth_mm == pytest.approx(0.2, rel=bar)
+    assert found.x_mm == pytest.approx(x_true, abs=2e-3)
+    assert found.y_mm == pytest.approx(y_true, abs=2e-3)
+    assert found.sigma_mm == 1e-5
+
+
+def test_a_bulge_keeps_its_sign():
+    depth, x, y, _, _ = gauss(8, (0.2, 0.1), sign=-1.0)
+    assert peak(surface_of(depth, x, y)).depth_mm == pytest.approx(-0.2, rel=1e-4)
+
+
+def test_noise_averages_down():
+    depth, x, y, _, _ = gauss(13, (0.3, 0.4))
+    generator = np.random.default_rng(0)
+    found = [
+        peak(surface_of(depth + generator.normal(0, 2e-5, depth.shape), x, y)).depth_mm for _ in range(50)
+    ]
+    # quartic over 11x11 nodes: a quarter of a node's noise; half is the bar
+    assert np.std(found) < 1e-5
+    # the maximum of noisy nodes lies too deep by 2 sigma (4e-5); the fit's own bias is 5e-6
+    assert np.mean(found) == pytest.approx(0.2, abs=1e-5)
+
+
+def test_peak_beside_a_hole_falls_back_to_the_node():
+    depth, x, y, _, _ = gauss(8, (0.0, 0.0))
+    valid = depth < 0.15
+    found = peak(surface_of(depth, x, y, valid))
+    assert found.depth_mm <= depth[valid].max() * 1.01
+    assert found.depth_mm >= depth[valid].max() * 0.999
+
+
+def test_peak_at_the_border():
+    depth, x, y, _, _ = gauss(8, (0.0, 0.0))
+    cut = slice(25, None)
+    found = peak(surface_of(depth[cut], x[cut], y[cut]))
+    assert found.depth_mm == pytest.approx(0.2, rel=1e-3)

@@ -1,0 +1,43 @@
+"""The wheel on its own: built, installed into a fresh environment, run from another folder."""
+
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+
+def _run(*command: str | Path, cwd: Path) -> str:
+    # PYTHONPATH would let the checkout shine through and hide a file missing from the wheel.
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    done = subprocess.run(
+        [str(part) for part in command], cwd=cwd, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+@pytest.mark.timeout(420)  # a fresh environment has to download or unpack every dependency
+def test_the_wheel_carries_shaders_and_rigs_and_runs_elsewhere(tmp_path: Path) -> None:
+    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+    _run(*pip, "wheel", "--no-deps", "--wheel-dir", tmp_path, ROOT, cwd=tmp_path)
+    (wheel,) = tmp_path.glob("zeromethod-*.whl")
+
+    venv.create(tmp_path / "fresh", with_pip=True)
+    python = tmp_path / "fresh" / "bin" / "python"
+    _run(python, *pip[1:], "install", wheel, cwd=tmp_path)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+
+    shaders = _run(
+        python, "-c", "from zeromethod.resources import resource; print(resource('shaders'))", cwd=elsewhere
+    )
+    assert Path(shaders.strip()).is_relative_to(tmp_path / "fresh")
+    command = tmp_path / "fresh" / "bin" / "zeromethod"
+    assert "zeromethod, version" in _run(command, "--version", cwd=elsewhere)
+    _run(command, "run", "--frames", "8", "--press", "none", "--summary", "run.json", cwd=elsewhere)
+    assert (elsewhere / "run.json").is_file()

@@ -1,0 +1,37 @@
+#!/bin/sh
+# Installs the system packages that zeromethod needs and this machine lacks: software OpenGL without a
+# screen (EGL and OSMesa of Mesa) and, where Python comes without it, the venv module. Says what it does;
+# does nothing when all is there. Where it cannot install, it names the packages and goes on.
+set -eu
+PYTHON=${PYTHON:-python3}
+
+has_library() { { ldconfig -p 2>/dev/null || /sbin/ldconfig -p; } | grep -q "$1"; }
+
+missing=""
+has_library libEGL.so.1 || missing="$missing libegl1"
+has_library libGL.so.1 || missing="$missing libgl1 libglx-mesa0"
+has_library libEGL_nvidia || [ -n "$(ls -d /usr/lib/*/dri/*_dri.so /usr/lib*/dri/*_dri.so 2>/dev/null)" ] ||
+    missing="$missing libgl1-mesa-dri"
+has_library libOSMesa.so || missing="$missing libosmesa6"
+"$PYTHON" -c 'import ensurepip, venv' 2>/dev/null || missing="$missing python3-venv"
+[ -z "$missing" ] && exit 0
+
+if ! command -v apt-get >/dev/null 2>&1; then
+    echo "system packages missing, and no apt-get here: install the equivalents of:$missing" >&2
+    exit 0
+fi
+sudo=""
+if [ "$(id -u)" -ne 0 ]; then
+    if ! command -v sudo >/dev/null 2>&1; then
+        echo "system packages missing; as root, run: apt-get install$missing" >&2
+        exit 0
+    fi
+    sudo="sudo"
+fi
+echo "Installing system packages:$missing" >&2
+$sudo apt-get update -qq
+# One at a time: newer Debian releases no longer carry every one of them (OSMesa), and EGL alone is enough.
+for package in $missing; do
+    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends "$package" >/dev/null ||
+        echo "could not install $package; going on without it" >&2
+done

@@ -1,0 +1,93 @@
+"""Closed-loop deflectometry: null a deforming mirror's reflection, read its shape off the warp.
+
+    import zeromethod as zm
+
+    rig = zm.load_rig("simulated")
+    with zm.open_devices(rig) as devices:
+        loop = zm.Loop(rig, devices.camera, devices.display, devices.clock)
+        reader = zm.SurfaceReader(rig, loop.optics, loop.grid)
+        for step in loop.run(seconds=1.0):
+            if step.measured is not None:
+                surface = reader.read(step.measured)
+
+Names are loaded on first use, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from zeromethod.control import Loop, State, Step
+    from zeromethod.devices.opening import Devices, open_devices
+    from zeromethod.errors import InputError, MeasurementError
+    from zeromethod.optics import Optics
+    from zeromethod.procedures import RunResult, run, summarise
+    from zeromethod.rig.binning import binned
+    from zeromethod.rig.load import load_rig
+    from zeromethod.rig.model import Rig
+    from zeromethod.surface import Surface, SurfaceReader, peak
+    from zeromethod.threads import limit_threads
+    from zeromethod.warp.grid import NodeGrid
+    from zeromethod.warp.warp import Warp
+
+_HOME = {
+    "Devices": "zeromethod.devices.opening",
+    "InputError": "zeromethod.errors",
+    "Loop": "zeromethod.control",
+    "MeasurementError": "zeromethod.errors",
+    "NodeGrid": "zeromethod.warp.grid",
+    "Optics": "zeromethod.optics",
+    "Rig": "zeromethod.rig.model",
+    "RunResult": "zeromethod.procedures",
+    "State": "zeromethod.control",
+    "Step": "zeromethod.control",
+    "Surface": "zeromethod.surface",
+    "SurfaceReader": "zeromethod.surface",
+    "Warp": "zeromethod.warp.warp",
+    "binned": "zeromethod.rig.binning",
+    "limit_threads": "zeromethod.threads",
+    "load_rig": "zeromethod.rig.load",
+    "open_devices": "zeromethod.devices.opening",
+    "peak": "zeromethod.surface",
+    "run": "zeromethod.procedures",
+    "summarise": "zeromethod.procedures",
+}
+
+__version__ = version("zeromethod")
+
+__all__ = [
+    "Devices",
+    "InputError",
+    "Loop",
+    "MeasurementError",
+    "NodeGrid",
+    "Optics",
+    "Rig",
+    "RunResult",
+    "State",
+    "Step",
+    "Surface",
+    "SurfaceReader",
+    "Warp",
+    "__version__",
+    "binned",
+    "limit_threads",
+    "load_rig",
+    "open_devices",
+    "peak",
+    "run",
+    "summarise",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'zeromethod' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,5 @@
+"""`python -m zeromethod` is the command `zeromethod`."""
+
+from zeromethod.cli.main import main
+
+main()

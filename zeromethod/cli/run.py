@@ -1,0 +1,122 @@
+"""`zeromethod run`: close the loop and read the surface."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+
+from zeromethod.control import State
+from zeromethod.errors import InputError, MeasurementError
+from zeromethod.procedures import Run, RunResult, summarise
+from zeromethod.devices.opening import open_devices
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.threads import limit_threads
+from zeromethod.view.live import LiveStatus
+from zeromethod.view.table import summary_table
+
+
+@click.command(
+    "run",
+    epilog="Example: zeromethod run --press step --seconds 1 --figure run.png --summary run.json",
+)
+@click.option("--rig", "rig_name", default="simulated", show_default=True, help="Rig file, or a packaged name.")
+@click.option("--press", help="Simulated press: a packaged scenario (default, step, ...) or a .toml file.")
+@click.option("--frames", type=click.IntRange(min=1), help="Stop after this many frames.")
+@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after this time.")
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of the simulated bench.")
+@click.option("--gain", type=click.FloatRange(0, 1, min_open=True), help="Share of each correction applied.")
+@click.option(
+    "--controller", type=click.Choice(["composition", "integrator"]), help="How corrections are applied."
+)
+@click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Write a picture (.png).")
+@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+def run_command(
+    rig_name: str,
+    press: str | None,
+    frames: int | None,
+    seconds: float | None,
+    seed: int | None,
+    gain: float | None,
+    controller: str | None,
+    figure: Path | None,
+    summary: Path | None,
+) -> None:
+    """Close the loop: warp the LCD's pattern until the camera sees the target, read slope and depth.
+
+    Without arguments, a simulated bench is pressed 0.2 mm deep, the press slides 10 mm and lifts.
+    """
+    _check_writable("--figure", figure, suffix=".png")
+    _check_writable("--summary", summary, suffix=".json")
+    if frames is not None and seconds is not None:
+        raise InputError("--frames and --seconds: give one of them, not both")
+    rig = _with_overrides(load_rig(rig_name), press, seed, gain, controller)
+    limit_threads()
+    console = Console(stderr=True)
+    with open_devices(rig) as devices:
+        session = Run(rig, devices)
+        total, unit = session.length(frames, seconds)
+        with LiveStatus(console, total, unit) as live:
+            for count, record in enumerate(session.steps(frames, seconds), start=1):
+                live.update(record, count)
+    _report(session.result, figure, summary)
+
+
+def _with_overrides(
+    rig: Rig, press: str | None, seed: int | None, gain: float | None, controller: str | None
+) -> Rig:
+    control: dict[str, Any] = {}
+    if gain is not None:
+        control["gain"] = gain
+    if controller is not None:
+        control["controller"] = controller
+    update: dict[str, Any] = {"control": rig.control.model_copy(update=control)}
+    if press is not None:
+        update["press"] = press
+    if seed is not None:
+        update["simulation"] = rig.simulation.model_copy(update={"seed": seed})
+    return rig.model_copy(update=update)
+
+
+def _check_writable(option: str, path: Path | None, suffix: str) -> None:
+    """Refuse a bad output path before the run, not after it."""
+    if path is None:
+        return
+    if path.suffix.lower() != suffix:
+        raise InputError(f"{option}: {path}: the file name must end in {suffix}")
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise InputError(f"{option}: {path}: the folder {folder} does not exist")
+    if not os.access(path if path.exists() else folder, os.W_OK):
+        raise InputError(f"{option}: {path}: not writable")
+
+
+def _report(result: RunResult, figure: Path | None, summary: Path | None) -> None:
+    """Write what was asked for, print the table, and turn the outcome into an exit code."""
+    figures = summarise(result)
+    if summary is not None:
+        _write_whole(summary, json.dumps(figures, indent=2) + "\n")
+    if figure is not None and result.records:
+        from zeromethod.view.figure import draw_figure  # noqa: PLC0415 - matplotlib loads slowly
+
+        draw_figure(result, figures, figure)
+    Console().print(summary_table(figures))
+    if result.interrupted:
+        raise KeyboardInterrupt
+    if result.state in {State.FAULT, State.LOST}:
+        raise MeasurementError(f"{result.state}: {figures['reason']}")
+    if not any(record.state in {State.LOCKED, State.RESTING} for record in result.records):
+        raise MeasurementError("the loop never locked")
+
+
+def _write_whole(path: Path, text: str) -> None:
+    """Replace the file in one move, so that a reader never sees half of it."""
+    part = path.with_name(path.name + ".part")
+    part.write_text(text)
+    part.replace(path)
+

@@ -1,0 +1,164 @@
+"""One frame's way round the circle: pair, sense, measure, control. No device is touched here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.control.composition import Composition, Controller
+from zeromethod.control.events import Event
+from zeromethod.control.integrator import Integrator
+from zeromethod.control.light import LightWatch
+from zeromethod.control.observation import Observation, expected_residual, measure
+from zeromethod.control.pairing import PanelTiming, pair
+from zeromethod.control.presentation import PresentationLog
+from zeromethod.control.rest import Rest
+from zeromethod.devices.protocols import Frame
+from zeromethod.rig.model import ControlSpec
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.warp import Warp
+
+Float = NDArray[np.float64]
+
+REST_BLOCK = 8
+"""Nodes on a side of the blocks that must all be at rest for the mirror to be."""
+
+REST_WITHIN_LCD_PX = 0.05
+"""Displacement rms of a block, beyond three deviations of noise, that counts as rest: 0.2 um of press."""
+
+
+class Sensor(Protocol):
+    """What turns an image into the residual."""
+
+    def measure(self, image: NDArray[Any], guess: Float | None = None) -> Residual:
+        """Residual of a (rows, cols) image; guess: (rows, cols, 2) px expected, NaN = none."""
+
+    def set_reference(self, residual: Residual | None) -> None:
+        """Take the brightness to hold later frames against from a residual; None forgets."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """What a frame came to. `changed`: there is a new command. `held`: why it brought none.
+
+    seen and measured are None where the frame could not be paired or is dark. residual_rms_px: rms length
+    of the residual over valid nodes. valid_share: valid ones among the nodes seen at rest.
+    """
+
+    changed: bool = False
+    held: str = ""
+    events: tuple[Event, ...] = ()
+    seen: Observation | None = None
+    measured: Warp | None = None
+    residual_rms_px: float = float("nan")
+    valid_share: float = 0.0
+
+
+def controller_of(control: ControlSpec, rest: Rest) -> Controller:
+    """Make the controller that the rig asks for."""
+    if control.controller == "integrator":
+        return Integrator(rest, control.gain, control.leak)
+    return Composition(rest, control.gain)
+
+
+@numba.njit(cache=True)
+def _figures(d: Float, valid: NDArray[np.bool_], seen: NDArray[np.bool_]) -> tuple[float, float]:
+    """(mean square length of d over valid nodes, valid share of the seen ones)."""
+    total = 0.0
+    nodes = both = wanted = 0
+    for j in range(valid.shape[0]):
+        for i in range(valid.shape[1]):
+            if seen[j, i]:
+                wanted += 1
+            if valid[j, i]:
+                nodes += 1
+                both += seen[j, i]
+                total += d[j, i, 0] ** 2 + d[j, i, 1] ** 2
+    return total / nodes if nodes else np.nan, both / max(wanted, 1)
+
+
+@numba.njit(cache=True)
+def _away_from_rest(
+    q: Float, q_rest: Float, sigma: Float, valid: NDArray[np.bool_], size: int
+) -> tuple[float, float]:
+    """(largest mean square displacement of any block, mean sigma^2), both per component, LCD px^2."""
+    rows, cols = valid.shape
+    largest = noise = 0.0
+    every = 0
+    for top in range(0, rows, size):
+        for left in range(0, cols, size):
+            total = 0.0
+            nodes = 0
+            for j in range(top, min(top + size, rows)):
+                for i in range(left, min(left + size, cols)):
+                    if valid[j, i]:
+                        nodes += 1
+                        for k in range(2):
+                            total += 0.5 * (q[j, i, k] - q_rest[j, i, k]) ** 2
+                            noise += 0.5 * sigma[j, i, k] ** 2
+            if nodes:
+                every += nodes
+                largest = max(largest, total / nodes)
+    return largest, noise / max(every, 1)
+
+
+class Circle:
+    """Everything between a frame in hand and the next warp to show, and its state from frame to frame.
+
+    Call `presented` whenever a warp was given to the panel and `take` for every frame that may be used.
+    """
+
+    def __init__(
+        self, rest: Rest, sensor: Sensor, controller: Controller, timing: PanelTiming, black_grey: float = 0.0
+    ) -> None:
+        self.rest = rest
+        self.controller = controller
+        self.timing = timing
+        self._sensor = sensor
+        self._log = PresentationLog(rest.q.shape[:2])
+        self._light = LightWatch(rest.seen, black_grey)
+        # At rest the order of every node is known: it is that of the rest map.
+        self._trusted = rest.seen
+
+    def presented(self, time_ns: int, q: Float) -> None:
+        """Note that `q` (copied) was presented at `time_ns`."""
+        self._log.record(time_ns, q)
+
+    def take(self, frame: Frame, hold: bool = False) -> Taken:
+        """Measure `frame` and, unless told to `hold`, let the controller have it."""
+        rest, controller = self.rest, self.controller
+        shown = pair(self._log, frame, self.timing, controller.commanded, rest.grid.spacing_px)
+        if shown is None:
+            return Taken(held="the picture was not lit yet", events=(Event.NOT_LIT,))
+        expected = expected_residual(shown, controller.commanded, self._trusted, rest)
+        residual = self._sensor.measure(frame.image, expected)
+        if self._light.is_off(residual.mean):
+            return Taken(held="the light is off", events=(Event.LIGHT_OFF,))
+        seen = Observation(frame, shown, residual)
+        measured = measure(seen, rest, expected, self._trusted)
+        events: tuple[Event, ...] = ()
+        held = ""
+        if hold:
+            events, held = (Event.HELD_BY_REQUEST,), "held by request"
+        changed = not hold and controller.update(residual, measured)
+        if not hold and not changed and measured.valid.any():
+            events, held = (Event.PICTURES_MIXED,), "two different pictures in one exposure"
+        if not held:
+            self._trusted = measured.valid
+        square, share = _figures(residual.d, measured.valid, rest.seen)
+        return Taken(changed, held, events, seen, measured, float(np.sqrt(square)), share)
+
+    def take_reference(self, taken: Taken) -> None:
+        """Hold the light of later frames against that of this one, taken while the loop is locked."""
+        if taken.seen is not None:
+            self._sensor.set_reference(taken.seen.residual)
+
+    def at_rest(self, measured: Warp) -> bool:
+        """Whether the controller's estimate is that of the untouched mirror, within noise."""
+        commanded, rest_q = self.controller.commanded, self.rest.q
+        worst, noise = _away_from_rest(commanded, rest_q, measured.sigma, measured.valid, REST_BLOCK)
+        return bool(worst < (3 * noise**0.5 + REST_WITHIN_LCD_PX) ** 2)

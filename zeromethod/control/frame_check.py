@@ -1,0 +1,92 @@
+"""Whether a frame is what a camera may give, before anything is believed of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.control.events import Event
+from zeromethod.devices.protocols import Frame
+from zeromethod.rig.model import CameraSpec
+
+SAMPLE_STRIDE = 8
+"""Every how many-th row is compared with the frame before."""
+
+LATE_FRAMES = 2.0
+"""Frame times beyond the least age seen so far at which a frame counts as late."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is wrong with a frame. `fault`: it must not be used; `wrong`: the device breaks its contract."""
+
+    events: tuple[Event, ...] = ()
+    fault: str = ""
+    wrong: bool = False
+
+
+class FrameCheck:
+    """Checks frames one after the other against the rig's camera.
+
+    Noise makes every row of pixels unique. So rows that are, bit for bit, those of the frame before were
+    not taken anew: all of them in a repeated frame, some in a torn one, whose transfer left part of the old
+    frame standing. Where the rig gives the camera no noise, equal rows are no fault and this is not judged.
+    """
+
+    def __init__(self, camera: CameraSpec) -> None:
+        self._shape = (camera.rows, camera.columns)
+        self._dtype = np.dtype(np.uint8 if camera.bits == 8 else np.uint16)
+        self._noisy = camera.noise.read_grey > 0 or camera.noise.electrons_per_grey is not None
+        self._late_ns = LATE_FRAMES * 1e9 / camera.rate_hz
+        self._least_age_ns: int | None = None
+        self._last: tuple[int, int] | None = None
+        self._sample: NDArray[Any] | None = None
+
+    def restart(self) -> None:
+        """Forget the frames so far: the camera was opened anew and counts from its own beginning."""
+        self._last = None
+        self._sample = None
+
+    def look_at(self, frame: Frame, now_ns: int) -> Verdict:
+        """Judge `frame`, which came to hand at `now_ns`."""
+        image = frame.image
+        if not isinstance(image, np.ndarray) or image.shape != self._shape or image.dtype != self._dtype:
+            found = f"{getattr(image, 'shape', '')} {getattr(image, 'dtype', type(image).__name__)}"
+            reason = f"the frame is {found}, not {self._shape} {self._dtype}"
+            return Verdict((Event.FRAME_WRONG,), reason, wrong=True)
+        if frame.exposure_ns <= 0:
+            reason = f"the frame's exposure is {frame.exposure_ns} ns"
+            return Verdict((Event.FRAME_WRONG,), reason, wrong=True)
+        events = [Event.FRAMES_DROPPED] if frame.dropped else []
+        stale = self._stale_rows(image)
+        if self._last is not None and (frame.number <= self._last[0] or frame.time_ns <= self._last[1]):
+            events.append(Event.FRAME_REPEATED if stale.all() else Event.FRAME_DISORDERED)
+            return Verdict(tuple(events), f"frame {frame.number} came after frame {self._last[0]}")
+        self._last = frame.number, frame.time_ns
+        if self._late(now_ns - frame.time_ns):
+            events.append(Event.FRAME_LATE)
+        if not self._noisy or not stale.any():
+            return Verdict(tuple(events))
+        if stale.all():
+            return Verdict((*events, Event.FRAME_REPEATED), "the image is that of the frame before")
+        rows = round(100 * float(stale.mean()))
+        return Verdict((*events, Event.FRAME_TORN), f"{rows} % of the frame is still that of the one before")
+
+    def _stale_rows(self, image: NDArray[Any]) -> NDArray[np.bool_]:
+        """Which of the sampled rows equal the last frame's; even ones (no light, clipped) tell nothing."""
+        sample = image[::SAMPLE_STRIDE].copy()
+        before, self._sample = self._sample, sample
+        if before is None:
+            return np.zeros(len(sample), dtype=np.bool_)
+        same: NDArray[np.bool_] = (sample == before).all(axis=1)
+        if same.any():
+            same &= sample.min(axis=1) < sample.max(axis=1)
+        return same
+
+    def _late(self, age_ns: int) -> bool:
+        if self._least_age_ns is None or age_ns < self._least_age_ns:
+            self._least_age_ns = age_ns
+        return age_ns - self._least_age_ns > self._late_ns

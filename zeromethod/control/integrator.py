@@ -1,0 +1,59 @@
+"""The baseline: a classical leaky integrator of the residual, blind to delay."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.control.rest import Rest
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.compose import compose
+from zeromethod.warp.continuation import continue_smoothly
+from zeromethod.warp.validity import Flag
+from zeromethod.warp.warp import Warp
+
+Float = NDArray[np.float64]
+
+_SEEN_DESPITE = np.uint16(Flag.MIXED)
+
+
+class Integrator:
+    """c <- q_rest + (1 - leak) (c((u, v) + gain d) - q_rest), c the warp commanded last.
+
+    It takes the residual for one of the latest command though the frame saw an older one, so that delay
+    makes it overshoot and, at higher gain, diverge; its leak pulls a held dent back to rest by about
+    leak / gain of its depth. Kept as what the composition is measured against.
+    """
+
+    def __init__(self, rest: Rest, gain: float = 0.3, leak: float = 0.01) -> None:
+        self._rest = rest
+        self._share = gain
+        self._keep = 1.0 - leak
+        self._flags = rest.flags.copy()
+        self._sigma = np.zeros(rest.q.shape)
+        self._gain = np.zeros(rest.q.shape[:2])
+        self.commanded: Float = rest.q.copy()
+
+    @property
+    def gain(self) -> Float:
+        """(rows, cols) the fixed gain where the node was measured, else 0."""
+        return self._gain
+
+    def update(self, residual: Residual, measured: Warp) -> bool:
+        """Take one frame in; False when it has no valid node."""
+        flags = measured.flags & ~_SEEN_DESPITE
+        moved = compose(self.commanded, self._share * residual.d, self._rest.grid.spacing_px)
+        valid = (flags == 0) & np.isfinite(moved).all(axis=-1)
+        if not valid.any():
+            return False
+        displacement = self._keep * (moved - self._rest.q)
+        continue_smoothly(displacement, valid, out=displacement)
+        self._gain = np.where(valid, self._share, 0.0)
+        self._flags = measured.flags
+        self._sigma = measured.sigma
+        self.commanded = self._rest.q + displacement
+        return True
+
+    def filtered(self, time_ns: int) -> Warp:
+        """Give the command; its sigma is taken to be one frame's."""
+        return Warp(self.commanded, self._sigma, self._flags, time_ns)

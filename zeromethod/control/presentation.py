@@ -1,0 +1,57 @@
+"""The presentation log: which warp was given to the panel, and when."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+CAPACITY = 64
+
+
+class PresentationLog:
+    """Ring of the newest presentations, oldest overwritten; memory taken once.
+
+    An entry is the presentation time in ns (see `DisplaySpec`: the panel's first row starts to change
+    `latency_s` later) and the warp drawn, (rows, cols, 2) LCD px.
+    """
+
+    def __init__(self, shape: tuple[int, int], capacity: int = CAPACITY) -> None:
+        self._times_ns = np.zeros(capacity, dtype=np.int64)
+        self._warps = np.zeros((capacity, *shape, 2))
+        self._count = 0
+
+    def __len__(self) -> int:
+        return min(self._count, len(self._times_ns))
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing has been overwritten yet: the oldest entry is the first picture of the run."""
+        return self._count <= len(self._times_ns)
+
+    def record(self, time_ns: int, q: NDArray[np.float64]) -> None:
+        """Note that `q` (copied) was presented at `time_ns`, not before the entry noted last."""
+        newest_ns = int(self._times_ns[(self._count - 1) % len(self._times_ns)])
+        if self._count and time_ns < newest_ns:
+            raise ValueError(f"presented at {time_ns} ns, before the picture at {newest_ns} ns")
+        slot = self._count % len(self._times_ns)
+        self._times_ns[slot] = time_ns
+        self._warps[slot] = q
+        self._count += 1
+
+    @property
+    def buffer(self) -> NDArray[np.float64]:
+        """(capacity, rows, cols, 2) all warps, where `slots` says; read only."""
+        return self._warps
+
+    def slots(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Places in `buffer` of entries counted from the oldest, 0 <= index < len."""
+        return (self._count - len(self) + index) % len(self._times_ns)
+
+    def times_ns(self) -> NDArray[np.int64]:
+        """(len,) presentation times, oldest first."""
+        return self._times_ns[self.slots(np.arange(len(self)))]
+
+    def warp(self, index: int) -> NDArray[np.float64]:
+        """Warp of the entry counted from the oldest; a view, good until it is overwritten."""
+        view: NDArray[np.float64] = self._warps[int(self.slots(np.array(index)))]
+        return view

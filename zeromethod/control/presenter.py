@@ -1,0 +1,44 @@
+"""Giving a warp to the display, drawn in place where it can be."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.control.rest import Rest
+from zeromethod.devices.protocols import Display, DrawingDisplay
+from zeromethod.gl import create_context
+from zeromethod.pattern import PatternRenderer, Response, Target
+from zeromethod.rig.model import Rig
+
+
+class Presenter:
+    """Draws warps on one display: through its own GL context, or as images where it has none."""
+
+    def __init__(self, rig: Rig, display: Display, rest: Rest) -> None:
+        """Prepare the drawing; InputError where no GL context can be had."""
+        self._display = display
+        self._drawing = display if isinstance(display, DrawingDisplay) else None
+        self._context = self._drawing.context if self._drawing else create_context()
+        self._renderer = PatternRenderer(
+            self._context,
+            rest.grid,
+            rest.q,
+            rest.display_size,
+            Target.from_spec(rig.target),
+            Response.from_rig(rig.display),
+        )
+
+    @property
+    def gl_renderer(self) -> str:
+        """Name of what draws, as GL gives it."""
+        return str(self._context.info["GL_RENDERER"])
+
+    def present(self, q: NDArray[np.float64]) -> int:
+        """Show the target warped by `q` (rows, cols, 2) LCD px; presentation time in ns.
+
+        Raises DisplayLost.
+        """
+        if self._drawing is not None:
+            return self._drawing.draw(lambda framebuffer: self._renderer.render(framebuffer, q))
+        return self._display.show(self._renderer.image(q))

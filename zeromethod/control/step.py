@@ -1,0 +1,49 @@
+"""What one turn of the loop leaves behind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.control.events import Event
+from zeromethod.control.state import State
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.warp import Warp
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One turn of the loop. Arrays are the step's own and stay valid; None where there is nothing to tell.
+
+    number: turns so far. time_ns: mid-exposure of the frame, else the time of the event.
+    state, reason: the loop's state after the turn. events: what happened, by name.
+    frame_number, dropped, image: the frame as the camera gave it.
+    residual: camera px. shown_q: (rows, cols, 2) the mix of warps that the frame saw, LCD px.
+    measured: the warp by this frame alone; None when the frame must not be believed.
+    commanded_q: (rows, cols, 2) what is to be shown next. filtered: the controller's own estimate.
+    residual_rms_px: over valid nodes, camera px. valid_share: of the nodes seen at rest.
+    loop_ms: frame in hand to command. draw_ms: to draw and present it. delay_ms: from mid-exposure until
+    the panel's middle row is half-way to the new picture; NaN when none was shown.
+    """
+
+    number: int
+    time_ns: int
+    state: State
+    reason: str
+    events: tuple[Event, ...]
+    commanded_q: NDArray[np.float64]
+    filtered: Warp
+    frame_number: int | None = None
+    dropped: int = 0
+    image: NDArray[Any] | None = None
+    residual: Residual | None = None
+    shown_q: NDArray[np.float64] | None = None
+    measured: Warp | None = None
+    residual_rms_px: float = float("nan")
+    valid_share: float = 0.0
+    loop_ms: float = float("nan")
+    draw_ms: float = float("nan")
+    delay_ms: float = float("nan")

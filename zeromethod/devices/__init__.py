@@ -1,0 +1,1 @@
+"""Cameras and displays: what they must do, and how they are opened."""

@@ -1,0 +1,206 @@
+"""From a rig's `[camera]` and `[display]` tables to opened devices.
+
+A driver is any callable: the entry points of the groups `zeromethod.cameras` and `zeromethod.displays`
+by name, or `package.module:Name` (the working directory is searched too, so a lab's own file will do).
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import os
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from types import TracebackType
+from typing import Any, Literal, cast
+
+from zeromethod.clock import Clock, HostClock, SimulatedClock
+from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, Display, DisplayLost
+from zeromethod.errors import InputError
+from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
+
+Kind = Literal["camera", "display"]
+Factory = Callable[..., Any]
+
+_PROTOCOLS: dict[Kind, type] = {"camera": Camera, "display": Display}
+_REFUSALS = (CameraLost, CameraTimeout, DisplayLost, OSError, TypeError, ValueError)
+
+
+def load_driver(kind: Kind, name: str) -> Factory:
+    """Find the factory of a driver, to be called as `factory(**options)`.
+
+    name: an entry point, or `package.module:Name`. Raises InputError when there is no such driver or it
+    cannot be imported.
+    """
+    where = f"{kind}.driver: {name!r}"
+    if ":" in name:
+        if os.getcwd() not in sys.path:
+            sys.path.insert(0, os.getcwd())
+        module, _, attribute = name.partition(":")
+        try:
+            factory = getattr(importlib.import_module(module), attribute)
+        except (ImportError, AttributeError, ValueError) as error:
+            raise InputError(f"{where}: cannot be imported: {_one_line(error)}") from error
+    else:
+        known: Mapping[str, EntryPoint] = {e.name: e for e in entry_points(group=f"zeromethod.{kind}s")}
+        if name not in known:
+            listed = ", ".join(sorted(known)) or "none is installed"
+            raise InputError(f"{where}: unknown; allowed: {listed}, or package.module:Name")
+        try:
+            factory = known[name].load()
+        except (ImportError, AttributeError) as error:
+            raise InputError(f"{where}: cannot be imported: {_one_line(error)}") from error
+    if not callable(factory):
+        raise InputError(f"{where}: not callable; allowed: a class or function that returns a {kind}")
+    return cast(Factory, factory)
+
+
+@dataclass
+class Devices:
+    """Opened devices and the clock they share. A context manager that closes them, the camera first."""
+
+    camera: Camera
+    display: Display
+    clock: Clock
+    _open_camera: Callable[[], Camera]
+
+    def reopen_camera(self) -> Camera:
+        """Close the camera and open it anew; raises InputError when that fails."""
+        self.camera.close()
+        self.camera = self._open_camera()
+        return self.camera
+
+    def close(self) -> None:
+        """Close both devices; safe to call twice."""
+        try:
+            self.camera.close()
+        finally:
+            self.display.close()
+
+    def __enter__(self) -> Devices:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def open_devices(rig: Rig, clock: Clock | None = None) -> Devices:
+    """Open the rig's display, then its camera.
+
+    A factory with `**options` gets every key that its table gives (but `driver`) and `clock`. Any other
+    gets the table's own extra keys, those keys of the rig's schema that its signature names, and of
+    `rig`, `clock` and `display` (cameras only: the opened display) those that it names.
+
+    The clock is simulated when both factories name a parameter `clock`: such a device lives on the run's
+    clock. If one does not, it lives in the host's time, and so does the run. `clock` overrides this.
+
+    Raises InputError (one line) for unknown drivers or options, for devices that cannot be opened, and
+    for devices that are not what the rig says.
+    """
+    display_factory = load_driver("display", rig.display.driver)
+    camera_factory = load_driver("camera", rig.camera.driver)
+    if clock is None:
+        simulated = "clock" in _names(display_factory) and "clock" in _names(camera_factory)
+        clock = SimulatedClock() if simulated else HostClock()
+    context = {"rig": rig, "clock": clock}
+    display = cast(Display, _open("display", rig.display, display_factory, context))
+
+    def open_camera() -> Camera:
+        camera = cast(Camera, _open("camera", rig.camera, camera_factory, context | {"display": display}))
+        try:
+            _check_camera(camera, rig.camera)
+        except InputError:
+            camera.close()
+            raise
+        return camera
+
+    try:
+        _check_display(display, rig.display)
+        camera = open_camera()
+    except BaseException:
+        display.close()
+        raise
+    return Devices(camera, display, clock, open_camera)
+
+
+def _open(kind: Kind, table: CameraSpec | DisplaySpec, factory: Factory, context: dict[str, Any]) -> object:
+    options = _options(kind, table, factory, context)
+    where = f"{kind}.driver: {table.driver!r}"
+    try:
+        device: object = factory(**options)
+    except InputError:
+        raise
+    except _REFUSALS as error:
+        raise InputError(f"{where}: cannot be opened: {_one_line(error)}") from error
+    members = [name for name in _members(_PROTOCOLS[kind]) if not hasattr(device, name)]
+    if members:
+        raise InputError(f"{where}: not a {kind}: lacks {', '.join(members)}")
+    return device
+
+
+def _options(
+    kind: Kind, table: CameraSpec | DisplaySpec, factory: Factory, context: dict[str, Any]
+) -> dict[str, Any]:
+    named = _names(factory)
+    extra = dict(table.model_extra or {})
+    schema = {name: getattr(table, name) for name in type(table).model_fields if name != "driver"}
+    options = {name: value for name, value in context.items() if name in named}
+    if _takes_any(factory):
+        given = {name: value for name, value in schema.items() if name in table.model_fields_set}
+        return {"clock": context["clock"]} | given | extra | options
+    allowed = [name for name in named if name not in context]
+    for name, value in extra.items():
+        if name not in allowed:
+            listed = ", ".join(allowed) or "none"
+            raise InputError(
+                f"{kind}.{name}: {value!r}: unknown option of {table.driver!r}; allowed: {listed}"
+            )
+    options |= {name: value for name, value in schema.items() if name in named} | extra
+    missing = [name for name in _required(factory) if name not in options]
+    if missing:
+        raise InputError(f"{kind}.{missing[0]}: missing; driver {table.driver!r} needs it")
+    return options
+
+
+def _check_camera(camera: Camera, spec: CameraSpec) -> None:
+    shape, wanted = tuple(camera.shape), (spec.rows, spec.columns)
+    if shape != wanted:
+        raise InputError(f"camera: the device's frames are {shape} (rows, columns); the rig says {wanted}")
+    if camera.bits != spec.bits:
+        raise InputError(f"camera.bits: the device gives {camera.bits}; the rig says {spec.bits}")
+
+
+def _check_display(display: Display, spec: DisplaySpec) -> None:
+    size, wanted = tuple(display.size), (spec.columns, spec.rows)
+    if size != wanted:
+        raise InputError(f"display: the device's size is {size} (columns, rows); the rig says {wanted}")
+
+
+def _parameters(factory: Factory) -> list[inspect.Parameter]:
+    return list(inspect.signature(factory).parameters.values())
+
+
+def _names(factory: Factory) -> list[str]:
+    by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    return [p.name for p in _parameters(factory) if p.kind in by_name]
+
+
+def _required(factory: Factory) -> list[str]:
+    named = _names(factory)
+    return [p.name for p in _parameters(factory) if p.name in named and p.default is inspect.Parameter.empty]
+
+
+def _takes_any(factory: Factory) -> bool:
+    return any(p.kind is inspect.Parameter.VAR_KEYWORD for p in _parameters(factory))
+
+
+def _members(protocol: type) -> list[str]:
+    return [name for name in vars(protocol) if not name.startswith("_")]
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

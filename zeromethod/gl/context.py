@@ -1,0 +1,97 @@
+"""GL contexts without a screen: EGL where there is one, else OSMesa inside the process.
+
+Convention: GL commands go to the context that is *current* in the calling thread. A new context is
+current at once; it can be current in one thread at a time. Where a process has more than one, every
+piece of code enters the one it draws with (`with ctx:`); objects are created, used and released inside.
+The blocks nest, also across backends, and the context that was current before is current again at the
+end.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import moderngl
+
+from zeromethod.errors import InputError
+from zeromethod.gl.egl import EGLContext
+from zeromethod.gl.handle import ContextHandle, NativeContext
+from zeromethod.gl.osmesa import OSMesaContext
+
+VARIABLE = "ZEROMETHOD_GL"
+"""Environment variable that forces a backend."""
+
+BACKENDS = ("egl", "osmesa")
+"""In the order in which they are tried."""
+
+_PACKAGES = {"egl": "libegl1 libgl1 libgl1-mesa-dri libglx-mesa0", "osmesa": "libosmesa6"}
+_OPENGL = 330
+
+_backends: WeakKeyDictionary[moderngl.Context, str] = WeakKeyDictionary()
+
+
+_CREATE: dict[str, Callable[[], NativeContext]] = {"egl": EGLContext, "osmesa": OSMesaContext}
+
+
+def _moderngl(create: Callable[[], NativeContext]) -> moderngl.Context:
+    settings: dict[str, Any] = {"context": ContextHandle(create)}
+    return moderngl.create_context(require=_OPENGL, standalone=True, **settings)
+
+
+def create_context() -> moderngl.Context:
+    """Create a standalone OpenGL context, core profile 3.3 or newer, current in this thread.
+
+    EGL, then OSMesa; the environment variable `ZEROMETHOD_GL` (egl or osmesa) forces one. Objects that
+    Python forgets are freed by `collect` or with the context by `ctx.release()`, never behind the back of
+    whatever context is current then.
+
+    Raises
+    ------
+    InputError
+        The variable has another value, or no backend works (with the reasons and the packages).
+    """
+    forced = os.environ.get(VARIABLE, "")
+    if forced and forced not in BACKENDS:
+        raise InputError(f"{VARIABLE}: {forced!r}: allowed are {', '.join(BACKENDS)}")
+    tried = (forced,) if forced else BACKENDS
+    reasons = []
+    for backend in tried:
+        try:
+            context = _moderngl(_CREATE[backend])
+        except (RuntimeError, ValueError) as error:
+            reasons.append(f"{backend}: {' '.join(str(error).split())}")
+            continue
+        context.gc_mode = "context_gc"
+        _backends[context] = backend
+        return context
+    packages = " / ".join(_PACKAGES[backend] for backend in tried)
+    raise InputError(f"OpenGL: no context without a screen ({'; '.join(reasons)}): install {packages}")
+
+
+def collect(ctx: moderngl.Context) -> int:
+    """Free the textures, buffers and programs that Python has forgotten; return how many.
+
+    In place of `ctx.gc()`, which fails on an object that was released by hand before it was forgotten.
+    """
+    freed = 0
+    with ctx:
+        while ctx.objects:
+            release = getattr(ctx.objects.popleft(), "release", None)
+            if release is not None:
+                release()
+                freed += 1
+    return freed
+
+
+def backend_of(ctx: moderngl.Context) -> str:
+    """Where a context comes from: "egl", "osmesa", or "window" when it was not made here."""
+    return _backends.get(ctx, "window")
+
+
+def renderer_name(ctx: moderngl.Context) -> str:
+    """Tell renderer and OpenGL version in words, for logs and summaries."""
+    info = ctx.info
+    return f"{info['GL_RENDERER']}, OpenGL {info['GL_VERSION']}"

@@ -1,0 +1,189 @@
+"""The bench's exact ray model, both ways: camera pixel to LCD, and LCD position back to mirror normal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zeromethod.optics.camera import Camera
+from zeromethod.optics.fresnel import fresnel, s_share
+from zeromethod.optics.layers import direction_between, through_slabs
+from zeromethod.optics.lever import lcd_per_slope
+from zeromethod.optics.mirror import HeightField, distance_to, normal_of, rest_surface
+from zeromethod.optics.panel import Panel
+from zeromethod.optics.prism import PrismGeometry
+from zeromethod.optics.snell import reflect
+from zeromethod.optics.trace import Lost, Trace
+from zeromethod.optics.vectors import Array, dot, unit
+from zeromethod.rig.model import Rig
+
+# a panel that touches the slab before it may come out this far on its wrong side by rounding
+_TOUCHES_MM = 1e-9
+
+# in the order in which a ray meets them
+_REASONS = [
+    np.uint8(Lost.MISSES_CAPTURED_FACE),
+    np.uint8(Lost.MISSES_MIRROR),
+    np.uint8(Lost.MISSES_PATTERN_FACE),
+    np.uint8(Lost.NO_REFRACTION),
+    np.uint8(Lost.OFF_DISPLAY),
+]
+
+
+class Optics:
+    """Rays of one rig. Immutable; methods take arrays of any shape and let NaN rows pass silently.
+
+    Rays are followed from the camera to the LCD, against the light. Only the mirror weighs the light: what
+    the faces and layers let through (about 0.97 of it each, nearly even over the view) is left out.
+
+    Convention: world in mm, origin on the edge P0, x along the mirror towards the captured face, z out of
+    the rubber, y = z cross x; rubber at z < 0. Camera pixels (u, v) = (column, row) and LCD positions
+    q = (column, row) have centres at integers. Directions are unit vectors along the travel.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        """Place everything. Raises InputError where the rest surface's height map cannot be used."""
+        self.rig = rig
+        self.prism = PrismGeometry(rig.prism)
+        self.camera = Camera.place(rig.camera)
+        self.rest: HeightField = rest_surface(rig)
+        layers = rig.pattern_layers
+        self.panel = Panel.place(rig.display, self.prism.pattern_face, sum(s.thickness_mm for s in layers))
+        # the gap in front of a tilted panel varies: the last slab ends at the panel, not at its thickness
+        self._inner_slabs = [(s.index, s.thickness_mm) for s in layers[:-1]]
+        self._last_index = layers[-1].index if layers else rig.prism.index
+
+    @property
+    def length_mm(self) -> float:
+        """Length L0 of the mirror along x."""
+        return self.prism.length_mm
+
+    def lcd_to_world(self, q: Array) -> Array:
+        """World points (..., 3) in mm of LCD positions (..., 2) in px."""
+        return self.panel.lcd_to_world(q)
+
+    def world_to_lcd(self, point: Array) -> Array:
+        """LCD positions (..., 2) in px of world points (..., 3) in mm on the LCD's plane."""
+        return self.panel.world_to_lcd(point)
+
+    def camera_rays(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """Rays (origin, direction), each (..., 3), of camera pixels u, v (...), in air."""
+        return self.camera.rays(u, v)
+
+    def rubber_rays(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """Rays (origin, direction), each (..., 3), of camera pixels inside the rubber.
+
+        They start on the captured face, behind its layers, and do not depend on the mirror. NaN where the
+        pixel misses the face or looks at it from behind.
+        """
+        origin, direction = self.camera.rays(u, v)
+        face = self.prism.captured_face
+        slabs = [(s.index, s.thickness_mm) for s in reversed(self.rig.captured_layers)]
+        outside = -face.depth_below(origin) - sum(t for _, t in slabs)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            distance = outside / -dot(direction, face.normal)
+            shift, inside = through_slabs(direction, -face.normal, 1.0, slabs, self.rig.prism.index)
+            start = origin + distance[..., None] * direction + shift
+        met = ((outside >= 0.0) & face.contains(start))[..., None]
+        return np.where(met, start, np.nan), np.where(met, inside, np.nan)
+
+    def trace(self, u: Array, v: Array, mirror: HeightField) -> Trace:
+        """Where camera pixels u, v (...) look by way of `mirror`."""
+        return self.trace_rays(*self.rubber_rays(u, v), mirror)
+
+    def trace_rays(self, origin: Array, direction: Array, mirror: HeightField) -> Trace:
+        """`trace` of rays in the rubber, (..., 3) each, as `rubber_rays` gives them."""
+        point = origin + distance_to(mirror, origin, direction)[..., None] * direction
+        with np.errstate(invalid="ignore"):
+            normal = normal_of(mirror.gradient(point[..., 0], point[..., 1]))
+        on_mirror = self.prism.on_mirror(point[..., 0], point[..., 1])
+        cos_incidence = dot(direction, normal)
+        outgoing = reflect(direction, normal)
+        q, path, exit_point = self._to_display(point, outgoing)
+        reflectance = self._reflectance(cos_incidence, outgoing, normal)
+        on_face = self.prism.pattern_face.contains(exit_point)
+        q[~(on_mirror & on_face)] = np.nan
+        path[~(on_mirror & on_face)] = np.nan
+        lost = np.select(
+            [np.isnan(direction[..., 0]), ~on_mirror, ~on_face, np.isnan(path), ~self.panel.contains(q)],
+            _REASONS,
+            np.where(reflectance < 1.0, np.uint8(Lost.BELOW_TIR), np.uint8(Lost.NONE)),
+        )
+        return Trace(q, point, cos_incidence, reflectance, path, lost)
+
+    def rest_map(self, u: Array, v: Array) -> Array:
+        """LCD positions (..., 2) in px that camera pixels u, v (...) see by the undeformed mirror.
+
+        NaN where the ray is lost before the LCD's plane.
+        """
+        return self.trace(u, v, self.rest).q
+
+    def rubber_direction_to_lcd(self, point: Array, q: Array) -> Array:
+        """Direction (..., 3), in the rubber, of the ray from a mirror point to an LCD position.
+
+        point (..., 3) in mm, q (..., 2) in px. The refraction through all layers is solved exactly; faces
+        count as unbounded. NaN where no ray joins the two.
+        """
+        face = self.prism.pattern_face
+        offset = self.panel.lcd_to_world(q) - point
+        rubber = face.depth_below(point)
+        last = dot(offset, face.normal) - rubber - sum(t for _, t in self._inner_slabs)
+        last = np.where(np.abs(last) < _TOUCHES_MM, 0.0, last)
+        slabs = [(self.rig.prism.index, rubber)]
+        slabs += [(n, np.full_like(rubber, t)) for n, t in self._inner_slabs]
+        slabs += [(self._last_index, last)]
+        indices, thicknesses = zip(*slabs, strict=True)
+        return direction_between(offset, face.normal, indices, np.stack(np.broadcast_arrays(*thicknesses)))
+
+    def normal_between(self, incoming: Array, outgoing: Array) -> Array:
+        """Find the unit normal (..., 3), out of the rubber, that reflects one unit vector into another.
+
+        The surface's (dz/dx, dz/dy) is -(nx, ny) / nz, so the depth's slope is the rest surface's gradient
+        plus (nx, ny) / nz.
+        """
+        with np.errstate(invalid="ignore"):
+            return unit(incoming - outgoing)
+
+    def sensitivity(self, u: Array, v: Array) -> Array:
+        """LCD shift per depth slope at rest: (..., 2, 2) in LCD px per rad.
+
+        Rows: LCD (column, row); columns: slope (dd/dx, dd/dy), the mirror point held. Closed form; faces
+        count as unbounded. NaN where the ray never reaches the mirror or the LCD's plane.
+        """
+        origin, direction = self.rubber_rays(u, v)
+        point = origin + distance_to(self.rest, origin, direction)[..., None] * direction
+        with np.errstate(invalid="ignore", divide="ignore"):
+            gradient = self.rest.gradient(point[..., 0], point[..., 1])
+            slabs = [(self.rig.prism.index, 0.0), *self._inner_slabs]
+            return lcd_per_slope(
+                point, direction, gradient, self.prism.pattern_face, self.panel, slabs, self._last_index
+            )
+
+    def _to_display(self, point: Array, outgoing: Array) -> tuple[Array, Array, Array]:
+        """LCD position (..., 2), path in mm (...) and exit point (..., 3) on the pattern face's plane.
+
+        q and path are NaN where the panel's plane is not met; the faces' borders are not looked at.
+        """
+        face, index = self.prism.pattern_face, self.rig.prism.index
+        with np.errstate(invalid="ignore", divide="ignore"):
+            in_rubber = face.depth_below(point) / dot(outgoing, face.normal)
+            in_rubber = np.where(in_rubber >= 0.0, in_rubber, np.nan)
+            leaves = point + in_rubber[..., None] * outgoing
+            shift, last = through_slabs(outgoing, face.normal, index, self._inner_slabs, self._last_index)
+            start = leaves + shift
+            gap = dot(self.panel.centre - start, self.panel.normal) / dot(last, self.panel.normal)
+            in_slabs = np.sqrt(dot(shift, shift))
+        q = self.panel.world_to_lcd(start + gap[..., None] * last)
+        path = in_rubber + in_slabs + gap
+        q[gap < -_TOUCHES_MM] = np.nan
+        return q, path, leaves
+
+    def _reflectance(self, cos_incidence: Array, outgoing: Array, normal: Array) -> Array:
+        """Power reflectance (...) of the mirror, rubber to air, for the LCD's light.
+
+        The LCD's field is laid across the ray in the rubber; its small turn by the unequal s and p
+        transmittances of skew faces is left out.
+        """
+        s, p = fresnel(cos_incidence, self.rig.prism.index, 1.0)
+        share = 0.5 if self.panel.field is None else s_share(-outgoing, normal, self.panel.field)
+        result: Array = share * s + (1.0 - share) * p
+        return result

@@ -1,0 +1,101 @@
+"""Whether a rig's parts can see each other at all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zeromethod.errors import InputError
+from zeromethod.optics.bench import Optics
+from zeromethod.optics.mirror import GridHeight
+from zeromethod.optics.trace import Lost
+from zeromethod.optics.vectors import Array
+from zeromethod.rig.model import Rig
+
+_SAMPLES = 33
+
+
+def check_geometry(rig: Rig) -> None:
+    """Raise InputError, one line that names the rig's key, where the bench cannot work.
+
+    Refused: a camera inside the prism or behind its captured face, a view that misses that face or the
+    mirror altogether, a centre ray that does not end on the LCD, a height map that ends short of what is
+    seen. A view that lies partly off the mirror or the LCD is legal.
+    """
+    optics = Optics(rig)
+    camera = rig.camera
+    stack = sum(layer.thickness_mm for layer in rig.captured_layers)
+    if not np.isfinite(optics.camera.axis @ optics.camera.u_axis):
+        raise _error(
+            rig, "camera.look_at_mm", camera.look_at_mm, "must not lie straight along y from position_mm"
+        )
+    if camera.projection == "perspective":
+        outside = -float(optics.prism.captured_face.depth_below(optics.camera.position)) - stack
+        if outside <= 0.0:
+            allowed = "must lie outside the prism, in front of the captured face and its layers"
+            raise _error(rig, "camera.position_mm", camera.position_mm, allowed)
+
+    u, v = np.meshgrid(
+        np.linspace(0, camera.columns - 1, _SAMPLES), np.linspace(0, camera.rows - 1, _SAMPLES)
+    )
+    view = optics.trace(u, v, optics.rest)
+    if (view.lost == Lost.MISSES_CAPTURED_FACE).all():
+        allowed = "no pixel sees the captured face; look at the mirror through it"
+        raise _error(rig, "camera.look_at_mm", camera.look_at_mm, allowed)
+    seen = view.lost != Lost.MISSES_CAPTURED_FACE
+    if (view.lost[seen] == Lost.MISSES_MIRROR).all():
+        allowed = (
+            f"no pixel sees the mirror (x 0 to {optics.length_mm:.6g}, |y| to {rig.prism.width_mm / 2:.6g})"
+        )
+        raise _error(rig, "camera.look_at_mm", camera.look_at_mm, allowed)
+    _check_map(rig, optics, view.point[seen & (view.lost != Lost.MISSES_MIRROR)])
+    _check_centre(rig, optics)
+
+
+def _check_map(rig: Rig, optics: Optics, points: Array) -> None:
+    """Refuse a height map that does not cover every mirror point of the view."""
+    if not isinstance(optics.rest, GridHeight):
+        return
+    for axis, (low, high) in enumerate((optics.rest.x_range_mm, optics.rest.y_range_mm)):
+        first, last = points[:, axis].min(), points[:, axis].max()
+        if first < low or last > high:
+            name = "xy"[axis]
+            allowed = f"covers {name} {low:.6g} to {high:.6g} mm, the view needs {first:.6g} to {last:.6g}"
+            raise _error(rig, "prism.rest.file", rig.prism.rest.file, allowed)
+
+
+def _check_centre(rig: Rig, optics: Optics) -> None:
+    """Refuse a bench whose image centre does not see a pixel of the LCD."""
+    camera, display = rig.camera, rig.display
+    centre = optics.trace(
+        np.array([(camera.columns - 1) / 2]), np.array([(camera.rows - 1) / 2]), optics.rest
+    )
+    lost = Lost(int(centre.lost[0]))
+    if lost in (Lost.NONE, Lost.BELOW_TIR):
+        return
+    if lost == Lost.OFF_DISPLAY:
+        column, row = centre.q[0]
+        allowed = (
+            f"the centre ray ends at column {column:.0f}, row {row:.0f}, off the {display.columns} x "
+            f"{display.rows} pixels"
+        )
+        raise _error(rig, "display.centre_mm", display.centre_mm, allowed)
+    reasons = {
+        Lost.MISSES_CAPTURED_FACE: ("camera.look_at_mm", camera.look_at_mm, "misses the captured face"),
+        Lost.MISSES_MIRROR: ("camera.look_at_mm", camera.look_at_mm, "misses the mirror"),
+        Lost.MISSES_PATTERN_FACE: (
+            "camera.position_mm",
+            camera.position_mm,
+            "misses the pattern face after the mirror",
+        ),
+        Lost.NO_REFRACTION: (
+            "pattern_layers",
+            [layer.index for layer in rig.pattern_layers],
+            "is totally reflected at the pattern face or its layers",
+        ),
+    }
+    key, value, what = reasons[lost]
+    raise _error(rig, key, value, f"the centre ray {what}; it must reach the LCD")
+
+
+def _error(rig: Rig, key: str, value: object, allowed: str) -> InputError:
+    return InputError(f"{rig.name}: {key}: {value}: {allowed}")

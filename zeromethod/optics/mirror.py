@@ -1,0 +1,190 @@
+"""Shapes of the mirror as height fields, and where rays from inside the rubber meet them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.interpolate import RectBivariateSpline
+
+from zeromethod.errors import InputError
+from zeromethod.optics.vectors import Array
+from zeromethod.rig.model import Rig
+
+_ITERATIONS = 60
+_MISS_MM = 1e-9
+
+
+class HeightField(Protocol):
+    """A surface z(x, y) in mm, positive out of the rubber; x, y in mm, all shapes equal."""
+
+    def height(self, x: Array, y: Array) -> Array:
+        """Height z (...) in mm; NaN where there is no surface."""
+        ...
+
+    def gradient(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """(dz/dx, dz/dy), each (...), dimensionless: the exact derivatives of `height`."""
+        ...
+
+
+class DepthField(Protocol):
+    """A dent: depth d(x, y) in mm below the rest surface along z, positive into the rubber."""
+
+    def depth(self, x: Array, y: Array) -> Array:
+        """Depth (...) in mm."""
+        ...
+
+    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """(dd/dx, dd/dy), each (...), rad: the exact derivatives of `depth`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Flat:
+    """The plane z = 0."""
+
+    def height(self, x: Array, y: Array) -> Array:  # noqa: ARG002 (a plane is the same everywhere)
+        """Zero everywhere."""
+        return np.zeros_like(x)
+
+    def gradient(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Zero everywhere."""
+        return np.zeros_like(x), np.zeros_like(y)
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A spherical cap that touches z = 0 at its centre; NaN beyond its equator.
+
+    Convention: `radius_mm` > 0 bulges out of the rubber (z < 0 away from the centre), < 0 is hollow.
+    """
+
+    radius_mm: float
+    centre_mm: tuple[float, float] = (0.0, 0.0)
+
+    def _root(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        x, y = x - self.centre_mm[0], y - self.centre_mm[1]
+        with np.errstate(invalid="ignore"):
+            root = np.copysign(np.sqrt(self.radius_mm**2 - x * x - y * y), self.radius_mm)
+        return x, y, root
+
+    def height(self, x: Array, y: Array) -> Array:
+        """Height in mm, written so that a large radius loses no digits."""
+        x, y, root = self._root(x, y)
+        result: Array = -(x * x + y * y) / (self.radius_mm + root)
+        return result
+
+    def gradient(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """(dz/dx, dz/dy)."""
+        x, y, root = self._root(x, y)
+        return -x / root, -y / root
+
+
+class GridHeight:
+    """Interpolating bicubic spline (twice continuously differentiable) through a map of heights.
+
+    Convention: `heights_mm` (rows along y, cols along x), first point at `origin_mm` = (x, y), equal
+    pitch on both axes. Beyond the map its border's heights go on unchanged.
+    """
+
+    def __init__(self, heights_mm: Array, pitch_mm: float, origin_mm: tuple[float, float]) -> None:
+        heights = np.asarray(heights_mm, dtype=np.float64)
+        if heights.ndim != 2 or min(heights.shape) < 4 or not np.isfinite(heights).all():
+            raise InputError(
+                f"height map: shape {heights.shape}: a map needs two axes, at least 4 x 4 finite heights"
+            )
+        rows, cols = heights.shape
+        x = origin_mm[0] + pitch_mm * np.arange(cols)
+        y = origin_mm[1] + pitch_mm * np.arange(rows)
+        self.x_range_mm = float(x[0]), float(x[-1])
+        self.y_range_mm = float(y[0]), float(y[-1])
+        self._spline = RectBivariateSpline(y, x, heights, kx=3, ky=3, s=0)
+
+    def _clamped(self, x: Array, y: Array) -> tuple[Array, Array]:
+        return np.clip(x, *self.x_range_mm), np.clip(y, *self.y_range_mm)
+
+    def _evaluate(self, x: Array, y: Array, dx: int, dy: int) -> Array:
+        known = np.isfinite(x) & np.isfinite(y)
+        values = self._spline.ev(np.where(known, y, 0.0), np.where(known, x, 0.0), dx=dy, dy=dx)
+        return np.where(known, values, np.nan)
+
+    def height(self, x: Array, y: Array) -> Array:
+        """Height in mm."""
+        return self._evaluate(*self._clamped(x, y), 0, 0)
+
+    def gradient(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """(dz/dx, dz/dy); across the border, beyond the map, 0."""
+        x_in, y_in = self._clamped(x, y)
+        along_x, along_y = self._evaluate(x_in, y_in, 1, 0), self._evaluate(x_in, y_in, 0, 1)
+        return np.where(x == x_in, along_x, 0.0 * along_x), np.where(y == y_in, along_y, 0.0 * along_y)
+
+
+@dataclass(frozen=True)
+class Dented:
+    """A rest surface with a dent pressed into it: z = rest - depth."""
+
+    rest: HeightField
+    dent: DepthField
+
+    def height(self, x: Array, y: Array) -> Array:
+        """Height in mm."""
+        result: Array = self.rest.height(x, y) - self.dent.depth(x, y)
+        return result
+
+    def gradient(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """(dz/dx, dz/dy)."""
+        (zx, zy), (dx, dy) = self.rest.gradient(x, y), self.dent.slope(x, y)
+        return zx - dx, zy - dy
+
+
+def rest_surface(rig: Rig) -> HeightField:
+    """Build a rig's undeformed mirror. Raises InputError where its height map cannot be used."""
+    rest = rig.prism.rest
+    if rest.shape == "sphere":
+        assert rest.radius_mm is not None
+        return Sphere(rest.radius_mm, rest.centre_mm)
+    if rest.shape == "map":
+        assert rest.file is not None
+        assert rest.pitch_mm is not None
+        try:
+            return GridHeight(np.load(rest.file), rest.pitch_mm, rest.origin_mm)
+        except (OSError, ValueError) as error:
+            reason = str(error).replace("\n", " ")
+            raise InputError(f"{rig.name}: prism.rest.file: {rest.file}: {reason}") from error
+    return Flat()
+
+
+def normal_of(gradient: tuple[Array, Array]) -> Array:
+    """Point the unit normal (..., 3) of a surface with (dz/dx, dz/dy) out of the rubber."""
+    zx, zy = gradient
+    length = np.sqrt(1.0 + zx * zx + zy * zy)
+    return np.stack([-zx / length, -zy / length, 1.0 / length], axis=-1)
+
+
+def distance_to(mirror: HeightField, origin: Array, direction: Array) -> Array:
+    """Distance (...) in mm along rays from inside the rubber to the mirror.
+
+    origin, direction: (..., 3), directions unit. Newton from the plane z = 0, kept in the bracket found
+    so far by bisection. NaN where a ray does not rise, or meets no surface. A surface steeper than the ray
+    (some 40 deg, far beyond total reflection) can be met several times: then not always the first is found.
+    """
+    x0, y0, z0 = (origin[..., i] for i in range(3))
+    dx, dy, dz = (direction[..., i] for i in range(3))
+    with np.errstate(all="ignore"):
+        t = np.where(dz > 0.0, -z0 / dz, np.nan)
+        low, high = np.zeros_like(t), np.full_like(t, np.inf)
+        for _ in range(_ITERATIONS):
+            x, y = x0 + t * dx, y0 + t * dy
+            above = z0 + t * dz - mirror.height(x, y)
+            zx, zy = mirror.gradient(x, y)
+            low, high = np.where(above < 0.0, t, low), np.where(above > 0.0, t, high)
+            step = above / (dz - zx * dx - zy * dy)
+            unsettled = np.abs(step) > 1e-14 * (1.0 + np.abs(t))
+            stepped = t - step
+            strayed = unsettled & ~((stepped > low) & (stepped < high))
+            halved = np.where(np.isfinite(high), 0.5 * (low + high), 2.0 * t + 1.0)
+            t = np.where(strayed & ~np.isnan(t), halved, stepped)
+            if not unsettled.any():
+                break
+    return np.where(np.abs(above) < _MISS_MM, t, np.nan)

@@ -1,0 +1,104 @@
+"""The prism's faces as bounded planes: where they stand and which points lie on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from zeromethod.optics.vectors import Array, Mask, dot
+from zeromethod.rig.model import Prism
+
+
+@dataclass(frozen=True)
+class Face:
+    """A rectangle from an edge on the mirror to the apex.
+
+    Convention: `edge` (3,) is the point at y = 0 where the face meets the mirror, `along` (3,) the unit
+    vector from there to the apex, `normal` (3,) the unit normal out of the rubber. Lengths in mm.
+    """
+
+    edge: Array
+    along: Array
+    normal: Array
+    length_mm: float
+    half_width_mm: float
+
+    def depth_below(self, point: Array) -> Array:
+        """Distance (...) in mm of points (..., 3) from the face, positive on the rubber's side."""
+        return -dot(point - self.edge, self.normal)
+
+    def contains(self, point: Array) -> Mask:
+        """Whether points (..., 3) of the face's plane lie on the face, borders included; NaN does not."""
+        offset = dot(point - self.edge, self.along)
+        inside = (offset >= 0.0) & (offset <= self.length_mm)
+        return np.asarray(inside & (np.abs(point[..., 1]) <= self.half_width_mm))
+
+
+@dataclass(frozen=True)
+class PrismGeometry:
+    """The triangle P0, R0, apex of a rig's prism.
+
+    Convention: P0 = (0, 0, 0), R0 = (L0, 0, 0), rubber at z < 0; angles to the mirror in radians.
+    """
+
+    spec: Prism
+
+    @cached_property
+    def pattern_angle_rad(self) -> float:
+        """Angle alpha0 of the pattern face, at P0."""
+        return float(np.radians(self.spec.pattern_angle_deg))
+
+    @cached_property
+    def captured_angle_rad(self) -> float:
+        """Angle beta0 of the captured face, at R0."""
+        return float(np.radians(self.spec.captured_angle_deg))
+
+    @cached_property
+    def length_mm(self) -> float:
+        """Length L0 of the mirror, P0 to R0 (law of sines where the leg is given)."""
+        if self.spec.leg_mm is None:
+            assert self.spec.mirror_length_mm is not None
+            return self.spec.mirror_length_mm
+        apex = np.sin(self.pattern_angle_rad + self.captured_angle_rad)
+        return float(self.spec.leg_mm * apex / np.sin(self.captured_angle_rad))
+
+    @property
+    def half_width_mm(self) -> float:
+        """Half the prism's extent along y."""
+        return self.spec.width_mm / 2
+
+    @cached_property
+    def pattern_face(self) -> Face:
+        """Face towards the LCD, from P0 to the apex."""
+        a, b = self.pattern_angle_rad, self.captured_angle_rad
+        return Face(
+            edge=np.zeros(3),
+            along=np.array([np.cos(a), 0.0, -np.sin(a)]),
+            normal=np.array([-np.sin(a), 0.0, -np.cos(a)]),
+            length_mm=float(self.length_mm * np.sin(b) / np.sin(a + b)),
+            half_width_mm=self.half_width_mm,
+        )
+
+    @cached_property
+    def captured_face(self) -> Face:
+        """Face towards the camera, from R0 to the apex."""
+        a, b = self.pattern_angle_rad, self.captured_angle_rad
+        return Face(
+            edge=np.array([self.length_mm, 0.0, 0.0]),
+            along=np.array([-np.cos(b), 0.0, -np.sin(b)]),
+            normal=np.array([np.sin(b), 0.0, -np.cos(b)]),
+            length_mm=float(self.length_mm * np.sin(a) / np.sin(a + b)),
+            half_width_mm=self.half_width_mm,
+        )
+
+    @property
+    def apex_mm(self) -> Array:
+        """(3,) point at y = 0 where the two faces meet."""
+        face = self.pattern_face
+        return face.edge + face.length_mm * face.along
+
+    def on_mirror(self, x: Array, y: Array) -> Mask:
+        """Whether (x, y) in mm lie on the mirror, borders included; NaN does not."""
+        return np.asarray((x >= 0.0) & (x <= self.length_mm) & (np.abs(y) <= self.half_width_mm))

@@ -1,0 +1,52 @@
+"""What becomes of a camera pixel's ray."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.optics.vectors import Array
+
+
+class Lost(enum.IntEnum):
+    """Why a ray is lost; the first reason met on the way from the camera, except for BELOW_TIR.
+
+    BELOW_TIR is the least of them, named only where the ray else ends on a pixel of the LCD: light still
+    comes back, but dimmer.
+    """
+
+    NONE = 0
+    MISSES_CAPTURED_FACE = 1
+    MISSES_MIRROR = 2
+    MISSES_PATTERN_FACE = 3
+    NO_REFRACTION = 4  # totally reflected at the pattern face or in its layers
+    OFF_DISPLAY = 5  # ends beside the LCD's pixels (q still given, unless its plane is never met)
+    BELOW_TIR = 6  # the mirror reflects only a part (q given, reflectance < 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """Rays from camera pixels to the LCD; every field has the pixels' shape in front.
+
+    q: (..., 2) LCD (column, row) in px; NaN where lost before the LCD's plane.
+    point: (..., 3) where the ray meets the mirror's surface, mm; NaN where it meets none.
+    cos_incidence: (...) cosine of the angle of incidence on the mirror.
+    reflectance: (...) of the mirror for the LCD's polarisation, 0 to 1.
+    path_mm: (...) geometric length from mirror to LCD.
+    lost: (...) uint8 of `Lost`.
+    """
+
+    q: Array
+    point: Array
+    cos_incidence: Array
+    reflectance: Array
+    path_mm: Array
+    lost: NDArray[np.uint8]
+
+    @property
+    def reaches_display(self) -> NDArray[np.bool_]:
+        """(...) whether the ray ends on a pixel of the LCD, dimmed or not."""
+        return np.asarray((self.lost == Lost.NONE) | (self.lost == Lost.BELOW_TIR))

@@ -1,0 +1,157 @@
+"""Drawing the LCD's picture: the target, pulled over a mesh whose vertices lie at the warp."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.gl import program
+from zeromethod.pattern.response import TABLE_SIZE, Response
+from zeromethod.pattern.target import Target
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.jacobian import FEWEST_LCD_PX, jacobian
+
+CLEAR_LCD_PX = 6.0
+"""LCD px per carrier period from which the carrier is drawn at full contrast."""
+
+NEWTON_STEPS = 2
+"""Steps from the linear mesh to the interpolant: at 40 LCD px over sigma 32 px, one leaves 0.05 camera px."""
+
+_KINDS = ("cosines", "checker", "lattice", "noise")
+_NODES, _PLACES, _CODES, _NOISE = range(4)  # texture units
+
+
+def _triangles(columns: int, rows: int, turned: bool) -> NDArray[np.int32]:
+    """Vertex numbers of a mesh of columns x rows vertices, front faces anticlockwise on the screen."""
+    corner = np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)
+    right, below, across = corner + 1, corner + columns, corner + columns + 1
+    order = (
+        [corner, right, below, right, across, below]
+        if turned
+        else [corner, below, right, right, below, across]
+    )
+    return np.stack(order, axis=-1).astype(np.int32).ravel()
+
+
+def _set(shader: moderngl.Program, **uniforms: object) -> None:
+    """Set uniforms, but for those that the compiler dropped because this kind of target needs none."""
+    for name, value in uniforms.items():
+        if name in shader:
+            uniform = shader[name]
+            assert isinstance(uniform, moderngl.Uniform)
+            uniform.value = value
+
+
+def _texture(ctx: moderngl.Context, texels: NDArray[np.float32]) -> moderngl.Texture:
+    """Texture of (rows, cols, components) float32, read by texelFetch only."""
+    rows, cols, components = texels.shape
+    texture = ctx.texture((cols, rows), components, np.ascontiguousarray(texels).tobytes(), dtype="f4")
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture
+
+
+class PatternRenderer:
+    """Draws, for every LCD pixel, the grey code of the target's light where the warp meets that pixel.
+
+    Two passes. A mesh over the node lattice writes, to first order, which camera position an LCD pixel
+    belongs to; then every LCD pixel solves q(u, v) = pixel by Newton steps on the Keys interpolant, the
+    one that `compose` uses. (Newton in the mesh's own fragments costs twice as much on a CPU, where small
+    triangles leave most lanes idle; subdividing by 4 costs more still and is less exact.) What is
+    turned inside out against `q_rest` is not drawn. Carriers fade out between 6 and 4 LCD px per period.
+    Beside the mesh, and where the 4 x 4 nodes around hold a NaN: the mean light.
+
+    grid, q_rest: node lattice and warp at rest, (rows, cols, 2) LCD px. size: (columns, rows) of the LCD.
+    All objects live in `ctx`, which must be current in every call.
+
+    Convention: LCD row 0 is the picture's top line, so GL's *last* framebuffer row.
+    """
+
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        grid: NodeGrid,
+        q_rest: NDArray[np.float64],
+        size: tuple[int, int],
+        target: Target,
+        response: Response,
+    ) -> None:
+        self._ctx = ctx
+        self._size = size
+        self._mean = response.code(target.mean) / 255
+        rows, cols = grid.shape
+        facing = float(np.sign(np.nanmedian(np.linalg.det(jacobian(q_rest, grid.spacing_px)))))
+        mesh = program(ctx, "pattern_mesh.vert", "pattern_mesh.frag")
+        _set(mesh, nodes=_NODES, mesh_columns=cols - 2, display_px=size)
+        indices = ctx.buffer(_triangles(cols - 2, rows - 2, turned=facing < 0).tobytes())
+        self._mesh = ctx.vertex_array(mesh, [], index_buffer=indices)
+        self._box = program(
+            ctx,
+            "pattern.vert",
+            "pattern.frag",
+            STEPS=NEWTON_STEPS,
+            KIND=_KINDS.index(target.kind),
+            PERIOD=float(target.period_px),
+            SPACING=float(grid.spacing_px),
+            MEAN=target.mean,
+            CONTRAST=target.contrast,
+            FADED_PX=FEWEST_LCD_PX,
+            CLEAR_PX=CLEAR_LCD_PX,
+            CODES=TABLE_SIZE,
+        )
+        _set(self._box, nodes=_NODES, places=_PLACES, codes=_CODES, texture_of_noise=_NOISE)
+        _set(self._box, display_px=size, first_px=(grid.u_px[0], grid.v_px[0]), facing=facing)
+        self._rectangle = ctx.vertex_array(self._box, [])
+        self._pairs = np.zeros((rows, cols, 4), dtype=np.float32)
+        noise = target.texture if target.kind == "noise" else np.zeros((1, 1), dtype=np.float32)
+        self._textures = {
+            _NODES: _texture(ctx, self._pairs),
+            _PLACES: ctx.texture(size, 2, dtype="f4"),
+            _CODES: _texture(ctx, response.table[None, :, None]),
+            _NOISE: _texture(ctx, noise[..., None]),
+        }
+        self._places = ctx.framebuffer([self._textures[_PLACES]])
+        self._own: moderngl.Framebuffer | None = None
+
+    def render(self, framebuffer: moderngl.Framebuffer, q: NDArray[np.float64]) -> None:
+        """Draw the picture of warp q, (rows, cols, 2) LCD px, into a framebuffer of the LCD's size.
+
+        Nothing is read back. Red, green and blue all hold code / 255. Leaves `framebuffer` bound and
+        blending, depth test and culling off.
+        """
+        self._pairs[:, :, :2] = q
+        self._pairs[:, :-1, 2:] = self._pairs[:, 1:, :2]
+        self._textures[_NODES].write(self._pairs)
+        for unit, texture in self._textures.items():
+            texture.use(unit)
+        self._places.use()
+        self._places.clear()
+        self._ctx.enable_only(moderngl.CULL_FACE)
+        self._mesh.render(moderngl.TRIANGLES)
+        self._ctx.enable_only(moderngl.NOTHING)
+        framebuffer.use()
+        framebuffer.viewport = (0, 0, *self._size)
+        framebuffer.clear(self._mean, self._mean, self._mean, 1.0)
+        bounds = self._clip_bounds()
+        if bounds is not None:
+            _set(self._box, bounds=bounds)
+            self._rectangle.render(moderngl.TRIANGLE_STRIP, vertices=4)
+
+    def _clip_bounds(self) -> tuple[float, float, float, float] | None:
+        """Left, bottom, right, top of all nodes in clip space; None when no node has a warp."""
+        nodes = self._pairs[:, :, :2].reshape(-1, 2)
+        low, high = np.fmin.reduce(nodes), np.fmax.reduce(nodes)
+        if not np.isfinite(low + high).all():
+            return None
+        left, top = 2 * (low + 0.5) / self._size - 1
+        right, bottom = 2 * (high + 0.5) / self._size - 1
+        return float(left), float(-bottom), float(right), float(-top)
+
+    def image(self, q: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """Picture of warp q as (rows, cols) uint8 grey codes, row 0 at the top."""
+        columns, rows = self._size
+        if self._own is None:
+            self._own = self._ctx.framebuffer([self._ctx.texture(self._size, 1)])
+        self.render(self._own, q)
+        upside_down = np.frombuffer(self._own.read(components=1, alignment=1), dtype=np.uint8)
+        return np.ascontiguousarray(upside_down.reshape(rows, columns)[::-1])

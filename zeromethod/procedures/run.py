@@ -1,0 +1,211 @@
+"""Closing the loop for a while: devices opened, every frame read to depth, figures kept.
+
+The same procedure serves the simulated bench and a real one. Where the camera can tell the truth
+(`camera.truth(time_ns)`, simulated benches only) the reading is held against it afterwards.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.control import Loop, State, Step
+from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.optics import Optics, rest_surface
+from zeromethod.procedures.truth import Comparison, TruthSource, compare
+from zeromethod.rig.model import Rig
+from zeromethod.surface import Surface, SurfaceReader, peak
+from zeromethod.warp.grid import NodeGrid
+
+DEFAULT_SECONDS = 5.0
+"""How long a run lasts when neither the caller nor a simulated scenario says so."""
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """One frame's figures. Times in s from the first frame; `phase` is the scenario's, "" where unknown."""
+
+    number: int
+    time_s: float
+    phase: str
+    state: State
+    reason: str
+    events: tuple[str, ...]
+    dropped: int
+    residual_rms_px: float
+    valid_share: float
+    depth_peak_mm: float
+    loop_ms: float
+    draw_ms: float
+    read_ms: float
+    truth: Comparison | None
+    untouched_rms_nm: tuple[float, float] | None
+    """Depth rms (single frame, controller's filter) while nothing touches; truth known to be zero."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Everything about one frame that a picture of it needs; warps as displacement from rest, LCD px."""
+
+    time_s: float
+    image: NDArray[Any]
+    residual_px: NDArray[np.float64]
+    applied_px: NDArray[np.float64]
+    measured_px: NDArray[np.float64]
+    surface: Surface
+    true_depth_mm: NDArray[np.float64] | None
+
+
+@dataclass
+class RunResult:
+    """What a run leaves behind."""
+
+    rig: Rig
+    gl_renderer: str
+    records: list[FrameRecord] = field(default_factory=list)
+    before: Snapshot | None = None
+    pressed: Snapshot | None = None
+    nulled: Snapshot | None = None
+    interrupted: bool = False
+    has_phases: bool = False
+
+    @property
+    def state(self) -> State:
+        """State at the end of the run."""
+        return self.records[-1].state if self.records else State.STARTING
+
+
+class Run:
+    """One run over opened devices; iterate it for the steps, then take `result`."""
+
+    def __init__(self, rig: Rig, devices: Devices) -> None:
+        self._rig = rig
+        self._devices = devices
+        self._optics = Optics(rig)
+        self._rest = rest_surface(rig)
+        self.loop = Loop(rig, devices.camera, devices.display, devices.clock, reopen_camera=devices.reopen_camera)
+        self._grid: NodeGrid = self.loop.grid
+        self._reader = SurfaceReader(rig, self._optics, self._grid)
+        self._truth: TruthSource | None = getattr(devices.camera, "truth", None)
+        self._scenario = getattr(devices.camera, "scenario", None)
+        phases = self._scenario.phases if self._scenario is not None else ()
+        self._has_hold = any(phase.name == "hold" for phase in phases)
+        self._start_ns: int | None = None
+        self._worst_px = 0.0
+        self._deepest_mm = 0.0
+        self.result = RunResult(rig, self.loop.gl_renderer, has_phases=self._scenario is not None)
+
+    def length(self, frames: int | None = None, seconds: float | None = None) -> tuple[float, str]:
+        """How long `steps` will go on, and in which unit: "frames" or "seconds"."""
+        if frames is not None:
+            return float(frames), "frames"
+        if seconds is None:
+            seconds = self._scenario.duration_s if self._scenario is not None else DEFAULT_SECONDS
+        return seconds, "seconds"
+
+    def steps(self, frames: int | None = None, seconds: float | None = None) -> Iterator[FrameRecord]:
+        """Run for `frames` or `seconds`, or the scenario's length when neither is given."""
+        if frames is None:
+            seconds, _ = self.length(frames, seconds)
+        try:
+            for step in self.loop.run(frames=frames, seconds=seconds):
+                record = self._record(step)
+                self.result.records.append(record)
+                yield record
+        except KeyboardInterrupt:
+            self.result.interrupted = True
+
+    def _record(self, step: Step) -> FrameRecord:
+        if self._start_ns is None:
+            self._start_ns = step.time_ns
+        phase = (self._scenario.phase_at(step.time_ns) or "") if self._scenario is not None else ""
+        surface, depth_peak_mm, read_ms = None, float("nan"), float("nan")
+        truth, untouched = None, None
+        if step.measured is not None:
+            started = time.perf_counter()
+            surface = self._reader.read(step.measured)
+            depth_peak_mm = peak(surface).depth_mm
+            read_ms = 1e3 * (time.perf_counter() - started)
+            if self._truth is not None:
+                if phase == "untouched":
+                    untouched = (_rms_nm(surface), _rms_nm(self._reader.read(step.filtered)))
+                elif phase in {"hold", "slide"}:
+                    mirror = self._truth(step.time_ns)
+                    truth = compare(surface, mirror, self._optics, self._rest, self._grid)
+            self._keep(step, phase, surface, depth_peak_mm)
+        return FrameRecord(
+            number=step.number,
+            time_s=(step.time_ns - self._start_ns) * 1e-9,
+            phase=phase,
+            state=step.state,
+            reason=step.reason,
+            events=step.events,
+            dropped=step.dropped,
+            residual_rms_px=step.residual_rms_px,
+            valid_share=step.valid_share,
+            depth_peak_mm=depth_peak_mm,
+            loop_ms=step.loop_ms,
+            draw_ms=step.draw_ms,
+            read_ms=read_ms,
+            truth=truth,
+            untouched_rms_nm=untouched,
+        )
+
+    def _keep(self, step: Step, phase: str, surface: Surface, depth_peak_mm: float) -> None:
+        """Keep the frames that the figure shows: before the touch, at its worst, nulled."""
+        result = self.result
+        settled = step.state in {State.LOCKED, State.RESTING}
+        if settled and (phase == "untouched" if self._scenario is not None else result.before is None):
+            result.before = self._snapshot(step, surface)
+        if result.before is not None and step.residual_rms_px > self._worst_px:
+            self._worst_px = step.residual_rms_px
+            result.pressed = self._snapshot(step, surface)
+        held = phase == "hold" if self._has_hold else abs(depth_peak_mm) >= self._deepest_mm
+        if settled and held:
+            self._deepest_mm = abs(depth_peak_mm)
+            result.nulled = self._snapshot(step, surface)
+
+    def _snapshot(self, step: Step, surface: Surface) -> Snapshot:
+        assert step.measured is not None and step.residual is not None and self._start_ns is not None
+        true_depth = None
+        if self._truth is not None:
+            true_depth = self._truth(step.time_ns).depth(
+                np.nan_to_num(surface.x_mm), np.nan_to_num(surface.y_mm)
+            )
+        return Snapshot(
+            time_s=(step.time_ns - self._start_ns) * 1e-9,
+            image=step.image.copy(),
+            residual_px=step.residual.d.copy(),
+            applied_px=step.shown_q - self.loop.q_rest,
+            measured_px=step.measured.q - self.loop.q_rest,
+            surface=surface,
+            true_depth_mm=true_depth,
+        )
+
+
+def _rms_nm(surface: Surface) -> float:
+    return 1e6 * float(np.sqrt(np.mean(surface.depth_mm[surface.valid] ** 2)))
+
+
+def run(
+    rig: Rig,
+    *,
+    frames: int | None = None,
+    seconds: float | None = None,
+    on_frame: Callable[[FrameRecord], None] = lambda record: None,
+) -> RunResult:
+    """Open the rig's devices, close the loop for a while, read every frame, close the devices.
+
+    Ctrl-C ends the run early with `interrupted` set and everything so far kept. Raises InputError for
+    devices that cannot be opened.
+    """
+    with open_devices(rig) as devices:
+        session = Run(rig, devices)
+        for record in session.steps(frames, seconds):
+            on_frame(record)
+        return session.result

@@ -1,0 +1,109 @@
+"""The figures of a run, as `--summary` writes them and the terminal prints them."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterable
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from zeromethod.control import LOCK_FRAMES, LOCK_RESIDUAL_PX
+from zeromethod.procedures.run import FrameRecord, RunResult
+
+Figures = dict[str, Any]
+
+_LIBRARIES = ("zeromethod", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "moderngl")
+
+
+def lock_frames(records: list[FrameRecord], phase: str = "hold") -> int | None:
+    """Frames from the start of `phase` (of the run, where there is none) to the first locked one.
+
+    Locked: residual rms below 0.05 camera px for three frames running; the first of the three counts.
+    None: never locked.
+    """
+    inside = [record for record in records if record.phase == phase] or records
+    run_length = 0
+    for index, record in enumerate(inside):
+        run_length = run_length + 1 if record.residual_rms_px < LOCK_RESIDUAL_PX else 0
+        if run_length == LOCK_FRAMES:
+            return index - LOCK_FRAMES + 2
+    return None
+
+
+def _percentiles(values: Iterable[float]) -> Figures:
+    finite = [value for value in values if np.isfinite(value)]
+    if not finite:
+        return {"median": None, "p99": None}
+    return {"median": float(np.median(finite)), "p99": float(np.percentile(finite, 99))}
+
+
+def _against_truth(records: list[FrameRecord], phase: str) -> Figures | None:
+    """Errors over one phase: the peak's worst frame, rms over all nodes and frames."""
+    errors = [record.truth for record in records if record.phase == phase and record.truth is not None]
+    if not errors:
+        return None
+    peak_errors = np.array([error.depth_peak_error_percent for error in errors])
+
+    def rms(values: list[float]) -> float:
+        return float(np.sqrt(np.mean(np.square(values))))
+
+    return {
+        "frames": len(errors),
+        "depth_peak_mm": float(np.median([error.depth_peak_mm for error in errors])),
+        "depth_peak_error_percent": float(peak_errors[np.argmax(np.abs(peak_errors))]),
+        "depth_peak_error_mean_percent": float(np.mean(peak_errors)),
+        "depth_rms_error_um": rms([error.depth_rms_error_um for error in errors]),
+        "slope_rms_error_mrad": rms([error.slope_rms_error_mrad for error in errors]),
+        "usable_share": float(np.mean([error.usable_share for error in errors])),
+        "valid_share": float(np.min([error.valid_share for error in errors])),
+    }
+
+
+def _untouched(records: list[FrameRecord]) -> Figures | None:
+    values = [record.untouched_rms_nm for record in records if record.untouched_rms_nm is not None]
+    if not values:
+        return None
+    single, filtered = np.median(np.array(values), axis=0)
+    return {"frames": len(values), "depth_rms_nm": float(single), "depth_filtered_rms_nm": float(filtered)}
+
+
+def summarise(result: RunResult) -> Figures:
+    """All figures of a run. Keys ending in a unit carry it; None where nothing could be measured."""
+    records = result.records
+    hold = [record for record in records if record.phase == "hold"] or records[-1:]
+    truth = _against_truth(records, "hold")
+    events: dict[str, int] = {}
+    for record in records:
+        for event in record.events:
+            events[event] = events.get(event, 0) + 1
+    residuals = [record.residual_rms_px for record in hold if np.isfinite(record.residual_rms_px)]
+    depths = [record.depth_peak_mm for record in hold if np.isfinite(record.depth_peak_mm)]
+    return {
+        "rig": result.rig.name,
+        "press": result.rig.press,
+        "controller": result.rig.control.controller,
+        "gain": result.rig.control.gain,
+        "seed": result.rig.simulation.seed,
+        "frames": len(records),
+        "dropped": sum(record.dropped for record in records),
+        "interrupted": result.interrupted,
+        "state": str(result.state),
+        "reason": records[-1].reason if records else "",
+        "events": events,
+        "lock_frames": lock_frames(records),
+        "residual_px_rms": float(np.median(residuals)) if residuals else None,
+        "usable_share": truth["usable_share"] if truth else None,
+        "valid_share": truth["valid_share"] if truth else (records[-1].valid_share if records else None),
+        "depth_peak_mm": float(np.median(depths)) if depths else None,
+        "loop_ms": _percentiles(record.loop_ms for record in records),
+        "draw_ms": _percentiles(record.draw_ms for record in records),
+        "read_ms": _percentiles(record.read_ms for record in records),
+        "truth": truth,
+        "truth_slide": _against_truth(records, "slide"),
+        "untouched": _untouched(records),
+        "gl_renderer": result.gl_renderer,
+        "python": platform.python_version(),
+        "versions": {name: version(name) for name in _LIBRARIES},
+    }

@@ -1,0 +1,106 @@
+"""Holding a reading against the planted truth of a simulated bench.
+
+Only reports look at the truth; nothing here feeds back into the loop or the reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.optics import Dented, HeightField, Lost, Optics
+from zeromethod.surface import Surface, peak
+from zeromethod.warp.grid import NodeGrid
+
+Array = NDArray[np.float64]
+
+
+class TrueMirror(Protocol):
+    """The mirror at one instant, as a simulated bench knows it."""
+
+    def depth(self, x: Array, y: Array) -> Array:
+        """Depth in mm, positive into the rubber."""
+
+    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """(dd/dx, dd/dy)."""
+
+    def reflectance_factor(self, x: Array, y: Array) -> Array:
+        """1 where nothing touches, less where an object takes the light."""
+
+
+TruthSource = Callable[[int], TrueMirror]
+"""Mirror at a time in ns."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One frame's reading against the truth at its mid-exposure, over usable nodes."""
+
+    depth_peak_mm: float
+    depth_peak_error_percent: float
+    depth_rms_error_um: float
+    slope_rms_error_mrad: float
+    usable_share: float
+    valid_share: float
+
+
+def usable_nodes(optics: Optics, rest: HeightField, grid: NodeGrid, truth: TrueMirror) -> NDArray[np.bool_]:
+    """(rows, cols) nodes whose true ray is totally reflected and lands a carrier period inside the LCD."""
+    u, v = grid.mesh()
+    trace = optics.trace(u, v, Dented(rest, truth))
+    whole = (trace.lost == Lost.NONE) & (trace.reflectance > 1 - 1e-9)
+    x, y = trace.point[..., 0], trace.point[..., 1]
+    touched = np.zeros_like(whole)
+    touched[whole] = truth.reflectance_factor(x[whole], y[whole]) < 1
+    stretch = np.linalg.norm(np.gradient(trace.q, grid.spacing_px, axis=(0, 1)), axis=-1).max(axis=0)
+    margin = grid.period_px * np.nan_to_num(stretch, nan=np.inf)
+    size = np.array([optics.rig.display.columns, optics.rig.display.rows])
+    with np.errstate(invalid="ignore"):
+        inside = np.all((trace.q >= margin[..., None]) & (trace.q <= size - 1 - margin[..., None]), axis=-1)
+    measurable = np.zeros_like(whole)
+    measurable[grid.inner] = True
+    usable: NDArray[np.bool_] = whole & ~touched & inside & measurable
+    return usable
+
+
+def true_peak_mm(truth: TrueMirror, x: Array, y: Array) -> float:
+    """Deepest true depth near the points (x, y), refined between them to 1e-6 of itself."""
+    depth = truth.depth(x, y)
+    at = int(np.argmax(np.abs(depth)))
+    x0, y0, best = x[at], y[at], float(depth[at])
+    half = 1.0
+    while half > 1e-3:
+        step = np.linspace(-half, half, 11)
+        dx, dy = np.meshgrid(step, step)
+        around = truth.depth(x0 + dx, y0 + dy)
+        index = np.unravel_index(np.argmax(np.abs(around)), around.shape)
+        x0, y0, best = x0 + dx[index], y0 + dy[index], float(around[index])
+        half /= 4
+    return best
+
+
+def compare(
+    surface: Surface, truth: TrueMirror, optics: Optics, rest: HeightField, grid: NodeGrid
+) -> Comparison:
+    """Errors of `surface` against `truth`; depth and slope are compared at the points as read."""
+    usable = usable_nodes(optics, rest, grid, truth)
+    both = usable & surface.valid
+    x, y = surface.x_mm[both], surface.y_mm[both]
+    depth_error = surface.depth_mm[both] - truth.depth(x, y)
+    slope_error = surface.slope[both] - np.stack(truth.slope(x, y), axis=-1)
+    peak_true = true_peak_mm(truth, x, y)
+    peak_read = peak(surface).depth_mm
+    share = 100 * (peak_read - peak_true) / peak_true if peak_true else float("nan")
+    inner = grid.inner
+    return Comparison(
+        depth_peak_mm=peak_true,
+        depth_peak_error_percent=share,
+        depth_rms_error_um=1e3 * float(np.sqrt(np.mean(depth_error**2))),
+        slope_rms_error_mrad=1e3 * float(np.sqrt(np.mean(np.sum(slope_error**2, axis=-1)))),
+        usable_share=float(np.mean(usable[inner])),
+        valid_share=float(np.sum(both) / max(np.sum(usable), 1)),
+    )

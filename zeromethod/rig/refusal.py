@@ -1,0 +1,150 @@
+"""Why a rig file is refused, in one line a lab person can act on: key, value, what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin
+
+from annotated_types import Ge, Gt, Le, Lt, MinLen, MultipleOf
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+_LONGEST = 60
+_NAMES: dict[Any, str] = {
+    float: "a number",
+    int: "a whole number",
+    str: "text",
+    bool: "true or false",
+    Path: "a file name",
+}
+_BOUNDS: dict[type, tuple[str, str]] = {
+    Gt: ("gt", "above"),
+    Ge: ("ge", "at least"),
+    Lt: ("lt", "below"),
+    Le: ("le", "at most"),
+    MultipleOf: ("multiple_of", "a multiple of"),
+}
+
+
+def refused(key: str, value: object, allowed: str) -> PydanticCustomError:
+    """Error of a rule between keys: which key of the table, its value (None: not given), what is allowed."""
+    return PydanticCustomError("rig", "{allowed}", {"key": key, "value": value, "allowed": allowed})
+
+
+def shown(value: object) -> str:
+    """Value as a TOML file would have it, on one line, shortened."""
+    if isinstance(value, Mapping):
+        return "a table"
+    try:
+        text = json.dumps(value, default=str, ensure_ascii=False)
+    except ValueError:
+        text = repr(value)
+    text = text.replace("NaN", "nan").replace("Infinity", "inf")
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+
+
+def _split(annotation: Any) -> tuple[Any, list[Any]]:
+    """Type and bounds of an annotation, `| None` taken off (TOML cannot say None)."""
+    bounds: list[Any] = []
+    while True:
+        if hasattr(annotation, "__metadata__"):
+            for item in annotation.__metadata__:
+                bounds += item.metadata if isinstance(item, FieldInfo) else [item]
+            annotation = annotation.__origin__
+        elif get_origin(annotation) in (Union, UnionType):
+            annotation = next(a for a in get_args(annotation) if a is not NoneType)
+        else:
+            return annotation, bounds
+
+
+def allowed(annotation: Any, more: list[Any] | None = None) -> str:
+    """Say what a field of this annotation takes, e.g. "a number above 0"."""
+    kind, bounds = _split(annotation)
+    bounds = bounds + (more or [])
+    if get_origin(kind) is Literal:
+        values = [shown(v) for v in get_args(kind)]
+        return values[0] if len(values) == 1 else "one of " + ", ".join(values)
+    if get_origin(kind) is tuple:
+        items = get_args(kind)
+        if items[-1] is Ellipsis:
+            return f"a list, each {allowed(items[0])}"
+        one = allowed(items[0])
+        each = "" if one == "a number" else f", each {one}"
+        return f"a list of {len(items)} numbers{each}"
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return "a table"
+    words = []
+    for bound in bounds:
+        if type(bound) in _BOUNDS:
+            attribute, word = _BOUNDS[type(bound)]
+            words.append(f"{word} {getattr(bound, attribute):g}")
+        elif isinstance(bound, MinLen):
+            words.append("that is not empty")
+    name = _NAMES.get(kind, "a value")
+    return f"{name} {' and '.join(words)}" if words else name
+
+
+def _field(model: type[BaseModel], place: tuple[int | str, ...]) -> str:
+    """Say what is allowed at a place in a model, e.g. ("camera", "focal_px", 1)."""
+    annotation: Any = model
+    bounds: list[Any] = []
+    for step in place:
+        kind, _ = _split(annotation)
+        bounds = []
+        if isinstance(step, int):
+            items = get_args(kind)
+            annotation = items[0] if items[-1] is Ellipsis else items[min(step, len(items) - 1)]
+        elif isinstance(kind, type) and issubclass(kind, BaseModel) and step in kind.model_fields:
+            field = kind.model_fields[step]
+            annotation, bounds = field.annotation, field.metadata
+        else:
+            break
+    return allowed(annotation, bounds)
+
+
+def dotted(place: tuple[int | str, ...]) -> str:
+    """Name of a place as the messages and `save_values` have it, e.g. "pattern_layers[0].index"."""
+    text = ""
+    for step in place:
+        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
+    return text
+
+
+def unknown_key(place: tuple[int | str, ...], known: list[str]) -> str:
+    """Refusal of a key that nobody knows, with the nearest one that is known."""
+    nearest = difflib.get_close_matches(str(place[-1]), known, n=1)
+    hint = f"did you mean {nearest[0]}?" if nearest else f"known are {', '.join(known)}"
+    return f"{dotted(place)}: unknown key: {hint}"
+
+
+def _known(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
+    annotation: Any = model
+    for step in place:
+        kind, _ = _split(annotation)
+        annotation = get_args(kind)[0] if isinstance(step, int) else kind.model_fields[step].annotation
+    return list(_split(annotation)[0].model_fields)
+
+
+def _told(model: type[BaseModel], detail: ErrorDetails) -> str:
+    place = detail["loc"]
+    if detail["type"] == "extra_forbidden":
+        return unknown_key(place, _known(model, place[:-1]))
+    if detail["type"] == "rig":
+        rule = detail["ctx"]
+        place = (*place, rule["key"])
+        value = "missing" if rule["value"] is None else shown(rule["value"])
+        return f"{dotted(place)}: {value}: {rule['allowed']}"
+    value = "missing" if detail["type"] == "missing" else shown(detail["input"])
+    return f"{dotted(place)}: {value}: {_field(model, place)}"
+
+
+def first_refusal(error: ValidationError, model: type[BaseModel]) -> str:
+    """First complaint as "key: value: what is allowed"; a misspelt key goes before the key it left out."""
+    details = error.errors(include_url=False)
+    unknown = [detail for detail in details if detail["type"] == "extra_forbidden"]
+    return _told(model, (unknown or details)[0])

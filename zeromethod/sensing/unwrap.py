@@ -1,0 +1,369 @@
+"""Spatial phase unwrapping: which period of the carrier each node sees, after a sudden press.
+
+A flood over the lattice of valid nodes, least doubtful edge first (steepness and sigma), carries the order
+from node to node; both components together. What the flood cannot know is flagged AMBIGUOUS: nodes round
+a residue (the order differs with the path), nodes beside an edge that disagrees with the flood, regions
+whose absolute order nothing settles. The absolute order of a connected region comes from a guess of the
+displacement, where most of the region lies within a quarter period of it, else from its share of the
+border of the view, which is taken to be quiet: the order that most of these nodes have nearest to zero.
+
+Quality-guided path following: Ghiglia and Pritt, Two-Dimensional Phase Unwrapping, Wiley 1998, chapter 4.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.grid import PADDING, NodeGrid
+from zeromethod.warp.validity import Flag
+
+AMBIGUOUS = int(Flag.AMBIGUOUS)
+STEEPEST = 0.9
+"""Edges steeper than this share of half a period (noise included) carry no order."""
+BORDER_SHARE = 0.25
+"""A region's border nodes settle its order only when they are this share of all border nodes."""
+MOST_ORDERS = 64
+"""Orders beyond +- this many periods are not counted."""
+
+BLOCKED = 255
+Doubles = NDArray[np.float64]
+Flags = NDArray[np.uint16]
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int32]
+Jumps = NDArray[np.int8]
+
+
+class Unwrapper:
+    """Work space for one grid. `diagonal`: the residual comes as displacements along u + v and u - v."""
+
+    def __init__(self, grid: NodeGrid, *, diagonal: bool) -> None:
+        rows, cols = (n - 2 * PADDING for n in grid.shape)
+        self._period = float(grid.period_px)
+        self._diagonal = diagonal
+        self._jumps = np.zeros((2, rows, cols, 2), np.int8)
+        self._costs = np.full((2, rows, cols), BLOCKED, np.uint8)
+        self._label = np.zeros((rows, cols), np.int32)
+        self._order = np.zeros((rows, cols, 2), np.int32)
+        self._border = np.zeros((rows, cols), np.uint8)
+        self._head = np.full(BLOCKED, -1, np.int32)
+        self._next = np.zeros(4 * rows * cols, np.int32)
+        self._path = np.zeros(rows * cols, np.int32)
+        self._votes = np.zeros((2, 2 * MOST_ORDERS + 1), np.int32)
+        self._no_guess = np.zeros((0, 0, 2))
+
+    def unwrap(self, residual: Residual, guess: Doubles | None = None) -> None:
+        """Unwrap `residual.d` in place and flag what stays ambiguous; near null nothing needs doing."""
+        if not _is_near_null(residual.d, residual.flags, self._period):
+            _unwrap(
+                residual.d,
+                residual.sigma,
+                residual.flags,
+                self._no_guess if guess is None else self._to_carriers(guess),
+                self._period,
+                self._jumps,
+                self._costs,
+                self._label,
+                self._order,
+                self._border,
+                self._head,
+                self._next,
+                self._path,
+                self._votes,
+            )
+        if self._diagonal:
+            _from_diagonal(residual.d)
+
+    def _to_carriers(self, guess: Doubles) -> Doubles:
+        guess = np.ascontiguousarray(guess, dtype=np.float64)
+        if not self._diagonal:
+            return guess
+        return np.stack([guess[..., 0] + guess[..., 1], guess[..., 0] - guess[..., 1]], axis=-1)
+
+
+@numba.njit(cache=True)
+def _is_near_null(d: Doubles, flags: Flags, period: float) -> bool:
+    """All within a quarter period, so that no edge jumps, and too few holes to cut a region off."""
+    holes, limit = 0, period / 4
+    for row in range(PADDING, d.shape[0] - PADDING):
+        far = 0
+        for col in range(PADDING, d.shape[1] - PADDING):
+            good = flags[row, col] == 0
+            holes += not good
+            far += good and max(abs(d[row, col, 0]), abs(d[row, col, 1])) > limit
+        if far > 0 or holes > 3:
+            return False
+    return True
+
+
+@numba.njit(cache=True)
+def _from_diagonal(d: Doubles) -> None:
+    for row in range(PADDING, d.shape[0] - PADDING):
+        for col in range(PADDING, d.shape[1] - PADDING):
+            p, m = d[row, col, 0], d[row, col, 1]
+            d[row, col, 0], d[row, col, 1] = 0.5 * (p + m), 0.5 * (p - m)
+
+
+@numba.njit(cache=True)
+def _rate_edges(d: Doubles, sigma: Doubles, flags: Flags, period: float, jumps: Jumps, costs: Bytes) -> None:
+    """Jump (periods) and doubt (0..254, or BLOCKED) of every edge: to the right (0), downwards (1)."""
+    rows, cols = costs.shape[1:]
+    scale, inverse = 508.0 / period, 1.0 / period
+    highest = int(STEEPEST * 254)
+    for r in range(rows):
+        for c in range(cols):
+            a, b = r + PADDING, c + PADDING
+            for way in range(2):
+                costs[way, r, c] = BLOCKED
+                jumps[way, r, c, 0], jumps[way, r, c, 1] = 0, 0
+                p, q = (a, b + 1) if way == 0 else (a + 1, b)
+                if flags[a, b] | flags[p, q]:
+                    continue
+                steep = 0.0
+                for k in range(2):
+                    step = d[p, q, k] - d[a, b, k]
+                    jump = -np.rint(step * inverse)
+                    jumps[way, r, c, k] = int(jump)
+                    doubt = sigma[a, b, k] + sigma[p, q, k]
+                    steep = max(steep, abs(step + jump * period) + doubt)
+                cost = int(steep * scale)
+                if cost <= highest:
+                    costs[way, r, c] = cost
+
+
+@numba.njit(cache=True)
+def _drop_residues(flags: Flags, jumps: Jumps, costs: Bytes) -> None:
+    """Flag the four nodes of every mesh whose jumps do not close, and block their edges."""
+    rows, cols = costs.shape[1:]
+    for r in range(rows - 1):
+        for c in range(cols - 1):
+            for k in range(2):
+                turn = jumps[0, r, c, k] + jumps[1, r, c + 1, k] - jumps[0, r + 1, c, k] - jumps[1, r, c, k]
+                whole = (
+                    not (
+                        flags[r + PADDING, c + PADDING]
+                        | flags[r + PADDING, c + PADDING + 1]
+                        | flags[r + PADDING + 1, c + PADDING]
+                        | flags[r + PADDING + 1, c + PADDING + 1]
+                    )
+                    & ~AMBIGUOUS
+                )
+                if turn != 0 and whole:
+                    for y in (r, r + 1):
+                        for x in (c, c + 1):
+                            flags[y + PADDING, x + PADDING] |= AMBIGUOUS
+    for r in range(rows):
+        for c in range(cols):
+            here = flags[r + PADDING, c + PADDING]
+            if (here | flags[r + PADDING, c + PADDING + 1]) & AMBIGUOUS:
+                costs[0, r, c] = BLOCKED
+            if (here | flags[r + PADDING + 1, c + PADDING]) & AMBIGUOUS:
+                costs[1, r, c] = BLOCKED
+
+
+@numba.njit(cache=True)
+def _mark_border(flags: Flags, border: Bytes, stack: Ints) -> int:
+    """Mark (1) the valid nodes at the frame, or beside invalid nodes connected to it; return how many."""
+    rows, cols = border.shape
+    border[:] = 0
+    count, top = 0, 0
+    for r in range(rows):
+        step = 1 if r in (0, rows - 1) else max(cols - 1, 1)
+        for c in range(0, cols, step):
+            if flags[r + PADDING, c + PADDING] & ~AMBIGUOUS == 0:
+                border[r, c] = 1
+                count += 1
+            elif border[r, c] == 0:
+                border[r, c] = 2
+                stack[top] = r * cols + c
+                top += 1
+    while top > 0:
+        top -= 1
+        r, c = stack[top] // cols, stack[top] % cols
+        for y in range(max(r - 1, 0), min(r + 2, rows)):
+            for x in range(max(c - 1, 0), min(c + 2, cols)):
+                if border[y, x] == 0:
+                    if flags[y + PADDING, x + PADDING] & ~AMBIGUOUS == 0:
+                        border[y, x] = 1
+                        count += 1
+                    else:
+                        border[y, x] = 2
+                        stack[top] = y * cols + x
+                        top += 1
+    return count
+
+
+@numba.njit(cache=True)
+def _flood(
+    seed: int,
+    mark: int,
+    jumps: Jumps,
+    costs: Bytes,
+    label: Ints,
+    order: Ints,
+    head: Ints,
+    after: Ints,
+    path: Ints,
+) -> int:
+    """Carry the order from `seed` through its region; `path` receives its nodes; return how many.
+
+    The queue of edges is 255 stacks (`head`, empty before and after), one per doubt; an edge is
+    4 x its source + its way.
+    """
+    cols = label.shape[1]
+    lowest, count = BLOCKED, 0
+    node = seed
+    r, c = node // cols, node % cols
+    order[r, c, 0], order[r, c, 1] = 0, 0
+    while True:
+        label[r, c] = mark
+        path[count] = node
+        count += 1
+        for way in range(4):
+            y, x = r - (way == 3), c - (way == 2)
+            if y < 0 or x < 0:
+                continue
+            cost = costs[way & 1, y, x]
+            to_r, to_c = r + (way == 1) - (way == 3), c + (way == 0) - (way == 2)
+            if cost == BLOCKED or label[to_r, to_c] != 0:
+                continue
+            edge = 4 * node + way
+            after[edge] = head[cost]
+            head[cost] = edge
+            lowest = min(lowest, cost)
+        found = False
+        while lowest < BLOCKED and not found:
+            edge = head[lowest]
+            if edge < 0:
+                lowest += 1
+                continue
+            head[lowest] = after[edge]
+            way, source = edge & 3, edge >> 2
+            y, x = source // cols, source % cols
+            r, c = y + (way == 1) - (way == 3), x + (way == 0) - (way == 2)
+            if label[r, c] == 0:
+                found = True
+                node = r * cols + c
+                ey, ex, sign = (y, x, 1) if way < 2 else (r, c, -1)
+                for k in range(2):
+                    order[r, c, k] = order[y, x, k] + sign * jumps[way & 1, ey, ex, k]
+        if not found:
+            return count
+
+
+@numba.njit(cache=True)
+def _winner(votes: Ints) -> tuple[int, int]:
+    """(order, votes for it) of one component's count."""
+    best = int(np.argmax(votes))
+    return best - MOST_ORDERS, int(votes[best])
+
+
+@numba.njit(cache=True)
+def _order_from_guess(
+    d: Doubles, guess: Doubles, period: float, order: Ints, path: Ints, votes: Ints
+) -> tuple[bool, int, int]:
+    """Order to add so that most of the region lies next to the guess; False when it does not."""
+    cols = order.shape[1]
+    votes[:] = 0
+    asked = 0
+    for node in path:
+        r, c = node // cols, node % cols
+        a, b = r + PADDING, c + PADDING
+        gu, gv = guess[a, b, 0], guess[a, b, 1]
+        if np.isfinite(gu) and np.isfinite(gv):
+            asked += 1
+            for k in range(2):
+                miss = (guess[a, b, k] - d[a, b, k]) / period - order[r, c, k]
+                turn = int(np.rint(miss))
+                if abs(miss - turn) < 0.25 and abs(turn) <= MOST_ORDERS:
+                    votes[k, turn + MOST_ORDERS] += 1
+    (nu, most_u), (nv, most_v) = _winner(votes[0]), _winner(votes[1])
+    return 2 * min(most_u, most_v) > asked, nu, nv
+
+
+@numba.njit(cache=True)
+def _order_from_border(
+    d: Doubles, period: float, order: Ints, border: Bytes, border_nodes: int, path: Ints, votes: Ints
+) -> tuple[bool, int, int]:
+    """Order to add so that most of the region's border nodes are nearest zero; False when too few."""
+    cols = order.shape[1]
+    votes[:] = 0
+    asked = 0
+    for node in path:
+        r, c = node // cols, node % cols
+        if border[r, c] == 1:
+            asked += 1
+            for k in range(2):
+                turn = int(np.rint(-d[r + PADDING, c + PADDING, k] / period)) - order[r, c, k]
+                if abs(turn) <= MOST_ORDERS:
+                    votes[k, turn + MOST_ORDERS] += 1
+    (nu, most_u), (nv, most_v) = _winner(votes[0]), _winner(votes[1])
+    return asked >= BORDER_SHARE * border_nodes and 2 * min(most_u, most_v) > asked, nu, nv
+
+
+@numba.njit(cache=True)
+def _flag_disagreement(flags: Flags, jumps: Jumps, costs: Bytes, label: Ints, order: Ints) -> None:
+    """Flag both ends of every edge whose own jump is not the one that the flood found."""
+    rows, cols = label.shape
+    for r in range(rows):
+        for c in range(cols):
+            for way in range(2):
+                if costs[way, r, c] == BLOCKED:
+                    continue
+                y, x = (r, c + 1) if way == 0 else (r + 1, c)
+                for k in range(2):
+                    if order[y, x, k] - order[r, c, k] != jumps[way, r, c, k]:
+                        flags[r + PADDING, c + PADDING] |= AMBIGUOUS
+                        flags[y + PADDING, x + PADDING] |= AMBIGUOUS
+
+
+@numba.njit(cache=True)
+def _unwrap(
+    d: Doubles,
+    sigma: Doubles,
+    flags: Flags,
+    guess: Doubles,
+    period: float,
+    jumps: Jumps,
+    costs: Bytes,
+    label: Ints,
+    order: Ints,
+    border: Bytes,
+    head: Ints,
+    after: Ints,
+    path: Ints,
+    votes: Ints,
+) -> None:
+    rows, cols = label.shape
+    _rate_edges(d, sigma, flags, period, jumps, costs)
+    _drop_residues(flags, jumps, costs)
+    border_nodes = _mark_border(flags, border, path)
+    label[:] = 0
+    order[:] = 0
+    mark = 0
+    for seed in range(rows * cols):
+        r, c = seed // cols, seed % cols
+        if label[r, c] != 0 or flags[r + PADDING, c + PADDING] != 0:
+            continue
+        mark += 1
+        count = _flood(seed, mark, jumps, costs, label, order, head, after, path)
+        region = path[:count]
+        settled, nu, nv = False, 0, 0
+        if guess.size > 0:
+            settled, nu, nv = _order_from_guess(d, guess, period, order, region, votes)
+        if not settled:
+            settled, nu, nv = _order_from_border(d, period, order, border, border_nodes, region, votes)
+        for node in region:
+            y, x = node // cols, node % cols
+            order[y, x, 0] += nu
+            order[y, x, 1] += nv
+            if not settled:
+                flags[y + PADDING, x + PADDING] |= AMBIGUOUS
+    _flag_disagreement(flags, jumps, costs, label, order)
+    for r in range(rows):
+        for c in range(cols):
+            if label[r, c] != 0:
+                for k in range(2):
+                    d[r + PADDING, c + PADDING, k] += period * order[r, c, k]

@@ -1,0 +1,56 @@
+"""The sensing window: triangle = box * box, both exactly one period wide.
+
+Weights w_k = (P - |k|) / P^2, |k| < P, sum 1, on each axis. Its transfer function has a *double* zero at
+every harmonic of the carrier, so that neither the mean nor its gradient nor the carrier's harmonics reach
+the residual (a single box leaks 0.135 px at a brightness gradient of 0.2 %/px).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def triangle(period_px: int) -> NDArray[np.float64]:
+    """(2 P - 1,) weights of the window along one axis, offsets -(P - 1) .. P - 1 px; sum 1."""
+    offset = np.arange(1 - period_px, period_px)
+    return (period_px - np.abs(offset)) / period_px**2
+
+
+def transfer(period_px: int, cycles_per_px: ArrayLike) -> NDArray[np.float64]:
+    """Response of the residual (one axis) to a displacement of that frequency near null, 0..1.
+
+    W(f) = (sin(pi f P) / (P sin(pi f)))^2; the two axes multiply. Modes where W is near 0 are not seen.
+    """
+    f = np.asarray(cycles_per_px, dtype=float)
+    kernel = np.sinc(f * period_px) / np.sinc(f)
+    return np.asarray(kernel**2)
+
+
+def curvature_bias_px2(period_px: int) -> float:
+    """Bias of one linear step per Laplacian of the displacement: (P^2 - 1) / 12, px^2.
+
+    The measured d is the window's average of the phase, so that d_measured - d = (P^2 - 1)/12 x
+    (d_uu + d_vv) + higher orders. It vanishes with d itself: at the null the loop has no such bias.
+    """
+    return (period_px**2 - 1) / 12
+
+
+def noise_correlation(period_px: int, nodes: ArrayLike) -> NDArray[np.float64]:
+    """Correlation of one component's noise between nodes that many nodes apart on one axis.
+
+    The window's autocorrelation at `nodes` x P/2: 1, 0.72, 0.25, 0.03, 0 for 0 to 4 nodes (the
+    cubic B-spline of P -> infinity: 1, 23/32, 1/4, 1/32); the two axes multiply, the two components are
+    independent. (The carrier's own part, below 4 %, depends on its phase and is left out.)
+    """
+    w = triangle(period_px)
+    full = np.correlate(w, w, mode="full") / float(w @ w)
+    lag = np.abs(np.rint(np.asarray(nodes, dtype=float) * (period_px // 2)).astype(int))
+    return np.asarray(np.where(lag < len(w), full[len(w) - 1 + np.minimum(lag, len(w) - 1)], 0.0))
+
+
+def carrier_power(period_px: int) -> NDArray[np.float64]:
+    """(4,) sums of w_k^2 cos(2 pi n k / P) for n = 0..3: how the carrier shapes the noise gain."""
+    offset = np.arange(1 - period_px, period_px)
+    turns = np.outer(np.arange(4), offset) / period_px
+    return np.asarray(np.cos(2 * np.pi * turns) @ triangle(period_px) ** 2)

@@ -1,0 +1,131 @@
+"""The simulated camera: frames on its own clock, of the simulated display by way of the mirror."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.clock import Clock
+from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
+from zeromethod.errors import InputError
+from zeromethod.rig.model import Rig
+from zeromethod.simulation.display import SimulatedDisplay
+from zeromethod.simulation.exposure import exposure_pieces
+from zeromethod.simulation.faults import Delivery
+from zeromethod.simulation.press import Mirror
+from zeromethod.simulation.scenario import Scenario, load_scenario
+from zeromethod.simulation.sensor import Sensor
+
+
+class SimulatedCamera:
+    """A `Camera` that looks at a `SimulatedDisplay`.
+
+    Frame n starts at (phase + n) / rate plus jitter, whoever reads or not; numbers count from time 0 of the
+    clock. Only frames that `read` returns are drawn, and a frame depends on its number and on what was
+    shown, not on which frames were read before. Opening anew after a loss goes on with the same count.
+    """
+
+    def __init__(self, rig: Rig, clock: Clock, display: object) -> None:
+        """Open; raises InputError for a foreign display or a bad press file, CameraLost while it is gone."""
+        if not isinstance(display, SimulatedDisplay):
+            kind = type(display).__name__
+            raise InputError(f"camera.driver: simulated: sees only display.driver 'simulated', not {kind}")
+        self._rig = rig
+        self._clock = clock
+        self._display = display
+        self.scenario: Scenario = load_scenario(rig.press)
+        self._delivery = Delivery(rig)
+        self._sensor = Sensor(rig)
+        self._closed = False
+        opened_ns = clock.now_ns()
+        if self._delivery.gone(opened_ns):
+            raise CameraLost("the simulated camera is gone")
+        lost_ns = self._delivery.lost_at()
+        self._lost_ns = lost_ns if lost_ns is not None and opened_ns < lost_ns else None
+        self._last = self._delivery.first_from(opened_ns) - 1
+        self._keep_pictures()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols) of every frame."""
+        return self._rig.camera.rows, self._rig.camera.columns
+
+    @property
+    def bits(self) -> int:
+        """Significant bits per pixel."""
+        return self._rig.camera.bits
+
+    def truth(self, time_ns: int) -> Mirror:
+        """Return the mirror as it truly is at `time_ns`."""
+        return self.scenario.mirror_at(time_ns)
+
+    def read(self, timeout_s: float) -> Frame:
+        """Newest frame not yet returned, moving the clock up to `timeout_s` when there is none yet.
+
+        Raises CameraTimeout (the clock stands `timeout_s` later) or CameraLost.
+        """
+        now_ns = self._clock.now_ns()
+        self._check(now_ns)
+        number = self._delivery.newest_until(now_ns, after=self._last)
+        if number is None:
+            number = self._wait(now_ns + max(0, round(timeout_s * 1e9)), timeout_s)
+        dropped = number - self._last - 1
+        self._last = number
+        image = self._image(number)
+        self._keep_pictures()
+        exposure_ns = self._delivery.exposure_ns
+        middle_ns = self._delivery.start_ns(number) + exposure_ns // 2
+        return Frame(image, middle_ns, exposure_ns, number, dropped)
+
+    def close(self) -> None:
+        """Stop looking; safe to call twice. The display stays open."""
+        if not self._closed:
+            self._closed = True
+            self._display.keep_from(None)
+
+    def _check(self, now_ns: int) -> None:
+        if self._closed:
+            raise CameraLost("the simulated camera is closed")
+        if self._lost_ns is not None and now_ns >= self._lost_ns:
+            raise CameraLost(f"the simulated camera was lost at {self._lost_ns * 1e-9:.3f} s")
+
+    def _wait(self, until_ns: int, timeout_s: float) -> int:
+        """Move the clock to the next frame's arrival and return its number."""
+        number = self._delivery.next_until(until_ns, after=self._last)
+        arrival_ns = until_ns if number is None else self._delivery.arrival_ns(number)
+        if self._lost_ns is not None and self._lost_ns <= arrival_ns:
+            self._clock.sleep_until_ns(self._lost_ns)
+            self._check(self._lost_ns)
+        self._clock.sleep_until_ns(arrival_ns)
+        if number is None:
+            raise CameraTimeout(f"no frame within {timeout_s:g} s")
+        return number
+
+    def _keep_pictures(self) -> None:
+        self._display.keep_from(self._delivery.start_ns(self._delivery.oldest_used(self._last + 1)))
+
+    def _image(self, number: int) -> NDArray[Any]:
+        """Image of a frame with its planted faults."""
+        if self._delivery.repeated(number):
+            return self._image(number - 1)
+        image = self._exposed(number)
+        if self._delivery.torn(number):
+            half = image.shape[0] // 2
+            image[half:] = self._exposed(number - 1)[half:]
+        return image
+
+    def _exposed(self, number: int) -> NDArray[Any]:
+        """Image of what frame `number` was truly exposed to."""
+        start_ns = self._delivery.start_ns(number)
+        pieces = exposure_pieces(
+            self.scenario,
+            self._display.panel,
+            self._display.presentations,
+            start_ns,
+            start_ns + self._delivery.exposure_ns,
+            lit=self._delivery.lit(number),
+        )
+        light: NDArray[np.float32] = self._display.renderer.expose(pieces)
+        return self._sensor.image(light, number)

@@ -1,0 +1,130 @@
+"""The bench drawn by fragment shaders: mirror, refraction, LCD apertures, lens blur."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import count
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.errors import InputError
+from zeromethod.gl import create_context
+from zeromethod.rig.model import Rig
+from zeromethod.simulation.gpu_light import CameraLight, PanelLight
+from zeromethod.simulation.gpu_rays import RayTracer
+from zeromethod.simulation.press import Mirror
+from zeromethod.simulation.renderer import Handle, Piece
+
+
+class GpuRenderer:
+    """`BenchRenderer` on OpenGL 3.3, with a ray model of its own (float32, <= 0.02 LCD px).
+
+    Pictures stay on the GPU: `new_picture` hands out a framebuffer that a pattern is drawn into. Unchanged
+    mirrors are not traced again, unchanged pictures not summed again.
+
+    Convention: a picture's framebuffer is as a window's, LCD row 0 is its top line (the last texel row); in
+    all other textures row 0 comes first, camera pixel (u, v) is texel (u, v). A given `context` stays the
+    caller's and is made current in every call.
+    """
+
+    def __init__(self, rig: Rig, context: moderngl.Context | None = None) -> None:
+        """Compile and allocate. Raises InputError without a GL context or with an unusable rest map."""
+        self._owned = context is None
+        self.context = create_context() if context is None else context
+        self._lcd = rig.display.columns, rig.display.rows
+        self._names = count(1)
+        self._pictures: dict[Handle, moderngl.Framebuffer] = {}
+        self._spare: list[moderngl.Framebuffer] = []
+        self._closed = False
+        with self.context:
+            self._tracer = RayTracer(self.context, rig)
+            self._panel = PanelLight(self.context, rig)
+            self._camera = CameraLight(self.context, rig)
+
+    def new_picture(self) -> tuple[Handle, moderngl.Framebuffer]:
+        """Empty picture: LCD size, one 8-bit channel of grey codes; content undefined until drawn.
+
+        Draw before the first `expose` that names it, and not after: what was summed is not summed again.
+        """
+        with self.context:
+            if self._spare:
+                framebuffer = self._spare.pop()
+            else:
+                texture = self.context.texture(self._lcd, 1, dtype="f1")
+                texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+                framebuffer = self.context.framebuffer(color_attachments=[texture])
+        handle = next(self._names)
+        self._pictures[handle] = framebuffer
+        return handle, framebuffer
+
+    def upload(self, image: NDArray[np.uint8]) -> Handle:
+        """Take over LCD grey codes (rows, cols). Raises InputError on another shape or type."""
+        if image.shape != self._lcd[::-1] or image.dtype != np.uint8:
+            allowed = f"({self._lcd[1]}, {self._lcd[0]}) uint8"
+            raise InputError(f"picture: {image.shape} {image.dtype}: allowed is {allowed}")
+        handle, framebuffer = self.new_picture()
+        with self.context:
+            self._texture(framebuffer).write(np.ascontiguousarray(image[::-1]))
+        return handle
+
+    def release(self, handle: Handle) -> None:
+        """Forget a picture; its texture is used again."""
+        self._spare.append(self._pictures.pop(handle))
+
+    def expose(self, pieces: Sequence[Piece]) -> NDArray[np.float32]:
+        """(camera rows, cols) float32 light, see `BenchRenderer`; the next call uses the array again."""
+        with self.context:
+            self._camera.start()
+            for mirror, shares in _by_mirror(pieces).items():
+                maps = self._tracer.maps(mirror)
+                region = maps[0].region
+                for ghost in maps[1:]:
+                    region = region.joined(ghost.region)
+                lit = [(self._texture(self._pictures[handle]), share) for handle, share in shares.items()]
+                panel = self._panel.draw(list(shares), lit, region)
+                for ray_map in maps:
+                    self._camera.add(ray_map, panel)
+            return self._camera.read()
+
+    def ray_map(self, mirror: Mirror) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(q (rows, cols, 2) LCD px, NaN where lost; reflectance (rows, cols), 0 there), new arrays."""
+        with self.context:
+            rays = self._tracer.maps(mirror)[0].rays.read()
+        q = rays[..., :2].copy()
+        q[rays[..., 3] == 0.0] = np.nan
+        return q, rays[..., 2].copy()
+
+    def close(self) -> None:
+        """Free everything; safe to call twice."""
+        if self._closed:
+            return
+        self._closed = True
+        with self.context:
+            for framebuffer in (*self._pictures.values(), *self._spare):
+                self._texture(framebuffer).release()
+                framebuffer.release()
+            for each in (self._tracer, self._panel, self._camera):
+                each.release()
+        self._pictures.clear()
+        self._spare.clear()
+        if self._owned:
+            self.context.release()
+
+    @staticmethod
+    def _texture(framebuffer: moderngl.Framebuffer) -> moderngl.Texture:
+        attachment = framebuffer.color_attachments[0]
+        assert isinstance(attachment, moderngl.Texture)
+        return attachment
+
+
+def _by_mirror(pieces: Sequence[Piece]) -> dict[Mirror, dict[Handle, NDArray[np.float32]]]:
+    """Mirror -> picture -> share of the light that each LCD row gives of it: one light pass per mirror."""
+    result: dict[Mirror, dict[Handle, NDArray[np.float32]]] = {}
+    for piece in pieces:
+        shares = result.setdefault(piece.mirror, {})
+        for handle, row_share in piece.pictures:
+            share = np.float32(piece.weight) * row_share
+            shares[handle] = shares[handle] + share if handle in shares else share
+    return result

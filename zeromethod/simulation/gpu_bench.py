@@ -1,0 +1,162 @@
+"""A rig in the numbers that the ray shader takes: planes, layers, camera and LCD axes.
+
+Worked out from the rig file alone and not with `zeromethod.optics`, so that the drawn bench and the reading
+side's ray model check each other.
+
+Convention: world axes as everywhere (x along the mirror from P0 to the captured face, z out of the rubber,
+y = z cross x) but counted from the middle of the mirror, mm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from zeromethod.rig.model import CameraSpec, DisplaySpec, Prism, Rig
+
+Vector = NDArray[np.float64]
+Values = dict[str, ArrayLike]
+
+_Y = np.array([0.0, 1.0, 0.0])
+
+
+def mirror_length_mm(prism: Prism) -> float:
+    """L0: given, or leg sin(alpha0 + beta0) / sin(beta0)."""
+    if prism.mirror_length_mm is not None:
+        return prism.mirror_length_mm
+    alpha, beta = np.radians([prism.pattern_angle_deg, prism.captured_angle_deg])
+    return float((prism.leg_mm or 0.0) * np.sin(alpha + beta) / np.sin(beta))
+
+
+def mirror_middle_mm(prism: Prism) -> Vector:
+    """World position (3,) of the shader's origin."""
+    return np.array([mirror_length_mm(prism) / 2, 0.0, 0.0])
+
+
+@dataclass(frozen=True)
+class _Face:
+    """Plane of a prism face: edge on the mirror, direction to the apex, outward normal (3,), length."""
+
+    edge: Vector
+    along: Vector
+    normal: Vector
+    length_mm: float
+
+    def values(self, name: str) -> Values:
+        return {
+            f"{name}.edge": self.edge,
+            f"{name}.along": self.along,
+            f"{name}.normal": self.normal,
+            f"{name}.length": self.length_mm,
+        }
+
+
+def _faces(prism: Prism) -> tuple[_Face, _Face]:
+    """(pattern face, captured face)."""
+    alpha, beta = np.radians([prism.pattern_angle_deg, prism.captured_angle_deg])
+    half = mirror_length_mm(prism) / 2
+    pattern = _Face(
+        np.array([-half, 0.0, 0.0]),
+        np.array([np.cos(alpha), 0.0, -np.sin(alpha)]),
+        np.array([-np.sin(alpha), 0.0, -np.cos(alpha)]),
+        float(2 * half * np.sin(beta) / np.sin(alpha + beta)),
+    )
+    captured = _Face(
+        np.array([half, 0.0, 0.0]),
+        np.array([-np.cos(beta), 0.0, -np.sin(beta)]),
+        np.array([np.sin(beta), 0.0, -np.cos(beta)]),
+        float(2 * half * np.sin(alpha) / np.sin(alpha + beta)),
+    )
+    return pattern, captured
+
+
+def _turned(vector: Vector, axis: Vector, angle_deg: float) -> Vector:
+    """`vector` turned right-handed about the unit vector `axis` (Rodrigues)."""
+    angle = np.radians(angle_deg)
+    along = axis * float(vector @ axis)
+    turned: Vector = along + np.cos(angle) * (vector - along) + np.sin(angle) * np.cross(axis, vector)
+    return turned
+
+
+def _camera_values(camera: CameraSpec, captured: _Face, stack_mm: float, middle: Vector) -> Values:
+    position = np.array(camera.position_mm) - middle
+    axis = np.array(camera.look_at_mm) - middle - position
+    axis /= np.linalg.norm(axis)
+    v_axis = _Y - axis * axis[1]
+    v_axis /= np.linalg.norm(v_axis)
+    u_axis = np.cross(v_axis, axis)
+    outer = captured.edge + stack_mm * captured.normal
+    way = float((outer - position) @ captured.normal / (axis @ captured.normal))
+    if camera.projection == "orthographic":
+        scale = np.full(2, camera.pixel_mm)
+    else:
+        scale = 1.0 / np.array(camera.focal_px)
+    # u x v = axis: a right-handed turn about it moves u towards v
+    return {
+        "camera_axis": axis,
+        "camera_u": _turned(u_axis, axis, camera.roll_deg),
+        "camera_v": _turned(v_axis, axis, camera.roll_deg),
+        "camera_centre": np.array(camera.centre_px),
+        "camera_scale": scale,
+        "entry": position + way * axis,
+        "entry_way": way,
+        **dict(zip(("k1", "k2", "p1", "p2", "k3"), camera.distortion, strict=True)),
+    }
+
+
+def _display_values(display: DisplaySpec, pattern: _Face, stack_mm: float) -> Values:
+    def tilted(vector: Vector) -> Vector:
+        return _turned(_turned(vector, pattern.along, display.tilt_deg[0]), _Y, display.tilt_deg[1])
+
+    first = -pattern.along if display.mirrored else pattern.along
+    turn = np.radians(display.turn_deg)
+    polarisation = np.radians(display.polarisation_deg or 0.0)
+    centre = pattern.edge + display.centre_mm[0] * pattern.along + display.centre_mm[1] * _Y
+    return {
+        "lcd_centre": centre + stack_mm * pattern.normal,
+        "lcd_column": tilted(np.cos(turn) * first + np.sin(turn) * _Y),
+        "lcd_row": tilted(np.cos(turn) * _Y - np.sin(turn) * first),
+        "lcd_normal": tilted(pattern.normal),
+        "lcd_field": tilted(np.cos(polarisation) * _Y + np.sin(polarisation) * pattern.along),
+        "lcd_middle": np.array([display.columns - 1, display.rows - 1]) / 2,
+        "lcd_pitch": display.pitch_mm,
+    }
+
+
+def bench_values(rig: Rig) -> Values:
+    """Uniforms of bench_rays.frag that belong to the rig."""
+    prism, layers = rig.prism, rig.pattern_layers
+    pattern, captured = _faces(prism)
+    captured_stack = sum(layer.thickness_mm for layer in rig.captured_layers)
+    stack = sum(layer.thickness_mm for layer in layers)
+    last_mm = layers[-1].thickness_mm if layers else 0.0
+    slabs = {
+        "captured_layers": np.array([(s.index, s.thickness_mm) for s in rig.captured_layers], dtype=float),
+        "inner_layers": np.array([(s.index, s.thickness_mm) for s in layers[:-1]], dtype=float),
+    }
+    return {
+        **pattern.values("pattern"),
+        **captured.values("captured"),
+        "half_mirror": np.array([mirror_length_mm(prism), prism.width_mm]) / 2,
+        "rubber_index": prism.index,
+        "captured_stack": float(captured_stack),
+        "inner_stack": float(stack - last_mm),
+        "last_mm": float(last_mm),
+        "last_index": layers[-1].index if layers else prism.index,
+        **{name: values for name, values in slabs.items() if values.size},
+        **_camera_values(rig.camera, captured, captured_stack, mirror_middle_mm(prism)),
+        **_display_values(rig.display, pattern, stack),
+    }
+
+
+def bench_defines(rig: Rig) -> dict[str, int]:
+    """Preprocessor constants of bench_rays.frag that belong to the rig."""
+    return {
+        "CAPTURED_LAYERS": len(rig.captured_layers),
+        "INNER_LAYERS": max(len(rig.pattern_layers) - 1, 0),
+        "ORTHOGRAPHIC": int(rig.camera.projection == "orthographic"),
+        "DISTORTED": int(any(rig.camera.distortion)),
+        "POLARISED": int(rig.display.polarisation_deg is not None),
+    }

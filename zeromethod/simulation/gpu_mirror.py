@@ -1,0 +1,145 @@
+"""A mirror in the terms of bench_mirror.glsl: dents to call, their numbers, maps as splines."""
+
+from __future__ import annotations
+
+from math import erf
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import diags_array
+from scipy.sparse.linalg import splu
+
+from zeromethod.errors import InputError
+from zeromethod.rig.model import RestSurface
+from zeromethod.simulation.gpu_bench import Values, Vector
+from zeromethod.simulation.press import Dent, Mirror, Shape
+
+_FIELD = {
+    Shape.GAUSSIAN: "gaussian(at, dent_place[{i}], field);",
+    Shape.BALL: "ball(at, dent_place[{i}], dent_shape[{i}], field);",
+    Shape.CONE: "cone(at, dent_place[{i}], dent_shape[{i}], field);",
+    Shape.EDGE: "edge(at, dent_place[{i}], dent_shape[{i}], field);",
+    Shape.MAP: "height_map(at, dent_place[{i}], dent_shape[{i}], dent_maps, dent_more[{i}].z, field);",
+}
+_ROUND_TOUCH = "left = min(left, round_touch(at, dent_place[{i}], dent_more[{i}].xy));"
+_STRAIGHT_TOUCH = "left = min(left, straight_touch(at, dent_place[{i}], dent_shape[{i}], dent_more[{i}].xy));"
+
+
+def acting_dents(mirror: Mirror) -> tuple[Dent, ...]:
+    """Those dents that change anything."""
+    return tuple(dent for dent in mirror.dents if dent.depth_mm != 0.0)
+
+
+def mirror_defines(dents: tuple[Dent, ...]) -> dict[str, int | str]:
+    """Constants of bench_mirror.glsl: one program serves all mirrors with the same shapes in a row."""
+    touches = [_STRAIGHT_TOUCH if d.shape is Shape.EDGE else _ROUND_TOUCH for d in dents]
+    return {
+        "DENTS": max(len(dents), 1),
+        "EACH_DENT": " ".join(_FIELD[dent.shape].format(i=i) for i, dent in enumerate(dents)),
+        "EACH_TOUCH": " ".join(call.format(i=i) for i, call in enumerate(touches)),
+    }
+
+
+def _numbers(dent: Dent, first_row: int) -> tuple[list[float], list[float], list[float]]:
+    """(w of dent_place after x, y, depth; dent_shape; dent_more) as the functions of bench_dents.glsl say."""
+    size, depth = dent.size_mm, dent.depth_mm
+    turn = [float(np.cos(np.radians(dent.angle_deg))), float(np.sin(np.radians(dent.angle_deg)))]
+    more = [dent.contact_mm if dent.touches else -1.0, dent.touch_reflectance, float(first_row), 0.0]
+    if dent.shape is Shape.GAUSSIAN:
+        return [0.5 / size**2], [0.0] * 4, more
+    if dent.shape is Shape.BALL:
+        contact2 = size * abs(depth)
+        return [contact2**0.5], [1.0 / (np.pi * contact2), 0.0, 0.0, 0.0], more
+    if dent.shape is Shape.CONE:
+        return [size], [2.0 * depth / (np.pi * size), 0.0, 0.0, 0.0], more
+    if dent.shape is Shape.EDGE:
+        steepness = 1.0 / (np.sqrt(2.0) * size)
+        scale = 0.5 * depth / erf(0.5 * dent.length_mm * steepness)
+        return [steepness], [*turn, 0.5 * dent.length_mm, scale], more
+    rows, cols = _coefficients(dent).shape
+    return [1.0 / size], [*turn, float(cols), float(rows)], more
+
+
+def _coefficients(dent: Dent) -> NDArray[np.float64]:
+    if dent.map_coefficients is None:
+        raise InputError("press: shape 'map': no height map given, a .npy of depths is needed")
+    return dent.map_coefficients
+
+
+def mirror_values(dents: tuple[Dent, ...], middle_mm: Vector) -> Values:
+    """Uniforms of the dents; `middle_mm` (3,) is the world position of the shader's origin."""
+    place, shape, more = [], [], []
+    first_row = 0
+    for dent in dents:
+        last, of_shape, of_touch = _numbers(dent, first_row)
+        place.append([dent.x_mm - middle_mm[0], dent.y_mm - middle_mm[1], dent.depth_mm, *last])
+        shape.append(of_shape)
+        more.append(of_touch)
+        first_row += len(_coefficients(dent)) if dent.shape is Shape.MAP else 0
+    return {"dent_place": place, "dent_shape": shape, "dent_more": more} if dents else {}
+
+
+def map_texture(context: moderngl.Context, dents: tuple[Dent, ...]) -> moderngl.Texture | None:
+    """All maps' coefficients, one below the other; None where no dent is a map."""
+    blocks = [_coefficients(dent) for dent in dents if dent.shape is Shape.MAP]
+    if not blocks:
+        return None
+    cols = max(block.shape[1] for block in blocks)
+    stacked = np.vstack([np.pad(block, ((0, 0), (0, cols - block.shape[1]))) for block in blocks])
+    return float_texture(context, stacked)
+
+
+def float_texture(context: moderngl.Context, values: NDArray[np.floating]) -> moderngl.Texture:
+    """(rows, cols) as one float32 channel, row 0 at texel row 0, not filtered."""
+    rows, cols = values.shape
+    data = np.ascontiguousarray(values, dtype=np.float32)
+    texture = context.texture((cols, rows), 1, data.tobytes(), dtype="f4")
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture
+
+
+def rest_code(rest: RestSurface) -> int:
+    """REST of bench_mirror.glsl."""
+    return ("flat", "sphere", "map").index(rest.shape)
+
+
+def rest_values(rest: RestSurface, middle_mm: Vector) -> Values:
+    """Uniforms of the rest surface."""
+    if rest.shape == "sphere":
+        centre = [rest.centre_mm[0] - middle_mm[0], rest.centre_mm[1] - middle_mm[1]]
+        return {"rest_sphere": np.array([*centre, rest.radius_mm])}
+    if rest.shape == "map" and rest.pitch_mm is not None:
+        # the first coefficient lies one pitch before the first height
+        first = np.array(rest.origin_mm) - rest.pitch_mm - middle_mm[:2]
+        return {"rest_grid": np.array([*first, rest.pitch_mm])}
+    return {}
+
+
+def rest_texture(context: moderngl.Context, rest: RestSurface) -> moderngl.Texture | None:
+    """B-spline coefficients of the rest surface's map; None where it has none. InputError if unreadable."""
+    if rest.shape != "map" or rest.file is None:
+        return None
+    try:
+        heights = np.load(rest.file).astype(np.float64)
+    except (OSError, ValueError) as error:
+        raise InputError(f"prism.rest.file: {rest.file}: {' '.join(str(error).split())}") from error
+    if heights.ndim != 2 or min(heights.shape) < 4:
+        raise InputError(
+            f"prism.rest.file: {rest.file}: shape {heights.shape}: at least 4 x 4 heights allowed"
+        )
+    return float_texture(context, _not_a_knot(_not_a_knot(heights).T).T)
+
+
+def _not_a_knot(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cubic B-spline coefficients (n + 2, ...) along the first axis through `samples` (n, ...).
+
+    The third derivative runs on through the second and the last but one sample.
+    """
+    n = len(samples)
+    matrix = diags_array([1 / 6, 4 / 6, 1 / 6], offsets=[-1, 0, 1], shape=(n + 2, n + 2)).tolil()
+    matrix[0, :5] = [1, -4, 6, -4, 1]
+    matrix[n + 1, n - 3 :] = [1, -4, 6, -4, 1]
+    ends = np.zeros((1, *samples.shape[1:]))
+    solved: NDArray[np.float64] = splu(matrix.tocsc()).solve(np.concatenate([ends, samples, ends]))
+    return solved

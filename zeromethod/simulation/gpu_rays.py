@@ -1,0 +1,161 @@
+"""Ray maps of mirrors, traced by bench_rays.frag and kept as long as the mirror stays the same."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import moderngl
+import numpy as np
+
+from zeromethod.gl import program
+from zeromethod.rig.model import Rig
+from zeromethod.simulation.gpu_bench import bench_defines, bench_values, mirror_middle_mm
+from zeromethod.simulation.gpu_mirror import (
+    acting_dents,
+    map_texture,
+    mirror_defines,
+    mirror_values,
+    rest_code,
+    rest_texture,
+    rest_values,
+)
+from zeromethod.simulation.gpu_target import Pass, Target
+from zeromethod.simulation.press import Dent, Mirror
+
+KEPT = 3
+"""Mirrors whose maps are kept: rest, and the two instants of an exposure while a press moves."""
+NEWTON_STEPS = 12
+"""From the plane z = 0 to the mirror; three do for smooth dents."""
+_BLOCK = 16
+
+
+class Region(NamedTuple):
+    """LCD px, columns and rows from (included) to (not included)."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    def joined(self, other: Region) -> Region:
+        """Smallest region that holds both."""
+        return Region(
+            min(self.left, other.left),
+            min(self.top, other.top),
+            max(self.right, other.right),
+            max(self.bottom, other.bottom),
+        )
+
+
+@dataclass(slots=True)
+class RayMap:
+    """What every camera pixel sees by way of one mirror.
+
+    rays: RGBA32F (q column, q row, reflectance, 1 where the ray arrives). footprints: RGBA32F (dq/du, dq/dv).
+    share: light relative to the main map. region: the LCD's part that is seen.
+    """
+
+    rays: Target
+    footprints: Target
+    share: float
+    region: Region
+
+    def release(self) -> None:
+        """Free the textures."""
+        self.rays.release()
+        self.footprints.release()
+
+
+class RayTracer:
+    """Traces mirrors; the last `KEPT` are kept."""
+
+    def __init__(self, context: moderngl.Context, rig: Rig) -> None:
+        self._context = context
+        self._rig = rig
+        self._middle_mm = mirror_middle_mm(rig.prism)
+        self._values = {
+            **bench_values(rig),
+            **rest_values(rig.prism.rest, self._middle_mm),
+            "newton_steps": NEWTON_STEPS,
+        }
+        self._rest = rest_texture(context, rig.prism.rest)
+        self._passes: dict[tuple[object, ...], Pass] = {}
+        self._footprint = Pass(context, program(context, "bench_screen.vert", "bench_footprint.frag"))
+        self._bounds = Pass(context, program(context, "bench_screen.vert", "bench_bounds.frag", BLOCK=_BLOCK))
+        size = rig.camera.columns, rig.camera.rows
+        self._size = size
+        self._tiles = Target(context, (-(-size[0] // _BLOCK), -(-size[1] // _BLOCK)), 4)
+        self._kept: OrderedDict[Mirror, list[RayMap]] = OrderedDict()
+        simulation = rig.simulation
+        ghosts = ((1, simulation.ghost_gap), (2, simulation.ghost_faces))
+        self._ways = [(0, 1.0), *((way, share) for way, share in ghosts if share > 0)]
+
+    def maps(self, mirror: Mirror) -> list[RayMap]:
+        """Ray maps of `mirror`: the main one, then those of the ghosts that the rig has."""
+        kept = self._kept.pop(mirror, None)
+        if kept is None:
+            spare = self._kept.popitem(last=False)[1] if len(self._kept) == KEPT else self._empty()
+            kept = self._traced(mirror, spare)
+        self._kept[mirror] = kept
+        return kept
+
+    def release(self) -> None:
+        """Free everything."""
+        for maps in self._kept.values():
+            for ray_map in maps:
+                ray_map.release()
+        self._kept.clear()
+        for each in (*self._passes.values(), self._footprint, self._bounds):
+            each.release()
+        self._tiles.release()
+        self._passes.clear()
+        if self._rest is not None:
+            self._rest.release()
+            self._rest = None
+
+    def _empty(self) -> list[RayMap]:
+        context, size = self._context, self._size
+        nothing = Region(0, 0, 0, 0)
+        return [
+            RayMap(Target(context, size, 4), Target(context, size, 4), share, nothing)
+            for _, share in self._ways
+        ]
+
+    def _traced(self, mirror: Mirror, maps: list[RayMap]) -> list[RayMap]:
+        dents = acting_dents(mirror)
+        texture = map_texture(self._context, dents)
+        samplers = {"dent_maps": texture, "rest_map": self._rest}
+        for (way, _), ray_map in zip(self._ways, maps, strict=True):
+            trace = self._pass(dents, way)
+            trace.draw(ray_map.rays, samplers, mirror_values(dents, self._middle_mm))
+            self._footprint.draw(ray_map.footprints, {"rays": ray_map.rays.texture})
+            ray_map.region = self._region(ray_map)
+        if texture is not None:
+            texture.release()
+        return maps
+
+    def _pass(self, dents: tuple[Dent, ...], way: int) -> Pass:
+        key = (way, *(dent.shape for dent in dents))
+        if key not in self._passes:
+            defines: dict[str, Any] = {
+                "GHOST": way,
+                "REST": rest_code(self._rig.prism.rest),
+                **bench_defines(self._rig),
+                **mirror_defines(dents),
+            }
+            made = program(self._context, "bench_screen.vert", "bench_rays.frag", **defines)
+            self._passes[key] = Pass(self._context, made, self._values)
+        return self._passes[key]
+
+    def _region(self, ray_map: RayMap) -> Region:
+        samplers = {"rays": ray_map.rays.texture, "footprints": ray_map.footprints.texture}
+        self._bounds.draw(self._tiles, samplers)
+        tiles = self._tiles.read()
+        low = np.floor(tiles[..., :2].min(axis=(0, 1)) + 0.5)
+        high = np.floor(tiles[..., 2:].max(axis=(0, 1)) + 0.5) + 1
+        display = self._rig.display
+        low = np.clip(low, 0, (display.columns - 1, display.rows - 1)).astype(int)
+        high = np.clip(high, low + 1, (display.columns, display.rows)).astype(int)
+        return Region(int(low[0]), int(low[1]), int(high[0]), int(high[1]))

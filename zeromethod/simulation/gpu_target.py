@@ -1,0 +1,86 @@
+"""Float32 render targets and full-screen passes into them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.simulation.gpu_uniforms import Uniforms, set_uniforms
+
+Box = tuple[int, int, int, int]
+
+
+class Target:
+    """A float32 texture of `channels` that can be drawn to; texel row 0 = array row 0."""
+
+    def __init__(self, context: moderngl.Context, size: tuple[int, int], channels: int) -> None:
+        self.texture = context.texture(size, channels, dtype="f4")
+        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self.framebuffer = context.framebuffer(color_attachments=[self.texture])
+        self.whole: Box = (0, 0, *size)
+        self._channels = channels
+        shape = (size[1], size[0]) if channels == 1 else (size[1], size[0], channels)
+        self._pixels: NDArray[np.float32] = np.empty(shape, dtype=np.float32)
+
+    def clear(self, value: float = 0.0) -> None:
+        """Set every pixel's first channel."""
+        self.framebuffer.scissor = self.whole
+        self.framebuffer.clear(red=value)
+
+    def read(self) -> NDArray[np.float32]:
+        """(rows, cols) or (rows, cols, channels); the array is used again by the next call."""
+        self.framebuffer.read_into(self._pixels, components=self._channels, dtype="f4")
+        return self._pixels
+
+    def release(self) -> None:
+        """Free texture and framebuffer."""
+        self.framebuffer.release()
+        self.texture.release()
+
+
+class Pass:
+    """A program whose fragment shader fills a target; takes over the program."""
+
+    def __init__(
+        self, context: moderngl.Context, program: moderngl.Program, values: Uniforms | None = None
+    ) -> None:
+        self._context = context
+        self._program = program
+        self._triangle = context.vertex_array(program, [])
+        set_uniforms(program, values or {})
+
+    def draw(
+        self,
+        target: Target,
+        textures: Mapping[str, moderngl.Texture | None],
+        values: Uniforms | None = None,
+        *,
+        add: bool = False,
+        box: Box | None = None,
+    ) -> None:
+        """Fill `target`, or `box` of it (left, bottom, width, height), or add to what is there.
+
+        textures: sampler name -> texture; those that the program lacks and None are passed over.
+        """
+        context = self._context
+        target.framebuffer.use()
+        target.framebuffer.scissor = box or target.whole
+        context.enable_only(moderngl.BLEND if add else moderngl.NOTHING)
+        if add:
+            context.blend_func = moderngl.ONE, moderngl.ONE
+        units = {}
+        for unit, (name, texture) in enumerate(textures.items()):
+            if texture is not None:
+                texture.use(unit)
+                units[name] = unit
+        set_uniforms(self._program, {**units, **(values or {})})
+        self._triangle.render(moderngl.TRIANGLES, vertices=3)
+        context.enable_only(moderngl.NOTHING)
+
+    def release(self) -> None:
+        """Free the program."""
+        self._triangle.release()
+        self._program.release()

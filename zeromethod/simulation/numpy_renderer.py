@@ -1,0 +1,100 @@
+"""The reference bench: exact rays and exact aperture integrals on the CPU, clear before fast."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from zeromethod.errors import InputError
+from zeromethod.rig.model import Rig
+from zeromethod.simulation.aperture import gather, summed_light
+from zeromethod.simulation.beams import Beam, Beams
+from zeromethod.simulation.press import Mirror
+from zeromethod.simulation.renderer import Handle, Piece
+from zeromethod.simulation.response import light_of_codes
+
+_KEPT_MIRRORS = 3
+"""Ray maps kept: rest, and the two instants of a moving exposure."""
+
+
+class NumpyRenderer:
+    """`BenchRenderer` in numpy; see there for what the light means."""
+
+    def __init__(self, rig: Rig) -> None:
+        """Lay out the rays. Raises InputError where the rig's rest surface cannot be used."""
+        self._rig = rig
+        self._beams = Beams(rig)
+        self._response = light_of_codes(rig.display)
+        self._pictures: dict[Handle, NDArray[np.uint8]] = {}
+        self._next_handle = 1
+        self._maps: dict[Mirror, list[Beam]] = {}
+        shape = rig.camera.rows, rig.camera.columns
+        self._border = self._blurred(np.ones(shape)) if rig.camera.psf_px > 0 else None
+
+    def upload(self, image: NDArray[np.uint8]) -> Handle:
+        """Take over LCD grey codes (rows, cols); raises InputError for another shape or type."""
+        expected = self._rig.display.rows, self._rig.display.columns
+        if image.shape != expected or image.dtype != np.uint8:
+            raise InputError(f"picture: shape {image.shape}, {image.dtype}: allowed {expected}, uint8")
+        handle = self._next_handle
+        self._next_handle += 1
+        self._pictures[handle] = image.copy()
+        return handle
+
+    def release(self, handle: Handle) -> None:
+        """Forget a picture."""
+        del self._pictures[handle]
+
+    def expose(self, pieces: Sequence[Piece]) -> NDArray[np.float32]:
+        """Mean light (camera rows, cols); see `BenchRenderer.expose`."""
+        by_mirror: dict[Mirror, NDArray[np.float64]] = {}
+        for piece in pieces:
+            light = self._panel_light(piece)
+            earlier = by_mirror.get(piece.mirror)
+            by_mirror[piece.mirror] = light if earlier is None else earlier + light
+        display, camera = self._rig.display, self._rig.camera
+        stripes = 3 if display.stripes == "rgb" else 1
+        out = np.zeros((camera.rows, camera.columns))
+        for mirror, light in by_mirror.items():
+            summed = summed_light(light)
+            for beam in self._beams_of(mirror):
+                gather(summed, beam.q, beam.by_u, beam.by_v, beam.gain, display.fill, stripes, out)
+        out += self._rig.simulation.ambient
+        if self._border is not None:
+            out = self._blurred(out) / self._border
+        return out.astype(np.float32)
+
+    def ray_map(self, mirror: Mirror) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(q, reflectance) of the main beam at camera pixel centres."""
+        q, gain, _ = self._beams.main(mirror)
+        lost = np.isnan(q[..., 0])
+        return q.astype(np.float32), np.where(lost, 0.0, gain).astype(np.float32)
+
+    def close(self) -> None:
+        """Forget all pictures and maps."""
+        self._pictures.clear()
+        self._maps.clear()
+
+    def _panel_light(self, piece: Piece) -> NDArray[np.float64]:
+        light = np.zeros((self._rig.display.rows, self._rig.display.columns))
+        for handle, share in piece.pictures:
+            light += share[:, None] * self._response[self._pictures[handle]]
+        return piece.weight * light
+
+    def _beams_of(self, mirror: Mirror) -> list[Beam]:
+        if mirror in self._maps:
+            self._maps[mirror] = self._maps.pop(mirror)
+            return self._maps[mirror]
+        beams = self._beams.all(mirror)
+        self._maps[mirror] = beams
+        while len(self._maps) > _KEPT_MIRRORS:
+            del self._maps[next(iter(self._maps))]
+        return beams
+
+    def _blurred(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(
+            gaussian_filter(light, self._rig.camera.psf_px, mode="constant", truncate=4.0), dtype=np.float64
+        )

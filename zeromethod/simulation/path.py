@@ -1,0 +1,69 @@
+"""How one press moves: straight lines between points in time, at rest before the first and after the last."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass, replace
+
+from zeromethod.simulation.press import Dent, Shape, contact_radius_mm
+
+
+@dataclass(frozen=True, slots=True)
+class PathPoint:
+    """Where a press is at `time_ns`: place and depth in mm."""
+
+    time_ns: int
+    x_mm: float
+    y_mm: float
+    depth_mm: float
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """(x, y, depth) mm."""
+        return self.x_mm, self.y_mm, self.depth_mm
+
+
+@dataclass(frozen=True)
+class PressPath:
+    """A dent that follows a path.
+
+    dent: everything but place and depth. points: times must not fall; two points at one time are a jump,
+    and that time itself shows the later one. touches: a ball or cone couples light out over its own
+    contact area, whatever `dent.contact_mm` says.
+    """
+
+    dent: Dent
+    points: tuple[PathPoint, ...]
+    touches: bool = False
+
+    def dent_at(self, time_ns: int) -> Dent | None:
+        """Return the dent at `time_ns`; None while its depth is 0."""
+        x_mm, y_mm, depth_mm = self._place_at(time_ns)
+        if depth_mm == 0:
+            return None
+        contact_mm = self.dent.contact_mm
+        if self.touches and self.dent.shape in {Shape.BALL, Shape.CONE}:
+            contact_mm = contact_radius_mm(self.dent.shape, depth_mm, self.dent.size_mm)
+        return replace(self.dent, x_mm=x_mm, y_mm=y_mm, depth_mm=depth_mm, contact_mm=contact_mm)
+
+    def _place_at(self, time_ns: int) -> tuple[float, float, float]:
+        after = bisect_right(self.points, time_ns, key=lambda point: point.time_ns)
+        if after == 0:
+            return self.points[0].place
+        before = self.points[after - 1]
+        if after == len(self.points):
+            return before.place
+        behind = self.points[after]
+        if before.place == behind.place:
+            return before.place
+        share = (time_ns - before.time_ns) / (behind.time_ns - before.time_ns)
+        x_mm, y_mm, depth_mm = (a + share * (b - a) for a, b in zip(before.place, behind.place, strict=True))
+        return x_mm, y_mm, depth_mm
+
+    def moving(self, from_ns: int, to_ns: int) -> bool:
+        """Whether the dent changes continuously anywhere inside (from, to); jumps do not count."""
+        for a, b in zip(self.points, self.points[1:], strict=False):
+            overlaps = a.time_ns < to_ns and b.time_ns > from_ns and b.time_ns > a.time_ns
+            if overlaps and a.place != b.place and (a.depth_mm != 0 or b.depth_mm != 0):
+                return True
+        return False

@@ -1,0 +1,158 @@
+"""What presses on the mirror at one instant, in closed form: the truth that a reading is held against.
+
+Convention: depth d > 0 into the rubber, slope = (dd/dx, dd/dy), world millimetres. Dents add up, as
+they do in linear elasticity.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from zeromethod.simulation.shapes import Array, Field, ball, cone, edge, gaussian, height_map
+from zeromethod.simulation.spline import spline_coefficients
+
+
+class Shape(enum.StrEnum):
+    """Kinds of dent (formulas in `zeromethod.simulation.shapes`)."""
+
+    GAUSSIAN = "gaussian"
+    BALL = "ball"
+    CONE = "cone"
+    EDGE = "edge"
+    MAP = "map"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dent:
+    """One press at one instant.
+
+    depth_mm: at the peak, > 0 into the rubber, negative allowed. size_mm: gaussian sigma; ball radius R;
+    cone contact radius a; edge sigma of the cross profile; map pitch. length_mm: edge.
+    angle_deg: edge and map, from x towards y. contact_mm: radius (edge: half width) inside which the
+    object touches while depth_mm > 0, so that reflection falls to `touch_reflectance` of itself; 0 = a
+    dry pad that does not couple. map: (rows along y, cols along x) centred at (x_mm, y_mm), depth =
+    depth_mm x map, continued by zeros; `map_coefficients` are its `spline_coefficients`, filled in.
+    Dents are equal when all numbers are equal and the map is the same object.
+    """
+
+    shape: Shape
+    x_mm: float
+    y_mm: float
+    depth_mm: float
+    size_mm: float
+    length_mm: float = 0.0
+    angle_deg: float = 0.0
+    contact_mm: float = 0.0
+    touch_reflectance: float = 0.05
+    map: NDArray[np.floating] | None = field(default=None, repr=False)
+    map_coefficients: Array | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.map is not None and self.map_coefficients is None:
+            object.__setattr__(self, "map_coefficients", spline_coefficients(self.map))
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """All that makes up the dent, hashable."""
+        numbers = (self.x_mm, self.y_mm, self.depth_mm, self.size_mm, self.length_mm, self.angle_deg)
+        return (self.shape, *numbers, self.contact_mm, self.touch_reflectance, id(self.map))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Dent) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    @property
+    def touches(self) -> bool:
+        """Whether the object couples light out."""
+        return self.contact_mm > 0 and self.depth_mm > 0
+
+    def local(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """(along, across) mm: coordinates about the dent's centre, turned by `angle_deg`."""
+        angle = np.deg2rad(self.angle_deg)
+        c, s = np.cos(angle), np.sin(angle)
+        x, y = x - self.x_mm, y - self.y_mm
+        return c * x + s * y, c * y - s * x
+
+    def field(self, x: Array, y: Array) -> Field:
+        """(depth mm, dd/dx, dd/dy) of this dent alone."""
+        along, across = self.local(x, y)
+        depth, by_along, by_across = self._local_field(along, across)
+        angle = np.deg2rad(self.angle_deg)
+        c, s = np.cos(angle), np.sin(angle)
+        return depth, c * by_along - s * by_across, s * by_along + c * by_across
+
+    def _local_field(self, along: Array, across: Array) -> Field:
+        if self.depth_mm == 0:
+            zero = np.zeros(np.broadcast_shapes(along.shape, across.shape))
+            return zero, zero, zero
+        if self.shape is Shape.GAUSSIAN:
+            return gaussian(along, across, self.depth_mm, self.size_mm)
+        if self.shape is Shape.BALL:
+            return ball(along, across, self.depth_mm, self.size_mm)
+        if self.shape is Shape.CONE:
+            return cone(along, across, self.depth_mm, self.size_mm)
+        if self.shape is Shape.EDGE:
+            return edge(along, across, self.depth_mm, self.size_mm, self.length_mm)
+        if self.map_coefficients is None or self.map is None:
+            raise ValueError("a dent of shape 'map' needs a map")
+        return height_map(along, across, self.depth_mm, self.size_mm, self.map_coefficients)
+
+    def covers(self, x: Array, y: Array) -> NDArray[np.bool_]:
+        """Where the object touches."""
+        if not self.touches:
+            return np.zeros(np.broadcast_shapes(x.shape, y.shape), dtype=np.bool_)
+        along, across = self.local(x, y)
+        if self.shape is Shape.EDGE:
+            return (np.abs(across) < self.contact_mm) & (np.abs(along) < self.length_mm / 2)
+        covered: NDArray[np.bool_] = along**2 + across**2 < self.contact_mm**2
+        return covered
+
+
+@dataclass(frozen=True, slots=True)
+class Mirror:
+    """The pressed mirror at one instant: exact depth, slope and reflectance. No dents = at rest."""
+
+    dents: tuple[Dent, ...] = ()
+
+    def depth(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Depth, mm, > 0 into the rubber, of the broadcast shape of x and y (mm)."""
+        return self._sum(x, y)[0]
+
+    def slope(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        """(dd/dx, dd/dy) of the depth, analytic."""
+        _, by_x, by_y = self._sum(x, y)
+        return by_x, by_y
+
+    def reflectance_factor(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Share of the reflection left by what touches: 1 where nothing does."""
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        factor = np.ones(np.broadcast_shapes(x.shape, y.shape))
+        for dent in self.dents:
+            if dent.touches:
+                factor = np.where(dent.covers(x, y), np.minimum(factor, dent.touch_reflectance), factor)
+        return factor
+
+    def _sum(self, x: ArrayLike, y: ArrayLike) -> Field:
+        x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+        shape = np.broadcast_shapes(x.shape, y.shape)
+        depth, by_x, by_y = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        for dent in self.dents:
+            if dent.depth_mm != 0:
+                d, dx, dy = dent.field(x, y)
+                depth, by_x, by_y = depth + d, by_x + dx, by_y + dy
+        return depth, by_x, by_y
+
+
+def contact_radius_mm(shape: Shape, depth_mm: float, size_mm: float) -> float:
+    """Radius, mm, of the area in which a ball (Hertz: sqrt(R d)) or cone touches; 0 for other shapes."""
+    if depth_mm <= 0:
+        return 0.0
+    if shape is Shape.BALL:
+        return float(np.sqrt(size_mm * depth_mm))
+    return size_mm if shape is Shape.CONE else 0.0

@@ -1,0 +1,56 @@
+"""What draws the simulated camera's light: the contract that the numpy and the GPU bench both meet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.simulation.press import Mirror
+
+Handle = int
+"""Names a picture that the renderer holds."""
+
+
+@dataclass(slots=True)
+class Piece:
+    """One instant's worth of an exposure.
+
+    weight: share of the exposure; the weights of all pieces add up to 1. mirror: where the rubber is.
+    pictures: (handle, (lcd rows,) float32 share of the light that each LCD row gives of that picture);
+    the shares add up to 1 in every row. Light, not codes, is mixed.
+    """
+
+    weight: float
+    mirror: Mirror
+    pictures: list[tuple[Handle, NDArray[np.float32]]]
+
+
+@runtime_checkable
+class BenchRenderer(Protocol):
+    """Light at the camera's pixels, before noise."""
+
+    def upload(self, image: NDArray[np.uint8]) -> Handle:
+        """Take over LCD grey codes (rows, cols)."""
+
+    def release(self, handle: Handle) -> None:
+        """Forget a picture."""
+
+    def expose(self, pieces: Sequence[Piece]) -> NDArray[np.float32]:
+        """(camera rows, cols) float32: mean light, 1 = all of a fully lit LCD's light reflected.
+
+        Includes LCD response and apertures (normalised by their fill: a white panel gives 1), reflectance,
+        touch, ghosts, ambient light and the lens's blur. The array may be reused by the next call.
+        """
+
+    def ray_map(self, mirror: Mirror) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(q (rows, cols, 2) LCD px, NaN where no ray arrives; reflectance (rows, cols)) per camera pixel.
+
+        Reflectance counts what touches; it is 0 where the ray is lost.
+        """
+
+    def close(self) -> None:
+        """Free everything; safe to call twice."""

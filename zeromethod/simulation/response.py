@@ -1,0 +1,22 @@
+"""The simulated panel's light for each grey code, straight from the rig file."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.rig.model import DisplaySpec
+
+
+def light_of_codes(display: DisplaySpec) -> NDArray[np.float64]:
+    """(256,) light 0..1 of the grey codes 0..255."""
+    codes = np.arange(256) / 255.0
+    if display.response_light is not None:
+        knots = np.linspace(0.0, 1.0, len(display.response_light))
+        return np.interp(codes, knots, display.response_light)
+    return codes**display.gamma
+
+
+def code_of_light(display: DisplaySpec, light: float) -> int:
+    """Grey code whose light is nearest to `light` (0..1)."""
+    return int(np.argmin(np.abs(light_of_codes(display) - light)))

@@ -1,0 +1,59 @@
+"""A press in time: what the mirror truly is at every instant of a simulated run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from zeromethod.resources import resource
+from zeromethod.simulation.path import PressPath
+from zeromethod.simulation.press import Mirror
+from zeromethod.simulation.press_file import Phase, read_press_file
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Presses that follow their paths, and the names of the run's parts.
+
+    duration_s: how long a run of it lasts. phases: marks for a report ("hold", "slide"); they change
+    nothing in the physics.
+    """
+
+    name: str
+    presses: tuple[PressPath, ...]
+    duration_s: float
+    phases: tuple[Phase, ...] = ()
+
+    def mirror_at(self, time_ns: int) -> Mirror:
+        """Return the mirror at `time_ns`; mirrors that are alike compare equal."""
+        dents = (press.dent_at(time_ns) for press in self.presses)
+        return Mirror(tuple(dent for dent in dents if dent is not None))
+
+    @cached_property
+    def breakpoints_ns(self) -> tuple[int, ...]:
+        """Times at which any press jumps or changes its velocity, rising."""
+        return tuple(sorted({point.time_ns for press in self.presses for point in press.points}))
+
+    def moving(self, from_ns: int, to_ns: int) -> bool:
+        """Whether the mirror changes continuously anywhere inside (from, to); jumps do not count."""
+        return any(press.moving(from_ns, to_ns) for press in self.presses)
+
+    def phase_at(self, time_ns: int) -> str | None:
+        """Name of the part of the run that `time_ns` lies in."""
+        for phase in self.phases:
+            if phase.from_s <= time_ns * 1e-9 < phase.to_s:
+                return phase.name
+        return None
+
+
+def load_scenario(name: str | Path) -> Scenario:
+    """Scenario from a press file, or a packaged one by bare name ("default", "step", "none", ...).
+
+    Raises InputError with one line: file, key, value, what is allowed.
+    """
+    path = Path(name)
+    if not path.suffix and path.name == str(name):
+        path = resource("calibration", "presses", f"{name}.toml")
+    presses, duration_s, phases = read_press_file(path, asked=str(name))
+    return Scenario(path.stem, presses, duration_s, phases)

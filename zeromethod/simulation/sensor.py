@@ -1,0 +1,69 @@
+"""From light to grey levels: gain, shot and read noise, black level, quantisation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.rig.model import Rig
+
+_STREAM = 3
+"""Keeps the noise apart from the clocks' jitter under the same seed."""
+
+
+@numba.njit(cache=True, fastmath=True)
+def _expose(
+    light: NDArray[np.float32],
+    normal: NDArray[np.float32],
+    peak: float,
+    black: float,
+    read: float,
+    grey_per_electron: float,
+    full: float,
+    out: NDArray[Any],
+) -> None:
+    for row in range(light.shape[0]):
+        for col in range(light.shape[1]):
+            signal = light[row, col] * peak
+            spread = np.sqrt(read * read + max(signal, 0.0) * grey_per_electron)
+            grey = np.rint(black + signal + spread * normal[row, col])
+            out[row, col] = min(max(grey, 0.0), full)
+
+
+class Sensor:
+    """The camera's chip.
+
+    Light 1 gives `peak_grey_share` of the full scale 2^bits - 1, light 0 the black level. Variance =
+    read_grey^2 + signal / electrons_per_grey, the signal counted above black. The noise of frame n
+    depends on seed and n alone. Quantisation rounds to the nearest grey level and clips.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        camera, noise = rig.camera, rig.camera.noise
+        self._full = float(2**camera.bits - 1)
+        self._black = noise.black_grey
+        self._peak = rig.simulation.peak_grey_share * self._full - self._black
+        self._read = noise.read_grey
+        self._grey_per_electron = 1.0 / noise.electrons_per_grey if noise.electrons_per_grey else 0.0
+        self._dtype = np.uint8 if camera.bits <= 8 else np.uint16
+        self._seed = rig.simulation.seed
+        self._normal = np.zeros((camera.rows, camera.columns), dtype=np.float32)
+
+    @property
+    def noisy(self) -> bool:
+        """Whether any noise is asked for."""
+        return self._read > 0 or self._grey_per_electron > 0
+
+    def image(self, light: NDArray[np.float32], number: int) -> NDArray[Any]:
+        """Grey levels (rows, cols) uint8 or uint16, newly allocated, of frame `number` under `light`."""
+        if self.noisy:
+            seeds = np.random.SeedSequence((self._seed & (2**64 - 1), _STREAM, number & (2**64 - 1)))
+            np.random.Generator(np.random.SFC64(seeds)).standard_normal(dtype=np.float32, out=self._normal)
+        out = np.empty(light.shape, dtype=self._dtype)
+        _expose(
+            light, self._normal, self._peak, self._black, self._read, self._grey_per_electron, self._full, out
+        )
+        return out

@@ -1,0 +1,185 @@
+"""The constant that slopes leave open: where the rubber is known, or seen, to be at rest.
+
+Depth is fixed up to C h, with h the integrator's scale (see `integrate`); C is fitted to nodes at rest.
+Without a rectangle known to be at rest, these are the quietest nodes of the view's border: rubber's far
+field falls off like 1/r or faster, so a node of residual slope s at distance r from the dent is at most
+s r deep. That bound weighs the nodes; the tail that their slope still shows goes into sigma.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from zeromethod.rig.model import KnownRest
+
+_BLOCK_SHARE = 0.056
+"""Block over which slope is averaged before it is called quiet, relative to the lattice's shorter side."""
+_RING_SHARE = 0.16
+"""Width of the border ring relative to the lattice's shorter side."""
+_CORE_SHARE = 0.6
+"""Share of the ring's weight that must agree on the constant: a smaller flat top is outvoted."""
+_MIN_NODES = 16
+_NEGLIGIBLE = 0.02
+"""Weights below this share of the largest are taken as none."""
+
+
+@dataclass(frozen=True, slots=True)
+class RestFit:
+    """Weights (rows, cols), adding up to 1, of depth / h in the constant C; its systematic sigma in mm."""
+
+    mode: Literal["known", "quiet"]
+    weights: NDArray[np.float64]
+    sigma_mm: float
+
+
+def known_nodes(
+    known_rest: Sequence[KnownRest], x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Nodes (rows, cols) whose mirror point lies in a rectangle known to be at rest."""
+    inside = np.zeros(x_mm.shape, bool)
+    for part in known_rest:
+        inside |= (
+            (x_mm >= part.x_mm[0]) & (x_mm <= part.x_mm[1]) & (y_mm >= part.y_mm[0]) & (y_mm <= part.y_mm[1])
+        )
+    return inside
+
+
+def fit_known(nodes: NDArray[np.bool_], scale: NDArray[np.float64]) -> RestFit:
+    """Least squares of depth = C h over nodes known to be at rest."""
+    weights = np.where(nodes, scale**2, 0.0)
+    return RestFit("known", weights / weights.sum(), 0.0)
+
+
+def border_ring(shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Outer ring (rows, cols) of the lattice."""
+    width = max(2, round(_RING_SHARE * min(shape)))
+    ring = np.ones(shape, bool)
+    ring[width:-width, width:-width] = False
+    return ring
+
+
+def fit_quiet(
+    slope: NDArray[np.float64],
+    variance: NDArray[np.float64],
+    depth_mm: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    x_mm: NDArray[np.float64],
+    y_mm: NDArray[np.float64],
+    island: NDArray[np.bool_],
+    correlation: NDArray[np.float64],
+) -> RestFit:
+    """Weights of the quietest nodes in the border ring.
+
+    slope, variance: (rows, cols, 2) of depth's slope, rad and rad^2. depth_mm: any depth with that slope.
+    scale: h. correlation: of the noise of nodes 0, 1, 2, ... apart along one axis.
+    """
+    ring = border_ring((island.shape[0], island.shape[1])) & island
+    if np.count_nonzero(ring) < _MIN_NODES:
+        ring = island
+    constant = depth_mm / scale
+    block = 2 * max(1, round(0.5 * _BLOCK_SHARE * min(island.shape))) + 1
+    slope2, noise2 = _block_slope(slope, variance, island, correlation, block)
+    # The largest nearby: a dent's own centre is flat too.
+    nearby = ndimage.maximum_filter(slope2, block)
+    spread = np.maximum(nearby, noise2) / scale**2
+    first = np.where(ring, 1.0 / np.where(ring, spread, 1.0), 0.0)
+    relative = depth_mm - scale * float((first * constant).sum() / first.sum())
+    away = _from_deepest(relative, x_mm, y_mm, island)
+    floor2 = (0.25**2) * (np.ptp(x_mm[island]) ** 2 + np.ptp(y_mm[island]) ** 2)
+    lever2 = np.maximum((away * away).sum(axis=-1), floor2)
+    weights = first / lever2
+    weights[weights < _NEGLIGIBLE * weights.max()] = 0.0
+    low, high = _shortest_interval(constant[ring], weights[ring])
+    reach = high - low
+    weights[(constant < low - reach) | (constant > high + reach)] = 0.0
+    weights /= weights.sum()
+    signed = _tail(slope, variance, away, weights, scale, correlation)
+    bound2 = weights * lever2 / scale**2
+    blocks = 1.0 / float((weights**2).sum()) / (block + len(correlation)) ** 2
+    # A bound without direction, for dents that fill the view; what noise may do to it is taken off.
+    noise = float((bound2 * noise2).sum()) * (1.0 + 3.0 * np.sqrt(2.0 / max(blocks, 1.0)))
+    unsigned = np.sqrt(max(float((bound2 * slope2).sum()) - noise, 0.0))
+    return RestFit("quiet", weights, float(max(signed, unsigned)))
+
+
+def _tail(
+    slope: NDArray[np.float64],
+    variance: NDArray[np.float64],
+    away: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    scale: NDArray[np.float64],
+    correlation: NDArray[np.float64],
+) -> float:
+    """Mean depth / h, in mm, that the chosen nodes' slope means if it is the 1/r tail of the deepest node.
+
+    depth A/r has radial slope -depth/r. Only what stands out of twice its own noise counts; a tail that
+    falls off faster (a Gaussian's) is overstated.
+    """
+    used = weights > 0.0
+    lever = (weights / scale)[used, None] * away[used]
+    implied = -float((lever * slope[used]).sum())
+    # Neighbours' noise is correlated over the overlap of their windows, alike on both axes.
+    overlap = (2.0 * float(correlation.sum()) - 1.0) ** 2
+    noise2 = overlap * float((lever**2 * variance[used]).sum())
+    return float(np.sqrt(max(implied * implied - 4.0 * noise2, 0.0)))
+
+
+def _block_slope(
+    slope: NDArray[np.float64],
+    variance: NDArray[np.float64],
+    island: NDArray[np.bool_],
+    correlation: NDArray[np.float64],
+    block: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Squared slope (rows, cols) after averaging over a block, and the share of it that noise makes."""
+    known = island.astype(np.float64)
+    share = np.maximum(ndimage.uniform_filter(known, block, mode="constant"), block**-2)
+    slope2, noise2 = np.zeros(island.shape), np.zeros(island.shape)
+    averaging = mean_noise_gain(correlation, block) ** 2
+    for axis in (0, 1):
+        masked = np.where(island, slope[..., axis], 0.0)
+        mean = ndimage.uniform_filter(masked, block, mode="constant") / share
+        slope2 += mean * mean
+        masked = np.where(island, variance[..., axis], 0.0)
+        noise2 += ndimage.uniform_filter(masked, block, mode="constant") / share * averaging / share
+    return np.where(island, slope2, 0.0), noise2
+
+
+def mean_noise_gain(correlation: NDArray[np.float64], count: int) -> float:
+    """Variance of the mean of `count` neighbours on a line, each of variance 1 and so correlated."""
+    lags = np.arange(count)
+    rho = np.zeros(count)
+    rho[: min(count, len(correlation))] = correlation[:count]
+    pairs = np.where(lags == 0, count, 2 * (count - lags))
+    return float((pairs * rho).sum() / count**2)
+
+
+def _from_deepest(
+    relative_mm: NDArray[np.float64],
+    x_mm: NDArray[np.float64],
+    y_mm: NDArray[np.float64],
+    island: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """Vectors (rows, cols, 2) in mm from the node of largest |depth|; 0 off the island."""
+    deepest = int(np.argmax(np.where(island, np.abs(relative_mm), -1.0)))
+    row, col = np.unravel_index(deepest, relative_mm.shape)
+    away = np.stack([x_mm - x_mm[row, col], y_mm - y_mm[row, col]], axis=-1)
+    return np.where(island[..., None], away, 0.0)
+
+
+def _shortest_interval(values: NDArray[np.float64], weights: NDArray[np.float64]) -> tuple[float, float]:
+    """Shortest interval that holds the core share of the weight."""
+    order = np.argsort(values)
+    values, total = values[order], np.cumsum(weights[order])
+    start = np.concatenate([[0.0], total[:-1]])
+    end = np.searchsorted(total, start + _CORE_SHARE * total[-1] * (1 - 1e-12))
+    fits = end < len(values)
+    first, last = np.flatnonzero(fits), end[fits]
+    best = int(np.argmin(values[last] - values[first]))
+    return float(values[first[best]]), float(values[last[best]])

@@ -1,0 +1,79 @@
+"""Depth differences between neighbouring nodes: the line integral of the slope from one to the next."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.surface.stencils import (
+    BORDER_POINTS,
+    DERIVATIVE_POINTS,
+    INTEGRAL_POINTS,
+    derivative_table,
+    integral_table,
+)
+
+_DERIVATIVE = derivative_table()
+_INTEGRAL = integral_table()
+
+
+@numba.njit(cache=True)
+def _along_rows(
+    slope_x: Any, slope_y: Any, x: Any, y: Any, valid: Any, derivative: Any, integral: Any, out: Any
+) -> None:
+    rows, cols = valid.shape
+    line = np.empty(cols)
+    for i in range(rows):
+        for j in range(cols - 1):
+            out[i, j] = 0.0
+        start = 0
+        while start < cols:
+            if not valid[i, start]:
+                start += 1
+                continue
+            end = start
+            while end < cols and valid[i, end]:
+                end += 1
+            length = end - start
+            if length > 1:
+                points = min(DERIVATIVE_POINTS, length)
+                for j in range(start, end):
+                    first = min(max(j - points // 2, start), end - points)
+                    dx = 0.0
+                    dy = 0.0
+                    for k in range(points):
+                        weight = derivative[points, j - first, k]
+                        dx += weight * x[i, first + k]
+                        dy += weight * y[i, first + k]
+                    line[j] = slope_x[i, j] * dx + slope_y[i, j] * dy
+                for j in range(start, end - 1):
+                    first = j - INTEGRAL_POINTS // 2 + 1
+                    points = INTEGRAL_POINTS
+                    if first < start or first + points > end:
+                        points = min(BORDER_POINTS, length)
+                        first = min(max(j - points // 2 + 1, start), end - points)
+                    total = 0.0
+                    for k in range(points):
+                        total += integral[points, j - first, k] * line[first + k]
+                    out[i, j] = total
+            start = end
+
+
+def depth_differences(
+    slope: NDArray[np.float64], x_mm: NDArray[np.float64], y_mm: NDArray[np.float64], valid: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Depth step from each node to the next: (rows, cols-1) along rows, (rows-1, cols) along columns, mm.
+
+    slope: (rows, cols, 2), d(depth)/dx and d(depth)/dy at the nodes' mirror points x_mm, y_mm (which may
+    lie irregularly but smoothly). Steps that touch an invalid node are 0.
+    """
+    rows, cols = valid.shape
+    across = np.empty((rows, cols - 1))
+    down = np.empty((rows - 1, cols))
+    sx, sy = slope[..., 0], slope[..., 1]
+    _along_rows(sx, sy, x_mm, y_mm, valid, _DERIVATIVE, _INTEGRAL, across)
+    _along_rows(sx.T, sy.T, x_mm.T, y_mm.T, valid.T, _DERIVATIVE, _INTEGRAL, down.T)
+    return across, down

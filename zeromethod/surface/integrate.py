@@ -1,0 +1,137 @@
+"""From slope to depth: weighted least squares over all node-to-node differences.
+
+The slope that a reading means depends on depth (the ray meets a deeper mirror elsewhere, nearer to the
+LCD), so the equations are  D_b - D_a = m_e(D)  with dm/dD = K dX. K is nearly the gradient of a function
+kappa of the rest geometry; with `scale` h = exp(kappa) the update D + h e turns the linearised system into
+a plain one for e,  e_b - e_a = (m_e - (D_b - D_a)) / h,  so each pass is a Gauss-Newton step at the price
+of a plain integration, and depth is known up to a multiple of h, not up to a constant.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from zeromethod.surface.differences import depth_differences
+from zeromethod.surface.poisson import LatticeSolver
+
+_KEEP_FACTOR = 2.0
+"""Weights are kept while nodes' variances stay within this factor of the ones they were made from:
+any fixed weights give an unbiased depth, and being off by this much costs a few percent of noise."""
+_KEEP_SHARE = 0.02
+
+
+def largest_island(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Keep the largest set of valid nodes connected along rows and columns (depth cannot cross a gap)."""
+    labels, count = ndimage.label(valid)
+    if count <= 1:
+        return valid.copy()
+    sizes = np.bincount(labels.ravel())
+    sizes[0] = 0
+    island: NDArray[np.bool_] = labels == int(np.argmax(sizes))
+    return island
+
+
+class SlopeIntegrator:
+    """Integrates slopes on a lattice of nodes; keeps its matrix factors between frames.
+
+    The gain is 1 at every wavelength: nothing damps, weights only decide between readings that
+    contradict each other. Call `prepare` when mask or noise may have changed, then `integrate`.
+    """
+
+    def __init__(
+        self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64], scale: NDArray[np.float64] | None = None
+    ) -> None:
+        """x_mm, y_mm: (rows, cols) mirror points at rest, for the edges' lengths; scale: h (rows, cols)."""
+        shape = x_mm.shape
+        self._shape = shape
+        self._solver = LatticeSolver((shape[0], shape[1]))
+        h = np.ones(shape) if scale is None else scale
+        self._h_across = np.sqrt(h[:, :-1] * h[:, 1:])
+        self._h_down = np.sqrt(h[:-1] * h[1:])
+        self._step_across = np.stack([np.diff(x_mm, axis=1), np.diff(y_mm, axis=1)], axis=-1)
+        self._step_down = np.stack([np.diff(x_mm, axis=0), np.diff(y_mm, axis=0)], axis=-1)
+        self._variance = np.zeros((*shape, 2))
+        self._across = np.zeros_like(self._h_across)
+        self._down = np.zeros_like(self._h_down)
+        self._pin = (0, 0)
+        self.island: NDArray[np.bool_] = np.zeros(shape, bool)
+
+    def prepare(self, valid: NDArray[np.bool_], variance: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Set mask (rows, cols) and slope variance (rows, cols, 2); return the nodes that get a depth."""
+        island = largest_island(valid)
+        same = bool(np.array_equal(island, self.island))
+        self.island = island
+        if not island.any():
+            return island
+        relative = np.where(island[..., None], variance, 0.0) / np.median(variance[island])
+        if self._weights_changed(relative):
+            self._variance = relative
+        elif same:
+            return island
+        else:
+            self._variance = np.where(self._variance > 0.0, self._variance, relative)
+        self._set_weights()
+        return island
+
+    def _weights_changed(self, relative: NDArray[np.float64]) -> bool:
+        known = self.island & (self._variance > 0.0).all(axis=-1)
+        if 2 * np.count_nonzero(known) < np.count_nonzero(self.island):
+            return True
+        ratio = relative[known] / self._variance[known]
+        ratio = ratio / np.median(ratio)
+        off = (ratio > _KEEP_FACTOR) | (ratio < 1.0 / _KEEP_FACTOR)
+        return bool(np.mean(off) > _KEEP_SHARE)
+
+    def _set_weights(self) -> None:
+        island, variance = self.island, self._variance
+        spread = (0.5 * (variance[:, :-1] + variance[:, 1:]) * self._step_across**2).sum(axis=-1)
+        both = island[:, :-1] & island[:, 1:]
+        self._across = self._h_across / np.where(both, spread, np.inf)
+        spread = (0.5 * (variance[:-1] + variance[1:]) * self._step_down**2).sum(axis=-1)
+        both = island[:-1] & island[1:]
+        self._down = self._h_down / np.where(both, spread, np.inf)
+        if not island[self._pin]:
+            nodes = np.argwhere(island)
+            row, col = nodes[len(nodes) // 2]
+            self._pin = (int(row), int(col))
+        self._solver.set_weights(self._across * self._h_across, self._down * self._h_down, self._pin)
+
+    def integrate(
+        self,
+        slope: NDArray[np.float64],
+        x_mm: NDArray[np.float64],
+        y_mm: NDArray[np.float64],
+        depth_mm: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """Update e (..., rows, cols), up to a constant: depth_mm + h e has the given slope. 0 off the island.
+
+        slope: (..., rows, cols, 2), (dd/dx, dd/dy) at the mirror points x_mm, y_mm (rows, cols), read with
+        the points at depth_mm (rows, cols; default 0).
+        """
+        if not self.island.any():
+            return np.zeros(slope.shape[:-1])
+        lattices = slope.reshape(-1, *slope.shape[-3:])
+        rhs = np.stack([self._right_hand_side(one, x_mm, y_mm, depth_mm) for one in lattices])
+        return self._solver.solve(rhs).reshape(slope.shape[:-1])
+
+    def _right_hand_side(
+        self,
+        slope: NDArray[np.float64],
+        x_mm: NDArray[np.float64],
+        y_mm: NDArray[np.float64],
+        depth_mm: NDArray[np.float64] | None,
+    ) -> NDArray[np.float64]:
+        across, down = depth_differences(slope, x_mm, y_mm, self.island)
+        if depth_mm is not None:
+            across -= np.diff(depth_mm, axis=1)
+            down -= np.diff(depth_mm, axis=0)
+        across *= self._across
+        down *= self._down
+        rhs = np.zeros(self._shape)
+        rhs[:, 1:] += across
+        rhs[:, :-1] -= across
+        rhs[1:] += down
+        rhs[:-1] -= down
+        return rhs

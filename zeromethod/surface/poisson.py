@@ -1,0 +1,60 @@
+"""Solver of the weighted least-squares system of node-to-node depth differences.
+
+Minimising sum w_e (D_b - D_a - m_e)^2 gives a graph Laplacian, A D = b. It is factorised once per mask
+and set of weights (60 ms at 125x157 nodes on one core) and then solves in 1 ms. Conjugate gradients with
+a DCT-based preconditioner take 1 ms per step and many steps once there is a hole, and the old factors as
+preconditioner need more than a factorisation's worth of steps when three nodes go.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
+
+
+class LatticeSolver:
+    """Solves A D = b on a lattice of (rows, cols) nodes for given edge weights."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        rows, cols = shape
+        self._shape = shape
+        count = rows * cols
+        index = np.arange(count).reshape(shape)
+        a = np.concatenate([index[:, :-1].ravel(), index[:-1].ravel()])
+        b = np.concatenate([index[:, 1:].ravel(), index[1:].ravel()])
+        node = np.arange(count)
+        row = np.concatenate([node, a, b])
+        col = np.concatenate([node, b, a])
+        self._matrix = csc_matrix((np.arange(1.0, len(row) + 1), (row, col)), shape=(count, count))
+        self._order = np.rint(self._matrix.data).astype(np.intp) - 1
+        self._factors: Any = None
+
+    def set_weights(
+        self, across: NDArray[np.float64], down: NDArray[np.float64], pin: tuple[int, int]
+    ) -> None:
+        """Use these edge weights (rows, cols-1) and (rows-1, cols), 0 = no edge, and hold node `pin` at 0.
+
+        The pin takes away the free constant without damping anything. Nodes without edges come out 0.
+        """
+        diagonal = np.zeros(self._shape)
+        diagonal[:, :-1] += across
+        diagonal[:, 1:] += across
+        diagonal[:-1] += down
+        diagonal[1:] += down
+        diagonal[diagonal == 0.0] = 1.0
+        diagonal[pin] *= 2.0
+        edges = -np.concatenate([across.ravel(), down.ravel()])
+        self._matrix.data = np.concatenate([diagonal.ravel(), edges, edges])[self._order]
+        self._factors = splu(
+            self._matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
+
+    def solve(self, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """D (..., rows, cols) for right-hand sides b (..., rows, cols)."""
+        flat = rhs.reshape(-1, rhs.shape[-2] * rhs.shape[-1]).T
+        solution: NDArray[np.float64] = self._factors.solve(np.asfortranarray(flat))
+        return solution.T.reshape(rhs.shape)

@@ -1,0 +1,202 @@
+"""Measured warp to surface: intersect, bisect, integrate, anchor, and again, because the mirror moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.errors import InputError
+from zeromethod.optics import Optics
+from zeromethod.rig.model import Rig
+from zeromethod.surface.anchor import RestFit, fit_known, fit_quiet, known_nodes
+from zeromethod.surface.integrate import SlopeIntegrator, largest_island
+from zeromethod.surface.noise import DepthNoise, overlap_correlation
+from zeromethod.surface.rays import MirrorRays
+from zeromethod.surface.surface import Anchor, Surface
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.validity import Flag
+from zeromethod.warp.warp import Warp
+
+_MAX_ITERATIONS = 8
+_SETTLED_MM = 1e-7
+_ANCHOR_ITERATIONS = 3
+_ANCHOR_MOVED_MM = 1e-3
+"""The anchor's nodes are chosen anew this often at most, and only after depth moved by more than this; then
+they are kept, so that the passes converge."""
+_PROBE_DEPTH_MM = 1e-3
+
+T = TypeVar("T", bound=np.generic)
+
+
+@dataclass(slots=True)
+class _Reading:
+    """Depth (rows, cols) in mm, 0 off the island, with the slope and points it came from."""
+
+    depth: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    point: NDArray[np.float64]
+    fit: RestFit | None
+    iterations: int
+
+
+class SurfaceReader:
+    """Reads slope and depth of the mirror off measured warps.
+
+    A node's depth d belongs to its own mirror point, where its ray meets z = h_rest(x, y) - d. From there
+    the ray to the LCD position is solved through all layers; the bisector of the two rays is the normal.
+    The slopes are integrated by weighted least squares with a high-order rule, the depth anchored where the
+    rubber is at rest, and all of it repeated until depth settles within 0.1 nm.
+
+    Keeps factors, weights and noise probes between frames; they change speed, never what is read beyond
+    the noise's own weighting.
+    """
+
+    def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid) -> None:
+        """Fix the rays of `grid`'s measurable nodes. Raises InputError when none sees the LCD at rest."""
+        self._grid = grid
+        self._known_rest = rig.surface.known_rest
+        u, v = grid.mesh()
+        u, v = u[grid.inner], v[grid.inner]
+        self._rays = MirrorRays(optics, u, v)
+        seen = largest_island(self._rays.seen)
+        if np.count_nonzero(seen) < 4:
+            raise InputError(f"rig {rig.name}: no camera pixel sees the LCD by the mirror at rest")
+        rest = np.zeros(u.shape)
+        slope, point = self._rays.slope(rest, self._rays.rest_q)
+        self._rest_point = point
+        sensitivity = optics.sensitivity(u, v)
+        regular = seen & (np.abs(np.linalg.det(np.where(seen[..., None, None], sensitivity, np.eye(2)))) > 0)
+        self._seen = regular
+        sensitivity = np.where(regular[..., None, None], sensitivity, np.eye(2))
+        self._slope_per_q = np.where(regular[..., None, None], np.linalg.inv(sensitivity), np.nan)
+        self._scale = self._depth_scale(slope, point)
+        self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
+        self._correlation = overlap_correlation(grid.period_px, grid.spacing_px)
+        self._noise = DepthNoise(self._integrator, self._slope_per_q, self._correlation)
+
+    def _depth_scale(self, slope: NDArray[np.float64], point: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Integrate K = d(slope)/d(depth) at fixed q: h (rows, cols), 1 at its median."""
+        deeper, _ = self._rays.slope(np.full(slope.shape[:-1], _PROBE_DEPTH_MM), self._rays.rest_q)
+        rate = (deeper - slope) / _PROBE_DEPTH_MM
+        usable = self._seen & np.isfinite(rate).all(axis=-1)
+        plain = SlopeIntegrator(point[..., 0], point[..., 1])
+        plain.prepare(usable, np.ones((*usable.shape, 2)))
+        kappa = plain.integrate(rate, point[..., 0], point[..., 1])
+        kappa -= np.median(kappa[plain.island])
+        return np.where(plain.island, np.exp(kappa), 1.0)
+
+    @property
+    def scale(self) -> NDArray[np.float64]:
+        """Scale h (rows, cols) of the measurable nodes, median 1: slopes fix depth up to a multiple of it.
+
+        A constant error of depth moves the mirror along its rays and so changes the slopes read; h is the
+        depth that goes unnoticed, about proportional to the mirror's distance from the LCD.
+        """
+        return self._scale
+
+    def read(self, warp: Warp, previous: Surface | None = None) -> Surface:
+        """Slope and depth from a measured warp on the reader's grid.
+
+        previous: a surface read shortly before, to start from; it saves passes and does not change the
+        result beyond 0.1 nm. Raises InputError on a warp of another shape. Nodes that are flagged, see
+        nothing at rest, or are cut off from the largest connected part of the others come out NaN.
+        """
+        if warp.q.shape != (*self._grid.shape, 2):
+            raise InputError(f"warp.q: shape {warp.q.shape}: must be {(*self._grid.shape, 2)}")
+        inner = self._grid.inner
+        sigma_q, q = warp.sigma[inner], warp.q[inner]
+        with np.errstate(invalid="ignore"):
+            usable = (warp.flags[inner] == 0) & self._seen & (sigma_q > 0.0).all(axis=-1)
+        usable &= np.isfinite(q).all(axis=-1) & np.isfinite(sigma_q).all(axis=-1)
+        q = np.where(usable[..., None], q, np.nan)
+        variance = (self._slope_per_q**2 * (sigma_q**2)[..., None, :]).sum(axis=-1)
+        start = np.zeros(usable.shape) if previous is None else np.nan_to_num(previous.depth_mm[inner])
+        reading = self._settle(q, variance, usable, start)
+        return self._surface(warp, reading, sigma_q, variance)
+
+    def _settle(
+        self,
+        q: NDArray[np.float64],
+        variance: NDArray[np.float64],
+        usable: NDArray[np.bool_],
+        depth: NDArray[np.float64],
+    ) -> _Reading:
+        integrator, scale = self._integrator, self._scale
+        slope, point = np.full((*usable.shape, 2), np.nan), self._rest_point
+        island = integrator.prepare(usable, variance)
+        fit: RestFit | None = None
+        moved = np.inf
+        for iteration in range(1, _MAX_ITERATIONS + 1):
+            slope, point = self._rays.slope(depth, q)
+            readable = island & np.isfinite(slope).all(axis=-1)
+            if np.count_nonzero(readable) != np.count_nonzero(island):
+                island = integrator.prepare(readable, variance)
+            if not island.any():
+                return _Reading(np.zeros_like(depth), slope, point, None, iteration)
+            depth = np.where(island, depth, 0.0)
+            new = depth + scale * integrator.integrate(slope, point[..., 0], point[..., 1], depth)
+            if fit is None or (moved > _ANCHOR_MOVED_MM and iteration <= _ANCHOR_ITERATIONS):
+                fit = self._fit(slope, variance, new, point, island)
+            new -= scale * float((fit.weights * new / scale).sum())
+            new = np.where(island, new, 0.0)
+            moved = float(np.max(np.abs(new - depth)))
+            depth = new
+            if moved < _SETTLED_MM:
+                break
+        return _Reading(depth, slope, point, fit, iteration)
+
+    def _fit(
+        self,
+        slope: NDArray[np.float64],
+        variance: NDArray[np.float64],
+        depth: NDArray[np.float64],
+        point: NDArray[np.float64],
+        island: NDArray[np.bool_],
+    ) -> RestFit:
+        x, y = point[..., 0], point[..., 1]
+        known = known_nodes(self._known_rest, x, y) & island
+        if known.any():
+            return fit_known(known, self._scale)
+        return fit_quiet(slope, variance, depth, self._scale, x, y, island, self._correlation)
+
+    def _surface(
+        self,
+        warp: Warp,
+        reading: _Reading,
+        sigma_q: NDArray[np.float64],
+        variance: NDArray[np.float64],
+    ) -> Surface:
+        island = self._integrator.island
+        off = ~island
+        mask = np.zeros(island.shape, bool)
+        sigma_depth = np.full(island.shape, np.nan)
+        anchor = Anchor("none", self._padded(mask, False), 0.0)
+        fit = reading.fit
+        if fit is not None:
+            x, y = self._rest_point[..., 0], self._rest_point[..., 1]
+            noise = self._noise.sigma(sigma_q, x, y, fit.weights)
+            sigma_depth = self._scale * np.hypot(noise, fit.sigma_mm)
+            typical = fit.sigma_mm * float(np.sqrt(np.mean(self._scale[island] ** 2)))
+            anchor = Anchor(fit.mode, self._padded(fit.weights > 0.0, False), typical)
+        contact = (warp.flags & Flag.LIGHT_LOST != 0) & (warp.flags & (Flag.OUTSIDE | Flag.NO_RAY) == 0)
+        return Surface(
+            depth_mm=self._padded(np.where(off, np.nan, reading.depth), np.nan),
+            slope=self._padded(np.where(off[..., None], np.nan, reading.slope), np.nan),
+            x_mm=self._padded(reading.point[..., 0], np.nan),
+            y_mm=self._padded(reading.point[..., 1], np.nan),
+            sigma_depth_mm=self._padded(sigma_depth, np.nan),
+            sigma_slope=self._padded(np.where(off[..., None], np.nan, np.sqrt(variance)), np.nan),
+            valid=self._padded(island, False),
+            contact=contact,
+            anchor=anchor,
+            time_ns=warp.time_ns,
+            iterations=reading.iterations,
+        )
+
+    def _padded(self, inner: NDArray[T], fill: float | bool) -> NDArray[T]:
+        full = np.full((*self._grid.shape, *inner.shape[2:]), fill, dtype=inner.dtype)
+        full[self._grid.inner] = inner
+        return full

@@ -1,0 +1,52 @@
+"""What a reading is: slope and depth of the mirror per node, with what is not known about them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Anchor:
+    """Where depth was taken to be zero.
+
+    mode: "known" (the rig's rectangles at rest), "quiet" (the quietest part of the view's border) or
+    "none" (nothing was read). mask: (rows, cols) nodes used. sigma_mm: standard deviation, rms over the
+    valid nodes, that depth owes to what is not known about the mask's own depth; 0 for "known".
+    """
+
+    mode: Literal["known", "quiet", "none"]
+    mask: NDArray[np.bool_]
+    sigma_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """Slope and depth of the mirror on the full `NodeGrid`; NaN where not read (padding included).
+
+    depth_mm: (rows, cols), positive into the rubber, measured from the rest surface along z at the node's
+        own mirror point; bulges are negative.
+    slope: (rows, cols, 2), (dd/dx, dd/dy) of depth, rad.
+    x_mm, y_mm: (rows, cols) the mirror point; NaN only where the pixel's ray misses the mirror.
+    sigma_depth_mm: (rows, cols) standard deviation of depth: noise of this one warp and the anchor's.
+    sigma_slope: (rows, cols, 2) standard deviation of slope, rad.
+    valid: (rows, cols) nodes with a depth. contact: (rows, cols) light lost: TIR fails or something touches.
+    time_ns: the warp's. iterations: ray-surface intersections taken until depth settled.
+
+    Convention: world frame of `zeromethod.optics`; depth d = h_rest(x, y) - z.
+    """
+
+    depth_mm: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    x_mm: NDArray[np.float64]
+    y_mm: NDArray[np.float64]
+    sigma_depth_mm: NDArray[np.float64]
+    sigma_slope: NDArray[np.float64]
+    valid: NDArray[np.bool_]
+    contact: NDArray[np.bool_]
+    anchor: Anchor
+    time_ns: int
+    iterations: int

@@ -1,0 +1,18 @@
+"""How many cores the libraries of a run may take."""
+
+from __future__ import annotations
+
+import cv2
+import numba
+from threadpoolctl import threadpool_limits
+
+
+def limit_threads(count: int = 1) -> None:
+    """Let BLAS, OpenMP, OpenCV and numba use `count` threads each, from now on.
+
+    The loop is one thread, and its steps are too short to be shared out: pools that each take every core
+    slow it by contending for them.
+    """
+    threadpool_limits(limits=count)
+    cv2.setNumThreads(count)
+    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
