@@ -72,7 +72,7 @@ def blas_version(grid: NodeGrid) -> Callable[[NDArray[np.uint8]], NDArray[np.flo
 
 def main() -> None:
     cv2.setNumThreads(1)
-    grid = NodeGrid(SHAPE, PERIOD, PERIOD // 2)
+    grid = NodeGrid(SHAPE, PERIOD)
     null, truth = scene(0.6, 200.0)
     press, _ = scene(40.0, 100.0)
     contact, _ = scene(0.6, 200.0, hole=True)

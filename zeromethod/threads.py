@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import cv2
 import numba
 from threadpoolctl import threadpool_limits
@@ -15,4 +17,4 @@ def limit_threads(count: int = 1) -> None:
     """
     threadpool_limits(limits=count)
     cv2.setNumThreads(count)
-    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    numba.set_num_threads(min(count, numba.get_num_threads()))

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+
 from zeromethod.cli.main import main
 
 
@@ -93,7 +94,9 @@ class Camera(SimulatedCamera):
 
 def test_ctrl_c_keeps_what_was_measured_and_exits_130(tmp_path: Path) -> None:
     rig = small_rig(tmp_path)
-    rig.write_text(rig.read_text().replace('[camera]\ndriver = "simulated"', '[camera]\ndriver = "lab:Camera"'))
+    rig.write_text(
+        rig.read_text().replace('[camera]\ndriver = "simulated"', '[camera]\ndriver = "lab:Camera"')
+    )
     (tmp_path / "lab.py").write_text(ANNOUNCING_CAMERA)
     command = [sys.executable, "-m", "zeromethod", "run", "--rig", rig.name, "--press", "hold"]
     process = subprocess.Popen(

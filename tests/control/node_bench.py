@@ -53,8 +53,8 @@ def dent(rest: Rest, peak_lcd_px: float, sigma_px: float = 40.0, shift_px: float
     """Displacement (rows, cols, 2) like that of a Gaussian press: its gradient, largest at one sigma."""
     u, v = rest.grid.mesh()
     centre_px = 0.5 * (rest.grid.image_shape[0] - 1) + shift_px
-    x, y = (u - centre_px) / sigma_px, (v - centre_px) / sigma_px
-    return -peak_lcd_px * math.exp(0.5) * np.stack([x, y], axis=-1) * np.exp(-0.5 * (x * x + y * y))[..., None]
+    x = np.stack([u - centre_px, v - centre_px], axis=-1) / sigma_px
+    return -peak_lcd_px * math.exp(0.5) * x * np.exp(-0.5 * np.sum(x * x, axis=-1, keepdims=True))
 
 
 class PhasorSensor:
@@ -95,7 +95,8 @@ class NodeBench:
         number = -1
         for _ in range(frames):
             # the newest frame in hand that was not yet returned, else the next one
-            newest = math.floor((self.now_s - self.exposure_s - self.camera_latency_s) * self.camera_hz - self.phase)
+            in_hand_s = self.now_s - self.exposure_s - self.camera_latency_s
+            newest = math.floor(in_hand_s * self.camera_hz - self.phase)
             number = max(number + 1, newest)
             start_s = (number + self.phase) / self.camera_hz
             self.now_s = max(self.now_s, start_s + self.exposure_s + self.camera_latency_s)
@@ -169,4 +170,3 @@ def _seen_at(rest: Rest, q: np.ndarray, true_q: np.ndarray) -> np.ndarray:
         here = sample(q, np.clip(col, 1, grid.shape[1] - 2), np.clip(row, 1, grid.shape[0] - 2))
         d += 0.8 * (true_q - here) / LCD_PER_CAMERA
     return d
-

@@ -63,9 +63,7 @@ def test_the_command_at_rest_has_less_than_0_4_of_one_frames_noise() -> None:
     assert rms(np.array(errors)) < 0.4 * rms(np.array(single))
     filtered = bench.circle.controller.filtered(0)
     # sqrt(K / (2 - K)) at K = 0.2, what the update's filter takes out besides not counted
-    assert filtered.sigma[REST.grid.inner].mean() == pytest.approx(
-        SIGMA_PX * LCD_PER_CAMERA / 3, rel=0.25
-    )
+    assert filtered.sigma[REST.grid.inner].mean() == pytest.approx(SIGMA_PX * LCD_PER_CAMERA / 3, rel=0.25)
 
 
 def test_a_press_raises_the_gain_to_its_limit_within_the_frame_that_shows_it() -> None:
@@ -112,7 +110,9 @@ def test_delay_makes_the_composition_late_but_not_unstable(delay_frames: int) ->
 
 @pytest.mark.parametrize("phase", np.arange(10) / 10)
 @pytest.mark.parametrize("refresh_hz", [59.94, 60.0])
-@pytest.mark.parametrize(("exposure_s", "rise_s"), [(0.002, 0.004), (0.008, 0.006), (0.016, 0.004), (0.016, 0.006)])
+@pytest.mark.parametrize(
+    ("exposure_s", "rise_s"), [(0.002, 0.004), (0.008, 0.006), (0.016, 0.004), (0.016, 0.006)]
+)
 def test_no_phase_rate_or_exposure_starves_the_loop(
     phase: float, refresh_hz: float, exposure_s: float, rise_s: float
 ) -> None:
@@ -181,7 +181,6 @@ def test_the_integrator_is_slower_leaks_and_diverges_with_delay() -> None:
 def test_the_state_at_rest_is_told_from_a_light_press() -> None:
     for peak, resting in [(0.0, True), (0.5, False)]:
         bench = NodeBench(REST, step(peak, at_s=0.0))
-        for taken in bench.run(30):
-            pass
+        *_, taken = bench.run(30)
         assert taken.measured is not None
         assert bench.circle.at_rest(taken.measured) is resting

@@ -7,7 +7,7 @@ from zeromethod.warp.grid import NodeGrid
 
 SHAPE = (256, 320)
 PERIOD = 16
-GRID = NodeGrid(SHAPE, PERIOD, PERIOD // 2)
+GRID = NodeGrid(SHAPE, PERIOD)
 QUIET = Noise()
 
 

@@ -164,6 +164,6 @@ def test_near_null_is_left_alone():
 
 
 def test_smallest_grid():
-    grid = NodeGrid((64, 64), PERIOD, PERIOD // 2)
+    grid = NodeGrid((64, 64), PERIOD)
     residual = ResidualSensor(grid, "cosines", NOISE, 8).measure(camera(seen(cosines, 6.0, 0.0, (64, 64))))
     assert residual.d[grid.inner][..., 0] == pytest.approx(6.0, abs=0.1)

@@ -11,9 +11,9 @@ import click
 from rich.console import Console
 
 from zeromethod.control import State
+from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.procedures import Run, RunResult, summarise
-from zeromethod.devices.opening import open_devices
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.threads import limit_threads
@@ -25,7 +25,9 @@ from zeromethod.view.table import summary_table
     "run",
     epilog="Example: zeromethod run --press step --seconds 1 --figure run.png --summary run.json",
 )
-@click.option("--rig", "rig_name", default="simulated", show_default=True, help="Rig file, or a packaged name.")
+@click.option(
+    "--rig", "rig_name", default="simulated", show_default=True, help="Rig file, or a packaged name."
+)
 @click.option("--press", help="Simulated press: a packaged scenario (default, step, ...) or a .toml file.")
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after this many frames.")
 @click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after this time.")
@@ -119,4 +121,3 @@ def _write_whole(path: Path, text: str) -> None:
     part = path.with_name(path.name + ".part")
     part.write_text(text)
     part.replace(path)
-

@@ -147,7 +147,7 @@ def _correct(
 
 @numba.njit(cache=True)
 def _settle(target: Float, seen: Float, gain: Float, valid: Mask, x: Float) -> None:
-    """x = target without a share K of what the sensor cannot see; all of it where nothing is measured.
+    """X = target without a share K of what the sensor cannot see; all of it where nothing is measured.
 
     Taking out all of it everywhere would cost the pass band's ripple over K of every dent, not the ripple.
     """

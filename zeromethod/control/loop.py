@@ -191,7 +191,7 @@ class Loop:
             image=frame.image,
             residual=taken.seen.residual.copy() if taken.seen else None,
             shown_q=taken.seen.shown.q.copy() if taken.seen else None,
-            measured=taken.measured,
+            measured=None if Event.PICTURES_MIXED in taken.events else taken.measured,
             residual_rms_px=taken.residual_rms_px,
             valid_share=taken.valid_share,
             loop_ms=loop_ms,

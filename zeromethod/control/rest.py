@@ -35,7 +35,7 @@ class Rest:
     def of(cls, rig: Rig, optics: Optics) -> Rest:
         """Rest warp by the rig's geometry; InputError when no node sees the panel."""
         camera, target = rig.camera, rig.target
-        grid = NodeGrid((camera.rows, camera.columns), target.period_px, target.period_px // 2)
+        grid = NodeGrid((camera.rows, camera.columns), target.period_px)
         trace = optics.trace(*grid.mesh(), optics.rest)
         return cls.from_map(grid, trace.q, (rig.display.columns, rig.display.rows))
 

@@ -22,7 +22,8 @@ class Step:
     state, reason: the loop's state after the turn. events: what happened, by name.
     frame_number, dropped, image: the frame as the camera gave it.
     residual: camera px. shown_q: (rows, cols, 2) the mix of warps that the frame saw, LCD px.
-    measured: the warp by this frame alone; None when the frame must not be believed.
+    measured: the warp by this frame alone; None when the frame must not be believed (then `events` says why;
+    a part of it may still be right, but its peak need not be).
     commanded_q: (rows, cols, 2) what is to be shown next. filtered: the controller's own estimate.
     residual_rms_px: over valid nodes, camera px. valid_share: of the nodes seen at rest.
     loop_ms: frame in hand to command. draw_ms: to draw and present it. delay_ms: from mid-exposure until

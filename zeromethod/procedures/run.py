@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from zeromethod.control import Loop, State, Step
 from zeromethod.devices.opening import Devices, open_devices
-from zeromethod.optics import Optics, rest_surface
+from zeromethod.optics import Optics
 from zeromethod.procedures.truth import Comparison, TruthSource, compare
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Surface, SurfaceReader, peak
@@ -24,6 +24,9 @@ from zeromethod.warp.grid import NodeGrid
 
 DEFAULT_SECONDS = 5.0
 """How long a run lasts when neither the caller nor a simulated scenario says so."""
+
+COMPARED_PHASES = frozenset({"hold", "slide"})
+"""Parts of a simulated scenario in which every reading is held against the truth."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +90,14 @@ class Run:
         self._rig = rig
         self._devices = devices
         self._optics = Optics(rig)
-        self._rest = rest_surface(rig)
-        self.loop = Loop(rig, devices.camera, devices.display, devices.clock, reopen_camera=devices.reopen_camera)
+        self.loop = Loop(
+            rig,
+            devices.camera,
+            devices.display,
+            devices.clock,
+            reopen_camera=devices.reopen_camera,
+            optics=self._optics,
+        )
         self._grid: NodeGrid = self.loop.grid
         self._reader = SurfaceReader(rig, self._optics, self._grid)
         self._truth: TruthSource | None = getattr(devices.camera, "truth", None)
@@ -123,7 +132,7 @@ class Run:
     def _record(self, step: Step) -> FrameRecord:
         if self._start_ns is None:
             self._start_ns = step.time_ns
-        phase = (self._scenario.phase_at(step.time_ns) or "") if self._scenario is not None else ""
+        phase = self._phase(step.time_ns)
         surface, depth_peak_mm, read_ms = None, float("nan"), float("nan")
         truth, untouched = None, None
         if step.measured is not None:
@@ -134,9 +143,9 @@ class Run:
             if self._truth is not None:
                 if phase == "untouched":
                     untouched = (_rms_nm(surface), _rms_nm(self._reader.read(step.filtered)))
-                elif phase in {"hold", "slide"}:
+                elif phase in COMPARED_PHASES:
                     mirror = self._truth(step.time_ns)
-                    truth = compare(surface, mirror, self._optics, self._rest, self._grid)
+                    truth = compare(surface, mirror, self._optics, self._grid)
             self._keep(step, phase, surface, depth_peak_mm)
         return FrameRecord(
             number=step.number,
@@ -156,6 +165,9 @@ class Run:
             untouched_rms_nm=untouched,
         )
 
+    def _phase(self, time_ns: int) -> str:
+        return "" if self._scenario is None else self._scenario.phase_at(time_ns) or ""
+
     def _keep(self, step: Step, phase: str, surface: Surface, depth_peak_mm: float) -> None:
         """Keep the frames that the figure shows: before the touch, at its worst, nulled."""
         result = self.result
@@ -171,7 +183,11 @@ class Run:
             result.nulled = self._snapshot(step, surface)
 
     def _snapshot(self, step: Step, surface: Surface) -> Snapshot:
-        assert step.measured is not None and step.residual is not None and self._start_ns is not None
+        assert step.measured is not None
+        assert step.residual is not None
+        assert step.shown_q is not None
+        assert step.image is not None
+        assert self._start_ns is not None
         true_depth = None
         if self._truth is not None:
             true_depth = self._truth(step.time_ns).depth(
@@ -197,7 +213,7 @@ def run(
     *,
     frames: int | None = None,
     seconds: float | None = None,
-    on_frame: Callable[[FrameRecord], None] = lambda record: None,
+    on_frame: Callable[[FrameRecord], None] | None = None,
 ) -> RunResult:
     """Open the rig's devices, close the loop for a while, read every frame, close the devices.
 
@@ -207,5 +223,6 @@ def run(
     with open_devices(rig) as devices:
         session = Run(rig, devices)
         for record in session.steps(frames, seconds):
-            on_frame(record)
+            if on_frame is not None:
+                on_frame(record)
         return session.result

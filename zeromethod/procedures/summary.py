@@ -9,10 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.control import LOCK_FRAMES, LOCK_RESIDUAL_PX
+from zeromethod.control import LOCK_FRAMES, LOCK_RESIDUAL_PX, State
 from zeromethod.procedures.run import FrameRecord, RunResult
 
 Figures = dict[str, Any]
+
+_NULLED = frozenset({State.LOCKED, State.RESTING})
+"""A reading of a held press counts once the loop says that it is nulled."""
+
+_FOLLOWING = _NULLED | {State.NULLING}
+"""A moving press is never quite nulled; every frame that was measured counts."""
 
 _LIBRARIES = ("zeromethod", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "moderngl")
 
@@ -39,9 +45,13 @@ def _percentiles(values: Iterable[float]) -> Figures:
     return {"median": float(np.median(finite)), "p99": float(np.percentile(finite, 99))}
 
 
-def _against_truth(records: list[FrameRecord], phase: str) -> Figures | None:
-    """Errors over one phase: the peak's worst frame, rms over all nodes and frames."""
-    errors = [record.truth for record in records if record.phase == phase and record.truth is not None]
+def _against_truth(records: list[FrameRecord], phase: str, states: frozenset[State]) -> Figures | None:
+    """Errors over one phase's frames in `states`: the peak's worst frame, rms over all nodes and frames."""
+    errors = [
+        record.truth
+        for record in records
+        if record.phase == phase and record.state in states and record.truth is not None
+    ]
     if not errors:
         return None
     peak_errors = np.array([error.depth_peak_error_percent for error in errors])
@@ -72,8 +82,9 @@ def _untouched(records: list[FrameRecord]) -> Figures | None:
 def summarise(result: RunResult) -> Figures:
     """All figures of a run. Keys ending in a unit carry it; None where nothing could be measured."""
     records = result.records
-    hold = [record for record in records if record.phase == "hold"] or records[-1:]
-    truth = _against_truth(records, "hold")
+    nulled = [record for record in records if record.state in _NULLED]
+    hold = [record for record in nulled if record.phase == "hold"] or nulled[-1:] or records[-1:]
+    truth = _against_truth(records, "hold", _NULLED)
     events: dict[str, int] = {}
     for record in records:
         for event in record.events:
@@ -101,7 +112,7 @@ def summarise(result: RunResult) -> Figures:
         "draw_ms": _percentiles(record.draw_ms for record in records),
         "read_ms": _percentiles(record.read_ms for record in records),
         "truth": truth,
-        "truth_slide": _against_truth(records, "slide"),
+        "truth_slide": _against_truth(records, "slide", _FOLLOWING),
         "untouched": _untouched(records),
         "gl_renderer": result.gl_renderer,
         "python": platform.python_version(),

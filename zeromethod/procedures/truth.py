@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.optics import Dented, HeightField, Lost, Optics
+from zeromethod.optics import Dented, Lost, Optics
 from zeromethod.surface import Surface, peak
 from zeromethod.warp.grid import NodeGrid
 
@@ -48,10 +48,10 @@ class Comparison:
     valid_share: float
 
 
-def usable_nodes(optics: Optics, rest: HeightField, grid: NodeGrid, truth: TrueMirror) -> NDArray[np.bool_]:
+def usable_nodes(optics: Optics, grid: NodeGrid, truth: TrueMirror) -> NDArray[np.bool_]:
     """(rows, cols) nodes whose true ray is totally reflected and lands a carrier period inside the LCD."""
     u, v = grid.mesh()
-    trace = optics.trace(u, v, Dented(rest, truth))
+    trace = optics.trace(u, v, Dented(optics.rest, truth))
     whole = (trace.lost == Lost.NONE) & (trace.reflectance > 1 - 1e-9)
     x, y = trace.point[..., 0], trace.point[..., 1]
     touched = np.zeros_like(whole)
@@ -83,11 +83,9 @@ def true_peak_mm(truth: TrueMirror, x: Array, y: Array) -> float:
     return best
 
 
-def compare(
-    surface: Surface, truth: TrueMirror, optics: Optics, rest: HeightField, grid: NodeGrid
-) -> Comparison:
+def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid) -> Comparison:
     """Errors of `surface` against `truth`; depth and slope are compared at the points as read."""
-    usable = usable_nodes(optics, rest, grid, truth)
+    usable = usable_nodes(optics, grid, truth)
     both = usable & surface.valid
     x, y = surface.x_mm[both], surface.y_mm[both]
     depth_error = surface.depth_mm[both] - truth.depth(x, y)
@@ -102,5 +100,5 @@ def compare(
         depth_rms_error_um=1e3 * float(np.sqrt(np.mean(depth_error**2))),
         slope_rms_error_mrad=1e3 * float(np.sqrt(np.mean(np.sum(slope_error**2, axis=-1)))),
         usable_share=float(np.mean(usable[inner])),
-        valid_share=float(np.sum(both) / max(np.sum(usable), 1)),
+        valid_share=float(np.count_nonzero(both)) / max(int(np.count_nonzero(usable)), 1),
     )

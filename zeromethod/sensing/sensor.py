@@ -68,10 +68,8 @@ class ResidualSensor:
             raise InputError(f"target.kind: {kind!r}: one of cosines, checker, lattice, noise")
         if light is None and kind in {"lattice", "noise"}:
             raise InputError(f"ResidualSensor: light: None: target.kind {kind!r} needs the target's light")
-        if 2 * grid.spacing_px != grid.period_px or min(grid.shape) <= 2 * PADDING:
-            raise InputError(
-                f"ResidualSensor: grid: {grid}: nodes half a period apart, image of 2 periods and more"
-            )
+        if min(grid.shape) <= 2 * PADDING:
+            raise InputError(f"ResidualSensor: grid: {grid}: the image must be larger than 2 periods")
         self.grid, self.kind, self.bits = grid, kind, bits
         limits = limits or Limits()
         ceiling = 2**bits - 1

@@ -12,24 +12,30 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from zeromethod.procedures import RunResult, Snapshot
+from zeromethod.surface import Surface
+from zeromethod.warp.grid import PADDING, NodeGrid
 
 Array = NDArray[np.float64]
+
+CROP_PX = (480, 360)
+"""Columns and rows of the camera image that are shown, round the press: the pattern stays visible."""
 
 
 def draw_figure(result: RunResult, figures: dict[str, Any], path: Path) -> None:
     """Write the figure of a run as PNG. Panels without data say so."""
+    camera = result.rig.camera
+    grid = NodeGrid((camera.rows, camera.columns), result.rig.target.period_px)
     with mpl.rc_context({"font.size": 8, "axes.titlesize": 9}):
-        figure = Figure(figsize=(16, 11), layout="constrained")
+        figure = Figure(figsize=(16, 9.5), layout="constrained")
         axes = figure.subplots(3, 4)
-        _camera_row(axes[0], result)
-        if result.nulled is not None:
-            _warp_row(axes[1], result.nulled)
-            _depth_row(axes[2], result.nulled)
-        else:
-            for axis in axes[1:, :3].ravel():
-                _say(axis, "never nulled")
-            _say(axes[1, 3], "never nulled")
+        _camera_row(axes[0, :3], result, grid)
         _timeline(axes[2, 3], result)
+        read_axes = [axes[0, 3], *axes[1], *axes[2, :3]]
+        if result.nulled is None:
+            for axis in read_axes:
+                _say(axis, "never nulled")
+        else:
+            _read_maps(read_axes, result.nulled)
         figure.suptitle(_title(figures), fontsize=11)
         figure.savefig(path, dpi=110)
 
@@ -49,53 +55,61 @@ def _say(axis: Axes, words: str) -> None:
     axis.set_axis_off()
 
 
-def _camera_row(axes: NDArray[Any], result: RunResult) -> None:
+def _camera_row(axes: NDArray[Any], result: RunResult, grid: NodeGrid) -> None:
+    extent = _crop(result.nulled, grid)
+    columns, rows = slice(*extent[:2]), slice(*extent[2:])
     for axis, name, snapshot in zip(
         axes, ("before", "pressed", "nulled"), (result.before, result.pressed, result.nulled), strict=False
     ):
         if snapshot is None:
             _say(axis, f"no frame {name}")
             continue
-        top = int(np.percentile(snapshot.image, 99.9)) + 1
-        axis.imshow(snapshot.image, cmap="gray", vmin=0, vmax=top, interpolation="antialiased")
+        part = snapshot.image[rows, columns]
+        axis.imshow(part, cmap="gray", vmin=0, extent=(extent[0], extent[1], extent[3], extent[2]))
         axis.set_title(f"camera, {name} ({snapshot.time_s:.2f} s)")
         axis.set_xlabel("u, camera px")
         axis.set_ylabel("v, camera px")
-    axis = axes[3]
-    if result.nulled is None:
-        _say(axis, "never nulled")
-    else:
-        length = np.linalg.norm(result.nulled.residual_px, axis=-1)
-        _map(axis, result.nulled, length, "residual when nulled", "camera px", "viridis", low=0.0)
 
 
-def _map(
-    axis: Axes,
-    snapshot: Snapshot,
-    values: Array,
-    title: str,
-    unit: str,
-    colours: str,
-    *,
-    low: float | None = None,
-    mask: bool = True,
-) -> None:
-    """Node map over the mirror in mm; symmetric round zero unless `low` is given."""
-    surface = snapshot.surface
-    inside = np.isfinite(surface.x_mm) & np.isfinite(surface.y_mm)
-    rows, cols = np.any(inside, axis=1), np.any(inside, axis=0)
-    x, y = surface.x_mm[np.ix_(rows, cols)], surface.y_mm[np.ix_(rows, cols)]
-    shown = np.where(surface.valid, values, np.nan) if mask else values
-    shown = shown[np.ix_(rows, cols)]
-    finite = shown[np.isfinite(shown)]
-    high = float(np.percentile(np.abs(finite), 99.8)) if finite.size else 1.0
+def _crop(nulled: Snapshot | None, grid: NodeGrid) -> tuple[int, int, int, int]:
+    """(first column, last, first row, last) of the camera image round the deepest node."""
+    rows, columns = grid.image_shape
+    row, column = rows // 2, columns // 2
+    if nulled is not None and nulled.surface.valid.any():
+        j, i = _deepest_node(nulled)
+        row, column = int(grid.v_px[j]), int(grid.u_px[i])
+    width, height = min(CROP_PX[0], columns), min(CROP_PX[1], rows)
+    left = min(max(column - width // 2, 0), columns - width)
+    top = min(max(row - height // 2, 0), rows - height)
+    return left, left + width, top, top + height
+
+
+def _deepest_node(snapshot: Snapshot) -> tuple[int, int]:
+    depth = np.where(snapshot.surface.valid, np.abs(snapshot.surface.depth_mm), -1.0)
+    row, column = np.unravel_index(np.argmax(depth), depth.shape)
+    return int(row), int(column)
+
+
+def _map(axis: Axes, surface: Surface, values: Array, title: str, unit: str, *, signed: bool = True) -> None:
+    """Map of the valid nodes over the mirror in mm; colours symmetric round zero, or from zero up."""
+    inner = (slice(PADDING, -PADDING),) * 2
+    shown = np.where(surface.valid, values, np.nan)[inner]
+    finite = np.abs(shown[np.isfinite(shown)])
+    high = float(np.percentile(finite, 99.8)) if finite.size else 1.0
     mesh = axis.pcolormesh(
-        _filled(x), _filled(y), shown, cmap=colours, vmin=-high if low is None else low, vmax=high or 1.0, shading="nearest"
+        _filled(surface.x_mm[inner]),
+        _filled(surface.y_mm[inner]),
+        shown,
+        cmap="RdBu_r" if signed else "viridis",
+        vmin=-high if signed else 0.0,
+        vmax=high or 1.0,
+        shading="nearest",
     )
     axis.set_aspect("equal")
     axis.set_title(title)
     axis.set_xlabel("x, mm")
     axis.set_ylabel("y, mm")
+    assert axis.figure is not None
     axis.figure.colorbar(mesh, ax=axis, label=unit, shrink=0.8)
 
 
@@ -107,35 +121,35 @@ def _filled(values: Array) -> Array:
     return np.where(np.isfinite(values), values, np.broadcast_to(mean, values.shape))
 
 
-def _warp_row(axes: NDArray[Any], nulled: Snapshot) -> None:
-    for axis, values, name in (
-        (axes[0], nulled.applied_px, "applied warp, along columns"),
-        (axes[1], nulled.measured_px, "measured warp, along columns"),
-    ):
-        _map(axis, nulled, values[..., 0], name, "LCD px", "RdBu_r")
-    for axis, component, name in ((axes[2], 0, "slope dd/dx"), (axes[3], 1, "slope dd/dy")):
-        _map(axis, nulled, 1e3 * nulled.surface.slope[..., component], name, "mrad", "RdBu_r")
-
-
-def _depth_row(axes: NDArray[Any], nulled: Snapshot) -> None:
+def _read_maps(axes: list[Axes], nulled: Snapshot) -> None:
     surface = nulled.surface
-    _map(axes[0], nulled, surface.depth_mm, "depth", "mm", "RdBu_r")
+    residual = np.linalg.norm(nulled.residual_px, axis=-1)
+    _map(axes[0], surface, residual, "residual when nulled", "camera px", signed=False)
+    _map(axes[1], surface, nulled.applied_px[..., 0], "applied warp, along LCD columns", "LCD px")
+    _map(axes[2], surface, nulled.measured_px[..., 0], "measured warp, along LCD columns", "LCD px")
+    _map(axes[3], surface, 1e3 * surface.slope[..., 0], "slope dd/dx", "mrad")
+    _map(axes[4], surface, 1e3 * surface.slope[..., 1], "slope dd/dy", "mrad")
+    _map(axes[5], surface, surface.depth_mm, "depth (into the rubber = positive)", "mm")
     if nulled.true_depth_mm is None:
-        _map(axes[1], nulled, 1e6 * surface.sigma_depth_mm, "depth sigma", "nm", "magma", low=0.0)
+        _map(axes[6], surface, 1e6 * surface.sigma_depth_mm, "depth sigma", "nm", signed=False)
     else:
-        error = 1e6 * (surface.depth_mm - nulled.true_depth_mm)
-        _map(axes[1], nulled, error, "depth error against truth", "nm", "RdBu_r")
-    depth = np.where(surface.valid, surface.depth_mm, np.nan)
-    row = int(np.unravel_index(np.nanargmax(np.abs(depth)), depth.shape)[0])
-    axes[2].plot(surface.x_mm[row], depth[row], ".", markersize=4, label="read")
+        _map(axes[6], surface, 1e6 * (surface.depth_mm - nulled.true_depth_mm), "depth error", "nm")
+    _section(axes[7], nulled)
+
+
+def _section(axis: Axes, nulled: Snapshot) -> None:
+    """Depth along the row of nodes through the peak, with the truth beside it."""
+    surface = nulled.surface
+    row, _ = _deepest_node(nulled)
+    x_mm, valid = surface.x_mm[row], surface.valid[row]
+    axis.plot(x_mm[valid], surface.depth_mm[row][valid], ".", markersize=4, label="read")
     if nulled.true_depth_mm is not None:
-        true = np.where(surface.valid, nulled.true_depth_mm, np.nan)[row]
-        axes[2].plot(surface.x_mm[row], true, "-", linewidth=1, label="truth")
-    axes[2].invert_yaxis()
-    axes[2].set_title("section through the peak (into the rubber = down)")
-    axes[2].set_xlabel("x, mm")
-    axes[2].set_ylabel("depth, mm")
-    axes[2].legend()
+        axis.plot(x_mm[valid], nulled.true_depth_mm[row][valid], "-", linewidth=1, label="truth")
+    axis.invert_yaxis()
+    axis.set_title("section through the peak (into the rubber = down)")
+    axis.set_xlabel("x, mm")
+    axis.set_ylabel("depth, mm")
+    axis.legend()
 
 
 def _timeline(axis: Axes, result: RunResult) -> None:

@@ -14,7 +14,7 @@ PADDING = 4
 
 @dataclass(frozen=True)
 class NodeGrid:
-    """Nodes every `spacing_px` camera pixels; pixel centres at integer coordinates.
+    """Nodes every half period of the carrier, in camera pixels; pixel centres at integer coordinates.
 
     A node is measurable when the window of +-(period - 1) px around it lies in the image. The grid
     holds the measurable nodes and `PADDING` more on every side, whose warp is continued.
@@ -22,7 +22,11 @@ class NodeGrid:
 
     image_shape: tuple[int, int]
     period_px: int = 16
-    spacing_px: int = 8
+
+    @property
+    def spacing_px(self) -> int:
+        """Camera px from node to node: half the (even) period, which block sums rely on."""
+        return self.period_px // 2
 
     def _axis(self, length: int) -> NDArray[np.float64]:
         first = self.period_px

@@ -1,0 +1,229 @@
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from zeromethod.clock import HostClock, SimulatedClock
+from zeromethod.devices import opening
+from zeromethod.devices.opening import load_driver, open_devices
+from zeromethod.devices.protocols import CameraLost, Frame
+from zeromethod.errors import InputError
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
+
+RIG = binned(load_rig("simulated"), 8)
+LOG: list[str] = []
+
+
+class PlainDisplay:
+    """A display with an option of its own and one key of the rig's schema."""
+
+    refresh_hz = 60.0
+
+    def __init__(self, columns: int, rows: int, monitor: int = 0) -> None:
+        LOG.append(f"display opened on {monitor}")
+        self.size = (columns, rows)
+
+    def show(self, image: np.ndarray) -> int:
+        return 0
+
+    def close(self) -> None:
+        LOG.append("display closed")
+
+
+class PlainCamera:
+    bits = 8
+
+    def __init__(self, display: object, rate_hz: float, serial: str = "") -> None:
+        LOG.append(f"camera {serial} opened at {rate_hz}")
+        self.shape = (RIG.camera.rows, RIG.camera.columns)
+        self.display = display
+
+    def read(self, timeout_s: float) -> Frame:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        LOG.append("camera closed")
+
+
+class ClockedDisplay(PlainDisplay):
+    def __init__(self, rig: Rig, clock: object) -> None:
+        super().__init__(rig.display.columns, rig.display.rows)
+        self.clock = clock
+
+
+class ClockedCamera(PlainCamera):
+    def __init__(self, rig: Rig, clock: object, display: object) -> None:
+        super().__init__(display, rig.camera.rate_hz)
+        self.clock = clock
+
+
+class GreedyCamera(PlainCamera):
+    def __init__(self, **options: Any) -> None:
+        super().__init__(None, options["rate_hz"])
+        self.options = options
+
+
+class SmallCamera(PlainCamera):
+    def __init__(self) -> None:
+        super().__init__(None, 1.0)
+        self.shape = (10, 10)
+
+
+class DeepCamera(PlainCamera):
+    bits = 12
+
+    def __init__(self) -> None:
+        super().__init__(None, 1.0)
+
+
+class AbsentCamera(PlainCamera):
+    def __init__(self) -> None:
+        raise CameraLost("no such device\non this bus")
+
+
+class NoCamera:
+    shape = (1, 1)
+
+
+@pytest.fixture(autouse=True)
+def _forget() -> None:
+    LOG.clear()
+
+
+def rig(
+    camera: str = "PlainCamera",
+    display: str = "PlainDisplay",
+    camera_keys: dict[str, Any] | None = None,
+    display_keys: dict[str, Any] | None = None,
+) -> Rig:
+    """The rig with drivers from this file."""
+    cameras = RIG.camera.model_dump() | {"driver": f"{__name__}:{camera}"} | (camera_keys or {})
+    displays = RIG.display.model_dump() | {"driver": f"{__name__}:{display}"} | (display_keys or {})
+    return RIG.model_copy(update={"camera": CameraSpec(**cameras), "display": DisplaySpec(**displays)})
+
+
+def test_display_opens_first_and_closes_last() -> None:
+    with open_devices(rig()) as devices:
+        assert devices.camera.display is devices.display  # type: ignore[attr-defined]
+    assert LOG == ["display opened on 0", "camera  opened at 60.0", "camera closed", "display closed"]
+
+
+def test_extra_keys_reach_the_driver_that_names_them() -> None:
+    with open_devices(rig(camera_keys={"serial": "X7"}, display_keys={"monitor": 1})):
+        assert LOG == ["display opened on 1", "camera X7 opened at 60.0"]
+
+
+def test_an_option_that_the_driver_does_not_have_is_refused_with_those_it_has() -> None:
+    with pytest.raises(InputError, match=r"^camera.serail: 'X7': unknown option .* rate_hz, serial$"):
+        open_devices(rig(camera_keys={"serail": "X7"}))
+
+
+def test_a_driver_that_takes_anything_gets_the_keys_of_its_table_and_the_clock() -> None:
+    given = {"exposure_s": 0.004, "rate_hz": 50.0, "serial": "X7"}
+    camera = CameraSpec.model_construct(
+        _fields_set={"driver", "exposure_s", "rate_hz"},
+        **(RIG.camera.model_dump() | {"driver": f"{__name__}:GreedyCamera"} | given),
+    )
+    object.__setattr__(camera, "__pydantic_extra__", {"serial": "X7"})
+    with open_devices(rig().model_copy(update={"camera": camera})) as devices:
+        options = devices.camera.options  # type: ignore[attr-defined]
+    assert {key: options[key] for key in given} == given
+    assert set(options) == {*given, "clock"}
+
+
+def test_a_missing_option_is_named() -> None:
+    class Needy(PlainCamera):
+        def __init__(self, serial: str) -> None:
+            raise AssertionError
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(f"{__name__}.PlainCamera", Needy)
+        with pytest.raises(InputError, match=r"^camera.serial: missing"):
+            open_devices(rig())
+
+
+def test_devices_that_take_a_clock_share_a_simulated_one() -> None:
+    with open_devices(rig("ClockedCamera", "ClockedDisplay")) as devices:
+        assert isinstance(devices.clock, SimulatedClock)
+        assert devices.camera.clock is devices.display.clock is devices.clock  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("camera", "display"), [("PlainCamera", "ClockedDisplay"), ("ClockedCamera", "PlainDisplay")]
+)
+def test_one_device_in_host_time_puts_the_run_in_host_time(camera: str, display: str) -> None:
+    with open_devices(rig(camera, display)) as devices:
+        assert isinstance(devices.clock, HostClock)
+
+
+def test_a_clock_that_is_given_wins() -> None:
+    clock = SimulatedClock(7)
+    with open_devices(rig(), clock) as devices:
+        assert devices.clock is clock
+
+
+@pytest.mark.parametrize(
+    ("camera", "message"),
+    [
+        ("SmallCamera", r"^camera: the device's frames are \(10, 10\)"),
+        ("DeepCamera", "^camera.bits: the device gives 12; the rig says 8"),
+        ("AbsentCamera", "cannot be opened: no such device on this bus$"),
+        ("NoCamera", "not a camera: lacks bits, read, close"),
+    ],
+)
+def test_a_camera_that_will_not_do_is_refused_and_the_display_closed(camera: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as error:
+        open_devices(rig(camera))
+    assert "\n" not in str(error.value)
+    assert LOG[-1] == "display closed"
+
+
+def test_a_display_of_another_size_is_refused() -> None:
+    class Smaller(PlainDisplay):
+        def __init__(self) -> None:
+            super().__init__(10, 10)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(f"{__name__}.PlainDisplay", Smaller)
+        with pytest.raises(InputError, match=r"^display: the device's size is \(10, 10\)"):
+            open_devices(rig())
+    assert LOG[-1] == "display closed"
+
+
+def test_the_camera_can_be_opened_again() -> None:
+    devices = open_devices(rig())
+    first = devices.camera
+    assert devices.reopen_camera() is devices.camera is not first
+    devices.close()
+    assert LOG.count("camera closed") == 2
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(InputError, match=r"^camera.driver: 'pylno': unknown; allowed: .*simulated"):
+        load_driver("camera", "pylno")
+
+
+@pytest.mark.parametrize("name", ["no_such_package.module:Name", f"{__name__}:Nothing", ":", "json:"])
+def test_what_cannot_be_imported_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match="cannot be imported"):
+        load_driver("display", name)
+
+
+def test_what_cannot_be_called_is_refused() -> None:
+    with pytest.raises(InputError, match="not callable"):
+        load_driver("display", f"{__name__}:LOG")
+
+
+def test_a_file_in_the_working_directory_is_a_driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "lab_camera_for_test.py").write_text("class Ours:\n    pass\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(opening.sys, "path", list(opening.sys.path))
+    assert load_driver("camera", "lab_camera_for_test:Ours").__name__ == "Ours"
+
+
+def test_the_simulated_devices_are_known_by_name() -> None:
+    assert load_driver("camera", "simulated").__name__ == "SimulatedCamera"
+    assert load_driver("display", "simulated").__name__ == "SimulatedDisplay"
