@@ -1,7 +1,8 @@
 #version 330 core
 // Smallest box (low column, low row, high column, high row) of the LCD under a BLOCK x BLOCK tile of camera
-// pixels, half a footprint included; low > high where no ray arrives.
+// pixels, what the pixels respond to included; low > high where no ray arrives.
 uniform sampler2D rays, footprints;
+uniform float reach;        // camera px
 
 layout(location = 0) out vec4 bounds;
 
@@ -13,7 +14,7 @@ void main() {
         for (int i = first.x; i < end.x; ++i) {
             vec4 ray = texelFetch(rays, ivec2(i, j), 0);
             vec4 foot = texelFetch(footprints, ivec2(i, j), 0);
-            vec2 half_size = 0.5 * (abs(foot.xy) + abs(foot.zw));
+            vec2 half_size = reach * (abs(foot.xy) + abs(foot.zw));
             if (ray.z > 0.0) {
                 bounds.xy = min(bounds.xy, ray.xy - half_size);
                 bounds.zw = max(bounds.zw, ray.xy + half_size);

@@ -230,6 +230,9 @@ def test_the_simulated_bench_locks_at_rest_and_on_a_sudden_press() -> None:
     assert locked - pressed <= 8
     assert steps[-1].state is State.LOCKED
     assert steps[-1].valid_share > 0.98
+    mixed = [s for s in steps if Event.PICTURES_MIXED in s.events]
+    assert mixed
+    assert all(s.state is State.HOLDING and s.measured is None for s in mixed)
 
 
 @pytest.mark.parametrize(

@@ -151,7 +151,7 @@ def test_wrong_key_or_value_is_refused(tmp_path: Path, old: str, new: str, messa
         (
             "look_at_mm = [42.0, 0.0, 0.0]",
             "look_at_mm = [277.1102, 0.0, -197.2809]",
-            "camera.look_at_mm: [275",
+            "camera.look_at_mm: [277",
         ),
         (
             "exposure_s = 0.008",

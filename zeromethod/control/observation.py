@@ -63,12 +63,14 @@ def _propagate(shown: Float, sigma_px: Float, inverse_spacing: float, sigma: Flo
         for i in range(cols):
             i0, i1 = max(i - 1, 0), min(i + 1, cols - 1)
             du = inverse_spacing / (i1 - i0)
+            su, sv = sigma_px[j, i, 0], sigma_px[j, i, 1]
+            if not (math.isfinite(su) and math.isfinite(sv)):
+                sigma[j, i, 0] = sigma[j, i, 1] = math.inf
+                continue
             for k in range(2):
-                sigma[j, i, k] = math.inf
-                if math.isfinite(sigma_px[j, i, 0]) and math.isfinite(sigma_px[j, i, 1]):
-                    a = du * (shown[j, i1, k] - shown[j, i0, k]) * sigma_px[j, i, 0]
-                    b = dv * (shown[j1, i, k] - shown[j0, i, k]) * sigma_px[j, i, 1]
-                    sigma[j, i, k] = math.sqrt(a * a + b * b)
+                a = du * (shown[j, i1, k] - shown[j, i0, k]) * su
+                b = dv * (shown[j1, i, k] - shown[j0, i, k]) * sv
+                sigma[j, i, k] = math.sqrt(a * a + b * b)
 
 
 @numba.njit(cache=True)
@@ -127,7 +129,9 @@ def measure(seen: Observation, rest: Rest, expected: Float, trusted: NDArray[np.
 
     expected, trusted: as for `expected_residual`. Flags are the residual's, those of rest (NO_RAY), those
     of the warp itself, MIXED, and AMBIGUOUS for islands whose order is not known. q is NaN where the
-    residual means nothing. Delay does not enter: the measurement is absolute.
+    residual means nothing. Delay does not enter: the measurement is absolute. sigma is noise alone; after
+    a sudden press the residual bends within the window and is off by up to tenths of a px until the next
+    picture (`sensing.window.curvature_bias_px2`).
 
     Convention: residual d as observed(u, v) = T((u, v) + d), camera px.
     """

@@ -1,4 +1,4 @@
-"""The bench drawn by fragment shaders: mirror, refraction, LCD apertures, lens blur."""
+"""The bench drawn by fragment shaders: mirror, refraction, LCD apertures seen through the lens."""
 
 from __future__ import annotations
 

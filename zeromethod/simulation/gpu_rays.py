@@ -12,6 +12,7 @@ import numpy as np
 from zeromethod.gl import program
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_bench import bench_defines, bench_values, mirror_middle_mm
+from zeromethod.simulation.gpu_lens import reach_px
 from zeromethod.simulation.gpu_mirror import (
     acting_dents,
     map_texture,
@@ -54,7 +55,7 @@ class RayMap:
     """What every camera pixel sees by way of one mirror.
 
     rays: RGBA32F (q column, q row, reflectance, 1 where the ray arrives). footprints: RGBA32F (dq/du, dq/dv).
-    share: light relative to the main map. region: the LCD's part that is seen.
+    share: light relative to the main map. region: the LCD's part that any pixel gets light from.
     """
 
     rays: Target
@@ -83,7 +84,8 @@ class RayTracer:
         self._rest = rest_texture(context, rig.prism.rest)
         self._passes: dict[tuple[object, ...], Pass] = {}
         self._footprint = Pass(context, program(context, "bench_screen.vert", "bench_footprint.frag"))
-        self._bounds = Pass(context, program(context, "bench_screen.vert", "bench_bounds.frag", BLOCK=_BLOCK))
+        bounds = program(context, "bench_screen.vert", "bench_bounds.frag", BLOCK=_BLOCK)
+        self._bounds = Pass(context, bounds, {"reach": reach_px(rig.camera.psf_px)})
         size = rig.camera.columns, rig.camera.rows
         self._size = size
         self._tiles = Target(context, (-(-size[0] // _BLOCK), -(-size[1] // _BLOCK)), 4)

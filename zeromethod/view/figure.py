@@ -154,7 +154,7 @@ def _section(axis: Axes, nulled: Snapshot) -> None:
 
 def _timeline(axis: Axes, result: RunResult) -> None:
     time_s = [record.time_s for record in result.records]
-    axis.plot(time_s, [record.depth_peak_mm for record in result.records], color="C0")
+    axis.plot(time_s, [record.depth_peak_mm for record in result.records], ".-", color="C0", markersize=3)
     axis.set_xlabel("time, s")
     axis.set_ylabel("peak depth, mm", color="C0")
     axis.set_title("peak depth and residual over the run")
