@@ -13,7 +13,7 @@ uniform float scale;        // share of the ray map / (fill.x fill.y)
 
 layout(location = 0) out float light;
 
-const int MOST = 64;        // LCD px under one footprint and axis; more belongs to no usable node
+const int MOST = 256;       // LCD px under one footprint and axis; more belongs to no usable node
 #if LENS
 const float SHEAR = 0.01;   // correlation of the axes that is left out
 #else

@@ -28,7 +28,8 @@ def test_a_view_partly_off_the_mirror_passes():
         ({"camera": {"position_mm": (38.0, 0.0, 200.0)}}, "camera.position_mm"),  # over the mirror
         ({"camera": {"look_at_mm": (275.0, 90.0, 0.0)}}, "camera.look_at_mm"),  # past the prism
         ({"camera": {"look_at_mm": (43.0, 0.0, -40.0), "focal_px": (9000.0, 9000.0)}}, "camera.look_at_mm"),
-        ({"camera": {"look_at_mm": (275.6919, 50.0, -198.9712)}}, "camera.look_at_mm"),  # along y
+        ({"camera": {"look_at_mm": (277.1102, 50.0, -197.2809)}}, "camera.look_at_mm"),  # along y
+        ({"display": {"tilt_deg": (0.0, 2.0)}}, "display.tilt_deg"),  # 30 mm x 2 deg > 0.5 mm of gap
         ({"display": {"centre_mm": (120.0, 0.0)}}, "display.centre_mm"),
         ({"display": {"rows": 100, "centre_mm": (30.0, 30.0)}}, "display.centre_mm"),
         # straight up to the mirror beside R0: thrown back at the captured face

@@ -13,6 +13,7 @@ from rich.console import Console
 from zeromethod.control import State
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
+from zeromethod.optics import check_geometry
 from zeromethod.procedures import Run, RunResult, summarise
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
@@ -58,6 +59,7 @@ def run_command(
     if frames is not None and seconds is not None:
         raise InputError("--frames and --seconds: give one of them, not both")
     rig = _with_overrides(load_rig(rig_name), press, seed, gain, controller)
+    check_geometry(rig)
     limit_threads()
     console = Console(stderr=True)
     with open_devices(rig) as devices:

@@ -13,13 +13,16 @@ from zeromethod.rig.model import Rig
 
 _SAMPLES = 33
 
+_TOUCHING_MM = 1e-9
+"""Rounding allowed before two surfaces that touch count as cutting into each other."""
+
 
 def check_geometry(rig: Rig) -> None:
     """Raise InputError, one line that names the rig's key, where the bench cannot work.
 
-    Refused: a camera inside the prism or behind its captured face, a view that misses that face or the
-    mirror altogether, a centre ray that does not end on the LCD, a height map that ends short of what is
-    seen. A view that lies partly off the mirror or the LCD is legal.
+    Refused: a camera inside the prism or behind its captured face, a panel tilted into the slabs in front
+    of it, a view that misses that face or the mirror altogether, a centre ray that does not end on the LCD, a
+    height map that ends short of what is seen. A view that lies partly off the mirror or the LCD is legal.
     """
     optics = Optics(rig)
     camera = rig.camera
@@ -34,6 +37,7 @@ def check_geometry(rig: Rig) -> None:
             allowed = "must lie outside the prism, in front of the captured face and its layers"
             raise _error(rig, "camera.position_mm", camera.position_mm, allowed)
 
+    _check_gap(rig, optics)
     u, v = np.meshgrid(
         np.linspace(0, camera.columns - 1, _SAMPLES), np.linspace(0, camera.rows - 1, _SAMPLES)
     )
@@ -49,6 +53,21 @@ def check_geometry(rig: Rig) -> None:
         raise _error(rig, "camera.look_at_mm", camera.look_at_mm, allowed)
     _check_map(rig, optics, view.point[seen & (view.lost != Lost.MISSES_MIRROR)])
     _check_centre(rig, optics)
+
+
+def _check_gap(rig: Rig, optics: Optics) -> None:
+    """Refuse a panel that cuts, in front of the pattern face, into the slabs before the last one."""
+    display, face = rig.display, optics.prism.pattern_face
+    column, row = np.meshgrid(
+        np.linspace(-0.5, display.columns - 0.5, _SAMPLES), np.linspace(-0.5, display.rows - 0.5, _SAMPLES)
+    )
+    points = optics.lcd_to_world(np.stack([column, row], axis=-1))
+    before = points[face.contains(points)]
+    solid_mm = sum(layer.thickness_mm for layer in rig.pattern_layers[:-1])
+    room_mm = -float(np.max(face.depth_below(before), initial=-np.inf)) - solid_mm
+    if room_mm < -_TOUCHING_MM:
+        allowed = f"the panel cuts {-room_mm:.3g} mm into the slabs before it; tilt less or widen the gap"
+        raise _error(rig, "display.tilt_deg", display.tilt_deg, allowed)
 
 
 def _check_map(rig: Rig, optics: Optics, points: Array) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from zeromethod.control import Loop, State, Step
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.optics import Optics
-from zeromethod.procedures.truth import Comparison, TruthSource, compare
+from zeromethod.procedures.truth import AT_REST, Comparison, TruthSource, compare, usable_nodes
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
@@ -70,12 +70,13 @@ class RunResult:
 
     rig: Rig
     gl_renderer: str
+    usable_share_at_rest: float
+    """Share of the measurable nodes that the rig file says are usable while nothing presses."""
     records: list[FrameRecord] = field(default_factory=list)
     before: Snapshot | None = None
     pressed: Snapshot | None = None
     nulled: Snapshot | None = None
     interrupted: bool = False
-    has_phases: bool = False
 
     @property
     def state(self) -> State:
@@ -107,7 +108,8 @@ class Run:
         self._start_ns: int | None = None
         self._worst_px = 0.0
         self._deepest_mm = 0.0
-        self.result = RunResult(rig, self.loop.gl_renderer, has_phases=self._scenario is not None)
+        usable = usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]
+        self.result = RunResult(rig, self.loop.gl_renderer, float(np.mean(usable)))
 
     def length(self, frames: int | None = None, seconds: float | None = None) -> tuple[float, str]:
         """How long `steps` will go on, and in which unit: "frames" or "seconds"."""

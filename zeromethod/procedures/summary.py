@@ -79,18 +79,26 @@ def _untouched(records: list[FrameRecord]) -> Figures | None:
     return {"frames": len(values), "depth_rms_nm": float(single), "depth_filtered_rms_nm": float(filtered)}
 
 
+def _depth_peak_mm(nulled: list[FrameRecord]) -> float | None:
+    """Median peak over the hold; without a scenario, the deepest one that was read while nulled."""
+    held = [record.depth_peak_mm for record in nulled if record.phase == "hold"]
+    if held:
+        return float(np.nanmedian(held))
+    depths = [record.depth_peak_mm for record in nulled if np.isfinite(record.depth_peak_mm)]
+    return max(depths, key=abs, default=None)
+
+
 def summarise(result: RunResult) -> Figures:
     """All figures of a run. Keys ending in a unit carry it; None where nothing could be measured."""
     records = result.records
     nulled = [record for record in records if record.state in _NULLED]
-    hold = [record for record in nulled if record.phase == "hold"] or nulled[-1:] or records[-1:]
+    hold = [record for record in nulled if record.phase == "hold"] or nulled or records[-1:]
     truth = _against_truth(records, "hold", _NULLED)
     events: dict[str, int] = {}
     for record in records:
         for event in record.events:
             events[event] = events.get(event, 0) + 1
     residuals = [record.residual_rms_px for record in hold if np.isfinite(record.residual_rms_px)]
-    depths = [record.depth_peak_mm for record in hold if np.isfinite(record.depth_peak_mm)]
     return {
         "rig": result.rig.name,
         "press": result.rig.press,
@@ -105,9 +113,9 @@ def summarise(result: RunResult) -> Figures:
         "events": events,
         "lock_frames": lock_frames(records),
         "residual_px_rms": float(np.median(residuals)) if residuals else None,
-        "usable_share": truth["usable_share"] if truth else None,
+        "usable_share": truth["usable_share"] if truth else result.usable_share_at_rest,
         "valid_share": truth["valid_share"] if truth else (records[-1].valid_share if records else None),
-        "depth_peak_mm": float(np.median(depths)) if depths else None,
+        "depth_peak_mm": _depth_peak_mm(nulled),
         "loop_ms": _percentiles(record.loop_ms for record in records),
         "draw_ms": _percentiles(record.draw_ms for record in records),
         "read_ms": _percentiles(record.read_ms for record in records),

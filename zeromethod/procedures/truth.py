@@ -32,13 +32,31 @@ class TrueMirror(Protocol):
         """1 where nothing touches, less where an object takes the light."""
 
 
+class _AtRest:
+    def depth(self, x: Array, y: Array) -> Array:
+        return np.zeros(np.broadcast_shapes(x.shape, y.shape))
+
+    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+        return self.depth(x, y), self.depth(x, y)
+
+    def reflectance_factor(self, x: Array, y: Array) -> Array:
+        return 1.0 + self.depth(x, y)
+
+
+AT_REST: TrueMirror = _AtRest()
+"""A mirror that nothing presses."""
+
 TruthSource = Callable[[int], TrueMirror]
 """Mirror at a time in ns."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """One frame's reading against the truth at its mid-exposure, over usable nodes."""
+    """One frame's reading against the truth at its mid-exposure, over usable nodes.
+
+    A rig below the critical angle everywhere (the paper's 45 degrees) has no usable node at all: then the
+    share says so, and the errors are over all nodes that were read.
+    """
 
     depth_peak_mm: float
     depth_peak_error_percent: float
@@ -86,7 +104,10 @@ def true_peak_mm(truth: TrueMirror, x: Array, y: Array) -> float:
 def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid) -> Comparison:
     """Errors of `surface` against `truth`; depth and slope are compared at the points as read."""
     usable = usable_nodes(optics, grid, truth)
-    both = usable & surface.valid
+    both = usable & surface.valid if usable.any() else surface.valid
+    if not both.any():
+        nothing = float("nan")
+        return Comparison(nothing, nothing, nothing, nothing, float(np.mean(usable[grid.inner])), 0.0)
     x, y = surface.x_mm[both], surface.y_mm[both]
     depth_error = surface.depth_mm[both] - truth.depth(x, y)
     slope_error = surface.slope[both] - np.stack(truth.slope(x, y), axis=-1)
@@ -100,5 +121,5 @@ def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid)
         depth_rms_error_um=1e3 * float(np.sqrt(np.mean(depth_error**2))),
         slope_rms_error_mrad=1e3 * float(np.sqrt(np.mean(np.sum(slope_error**2, axis=-1)))),
         usable_share=float(np.mean(usable[inner])),
-        valid_share=float(np.count_nonzero(both)) / max(int(np.count_nonzero(usable)), 1),
+        valid_share=float(np.count_nonzero(both & usable)) / max(int(np.count_nonzero(usable)), 1),
     )

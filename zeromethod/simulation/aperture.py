@@ -1,6 +1,8 @@
-"""How much light a camera pixel gathers from an LCD of separate lit apertures: exact area integrals."""
+"""How much light a camera pixel gathers, through the lens, from an LCD of separate lit apertures."""
 
 from __future__ import annotations
+
+from math import erf, exp, pi, sqrt
 
 import numba
 import numpy as np
@@ -8,93 +10,114 @@ from numpy.typing import NDArray
 
 LEAST_PX = 1e-2
 """Smallest side of a footprint, LCD px; keeps the mean over it defined where rays cross."""
+TAIL_SIGMAS = 4.0
+"""The lens's Gaussian is cut there."""
 CUTS = 2
-"""A footprint is cut into CUTS x CUTS parts, each then a box along the LCD's axes."""
+"""Without a lens a footprint is cut into CUTS x CUTS parts, each then a box along the LCD's axes."""
+_STRAIGHT = 1e-3
+"""Correlation of a footprint's two axes below which it lies along the LCD's axes."""
 
 Array = NDArray[np.float64]
 
 
-def summed_light(light: Array) -> Array:
-    """(rows + 1, cols + 1) light of all LCD pixels above and left of each pixel corner."""
-    total = np.zeros((light.shape[0] + 1, light.shape[1] + 1))
-    np.cumsum(light, axis=0, out=total[1:, 1:])
-    np.cumsum(total[1:, 1:], axis=1, out=total[1:, 1:])
-    return total
-
-
 @numba.njit(cache=True, inline="always")
-def _lit_until(place: float, fill: float, stripes: int) -> float:
-    """Share of a pixel's lit length that lies before `place` (0..1 of the pitch), stripes centred."""
-    stripe = min(int(place * stripes), stripes - 1)
-    inner = (place * stripes - stripe - 0.5 * (1.0 - fill)) / fill
-    return (stripe + min(max(inner, 0.0), 1.0)) / stripes
-
-
-@numba.njit(cache=True, inline="always")
-def _corner(edge: float, count: int, fill: float, stripes: int) -> tuple[int, float]:
-    """LCD pixel under a coordinate (px, centres at integers), and the lit share of it before that."""
-    edge += 0.5
-    if edge <= 0.0:
-        return 0, 0.0
-    if edge >= count:
-        return count - 1, 1.0
-    pixel = int(edge)
-    return pixel, _lit_until(edge - pixel, fill, stripes)
+def _ramp(x: float, sigma: float) -> float:
+    """Integral up to x of a Gaussian's cumulative: x Phi(x / sigma) + sigma phi(x / sigma)."""
+    if sigma == 0.0:
+        return max(x, 0.0)
+    z = x / sigma
+    if abs(z) > 6.0:
+        return max(x, 0.0)
+    return 0.5 * x * (1.0 + erf(z / sqrt(2.0))) + sigma * exp(-0.5 * z * z) / sqrt(2.0 * pi)
 
 
 @numba.njit(cache=True)
-def _box(
-    summed: Array, x0: float, x1: float, y0: float, y1: float, fill_x: float, fill_y: float, stripes: int
-) -> float:
-    """Lit light inside a box along the LCD's axes, in whole-pixel units; exact."""
-    rows, cols = summed.shape[0] - 1, summed.shape[1] - 1
-    total = 0.0
-    for side_y in range(2):
-        j, b = _corner(y1 if side_y else y0, rows, fill_y, 1)
-        for side_x in range(2):
-            i, a = _corner(x1 if side_x else x0, cols, fill_x, stripes)
-            upper = (1.0 - a) * summed[j, i] + a * summed[j, i + 1]
-            lower = (1.0 - a) * summed[j + 1, i] + a * summed[j + 1, i + 1]
-            value = (1.0 - b) * upper + b * lower
-            total += value if side_x == side_y else -value
-    return total
+def _cumulative(x: float, side: float, sigma: float) -> float:
+    """Share of box (of width `side`) * Gaussian (sigma) that lies before x."""
+    return (_ramp(x + 0.5 * side, sigma) - _ramp(x - 0.5 * side, sigma)) / side
+
+
+@numba.njit(cache=True)
+def _shares(
+    middle: float, side: float, sigma: float, count: int, fill: float, stripes: int, out: Array
+) -> tuple[int, int]:
+    """Share of the response, from `middle` on, that falls on each pixel's apertures: pixels [first, end).
+
+    One axis: side, sigma and middle in LCD px, `count` LCD pixels; shares are left in `out` from its start.
+    """
+    reach = 0.5 * side + TAIL_SIGMAS * sigma
+    first = max(int(np.floor(middle - reach + 0.5)), 0)
+    end = min(int(np.floor(middle + reach + 0.5)) + 1, count, first + len(out))
+    half = 0.5 * fill / stripes
+    for pixel in range(first, end):
+        share = 0.0
+        for stripe in range(stripes):
+            centre = pixel + (stripe + 0.5) / stripes - 0.5 - middle
+            share += _cumulative(centre + half, side, sigma) - _cumulative(centre - half, side, sigma)
+        out[pixel - first] = share
+    return first, end
 
 
 @numba.njit(cache=True)
 def gather(
-    summed: Array,
+    light: Array,
     q: Array,
     by_u: Array,
     by_v: Array,
     gain: Array,
     fill: tuple[float, float],
     stripes: int,
+    psf_px: float,
     out: Array,
 ) -> None:
-    """Add gain x mean light under every camera pixel's footprint to `out`.
+    """Add gain x mean light that every camera pixel gathers to `out`.
 
-    summed: from `summed_light`, the LCD's (rows, cols) pixels. q, by_u, by_v: (rows, cols, 2) LCD px where
-    the pixel's centre looks and how that changes by one camera pixel (the parallelogram's sides). gain:
-    (rows, cols), 0 where no light arrives. fill: lit share of the pitch; stripes: apertures side by side
-    per LCD pixel. Light is normalised by the fill: a uniform panel of light 1 gives 1 on average. Exact
-    where the parallelogram lies along the LCD's axes; a turned or sheared one is CUTS x CUTS boxes with its
-    own second moments. Outside the panel it is dark.
+    light: of the LCD's (rows, cols) pixels. q, by_u, by_v: (rows, cols, 2) LCD px where the pixel's centre
+    looks and how that changes by one camera pixel (the parallelogram's sides). gain: (rows, cols), 0 where
+    no light arrives. fill: lit share of the pitch; stripes: apertures side by side per LCD pixel. psf_px:
+    sigma of the lens's Gaussian, camera px. Light is normalised by the fill: a uniform panel of light 1 gives
+    1 on average. Outside the panel it is dark.
+
+    A pixel's response is box (1 px) * Gaussian (psf_px) along u and along v: the lens blurs what the pixel
+    then samples. Exact for a map that is linear over the footprint and lies along the LCD's axes. Turned or
+    sheared, products along the axes with the same second moments stand in: with a lens two, set apart along
+    the shear's long diagonal (rms error on a panel of white noise, contrast 0.29, for 0.7 px: turned by 30
+    deg 2e-4, sheared by 0.1: 3e-3); without one CUTS x CUTS boxes.
     """
+    columns = np.empty(light.shape[1])
+    rows = np.empty(light.shape[0])
+    lens = psf_px > 0.0
+    spread = sqrt(psf_px**2 + 1.0 / 12.0)
     for row in range(q.shape[0]):
         for col in range(q.shape[1]):
             if gain[row, col] <= 0.0:
                 continue
             ux, uy = by_u[row, col, 0], by_u[row, col, 1]
             vx, vy = by_v[row, col, 0], by_v[row, col, 1]
-            wide = max(np.hypot(ux, vx) / CUTS, LEAST_PX)
-            high = max(np.hypot(uy, vy) / CUTS, LEAST_PX)
+            wide, high = max(np.hypot(ux, vx), LEAST_PX), max(np.hypot(uy, vy), LEAST_PX)
+            shear = (ux * uy + vx * vy) / (wide * high)
+            parts, narrowed, side = CUTS * CUTS, 1.0, 1.0 / CUTS
+            if lens:
+                straight = abs(shear) < _STRAIGHT
+                parts, narrowed, side = (1, 1.0, 1.0) if straight else (2, sqrt(max(1.0 - abs(shear), 0.01)), 1.0)
             total = 0.0
-            for k in range(CUTS * CUTS):
-                s = (k % CUTS + 0.5) / CUTS - 0.5
-                t = (k // CUTS + 0.5) / CUTS - 0.5
-                x = q[row, col, 0] + s * ux + t * vx
-                y = q[row, col, 1] + s * uy + t * vy
-                total += _box(
-                    summed, x - wide / 2, x + wide / 2, y - high / 2, y + high / 2, fill[0], fill[1], stripes
+            for k in range(parts):
+                if lens:
+                    step = (2 * k + 1 - parts) * spread * sqrt(abs(shear))
+                    x, y = step * wide, step * high * np.sign(shear)
+                else:
+                    s, t = (k % CUTS + 0.5) / CUTS - 0.5, (k // CUTS + 0.5) / CUTS - 0.5
+                    x, y = s * ux + t * vx, s * uy + t * vy
+                w, h = narrowed * wide, narrowed * high
+                left, right = _shares(
+                    q[row, col, 0] + x, side * w, psf_px * w, light.shape[1], fill[0], stripes, columns
                 )
-            out[row, col] += gain[row, col] * total / (wide * high * CUTS * CUTS)
+                top, bottom = _shares(
+                    q[row, col, 1] + y, side * h, psf_px * h, light.shape[0], fill[1], 1, rows
+                )
+                for j in range(top, bottom):
+                    line = 0.0
+                    for i in range(left, right):
+                        line += columns[i - left] * light[j, i]
+                    total += rows[j - top] * line
+            out[row, col] += gain[row, col] * total / (parts * fill[0] * fill[1])

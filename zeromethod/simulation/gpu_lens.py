@@ -9,7 +9,7 @@ from scipy.special import ndtr
 
 SIGMAS = 4.0
 """The lens's Gaussian is cut there: 1e-5 of the light is beyond, once convolved with the pixel."""
-LEAST_PSF_PX = 0.02
+LEAST_PSF_PX = 0.05
 """A lens sharper than that is none: its polynomial would grow long."""
 _ACCURACY = 4e-6
 _MOST_TERMS = 64

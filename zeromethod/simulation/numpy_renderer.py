@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
-from zeromethod.simulation.aperture import gather, summed_light
+from zeromethod.simulation.aperture import gather
 from zeromethod.simulation.beams import Beam, Beams
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Handle, Piece
@@ -31,8 +30,6 @@ class NumpyRenderer:
         self._pictures: dict[Handle, NDArray[np.uint8]] = {}
         self._next_handle = 1
         self._maps: dict[Mirror, list[Beam]] = {}
-        shape = rig.camera.rows, rig.camera.columns
-        self._border = self._blurred(np.ones(shape)) if rig.camera.psf_px > 0 else None
 
     def upload(self, image: NDArray[np.uint8]) -> Handle:
         """Take over LCD grey codes (rows, cols); raises InputError for another shape or type."""
@@ -59,12 +56,19 @@ class NumpyRenderer:
         stripes = 3 if display.stripes == "rgb" else 1
         out = np.zeros((camera.rows, camera.columns))
         for mirror, light in by_mirror.items():
-            summed = summed_light(light)
             for beam in self._beams_of(mirror):
-                gather(summed, beam.q, beam.by_u, beam.by_v, beam.gain, display.fill, stripes, out)
+                gather(
+                    light,
+                    beam.q,
+                    beam.by_u,
+                    beam.by_v,
+                    beam.gain,
+                    display.fill,
+                    stripes,
+                    camera.psf_px,
+                    out,
+                )
         out += self._rig.simulation.ambient
-        if self._border is not None:
-            out = self._blurred(out) / self._border
         return out.astype(np.float32)
 
     def ray_map(self, mirror: Mirror) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -93,8 +97,3 @@ class NumpyRenderer:
         while len(self._maps) > _KEPT_MIRRORS:
             del self._maps[next(iter(self._maps))]
         return beams
-
-    def _blurred(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(
-            gaussian_filter(light, self._rig.camera.psf_px, mode="constant", truncate=4.0), dtype=np.float64
-        )

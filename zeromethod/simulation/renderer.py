@@ -43,7 +43,9 @@ class BenchRenderer(Protocol):
         """(camera rows, cols) float32: mean light, 1 = all of a fully lit LCD's light reflected.
 
         Includes LCD response and apertures (normalised by their fill: a white panel gives 1), reflectance,
-        touch, ghosts, ambient light and the lens's blur. The array may be reused by the next call.
+        touch, ghosts, ambient light and the lens's blur, which acts on the image before the pixels sample it.
+        Reflectance is taken at a pixel's centre: it alone is not blurred. The array may be reused by the next
+        call.
         """
 
     def ray_map(self, mirror: Mirror) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
