@@ -117,6 +117,12 @@ def test_ctrl_c_keeps_what_was_measured_and_exits_130(tmp_path: Path) -> None:
     assert figures["frames"] > 0
 
 
+def test_without_arguments_the_commands_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = outcome(capsys=capsys)
+    assert (code, err) == (0, "")
+    assert "run" in out
+
+
 def test_help_shows_an_example(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = outcome("run", "--help", capsys=capsys)
     assert code == 0

@@ -38,7 +38,7 @@ def test_default_comes_down_holds_slides_and_lifts() -> None:
     assert (half_down.shape, half_down.size_mm) == (Shape.GAUSSIAN, 5.0)
     assert half_down.depth_mm == pytest.approx(0.1)
     (sliding,) = scenario.mirror_at(ns(1.5)).dents
-    assert (sliding.x_mm, sliding.depth_mm) == pytest.approx((38.6, 0.2))
+    assert (sliding.x_mm, sliding.depth_mm) == pytest.approx((42.0, 0.2))
     (later,) = scenario.mirror_at(ns(1.6)).dents
     assert later.x_mm - sliding.x_mm == pytest.approx(1.0)  # 10 mm/s along +x
     assert scenario.mirror_at(ns(2.5)).dents == ()

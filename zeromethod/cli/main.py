@@ -33,6 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = commands.main(args=arguments, prog_name="zeromethod", standalone_mode=False)
     except click.exceptions.Abort:
         code = 130
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        code = 0
     except click.UsageError as error:
         click.echo(f"zeromethod: {error.format_message()}".replace("\n", " "), err=True)
         code = 2

@@ -99,7 +99,9 @@ def gather(
             parts, narrowed, side = CUTS * CUTS, 1.0, 1.0 / CUTS
             if lens:
                 straight = abs(shear) < _STRAIGHT
-                parts, narrowed, side = (1, 1.0, 1.0) if straight else (2, sqrt(max(1.0 - abs(shear), 0.01)), 1.0)
+                parts, narrowed, side = (
+                    (1, 1.0, 1.0) if straight else (2, sqrt(max(1.0 - abs(shear), 0.01)), 1.0)
+                )
             total = 0.0
             for k in range(parts):
                 if lens:

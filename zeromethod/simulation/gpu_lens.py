@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
@@ -44,7 +46,7 @@ def reach_px(psf_px: float) -> float:
     return support if psf_px < LEAST_PSF_PX else float(np.hypot(support, _spread_px(psf_px)))
 
 
-def lens_defines(psf_px: float) -> dict[str, int | float | str]:
+def lens_defines(psf_px: float) -> dict[str, Any]:
     """Constants of bench_light.frag for a Gaussian of sigma `psf_px` (camera px); 0: the pixel alone."""
     support = _support_px(psf_px)
     if psf_px < LEAST_PSF_PX:
@@ -76,5 +78,4 @@ def _odd_polynomial(psf_px: float, support: float) -> Array:
         fit = Chebyshev.interpolate(quotient, degree)
         if np.abs(x * fit(t) - exact).max() < _ACCURACY:
             break
-    coefficients: Array = fit.convert(kind=Polynomial).coef
-    return coefficients
+    return np.asarray(fit.convert(kind=Polynomial).coef, dtype=np.float64)

@@ -33,9 +33,10 @@ class PanelLight:
         self._region = Region(0, 0, 0, 0)
 
     def draw(self, names: Sequence[int], lit: Lit, region: Region) -> moderngl.Texture:
-        """RGBA32F texture with the light of `lit` in `region`: texel (i, j) holds columns i to i + 3 of row j.
+        """RGBA32F texture with the light of `lit` in `region`.
 
-        `names` tell pictures apart for good.
+        Texel (i, j) holds columns i to i + 3 of row j; beyond the panel they are dark. `names` tell
+        pictures apart for good.
         """
         if self._shows(names, lit) and region == self._region.joined(region):
             return self._target.texture

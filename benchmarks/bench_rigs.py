@@ -1,0 +1,112 @@
+"""Rigs and presses of the benchmarks, and how a run's frames are held against the truth."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.control import Loop, Step
+from zeromethod.devices.opening import open_devices
+from zeromethod.optics import Dented, DepthField, Optics
+from zeromethod.procedures.truth import TrueMirror, TruthSource, usable_nodes
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+
+Array = NDArray[np.float64]
+
+VIEW_MIDDLE_MM = 42.0
+"""x of the mirror point in the middle of the packaged rig's view."""
+
+
+def small_rig(factor: int = 4) -> Rig:
+    """Bin the packaged rig's camera and LCD alike: as many LCD px per camera px, 1 / factor^2 of the cost.
+
+    The noise per pixel stays, so depth is noisier than at full size.
+    """
+    rig = binned(load_rig("simulated"), factor)
+    display = rig.display
+    coarser = {
+        "columns": display.columns // factor,
+        "rows": display.rows // factor,
+        "pitch_mm": display.pitch_mm * factor,
+    }
+    return rig.model_copy(update={"display": display.model_copy(update=coarser)})
+
+
+def changed(rig: Rig, **tables: dict[str, Any]) -> Rig:
+    """Rig with some keys of its tables changed; values are checked as those of a rig file are."""
+    update = {}
+    for name, values in tables.items():
+        table = getattr(rig, name)
+        update[name] = type(table).model_validate({**table.model_dump(), **values})
+    return rig.model_copy(update=update)
+
+
+@contextmanager
+def pressed(
+    rig: Rig, path: list[tuple[float, float]], sigma_mm: float = 5.0, at_mm: tuple[float, float] | None = None
+) -> Iterator[Rig]:
+    """Rig under a Gaussian press that follows (time s, depth mm) points; equal times are a jump."""
+    x_mm, y_mm = (VIEW_MIDDLE_MM, 0.0) if at_mm is None else at_mm
+    points = ",".join(
+        f"{{time_s={t!r},x_mm={x_mm!r},y_mm={y_mm!r},depth_mm={depth!r}}}" for t, depth in path
+    )
+    text = f'[[press]]\nshape="gaussian"\nsigma_mm={sigma_mm!r}\npath=[{points}]\n'
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "press.toml"
+        file.write_text(text)
+        yield rig.model_copy(update={"press": str(file)})
+
+
+def step_path(time_s: float, depth_mm: float = 0.2) -> list[tuple[float, float]]:
+    """Path of a sudden press that stays."""
+    return [(time_s, 0.0), (time_s, depth_mm)]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """An opened bench: the loop, its optics, and the truth, which the loop never sees."""
+
+    rig: Rig
+    loop: Loop
+    optics: Optics
+    truth: TruthSource
+
+    def usable(self, mirror: TrueMirror) -> NDArray[np.bool_]:
+        """(rows, cols) nodes whose true ray is totally reflected and lands well inside the LCD."""
+        return usable_nodes(self.optics, self.loop.grid, mirror)
+
+    def true_warp(self, mirror: DepthField) -> Array:
+        """(rows, cols, 2) LCD px where the nodes truly look."""
+        return self.optics.trace(*self.loop.grid.mesh(), Dented(self.optics.rest, mirror)).q
+
+
+@contextmanager
+def opened(rig: Rig) -> Iterator[Bench]:
+    """Open the rig's simulated devices for a loop over them; closed at the end."""
+    optics = Optics(rig)
+    with open_devices(rig) as devices:
+        camera: Any = devices.camera
+        reopen = devices.reopen_camera
+        loop = Loop(rig, camera, devices.display, devices.clock, reopen_camera=reopen, optics=optics)
+        # bound to the scenario, as the camera itself may be opened anew
+        yield Bench(rig, loop, optics, camera.scenario.mirror_at)
+
+
+def usable_residual_px(step: Step, usable: NDArray[np.bool_]) -> tuple[float, float]:
+    """(rms length of the residual over usable nodes called valid, camera px; their share of the usable)."""
+    if step.residual is None:
+        return float("nan"), 0.0
+    good = usable & (step.residual.flags == 0)
+    share = np.count_nonzero(good) / max(np.count_nonzero(usable), 1)
+    if not good.any():
+        return float("nan"), 0.0
+    return float(np.sqrt(np.mean(np.sum(step.residual.d[good] ** 2, axis=-1)))), share

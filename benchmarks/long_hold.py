@@ -1,0 +1,187 @@
+"""Ten thousand frames at rest and ten thousand with a press held: does anything drift?
+
+    python benchmarks/long_hold.py [--quick] [--json FILE]
+
+Camera and LCD binned by 4 (drawn on the GPU), noise, jitter and free-running clocks on. The warp measured and the
+warp commanded are held against the true one over usable, valid nodes; depth is read in windows of 100 frames.
+
+Error: rms over the nodes and frames of a window, so it holds noise and drift alike. Bar: in the last window at
+most 1.1 times that in the window which starts 100 frames after the start (after the press). Depth peak: mean over
+a window, whose own standard error stands beside it, as a single frame's noise would hide a drift of 0.05 %.
+Drift: rms over the nodes of the change of the mean warp between first and last window; noise explains a part.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+from bench_report import Bar, Figure, Report, finish, options, progress
+from bench_rigs import Array, Bench, opened, pressed, small_rig, step_path
+from numpy.typing import NDArray
+
+from zeromethod.control import State, Step
+from zeromethod.surface import SurfaceReader, peak
+from zeromethod.threads import limit_threads
+
+FRAMES = 10_000
+SETTLED_FRAMES = 100
+WINDOW_FRAMES = 100
+PRESS_S = 0.15
+ERROR_RATIO = 1.1
+PEAK_DRIFT_PERCENT = 0.05
+GOOD = {State.LOCKED, State.RESTING}
+
+
+@dataclass
+class Window:
+    """Figures of the frames [start, start + WINDOW_FRAMES) after the press; warps in LCD px, depth in mm."""
+
+    start: int
+    measured: list[float] = field(default_factory=list)
+    commanded: list[float] = field(default_factory=list)
+    peaks_mm: list[float] = field(default_factory=list)
+    depth_rms_mm: list[float] = field(default_factory=list)
+    good_frames: int = 0
+    warp_sum: Array | None = None
+
+    def add(self, step: Step, bench: Bench, true_q: Array, usable: NDArray[np.bool_], reader: SurfaceReader) -> None:
+        """Take one frame in."""
+        self.good_frames += step.state in GOOD
+        if step.measured is None:
+            return
+        nodes = usable & step.measured.valid
+        self.measured.append(_mean_square(step.measured.q, true_q, nodes))
+        self.commanded.append(_mean_square(step.commanded_q, true_q, usable))
+        surface = reader.read(step.measured)
+        self.peaks_mm.append(peak(surface).depth_mm)
+        truth = bench.truth(step.time_ns).depth(surface.x_mm[nodes], surface.y_mm[nodes])
+        error = (surface.depth_mm[nodes] - truth)[surface.valid[nodes]]
+        self.depth_rms_mm.append(float(np.sqrt(np.mean(error**2))))
+        off = np.where(nodes[..., None], step.measured.q - true_q, 0.0)
+        self.warp_sum = off if self.warp_sum is None else self.warp_sum + off
+
+    @property
+    def measured_px(self) -> float:
+        """Rms error of the measured warp, LCD px."""
+        return float(np.sqrt(np.mean(self.measured)))
+
+    @property
+    def commanded_px(self) -> float:
+        """Rms error of the commanded warp, LCD px."""
+        return float(np.sqrt(np.mean(self.commanded)))
+
+    @property
+    def peak_mm(self) -> float:
+        """Mean depth peak."""
+        return float(np.mean(self.peaks_mm))
+
+    @property
+    def peak_error_mm(self) -> float:
+        """Standard error of `peak_mm`, frames taken as independent."""
+        return float(np.std(self.peaks_mm) / np.sqrt(len(self.peaks_mm)))
+
+
+def _mean_square(q: Array, true_q: Array, nodes: NDArray[np.bool_]) -> float:
+    return float(np.mean(np.sum((q - true_q)[nodes] ** 2, axis=-1)))
+
+
+def hold(
+    depth_mm: float, frames: int, bar: Bar, settled: int = SETTLED_FRAMES, on_frame: Callable[[Step], None] | None = None
+) -> list[Window]:
+    """Run `frames` frames after a step of `depth_mm` (0: at rest); windows at `settled`, between, and the end."""
+    last = frames - WINDOW_FRAMES
+    starts = sorted({settled, *(s for s in (1000, 3000) if settled < s < last), last})
+    windows = [Window(start) for start in starts]
+    with pressed(small_rig(), step_path(PRESS_S, depth_mm)) as rig, opened(rig) as bench:
+        reader = SurfaceReader(rig, bench.optics, bench.loop.grid)
+        mirror = bench.truth(round(2e9 * PRESS_S))
+        usable, true_q = bench.usable(mirror), bench.true_warp(mirror)
+        before = round(PRESS_S * rig.camera.rate_hz)
+        for step in bench.loop.run(frames=before + frames):
+            count = (step.frame_number or 0) - before
+            for window in windows:
+                if window.start <= count < window.start + WINDOW_FRAMES:
+                    window.add(step, bench, true_q, usable, reader)
+            if on_frame is not None:
+                on_frame(step)
+            bar.step()
+    return windows
+
+
+def _figures(name: str, windows: list[Window], depth_mm: float) -> list[Figure]:
+    first, last = windows[0], windows[-1]
+    figures = []
+    for kind in ("measured_px", "commanded_px"):
+        a, b = getattr(first, kind), getattr(last, kind)
+        label = f"{name}: error of the {kind.removesuffix('_px')} warp, end / after {first.start} frames"
+        figures.append(Figure(label, f"{b / a:.3f}", f"<= {ERROR_RATIO}", bool(b <= ERROR_RATIO * a)))
+    assert first.warp_sum is not None
+    assert last.warp_sum is not None
+    drift = last.warp_sum / len(last.measured) - first.warp_sum / len(first.measured)
+    nodes = drift.any(axis=-1)
+    drift_px = float(np.sqrt(np.mean(np.sum(drift[nodes] ** 2, axis=-1))))
+    noise_px = float(np.hypot(first.measured_px, last.measured_px) / np.sqrt(WINDOW_FRAMES))
+    figures.append(
+        Figure(f"{name}: drift of the mean warp", f"{1e3 * drift_px:.2f} mpx (noise alone: < {1e3 * noise_px:.2f})")
+    )
+    if depth_mm:
+        percent = 100 * (last.peak_mm - first.peak_mm) / first.peak_mm
+        own = 100 * float(np.hypot(first.peak_error_mm, last.peak_error_mm)) / first.peak_mm
+        figures.append(
+            Figure(
+                f"{name}: depth peak, end against after {first.start} frames",
+                f"{percent:+.4f} % (+- {own:.4f})",
+                f"within {PEAK_DRIFT_PERCENT} %",
+                bool(abs(percent) <= PEAK_DRIFT_PERCENT),
+            )
+        )
+    not_good = sum(WINDOW_FRAMES - window.good_frames for window in windows)
+    figures.append(
+        Figure(f"{name}: frames of the windows that were not locked", str(not_good), "0", not_good == 0)
+    )
+    return figures
+
+
+def _rows(name: str, windows: list[Window]) -> list[list[str]]:
+    return [
+        [
+            f"{name}, frames {w.start} to {w.start + WINDOW_FRAMES}",
+            f"{1e3 * w.measured_px:.2f}",
+            f"{1e3 * w.commanded_px:.2f}",
+            f"{1e3 * w.peak_mm:.4f} +- {1e3 * w.peak_error_mm:.4f}",
+            f"{1e6 * float(np.sqrt(np.mean(np.square(w.depth_rms_mm)))):.1f}",
+        ]
+        for w in windows
+    ]
+
+
+def measure(frames: int, settled: int = SETTLED_FRAMES) -> Report:
+    """Hold rest, then the press, for so many frames each."""
+    figures: list[Figure] = []
+    header = ["window", "measured, mpx", "commanded, mpx", "depth peak, um", "depth rms error, nm"]
+    details: list[list[str]] = [header]
+    data = {}
+    with progress(2 * frames, "holding") as bar:
+        for name, depth_mm in (("at rest", 0.0), ("pressed", 0.2)):
+            windows = hold(depth_mm, frames, bar, settled)
+            figures += _figures(name, windows, depth_mm)
+            details += _rows(name, windows)
+            data[name] = [
+                {k: v for k, v in asdict(window).items() if k != "warp_sum"}
+                | {"measured_px": window.measured_px, "commanded_px": window.commanded_px}
+                for window in windows
+            ]
+    return Report(f"Long hold: {frames} frames at rest, {frames} pressed by 0.2 mm", figures, details, data)
+
+
+def main() -> int:
+    chosen = options(__doc__)
+    limit_threads()
+    return finish(measure(800 if chosen.quick else FRAMES), chosen.json)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

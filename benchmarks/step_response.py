@@ -1,0 +1,285 @@
+"""Frames from a sudden press to lock, and whether any timing starves or destabilises the loop.
+
+    python benchmarks/step_response.py [--quick] [--json FILE]
+
+A step of 0.2 mm (sigma 5 mm) at full size, twenty seeds; the seed also draws when in a frame the press comes.
+Counted from the first frame whose exposure saw the press to the first of three frames running with a
+residual rms under 0.05 camera px over usable nodes, of which 98 % must be valid. The bar is twice the physical
+delay, as the loop measured it, and 4 frames.
+
+Then a smaller bench (camera and LCD binned by 4) under every mix of camera phase, display refresh, exposure and
+camera delay, 120 frames each: of 10 phases x 2 x 4 x 4 three phases per mix are run, so that every phase meets
+every refresh and exposure (phase 1.0 is phase 0.0 one frame on). The integrator, which takes each residual for
+one of its latest command, runs beside without its leak; with its leak it never nulls a held press at all.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from bench_report import Bar, Figure, Report, finish, options, progress
+from bench_rigs import changed, opened, pressed, small_rig, step_path, usable_residual_px
+
+from zeromethod.control import LOCK_FRAMES, LOCK_RESIDUAL_PX
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.threads import limit_threads
+
+PRESS_S = 0.15
+CORRECTIONS, EXTRA_FRAMES = 2, 4
+VALID_SHARE = 0.98
+HELD_FRAMES = 120
+WARP_WITHIN_LCD_PX = 0.1
+"""A whole period of the carrier read wrong would be 13 LCD px; noise is 0.01."""
+
+REFRESHES_HZ = (59.94, 60.0)
+EXPOSURES_S = (0.002, 0.004, 0.008, 0.016)
+DELAYS_FRAMES = (1, 2, 3, 4)
+PHASES_PER_MIX = 3
+COMPOSITION = {"controller": "composition"}
+INTEGRATORS = (0.3, 0.6)
+
+
+@dataclass(frozen=True)
+class Response:
+    """What a step came to.
+
+    lock_frames: None where it never locked. delay_frames: mid-exposure to the answer half lit, measured.
+    longest_gap: most frames running without a measurement after the press. worst_px, last_px: residual rms
+    over usable nodes, largest after lock and in the last frame. warp_error_px: rms of the last measured warp
+    against the true one, LCD px.
+    """
+
+    lock_frames: int | None
+    delay_frames: float
+    longest_gap: int
+    worst_px: float
+    last_px: float
+    warp_error_px: float
+    state: str
+
+    @property
+    def bar_frames(self) -> float:
+        """Most frames that the lock may take."""
+        return CORRECTIONS * self.delay_frames + EXTRA_FRAMES
+
+    @property
+    def stays(self) -> bool:
+        """Whether it locked on the true warp and stayed so."""
+        locked = self.lock_frames is not None and self.worst_px < LOCK_RESIDUAL_PX
+        return locked and self.warp_error_px < WARP_WITHIN_LCD_PX
+
+
+def lock_index(residual_px: Sequence[float], share: Sequence[float]) -> int | None:
+    """Index of the first of three frames running that are nulled."""
+    running = 0
+    for index, (px, valid) in enumerate(zip(residual_px, share, strict=True)):
+        running = running + 1 if px < LOCK_RESIDUAL_PX and valid >= VALID_SHARE else 0
+        if running == LOCK_FRAMES:
+            return index - LOCK_FRAMES + 1
+    return None
+
+
+def respond(rig: Rig, press_s: float, frames_after: int) -> Response:
+    """Run a rig whose press comes at `press_s` for so many frames after the press."""
+    residual_px, share, measured, delays = [], [], [], []
+    exposure_ns, press_ns = 1e9 * rig.camera.exposure_s, 1e9 * press_s
+    error_px = float("nan")
+    with opened(rig) as bench:
+        usable = bench.usable(bench.truth(round(press_ns) + 1))
+        for step in bench.loop.run(frames=round(press_s * rig.camera.rate_hz) + frames_after):
+            if np.isfinite(step.delay_ms):
+                delays.append(step.delay_ms)
+            if step.time_ns + exposure_ns / 2 <= press_ns:
+                continue
+            px, valid = usable_residual_px(step, usable)
+            residual_px.append(px)
+            share.append(valid)
+            measured.append(step.measured is not None)
+            last = step.measured
+            if last is not None:
+                true_q = bench.true_warp(bench.truth(step.time_ns))
+                off = (last.q - true_q)[last.valid & usable]
+                error_px = float(np.sqrt(np.mean(np.sum(off**2, axis=-1)))) if len(off) else float("nan")
+    locked = lock_index(residual_px, share)
+    after = residual_px[locked:] if locked is not None else []
+    gaps = "".join("m" if each else "-" for each in measured).split("m")
+    return Response(
+        lock_frames=locked,
+        delay_frames=1e-3 * float(np.median(delays)) * rig.camera.rate_hz,
+        longest_gap=max(len(gap) for gap in gaps),
+        worst_px=float(np.max(after)) if after else float("nan"),
+        last_px=residual_px[-1],
+        warp_error_px=error_px,
+        state=str(step.state),
+    )
+
+
+def full_size_step(seed: int) -> Response:
+    """Step at full size; the seed draws noise, jitter and when in a frame the press comes."""
+    rig = changed(load_rig("simulated"), simulation={"seed": seed})
+    press_s = PRESS_S + float(np.random.default_rng(seed).uniform()) / rig.camera.rate_hz
+    with pressed(rig, step_path(press_s)) as ready:
+        return respond(ready, press_s, frames_after=14)
+
+
+@dataclass(frozen=True)
+class Mix:
+    """One timing of bench and camera."""
+
+    refresh_hz: float
+    exposure_s: float
+    delay_frames: int
+    phase: float
+
+
+def mixes(per_mix: int, every: int = 1) -> Iterator[Mix]:
+    """Sampled timings, see the module; `every` leaves out all but every so-many-th."""
+    count = 0
+    for r, refresh in enumerate(REFRESHES_HZ):
+        for e, exposure in enumerate(EXPOSURES_S):
+            for k, delay in enumerate(DELAYS_FRAMES):
+                for j in range(per_mix):
+                    if count % every == 0:
+                        yield Mix(refresh, exposure, delay, (3 * k + 2 * e + 5 * r + j) % 10 / 10)
+                    count += 1
+
+
+def timed_step(mix: Mix, control: dict[str, object], frames: int = HELD_FRAMES) -> Response:
+    """Step on the small bench under one timing."""
+    rig = small_rig()
+    simulation = {
+        "display_refresh_hz": mix.refresh_hz,
+        "camera_phase": mix.phase,
+        "camera_latency_s": mix.delay_frames / rig.camera.rate_hz,
+    }
+    rig = changed(rig, simulation=simulation, camera={"exposure_s": mix.exposure_s}, control=control)
+    with pressed(rig, step_path(PRESS_S)) as ready:
+        return respond(ready, PRESS_S, frames)
+
+
+def integrator(gain: float, leak: float = 0.0) -> dict[str, object]:
+    """Return the control table of the baseline."""
+    return {"controller": "integrator", "gain": gain, "leak": leak}
+
+
+def _outcome(responses: Sequence[Response]) -> str:
+    """Lock frames, least to most, or what came instead."""
+    locks = [r.lock_frames for r in responses if r.lock_frames is not None and r.stays]
+    if len(locks) == len(responses):
+        return f"{min(locks)}" if min(locks) == max(locks) else f"{min(locks)}-{max(locks)}"
+    worst = max(responses, key=lambda r: np.nan_to_num(r.last_px, nan=np.inf))
+    word = "diverges" if worst.state == "lost" or not worst.last_px < 1.0 else "no lock"
+    return f"{word} ({worst.last_px:.2g} px)"
+
+
+def _seed_figures(responses: Sequence[Response]) -> list[Figure]:
+    locks = [r.lock_frames for r in responses]
+    delay = float(np.median([r.delay_frames for r in responses]))
+    spare = min((r.bar_frames - r.lock_frames if r.lock_frames is not None else -np.inf) for r in responses)
+    shown = ", ".join("never" if n is None else str(n) for n in sorted(set(locks), key=str))
+    return [
+        Figure("full size: physical delay", f"{delay:.2f} frames"),
+        Figure(
+            f"full size: frames to lock, {len(responses)} seeds",
+            shown,
+            f"<= 2 x {delay:.2f} + 4 = {CORRECTIONS * delay + EXTRA_FRAMES:.1f} at each",
+            bool(spare >= 0),
+        ),
+    ]
+
+
+def _sweep(
+    per_mix: int, every: int, bar: Bar
+) -> tuple[dict[Mix, Response], dict[float, dict[Mix, Response]]]:
+    composed: dict[Mix, Response] = {}
+    baseline: dict[float, dict[Mix, Response]] = {gain: {} for gain in INTEGRATORS}
+    beside: set[tuple[float, float, int]] = set()
+    for mix in mixes(per_mix, every):
+        composed[mix] = timed_step(mix, COMPOSITION)
+        bar.step()
+        timing = (mix.refresh_hz, mix.exposure_s, mix.delay_frames)
+        if timing not in beside:
+            beside.add(timing)
+            for gain in INTEGRATORS:
+                baseline[gain][mix] = timed_step(mix, integrator(gain))
+                bar.step()
+    return composed, baseline
+
+
+def _row(
+    timing: tuple[float, float, int],
+    composed: dict[Mix, Response],
+    baseline: dict[float, dict[Mix, Response]],
+) -> list[str]:
+    def of(responses: dict[Mix, Response]) -> list[Response]:
+        return [
+            r for m, r in responses.items() if (m.refresh_hz, m.exposure_s, m.delay_frames) == timing
+        ]
+
+    here = of(composed)
+    phases = ",".join(f"{m.phase:g}" for m in composed if (m.refresh_hz, m.exposure_s, m.delay_frames) == timing)
+    return [
+        f"{timing[0]:g} Hz, {1e3 * timing[1]:g} ms, +{timing[2]} frames",
+        phases,
+        f"{np.median([r.delay_frames for r in here]):.1f}",
+        _outcome(here),
+        f"{max(r.worst_px for r in here):.3f}",
+        str(max(r.longest_gap for r in here)),
+        *(_outcome(of(baseline[gain])) for gain in INTEGRATORS),
+    ]
+
+
+def measure(seeds: int, per_mix: int, every: int) -> Report:
+    """Run everything; see the module."""
+    timings = len({(m.refresh_hz, m.exposure_s, m.delay_frames) for m in mixes(per_mix, every)})
+    sweep = sum(1 for _ in mixes(per_mix, every))
+    with progress(4 * seeds + sweep + timings * len(INTEGRATORS) + 1, "step response") as bar:
+        responses = []
+        for seed in range(seeds):
+            responses.append(full_size_step(seed))
+            bar.step(4)
+        composed, baseline = _sweep(per_mix, every, bar)
+        leaking = timed_step(next(iter(composed)), integrator(INTEGRATORS[0], leak=0.01))
+        bar.step()
+    lost = [mix for mix, response in composed.items() if not response.stays]
+    gap = max(response.longest_gap for response in composed.values())
+    figures = [
+        *_seed_figures(responses),
+        Figure(
+            f"small bench: timings that lock and stay for {HELD_FRAMES} frames",
+            f"{len(composed) - len(lost)} of {len(composed)}",
+            "all",
+            not lost,
+        ),
+        Figure("small bench: longest gap between measurements", f"{gap} frames"),
+        Figure("integrator 0.3 with its leak of 0.01: residual left", f"{leaking.last_px:.2f} px"),
+    ]
+    header = ["display, exposure, delay", "phases", "delay", "frames to lock", "worst after, px", "gap"]
+    header += [f"integrator {gain:g}" for gain in INTEGRATORS]
+    timed = dict.fromkeys((m.refresh_hz, m.exposure_s, m.delay_frames) for m in composed)
+    data = {
+        "seeds": [asdict(response) for response in responses],
+        "composition": [asdict(mix) | asdict(response) for mix, response in composed.items()],
+        "integrator": [
+            asdict(mix) | asdict(response) | {"gain": gain}
+            for gain, beside in baseline.items()
+            for mix, response in beside.items()
+        ],
+    }
+    details = [header, *(_row(timing, composed, baseline) for timing in timed)]
+    return Report("Step response: 0.2 mm, sigma 5 mm", figures, details, data)
+
+
+def main() -> int:
+    chosen = options(__doc__)
+    limit_threads()
+    report = measure(4, 1, 6) if chosen.quick else measure(20, PHASES_PER_MIX, 1)
+    return finish(report, chosen.json)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
