@@ -73,7 +73,7 @@ def progress(total: int, what: str) -> Iterator[Bar]:
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     table = Table(box=None, pad_edge=False)
     for index, name in enumerate(header):
-        table.add_column(name, justify="left" if index == 0 else "right", no_wrap=True)
+        table.add_column(name, justify="left" if index == 0 else "right", overflow="fold")
     for row in rows:
         table.add_row(*row)
     return table
@@ -81,7 +81,7 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
 
 def finish(report: Report, json_file: Path | None = None) -> int:
     """Print the report, write the JSON file if one is asked for; exit code 1 when a bar was missed."""
-    console = Console(width=None if sys.stdout.isatty() else 200, highlight=False)
+    console = Console(width=None if sys.stdout.isatty() else 250, highlight=False)
     console.print(f"{report.title}\n")
     if report.details:
         console.print(_table(report.details[0], report.details[1:]))

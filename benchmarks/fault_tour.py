@@ -166,16 +166,16 @@ def measure(faults: tuple[Fault, ...], scenarios: tuple[bool, ...] = (False, Tru
                     continue
                 outcomes.append(tour(fault, moving))
                 bar.step()
-    header = ["fault", "press", "named", "states", "ends", "wrong by (good)", "wrong by (any)", "events"]
+    header = ["fault", "press", "named", "ends", "wrong, good", "wrong, any", "states after it", "events"]
     rows = [
         [
             o.fault,
             "jumps" if o.moving else "held",
             "yes" if o.named else "NO",
-            " > ".join(o.states),
-            "as it should" if o.recovered else "NOT",
+            "well" if o.recovered else "BADLY",
             f"{o.worst_good_percent:+.3f} %",
             f"{o.worst_any_percent:+.2f} %",
+            " > ".join(o.states),
             ", ".join(o.events),
         ]
         for o in outcomes

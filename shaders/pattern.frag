@@ -17,8 +17,9 @@ layout(location = 0) out vec4 grey;
 
 const float TAU = 6.283185307179586;
 
-// Camera position = whole + part, px, split so that the phase keeps its digits.
-float shape(vec2 whole, vec2 part, vec2 fade) {
+// Camera position = whole + part, px, split so that the phase keeps its digits. Edges pass over one LCD px:
+// sampled at LCD pixels, a sharp one would lie half a pixel wrong.
+float shape(vec2 whole, vec2 part, vec2 fade, vec2 lcd_px) {
 #if KIND == NOISE
     vec2 low = floor(part), t = part - low;
     ivec2 size = textureSize(texture_of_noise, 0);
@@ -28,13 +29,16 @@ float shape(vec2 whole, vec2 part, vec2 fade) {
     float lower = mix(texelFetch(texture_of_noise, ivec2(a.x, b.y), 0).r, texelFetch(texture_of_noise, b, 0).r, t.x);
     return min(fade.x, fade.y) * mix(upper, lower, t.y);
 #else
-    vec2 carrier = cos(TAU / PERIOD * (mod(whole, PERIOD) + part));
+    vec2 periods = (mod(whole, PERIOD) + part) / PERIOD;
+    vec2 off = abs(periods - round(periods));  // from the middle of the nearest line or square
 #if KIND == CHECKER
-    return min(fade.x, fade.y) * (carrier.x * carrier.y >= 0.0 ? 1.0 : -1.0);
+    vec2 signs = clamp(2.0 * lcd_px * (0.25 - off), -1.0, 1.0);
+    return min(fade.x, fade.y) * signs.x * signs.y;
 #elif KIND == LATTICE
-    return min(fade.x, fade.y) * (max(carrier.x, carrier.y) >= 0.7071067811865476 ? 1.0 : -1.0);
+    vec2 dark = clamp(0.5 - lcd_px * (0.125 - off), 0.0, 1.0);
+    return min(fade.x, fade.y) * (1.0 - 2.0 * dark.x * dark.y);
 #else
-    return 0.5 * dot(fade, carrier);
+    return 0.5 * dot(fade, cos(TAU * periods));
 #endif
 #endif
 }
@@ -62,6 +66,6 @@ void main() {
     // LCD px per period, across the fringes: of the carrier along u, along v.
     vec2 lcd_px = abs(area) * PERIOD / SPACING / vec2(length(jacobian[1]), length(jacobian[0]));
     vec2 fade = smoothstep(FADED_PX, CLEAR_PX, lcd_px);
-    float light = MEAN * (1.0 + CONTRAST * shape(first_px + SPACING * vec2(cell), SPACING * t, fade));
+    float light = MEAN * (1.0 + CONTRAST * shape(first_px + SPACING * vec2(cell), SPACING * t, fade, lcd_px));
     grey = vec4(vec3(floor(code(light) + 0.5) / 255.0), 1.0);
 }

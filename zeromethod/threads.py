@@ -10,9 +10,10 @@ from threadpoolctl import threadpool_limits
 def limit_threads(count: int = 1) -> None:
     """Let BLAS, OpenMP, OpenCV and numba use `count` threads each, from now on.
 
+    A later call may raise the count again; numba's ends at the number of threads it was started with.
     The loop is one thread, and its steps are too short to be shared out: pools that each take every core
     slow it by contending for them.
     """
     threadpool_limits(limits=count)
     cv2.setNumThreads(count)
-    numba.set_num_threads(min(count, numba.get_num_threads()))
+    numba.set_num_threads(min(count, int(numba.config.NUMBA_NUM_THREADS)))

@@ -39,6 +39,18 @@ def test_lattice_has_lines_of_a_quarter_period():
     assert target.light(7, 17.9) == 1
 
 
+@pytest.mark.parametrize("kind", ["checker", "lattice"])
+def test_edges_drawn_over_one_lcd_px_keep_their_mean_light(kind):
+    """Sampled at LCD pixels anywhere against the edge, a period holds the light that it has when sharp."""
+    lcd_px = 9.7
+    phases = np.linspace(0, 1, 7)[:, None]
+    u = 16 / lcd_px * (np.arange(970)[None, :] + phases)  # 100 periods of 9.7 LCD px
+    line = 5.0 if kind == "lattice" else 0.0  # along u, off the lines and inside a row of squares
+    soft = Target(kind, 16, 0.5, 1.0).light(u, line, lcd_px=(lcd_px, lcd_px)).mean(axis=1)
+    expected = 0.25 if kind == "lattice" else 0.5
+    assert soft == pytest.approx(expected, abs=1e-3)  # 970 samples; a sharp edge errs by up to 1 in 97
+
+
 def test_noise_is_seeded_band_limited_and_tiles():
     target = Target("noise", 16, seed=3)
     n = target.texture.shape[0]

@@ -8,7 +8,8 @@ a rise from 10 to 90 %. Light is linear in the pictures, so picture k weighs H_k
     H = [b - c - tau (exp(-(c - T) / tau) - exp(-(b - T) / tau))] / (b - a),  c = max(a, T), 0 when b <= T
 
 Near null the carrier's phase is linear in the warp, so a mix of pictures acts as the mix of their warps
-with the same weights; the error grows with the third power of how far apart they are.
+with the same weights. What is left, and when it is too much, is the concern of
+`zeromethod.control.mixture`.
 """
 
 from __future__ import annotations
@@ -20,9 +21,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.control.mixture import Mixture, mixture
 from zeromethod.control.presentation import PresentationLog
 from zeromethod.devices.protocols import Frame
 from zeromethod.rig.model import DisplaySpec
+from zeromethod.warp.grid import NodeGrid
 
 Float = NDArray[np.float64]
 
@@ -31,12 +34,6 @@ TABLE_ROWS = 257
 
 LEAST_WEIGHT = 1e-4
 """Pictures that weigh less in every row are left out."""
-
-SPREAD_WEIGHT = 0.02
-"""Pictures that weigh less at a node do not count for its spread."""
-
-SAME_LCD_PX = 1 / 16
-"""Warps closer than this, at a node, are one for its spread: their difference is noise."""
 
 LIT_SHARE = 0.98
 """An exposure that started before this share of the first picture's light is of no use."""
@@ -74,15 +71,18 @@ class PanelTiming:
 class Shown:
     """What was lit while a frame was exposed.
 
-    q: (rows, cols, 2) mixed warp, LCD px. spread_px: (rows, cols) how far apart the warps in the mix are,
-    camera px; None when there is one warp only. entries: (k,) presentation times, ns. weights: (k, n) share
-    of each at n panel rows, equally spaced in scan-out order, adding up to 1 in each.
+    q: (rows, cols, 2) mixed warp, LCD px. mixture: what the mixing does to the residual; None when there
+    is one warp only. entries: (k,) presentation times, ns. weights: (k, n) share of each at n panel rows,
+    equally spaced in scan-out order, adding up to 1 in each. age_ns: (n,) from mid-exposure of the frames
+    by which the pictures were drawn to that of this one, weighted likewise; None where a picture was drawn
+    by none.
     """
 
     q: Float
-    spread_px: Float | None
+    mixture: Mixture | None
     entries: NDArray[np.int64]
     weights: Float
+    age_ns: Float | None
 
 
 def lit_share(start_ns: float, end_ns: float, change_ns: Float, tau_ns: float) -> Float:
@@ -118,18 +118,6 @@ def entry_weights(
 
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc"})
-def _apart(w: Float, j: int, i: int, dx: float, dy: float, inverse_spacing: float) -> float:
-    """Camera px, to first order, that a step (dx, dy) LCD px is on warp `w` at node (j, i)."""
-    j0, j1 = max(j - 1, 0), min(j + 1, w.shape[0] - 1)
-    i0, i1 = max(i - 1, 0), min(i + 1, w.shape[1] - 1)
-    du, dv = inverse_spacing / (i1 - i0), inverse_spacing / (j1 - j0)
-    xu, yu = du * (w[j, i1, 0] - w[j, i0, 0]), du * (w[j, i1, 1] - w[j, i0, 1])
-    xv, yv = dv * (w[j1, i, 0] - w[j0, i, 0]), dv * (w[j1, i, 1] - w[j0, i, 1])
-    away: float = math.hypot(yv * dx - xv * dy, xu * dy - yu * dx) / max(abs(xu * yv - xv * yu), 1e-12)
-    return away
-
-
-@numba.njit(cache=True, fastmath={"contract", "reassoc"})
 def _mix(
     warps: Float,
     slots: NDArray[np.int64],
@@ -137,49 +125,44 @@ def _mix(
     look_q: Float,
     rows_per_entry: float,
     upwards: bool,
-    inverse_spacing: float,
     q: Float,
-    spread: Float,
+    place: Float,
 ) -> None:
-    """Mix of `warps[slots]` by `weights` (n panel rows, entries) and its spread in camera px."""
-    count, rows, cols = slots.size, q.shape[0], q.shape[1]
+    """Mix of `warps[slots]` by `weights` (n panel rows, entries), each node's own place among the rows.
+
+    The row is that of the mix itself, so that q and the weights belong together at every point of the
+    target; two rounds from `look_q` find it to far less than a row.
+    """
+    rows, cols = q.shape[0], q.shape[1]
     last = weights.shape[0] - 1
-    share = np.empty(count)
     for j in range(rows):
         for i in range(cols):
-            x = min(max(look_q[j, i, 1] * rows_per_entry, 0.0), float(last))
-            if upwards:
-                x = last - x
-            n = min(int(x), last - 1)
-            t = x - n
-            a = b = 0.0
-            best = 0
-            for k in range(count):
-                share[k] = (1.0 - t) * weights[n, k] + t * weights[n + 1, k]
-                a += share[k] * warps[slots[k], j, i, 0]
-                b += share[k] * warps[slots[k], j, i, 1]
-                if share[k] > share[best]:
-                    best = k
+            row = look_q[j, i, 1]
+            for _ in range(2):
+                x = min(max(row * rows_per_entry, 0.0), float(last))
+                if upwards:
+                    x = last - x
+                n = min(int(x), last - 1)
+                t = x - n
+                a = b = 0.0
+                for k in range(slots.size):
+                    share = (1.0 - t) * weights[n, k] + t * weights[n + 1, k]
+                    a += share * warps[slots[k], j, i, 0]
+                    b += share * warps[slots[k], j, i, 1]
+                row = b
             q[j, i, 0] = a
             q[j, i, 1] = b
-            spread[j, i] = 0.0
-            w = warps[slots[best]]
-            for k in range(count):
-                if k != best and share[k] > SPREAD_WEIGHT:
-                    dx = warps[slots[k], j, i, 0] - w[j, i, 0]
-                    dy = warps[slots[k], j, i, 1] - w[j, i, 1]
-                    if abs(dx) > SAME_LCD_PX or abs(dy) > SAME_LCD_PX:
-                        spread[j, i] = max(spread[j, i], _apart(w, j, i, dx, dy, inverse_spacing))
+            place[j, i] = x
 
 
 def pair(
-    log: PresentationLog, frame: Frame, timing: PanelTiming, look_q: Float, spacing_px: float
+    log: PresentationLog, frame: Frame, timing: PanelTiming, look_q: Float, grid: NodeGrid, kind: str
 ) -> Shown | None:
     """Tell what the exposure of `frame` saw; None when no picture of the log was fully lit before it.
 
-    look_q: (rows, cols, 2) where the nodes look on the panel, LCD px, to a few rows: the latest estimate.
-    spacing_px: camera px between nodes. Where one picture was alone its warp is returned as logged (a
-    view), and that is the usual case with patterns that are held.
+    look_q: (rows, cols, 2) where the nodes look on the panel, LCD px, to some tens of rows: the latest
+    estimate. kind: the target's. Where one picture was alone its warp is returned as logged (a view), and
+    that is the usual case with patterns that are held.
     """
     times = log.times_ns()
     if not len(times):
@@ -199,13 +182,23 @@ def pair(
     kept = np.flatnonzero(weights.max(axis=1) > LEAST_WEIGHT)
     weights = weights[kept]
     weights /= weights.sum(axis=0)
-    entries = times[first + kept]
+    index = first + kept
+    age_ns = _age_ns(log, index, weights, frame.time_ns)
     if len(kept) == 1:
-        return Shown(log.warp(first + int(kept[0])), None, entries, weights)
+        return Shown(log.warp(int(index[0])), None, times[index], weights, age_ns)
     q = np.empty_like(look_q)
-    spread = np.empty(q.shape[:2])
+    place = np.empty(q.shape[:2])
     per_row = (TABLE_ROWS - 1) / (timing.rows - 1)
-    slots = log.slots(first + kept)
+    slots = log.slots(index)
     table = np.ascontiguousarray(weights.T)
-    _mix(log.buffer, slots, table, look_q, per_row, timing.upwards, 1 / spacing_px, q, spread)
-    return Shown(q, spread, entries, weights)
+    _mix(log.buffer, slots, table, look_q, per_row, timing.upwards, q, place)
+    mixing = mixture(log.buffer, slots, table, place, q, grid.spacing_px, grid.period_px, kind)
+    return Shown(q, mixing, times[index], weights, age_ns)
+
+
+def _age_ns(log: PresentationLog, index: NDArray[np.int64], weights: Float, time_ns: int) -> Float | None:
+    seen = [log.seen_ns(int(k)) for k in index]
+    if None in seen:
+        return None
+    ages = np.array([time_ns - one for one in seen if one is not None], dtype=np.float64)
+    return ages @ weights

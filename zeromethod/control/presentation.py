@@ -12,12 +12,14 @@ class PresentationLog:
     """Ring of the newest presentations, oldest overwritten; memory taken once.
 
     An entry is the presentation time in ns (see `DisplaySpec`: the panel's first row starts to change
-    `latency_s` later) and the warp drawn, (rows, cols, 2) LCD px.
+    `latency_s` later), the warp drawn, (rows, cols, 2) LCD px, and the mid-exposure of the newest frame that
+    the warp was made from, None for a warp made from none.
     """
 
     def __init__(self, shape: tuple[int, int], capacity: int = CAPACITY) -> None:
         self._times_ns = np.zeros(capacity, dtype=np.int64)
         self._warps = np.zeros((capacity, *shape, 2))
+        self._seen_ns: list[int | None] = [None] * capacity
         self._count = 0
 
     def __len__(self) -> int:
@@ -28,14 +30,18 @@ class PresentationLog:
         """Whether nothing has been overwritten yet: the oldest entry is the first picture of the run."""
         return self._count <= len(self._times_ns)
 
-    def record(self, time_ns: int, q: NDArray[np.float64]) -> None:
-        """Note that `q` (copied) was presented at `time_ns`, not before the entry noted last."""
+    def record(self, time_ns: int, q: NDArray[np.float64], seen_ns: int | None = None) -> None:
+        """Note that `q` (copied), made from a frame of `seen_ns`, was presented at `time_ns`.
+
+        ValueError when that is before the entry noted last.
+        """
         newest_ns = int(self._times_ns[(self._count - 1) % len(self._times_ns)])
         if self._count and time_ns < newest_ns:
             raise ValueError(f"presented at {time_ns} ns, before the picture at {newest_ns} ns")
         slot = self._count % len(self._times_ns)
         self._times_ns[slot] = time_ns
         self._warps[slot] = q
+        self._seen_ns[slot] = seen_ns
         self._count += 1
 
     @property
@@ -55,3 +61,7 @@ class PresentationLog:
         """Warp of the entry counted from the oldest; a view, good until it is overwritten."""
         view: NDArray[np.float64] = self._warps[int(self.slots(np.array(index)))]
         return view
+
+    def seen_ns(self, index: int) -> int | None:
+        """Mid-exposure of the frame behind the entry counted from the oldest."""
+        return self._seen_ns[int(self.slots(np.array(index)))]

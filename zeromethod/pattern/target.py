@@ -16,6 +16,9 @@ Float = NDArray[np.float64]
 TILE_PERIODS = 32
 """The noise target repeats after this many periods; its texels are one camera px apart."""
 
+SHARP = 1e9
+"""LCD px per period that stand for edges without width."""
+
 NOISE_BAND = (0.5, 1.25)
 """Spatial frequencies of the noise target, in cycles per period: none finer than a carrier's 1.25."""
 
@@ -51,25 +54,31 @@ class Target:
         band = np.fft.irfft2(np.where((cycles >= low) & (cycles <= high), white, 0), s=(n, n))
         return np.asarray(band / np.abs(band).max(), dtype=np.float32)
 
-    def light(self, u: ArrayLike, v: ArrayLike) -> Float:
+    def light(self, u: ArrayLike, v: ArrayLike, lcd_px: tuple[float, float] = (SHARP, SHARP)) -> Float:
         """Light at camera position (u, v), px, arrays of one shape.
+
+        lcd_px: LCD px per period along u and along v, as drawn: the edges of checker and lattice then pass
+        over one LCD px, as a picture sampled at LCD pixels would place a sharp edge half a pixel wrong.
 
         Convention: (u, v) = (column, row), pixel centres at integers; a maximum of the periodic kinds
         lies at (0, 0).
         """
         u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
-        return np.asarray(self.mean * (1 + self.contrast * self._shape(u, v)))
+        return np.asarray(self.mean * (1 + self.contrast * self._shape(u, v, lcd_px)))
 
-    def _shape(self, u: Float, v: Float) -> Float:
+    def _shape(self, u: Float, v: Float, lcd_px: tuple[float, float]) -> Float:
         if self.kind == "noise":
             return self._noise(u, v)
-        cu = np.cos(2 * np.pi * u / self.period_px)
-        cv = np.cos(2 * np.pi * v / self.period_px)
+        if self.kind == "cosines":
+            carriers = np.cos(2 * np.pi * u / self.period_px) + np.cos(2 * np.pi * v / self.period_px)
+            return np.asarray(0.5 * carriers)
+        # Distance from the nearest line's or square's middle, periods: 0 .. 0.5.
+        du, dv = (np.abs(x / self.period_px - np.rint(x / self.period_px)) for x in (u, v))
         if self.kind == "checker":
-            return np.where(cu * cv >= 0, 1.0, -1.0)
-        if self.kind == "lattice":
-            return np.where(np.maximum(cu, cv) >= np.cos(np.pi / 4), 1.0, -1.0)
-        return np.asarray(0.5 * (cu + cv))
+            signs = (np.clip(2 * n * (0.25 - x), -1, 1) for x, n in zip((du, dv), lcd_px, strict=True))
+            return np.asarray(np.prod(list(signs), axis=0))
+        dark = (np.clip(0.5 - n * (0.125 - x), 0, 1) for x, n in zip((du, dv), lcd_px, strict=True))
+        return np.asarray(1 - 2 * np.prod(list(dark), axis=0))
 
     def _noise(self, u: Float, v: Float) -> Float:
         n = self.texture.shape[0]

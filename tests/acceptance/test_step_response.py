@@ -1,0 +1,45 @@
+"""A sudden press of 0.2 mm: locked within two corrections, whatever the clocks do."""
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def step(load_benchmark: Callable[[str], ModuleType]) -> Any:
+    return load_benchmark("step_response")
+
+
+@pytest.mark.parametrize("seed", [3, 11])
+def test_a_step_at_full_size_locks_within_two_corrections(step: Any, seed: int) -> None:
+    response = step.full_size_step(seed)
+    # 34 ms from mid-exposure to the answer half lit: a refresh or two, half the scan-out, half the exposure
+    assert response.delay_frames == pytest.approx(2.05, abs=0.3)
+    assert response.lock_frames is not None
+    assert response.lock_frames <= 2 * response.delay_frames + 4
+    assert response.stays
+
+
+@pytest.mark.parametrize(
+    ("refresh_hz", "exposure_s", "delay_frames", "phase"),
+    [(59.94, 0.002, 4, 0.4), (59.94, 0.016, 2, 0.7), (60.0, 0.016, 4, 0.5), (60.0, 0.008, 1, 0.9)],
+)
+def test_no_timing_starves_or_destabilises_the_loop(
+    step: Any, refresh_hz: float, exposure_s: float, delay_frames: int, phase: float
+) -> None:
+    mix = step.Mix(refresh_hz, exposure_s, delay_frames, phase)
+    response = step.timed_step(mix, step.COMPOSITION, frames=80)
+    assert response.lock_frames is not None
+    assert response.stays, response
+    assert response.state == "locked"
+
+
+def test_the_integrator_diverges_where_the_composition_does_not(step: Any) -> None:
+    mix = step.Mix(59.94, 0.008, 3, 0.3)
+    composed = step.timed_step(mix, step.COMPOSITION, frames=60)
+    integrated = step.timed_step(mix, step.integrator(0.6), frames=60)
+    assert composed.stays
+    assert integrated.lock_frames is None
+    assert not integrated.last_px < 1.0
