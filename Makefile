@@ -2,7 +2,7 @@
 # make test  set up, then run all tests
 # make lint  format, lint, types, import layers
 # make bench speed against peers, printed as ratios of the same run
-# Everything lives in .venv; system packages that are missing (EGL, Mesa) are installed first.
+# Everything lives in .venv; system packages that are missing (EGL, Mesa; Xvfb for the tests) are installed first.
 
 PYTHON ?= python3
 VENV := .venv
@@ -39,13 +39,13 @@ $(VENV)/.run-ready: pyproject.toml | $(BIN)/python
 	@touch $@
 
 $(VENV)/.test-ready: pyproject.toml | $(BIN)/python
-	@PYTHON=$(PYTHON) sh tools/system-packages.sh
+	@PYTHON=$(PYTHON) sh tools/system-packages.sh test
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
 	@touch $@ $(VENV)/.run-ready
 
 $(VENV)/.dev-ready: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,dev]'
-	@touch $@ $(VENV)/.run-ready $(VENV)/.test-ready
+	@touch $@ $(VENV)/.run-ready
 
 clean:
 	rm -rf $(VENV) out dist build

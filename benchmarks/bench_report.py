@@ -1,4 +1,4 @@
-"""What every accuracy benchmark prints: a table with the bar beside each figure, an exit code, a JSON file."""
+"""What every accuracy benchmark prints: figures beside their bars; its exit code and JSON file."""
 
 from __future__ import annotations
 

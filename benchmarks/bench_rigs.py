@@ -52,13 +52,14 @@ def changed(rig: Rig, **tables: dict[str, Any]) -> Rig:
 
 @contextmanager
 def pressed(
-    rig: Rig, path: list[tuple[float, float]], sigma_mm: float = 5.0, at_mm: tuple[float, float] | None = None
+    rig: Rig,
+    path: list[tuple[float, float]],
+    sigma_mm: float = 5.0,
+    at_mm: tuple[float, float] = (VIEW_MIDDLE_MM, 0.0),
 ) -> Iterator[Rig]:
     """Rig under a Gaussian press that follows (time s, depth mm) points; equal times are a jump."""
-    x_mm, y_mm = (VIEW_MIDDLE_MM, 0.0) if at_mm is None else at_mm
-    points = ",".join(
-        f"{{time_s={t!r},x_mm={x_mm!r},y_mm={y_mm!r},depth_mm={depth!r}}}" for t, depth in path
-    )
+    x_mm, y_mm = at_mm
+    points = ",".join(f"{{time_s={t!r},x_mm={x_mm!r},y_mm={y_mm!r},depth_mm={depth!r}}}" for t, depth in path)
     text = f'[[press]]\nshape="gaussian"\nsigma_mm={sigma_mm!r}\npath=[{points}]\n'
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "press.toml"

@@ -1,4 +1,4 @@
-"""Does the peak of a dent come back, whatever its width?
+"""Whether the peak of a dent comes back whole, whatever its width.
 
     python benchmarks/wavelength_gain.py [--quick] [--json FILE]
 
@@ -120,12 +120,18 @@ def through_the_loop(bench: Bench, mirror: Mirror, frames: int) -> tuple[list[Su
 
 
 def mean_surface(surfaces: list[Surface]) -> Surface:
-    """Mean depth of surfaces, valid where all are."""
-    fields: dict[str, Array] = {
-        name: np.mean([getattr(surface, name) for surface in surfaces], axis=0)
-        for name in ("depth_mm", "x_mm", "y_mm")
-    }
-    return replace(surfaces[0], valid=np.all([surface.valid for surface in surfaces], axis=0), **fields)
+    """Mean depth and place of surfaces, valid where all are."""
+
+    def mean(name: str) -> Array:
+        return np.asarray(np.mean([getattr(surface, name) for surface in surfaces], axis=0))
+
+    return replace(
+        surfaces[0],
+        depth_mm=mean("depth_mm"),
+        x_mm=mean("x_mm"),
+        y_mm=mean("y_mm"),
+        valid=np.all([surface.valid for surface in surfaces], axis=0),
+    )
 
 
 def gain_at(bench: Bench, sigma_nodes: int, frames: int = FRAMES_READ) -> Gain:
@@ -139,9 +145,7 @@ def gain_at(bench: Bench, sigma_nodes: int, frames: int = FRAMES_READ) -> Gain:
         loop, anchor = bench.gain(mean_surface(surfaces), mirror)
         each = [bench.gain(surface, mirror)[0] for surface in surfaces]
         loop_error = float(np.std(each) / np.sqrt(len(each)))
-    return Gain(
-        sigma_nodes, sigma_mm, mirror.dents[0].depth_mm, anchor, reading, loop, loop_error, locked
-    )
+    return Gain(sigma_nodes, sigma_mm, mirror.dents[0].depth_mm, anchor, reading, loop, loop_error, locked)
 
 
 def measure(sigmas: tuple[int, ...], frames: int = FRAMES_READ) -> Report:

@@ -1,7 +1,8 @@
 #!/bin/sh
 # Installs the system packages that zeromethod needs and this machine lacks: software OpenGL without a
-# screen (EGL and OSMesa of Mesa) and, where Python comes without it, the venv module. Says what it does;
-# does nothing when all is there. Where it cannot install, it names the packages and goes on.
+# screen (EGL and OSMesa of Mesa) and, where Python comes without it, the venv module; with the argument
+# `test` also Xvfb, a screen for the tests of windows. Says what it does; does nothing when all is there.
+# Where it cannot install, it names the packages and goes on.
 set -eu
 PYTHON=${PYTHON:-python3}
 
@@ -14,6 +15,7 @@ has_library libEGL_nvidia || [ -n "$(ls -d /usr/lib/*/dri/*_dri.so /usr/lib*/dri
     missing="$missing libgl1-mesa-dri"
 has_library libOSMesa.so || missing="$missing libosmesa6"
 "$PYTHON" -c 'import ensurepip, venv' 2>/dev/null || missing="$missing python3-venv"
+[ "${1:-}" != test ] || command -v Xvfb >/dev/null 2>&1 || missing="$missing xvfb"
 [ -z "$missing" ] && exit 0
 
 if ! command -v apt-get >/dev/null 2>&1; then

@@ -16,4 +16,4 @@ def limit_threads(count: int = 1) -> None:
     """
     threadpool_limits(limits=count)
     cv2.setNumThreads(count)
-    numba.set_num_threads(min(count, int(numba.config.NUMBA_NUM_THREADS)))
+    numba.set_num_threads(min(count, vars(numba.config)["NUMBA_NUM_THREADS"]))

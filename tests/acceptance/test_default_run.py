@@ -1,4 +1,8 @@
-"""The default scenario from end to end, on a bench binned by 2: the figures that a person is promised."""
+"""The default scenario from end to end: the figures that a person is promised.
+
+On a bench binned by 4, for speed. Its nodes lie 1.4 mm apart, the dent's sigma is 3.7 of them, which alone
+costs 0.11 % of the peak; the bars are those of the full size all the same.
+"""
 
 from collections.abc import Callable
 from types import ModuleType
@@ -16,7 +20,7 @@ PROMISED = {
 
 @pytest.fixture(scope="module")
 def result(load_benchmark: Callable[[str], ModuleType]) -> RunResult:
-    return zm.run(load_benchmark("bench_rigs").small_rig(2))
+    return zm.run(load_benchmark("bench_rigs").small_rig())
 
 
 def test_the_default_run_meets_its_bars(result: RunResult) -> None:

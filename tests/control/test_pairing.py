@@ -57,37 +57,37 @@ def test_weights_add_up_to_one_in_every_row() -> None:
 
 
 def test_a_picture_alone_is_returned_as_it_was_logged() -> None:
-    shown = pair(logged((0, 0.0), (16, 1.0)), frame(80), TIMING, REST.q, 8)
+    shown = pair(logged((0, 0.0), (16, 1.0)), frame(80), TIMING, REST.q, REST.grid, "cosines")
     assert shown is not None
-    assert shown.spread_px is None
+    assert shown.mixture is None
     assert shown.entries.tolist() == [16 * MS]
     np.testing.assert_array_equal(shown.q, REST.q + np.array([1.0, 0.0]))
 
 
 def test_a_picture_that_starts_after_the_exposure_has_no_part() -> None:
-    shown = pair(logged((0, 0.0), (90, 5.0)), frame(80), TIMING, REST.q, 8)
+    shown = pair(logged((0, 0.0), (90, 5.0)), frame(80), TIMING, REST.q, REST.grid, "cosines")
     assert shown is not None
     np.testing.assert_array_equal(shown.q, REST.q)
 
 
 def test_nothing_is_shown_before_the_first_picture_is_lit() -> None:
     log = logged((0, 0.0))
-    assert pair(PresentationLog((3, 3)), frame(80), TIMING, REST.q, 8) is None
-    assert pair(log, frame(-10), TIMING, REST.q, 8) is None
+    assert pair(PresentationLog((3, 3)), frame(80), TIMING, REST.q, REST.grid, "cosines") is None
+    assert pair(log, frame(-10), TIMING, REST.q, REST.grid, "cosines") is None
     # the last row starts at 16.7 ms and is 98 % lit 4 tau = 7.3 ms later
-    assert pair(log, frame(22), TIMING, REST.q, 8) is None
-    assert pair(log, frame(40), TIMING, REST.q, 8) is not None
+    assert pair(log, frame(22), TIMING, REST.q, REST.grid, "cosines") is None
+    assert pair(log, frame(40), TIMING, REST.q, REST.grid, "cosines") is not None
 
 
 def test_rows_that_change_first_show_more_of_the_new_picture() -> None:
     log = logged((0, 0.0), (60, 1.0))
-    shown = pair(log, frame(70), TIMING, REST.q, 8)
+    shown = pair(log, frame(70), TIMING, REST.q, REST.grid, "cosines")
     assert shown is not None
     moved = shown.q[..., 0] - REST.q[..., 0]
     assert np.all(np.diff(moved[:, 5]) <= 0)  # LCD rows grow with node rows; scan is downwards
     assert moved[0, 5] > moved[-1, 5] + 0.2
     up = PanelTiming.of(panel().model_copy(update={"scan": "up"}))
-    shown_up = pair(log, frame(70), up, REST.q, 8)
+    shown_up = pair(log, frame(70), up, REST.q, REST.grid, "cosines")
     assert shown_up is not None
     # scanning up mirrors the rows about the panel's middle, from which the nodes' middle is 0.42 LCD rows
     # away: 2 x 0.42 / 399 of the scan-out of 16.7 ms, in which at most 1 / 8 ms changes
@@ -95,7 +95,7 @@ def test_rows_that_change_first_show_more_of_the_new_picture() -> None:
 
 
 def test_the_mix_weighs_pictures_by_the_light_of_their_row() -> None:
-    shown = pair(logged((0, 0.0), (60, 1.0)), frame(70), TIMING, REST.q, 8)
+    shown = pair(logged((0, 0.0), (60, 1.0)), frame(70), TIMING, REST.q, REST.grid, "cosines")
     assert shown is not None
     row = REST.q[4, 5, 1]
     change_ns = 60e6 + row / (PANEL[1] - 1) * 1e9 / 60
@@ -105,14 +105,14 @@ def test_the_mix_weighs_pictures_by_the_light_of_their_row() -> None:
 
 
 def test_spread_is_in_camera_pixels() -> None:
-    shown = pair(logged((0, 0.0), (60, 4.0)), frame(70), TIMING, REST.q, 8)
+    shown = pair(logged((0, 0.0), (60, 4.0)), frame(70), TIMING, REST.q, REST.grid, "cosines")
     assert shown is not None
     assert shown.spread_px is not None
     np.testing.assert_allclose(shown.spread_px[4, 5], 4.0 / LCD_PER_CAMERA, rtol=1e-9)
 
 
 def test_pictures_that_differ_by_noise_have_no_spread() -> None:
-    shown = pair(logged((0, 0.0), (60, 0.05)), frame(70), TIMING, REST.q, 8)
+    shown = pair(logged((0, 0.0), (60, 0.05)), frame(70), TIMING, REST.q, REST.grid, "cosines")
     assert shown is not None
     assert shown.spread_px is not None
     assert shown.spread_px.max() == 0
@@ -122,6 +122,6 @@ def test_a_log_that_was_overwritten_takes_its_oldest_entry_for_all_before() -> N
     log = PresentationLog(REST.q.shape[:2], capacity=2)
     for at_ms in (0, 16, 33):
         log.record(at_ms * MS, REST.q)
-    shown = pair(log, frame(34), TIMING, REST.q, 8)
+    shown = pair(log, frame(34), TIMING, REST.q, REST.grid, "cosines")
     assert shown is not None
     np.testing.assert_allclose(shown.q, REST.q, atol=1e-9)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from zeromethod.control.composition import Composition, Controller
 from zeromethod.control.events import Event
 from zeromethod.control.integrator import Integrator
+from zeromethod.control.lead import Horizon
 from zeromethod.control.light import LightWatch
-from zeromethod.control.observation import Observation, expected_residual, measure
+from zeromethod.control.observation import Observation, expected_residual, measure, unmixed
 from zeromethod.control.pairing import PanelTiming, pair
 from zeromethod.control.presentation import PresentationLog
 from zeromethod.control.rest import Rest
@@ -113,7 +114,13 @@ class Circle:
     """
 
     def __init__(
-        self, rest: Rest, sensor: Sensor, controller: Controller, timing: PanelTiming, black_grey: float = 0.0
+        self,
+        rest: Rest,
+        sensor: Sensor,
+        controller: Controller,
+        timing: PanelTiming,
+        black_grey: float = 0.0,
+        target_kind: str = "cosines",
     ) -> None:
         self.rest = rest
         self.controller = controller
@@ -121,35 +128,45 @@ class Circle:
         self._sensor = sensor
         self._log = PresentationLog(rest.q.shape[:2])
         self._light = LightWatch(rest.seen, black_grey)
+        self._kind = target_kind
+        self._horizon = Horizon(timing.upwards)
+        # Mid-exposure of the newest frame that the command was made from.
+        self._seen_ns: int | None = None
         # At rest the order of every node is known: it is that of the rest map.
         self._trusted = rest.seen
 
     def presented(self, time_ns: int, q: Float) -> None:
         """Note that `q` (copied) was presented at `time_ns`."""
-        self._log.record(time_ns, q)
+        self._log.record(time_ns, q, self._seen_ns)
 
     def take(self, frame: Frame, hold: bool = False) -> Taken:
         """Measure `frame` and, unless told to `hold`, let the controller have it."""
         rest, controller = self.rest, self.controller
-        shown = pair(self._log, frame, self.timing, controller.commanded, rest.grid.spacing_px)
+        known_q = controller.estimate
+        shown = pair(self._log, frame, self.timing, known_q, rest.grid, self._kind)
         if shown is None:
             return Taken(held="the picture was not lit yet", events=(Event.NOT_LIT,))
-        expected = expected_residual(shown, controller.commanded, self._trusted, rest)
-        residual = self._sensor.measure(frame.image, expected)
+        self._horizon.learn(shown.age_ns)
+        expected = expected_residual(shown, known_q, self._trusted, rest)
+        mixing = shown.mixture
+        guess = expected if mixing is None or mixing.bias_px is None else expected + mixing.bias_px
+        residual = self._sensor.measure(frame.image, guess)
         if self._light.is_off(residual.mean):
             return Taken(held="the light is off", events=(Event.LIGHT_OFF,))
-        seen = Observation(frame, shown, residual)
+        seen = Observation(frame, shown, unmixed(residual, shown, rest.grid))
         measured = measure(seen, rest, expected, self._trusted)
         events: tuple[Event, ...] = ()
         held = ""
         if hold:
             events, held = (Event.HELD_BY_REQUEST,), "held by request"
-        changed = not hold and controller.update(residual, measured)
+        changed = not hold and controller.update(seen.residual, measured, self._horizon.age_s)
         if not hold and not changed and measured.valid.any():
             events, held = (Event.PICTURES_MIXED,), "two different pictures in one exposure"
         if not held:
             self._trusted = measured.valid
-        square, share = _figures(residual.d, measured.valid, rest.seen)
+        if changed:
+            self._seen_ns = frame.time_ns
+        square, share = _figures(seen.residual.d, measured.valid, rest.seen)
         return Taken(changed, held, events, seen, measured, float(np.sqrt(square)), share)
 
     def take_reference(self, taken: Taken) -> None:
@@ -159,6 +176,6 @@ class Circle:
 
     def at_rest(self, measured: Warp) -> bool:
         """Whether the controller's estimate is that of the untouched mirror, within noise."""
-        commanded, rest_q = self.controller.commanded, self.rest.q
-        worst, noise = _away_from_rest(commanded, rest_q, measured.sigma, measured.valid, REST_BLOCK)
+        estimate, rest_q = self.controller.estimate, self.rest.q
+        worst, noise = _away_from_rest(estimate, rest_q, measured.sigma, measured.valid, REST_BLOCK)
         return bool(worst < (3 * noise**0.5 + REST_WITHIN_LCD_PX) ** 2)

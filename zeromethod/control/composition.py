@@ -9,7 +9,8 @@ filtered measurement, and delay makes it late but never unstable. Per node
 x displacement from rest, z the measured one, S the mean of innovation^2 / expected variance over the
 nodes around (innovation-based adaptive Kalman filter; Mehra 1970, doi:10.1109/TAC.1970.1099422). At rest
 S is near 1 and K at its least, which passes sqrt(K / (2 - K)) = 0.33 of a frame's noise; a press drives S
-up and K to `gain` within the frame that shows it.
+up and K to `gain` within the frame that shows it. Where the mirror moves steadily the command leads x by
+the loop's delay (`zeromethod.control.lead`); x itself does not.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.control.box import box_sum
+from zeromethod.control.lead import Lead
 from zeromethod.control.rest import Rest
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.continuation import continue_smoothly
@@ -53,48 +56,22 @@ class Controller(Protocol):
         """(rows, cols, 2) LCD px that the loop wants shown next, finite everywhere."""
 
     @property
+    def estimate(self) -> Float:
+        """(rows, cols, 2) LCD px where the nodes looked in the last frame, finite everywhere."""
+
+    @property
     def gain(self) -> Float:
         """(rows, cols) share of the last correction applied at each node."""
 
-    def update(self, residual: Residual, measured: Warp) -> bool:
-        """Take one frame in; False when the command was held."""
+    def update(self, residual: Residual, measured: Warp, horizon_s: Float | None = None) -> bool:
+        """Take one frame in; False when the command was held.
+
+        horizon_s: (n,) s from a frame's mid-exposure until what it leads to is seen, from the panel's first
+        row to its last; None where not known.
+        """
 
     def filtered(self, time_ns: int) -> Warp:
         """Give the controller's estimate of the warp, less noisy than one frame's."""
-
-
-@numba.njit(cache=True)
-def _box_lines(field: Float, radius: int, out: Float) -> None:
-    """Sum 2 radius + 1 lines along axis 0 round each, fewer at the ends."""
-    rows = field.shape[0]
-    total = np.zeros(field.shape[1])
-    for j in range(-radius, rows):
-        if j + radius < rows:
-            for i in range(total.size):
-                total[i] += field[j + radius, i]
-        if j >= 0:
-            for i in range(total.size):
-                out[j, i] = total[i]
-            if j >= radius:
-                for i in range(total.size):
-                    total[i] -= field[j - radius, i]
-
-
-@numba.njit(cache=True)
-def _box_columns(field: Float, radius: int) -> None:
-    """Do the same along axis 1, in place."""
-    cols = field.shape[1]
-    line = np.empty(cols)
-    for j in range(field.shape[0]):
-        line[:] = field[j]
-        total = 0.0
-        for i in range(-radius, cols):
-            if i + radius < cols:
-                total += line[i + radius]
-            if i >= 0:
-                field[j, i] = total
-                if i >= radius:
-                    total -= line[i - radius]
 
 
 @numba.njit(cache=True)
@@ -124,10 +101,8 @@ def _correct(
                     e = q[j, i, k] - q_rest[j, i, k] - x[j, i, k]
                     expected = sigma[j, i, k] * sigma[j, i, k] + variance[j, i, k]
                     surprise[j, i] += e * e / max(expected, 1e-12)
-    _box_lines(surprise, RADIUS, box)
-    _box_columns(box, RADIUS)
-    _box_lines(count, RADIUS, surprise)
-    _box_columns(surprise, RADIUS)
+    box_sum(surprise, RADIUS, box)
+    box_sum(count, RADIUS, surprise)
     for j in range(rows):
         for i in range(cols):
             gain[j, i] = 0.0
@@ -181,14 +156,26 @@ class Composition:
         self._seen = np.empty(shape)
         self._scratch = np.empty((3, *shape[:2]))
         self._gain = np.zeros(shape[:2])
+        self._lead = Lead(rest)
+        self._estimate = rest.q.copy()
         self.commanded: Float = rest.q.copy()
+
+    @property
+    def estimate(self) -> Float:
+        """(rows, cols, 2) LCD px, rest and x: the command without its lead."""
+        return self._estimate
 
     @property
     def gain(self) -> Float:
         """(rows, cols) K of the last update; 0 where nothing was measured."""
         return self._gain
 
-    def update(self, residual: Residual, measured: Warp) -> bool:  # noqa: ARG002 - the integrator needs it
+    def update(
+        self,
+        residual: Residual,  # noqa: ARG002 - the integrator needs it
+        measured: Warp,
+        horizon_s: Float | None = None,
+    ) -> bool:
         """Take one frame in; False when its pictures were too mixed and the command was held."""
         mixed = (measured.flags & _MIXED) != 0
         held = bool(mixed.any())
@@ -218,9 +205,11 @@ class Composition:
             seen[mixed] = x[mixed]
         _settle(target, seen, self._gain, valid, x)
         self._flags = measured.flags
-        self.commanded = self._rest.q + x
+        self._estimate = self._rest.q + x
+        self.commanded = self._estimate.copy()
+        self._lead.add(self.commanded, x, self._gain, measured.time_ns, horizon_s)
         return True
 
     def filtered(self, time_ns: int) -> Warp:
-        """Give x as a warp; sigma from the filter's own recursion, flags of the last frame used."""
-        return Warp(self.commanded, np.sqrt(self._variance), self._flags, time_ns)
+        """Give x as a warp, without the lead; sigma by the filter's recursion, flags of the last frame."""
+        return Warp(self._estimate, np.sqrt(self._variance), self._flags, time_ns)

@@ -35,11 +35,21 @@ class Integrator:
         self.commanded: Float = rest.q.copy()
 
     @property
+    def estimate(self) -> Float:
+        """(rows, cols, 2) LCD px, the command itself."""
+        return self.commanded
+
+    @property
     def gain(self) -> Float:
         """(rows, cols) the fixed gain where the node was measured, else 0."""
         return self._gain
 
-    def update(self, residual: Residual, measured: Warp) -> bool:
+    def update(
+        self,
+        residual: Residual,
+        measured: Warp,
+        horizon_s: Float | None = None,  # noqa: ARG002 - blind to delay
+    ) -> bool:
         """Take one frame in; False when it has no valid node."""
         flags = measured.flags & ~_SEEN_DESPITE
         moved = compose(self.commanded, self._share * residual.d, self._rest.grid.spacing_px)

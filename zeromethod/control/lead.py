@@ -21,136 +21,173 @@ scan-out, rise, exposure, transfer and computing are all in it.
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.control.box import box_mean
+from zeromethod.control.box import box_mean, box_sum
+from zeromethod.control.rest import Rest
 
 Float = NDArray[np.float64]
 
 RADIUS = 3
 """v is averaged over (2 RADIUS + 1)^2 nodes."""
 
-MOVES_ABOVE_GAIN = 0.5
-"""Gain K from which on a node is believed to move: innovations of twice their expected size."""
+AGREEMENT_RADIUS = 8
+"""Agreement is that of (2 AGREEMENT_RADIUS + 1)^2 nodes: a press as a whole moves or does not."""
+
+RESTS_BELOW_GAIN, MOVES_ABOVE_GAIN = 0.25, 0.5
+"""Gain K up to which a node is at rest, and from which on it moves: innovations of 1.4, 1.7 deviations."""
 
 AGREES_FROM, AGREES_AT = 0.5, 0.8
-"""Agreement 2 v.v' / (v^2 + v'^2) of two steps under which v counts for nothing, and from which it does wholly.
+"""Agreement 2 v.v' / (v^2 + v'^2) of two steps up to which v counts for nothing, and from which it counts.
 
 Steps of 1 : 2 agree by 0.8, of 1 : 4 by 0.47, against each other by less than 0.
 """
 
-HORIZON_MEMORY = 0.3
-"""Share of each frame's ages in the horizon: it settles within some frames of a change of pace."""
+HORIZON_FRAMES = 7
+"""The horizon is the median over so many frames, so that a command held for once does not enter."""
+
+LARGEST_JUMP_PERIODS = 0.33
+"""Change of the command from picture to picture, in carrier periods, up to which a lead may build up.
+
+Two pictures half a period apart cannot be told in one exposure (`mixture`); the lead must not cause that.
+"""
 
 LONGEST_S = 0.25
 """Steps further apart than this say nothing of the motion now."""
 
 
 class Horizon:
-    """Mean age of what is shown when it is seen, per panel row in scan-out order, s."""
+    """Mean age of what is shown by the time it is seen, s, from the panel's first row to its last."""
 
-    def __init__(self) -> None:
-        self._age_s: Float | None = None
+    def __init__(self, upwards: bool) -> None:
+        self._upwards = upwards
+        self._ages: deque[Float] = deque(maxlen=HORIZON_FRAMES)
+
+    @property
+    def age_s(self) -> Float | None:
+        """(n,) at rows equally spaced; None before any frame has told."""
+        return np.asarray(np.median(np.stack(self._ages), axis=0)) if self._ages else None
 
     def learn(self, age_ns: Float | None) -> None:
-        """Take in the ages (n,) of one frame, ns."""
-        if age_ns is None:
-            return
-        age_s = 1e-9 * age_ns
-        if self._age_s is None:
-            self._age_s = age_s
-        else:
-            self._age_s = self._age_s + HORIZON_MEMORY * (age_s - self._age_s)
-
-    def per_row(self) -> Float | None:
-        """(n,) s; None before any frame has told."""
-        return self._age_s
-
-
-@numba.njit(cache=True, fastmath={"contract", "reassoc"})
-def _agreement(v: Float, last: Float, j: int, i: int) -> float:
-    both = v[0, j, i] * last[0, j, i] + v[1, j, i] * last[1, j, i]
-    size = v[0, j, i] ** 2 + v[1, j, i] ** 2 + last[0, j, i] ** 2 + last[1, j, i] ** 2
-    if not size > 0.0:
-        return 0.0
-    return min(max((2.0 * both / size - AGREES_FROM) / (AGREES_AT - AGREES_FROM), 0.0), 1.0)
+        """Take in the ages of one frame, (n,) ns in scan-out order; None tells nothing."""
+        if age_ns is not None:
+            self._ages.append(1e-9 * (age_ns[::-1] if self._upwards else age_ns))
 
 
 @numba.njit(cache=True)
-def _lead(
-    v: Float,
-    last: Float,
-    agreed: Float,
-    gain: Float,
-    q: Float,
-    horizon_s: Float,
-    rows_per_entry: float,
-    upwards: bool,
-    out: Float,
-) -> None:
-    """Add to q (rows, cols, 2) the lead, in `out`; `agreed` goes from the last step's to this one's."""
-    end = horizon_s.size - 1
+def _products(v: Float, last: Float, both: Float, size: Float) -> None:
+    """Node by node 2 v.v' and v^2 + v'^2."""
+    for j in range(both.shape[0]):
+        for i in range(both.shape[1]):
+            a, b, c, d = v[0, j, i], v[1, j, i], last[0, j, i], last[1, j, i]
+            both[j, i] = 2.0 * (a * c + b * d)
+            size[j, i] = a * a + b * b + c * c + d * d
+
+
+@numba.njit(cache=True)
+def _trust(both: Float, size: Float, gain: Float, agreed: Float, share: Float) -> None:
+    """Share of v to lead by; `agreed` goes from the last step's agreement to this one's."""
     for j in range(gain.shape[0]):
         for i in range(gain.shape[1]):
-            agrees = _agreement(v, last, j, i)
-            share = min(agrees, agreed[j, i])
+            agrees = both[j, i] / size[j, i] if size[j, i] > 0.0 else 0.0
+            agrees = min(max((agrees - AGREES_FROM) / (AGREES_AT - AGREES_FROM), 0.0), 1.0)
+            trust = min(agrees, agreed[j, i])
             agreed[j, i] = agrees
-            share *= min(gain[j, i] / MOVES_ABOVE_GAIN, 1.0) if gain[j, i] > LEAST_GAIN else 0.0
+            # a node that was not measured has no gain; its x, and so v, continues its neighbours'
+            k = gain[j, i]
+            if k > 0.0:
+                moves = (k - RESTS_BELOW_GAIN) / (MOVES_ABOVE_GAIN - RESTS_BELOW_GAIN)
+                trust *= min(max(moves, 0.0), 1.0)
+            share[j, i] = trust
+
+
+@numba.njit(cache=True)
+def _wanted(
+    v: Float, share: Float, q: Float, horizon_s: Float, rows_per_entry: float, last: Float, out: Float
+) -> tuple[float, float, float, float]:
+    """Lead share v h in `out`; squares of the largest v, lead, last lead, and difference of the two."""
+    end = horizon_s.size - 1
+    speed = size = before = change = 0.0
+    for j in range(share.shape[0]):
+        for i in range(share.shape[1]):
             x = min(max(q[j, i, 1] * rows_per_entry, 0.0), float(end))
-            if upwards:
-                x = end - x
             n = min(int(x), end - 1)
-            h = share * ((1.0 + n - x) * horizon_s[n] + (x - n) * horizon_s[n + 1])
-            out[j, i, 0] = q[j, i, 0] + h * v[0, j, i]
-            out[j, i, 1] = q[j, i, 1] + h * v[1, j, i]
+            lead_s = share[j, i] * (horizon_s[n] + (x - n) * (horizon_s[n + 1] - horizon_s[n]))
+            a, b = lead_s * v[0, j, i], lead_s * v[1, j, i]
+            out[0, j, i], out[1, j, i] = a, b
+            speed = max(speed, v[0, j, i] ** 2 + v[1, j, i] ** 2)
+            size = max(size, a * a + b * b)
+            before = max(before, last[0, j, i] ** 2 + last[1, j, i] ** 2)
+            change = max(change, (a - last[0, j, i]) ** 2 + (b - last[1, j, i]) ** 2)
+    return speed, size, before, change
 
 
-LEAST_GAIN = 0.25
-"""A gain above this is not the one at rest."""
+@numba.njit(cache=True)
+def _apply(wanted: Float, part: float, lead: Float, q: Float) -> None:
+    """Move `lead` by `part` of the way to what is wanted, and add it to q (rows, cols, 2)."""
+    for j in range(q.shape[0]):
+        for i in range(q.shape[1]):
+            for k in range(2):
+                lead[k, j, i] += part * (wanted[k, j, i] - lead[k, j, i])
+                q[j, i, k] += lead[k, j, i]
 
 
 class Lead:
-    """Velocity of every node from frame to frame, and the command that it leads to."""
+    """Follows every node's velocity from frame to frame and leads commands by it."""
 
-    def __init__(self, shape: tuple[int, int], panel_rows: int, upwards: bool) -> None:
-        self._panel_rows = panel_rows
-        self._upwards = upwards
-        self._before = np.zeros((2, *shape))
+    def __init__(self, rest: Rest) -> None:
+        shape = rest.q.shape[:2]
+        self._panel_rows = rest.display_size[1]
+        # two nodes are a period apart
+        period_lcd_px = 2 * float(np.median(np.hypot(*np.diff(rest.q, axis=1)[rest.grid.inner].T)))
+        self._largest_jump = LARGEST_JUMP_PERIODS * period_lcd_px
+        self._lead = np.zeros((2, *shape))
+        self._x = np.zeros((2, *shape))
         self._v = np.zeros((2, *shape))
         self._last = np.zeros((2, *shape))
         self._agreed = np.zeros(shape)
+        self._work = np.zeros((2, *shape))
+        self._share = np.zeros(shape)
         self._time_ns: int | None = None
         self._moves = False
 
-    def apply(self, x: Float, gain: Float, q: Float, time_ns: int, horizon_s: Float | None) -> Float:
-        """Give q with its lead.
+    def add(self, q: Float, x: Float, gain: Float, time_ns: int, horizon_s: Float | None) -> None:
+        """Lead the command `q`, (rows, cols, 2) LCD px, in place.
 
-        x: (rows, cols, 2) displacement by the frame of `time_ns`, LCD px. gain: (rows, cols) its K. q: rest
-        and x. horizon_s: (n,) s per panel row in scan-out order; None: no lead.
+        x: (rows, cols, 2) displacement by the frame of `time_ns`, LCD px. gain: (rows, cols) its K.
+        horizon_s: (n,) s from the panel's first row to its last; None: no lead.
         """
         since_s = math.inf if self._time_ns is None else 1e-9 * (time_ns - self._time_ns)
         self._time_ns = time_ns
-        self._v, self._last = self._last, self._v
-        moves = bool(gain.max() > LEAST_GAIN) and since_s < LONGEST_S
+        moves = horizon_s is not None and bool(gain.max() > RESTS_BELOW_GAIN) and 0 < since_s < LONGEST_S
+        if moves:
+            self._v, self._last = self._last, self._v
+            for k in range(2):
+                np.subtract(x[..., k], self._x[k], out=self._share)
+                self._share /= since_s
+                box_mean(self._share, RADIUS, self._v[k])
+        elif self._moves:
+            self._v[:] = self._last[:] = 0.0
+            self._agreed[:] = 0.0
+            self._lead[:] = 0.0
+        self._moves = moves
         for k in range(2):
-            if moves:
-                np.subtract(x[..., k], self._before[k], out=self._v[k])
-                self._v[k] /= since_s
-                box_mean(self._v[k], RADIUS)
-            elif self._moves:
-                self._v[k] = 0.0
-            self._before[k] = x[..., k]
-        was_moving, self._moves = self._moves, moves
-        if not moves or horizon_s is None:
-            if was_moving:
-                self._agreed[:] = 0.0
-                self._v[:] = 0.0
-                self._last[:] = 0.0
-            return q
-        out = np.empty_like(q)
-        per_row = (horizon_s.size - 1) / (self._panel_rows - 1)
-        _lead(self._v, self._last, self._agreed, gain, q, horizon_s, per_row, self._upwards, out)
-        return out
+            self._x[k] = x[..., k]
+        if moves and horizon_s is not None:
+            both, size = self._work
+            _products(self._v, self._last, both, size)
+            box_sum(both, AGREEMENT_RADIUS, self._share)
+            box_sum(size, AGREEMENT_RADIUS, both)
+            _trust(self._share, both, gain, self._agreed, self._share)
+            per_row = (horizon_s.size - 1) / (self._panel_rows - 1)
+            squares = _wanted(self._v, self._share, q, horizon_s, per_row, self._lead, self._work)
+            speed, most, before, change = (math.sqrt(square) for square in squares)
+            part = 1.0
+            if most > before:
+                room = max(self._largest_jump - speed * since_s, 0.5 * self._largest_jump)
+                part = min(1.0, room / change)
+            _apply(self._work, part, self._lead, q)

@@ -84,6 +84,7 @@ class Loop:
             controller_of(rig.control, self.rest),
             PanelTiming.of(rig.display),
             rig.camera.noise.black_grey,
+            rig.target.kind,
         )
         self._presenter = Presenter(rig, display, self.rest)
         self._check = FrameCheck(rig.camera)
@@ -259,7 +260,7 @@ class Loop:
             state=self.status.state,
             reason=self.status.reason,
             events=events,
-            commanded_q=filtered.q,
+            commanded_q=self._circle.controller.commanded,
             filtered=filtered,
             **figures,
         )

@@ -26,7 +26,7 @@ Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_COHERENCE = 0.5
-"""Share of the carrier's amplitude that the mix must leave. Below, its phase hangs on weights known to 1 %."""
+"""Share of the carrier's amplitude that the mix must leave: below, errors of weight are large in phase."""
 
 SPREAD_ABOVE_PERIODS = 0.125
 """Spread above which a mix means nothing to a sensor without carriers.
@@ -39,6 +39,9 @@ SPREAD_WEIGHT = 0.02
 
 SAME_LCD_PX = 1 / 16
 """Warps closer than this, at a node, are one: their difference is noise, its effect below 1e-5 px."""
+
+NO_BIAS_PX = 2e-3
+"""Bias, a fifth of the noise, that need not be looked up where the node looks."""
 
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
 
@@ -282,12 +285,12 @@ def _unmix(d: Float, bias: Float, per_px: float, out: Float) -> None:
     for j in range(rows):
         for i in range(cols):
             bu, bv = bias[j, i, 0], bias[j, i, 1]
-            for _ in range(3):
+            for _ in range(3 if abs(bu) + abs(bv) > NO_BIAS_PX else 0):
                 x = i + per_px * (d[j, i, 0] - bu)
                 y = j + per_px * (d[j, i, 1] - bv)
-                # NaN and what is out of the grid end at its edge
-                x = min(max(x, 0.0), cols - 1.001) if x == x else 0.0
-                y = min(max(y, 0.0), rows - 1.001) if y == y else 0.0
+                # what is out of the grid ends at its edge, NaN anywhere
+                x = min(max(x, 0.0), cols - 1.001) if math.isfinite(x) else 0.0
+                y = min(max(y, 0.0), rows - 1.001) if math.isfinite(y) else 0.0
                 m, n = int(x), int(y)
                 s, t = x - m, y - n
                 w00, w01, w10, w11 = (1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t
@@ -306,7 +309,8 @@ def _unmix(d: Float, bias: Float, per_px: float, out: Float) -> None:
 def unmix(d: Float, bias_px: Float, spacing_px: float) -> Float:
     """Residual against the mix from the one that was read, (rows, cols, 2) camera px: d - b((u, v) + d).
 
-    Solved by three steps of fixed-point iteration, b linear between nodes.
+    Solved by three steps of fixed-point iteration, b linear between nodes; where it is next to nothing, it
+    is the node's own.
     """
     out = np.empty_like(d)
     _unmix(d, bias_px, 1 / spacing_px, out)

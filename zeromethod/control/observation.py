@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.control.islands import doubtful
+from zeromethod.control.mixture import unmix
 from zeromethod.control.pairing import Shown
 from zeromethod.control.rest import Rest
 from zeromethod.devices.protocols import Frame
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
+from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
 Float = NDArray[np.float64]
 Flags = NDArray[np.uint16]
-
-MIXED_ABOVE_PERIODS = 0.125
-"""Spread of the warps in one exposure, in carrier periods, above which their mix means nothing.
-
-At 1/8 a mix of 20 % and 80 % is read 0.02 px wrong, at 1/16 0.003 px: the error is third order.
-"""
 
 SUDDEN_PERIODS = 0.25
 """Change between frames, in carrier periods, above which orders known before may have slipped."""
@@ -37,7 +33,11 @@ _AMBIGUOUS = np.uint16(Flag.AMBIGUOUS)
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """A frame, the warp shown in it, and how far what was seen is from the target."""
+    """A frame, the warp shown in it, and how far what was seen is from the target.
+
+    residual: against the mix shown.q, that is with the mixture's bias taken out of what was read. Its sigma
+    needs nothing of the kind: it goes by the carrier's amplitude as found, which the mixing has lowered.
+    """
 
     frame: Frame
     shown: Shown
@@ -124,6 +124,13 @@ def expected_residual(shown: Shown, known_q: Float, trusted: NDArray[np.bool_], 
     return out
 
 
+def unmixed(residual: Residual, shown: Shown, grid: NodeGrid) -> Residual:
+    """Residual against the mix, from the one read by the sensor; shares all but d with it."""
+    if shown.mixture is None or shown.mixture.bias_px is None:
+        return residual
+    return replace(residual, d=unmix(residual.d, shown.mixture.bias_px, grid.spacing_px))
+
+
 def measure(seen: Observation, rest: Rest, expected: Float, trusted: NDArray[np.bool_]) -> Warp:
     """Measured warp q(u, v) = q_shown((u, v) + d) at mid-exposure, with sigma in LCD px and flags.
 
@@ -141,8 +148,8 @@ def measure(seen: Observation, rest: Rest, expected: Float, trusted: NDArray[np.
     flags = residual.flags | rest.flags
     _blank(q, flags)
     flags |= warp_flags(q, rest.q, grid.period_px, rest.display_size, spacing_px=grid.spacing_px)
-    if seen.shown.spread_px is not None:
-        flags[seen.shown.spread_px > MIXED_ABOVE_PERIODS * grid.period_px] |= _MIXED
+    if seen.shown.mixture is not None:
+        flags[seen.shown.mixture.mixed] |= _MIXED
     change, missing = _changes(residual.d, expected, flags, rest.seen)
     if missing:
         sudden = change > SUDDEN_PERIODS * grid.period_px

@@ -137,19 +137,18 @@ def _mix(
     last = weights.shape[0] - 1
     for j in range(rows):
         for i in range(cols):
-            row = look_q[j, i, 1]
+            b = look_q[j, i, 1]
+            x = a = 0.0
             for _ in range(2):
-                x = min(max(row * rows_per_entry, 0.0), float(last))
-                if upwards:
-                    x = last - x
+                x = min(max(b * rows_per_entry, 0.0), float(last))
+                x = last - x if upwards else x
                 n = min(int(x), last - 1)
                 t = x - n
                 a = b = 0.0
                 for k in range(slots.size):
-                    share = (1.0 - t) * weights[n, k] + t * weights[n + 1, k]
+                    share = weights[n, k] + t * (weights[n + 1, k] - weights[n, k])
                     a += share * warps[slots[k], j, i, 0]
                     b += share * warps[slots[k], j, i, 1]
-                row = b
             q[j, i, 0] = a
             q[j, i, 1] = b
             place[j, i] = x

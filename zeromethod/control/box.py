@@ -1,0 +1,62 @@
+"""Sums and means over square neighbourhoods of nodes, at a cost that their size does not enter."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Float = NDArray[np.float64]
+
+
+@numba.njit(cache=True)
+def _box_lines(field: Float, radius: int, out: Float) -> None:
+    """Sum 2 radius + 1 lines along axis 0 round each, fewer at the ends."""
+    rows = field.shape[0]
+    total = np.zeros(field.shape[1])
+    for j in range(-radius, rows):
+        if j + radius < rows:
+            for i in range(total.size):
+                total[i] += field[j + radius, i]
+        if j >= 0:
+            for i in range(total.size):
+                out[j, i] = total[i]
+            if j >= radius:
+                for i in range(total.size):
+                    total[i] -= field[j - radius, i]
+
+
+@numba.njit(cache=True)
+def _box_columns(field: Float, radius: int) -> None:
+    """Do the same along axis 1, in place."""
+    cols = field.shape[1]
+    line = np.empty(cols)
+    for j in range(field.shape[0]):
+        line[:] = field[j]
+        total = 0.0
+        for i in range(-radius, cols):
+            if i + radius < cols:
+                total += line[i + radius]
+            if i >= 0:
+                field[j, i] = total
+                if i >= radius:
+                    total -= line[i - radius]
+
+
+@numba.njit(cache=True)
+def box_sum(field: Float, radius: int, out: Float) -> None:
+    """Sum of `field` (rows, cols) over (2 radius + 1)^2 nodes round each, cut at the edge, in `out`."""
+    _box_lines(field, radius, out)
+    _box_columns(out, radius)
+
+
+@numba.njit(cache=True)
+def box_mean(field: Float, radius: int, out: Float) -> None:
+    """Mean over the nodes that `box_sum` sums up, in `out`."""
+    box_sum(field, radius, out)
+    rows, cols = field.shape
+    for j in range(rows):
+        high = min(j + radius, rows - 1) - max(j - radius, 0) + 1
+        for i in range(cols):
+            wide = min(i + radius, cols - 1) - max(i - radius, 0) + 1
+            out[j, i] /= high * wide
