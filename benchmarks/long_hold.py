@@ -137,7 +137,7 @@ def _figures(name: str, windows: list[Window], depth_mm: float) -> list[Figure]:
     figures.append(
         Figure(
             f"{name}: drift of the mean warp",
-            f"{1e3 * drift_px:.2f} mpx (noise alone: < {1e3 * noise_px:.2f})",
+            f"{1e3 * drift_px:.2f} mpx (independent noise: <{1e3 * noise_px:.2f})",
         )
     )
     if depth_mm:

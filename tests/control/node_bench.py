@@ -122,7 +122,8 @@ class NodeBench:
         tau = self.display.rise_s / math.log(9)
         instants = start_s + self.exposure_s * (np.arange(INSTANTS) + 0.5) / INSTANTS
         rows = np.linspace(0, PANEL[1] - 1, 65)
-        delays = self.display.latency_s + rows / (PANEL[1] - 1) / self.display.refresh_hz
+        scan = rows[::-1] if self.display.scan == "up" else rows
+        delays = self.display.latency_s + scan / (PANEL[1] - 1) / self.display.refresh_hz
         since = np.array([t for t, _ in self.pictures])[:, None] + delays
         after = np.maximum(instants[:, None, None] - since, 0)
         risen = 1 - np.exp(-after / tau) if tau else 1.0 * (after > 0)

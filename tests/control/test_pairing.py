@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from node_bench import LCD_PER_CAMERA, PANEL, panel, rest_warp
+from node_bench import PANEL, panel, rest_warp
 from scipy.integrate import quad
 
 from zeromethod.control.pairing import PanelTiming, entry_weights, lit_share, pair
@@ -104,18 +104,23 @@ def test_the_mix_weighs_pictures_by_the_light_of_their_row() -> None:
     assert shown.q[4, 5, 0] - REST.q[4, 5, 0] == pytest.approx(new, abs=1e-4)
 
 
-def test_spread_is_in_camera_pixels() -> None:
-    shown = pair(logged((0, 0.0), (60, 4.0)), frame(70), TIMING, REST.q, REST.grid, "cosines")
+def test_the_age_of_what_is_shown_is_weighted_by_its_light() -> None:
+    log = PresentationLog(REST.q.shape[:2])
+    log.record(0, REST.q)
+    log.record(60 * MS, REST.q, seen_ns=30 * MS)
+    log.record(77 * MS, REST.q, seen_ns=50 * MS)
+    early = pair(log, frame(60), TIMING, REST.q, REST.grid, "cosines")
+    assert early is not None
+    assert early.age_ns is None  # the first picture was made from no frame
+    shown = pair(log, frame(130), TIMING, REST.q, REST.grid, "cosines")
     assert shown is not None
-    assert shown.spread_px is not None
-    np.testing.assert_allclose(shown.spread_px[4, 5], 4.0 / LCD_PER_CAMERA, rtol=1e-9)
-
-
-def test_pictures_that_differ_by_noise_have_no_spread() -> None:
-    shown = pair(logged((0, 0.0), (60, 0.05)), frame(70), TIMING, REST.q, REST.grid, "cosines")
-    assert shown is not None
-    assert shown.spread_px is not None
-    assert shown.spread_px.max() == 0
+    assert shown.age_ns is not None
+    np.testing.assert_allclose(shown.age_ns, 80 * MS)
+    mixed = pair(log, frame(100), TIMING, REST.q, REST.grid, "cosines")
+    assert mixed is not None
+    assert mixed.age_ns is not None
+    np.testing.assert_allclose(mixed.age_ns, mixed.weights.T @ [70 * MS, 50 * MS])
+    assert mixed.age_ns[0] == pytest.approx(50 * MS, rel=1e-3)
 
 
 def test_a_log_that_was_overwritten_takes_its_oldest_entry_for_all_before() -> None:

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from zeromethod.clock import SimulatedClock
 from zeromethod.devices.opening import load_driver
 from zeromethod.devices.protocols import DisplayLost, DrawingDisplay
 from zeromethod.errors import InputError
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 SCREEN = (640, 480)
 SIZE = (420, 330)
 REFRESH_HZ = 50.0
+REFRESH_NS = 1e9 / REFRESH_HZ
 GRID = NodeGrid((256, 320))
 NO_SCREEN = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
 
@@ -154,30 +156,42 @@ def test_a_picture_of_another_shape_is_refused(open_window: Open) -> None:
         open_window().show(np.zeros((330, 421), np.uint8))
 
 
-def test_pictures_come_at_the_refresh_where_the_swap_does_not_block(open_window: Open) -> None:
+def swaps_that_take(share: float, monkeypatch: pytest.MonkeyPatch) -> SimulatedClock:
+    """Let swaps last `share` of a refresh on a clock that only they and the driver's own waiting move."""
+    import glfw
+
+    clock, swap = SimulatedClock(), glfw.swap_buffers
+
+    def timed_swap(window: object) -> None:
+        swap(window)
+        clock.sleep_until_ns(clock.now_ns() + round(share * REFRESH_NS))
+
+    monkeypatch.setattr("zeromethod.drivers.window.HostClock", lambda: clock)
+    monkeypatch.setattr(glfw, "swap_buffers", timed_swap)
+    return clock
+
+
+def test_pictures_come_at_the_refresh_where_the_swap_does_not_block(
+    open_window: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    swaps_that_take(0.01, monkeypatch)
     display, image = open_window(), speckle()
     times_ns = [display.show(image) for _ in range(15)]
-    assert time.monotonic_ns() >= times_ns[-1]
-    # two neighbours may be closer, as the sleep before the first may have been too long
-    assert np.median(np.diff(times_ns)) == pytest.approx(1e9 / REFRESH_HZ, rel=0.15)
-    assert times_ns[-1] - times_ns[0] >= 13 * 1e9 / REFRESH_HZ
+    np.testing.assert_allclose(np.diff(times_ns), REFRESH_NS, atol=2)  # whole nanoseconds
 
 
 def test_a_swap_that_blocks_is_not_waited_for_twice(
     open_window: Open, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import glfw
-
-    swap = glfw.swap_buffers
-
-    def swap_at_80_percent(window: object) -> None:
-        time.sleep(0.8 / REFRESH_HZ)  # not a whole refresh, so that pacing would show
-        swap(window)
-
-    monkeypatch.setattr(glfw, "swap_buffers", swap_at_80_percent)
+    swaps_that_take(0.8, monkeypatch)  # not a whole refresh, so that pacing would show
     display, image = open_window(), speckle()
     times_ns = [display.show(image) for _ in range(15)]
-    assert np.median(np.diff(times_ns)) < 0.97e9 / REFRESH_HZ
+    np.testing.assert_allclose(np.diff(times_ns), 0.8 * REFRESH_NS, atol=2)
+
+
+def test_times_are_the_hosts(open_window: Open) -> None:
+    before_ns = time.monotonic_ns()
+    assert before_ns < open_window().show(speckle()) <= time.monotonic_ns()
 
 
 def test_a_closed_window_is_a_lost_display(open_window: Open) -> None:

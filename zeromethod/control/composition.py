@@ -42,7 +42,7 @@ MARGIN = 1.5
 RADIUS = 3
 """S is averaged over (2 RADIUS + 1)^2 nodes."""
 
-HOLD_ABOVE = 0.005
+HOLD_ABOVE = 0.03
 """Share of the nodes with mixed pictures above which the whole command is held."""
 
 _MIXED = np.uint16(Flag.MIXED)
@@ -140,8 +140,8 @@ class Composition:
     A share K of what the sensor cannot see is taken out of the command in every frame, so that it decays as
     fast as the rest is learnt and cannot random-walk.
 
-    Mixed pictures: their nodes keep their command, and when they are many, all do. What is shown then
-    stays the same until an exposure sees it alone, so that new measurements never starve.
+    Nodes whose pictures are too mixed count as not measured. When they are many the whole command is held:
+    what is shown then stays the same until an exposure sees it alone, so that new measurements never starve.
     """
 
     def __init__(self, rest: Rest, gain: float = 1.0) -> None:
@@ -178,8 +178,7 @@ class Composition:
     ) -> bool:
         """Take one frame in; False when its pictures were too mixed and the command was held."""
         mixed = (measured.flags & _MIXED) != 0
-        held = bool(mixed.any())
-        if held and np.count_nonzero(mixed) > HOLD_ABOVE * mixed.size:
+        if np.count_nonzero(mixed) > HOLD_ABOVE * mixed.size:
             return False
         valid = measured.valid
         if not valid.any():
@@ -198,11 +197,8 @@ class Composition:
             self._gain,
             target,
         )
-        continue_smoothly(target, valid | mixed if held else valid, out=target)
+        continue_smoothly(target, valid, out=target)
         seen = filter_unseen(target, out=self._seen)
-        if held:
-            target[mixed] = x[mixed]
-            seen[mixed] = x[mixed]
         _settle(target, seen, self._gain, valid, x)
         self._flags = measured.flags
         self._estimate = self._rest.q + x

@@ -163,7 +163,7 @@ class Lead:
         """
         since_s = math.inf if self._time_ns is None else 1e-9 * (time_ns - self._time_ns)
         self._time_ns = time_ns
-        moves = horizon_s is not None and bool(gain.max() > RESTS_BELOW_GAIN) and 0 < since_s < LONGEST_S
+        moves = horizon_s is not None and bool(gain.max() > MOVES_ABOVE_GAIN) and 0 < since_s < LONGEST_S
         if moves:
             self._v, self._last = self._last, self._v
             for k in range(2):

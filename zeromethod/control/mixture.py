@@ -28,6 +28,13 @@ Mask = NDArray[np.bool_]
 LEAST_COHERENCE = 0.5
 """Share of the carrier's amplitude that the mix must leave: below, errors of weight are large in phase."""
 
+LARGEST_BIAS_PERIODS = 1 / 16
+"""Bias along a carrier up to which it is taken out.
+
+Pictures of a steady motion stay below. A sudden press leaves pictures periods apart, whose spread varies so
+much within the sensing window that what is left out (see the module) counts for tenths of the bias.
+"""
+
 SPREAD_ABOVE_PERIODS = 0.125
 """Spread above which a mix means nothing to a sensor without carriers.
 
@@ -214,12 +221,12 @@ def _carrier_mixture(
                     along = s[p, 0, i] + sign * s[p, 1, i] if diagonal else s[p, c, i]
                     phase[p, i] = wavenumber * along
             _sum_phasors(phase, share, heaviest, total, angle[c], left)
-        scale = 1.0 / wavenumber
+        scale, most = 1.0 / wavenumber, LARGEST_BIAS_PERIODS * 2 * math.pi / wavenumber
         for i in range(cols):
             a, b = scale * angle[0, i], scale * angle[1, i]
             bias[j, i, 0] = 0.5 * (a + b) if diagonal else a
             bias[j, i, 1] = 0.5 * (a - b) if diagonal else b
-            mixed[j, i] = left[i] < LEAST_COHERENCE
+            mixed[j, i] = left[i] < LEAST_COHERENCE or max(abs(a), abs(b)) > most
 
 
 @numba.njit(cache=True, fastmath=_FAST)

@@ -13,21 +13,20 @@ from zeromethod.rig.model import Rig
 
 
 class Presenter:
-    """Draws warps on one display: through its own GL context, or as images where it has none."""
+    """Draws warps on one display: through its own GL context, or as images where it has none.
+
+    A display's own context is only touched inside its `draw`, where it is current: what draws is prepared at
+    the first picture.
+    """
 
     def __init__(self, rig: Rig, display: Display, rest: Rest) -> None:
-        """Prepare the drawing; InputError where no GL context can be had."""
+        """Find what draws; InputError where no GL context can be had."""
+        self._rig = rig
+        self._rest = rest
         self._display = display
         self._drawing = display if isinstance(display, DrawingDisplay) else None
         self._context = self._drawing.context if self._drawing else create_context()
-        self._renderer = PatternRenderer(
-            self._context,
-            rest.grid,
-            rest.q,
-            rest.display_size,
-            Target.from_spec(rig.target),
-            Response.from_rig(rig.display),
-        )
+        self._prepared: PatternRenderer | None = None
 
     @property
     def gl_renderer(self) -> str:
@@ -40,5 +39,19 @@ class Presenter:
         Raises DisplayLost.
         """
         if self._drawing is not None:
-            return self._drawing.draw(lambda framebuffer: self._renderer.render(framebuffer, q))
-        return self._display.show(self._renderer.image(q))
+            return self._drawing.draw(lambda framebuffer: self._renderer().render(framebuffer, q))
+        with self._context:
+            image = self._renderer().image(q)
+        return self._display.show(image)
+
+    def _renderer(self) -> PatternRenderer:
+        if self._prepared is None:
+            self._prepared = PatternRenderer(
+                self._context,
+                self._rest.grid,
+                self._rest.q,
+                self._rest.display_size,
+                Target.from_spec(self._rig.target),
+                Response.from_rig(self._rig.display),
+            )
+        return self._prepared

@@ -176,7 +176,9 @@ class Run:
         settled = step.state in {State.LOCKED, State.RESTING}
         if settled and (phase == "untouched" if self._scenario is not None else result.before is None):
             result.before = self._snapshot(step, surface)
-        if result.before is not None and step.residual_rms_px > self._worst_px:
+        # After the hold comes the lift, whose residual may be larger still; the figure tells of the press.
+        over = self._has_hold and result.nulled is not None
+        if result.before is not None and not over and step.residual_rms_px > self._worst_px:
             self._worst_px = step.residual_rms_px
             result.pressed = self._snapshot(step, surface)
         held = phase == "hold" if self._has_hold else abs(depth_peak_mm) >= self._deepest_mm
