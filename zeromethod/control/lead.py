@@ -16,6 +16,10 @@ there is motion at all. So a press of a moment leads to nothing, not even one in
 The horizon is measured, not modelled. Every frame tells, per panel row, how old the pictures in it were:
 the time from the mid-exposure of the frames they were made from to its own, weighted by their light. Refresh,
 scan-out, rise, exposure, transfer and computing are all in it.
+
+The price: a motion that stops is led past its end, by v h at most, until frames see the stop and the picture
+after them is shown: about one delay longer than without a lead. Acceleration is not followed, so that motions
+no longer than a few delays gain little.
 """
 
 from __future__ import annotations
