@@ -16,6 +16,7 @@ from zeromethod.control.events import Event
 from zeromethod.control.frame_check import FrameCheck, Verdict
 from zeromethod.control.pairing import PanelTiming
 from zeromethod.control.presenter import Presenter
+from zeromethod.control.rehearsal import rehearse
 from zeromethod.control.reopening import Reopener
 from zeromethod.control.rest import Rest
 from zeromethod.control.state import LOCK_FRAMES, Outcome, State, Status, Turn, next_status
@@ -78,14 +79,21 @@ class Loop:
         self._camera = camera
         self._clock = clock
         self._timeout_s = rig.control.timeout_s
-        self._circle = Circle(
-            self.rest,
-            ResidualSensor.from_rig(rig, self.rest.grid, Target.from_spec(rig.target).light),
-            controller_of(rig.control, self.rest),
-            PanelTiming.of(rig.display),
-            rig.camera.noise.black_grey,
-            rig.target.kind,
-        )
+        target = Target.from_spec(rig.target)
+        sensor = ResidualSensor.from_rig(rig, self.rest.grid, target.light)
+
+        def circle() -> Circle:
+            return Circle(
+                self.rest,
+                sensor,
+                controller_of(rig.control, self.rest),
+                PanelTiming.of(rig.display),
+                rig.camera.noise.black_grey,
+                rig.target.kind,
+            )
+
+        rehearse(circle(), target, rig.camera)
+        self._circle = circle()
         self._presenter = Presenter(rig, display, self.rest)
         self._check = FrameCheck(rig.camera)
         self._reopener = Reopener(reopen_camera, clock)
