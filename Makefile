@@ -1,7 +1,7 @@
 # make run   set up, then close the loop on the simulated bench
 # make test  set up, then run all tests
 # make lint  format, lint, types, import layers
-# make bench speed against peers, printed as ratios of the same run
+# make bench speed against peers (ratios of the same run), steps, long holds, gains, faults: ~15 minutes
 # Everything lives in .venv; system packages that are missing (EGL, Mesa; Xvfb for the tests) are installed first.
 
 PYTHON ?= python3
@@ -27,6 +27,10 @@ lint: $(VENV)/.dev-ready
 bench: $(VENV)/.run-ready
 	$(BIN)/python benchmarks/residual_speed.py
 	$(BIN)/python benchmarks/loop_speed.py
+	$(BIN)/python benchmarks/step_response.py
+	$(BIN)/python benchmarks/wavelength_gain.py
+	$(BIN)/python benchmarks/long_hold.py
+	$(BIN)/python benchmarks/fault_tour.py
 
 $(BIN)/python:
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh
