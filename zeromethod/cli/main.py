@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
@@ -28,8 +29,8 @@ def _register() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its code."""
-    _register()
     try:
+        _register()
         code = commands.main(args=arguments, prog_name="zeromethod", standalone_mode=False)
     except click.exceptions.Abort:
         code = 130
@@ -47,4 +48,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = 1
     except KeyboardInterrupt:
         code = 130
+    except BrokenPipeError:
+        # Whoever read the output has seen enough; nothing may be written on the way out either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
+    except OSError as error:
+        click.echo(f"zeromethod: cannot write: {error}", err=True)
+        code = 1
     sys.exit(code or 0)

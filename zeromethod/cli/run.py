@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -54,12 +56,16 @@ def run_command(
 
     Without arguments, a simulated bench is pressed 0.2 mm deep, the press slides 10 mm and lifts.
     """
+    for option, value in (("--gain", gain), ("--seconds", seconds)):
+        if value is not None and not math.isfinite(value):
+            raise InputError(f"{option}: {value}: must be a finite number")
     _check_writable("--figure", figure, suffix=".png")
     _check_writable("--summary", summary, suffix=".json")
     if frames is not None and seconds is not None:
         raise InputError("--frames and --seconds: give one of them, not both")
     rig = _with_overrides(load_rig(rig_name), press, seed, gain, controller)
     check_geometry(rig)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: everything is kept
     limit_threads()
     console = Console(stderr=True)
     with open_devices(rig) as devices:
@@ -68,7 +74,7 @@ def run_command(
         with LiveStatus(console, total, unit) as live:
             for count, record in enumerate(session.steps(frames, seconds), start=1):
                 live.update(record, count)
-    _report(session.result, figure, summary)
+        _report(session.result, figure, summary)
 
 
 def _with_overrides(
@@ -114,8 +120,9 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
         raise KeyboardInterrupt
     if result.state in {State.FAULT, State.LOST}:
         raise MeasurementError(f"{result.state}: {figures['reason']}")
-    if not any(record.state in {State.LOCKED, State.RESTING} for record in result.records):
-        raise MeasurementError("the loop never locked")
+    if not figures["nulled_frames"]:
+        when = " during the hold" if any(record.phase == "hold" for record in result.records) else ""
+        raise MeasurementError(f"the loop never nulled the picture{when}: {figures['reason']}")
 
 
 def _write_whole(path: Path, text: str) -> None:

@@ -23,3 +23,4 @@ class Event(enum.StrEnum):
     CAMERA_LOST = "camera lost"
     CAMERA_REOPENED = "camera reopened"
     DISPLAY_LOST = "display lost"
+    DEVICE_BROKEN = "device driver failed"

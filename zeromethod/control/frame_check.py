@@ -52,14 +52,9 @@ class FrameCheck:
 
     def look_at(self, frame: Frame, now_ns: int) -> Verdict:
         """Judge `frame`, which came to hand at `now_ns`."""
+        if broken := self._broken_contract(frame, now_ns):
+            return Verdict((Event.FRAME_WRONG,), broken, wrong=True)
         image = frame.image
-        if not isinstance(image, np.ndarray) or image.shape != self._shape or image.dtype != self._dtype:
-            found = f"{getattr(image, 'shape', '')} {getattr(image, 'dtype', type(image).__name__)}"
-            reason = f"the frame is {found}, not {self._shape} {self._dtype}"
-            return Verdict((Event.FRAME_WRONG,), reason, wrong=True)
-        if frame.exposure_ns <= 0:
-            reason = f"the frame's exposure is {frame.exposure_ns} ns"
-            return Verdict((Event.FRAME_WRONG,), reason, wrong=True)
         events = [Event.FRAMES_DROPPED] if frame.dropped else []
         stale = self._stale_rows(image)
         if self._last is not None and (frame.number <= self._last[0] or frame.time_ns <= self._last[1]):
@@ -74,6 +69,19 @@ class FrameCheck:
             return Verdict((*events, Event.FRAME_REPEATED), "the image is that of the frame before")
         rows = round(100 * float(stale.mean()))
         return Verdict((*events, Event.FRAME_TORN), f"{rows} % of the frame is still that of the one before")
+
+    def _broken_contract(self, frame: Frame, now_ns: int) -> str:
+        """Say what no camera may give, "" where there is nothing of the kind."""
+        image = frame.image
+        if not isinstance(image, np.ndarray) or image.shape != self._shape or image.dtype != self._dtype:
+            found = f"{getattr(image, 'shape', '')} {getattr(image, 'dtype', type(image).__name__)}"
+            return f"the frame is {found}, not {self._shape} {self._dtype}"
+        if frame.exposure_ns <= 0:
+            return f"the frame's exposure is {frame.exposure_ns} ns"
+        # NaN fails this too. An exposure's length is left for clocks that were mapped onto each other.
+        if not frame.time_ns <= now_ns + frame.exposure_ns:
+            return f"the frame's time {frame.time_ns} ns lies past the present, {now_ns} ns"
+        return f"the frame says that {frame.dropped} frames were dropped" if frame.dropped < 0 else ""
 
     def _stale_rows(self, image: NDArray[Any]) -> NDArray[np.bool_]:
         """Which of the sampled rows equal the last frame's; even ones (no light, clipped) tell nothing."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+import traceback
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -49,6 +51,13 @@ class _Trouble:
     outcome: Outcome
     reason: str
     events: tuple[Event, ...]
+
+
+def _check_members(frame: Frame) -> None:
+    """Refuse what is no frame at all. Frames of a class of one's own will do."""
+    missing = [field.name for field in fields(Frame) if not hasattr(frame, field.name)]
+    if missing:
+        raise TypeError(f"read() gave {type(frame).__name__}, which lacks {', '.join(missing)}")
 
 
 class Loop:
@@ -161,12 +170,15 @@ class Loop:
             if self._camera_gone:
                 return self._without_frame(self._reopen())
             frame = self._camera.read(self._timeout_s)
+            _check_members(frame)
         except CameraTimeout:
             return self._without_frame(self._timed_out())
         except CameraLost as error:
             return self._without_frame(self._lost(f"the camera is lost: {error}", Event.CAMERA_LOST))
         except DisplayLost as error:
             return self._without_frame(self._display_lost(error))
+        except Exception as error:
+            return self._without_frame(self._broken(error))
         self._timeouts = 0
         return self._with_frame(frame)
 
@@ -184,8 +196,9 @@ class Loop:
                 lit_ns = self._present() + self._circle.timing.half_lit_ns
                 draw_ms = 1e3 * (time.perf_counter() - started)
                 delay_ms = 1e-6 * (lit_ns - frame.time_ns)
-            except DisplayLost as error:
-                trouble = self._display_lost(error)
+            except Exception as error:
+                lost = isinstance(error, DisplayLost)
+                trouble = self._display_lost(error) if lost else self._broken(error)
                 events += trouble.events
                 turn = Turn(trouble.outcome, trouble.reason)
         self.status = next_status(self.status, turn)
@@ -193,7 +206,7 @@ class Loop:
             self._circle.take_reference(taken)
             self._referenced = True
         return self._step(
-            frame.time_ns,
+            self._clock.now_ns() if verdict.wrong else frame.time_ns,
             events,
             frame_number=frame.number,
             dropped=frame.dropped,
@@ -252,7 +265,15 @@ class Loop:
         self.over = self._reopener.exhausted
         return _Trouble(Outcome.FAILED, "the camera is lost and could not be opened again", ())
 
-    def _display_lost(self, error: DisplayLost) -> _Trouble:
+    def _broken(self, error: Exception) -> _Trouble:
+        """End on what no device may raise: what was measured so far is kept, and the driver is named."""
+        self.over = True
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        told = " ".join(str(error).split()) or "no message"
+        reason = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {told}"
+        return _Trouble(Outcome.FAILED, reason, (Event.DEVICE_BROKEN,))
+
+    def _display_lost(self, error: Exception) -> _Trouble:
         self.over = True
         return _Trouble(Outcome.FAILED, f"the display is lost: {error}", (Event.DISPLAY_LOST,))
 

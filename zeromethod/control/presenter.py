@@ -36,13 +36,15 @@ class Presenter:
     def present(self, q: NDArray[np.float64]) -> int:
         """Show the target warped by `q` (rows, cols, 2) LCD px; presentation time in ns.
 
-        Raises DisplayLost.
+        Raises DisplayLost; TypeError where the display does not say when.
         """
         if self._drawing is not None:
-            return self._drawing.draw(lambda framebuffer: self._renderer().render(framebuffer, q))
-        with self._context:
-            image = self._renderer().image(q)
-        return self._display.show(image)
+            time_ns = self._drawing.draw(lambda framebuffer: self._renderer().render(framebuffer, q))
+        else:
+            with self._context:
+                image = self._renderer().image(q)
+            time_ns = self._display.show(image)
+        return round(time_ns)
 
     def _renderer(self) -> PatternRenderer:
         if self._prepared is None:

@@ -97,5 +97,5 @@ def _measured(previous: Status, turn: Turn) -> Status:
     if nulled < LOCK_FRAMES:
         return Status(State.NULLING, f"nulled for {nulled} of {LOCK_FRAMES} frames", nulled)
     if turn.at_rest:
-        return Status(State.RESTING, "nulled, nothing presses", nulled)
+        return Status(State.RESTING, "nulled, no displacement seen", nulled)
     return Status(State.LOCKED, "nulled", nulled)

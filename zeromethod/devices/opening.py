@@ -17,15 +17,14 @@ from types import TracebackType
 from typing import Any, Literal, cast
 
 from zeromethod.clock import Clock, HostClock, SimulatedClock
-from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, Display, DisplayLost
-from zeromethod.errors import InputError
+from zeromethod.devices.protocols import Camera, Display
+from zeromethod.errors import InputError, MeasurementError
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
 
 Kind = Literal["camera", "display"]
 Factory = Callable[..., Any]
 
 _PROTOCOLS: dict[Kind, type] = {"camera": Camera, "display": Display}
-_REFUSALS = (CameraLost, CameraTimeout, DisplayLost, OSError, TypeError, ValueError)
 
 
 def load_driver(kind: Kind, name: str) -> Factory:
@@ -41,7 +40,7 @@ def load_driver(kind: Kind, name: str) -> Factory:
         module, _, attribute = name.partition(":")
         try:
             factory = getattr(importlib.import_module(module), attribute)
-        except (ImportError, AttributeError, ValueError) as error:
+        except Exception as error:  # a driver is somebody else's code: whatever it raises is told, not traced
             raise InputError(f"{where}: cannot be imported: {_one_line(error)}") from error
     else:
         known: Mapping[str, EntryPoint] = {e.name: e for e in entry_points(group=f"zeromethod.{kind}s")}
@@ -50,7 +49,7 @@ def load_driver(kind: Kind, name: str) -> Factory:
             raise InputError(f"{where}: unknown; allowed: {listed}, or package.module:Name")
         try:
             factory = known[name].load()
-        except (ImportError, AttributeError) as error:
+        except Exception as error:
             raise InputError(f"{where}: cannot be imported: {_one_line(error)}") from error
     if not callable(factory):
         raise InputError(f"{where}: not callable; allowed: a class or function that returns a {kind}")
@@ -73,11 +72,15 @@ class Devices:
         return self.camera
 
     def close(self) -> None:
-        """Close both devices; safe to call twice."""
-        try:
-            self.camera.close()
-        finally:
-            self.display.close()
+        """Close both devices; safe to call twice. Raises MeasurementError when one cannot be closed."""
+        failed = []
+        for name, device in (("camera", self.camera), ("display", self.display)):
+            try:
+                device.close()
+            except Exception as error:
+                failed.append(f"{name}: cannot be closed: {_one_line(error)}")
+        if failed:
+            raise MeasurementError("; ".join(failed))
 
     def __enter__(self) -> Devices:
         return self
@@ -134,7 +137,7 @@ def _open(kind: Kind, table: CameraSpec | DisplaySpec, factory: Factory, context
         device: object = factory(**options)
     except InputError:
         raise
-    except _REFUSALS as error:
+    except Exception as error:
         raise InputError(f"{where}: cannot be opened: {_one_line(error)}") from error
     members = [name for name in _members(_PROTOCOLS[kind]) if not hasattr(device, name)]
     if members:

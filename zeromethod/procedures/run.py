@@ -43,6 +43,7 @@ class FrameRecord:
     residual_rms_px: float
     valid_share: float
     depth_peak_mm: float
+    depth_peak_sigma_mm: float
     loop_ms: float
     draw_ms: float
     read_ms: float
@@ -135,12 +136,14 @@ class Run:
         if self._start_ns is None:
             self._start_ns = step.time_ns
         phase = self._phase(step.time_ns)
-        surface, depth_peak_mm, read_ms = None, float("nan"), float("nan")
+        surface, read_ms = None, float("nan")
+        depth_peak_mm = depth_peak_sigma_mm = float("nan")
         truth, untouched = None, None
         if step.measured is not None:
             started = time.perf_counter()
             surface = self._reader.read(step.measured)
-            depth_peak_mm = peak(surface).depth_mm
+            deepest = peak(surface)
+            depth_peak_mm, depth_peak_sigma_mm = deepest.depth_mm, deepest.sigma_mm
             read_ms = 1e3 * (time.perf_counter() - started)
             if self._truth is not None:
                 if phase == "untouched":
@@ -160,6 +163,7 @@ class Run:
             residual_rms_px=step.residual_rms_px,
             valid_share=step.valid_share,
             depth_peak_mm=depth_peak_mm,
+            depth_peak_sigma_mm=depth_peak_sigma_mm,
             loop_ms=step.loop_ms,
             draw_ms=step.draw_ms,
             read_ms=read_ms,

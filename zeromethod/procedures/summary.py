@@ -79,27 +79,40 @@ def _untouched(records: list[FrameRecord]) -> Figures | None:
     return {"frames": len(values), "depth_rms_nm": float(single), "depth_filtered_rms_nm": float(filtered)}
 
 
-def _depth_peak_mm(nulled: list[FrameRecord]) -> float | None:
-    """Median peak over the hold; without a scenario, the deepest one that was read while nulled."""
-    held = [record.depth_peak_mm for record in nulled if record.phase == "hold"]
-    if held:
-        return float(np.nanmedian(held))
-    depths = [record.depth_peak_mm for record in nulled if np.isfinite(record.depth_peak_mm)]
-    return max(depths, key=abs, default=None)
+def _depth_peak_mm(nulled: list[FrameRecord]) -> tuple[float | None, float | None]:
+    """Peak and its sigma: median over the hold; without a scenario, the deepest one that was read."""
+    read = [record for record in nulled if np.isfinite(record.depth_peak_mm)]
+    if not read:
+        return None, None
+    if read[0].phase == "hold":
+        median = float(np.median([record.depth_peak_mm for record in read]))
+        return median, float(np.median([record.depth_peak_sigma_mm for record in read]))
+    deepest = max(read, key=lambda record: abs(record.depth_peak_mm))
+    return deepest.depth_peak_mm, deepest.depth_peak_sigma_mm
+
+
+def _finite(value: Any) -> Any:
+    """The same figures with None for what is not a number, which JSON cannot say."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def summarise(result: RunResult) -> Figures:
     """All figures of a run. Keys ending in a unit carry it; None where nothing could be measured."""
     records = result.records
-    nulled = [record for record in records if record.state in _NULLED]
-    hold = [record for record in nulled if record.phase == "hold"] or nulled or records[-1:]
+    # The figures of a hold are those of its nulled frames; a hold that was never nulled says so by None.
+    held = [record for record in records if record.phase == "hold"] or records
+    nulled = [record for record in held if record.state in _NULLED]
+    peak_mm, sigma_mm = _depth_peak_mm(nulled)
     truth = _against_truth(records, "hold", _NULLED)
     events: dict[str, int] = {}
     for record in records:
         for event in record.events:
             events[event] = events.get(event, 0) + 1
-    residuals = [record.residual_rms_px for record in hold if np.isfinite(record.residual_rms_px)]
-    return {
+    residuals = [record.residual_rms_px for record in nulled or held if np.isfinite(record.residual_rms_px)]
+    last = records[-1] if records else None
+    figures = {
         "rig": result.rig.name,
         "press": result.rig.press,
         "controller": result.rig.control.controller,
@@ -109,13 +122,15 @@ def summarise(result: RunResult) -> Figures:
         "dropped": sum(record.dropped for record in records),
         "interrupted": result.interrupted,
         "state": str(result.state),
-        "reason": records[-1].reason if records else "",
+        "reason": last.reason if last else "",
+        "nulled_frames": len(nulled),
         "events": events,
         "lock_frames": lock_frames(records),
         "residual_px_rms": float(np.median(residuals)) if residuals else None,
         "usable_share": truth["usable_share"] if truth else result.usable_share_at_rest,
-        "valid_share": truth["valid_share"] if truth else (records[-1].valid_share if records else None),
-        "depth_peak_mm": _depth_peak_mm(nulled),
+        "valid_share": truth["valid_share"] if truth else (last.valid_share if last else None),
+        "depth_peak_mm": peak_mm,
+        "depth_peak_sigma_mm": sigma_mm,
         "loop_ms": _percentiles(record.loop_ms for record in records),
         "draw_ms": _percentiles(record.draw_ms for record in records),
         "read_ms": _percentiles(record.read_ms for record in records),
@@ -126,3 +141,4 @@ def summarise(result: RunResult) -> Figures:
         "python": platform.python_version(),
         "versions": {name: version(name) for name in _LIBRARIES},
     }
+    return {key: _finite(value) for key, value in figures.items()}

@@ -54,6 +54,7 @@ TruthSource = Callable[[int], TrueMirror]
 class Comparison:
     """One frame's reading against the truth at its mid-exposure, over usable nodes.
 
+    The peak is the deepest point of the view, read or not: what a touch hides counts as an error of the peak.
     A rig below the critical angle everywhere (the paper's 45 degrees) has no usable node at all: then the
     share says so, and the errors are over all nodes that were read.
     """
@@ -79,10 +80,14 @@ def usable_nodes(optics: Optics, grid: NodeGrid, truth: TrueMirror) -> NDArray[n
     size = np.array([optics.rig.display.columns, optics.rig.display.rows])
     with np.errstate(invalid="ignore"):
         inside = np.all((trace.q >= margin[..., None]) & (trace.q <= size - 1 - margin[..., None]), axis=-1)
-    measurable = np.zeros_like(whole)
-    measurable[grid.inner] = True
-    usable: NDArray[np.bool_] = whole & ~touched & inside & measurable
+    usable: NDArray[np.bool_] = whole & ~touched & inside & _measurable(grid)
     return usable
+
+
+def _measurable(grid: NodeGrid) -> NDArray[np.bool_]:
+    mask = np.zeros(grid.shape, dtype=np.bool_)
+    mask[grid.inner] = True
+    return mask
 
 
 def true_peak_mm(truth: TrueMirror, x: Array, y: Array) -> float:
@@ -111,7 +116,9 @@ def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid)
     x, y = surface.x_mm[both], surface.y_mm[both]
     depth_error = surface.depth_mm[both] - truth.depth(x, y)
     slope_error = surface.slope[both] - np.stack(truth.slope(x, y), axis=-1)
-    peak_true = true_peak_mm(truth, x, y)
+    seen = np.isfinite(surface.x_mm) & np.isfinite(surface.y_mm)
+    seen[~_measurable(grid)] = False
+    peak_true = true_peak_mm(truth, surface.x_mm[seen], surface.y_mm[seen])
     peak_read = peak(surface).depth_mm
     share = 100 * (peak_read - peak_true) / peak_true if peak_true else float("nan")
     inner = grid.inner

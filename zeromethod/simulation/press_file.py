@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
 from zeromethod.rig.model import NotNegative, Positive, Share, Table
+from zeromethod.rig.refusal import shown
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 
@@ -156,6 +157,22 @@ def _path_of(where: str, folder: Path, table: AnyPress) -> PressPath:
     return PressPath(made, table.points())
 
 
+def _told(error: ValidationError) -> str:
+    """`key: value: what is allowed` of the first thing that is wrong with a press file."""
+    first = error.errors(include_url=False)[0]
+    # The union's tag stands in the place as if it were a key.
+    key = ".".join(str(part) for part in first["loc"] if part not in set(Shape)) or "file"
+    if first["type"] == "missing":
+        return f"{key}: missing"
+    if first["type"].startswith("union_tag"):
+        return f"{key}.shape: {shown(first['input'].get('shape', 'missing'))}: one of {', '.join(Shape)}"
+    if first["type"] == "too_short":
+        return f"{key}: empty: at least one point"
+    message = first["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    plain = isinstance(first["input"], str | int | float | bool)
+    return f"{key}: {shown(first['input'])}: {message}" if plain else f"{key}: {message}"
+
+
 def read_press_file(path: Path, asked: str) -> tuple[tuple[PressPath, ...], float, tuple[Phase, ...]]:
     """(presses, duration s, phases) of a press file; `asked` is what the user called it.
 
@@ -171,10 +188,7 @@ def read_press_file(path: Path, asked: str) -> tuple[tuple[PressPath, ...], floa
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not TOML: {error}") from error
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"]) or "file"
-        value = first["input"] if isinstance(first["input"], str | int | float | bool) else "given"
-        raise InputError(f"{path}: {key}: {value}: {first['msg']}") from error
+        raise InputError(f"{path}: {_told(error)}") from error
     presses = tuple(
         _path_of(f"{path}: press.{index}", path.parent, table) for index, table in enumerate(file.press)
     )

@@ -13,7 +13,7 @@ _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("residual in the hold", ("residual_px_rms",), "{:.4f} camera px rms"),
     ("nodes totally reflected onto the LCD", ("usable_share",), "{:.1%}"),
     ("of these called valid", ("valid_share",), "{:.1%}"),
-    ("peak depth read", ("depth_peak_mm",), "{:.5f} mm"),
+    ("peak depth read (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:.5f})"),
     ("true peak depth", ("truth.depth_peak_mm",), "{:.5f} mm"),
     ("peak error, worst frame of the hold", ("truth.depth_peak_error_percent",), "{:+.3f} %"),
     ("depth error in the hold", ("truth.depth_rms_error_um",), "{:.4f} um rms"),
