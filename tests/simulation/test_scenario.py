@@ -71,7 +71,7 @@ def test_a_touching_ball_covers_its_hertz_contact_at_every_depth() -> None:
     ball = load_scenario("ball")
     for time_s in (0.375, 0.8):
         (dent,) = ball.mirror_at(ns(time_s)).dents
-        assert dent.contact_mm == pytest.approx(np.sqrt(60.0 * dent.depth_mm))
+        assert dent.contact_mm == pytest.approx(np.sqrt(150.0 * dent.depth_mm))
 
 
 def test_map_file_lies_beside_the_press_file(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ TruthSource = Callable[[int], TrueMirror]
 class Comparison:
     """One frame's reading against the truth at its mid-exposure, over usable nodes.
 
-    The peak is the deepest point of the view, read or not: what a touch hides counts as an error of the peak.
+    The true peak is the deepest usable point, read or not: a press that was missed is an error of the peak.
     A rig below the critical angle everywhere (the paper's 45 degrees) has no usable node at all: then the
     share says so, and the errors are over all nodes that were read.
     """
@@ -91,15 +91,19 @@ def _measurable(grid: NodeGrid) -> NDArray[np.bool_]:
 
 
 def true_peak_mm(truth: TrueMirror, x: Array, y: Array) -> float:
-    """Deepest true depth near the points (x, y), refined between them to 1e-6 of itself."""
-    depth = truth.depth(x, y)
+    """Deepest true depth near the points (x, y) and off any touch, refined between them to 1e-6 of itself."""
+
+    def untouched_depth(x: Array, y: Array) -> Array:
+        return np.where(truth.reflectance_factor(x, y) < 1, 0.0, truth.depth(x, y))
+
+    depth = untouched_depth(x, y)
     at = int(np.argmax(np.abs(depth)))
     x0, y0, best = x[at], y[at], float(depth[at])
     half = 1.0
     while half > 1e-3:
         step = np.linspace(-half, half, 11)
         dx, dy = np.meshgrid(step, step)
-        around = truth.depth(x0 + dx, y0 + dy)
+        around = untouched_depth(x0 + dx, y0 + dy)
         index = np.unravel_index(np.argmax(np.abs(around)), around.shape)
         x0, y0, best = x0 + dx[index], y0 + dy[index], float(around[index])
         half /= 4
@@ -116,8 +120,7 @@ def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid)
     x, y = surface.x_mm[both], surface.y_mm[both]
     depth_error = surface.depth_mm[both] - truth.depth(x, y)
     slope_error = surface.slope[both] - np.stack(truth.slope(x, y), axis=-1)
-    seen = np.isfinite(surface.x_mm) & np.isfinite(surface.y_mm)
-    seen[~_measurable(grid)] = False
+    seen = np.isfinite(surface.x_mm) & np.isfinite(surface.y_mm) & (usable if usable.any() else surface.valid)
     peak_true = true_peak_mm(truth, surface.x_mm[seen], surface.y_mm[seen])
     peak_read = peak(surface).depth_mm
     share = 100 * (peak_read - peak_true) / peak_true if peak_true else float("nan")
