@@ -22,6 +22,8 @@ class LightWatch:
 
     def is_off(self, mean_grey: NDArray[np.floating]) -> bool:
         """Whether a frame with these means per node, (rows, cols) grey, was taken without light."""
+        if not self._seen.any():
+            return False
         light = float(mean_grey.mean(where=self._seen)) - self._black
         if self._usual is None:
             self._usual = light

@@ -213,7 +213,8 @@ class Run:
 
 
 def _rms_nm(surface: Surface) -> float:
-    return 1e6 * float(np.sqrt(np.mean(surface.depth_mm[surface.valid] ** 2)))
+    depth_mm = surface.depth_mm[surface.valid]
+    return 1e6 * float(np.sqrt(np.mean(depth_mm**2))) if depth_mm.size else float("nan")
 
 
 def run(
