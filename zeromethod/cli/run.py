@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import signal
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from typing import Any
 import click
 from rich.console import Console
 
+from zeromethod.cli.output import check_file, write_summary
 from zeromethod.control import State
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
@@ -59,8 +58,8 @@ def run_command(
     for option, value in (("--gain", gain), ("--seconds", seconds)):
         if value is not None and not math.isfinite(value):
             raise InputError(f"{option}: {value}: must be a finite number")
-    _check_writable("--figure", figure, suffix=".png")
-    _check_writable("--summary", summary, suffix=".json")
+    check_file("--figure", figure, suffix=".png")
+    check_file("--summary", summary, suffix=".json")
     if frames is not None and seconds is not None:
         raise InputError("--frames and --seconds: give one of them, not both")
     rig = _with_overrides(load_rig(rig_name), press, seed, gain, controller)
@@ -93,24 +92,11 @@ def _with_overrides(
     return rig.model_copy(update=update)
 
 
-def _check_writable(option: str, path: Path | None, suffix: str) -> None:
-    """Refuse a bad output path before the run, not after it."""
-    if path is None:
-        return
-    if path.suffix.lower() != suffix:
-        raise InputError(f"{option}: {path}: the file name must end in {suffix}")
-    folder = path.absolute().parent
-    if not folder.is_dir():
-        raise InputError(f"{option}: {path}: the folder {folder} does not exist")
-    if not os.access(path if path.exists() else folder, os.W_OK):
-        raise InputError(f"{option}: {path}: not writable")
-
-
 def _report(result: RunResult, figure: Path | None, summary: Path | None) -> None:
     """Write what was asked for, print the table, and turn the outcome into an exit code."""
     figures = summarise(result)
     if summary is not None:
-        _write_whole(summary, json.dumps(figures, indent=2) + "\n")
+        write_summary(summary, figures)
     if figure is not None and result.records:
         from zeromethod.view.figure import draw_figure  # noqa: PLC0415 - matplotlib loads slowly
 
@@ -123,10 +109,3 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
     if not figures["nulled_frames"]:
         when = " during the hold" if any(record.phase == "hold" for record in result.records) else ""
         raise MeasurementError(f"the loop never nulled the picture{when}: {figures['reason']}")
-
-
-def _write_whole(path: Path, text: str) -> None:
-    """Replace the file in one move, so that a reader never sees half of it."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(text)
-    part.replace(path)

@@ -9,12 +9,13 @@ from zeromethod.control.observation import Observation, measure
 from zeromethod.control.pairing import PanelTiming, Shown, pair
 from zeromethod.control.presentation import PresentationLog
 from zeromethod.control.rest import Rest
-from zeromethod.control.state import LOCK_FRAMES, LOCK_RESIDUAL_PX, State, Status, next_status
+from zeromethod.control.state import LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, State, Status, next_status
 from zeromethod.control.step import Step
 
 __all__ = [
     "LOCK_FRAMES",
     "LOCK_RESIDUAL_PX",
+    "NULLED",
     "Circle",
     "Composition",
     "Controller",

@@ -21,7 +21,7 @@ from zeromethod.control.presenter import Presenter
 from zeromethod.control.rehearsal import rehearse
 from zeromethod.control.reopening import Reopener
 from zeromethod.control.rest import Rest
-from zeromethod.control.state import LOCK_FRAMES, Outcome, State, Status, Turn, next_status
+from zeromethod.control.state import LOCK_FRAMES, NULLED, Outcome, Status, Turn, next_status
 from zeromethod.control.step import Step
 from zeromethod.devices.protocols import (
     Camera,
@@ -202,7 +202,7 @@ class Loop:
                 events += trouble.events
                 turn = Turn(trouble.outcome, trouble.reason)
         self.status = next_status(self.status, turn)
-        if not self._referenced and self.status.state in {State.LOCKED, State.RESTING}:
+        if not self._referenced and self.status.state in NULLED:
             self._circle.take_reference(taken)
             self._referenced = True
         return self._step(

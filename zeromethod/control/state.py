@@ -42,6 +42,10 @@ class State(enum.StrEnum):
     STOPPED = "stopped"
 
 
+NULLED = frozenset({State.LOCKED, State.RESTING})
+"""States in which the camera sees the target: a reading of a held press counts."""
+
+
 class Outcome(enum.Enum):
     """What one turn of the loop came to."""
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.control import Loop, State, Step
+from zeromethod.control import NULLED, Loop, State, Step
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.optics import Optics
 from zeromethod.procedures.truth import AT_REST, Comparison, TruthSource, compare, usable_nodes
@@ -177,7 +177,7 @@ class Run:
     def _keep(self, step: Step, phase: str, surface: Surface, depth_peak_mm: float) -> None:
         """Keep the frames that the figure shows: before the touch, at its worst, nulled."""
         result = self.result
-        settled = step.state in {State.LOCKED, State.RESTING}
+        settled = step.state in NULLED
         if settled and (phase == "untouched" if self._scenario is not None else result.before is None):
             result.before = self._snapshot(step, surface)
         # After the hold comes the lift, whose residual may be larger still; the figure tells of the press.

@@ -9,15 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.control import LOCK_FRAMES, LOCK_RESIDUAL_PX, State
+from zeromethod.control import LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, State
 from zeromethod.procedures.run import FrameRecord, RunResult
 
 Figures = dict[str, Any]
 
-_NULLED = frozenset({State.LOCKED, State.RESTING})
-"""A reading of a held press counts once the loop says that it is nulled."""
-
-_FOLLOWING = _NULLED | {State.NULLING}
+_FOLLOWING = NULLED | {State.NULLING}
 """A moving press is never quite nulled; every frame that was measured counts."""
 
 _LIBRARIES = ("zeromethod", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "moderngl")
@@ -103,9 +100,9 @@ def summarise(result: RunResult) -> Figures:
     records = result.records
     # The figures of a hold are those of its nulled frames; a hold that was never nulled says so by None.
     held = [record for record in records if record.phase == "hold"] or records
-    nulled = [record for record in held if record.state in _NULLED]
+    nulled = [record for record in held if record.state in NULLED]
     peak_mm, sigma_mm = _depth_peak_mm(nulled)
-    truth = _against_truth(records, "hold", _NULLED)
+    truth = _against_truth(records, "hold", NULLED)
     events: dict[str, int] = {}
     for record in records:
         for event in record.events:

@@ -1,0 +1,33 @@
+"""A progress bar for whatever takes longer than a second; silent when not on a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+Advance = Callable[[str], None]
+"""Called after each finished step, with the name of the next one ("" at the end)."""
+
+
+@contextmanager
+def progress(total: int, first: str = "") -> Iterator[Advance]:
+    """Bar over `total` steps on the terminal; `first` names the step that begins now."""
+    console = Console(stderr=True)
+    bar = Progress(
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TextColumn("{task.description}"),
+        TimeElapsedColumn(),
+        console=console,
+        disable=not console.is_terminal,
+    )
+    task = bar.add_task(first, total=total)
+
+    def advance(following: str = "") -> None:
+        bar.update(task, advance=1, description=following)
+
+    with bar:
+        yield advance
