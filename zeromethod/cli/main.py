@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 from collections.abc import Sequence
@@ -13,24 +14,45 @@ import click
 
 from zeromethod.errors import InputError, MeasurementError
 
+_COMMANDS = {
+    "run": "Close the loop: null the picture, read slope and depth.",
+    "measure": "Still images: displacement, and with --rig slope and depth.",
+    "reproduce": "The seed paper's figures and tables, beside this system's.",
+    "bench": "Speed and accuracy beside the peers, and the bounds.",
+}
+"""Name and one line of help; `name` is `name_command` in `zeromethod/cli/name.py`."""
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+
+class _Commands(click.Group):
+    """Sub-commands by name, each loaded when it is asked for: `run --help` needs no image correlation."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+        """Every command, in the order in which a newcomer meets them."""
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Load one command."""
+        if cmd_name not in _COMMANDS:
+            return None
+        name = cmd_name.replace("-", "_")
+        command: click.Command = getattr(importlib.import_module(f"zeromethod.cli.{name}"), f"{name}_command")
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """List the commands without loading them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(_COMMANDS.items()))
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="zeromethod", prog_name="zeromethod")
 def commands() -> None:
     """Close the loop in deflectometry: null a deforming mirror's reflection, read its shape off the warp."""
 
 
-def _register() -> None:
-    # Deferred so that `--help` and bad arguments answer without loading OpenGL and the compilers.
-    from zeromethod.cli.run import run_command  # noqa: PLC0415
-
-    commands.add_command(run_command)
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its code."""
     try:
-        _register()
         code = commands.main(args=arguments, prog_name="zeromethod", standalone_mode=False)
     except click.exceptions.Abort:
         code = 130
