@@ -134,6 +134,15 @@ def test_a_driver_that_takes_anything_gets_the_keys_of_its_table_and_the_clock()
     assert set(options) == {*given, "clock"}
 
 
+@pytest.mark.parametrize("keys", [{"gain": 2.0}, {"trigger": "software"}, {"pixel_format": "Mono8"}])
+def test_a_setting_that_the_driver_would_not_heed_is_refused(keys: dict[str, Any]) -> None:
+    (name,) = keys
+    with pytest.raises(InputError, match=rf"^camera\.{name}: .*: driver '.*' cannot set it$"):
+        open_devices(rig(camera_keys=keys))
+    with open_devices(rig("GreedyCamera", camera_keys=keys)) as devices:
+        assert devices.camera.options[name] == keys[name]  # type: ignore[attr-defined]
+
+
 def test_a_missing_option_is_named() -> None:
     class Needy(PlainCamera):
         def __init__(self, serial: str) -> None:

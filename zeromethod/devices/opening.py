@@ -26,6 +26,9 @@ Factory = Callable[..., Any]
 
 _PROTOCOLS: dict[Kind, type] = {"camera": Camera, "display": Display}
 
+_SETTINGS = frozenset({"gain", "pixel_format", "region_px", "trigger"})
+"""Keys that a device must be set to: one that the driver does not name would go unheeded."""
+
 
 def load_driver(kind: Kind, name: str) -> Factory:
     """Find the factory of a driver, to be called as `factory(**options)`.
@@ -162,6 +165,10 @@ def _options(
             raise InputError(
                 f"{kind}.{name}: {value!r}: unknown option of {table.driver!r}; allowed: {listed}"
             )
+    if "rig" not in named:
+        for name, value in schema.items():
+            if name in _SETTINGS and name not in named and value != type(table).model_fields[name].default:
+                raise InputError(f"{kind}.{name}: {value!r}: driver {table.driver!r} cannot set it")
     options |= {name: value for name, value in schema.items() if name in named} | extra
     missing = [name for name in _required(factory) if name not in options]
     if missing:

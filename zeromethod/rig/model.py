@@ -165,6 +165,11 @@ class CameraSpec(Table):
     The optical axis points from `position_mm` to `look_at_mm`; with `roll_deg` 0 v runs along world +y
     (made perpendicular to the axis) and u = v x axis; positive roll turns u towards v. Pixels are
     exposed all at once (global shutter). `psf_px`: Gaussian sigma of lens and defocus, camera px.
+
+    What a real camera is set to, where its driver can: `gain` in the device's own units, `pixel_format` by
+    its GenICam name, `region_px` (first column, first row, columns, rows) of the sensor, and `trigger`: runs
+    "free", is fired by "software" for each frame, or by "hardware" through an input line. `latency_s`: from
+    the end of an exposure until its frame is received, at the least.
     """
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
@@ -183,6 +188,11 @@ class CameraSpec(Table):
     roll_deg: Angle = 0.0
     rate_hz: Rate
     exposure_s: Positive
+    latency_s: Lag = 0.0
+    gain: NotNegative | None = None
+    pixel_format: Text | None = None
+    region_px: tuple[Count, Count, Count, Count] | None = None
+    trigger: Literal["free", "software", "hardware"] = "free"
     psf_px: NotNegative = 0.0
     noise: Noise = Noise()
 
@@ -200,6 +210,9 @@ class CameraSpec(Table):
             )
         if self.exposure_s * self.rate_hz > 1 + 1e-6:
             raise refused("exposure_s", self.exposure_s, f"at most the frame time, {1 / self.rate_hz:.6g}")
+        if self.region_px is not None and self.region_px[2:] != (self.columns, self.rows):
+            size = f"{self.columns}, {self.rows} (columns, rows) at its end"
+            raise refused("region_px", list(self.region_px), size)
         if self.noise.black_grey >= 2**self.bits - 1:
             raise refused("noise.black_grey", self.noise.black_grey, f"below {2**self.bits - 1}")
         return self

@@ -1,0 +1,166 @@
+"""The grabbing thread, with sources that hang, fail and wait to be asked."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, Frame
+from zeromethod.drivers.grabbing import GrabbedCamera
+from zeromethod.errors import InputError
+
+QUICK_S = 1.0
+"""Closing must be done within a second, hung or not."""
+
+
+class Scripted:
+    """A source whose grab is what the test says. It notes where it was used."""
+
+    shape, bits = (2, 3), 8
+
+    def __init__(self, grab: Callable[[int], Frame | None], on_demand: bool = False) -> None:
+        self.on_demand = on_demand
+        self.calls = 0
+        self.threads = {threading.current_thread()}
+        self.closed = threading.Event()
+        self._grab = grab
+
+    def grab(self) -> Frame | None:
+        self.threads.add(threading.current_thread())
+        self.calls += 1
+        return self._grab(self.calls)
+
+    def close(self) -> None:
+        self.threads.add(threading.current_thread())
+        self.closed.set()
+
+
+def frame(number: int) -> Frame:
+    return Frame(np.zeros((2, 3), np.uint8), 1000 * number, 10, number)
+
+
+def every_10_ms(number: int) -> Frame:
+    time.sleep(0.01)
+    return frame(number)
+
+
+def opened(source: Callable[[], Scripted], timeout_s: float = 5.0) -> GrabbedCamera:
+    return GrabbedCamera("test", source, timeout_s)
+
+
+def test_it_is_a_camera_whose_device_is_used_by_one_thread_only() -> None:
+    sources: list[Scripted] = []
+
+    def source() -> Scripted:
+        sources.append(Scripted(every_10_ms))
+        return sources[-1]
+
+    camera = opened(source)
+    assert isinstance(camera, Camera)
+    assert (camera.shape, camera.bits) == ((2, 3), 8)
+    first = camera.read(5)
+    time.sleep(0.1)
+    later = camera.read(5)
+    assert later.number - first.number == 1 + later.dropped > 2
+    camera.close()
+    camera.close()
+    assert sources[0].closed.is_set()
+    assert len(sources[0].threads) == 1
+    assert threading.current_thread() not in sources[0].threads
+    with pytest.raises(CameraLost, match=r"^it is closed$"):
+        camera.read(0.1)
+
+
+def test_a_hung_device_times_out_and_is_closed_once_it_answers() -> None:
+    answer = threading.Event()
+    source: list[Scripted] = []
+
+    def hang(_: int) -> None:
+        answer.wait()
+
+    def hung() -> Scripted:
+        source.append(Scripted(hang))
+        return source[0]
+
+    camera = opened(hung)
+    with pytest.raises(CameraTimeout):
+        camera.read(0.05)
+    start = time.monotonic()
+    camera.close()
+    assert time.monotonic() - start < QUICK_S
+    assert not source[0].closed.is_set()
+    answer.set()
+    assert source[0].closed.wait(5)
+
+
+def test_a_device_that_hangs_while_it_is_opened_is_given_up_and_closed_later() -> None:
+    answer = threading.Event()
+    source: list[Scripted] = []
+
+    def slow() -> Scripted:
+        answer.wait()
+        source.append(Scripted(every_10_ms))
+        return source[0]
+
+    with pytest.raises(CameraLost, match=r"^test: did not open within 0\.05 s$"):
+        opened(slow, 0.05)
+    answer.set()
+    deadline = time.monotonic() + 5
+    while not source and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert source[0].closed.wait(5)
+
+
+def test_what_the_device_raises_on_opening_comes_through() -> None:
+    def refuses() -> Scripted:
+        raise InputError("camera.gain: 9: allowed: less")
+
+    with pytest.raises(InputError, match=r"^camera\.gain: 9"):
+        opened(refuses)
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [(CameraLost("unplugged"), "^unplugged$"), (OSError("bus\nreset"), "^OSError: bus reset$")],
+)
+def test_whatever_the_device_raises_later_is_a_lost_camera(error: Exception, told: str) -> None:
+    def fail(_: int) -> None:
+        raise error
+
+    camera = opened(lambda: Scripted(fail))
+    with pytest.raises(CameraLost, match=told):
+        camera.read(5)
+    camera.close()
+
+
+def test_on_demand_each_read_takes_one_exposure() -> None:
+    source = Scripted(frame, on_demand=True)
+    camera = opened(lambda: source)
+    time.sleep(0.2)
+    assert source.calls == 0
+    assert [camera.read(5).number for _ in range(3)] == [1, 2, 3]
+    time.sleep(0.2)
+    assert source.calls == 3
+    camera.close()
+
+
+HUNG = """
+import threading
+from zeromethod.drivers.grabbing import GrabbedCamera
+class Hung:
+    shape, bits, on_demand = (2, 2), 8, False
+    def grab(self): threading.Event().wait()
+    def close(self): pass
+GrabbedCamera("hung", Hung, 5.0)
+"""
+
+
+def test_a_hung_device_does_not_keep_the_program_from_ending() -> None:
+    run = subprocess.run([sys.executable, "-c", HUNG], capture_output=True, text=True, timeout=30, check=True)
+    assert run.stderr == ""

@@ -1,0 +1,61 @@
+"""What `--camera` takes: an index, a URL, a file, `pylon[:serial]`, `aravis[:address]` or a driver's name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from zeromethod.errors import InputError
+from zeromethod.rig.model import CameraSpec, Rig
+from zeromethod.rig.refusal import first_refusal
+
+ALLOWED = (
+    "an index (0), a URL (tcp://, http://, rtsp://), a video file, pylon[:serial], aravis[:address], "
+    "package.module:Name, or an installed driver"
+)
+
+_PICKED_BY = {"pylon": "serial", "aravis": "address"}
+_URL = re.compile(r"[a-z][a-z0-9+.-]*://.", re.IGNORECASE)
+_IMPORT_PATH = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
+
+
+def camera_driver(address: str) -> tuple[str, dict[str, Any]]:
+    """Driver of an address and the option by which that driver finds the camera.
+
+    Raises InputError, one line with what is allowed. Whether the camera is there shows when it is opened.
+    """
+    driver, _, which = address.partition(":")
+    if address.isdecimal():
+        return "opencv", {"source": int(address)}
+    if _URL.match(address):
+        return "opencv", {"source": address}
+    if driver in _PICKED_BY and bool(which) == (":" in address):
+        return driver, {_PICKED_BY[driver]: which} if which else {}
+    if Path(address).is_file():
+        return "opencv", {"source": address}
+    if _IMPORT_PATH.fullmatch(address) or address in entry_points(group="zeromethod.cameras").names:
+        return address, {}
+    raise InputError(f"--camera: {address!r}: allowed: {ALLOWED}")
+
+
+def with_camera(rig: Rig, address: str, settings: Mapping[str, Any] | None = None) -> Rig:
+    """Rig whose camera is the one at `address`, with `settings` (keys of `[camera]`) in place of its own.
+
+    The options of another driver are left out. Raises InputError (one line) for an address or a setting
+    that is not allowed.
+    """
+    driver, options = camera_driver(address)
+    camera = rig.camera
+    known = {name: getattr(camera, name) for name in camera.model_fields_set & set(type(camera).model_fields)}
+    own = (camera.model_extra or {}) if camera.driver == driver else {}
+    values = known | own | {"driver": driver} | options | dict(settings or {})
+    try:
+        changed = CameraSpec.model_validate(values)
+    except ValidationError as error:
+        raise InputError(f"camera.{first_refusal(error, CameraSpec)}") from None
+    return rig.model_copy(update={"camera": changed})

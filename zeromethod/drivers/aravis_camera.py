@@ -1,0 +1,242 @@
+"""GigE Vision and USB3 Vision cameras of any maker through Aravis."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.clock import HostClock
+from zeromethod.devices.protocols import CameraLost, Frame
+from zeromethod.drivers.aravis_library import SUCCESS, Aravis, AravisError, library
+from zeromethod.drivers.device_clock import DeviceClock, MidExposure
+from zeromethod.drivers.genicam import FeatureError, Settings, Value, configure
+from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera
+from zeromethod.errors import InputError
+
+_OPENING_S = 15.0
+_BUFFERS = 4
+"""One is filled while one is read; the others take up what comes while the thread waits for its turn."""
+
+_REPEAT_TRIGGER_S = 2.0
+"""A frame that was triggered and did not come for so long is triggered again."""
+
+
+class AravisCamera(GrabbedCamera):
+    """A `Camera` that speaks GigE Vision or USB3 Vision.
+
+    address: IP address or Aravis' name of it; the first found where it is empty. The other keys are those of
+    the rig file's `[camera]`; trigger_source: input of a hardware trigger; features: any other settings, by
+    the device's names. Times are the device's, mapped onto the host's clock.
+    """
+
+    def __init__(
+        self,
+        columns: int,
+        rows: int,
+        bits: int,
+        rate_hz: float,
+        exposure_s: float,
+        address: str = "",
+        gain: float | None = None,
+        pixel_format: str | None = None,
+        region_px: Sequence[int] | None = None,
+        trigger: str = "free",
+        trigger_source: str = "Line1",
+        latency_s: float = 0.0,
+        features: Mapping[str, Value] | None = None,
+    ) -> None:
+        """Open and configure it; InputError (one line) without Aravis or camera, or for a refused value."""
+        settings = Settings(
+            columns=columns,
+            rows=rows,
+            bits=bits,
+            rate_hz=rate_hz,
+            exposure_s=exposure_s,
+            gain=gain,
+            pixel_format=pixel_format,
+            region_px=region_px,
+            trigger=trigger,
+            trigger_source=trigger_source,
+            features=features or {},
+        )
+        super().__init__("aravis", lambda: _AravisSource(address, settings, latency_s), _OPENING_S)
+
+
+def found() -> list[tuple[str, str]]:
+    """Address and name of every camera; takes about a second."""
+    aravis = library()
+    aravis.update_device_list()
+    indices = range(aravis.get_n_devices())
+    return [(aravis.get_device_address(i).decode(), aravis.get_device_id(i).decode()) for i in indices]
+
+
+class _AravisFeatures:
+    """A device's features as `Features`."""
+
+    def __init__(self, aravis: Aravis, device: int) -> None:
+        self._aravis = aravis
+        self._device = device
+
+    def _do(self, name: str, feature: str, *arguments: Any) -> Any:
+        try:
+            return getattr(self._aravis, f"device_{name}")(self._device, feature.encode(), *arguments)
+        except AravisError as error:
+            raise FeatureError(str(error)) from error
+
+    def _kind(self, name: str) -> str:
+        kind = self._aravis.kind(self._device, name)
+        return "string" if kind == "enumeration" else kind
+
+    def available(self, name: str) -> bool:
+        try:
+            return bool(self._do("is_feature_available", name))
+        except FeatureError:
+            return False
+
+    def get(self, name: str) -> Value:
+        value = self._do(f"get_{self._kind(name)}_feature_value", name)
+        return value.decode() if isinstance(value, bytes) else value
+
+    def put(self, name: str, value: Value) -> None:
+        kind = self._kind(name)
+        if (kind == "string") != isinstance(value, str) or not kind:
+            raise FeatureError(f"{name} is not set by {type(value).__name__}")
+        plain = value.encode() if isinstance(value, str) else round(value) if kind == "integer" else value
+        self._do(f"set_{kind}_feature_value", name, plain)
+
+    def execute(self, name: str) -> None:
+        self._do("execute_command", name)
+
+    def bounds(self, name: str) -> tuple[float, float] | None:
+        kind = self._kind(name)
+        if kind not in ("float", "integer"):
+            return None
+        number = ctypes.c_double if kind == "float" else ctypes.c_int64
+        low, high = number(), number()
+        self._do(f"get_{kind}_feature_bounds", name, ctypes.byref(low), ctypes.byref(high))
+        return low.value, high.value
+
+    def choices(self, name: str) -> Sequence[str]:
+        if self._aravis.kind(self._device, name) != "enumeration":
+            return ()
+        count = ctypes.c_uint()
+        values = self._do("dup_available_enumeration_feature_values_as_strings", name, ctypes.byref(count))
+        texts = ctypes.cast(values, ctypes.POINTER(ctypes.c_char_p))
+        names = [(texts[i] or b"").decode() for i in range(count.value)]
+        self._aravis.free(values)
+        return names
+
+
+class _AravisSource:
+    """An opened camera that streams."""
+
+    def __init__(self, address: str, settings: Settings, latency_s: float) -> None:
+        self._aravis = aravis = library()
+        self._clock = HostClock()
+        self._stream = 0
+        self._control_lost = False
+        self._lost = 0
+        self._last_id: int | None = None
+        self._number = -1
+        self._fired_ns: int | None = None
+        self.on_demand = settings.trigger == "software"
+        self._camera = self._opened(address)
+        try:
+            device = aravis.camera_get_device(self._camera)
+            self._handler = aravis.on_signal(device, "control-lost", self._when_lost)
+            self._features = _AravisFeatures(aravis, device)
+            configured = configure(self._features, settings)
+            self.shape = settings.rows, settings.columns
+            self.bits = configured.bits
+            self._dtype = np.dtype(np.uint8 if self.bits == 8 else np.uint16)
+            # Aravis has turned ticks into nanoseconds already
+            self._times = MidExposure(configured.exposure_s, latency_s, DeviceClock())
+            self._stream = aravis.camera_create_stream(self._camera, None, None)
+            payload = aravis.camera_get_payload(self._camera)
+            for _ in range(_BUFFERS):
+                aravis.stream_push_buffer(self._stream, aravis.buffer_new_allocate(payload))
+            aravis.camera_start_acquisition(self._camera)
+        except BaseException:
+            self.close()
+            raise
+
+    def _opened(self, address: str) -> int:
+        if not address:
+            # by its address: by no name at all, a camera on another interface may be taken
+            cameras = found()
+            if not cameras:
+                raise InputError("camera.address: '': no GigE Vision or USB3 Vision camera was found")
+            address = cameras[0][0] or cameras[0][1]
+        try:
+            camera: int = self._aravis.camera_new(address.encode())
+        except AravisError as error:
+            raise InputError(f"camera.address: {address!r}: cannot be opened: {error}") from error
+        return camera
+
+    def _when_lost(self) -> None:
+        self._control_lost = True
+
+    def grab(self) -> Frame | None:
+        """Newest frame, or None when none came in a moment; raises CameraLost when its control is lost."""
+        if self._control_lost:
+            raise CameraLost("it no longer answers (control lost)")
+        if self.on_demand:
+            self._fire()
+        buffer = self._aravis.stream_timeout_pop_buffer(self._stream, round(1e6 * POLL_S))
+        if not buffer:
+            time.sleep(1e-3)  # a stream that is broken does not wait
+            return None
+        received_ns = self._clock.now_ns()
+        while newer := self._aravis.stream_try_pop_buffer(self._stream):
+            self._aravis.stream_push_buffer(self._stream, buffer)
+            buffer = newer
+        try:
+            return self._frame(buffer, received_ns)
+        finally:
+            self._aravis.stream_push_buffer(self._stream, buffer)
+
+    def _frame(self, buffer: int, received_ns: int) -> Frame | None:
+        aravis = self._aravis
+        if aravis.buffer_get_status(buffer) != SUCCESS:
+            return None
+        number = aravis.buffer_get_frame_id(buffer)
+        shape = aravis.buffer_get_image_height(buffer), aravis.buffer_get_image_width(buffer)
+        if shape != self.shape:
+            raise CameraLost(f"its frames are now {shape}")
+        self._fired_ns = None
+        # identities wrap round (16 bits in old cameras) and start anew with the stream
+        step = 1 if self._last_id is None else number - self._last_id
+        self._last_id = number
+        dropped = step - 1 if 1 <= step < 1000 else 0
+        self._number += 1 + dropped
+        image = self._copy(buffer)
+        middle_ns = self._times.of(received_ns, aravis.buffer_get_timestamp(buffer))
+        return Frame(image, middle_ns, self._times.exposure_ns, self._number, dropped)
+
+    def _copy(self, buffer: int) -> NDArray[Any]:
+        size = ctypes.c_size_t()
+        data = self._aravis.buffer_get_data(buffer, ctypes.byref(size))
+        needed = self.shape[0] * self.shape[1] * self._dtype.itemsize
+        if size.value < needed:
+            raise CameraLost(f"its frames have {size.value} bytes instead of {needed}")
+        raw = np.ctypeslib.as_array(ctypes.cast(data, ctypes.POINTER(ctypes.c_uint8)), (needed,))
+        return raw.view(self._dtype).reshape(self.shape).copy()
+
+    def _fire(self) -> None:
+        now_ns = self._clock.now_ns()
+        if self._fired_ns is None or now_ns - self._fired_ns > 1e9 * _REPEAT_TRIGGER_S:
+            self._fired_ns = now_ns
+            self._features.execute("TriggerSoftware")
+
+    def close(self) -> None:
+        """Stop and release the device."""
+        if self._stream:
+            if not self._control_lost:
+                self._aravis.camera_stop_acquisition(self._camera)
+            self._aravis.release(self._stream)
+        self._aravis.release(self._camera)

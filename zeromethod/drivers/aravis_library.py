@@ -1,0 +1,186 @@
+"""Aravis' C library and the few of its functions that are used here.
+
+Through ctypes: it needs the system's library alone (Debian: libaravis-0.8-0), in any virtual environment,
+and its calls let other threads run.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from ctypes import (
+    POINTER,
+    byref,
+    c_bool,
+    c_char_p,
+    c_double,
+    c_int,
+    c_int64,
+    c_size_t,
+    c_uint,
+    c_uint64,
+    c_void_p,
+)
+from functools import cache
+from typing import Any
+
+from zeromethod.errors import InputError
+
+LIBRARY = "libaravis-0.8.so.0"
+INSTALL = "install the system's Aravis library (Debian, Ubuntu: apt install libaravis-0.8-0)"
+
+SUCCESS = 0
+"""Status of a buffer that holds a whole frame."""
+
+
+class AravisError(Exception):
+    """What Aravis reports, in its words."""
+
+
+class _GError(ctypes.Structure):
+    _fields_ = (("domain", ctypes.c_uint32), ("code", c_int), ("message", c_char_p))
+
+
+_ERROR = POINTER(POINTER(_GError))
+_OUT_INT, _OUT_FLOAT, _OUT_COUNT = POINTER(c_int64), POINTER(c_double), POINTER(c_uint)
+
+_FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "arv_update_device_list": (None, ()),
+    "arv_get_n_devices": (c_uint, ()),
+    "arv_get_device_id": (c_char_p, (c_uint,)),
+    "arv_get_device_address": (c_char_p, (c_uint,)),
+    "arv_camera_get_device": (c_void_p, (c_void_p,)),
+    "arv_stream_push_buffer": (None, (c_void_p, c_void_p)),
+    "arv_stream_timeout_pop_buffer": (c_void_p, (c_void_p, c_uint64)),
+    "arv_stream_try_pop_buffer": (c_void_p, (c_void_p,)),
+    "arv_buffer_new_allocate": (c_void_p, (c_size_t,)),
+    "arv_buffer_get_status": (c_int, (c_void_p,)),
+    "arv_buffer_get_data": (c_void_p, (c_void_p, POINTER(c_size_t))),
+    "arv_buffer_get_image_width": (c_int, (c_void_p,)),
+    "arv_buffer_get_image_height": (c_int, (c_void_p,)),
+    "arv_buffer_get_timestamp": (c_uint64, (c_void_p,)),
+    "arv_buffer_get_frame_id": (c_uint64, (c_void_p,)),
+}
+# These take a place for an error as their last argument.
+_FALLIBLE: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "arv_camera_new": (c_void_p, (c_char_p,)),
+    "arv_camera_get_payload": (c_uint, (c_void_p,)),
+    "arv_camera_create_stream": (c_void_p, (c_void_p, c_void_p, c_void_p)),
+    "arv_camera_start_acquisition": (None, (c_void_p,)),
+    "arv_camera_stop_acquisition": (None, (c_void_p,)),
+    "arv_device_is_feature_available": (c_bool, (c_void_p, c_char_p)),
+    "arv_device_execute_command": (None, (c_void_p, c_char_p)),
+    "arv_device_get_integer_feature_value": (c_int64, (c_void_p, c_char_p)),
+    "arv_device_get_float_feature_value": (c_double, (c_void_p, c_char_p)),
+    "arv_device_get_string_feature_value": (c_char_p, (c_void_p, c_char_p)),
+    "arv_device_get_boolean_feature_value": (c_bool, (c_void_p, c_char_p)),
+    "arv_device_set_integer_feature_value": (None, (c_void_p, c_char_p, c_int64)),
+    "arv_device_set_float_feature_value": (None, (c_void_p, c_char_p, c_double)),
+    "arv_device_set_string_feature_value": (None, (c_void_p, c_char_p, c_char_p)),
+    "arv_device_set_boolean_feature_value": (None, (c_void_p, c_char_p, c_bool)),
+    "arv_device_get_integer_feature_bounds": (None, (c_void_p, c_char_p, _OUT_INT, _OUT_INT)),
+    "arv_device_get_float_feature_bounds": (None, (c_void_p, c_char_p, _OUT_FLOAT, _OUT_FLOAT)),
+    "arv_device_dup_available_enumeration_feature_values_as_strings": (
+        c_void_p,
+        (c_void_p, c_char_p, _OUT_COUNT),
+    ),
+}
+_KINDS = ("float", "integer", "boolean", "enumeration", "string")
+_SIGNAL = ctypes.CFUNCTYPE(None, c_void_p, c_void_p)
+
+
+@cache
+def library() -> Aravis:
+    """Loads Aravis; InputError (one line, with what to install) where it is not there."""
+    try:
+        return Aravis(ctypes.CDLL(LIBRARY))
+    except OSError as error:
+        raise InputError(f"camera.driver: 'aravis': needs {LIBRARY}: {INSTALL}") from error
+
+
+class Aravis:
+    """The library's functions by name; those that can fail raise AravisError."""
+
+    def __init__(self, loaded: ctypes.CDLL) -> None:
+        self._glib = ctypes.CDLL("libglib-2.0.so.0")
+        self._gobject = ctypes.CDLL("libgobject-2.0.so.0")
+        for name in ("g_free", "g_error_free"):
+            getattr(self._glib, name).argtypes = (c_void_p,)
+        self._gobject.g_object_unref.argtypes = (c_void_p,)
+        connect = self._gobject.g_signal_connect_data
+        connect.argtypes = (c_void_p, c_char_p, _SIGNAL, c_void_p, c_void_p, c_int)
+        connect.restype = ctypes.c_ulong
+        self._functions: dict[str, Callable[..., Any]] = {}
+        for name, (result, arguments) in _FUNCTIONS.items():
+            self._functions[name] = self._function(loaded, name, result, arguments)
+        for name, (result, arguments) in _FALLIBLE.items():
+            self._functions[name] = self._checked(self._function(loaded, name, result, (*arguments, _ERROR)))
+        self._gc_node_kinds = _NodeKinds(loaded)
+
+    @staticmethod
+    def _function(
+        loaded: ctypes.CDLL, name: str, result: Any, arguments: tuple[Any, ...]
+    ) -> Callable[..., Any]:
+        function = getattr(loaded, name)
+        function.restype, function.argtypes = result, arguments
+        return function  # type: ignore[no-any-return]
+
+    def _checked(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            error = POINTER(_GError)()
+            result = function(*arguments, byref(error))
+            if error:
+                message = (error.contents.message or b"").decode(errors="replace")
+                self._glib.g_error_free(error)
+                raise AravisError(" ".join(message.split()) or "failed without a message")
+            return result
+
+        return call
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        """Function of the library by its name without `arv_`."""
+        try:
+            return self._functions[f"arv_{name}"]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def release(self, thing: int) -> None:
+        """Give up an object."""
+        self._gobject.g_object_unref(thing)
+
+    def free(self, memory: int) -> None:
+        """Free what the library allocated."""
+        self._glib.g_free(memory)
+
+    def on_signal(self, thing: int, signal: str, act: Callable[[], None]) -> object:
+        """Call `act`, in a thread of the library, on a signal; keep what is returned until it is released."""
+        handler = _SIGNAL(lambda _thing, _data: act())
+        self._gobject.g_signal_connect_data(thing, signal.encode(), handler, None, None, 0)
+        return handler
+
+    def kind(self, device: int, feature: str) -> str:
+        """Type of a feature: float, integer, boolean, enumeration or string; "" for others."""
+        return self._gc_node_kinds.of(device, feature)
+
+
+class _NodeKinds:
+    """What type of node a feature is, by GObject's types."""
+
+    def __init__(self, loaded: ctypes.CDLL) -> None:
+        gobject = ctypes.CDLL("libgobject-2.0.so.0")
+        self._is_a = gobject.g_type_check_instance_is_a
+        self._is_a.restype, self._is_a.argtypes = c_int, (c_void_p, c_size_t)
+        self._feature = loaded.arv_device_get_feature
+        self._feature.restype, self._feature.argtypes = c_void_p, (c_void_p, c_char_p)
+        self._types = {}
+        # an enumeration is an integer too, so it is asked for first
+        for kind in sorted(_KINDS, key=lambda kind: kind != "enumeration"):
+            get_type = getattr(loaded, f"arv_gc_{kind}_get_type")
+            get_type.restype, get_type.argtypes = c_size_t, ()
+            self._types[kind] = get_type()
+
+    def of(self, device: int, feature: str) -> str:
+        node = self._feature(device, feature.encode())
+        if not node:
+            return ""
+        return next((kind for kind, number in self._types.items() if self._is_a(node, number)), "")

@@ -1,0 +1,193 @@
+"""Setting up a GenICam camera by its features, whichever library talks to it and whatever it calls them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from zeromethod.errors import InputError
+
+Value = bool | int | float | str
+Trigger = Literal["free", "software", "hardware"]
+
+FORMATS = {"Mono8": 8, "Mono10": 10, "Mono12": 12, "Mono14": 14, "Mono16": 16}
+"""Pixel formats that are read, and their bits: grey, not packed, LSB-aligned."""
+
+# The Standard Feature Naming Convention's names first, then those of cameras that are older than it.
+_EXPOSURE = ("ExposureTime", "ExposureTimeAbs", "ExposureTimeRaw")
+_GAIN = ("Gain", "GainAbs", "GainRaw")
+_RATE = ("AcquisitionFrameRate", "AcquisitionFrameRateAbs")
+_TICKS_HZ = ("GevTimestampTickFrequency", "TimestampTickFrequency")
+_TRIGGERS = ("FrameStart", "ExposureStart", "FrameBurstStart", "AcquisitionStart")
+
+
+class FeatureError(Exception):
+    """The device refused a value, or lacks the feature; the message is the device's."""
+
+
+class Features(Protocol):
+    """The features of an opened device by name."""
+
+    def available(self, name: str) -> bool:
+        """Whether it has this feature now."""
+
+    def get(self, name: str) -> Value:
+        """Present value; raises FeatureError."""
+
+    def put(self, name: str, value: Value) -> None:
+        """Set a value; raises FeatureError."""
+
+    def execute(self, name: str) -> None:
+        """Carry out a command; raises FeatureError."""
+
+    def bounds(self, name: str) -> tuple[float, float] | None:
+        """Least and greatest value of a number, None where it has no such bounds."""
+
+    def choices(self, name: str) -> Sequence[str]:
+        """Entries of an enumeration that can be chosen now; empty when it is none."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the rig file asks of a camera; see `zeromethod.rig.model.CameraSpec` for the keys.
+
+    features: any others, by the device's own names, set before these. trigger_source: input of a hardware
+    trigger.
+    """
+
+    columns: int
+    rows: int
+    bits: int
+    rate_hz: float
+    exposure_s: float
+    gain: float | None = None
+    pixel_format: str | None = None
+    region_px: Sequence[int] | None = None
+    trigger: str = "free"
+    trigger_source: str = "Line1"
+    features: Mapping[str, Value] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Configured:
+    """What the camera is set to. exposure_s: as the device has it; tick_ns: of its time stamps."""
+
+    exposure_s: float
+    bits: int
+    tick_ns: float
+
+
+def configure(features: Features, settings: Settings) -> Configured:
+    """Set a camera up; InputError (one line: key, value, what it allows) for what it refuses.
+
+    A gain, an exposure or a trigger that the device does not have is refused; a frame rate that it cannot
+    be told is left to it.
+    """
+    for name, value in settings.features.items():
+        _put(features, f"features.{name}", name, value)
+    pixel_format = settings.pixel_format or f"Mono{settings.bits}"
+    bits = _pixel_format(features, pixel_format, settings.bits)
+    _region(features, settings)
+    # a frame rate left over from before could forbid the exposure, and the other way round
+    _optionally(features, "AcquisitionFrameRateEnable", False)
+    for name, value in (("ExposureAuto", "Off"), ("GainAuto", "Off"), ("ExposureMode", "Timed")):
+        _optionally(features, name, value)
+    exposure_us = 1e6 * settings.exposure_s
+    exposure = _first(features, "exposure_s", settings.exposure_s, _EXPOSURE)
+    _put(features, "exposure_s", exposure, exposure_us, settings.exposure_s, 1e-6)
+    if settings.gain is not None:
+        _put(features, "gain", _first(features, "gain", settings.gain, _GAIN), settings.gain)
+    _trigger(features, settings)
+    rate = next((name for name in _RATE if features.available(name)), None)
+    if rate and settings.trigger == "free":
+        _optionally(features, "AcquisitionFrameRateEnable", True)
+        _put(features, "rate_hz", rate, settings.rate_hz)
+    _optionally(features, "AcquisitionMode", "Continuous")
+    ticks = next((name for name in _TICKS_HZ if features.available(name)), None)
+    ticks_hz = float(features.get(ticks)) if ticks else 1e9
+    return Configured(1e-6 * float(features.get(exposure)), bits, 1e9 / ticks_hz if ticks_hz > 0 else 1.0)
+
+
+def _pixel_format(features: Features, name: str, bits: int) -> int:
+    offered = [choice for choice in features.choices("PixelFormat") if choice in FORMATS]
+    if name not in FORMATS or (offered and name not in offered):
+        raise InputError(f'camera.pixel_format: "{name}": the device allows {_listed(offered)}')
+    if FORMATS[name] != bits:
+        raise InputError(f'camera.pixel_format: "{name}": has {FORMATS[name]} bits; camera.bits is {bits}')
+    _put(features, "pixel_format", "PixelFormat", name)
+    return FORMATS[name]
+
+
+def _region(features: Features, settings: Settings) -> None:
+    """Cut the region out of the sensor; without one, its first columns and rows."""
+    x, y, columns, rows = settings.region_px or (0, 0, settings.columns, settings.rows)
+    for name in ("OffsetX", "OffsetY"):  # else a smaller width could not be told apart from a shifted one
+        _optionally(features, name, 0)
+    key = "region_px" if settings.region_px else ""
+    _put(features, key or "columns", "Width", columns)
+    _put(features, key or "rows", "Height", rows)
+    for name, offset in (("OffsetX", x), ("OffsetY", y)):
+        if offset:
+            _put(features, "region_px", name, offset)
+
+
+def _trigger(features: Features, settings: Settings) -> None:
+    wanted = settings.trigger != "free"
+    chosen = features.choices("TriggerSelector")
+    if wanted and not features.available("TriggerMode"):
+        raise InputError(f'camera.trigger: "{settings.trigger}": the device has none; allowed: "free"')
+    for selector in [name for name in _TRIGGERS if name in chosen]:
+        features.put("TriggerSelector", selector)
+        _optionally(features, "TriggerMode", "Off")
+    if not wanted:
+        return
+    if "FrameStart" in chosen:
+        features.put("TriggerSelector", "FrameStart")
+    source = "Software" if settings.trigger == "software" else settings.trigger_source
+    key = "trigger" if settings.trigger == "software" else "trigger_source"
+    _put(features, key, "TriggerSource", source)
+    _put(features, "trigger", "TriggerMode", "On")
+
+
+def _first(features: Features, key: str, value: Value, names: Sequence[str]) -> str:
+    for name in names:
+        if features.available(name):
+            return name
+    raise InputError(f"camera.{key}: {value!r}: the device has none of {', '.join(names)}")
+
+
+def _optionally(features: Features, name: str, value: Value) -> None:
+    if features.available(name):
+        try:
+            features.put(name, value)
+        except FeatureError:
+            return  # a feature that is fixed on this device
+
+
+def _put(
+    features: Features, key: str, name: str, value: Value, told: Value | None = None, unit: float = 1.0
+) -> None:
+    """Set `name` to `value`; where that fails, refuse `told` for the rig's `key`, in units of `unit`."""
+    where = f"camera.{key}: {_shown(value if told is None else told)}"
+    if not features.available(name):
+        raise InputError(f"{where}: the device has no {name}")
+    bounds = features.bounds(name)
+    if bounds and isinstance(value, int | float) and not bounds[0] <= value <= bounds[1]:
+        low, high = (unit * bound for bound in bounds)
+        raise InputError(f"{where}: the device allows {name} from {low:.10g} to {high:.10g}")
+    choices = features.choices(name)
+    if choices and value not in choices:
+        raise InputError(f"{where}: the device allows {_listed(choices)}")
+    try:
+        features.put(name, value)
+    except FeatureError as error:
+        raise InputError(f"{where}: the device refused it: {error}") from error
+
+
+def _shown(value: Value) -> str:
+    return f'"{value}"' if isinstance(value, str) else f"{value!r}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(f'"{name}"' for name in names) or f"none of {', '.join(FORMATS)}"

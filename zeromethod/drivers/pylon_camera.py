@@ -1,0 +1,205 @@
+"""Basler cameras through pypylon (extra `pylon`)."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from zeromethod.clock import HostClock
+from zeromethod.devices.protocols import CameraLost, Frame
+from zeromethod.drivers.device_clock import DeviceClock, MidExposure
+from zeromethod.drivers.genicam import Configured, FeatureError, Settings, Value, configure
+from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera
+from zeromethod.errors import InputError
+
+_OPENING_S = 15.0
+_REPEAT_TRIGGER_S = 2.0
+"""A frame that was triggered and did not come for so long is triggered again."""
+
+
+class PylonCamera(GrabbedCamera):
+    """A `Camera` of Basler: GigE, USB3, or pylon's emulator (environment variable PYLON_CAMEMU).
+
+    serial: which; the first found where it is empty. The other keys are those of the rig file's `[camera]`;
+    trigger_source: input of a hardware trigger; features: any other settings, by the device's names.
+    Times are the device's, mapped onto the host's clock; of receipt where it stamps none.
+    """
+
+    def __init__(
+        self,
+        columns: int,
+        rows: int,
+        bits: int,
+        rate_hz: float,
+        exposure_s: float,
+        serial: str = "",
+        gain: float | None = None,
+        pixel_format: str | None = None,
+        region_px: Sequence[int] | None = None,
+        trigger: str = "free",
+        trigger_source: str = "Line1",
+        latency_s: float = 0.0,
+        features: Mapping[str, Value] | None = None,
+    ) -> None:
+        """Open and configure it; InputError (one line) without pypylon or camera, or for a refused value."""
+        settings = Settings(
+            columns=columns,
+            rows=rows,
+            bits=bits,
+            rate_hz=rate_hz,
+            exposure_s=exposure_s,
+            gain=gain,
+            pixel_format=pixel_format,
+            region_px=region_px,
+            trigger=trigger,
+            trigger_source=trigger_source,
+            features=features or {},
+        )
+        super().__init__("pylon", lambda: _PylonSource(serial, settings, latency_s), _OPENING_S)
+
+
+def import_pylon() -> tuple[Any, Any]:
+    """Modules `pylon` and `genicam` of pypylon; InputError (one line) where it is not installed."""
+    try:
+        pylon, genicam = (importlib.import_module(f"pypylon.{name}") for name in ("pylon", "genicam"))
+    except ImportError as error:
+        raise InputError("camera.driver: 'pylon': needs pypylon: pip install 'zeromethod[pylon]'") from error
+    return pylon, genicam
+
+
+def found() -> list[tuple[str, str]]:
+    """Serial number and name of every Basler camera."""
+    pylon, _ = import_pylon()
+    devices = pylon.TlFactory.GetInstance().EnumerateDevices()
+    return [(device.GetSerialNumber(), device.GetFriendlyName()) for device in devices]
+
+
+def _create(pylon: Any, serial: str) -> Any:
+    factory = pylon.TlFactory.GetInstance()
+    devices = {device.GetSerialNumber(): device for device in factory.EnumerateDevices()}
+    if not devices:
+        raise InputError(f"camera.serial: {serial!r}: no Basler camera is connected")
+    if serial and serial not in devices:
+        raise InputError(f"camera.serial: {serial!r}: allowed: {', '.join(devices)}")
+    return factory.CreateDevice(devices[serial] if serial else next(iter(devices.values())))
+
+
+class _PylonFeatures:
+    """A node map as `Features`."""
+
+    def __init__(self, nodes: Any, genicam: Any) -> None:
+        self._nodes = nodes
+        self._genicam = genicam
+
+    def available(self, name: str) -> bool:
+        node = self._nodes.GetNode(name)
+        return node is not None and bool(self._genicam.IsReadable(node))
+
+    def get(self, name: str) -> Value:
+        try:
+            value: Value = self._nodes.GetNode(name).GetValue()
+        except self._genicam.GenericException as error:
+            raise FeatureError(_told(error)) from error
+        return value
+
+    def put(self, name: str, value: Value) -> None:
+        node = self._nodes.GetNode(name)
+        try:
+            node.SetValue(round(float(value)) if hasattr(node, "GetInc") and _is_integer(node) else value)
+        except (self._genicam.GenericException, TypeError, ValueError) as error:
+            raise FeatureError(_told(error)) from error
+
+    def execute(self, name: str) -> None:
+        try:
+            self._nodes.GetNode(name).Execute()
+        except self._genicam.GenericException as error:
+            raise FeatureError(_told(error)) from error
+
+    def bounds(self, name: str) -> tuple[float, float] | None:
+        node = self._nodes.GetNode(name)
+        return (node.GetMin(), node.GetMax()) if hasattr(node, "GetMin") else None
+
+    def choices(self, name: str) -> Sequence[str]:
+        node = self._nodes.GetNode(name)
+        if node is None or not hasattr(node, "GetSymbolics") or not self.available(name):
+            return ()
+        entries = [(symbol, node.GetEntryByName(symbol)) for symbol in node.GetSymbolics()]
+        return [symbol for symbol, entry in entries if entry and self._genicam.IsAvailable(entry)]
+
+
+def _is_integer(node: Any) -> bool:
+    return isinstance(node.GetMin(), int)
+
+
+def _told(error: Exception) -> str:
+    """What the device says, without where in its library it was said."""
+    return " ".join(str(error).split(" : ")[0].split())
+
+
+class _PylonSource:
+    """An opened camera that grabs."""
+
+    def __init__(self, serial: str, settings: Settings, latency_s: float) -> None:
+        self._pylon, self._genicam = import_pylon()
+        self._clock = HostClock()
+        self._lost = 0
+        self._number = -1
+        self._fired_ns: int | None = None
+        self.on_demand = settings.trigger == "software"
+        self._camera = self._pylon.InstantCamera(_create(self._pylon, serial))
+        try:
+            self._camera.Open()
+            self._features = _PylonFeatures(self._camera.GetNodeMap(), self._genicam)
+            self._set: Configured = configure(self._features, settings)
+            self.shape = settings.rows, settings.columns
+            self.bits = self._set.bits
+            clock = DeviceClock(self._set.tick_ns)
+            self._times = MidExposure(self._set.exposure_s, latency_s, clock)
+            self._camera.StartGrabbing(self._pylon.GrabStrategy_LatestImageOnly)
+        except BaseException:
+            self.close()
+            raise
+
+    def grab(self) -> Frame | None:
+        """Next frame, or None when none came in a moment; raises CameraLost when the device was removed."""
+        if self.on_demand:
+            self._fire()
+        result = self._camera.RetrieveResult(round(1e3 * POLL_S), self._pylon.TimeoutHandling_Return)
+        received_ns = self._clock.now_ns()
+        # good frames may keep coming from a removed device: they are old
+        if self._camera.IsCameraDeviceRemoved():
+            raise CameraLost("the camera was removed")
+        if not result.IsValid():
+            return None
+        try:
+            self._lost += result.GetNumberOfSkippedImages()
+            if not result.GrabSucceeded():
+                self._lost += 1
+                self._fired_ns = None
+                return None
+            image = result.Array
+            ticks = result.TimeStamp
+        finally:
+            result.Release()
+        if image.shape != self.shape:
+            raise CameraLost(f"its frames are now {image.shape}")
+        self._fired_ns = None
+        dropped, self._lost = self._lost, 0
+        self._number += 1 + dropped
+        middle_ns = self._times.of(received_ns, ticks)
+        return Frame(image, middle_ns, self._times.exposure_ns, self._number, dropped)
+
+    def _fire(self) -> None:
+        now_ns = self._clock.now_ns()
+        if self._fired_ns is None or now_ns - self._fired_ns > 1e9 * _REPEAT_TRIGGER_S:
+            self._fired_ns = now_ns
+            if self._camera.WaitForFrameTriggerReady(round(1e3 * POLL_S), self._pylon.TimeoutHandling_Return):
+                self._camera.ExecuteSoftwareTrigger()
+
+    def close(self) -> None:
+        """Stop and close the device."""
+        if self._camera.IsPylonDeviceAttached():
+            self._camera.StopGrabbing()
+            self._camera.Close()
+            self._camera.DestroyDevice()
