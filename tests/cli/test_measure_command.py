@@ -1,0 +1,170 @@
+"""`zeromethod measure` as a person meets it: files, table, refusals, and depth with a rig."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from zeromethod.cli.main import main
+from zeromethod.resources import resource
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.save import save_values
+from zeromethod.simulation.numpy_renderer import NumpyRenderer
+from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.renderer import Piece
+from zeromethod.simulation.sensor import Sensor
+
+
+def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as end:
+        main([str(argument) for argument in arguments])
+    printed = capsys.readouterr()
+    return int(end.value.code or 0), printed.out, printed.err
+
+
+def speckle(shape: tuple[int, int], sigma_px: float, seed: int = 3) -> np.ndarray:
+    grey = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=shape), (0, 0), sigma_px)
+    return np.clip(128 + 45 * grey / grey.std(), 0, 255).astype(np.uint8)
+
+
+def write(path: Path, image: np.ndarray) -> Path:
+    cv2.imencode(path.suffix, image)[1].tofile(path)
+    return path
+
+
+@pytest.fixture
+def shifted(tmp_path: Path) -> tuple[Path, Path]:
+    """Reference and an image whose content moved right by 3 and down by 2 px."""
+    big = speckle((140, 160), 2.0)
+    return write(tmp_path / "rest.bmp", big[10:130, 10:150]), write(
+        tmp_path / "moved é.png", big[8:128, 7:147]
+    )
+
+
+def test_files_table_and_summary_tell_the_planted_shift(
+    shifted: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, summary = tmp_path / "results", tmp_path / "summary.json"
+    code, out, err = outcome("measure", *shifted, "--output", folder, "--summary", summary, capsys=capsys)
+    assert (code, err) == (0, "")
+    assert "moved" in out
+    assert "median shift" in out
+    assert (folder / "moved é.png").read_bytes().startswith(b"\x89PNG")
+    with np.load(folder / "moved é.npz") as data:
+        assert {data[name].shape for name in ("u", "v", "du", "dv", "sigma", "valid")} == {(24, 28)}
+        # Whole pixels of the same picture: nothing but the window's rims can err.
+        assert np.median(data["du"][data["valid"]]) == pytest.approx(3.0, abs=0.005)
+        assert np.median(data["dv"][data["valid"]]) == pytest.approx(2.0, abs=0.005)
+        assert data["valid"].mean() > 0.8
+    (image,) = json.loads(summary.read_text())["images"]
+    assert image["displacement_median_px"] == pytest.approx(np.hypot(3, 2), abs=0.01)
+    assert image["valid_share"] > 0.8
+
+
+def test_colour_and_sixteen_bits_are_read_as_grey(
+    shifted: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reference, moved = (cv2.imdecode(np.fromfile(path, np.uint8), 0) for path in shifted)
+    colour = write(tmp_path / "colour.tif", np.repeat(reference[..., None], 3, axis=-1))
+    deep = write(tmp_path / "deep.tif", moved.astype(np.uint16) * 256)
+    summary = tmp_path / "summary.json"
+    assert outcome("measure", colour, deep, "--summary", summary, capsys=capsys)[0] == 0
+    (image,) = json.loads(summary.read_text())["images"]
+    assert image["displacement_median_px"] == pytest.approx(np.hypot(3, 2), abs=0.01)
+
+
+def test_an_image_without_anything_to_find_ends_with_1_after_the_rest_was_written(
+    shifted: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    blank = write(tmp_path / "blank.png", np.full((120, 140), 90, np.uint8))
+    folder = tmp_path / "results"
+    code, out, err = outcome("measure", shifted[0], blank, shifted[1], "--output", folder, capsys=capsys)
+    assert code == 1
+    assert "blank" in err
+    assert "moved" in out
+    assert {path.name for path in folder.iterdir()} == {
+        "blank.npz",
+        "blank.png",
+        "moved é.npz",
+        "moved é.png",
+    }
+
+
+@pytest.mark.parametrize(
+    ("case", "words"),
+    [
+        ("missing", ["nowhere.tif", "cannot be read"]),
+        ("text", ["notes.tif", "not an image"]),
+        ("smaller", ["small.png", "the reference has 140 x 120 px"]),
+        ("twice", ["would overwrite"]),
+        ("rig", ["140 x 120 px", "camera has 1280 x 1024 px"]),
+        ("window", ["--window"]),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(
+    case: str,
+    words: list[str],
+    shifted: tuple[Path, Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "notes.tif").write_text("no picture")
+    write(tmp_path / "small.png", np.zeros((60, 60), np.uint8))
+    (tmp_path / "other").mkdir()
+    reference, moved = shifted
+    arguments = {
+        "missing": [reference, tmp_path / "nowhere.tif"],
+        "text": [reference, tmp_path / "notes.tif"],
+        "smaller": [reference, tmp_path / "small.png"],
+        "twice": [reference, moved, tmp_path / "other" / moved.name],
+        "rig": [reference, moved, "--rig", "simulated"],
+        "window": [reference, moved, "--window", "1"],
+    }[case]
+    code, _, err = outcome("measure", *arguments, capsys=capsys)
+    assert code == 2
+    assert err.startswith("zeromethod: ")
+    assert err.count("\n") == 1
+    assert all(word in err for word in words)
+
+
+def test_a_rig_turns_a_static_texture_into_the_depth_of_a_press(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "small.toml"
+    values = {
+        "camera.columns": 320,
+        "camera.rows": 256,
+        "camera.focal_px": [2250.0, 2250.0],
+        "camera.centre_px": [159.5, 127.5],
+    }
+    save_values(resource("calibration", "simulated.toml"), values, path)
+    rig = load_rig(str(path))
+    planted_mm = 0.05
+    dent = Dent(Shape.GAUSSIAN, x_mm=34.0, y_mm=0.0, depth_mm=planted_mm, size_mm=4.0)
+    renderer, sensor = NumpyRenderer(rig), Sensor(rig)
+    # A camera pixel sees about two LCD pixels: specks of two camera pixels.
+    handle = renderer.upload(speckle((rig.display.rows, rig.display.columns), 4.0))
+    share = np.ones(rig.display.rows, np.float32)
+    for number, (name, mirror) in enumerate([("rest", Mirror(())), ("pressed", Mirror((dent,)))]):
+        light = renderer.expose([Piece(1.0, mirror, [(handle, share)])])
+        write(tmp_path / f"{name}.png", sensor.image(light, number))
+    images = tmp_path / "rest.png", tmp_path / "pressed.png"
+    options = "--rig", path, "--output", tmp_path / "out", "--summary", tmp_path / "summary.json"
+    code, out, err = outcome("measure", *images, *options, capsys=capsys)
+    assert (code, err) == (0, "")
+    assert "peak depth" in out
+    (image,) = json.loads((tmp_path / "summary.json").read_text())["images"]
+    with np.load(tmp_path / "out" / "pressed.npz") as data:
+        valid = data["depth_valid"]
+        r2 = (data["x_mm"] - 34.0) ** 2 + data["y_mm"] ** 2
+        truth = planted_mm * np.exp(-r2 / (2 * 4.0**2))
+        error = (data["depth_mm"] - truth)[valid]
+        assert data["node_u"].shape == valid.shape
+        sigma = data["sigma_depth_mm"][valid]
+    # Noise and the anchor (no rim in view) are in sigma; the window's smoothing is the other 2 %.
+    bound_mm = 0.02 * planted_mm + 3.0 * image["depth_peak_sigma_mm"]
+    assert bound_mm < 0.2 * planted_mm
+    assert abs(image["depth_peak_mm"] - planted_mm) < bound_mm
+    assert np.sqrt(np.mean(error**2)) < 0.02 * planted_mm + 2.0 * np.sqrt(np.mean(sigma**2))

@@ -1,0 +1,113 @@
+"""`zeromethod measure`: the passive sensor for still images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console
+
+from zeromethod.cli.output import check_file, check_folder, write_summary
+from zeromethod.correlation.correlate import LARGEST_SPACING_PX, NARROWEST_PX, SPACING_PX, WIDEST_PX
+from zeromethod.errors import InputError, MeasurementError
+from zeromethod.optics import check_geometry
+from zeromethod.procedures.measure import Measurement, StillReading, arrays, figures, measure_all
+from zeromethod.rig.load import load_rig
+from zeromethod.threads import limit_threads
+from zeromethod.view.measure_table import measure_table
+from zeromethod.view.progress import progress
+
+
+@click.command(
+    "measure",
+    epilog="Example: zeromethod measure rest.png pressed.png --output results --summary measure.json",
+)
+@click.argument("reference", type=click.Path(path_type=Path))
+@click.argument("images", metavar="IMAGE...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--rig", "rig_name", help="Rig file, or a packaged name: read slope and depth as well.")
+@click.option(
+    "--spacing",
+    type=click.IntRange(1, LARGEST_SPACING_PX),
+    default=SPACING_PX,
+    show_default=True,
+    help="Pixels between the points.",
+)
+@click.option(
+    "--window",
+    type=click.FloatRange(NARROWEST_PX, WIDEST_PX),
+    help="Standard deviation in px of the Gaussian window; chosen per point when left out.",
+)
+@click.option(
+    "--output", type=click.Path(path_type=Path), help="Folder for a .npz and a picture (.png) of every image."
+)
+@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+def measure_command(
+    reference: Path,
+    images: tuple[Path, ...],
+    rig_name: str | None,
+    spacing: int,
+    window: float | None,
+    output: Path | None,
+    summary: Path | None,
+) -> None:
+    """Measure how IMAGES moved against REFERENCE: reference(u, v) = image(u + du, v + dv).
+
+    Any texture will do: lattice, checker or speckle. Give a sequence in its order: each image may start
+    from the one before. With --rig, REFERENCE is the mirror at rest, and slope and depth are read.
+    """
+    check_file("--summary", summary, suffix=".json")
+    _check_names(images)
+    check_folder("--output", output)
+    rig = None
+    if rig_name is not None:
+        rig = load_rig(rig_name)
+        check_geometry(rig)
+    limit_threads()
+    measurement = Measurement(reference, rig=rig, spacing_px=spacing, window_px=window)
+    found: list[dict[str, Any]] = []
+    names = [*(path.name for path in images[1:]), ""]
+    with progress(len(images), first=images[0].name) as advance:
+        for reading, following in zip(measure_all(measurement, images), names, strict=True):
+            if output is not None:
+                _write(reading, measurement, output)
+            found.append(figures(reading))
+            advance(following)
+    if summary is not None:
+        write_summary(
+            summary, {"reference": str(reference), "rig": rig.name if rig else None, "images": found}
+        )
+    Console().print(measure_table(found))
+    _refuse_empty(found)
+
+
+def _check_names(images: tuple[Path, ...]) -> None:
+    seen: dict[str, Path] = {}
+    for path in images:
+        if path.stem in seen:
+            raise InputError(
+                f"IMAGE: {path}: its results would overwrite those of {seen[path.stem]}: names that differ"
+            )
+        seen[path.stem] = path
+
+
+def _write(reading: StillReading, measurement: Measurement, folder: Path) -> None:
+    from zeromethod.view.displacement_figure import draw_displacement  # noqa: PLC0415 - matplotlib loads slowly
+
+    final = folder / f"{reading.name}.npz"
+    part = folder / f"{reading.name}.npz.part"
+    with part.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays(reading))
+    part.replace(final)
+    draw_displacement(reading, measurement.reference, folder / f"{reading.name}.png")
+
+
+def _refuse_empty(found: list[dict[str, Any]]) -> None:
+    """Turn images in which nothing could be measured into an exit code."""
+    empty = [image["name"] for image in found if image["valid_share"] == 0.0]
+    if empty:
+        raise MeasurementError(f"{', '.join(empty)}: no part of the reference could be found with confidence")
+    unread = [image["name"] for image in found if not np.isfinite(image.get("depth_peak_mm", 0.0))]
+    if unread:
+        raise MeasurementError(f"{', '.join(unread)}: the displacement leaves no node to read depth at")

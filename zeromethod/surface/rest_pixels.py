@@ -1,0 +1,75 @@
+"""What the measured rest tells about the camera: which ray each node really has.
+
+A camera's pixel-to-ray map is the hardest part of a rig to know (lens distortion, a focal length by the
+data sheet), and a closed loop measures what it does to the mirror at rest, node by node: the LCD position
+that the node sees. Where everything else is known, that position names the ray: it is the ray of the pixel
+(u', v') at which an ideal camera of the rig file would see it. A reader on these pixels is zeroed at rest
+and takes every node's ray, mirror point and lever to be those that it truly has, which subtracting the warp
+at rest does not do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.optics import Optics
+from zeromethod.warp.grid import NodeGrid
+
+Array = NDArray[np.float64]
+
+_STEP_PX = 0.5
+_ITERATIONS = 8
+_SETTLED_PX = 1e-9
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RestGrid(NodeGrid):
+    """Nodes whose camera pixels are not those of the image but of the rig file's ideal camera.
+
+    pixels: (rows, cols, 2) (u', v') px. Everything but `mesh` is as on the grid it was made from: only what
+    asks for the nodes' rays sees a difference.
+    """
+
+    pixels: Array = field(repr=False)
+
+    @classmethod
+    def of(cls, grid: NodeGrid, optics: Optics, q_rest: Array) -> RestGrid:
+        """Nodes of `grid` at the pixels whose rays see `q_rest` by the mirror at rest.
+
+        q_rest: (rows, cols, 2) LCD px, measured at rest, NaN where unknown: such nodes keep their pixel.
+        """
+        pixels = rest_pixels(optics, np.stack(grid.mesh(), axis=-1), q_rest)
+        return cls(image_shape=grid.image_shape, period_px=grid.period_px, pixels=pixels)
+
+    def mesh(self) -> tuple[Array, Array]:
+        """(u', v'), each (rows, cols): pixel of every node in the rig file's ideal camera."""
+        return self.pixels[..., 0], self.pixels[..., 1]
+
+
+def rest_pixels(optics: Optics, start: Array, q_rest: Array) -> Array:
+    """Pixels (..., 2) of the rig file's camera that see LCD positions `q_rest` by the mirror at rest.
+
+    start: (..., 2) px, where to look first. Newton on the exact rays; a pixel stays at `start` where q_rest
+    is NaN, no ray leads there, or the iteration does not settle.
+    """
+    pixels = start.copy()
+    miss = np.full(start.shape[:-1], np.inf)
+    for _ in range(_ITERATIONS):
+        u, v = pixels[..., 0], pixels[..., 1]
+        away = q_rest - optics.rest_map(u, v)
+        by_u = (optics.rest_map(u + _STEP_PX, v) - optics.rest_map(u - _STEP_PX, v)) / (2 * _STEP_PX)
+        by_v = (optics.rest_map(u, v + _STEP_PX) - optics.rest_map(u, v - _STEP_PX)) / (2 * _STEP_PX)
+        area = by_u[..., 0] * by_v[..., 1] - by_u[..., 1] * by_v[..., 0]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            du = (by_v[..., 1] * away[..., 0] - by_v[..., 0] * away[..., 1]) / area
+            dv = (by_u[..., 0] * away[..., 1] - by_u[..., 1] * away[..., 0]) / area
+        pixels = pixels + np.stack([du, dv], axis=-1)
+        miss = np.hypot(du, dv)
+        if not np.any(miss > _SETTLED_PX):
+            break
+    with np.errstate(invalid="ignore"):
+        settled = miss < 1e-3
+    return np.where(settled[..., None], pixels, start)

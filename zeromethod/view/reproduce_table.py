@@ -1,0 +1,106 @@
+"""The tables of `zeromethod reproduce`: needle, press, and how firm the press's figures are."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rich.table import Table
+
+Figures = dict[str, Any]
+
+_COLUMNS = (
+    ("paper", "paper\n(printed)"),
+    ("whole_pixel_picks", "its method,\nwhole pixels"),
+    ("sub_pixel_picks", "its method,\nsub-pixel"),
+    ("whole_image", "all pixels,\ntwo images"),
+    ("zero_method", "zero\nmethod"),
+)
+_ROWS = (
+    ("peak depth, mm", "peak_mm", "{:.5f}"),
+    ("error at the peak, %", "peak_error_percent", "{:+.3f}"),
+    ("error along the line, um rms", "line_rms_um", "{:.3f}"),
+    ("error over the view, um rms", "view_rms_um", "{:.3f}"),
+    ("points read", "points", "{}"),
+)
+_PRINTED = {"peak_mm": "about 0.2", "peak_error_percent": "about 10"}
+NONE = "–"
+
+
+_NEEDLE_COLUMNS = (
+    ("paper", "paper\n(printed)"),
+    ("equation_17_gamma_0", "eq. 17,\ngamma = 0"),
+    ("equation_17_exact_geometry", "eq. 17,\nexact rays"),
+    ("equation_12_exact_geometry", "eq. 12,\nexact rays"),
+    ("zero_method", "this system,\naway from tip"),
+)
+_NEEDLE_ROWS = (
+    ("largest error of theta, rad", "theta_max_error_rad", "theta_away_error_rad", "{:.2g}"),
+    ("largest error of depth, px", "depth_max_error_px", "depth_away_error_px", "{:.2g}"),
+)
+
+
+def needle_table(needle: Figures) -> Table:
+    """Section 3.1, a figure from `NeedleResult.figures`; the reading's: one averaging window off the tip."""
+    peak_px = needle["needle"]["peak_px"]
+    table = Table(title="Section 3.1: needle, 40 px over 1637 px", title_justify="left", box=None)
+    table.add_column()
+    for _, title in _NEEDLE_COLUMNS:
+        table.add_column(title, justify="right")
+    for label, key, away, pattern in _NEEDLE_ROWS:
+        values = [needle[name][away if name == "zero_method" else key] for name, _ in _NEEDLE_COLUMNS]
+        table.add_row(label, *(_shown(value, pattern) for value in values))
+    table.add_row("the same, % of the peak", *(_shown(100 * value / peak_px, "{:.2g}") for value in values))
+    return table
+
+
+def press_table(figures: Figures) -> Table:
+    """One press (0.2 mm, sigma 5 mm), one rig; what a column cannot give is a dash."""
+    table = Table(title="Section 5: the same press, read in four ways", title_justify="left", box=None)
+    table.add_column()
+    for _, title in _COLUMNS:
+        table.add_column(title, justify="right")
+    for label, key, pattern in _ROWS:
+        cells = [
+            _PRINTED.get(key, NONE) if name == "paper" else _shown(figures["press"][name].get(key), pattern)
+            for name, _ in _COLUMNS
+        ]
+        table.add_row(label, *cells)
+    return table
+
+
+def press_notes(figures: Figures) -> list[str]:
+    """What the table does not say: how far the picks' error depends on where the press lies, and why."""
+    moved, bare = figures["press_moved"], figures["error_percent_without_pick_error"]
+    without_lag = figures["press_without_lag"]
+    notes = []
+    for name, title in (("whole_pixel_picks", "whole pixels"), ("sub_pixel_picks", "sub-pixel")):
+        lagged, straight = _spread(moved[name]), _spread(moved[f"{name}_without_lag"])
+        notes.append(f"{title}, press moved to {moved[name]['positions']} places: error at the peak {lagged}")
+        notes.append(
+            f"{title}, equation 19 without its lag of one interval, as in the needle's columns: "
+            f"{without_lag[name]['peak_error_percent']:+.1f} %; moved: {straight}"
+        )
+    notes.append(
+        f"picks without error: {bare['as built']:+.1f} %; without the LCD's air gap {bare['acryl']:+.1f} %, "
+        f"without the acryl too {bare['bare']:+.1f} % (the equations know neither)"
+    )
+    own = figures["whole_image_own_window"]
+    percent = _shown(own["peak_error_percent"], "{:+.2f}")
+    rms_um = _shown(own["view_rms_um"], "{:.2f}")
+    notes.append(
+        "all pixels: window of 10 px, picked from 6, 8, 10 and 12 px with the truth of this press in sight; "
+        f"with windows that the correlation chooses itself: {percent} % at the peak, {rms_um} um rms"
+    )
+    return notes
+
+
+def _spread(errors: Figures) -> str:
+    least, most, median = (errors[f"{key}_percent"] for key in ("least", "most", "median"))
+    return f"{least:+.1f} to {most:+.1f} %, median {median:+.1f} %"
+
+
+def _shown(value: Any, pattern: str) -> str:
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return NONE
+    return pattern.format(value)
