@@ -18,39 +18,43 @@ _COLUMNS = (
 )
 _ROWS = (
     ("peak depth, mm", "peak_mm", "{:.5f}"),
-    ("error at the peak, %", "peak_error_percent", "{:+.3f}"),
-    ("error along the line, um rms", "line_rms_um", "{:.3f}"),
-    ("error over the view, um rms", "view_rms_um", "{:.3f}"),
+    ("peak error, %", "peak_error_percent", "{:+.3f}"),
+    ("line rms, um", "line_rms_um", "{:.3f}"),
+    ("view rms, um", "view_rms_um", "{:.3f}"),
     ("points read", "points", "{}"),
 )
 _PRINTED = {"peak_mm": "about 0.2", "peak_error_percent": "about 10"}
 NONE = "–"
 
-
 _NEEDLE_COLUMNS = (
     ("paper", "paper\n(printed)"),
-    ("equation_17_gamma_0", "eq. 17,\ngamma = 0"),
+    ("equation_17_gamma_0", "eq. 17,\ngamma=0"),
+    ("equation_17_gamma_0_lagged_sum", "same,\n19 lags"),
     ("equation_17_exact_geometry", "eq. 17,\nexact rays"),
     ("equation_12_exact_geometry", "eq. 12,\nexact rays"),
-    ("zero_method", "this system,\naway from tip"),
+    ("zero_method", "this\nsystem"),
 )
 _NEEDLE_ROWS = (
-    ("largest error of theta, rad", "theta_max_error_rad", "theta_away_error_rad", "{:.2g}"),
-    ("largest error of depth, px", "depth_max_error_px", "depth_away_error_px", "{:.2g}"),
+    ("theta error, rad", "theta_max_error_rad", "theta_away_error_rad", "{:.2g}"),
+    ("depth error, px", "depth_max_error_px", "depth_away_error_px", "{:.2g}"),
 )
 
 
 def needle_table(needle: Figures) -> Table:
     """Section 3.1, a figure from `NeedleResult.figures`; the reading's: one averaging window off the tip."""
     peak_px = needle["needle"]["peak_px"]
-    table = Table(title="Section 3.1: needle, 40 px over 1637 px", title_justify="left", box=None)
+    table = Table(
+        title="Section 3.1: needle, 40 px over 1637 px, largest errors (this system: one window off the tip)",
+        title_justify="left",
+        box=None,
+    )
     table.add_column()
     for _, title in _NEEDLE_COLUMNS:
         table.add_column(title, justify="right")
     for label, key, away, pattern in _NEEDLE_ROWS:
         values = [needle[name][away if name == "zero_method" else key] for name, _ in _NEEDLE_COLUMNS]
         table.add_row(label, *(_shown(value, pattern) for value in values))
-    table.add_row("the same, % of the peak", *(_shown(100 * value / peak_px, "{:.2g}") for value in values))
+    table.add_row("depth error, %", *(_shown(100 * value / peak_px, "{:.2g}") for value in values))
     return table
 
 
