@@ -1,7 +1,8 @@
 # make run   set up, then close the loop on the simulated bench
 # make test  set up, then run all tests
 # make lint  format, lint, types, import layers
-# make bench speed against peers (ratios of the same run), steps, long holds, gains, faults: ~15 minutes
+# make bench speed and accuracy against peers (ratios of the same run), sigma, steps, long holds, gains,
+#            faults: ~20 minutes
 # Everything lives in .venv; system packages that are missing (EGL, Mesa; Xvfb for the tests) are installed first.
 
 PYTHON ?= python3
@@ -25,8 +26,10 @@ lint: $(VENV)/.dev-ready
 	$(BIN)/lint-imports
 
 bench: $(VENV)/.run-ready
-	$(BIN)/python benchmarks/residual_speed.py
-	$(BIN)/python benchmarks/loop_speed.py
+	@mkdir -p out
+	$(BIN)/zeromethod bench --figure out/bench.png --summary out/bench.json
+	$(BIN)/python benchmarks/sigma.py
+	$(BIN)/python benchmarks/press_suite.py
 	$(BIN)/python benchmarks/step_response.py
 	$(BIN)/python benchmarks/wavelength_gain.py
 	$(BIN)/python benchmarks/long_hold.py

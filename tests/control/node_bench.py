@@ -60,7 +60,9 @@ def dent(rest: Rest, peak_lcd_px: float, sigma_px: float = 40.0, shift_px: float
 class PhasorSensor:
     """Hands on the residual that the bench put in place of an image."""
 
-    def measure(self, image: Residual, guess: np.ndarray | None = None) -> Residual:
+    def measure(
+        self, image: Residual, guess: np.ndarray | None = None, *, light_share: np.ndarray | None = None
+    ) -> Residual:
         return image
 
     def set_reference(self, residual: Residual | None) -> None:

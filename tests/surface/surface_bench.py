@@ -11,8 +11,9 @@ from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import KnownRest, RestSurface, Rig, SurfaceSpec
 from zeromethod.surface import Surface, SurfaceReader
-from zeromethod.surface.noise import correlated_noise, overlap_correlation
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.jacobian import jacobian
+from zeromethod.warp.overlap import component_correlation
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
@@ -92,6 +93,16 @@ class Several:
         return sum(s[0] for s in slopes), sum(s[1] for s in slopes)
 
 
+def _line(correlation: np.ndarray, nodes: int) -> np.ndarray:
+    lag = np.abs(np.subtract.outer(np.arange(nodes), np.arange(nodes)))
+    return np.where(lag < len(correlation), correlation[np.minimum(lag, len(correlation) - 1)], 0.0)
+
+
+def _root(matrix: np.ndarray) -> np.ndarray:
+    values, vectors = np.linalg.eigh(matrix)
+    return (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+
+
 class Bench:
     """One rig's optics, nodes and reader."""
 
@@ -103,10 +114,9 @@ class Bench:
         self.centre_mm = self.optics.length_mm / 2
         u, v = self.grid.mesh()
         rest = self.optics.trace(u, v, self.optics.rest)
-        across = np.gradient(rest.q[..., 0], self.grid.u_px, axis=1)
-        down = np.gradient(rest.q[..., 1], self.grid.v_px, axis=0)
-        sigma = RESIDUAL_SIGMA_PX * np.abs(np.stack([across, down], axis=-1))
-        self.sigma_q = np.where(np.isfinite(sigma), sigma, 1.0)
+        roots = component_correlation(self.grid.period_px, self.grid.spacing_px, "cosines")
+        own, other = ([_root(_line(c, n)) for c in roots] for n in (self.grid.shape[1], self.grid.shape[0]))
+        self._roots = ((own[0], other[1]), (own[1], other[0]))
         middle = self.grid.shape[0] // 2
         self.pitch_mm = float(np.nanmedian(np.diff(rest.point[middle, :, 0])))
 
@@ -117,12 +127,13 @@ class Bench:
         flags = np.full(self.grid.shape, Flag.OUTSIDE, np.uint16)
         flags[self.grid.inner] = 0
         flags[~trace.reaches_display] |= np.uint16(Flag.NO_RAY)
-        q = trace.q
+        q, bending = trace.q, jacobian(trace.q, self.grid.spacing_px)
+        sigma = RESIDUAL_SIGMA_PX * np.linalg.norm(bending, axis=-1)
         if generator is not None:
-            correlation = overlap_correlation(self.grid.period_px, self.grid.spacing_px)
-            noise = correlated_noise(2, self.grid.shape, correlation, generator)
-            q = q + np.moveaxis(noise, 0, -1) * self.sigma_q
-        return Warp(q, self.sigma_q, flags, time_ns=7)
+            white = generator.standard_normal((2, *self.grid.shape))
+            noise = [down @ e @ across for e, (across, down) in zip(white, self._roots, strict=True)]
+            q = q + RESIDUAL_SIGMA_PX * np.einsum("...ij,j...->...i", bending, np.stack(noise))
+        return Warp(q, np.where(np.isfinite(sigma), sigma, 1.0), flags, time_ns=7)
 
     def truth(self, dent: DepthField) -> np.ndarray:
         """Planted depth at every node's own mirror point."""

@@ -112,3 +112,22 @@ def test_kept_factors_follow_a_changing_mask():
         depth = integrator.integrate(slope, x, y)
         assert spread(depth, dent.depth(x, y), island) < 2e-5
         assert not island[row, 6]
+
+
+def test_linear_part_and_its_transpose():
+    """sum(weights * depth(s)) = sum(slope_weights(weights) * s) where weights add up to 0, with holes."""
+    x, y = irregular_points()
+    valid = np.ones(SHAPE, bool)
+    valid[30:45, 50:62] = False
+    valid[60, 10:80] = False
+    integrator = SlopeIntegrator(x, y)
+    generator = np.random.default_rng(0)
+    integrator.prepare(valid, generator.uniform(0.5, 2.0, (*SHAPE, 2)))
+    linear = integrator.linear(x, y)
+    slope = generator.standard_normal((*SHAPE, 2))
+    weights = np.where(valid, generator.standard_normal(SHAPE), 0.0)
+    weights -= valid * weights.sum() / valid.sum()
+    there = (weights * linear.depth(slope)).sum()
+    back = (linear.slope_weights(weights) * slope).sum()
+    assert there == pytest.approx(back, rel=1e-9)
+    np.testing.assert_allclose(linear.depth(slope), integrator.integrate(slope, x, y), atol=1e-12)

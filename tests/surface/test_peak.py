@@ -54,6 +54,18 @@ def test_peak_between_nodes(shift, nodes, bar):
     assert found.sigma_mm == 1e-5
 
 
+@pytest.mark.parametrize("turn_deg", [0.0, 30.0, 75.0, 90.0])
+def test_an_edge_is_fitted_as_narrowly_as_it_is(turn_deg):
+    """4.8 nodes across, 20 along: a window by the mean curvature would be off by 3e-4."""
+    x, y = lattice()
+    j, i = np.meshgrid(np.arange(60.0), np.arange(50.0))
+    c, s = np.cos(np.deg2rad(turn_deg)), np.sin(np.deg2rad(turn_deg))
+    along, across = c * (j - 30.3) + s * (i - 25.2), c * (i - 25.2) - s * (j - 30.3)
+    depth = 0.05 * np.exp(-0.5 * (along**2 / 400 + across**2 / 4.8**2))
+    # as a round pad of sigma 5 nodes
+    assert peak(surface_of(depth, x, y)).depth_mm == pytest.approx(0.05, rel=1.5e-4)
+
+
 def test_a_bulge_keeps_its_sign():
     depth, x, y, _, _ = gauss(8, (0.2, 0.1), sign=-1.0)
     assert peak(surface_of(depth, x, y)).depth_mm == pytest.approx(-0.2, rel=1e-4)

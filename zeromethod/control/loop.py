@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.clock import Clock
-from zeromethod.control.circle import Circle, Taken, controller_of
+from zeromethod.control.circle import Circle, Sensor, Taken, controller_of
 from zeromethod.control.events import Event
+from zeromethod.control.expected_light import ExpectedLight
 from zeromethod.control.frame_check import FrameCheck, Verdict
 from zeromethod.control.pairing import PanelTiming
 from zeromethod.control.presenter import Presenter
@@ -76,20 +77,23 @@ class Loop:
         *,
         reopen_camera: Callable[[], Camera] | None = None,
         optics: Optics | None = None,
+        sensor: Sensor | None = None,
     ) -> None:
         """Prepare everything; nothing is shown before the first step.
 
-        optics: the rig's rays, when the caller has them already. Raises InputError for a rig that sees no
-        display, or where nothing can draw.
+        optics: the rig's rays, when the caller has them already. sensor: another one than the rig's. Raises
+        InputError for a rig that sees no display, or where nothing can draw.
         """
-        self.rest = Rest.of(rig, optics or Optics(rig))
+        optics = optics or Optics(rig)
+        self.rest = Rest.of(rig, optics)
         self.status = Status()
         self.over = False
         self._camera = camera
         self._clock = clock
         self._timeout_s = rig.control.timeout_s
         target = Target.from_spec(rig.target)
-        sensor = ResidualSensor.from_rig(rig, self.rest.grid, target.light)
+        sensor = sensor or ResidualSensor.from_rig(rig, self.rest.grid, target.light)
+        light = ExpectedLight(optics, self.rest)
 
         def circle() -> Circle:
             return Circle(
@@ -99,6 +103,7 @@ class Loop:
                 PanelTiming.of(rig.display),
                 rig.camera.noise.black_grey,
                 rig.target.kind,
+                light if light.needed else None,
             )
 
         rehearse(circle(), target, rig.camera)

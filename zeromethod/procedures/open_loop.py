@@ -47,8 +47,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.clock import SimulatedClock
-from zeromethod.control import NULLED, Circle, Loop, PanelTiming, Step
-from zeromethod.control.circle import Sensor, controller_of
+from zeromethod.control import NULLED, Loop, Step
+from zeromethod.control.circle import Sensor
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target
@@ -212,22 +212,6 @@ class _MisreadingSensor:
         self._sensor.set_reference(residual)
 
 
-class _MisreadingLoop(Loop):
-    """The loop with a misreading sensor in its circle."""
-
-    def misread(self, rig: Rig, gain: float) -> None:
-        """Take such a sensor from now on; before the first step only."""
-        sensor = ResidualSensor.from_rig(rig, self.grid, Target.from_spec(rig.target).light)
-        self._circle = Circle(
-            self.rest,
-            _MisreadingSensor(sensor, gain),
-            controller_of(rig.control, self.rest),
-            PanelTiming.of(rig.display),
-            rig.camera.noise.black_grey,
-            rig.target.kind,
-        )
-
-
 @dataclass(frozen=True)
 class _Reading:
     """The frames read at one level: their warps, residual rms in camera px, and the true mirror."""
@@ -270,9 +254,8 @@ class _Staircase:
         camera = SimulatedCamera(self.truth.rig, clock, display)
         camera.scenario = self._scenario()
         try:
-            loop = _MisreadingLoop(self.believed, camera, display, clock, optics=self.optics)
-            if self.kind == "sensor":
-                loop.misread(self.believed, 1 + ERROR)
+            sensor = self._misreading() if self.kind == "sensor" else None
+            loop = Loop(self.believed, camera, display, clock, optics=self.optics, sensor=sensor)
             loop.hold(self.method == "open")
             half_ns = round(0.5e9 * self.believed.camera.exposure_s)
             level, start_ns = 0, 0
@@ -293,6 +276,12 @@ class _Staircase:
         finally:
             camera.close()
             display.close()
+
+    def _misreading(self) -> _MisreadingSensor:
+        camera, target = self.believed.camera, self.believed.target
+        grid = NodeGrid((camera.rows, camera.columns), target.period_px)
+        light = Target.from_spec(target).light
+        return _MisreadingSensor(ResidualSensor.from_rig(self.believed, grid, light), 1 + ERROR)
 
     def _reading(self, seen: list[Step], depth_mm: float, mirror: Mirror, most: int) -> _Reading:
         usable = [(warp, step.residual_rms_px) for step in seen if (warp := self._warp(step)) is not None]

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.optics import Dented, Lost, Optics
+from zeromethod.optics import Dented, Optics
 from zeromethod.surface import Surface, peak
 from zeromethod.warp.grid import NodeGrid
 
@@ -55,8 +55,7 @@ class Comparison:
     """One frame's reading against the truth at its mid-exposure, over usable nodes.
 
     The true peak is the deepest usable point, read or not: a press that was missed is an error of the peak.
-    A rig below the critical angle everywhere (the paper's 45 degrees) has no usable node at all: then the
-    share says so, and the errors are over all nodes that were read.
+    All errors are NaN where no usable node was read.
     """
 
     depth_peak_mm: float
@@ -67,11 +66,26 @@ class Comparison:
     valid_share: float
 
 
+TOTAL = 1 - 1e-9
+"""Reflectance from which reflection counts as total."""
+
+LIT_SHARE = 0.3
+"""Share of its reflectance at rest that makes a node usable where it is below the critical angle at rest:
+what a loop that allows for Fresnel can read."""
+
+
 def usable_nodes(optics: Optics, grid: NodeGrid, truth: TrueMirror) -> NDArray[np.bool_]:
-    """(rows, cols) nodes whose true ray is totally reflected and lands a carrier period inside the LCD."""
+    """(rows, cols) nodes whose true ray is reflected and lands a carrier period inside the LCD.
+
+    Reflected: totally, where the mirror at rest reflects totally; else at least LIT_SHARE of what it does
+    at rest (the paper's 45 degrees lie below the critical angle everywhere).
+    """
     u, v = grid.mesh()
     trace = optics.trace(u, v, Dented(optics.rest, truth))
-    whole = (trace.lost == Lost.NONE) & (trace.reflectance > 1 - 1e-9)
+    whole = trace.reaches_display & (np.nan_to_num(trace.reflectance) > TOTAL)
+    dim = trace.reaches_display & ~whole
+    at_rest = optics.trace(u[dim], v[dim], optics.rest).reflectance
+    whole[dim] = (at_rest <= TOTAL) & (trace.reflectance[dim] >= LIT_SHARE * at_rest)
     x, y = trace.point[..., 0], trace.point[..., 1]
     touched = np.zeros_like(whole)
     touched[whole] = truth.reflectance_factor(x[whole], y[whole]) < 1
@@ -113,14 +127,14 @@ def true_peak_mm(truth: TrueMirror, x: Array, y: Array) -> float:
 def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid) -> Comparison:
     """Errors of `surface` against `truth`; depth and slope are compared at the points as read."""
     usable = usable_nodes(optics, grid, truth)
-    both = usable & surface.valid if usable.any() else surface.valid
+    both = usable & surface.valid
     if not both.any():
         nothing = float("nan")
         return Comparison(nothing, nothing, nothing, nothing, float(np.mean(usable[grid.inner])), 0.0)
     x, y = surface.x_mm[both], surface.y_mm[both]
     depth_error = surface.depth_mm[both] - truth.depth(x, y)
     slope_error = surface.slope[both] - np.stack(truth.slope(x, y), axis=-1)
-    seen = np.isfinite(surface.x_mm) & np.isfinite(surface.y_mm) & (usable if usable.any() else surface.valid)
+    seen = np.isfinite(surface.x_mm) & np.isfinite(surface.y_mm) & usable
     peak_true = true_peak_mm(truth, surface.x_mm[seen], surface.y_mm[seen])
     peak_read = peak(surface).depth_mm
     share = 100 * (peak_read - peak_true) / peak_true if peak_true else float("nan")
@@ -131,5 +145,5 @@ def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid)
         depth_rms_error_um=1e3 * float(np.sqrt(np.mean(depth_error**2))),
         slope_rms_error_mrad=1e3 * float(np.sqrt(np.mean(np.sum(slope_error**2, axis=-1)))),
         usable_share=float(np.mean(usable[inner])),
-        valid_share=float(np.count_nonzero(both & usable)) / max(int(np.count_nonzero(usable)), 1),
+        valid_share=float(np.count_nonzero(both)) / max(int(np.count_nonzero(usable)), 1),
     )

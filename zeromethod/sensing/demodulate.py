@@ -18,7 +18,8 @@ FAST = {"reassoc", "contract", "arcp", "nsz"}
 """Fast-math that still knows infinity and NaN."""
 
 Floats = NDArray[np.float32]
-Image = NDArray[np.uint8] | NDArray[np.uint16]
+Image = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
+"""Grey levels as the camera gives them, or levelled ones."""
 
 Length = tuple[int, ...]
 """A tuple stands for its length, which the compiler then knows: sums over the window run 4 times faster."""

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from zeromethod.warp.overlap import Gradient, overlap_correlation
+
 
 def triangle(period_px: int) -> NDArray[np.float64]:
     """(2 P - 1,) weights of the window along one axis, offsets -(P - 1) .. P - 1 px; sum 1."""
@@ -36,17 +38,16 @@ def curvature_bias_px2(period_px: int) -> float:
     return (period_px**2 - 1) / 12
 
 
-def noise_correlation(period_px: int, nodes: ArrayLike) -> NDArray[np.float64]:
+def noise_correlation(period_px: int, nodes: ArrayLike, gradient: Gradient = "flat") -> NDArray[np.float64]:
     """Correlation of one component's noise between nodes that many nodes apart on one axis.
 
     The window's autocorrelation at `nodes` x P/2: 1, 0.72, 0.25, 0.03, 0 for 0 to 4 nodes (the
     cubic B-spline of P -> infinity: 1, 23/32, 1/4, 1/32); the two axes multiply, the two components are
-    independent. (The carrier's own part, below 4 %, depends on its phase and is left out.)
+    independent. gradient: "sine" along a carrier, "flat" across it (`zeromethod.warp.overlap`).
     """
-    w = triangle(period_px)
-    full = np.correlate(w, w, mode="full") / float(w @ w)
-    lag = np.abs(np.rint(np.asarray(nodes, dtype=float) * (period_px // 2)).astype(int))
-    return np.asarray(np.where(lag < len(w), full[len(w) - 1 + np.minimum(lag, len(w) - 1)], 0.0))
+    known = overlap_correlation(period_px, period_px // 2, gradient)
+    lag = np.abs(np.rint(np.asarray(nodes, dtype=float)).astype(int))
+    return np.asarray(known[np.minimum(lag, len(known) - 1)])
 
 
 def carrier_power(period_px: int) -> NDArray[np.float64]:

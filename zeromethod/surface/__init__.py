@@ -1,7 +1,17 @@
 """Reading the mirror: slope and depth per node from a measured warp, with their uncertainty."""
 
+from zeromethod.surface.covariance import Covariances, DepthCovariance, Variance
 from zeromethod.surface.peak import Peak, peak
 from zeromethod.surface.reader import SurfaceReader
 from zeromethod.surface.surface import Anchor, Surface
 
-__all__ = ["Anchor", "Peak", "Surface", "SurfaceReader", "peak"]
+__all__ = [
+    "Anchor",
+    "Covariances",
+    "DepthCovariance",
+    "Peak",
+    "Surface",
+    "SurfaceReader",
+    "Variance",
+    "peak",
+]

@@ -3,7 +3,8 @@
 Depth is fixed up to C h, with h the integrator's scale (see `integrate`); C is fitted to nodes at rest.
 Without a rectangle known to be at rest, these are the quietest nodes of the view's border: rubber's far
 field falls off like 1/r or faster, so a node of residual slope s at distance r from the dent is at most
-s r deep. That bound weighs the nodes; the tail that their slope still shows goes into sigma.
+s r deep. That bound weighs the nodes. Where their slope still shows a tail, its depth is taken from how slope
+and depth fall off (`far_field`); where they follow no such law, the tail's bound goes into sigma.
 """
 
 from __future__ import annotations
@@ -31,11 +32,15 @@ _NEGLIGIBLE = 0.02
 
 @dataclass(frozen=True, slots=True)
 class RestFit:
-    """Weights (rows, cols), adding up to 1, of depth / h in the constant C; its systematic sigma in mm."""
+    """Weights (rows, cols), adding up to 1, of depth / h in the constant C; its systematic sigma in mm.
+
+    tail_mm: what the weights' mean of depth / h is believed to be; 0 where the nodes count as at rest.
+    """
 
     mode: Literal["known", "quiet"]
     weights: NDArray[np.float64]
     sigma_mm: float
+    tail_mm: float = 0.0
 
 
 def known_nodes(

@@ -62,6 +62,65 @@ def _along_rows(
             start = end
 
 
+@numba.njit(cache=True)
+def _along_rows_adjoint(
+    weight: Any, x: Any, y: Any, valid: Any, derivative: Any, integral: Any, out_x: Any, out_y: Any
+) -> None:
+    """Add the transpose of `_along_rows`: from weights of the steps to weights of the slopes."""
+    rows, cols = valid.shape
+    line = np.empty(cols)
+    for i in range(rows):
+        start = 0
+        while start < cols:
+            if not valid[i, start]:
+                start += 1
+                continue
+            end = start
+            while end < cols and valid[i, end]:
+                end += 1
+            length = end - start
+            if length > 1:
+                line[start:end] = 0.0
+                for j in range(start, end - 1):
+                    first = j - INTEGRAL_POINTS // 2 + 1
+                    points = INTEGRAL_POINTS
+                    if first < start or first + points > end:
+                        points = min(BORDER_POINTS, length)
+                        first = min(max(j - points // 2 + 1, start), end - points)
+                    for k in range(points):
+                        line[first + k] += integral[points, j - first, k] * weight[i, j]
+                points = min(DERIVATIVE_POINTS, length)
+                for j in range(start, end):
+                    first = min(max(j - points // 2, start), end - points)
+                    dx = 0.0
+                    dy = 0.0
+                    for k in range(points):
+                        dx += derivative[points, j - first, k] * x[i, first + k]
+                        dy += derivative[points, j - first, k] * y[i, first + k]
+                    out_x[i, j] += line[j] * dx
+                    out_y[i, j] += line[j] * dy
+            start = end
+
+
+def depth_differences_adjoint(
+    across: NDArray[np.float64],
+    down: NDArray[np.float64],
+    x_mm: NDArray[np.float64],
+    y_mm: NDArray[np.float64],
+    valid: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """Transpose of `depth_differences`: weights (rows, cols, 2), mm, of the slopes in a sum over steps.
+
+    across (rows, cols-1), down (rows-1, cols): the steps' weights; those that touch an invalid node count 0.
+    sum(across * steps_across) + sum(down * steps_down) = sum(result * slope).
+    """
+    out = np.zeros((*valid.shape, 2))
+    out_x, out_y = out[..., 0], out[..., 1]
+    _along_rows_adjoint(across, x_mm, y_mm, valid, _DERIVATIVE, _INTEGRAL, out_x, out_y)
+    _along_rows_adjoint(down.T, x_mm.T, y_mm.T, valid.T, _DERIVATIVE, _INTEGRAL, out_x.T, out_y.T)
+    return out
+
+
 def depth_differences(
     slope: NDArray[np.float64], x_mm: NDArray[np.float64], y_mm: NDArray[np.float64], valid: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

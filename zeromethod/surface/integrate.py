@@ -9,12 +9,14 @@ of a plain integration, and depth is known up to a multiple of h, not up to a co
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from zeromethod.surface.differences import depth_differences
-from zeromethod.surface.poisson import LatticeSolver
+from zeromethod.surface.differences import depth_differences, depth_differences_adjoint
+from zeromethod.surface.poisson import LatticeSolution, LatticeSolver
 
 _KEEP_FACTOR = 2.0
 """Weights are kept while nodes' variances stay within this factor of the ones they were made from:
@@ -31,6 +33,58 @@ def largest_island(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
     sizes[0] = 0
     island: NDArray[np.bool_] = labels == int(np.argmax(sizes))
     return island
+
+
+@dataclass(frozen=True, slots=True)
+class LinearIntegration:
+    """An integration's linear part, as it stood: from errors of slope to errors e of depth / h, and back.
+
+    Stays what it is when the integrator goes on to other masks and weights. island: (rows, cols) nodes.
+    """
+
+    island: NDArray[np.bool_]
+    x_mm: NDArray[np.float64]
+    y_mm: NDArray[np.float64]
+    across: NDArray[np.float64]
+    down: NDArray[np.float64]
+    solution: LatticeSolution
+
+    def depth(self, slope: NDArray[np.float64]) -> NDArray[np.float64]:
+        """E (rows, cols) in mm, up to a constant, of slope errors (rows, cols, 2), rad."""
+        across, down = depth_differences(slope, self.x_mm, self.y_mm, self.island)
+        return self.solution.solve(_divergence(self.across * across, self.down * down))
+
+    def slope_weights(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Weights (..., rows, cols, 2), mm, with which the slopes enter sum(weights * e).
+
+        weights (..., rows, cols) must add up to 0, as e is known up to a constant; off the island they do
+        not count. This is the transpose of `depth`.
+        """
+        potential = self.solution.solve(np.where(self.island, weights, 0.0))
+        flat = potential.reshape(-1, *self.island.shape)
+        out = np.stack(
+            [
+                depth_differences_adjoint(
+                    self.across * np.diff(one, axis=1),
+                    self.down * np.diff(one, axis=0),
+                    self.x_mm,
+                    self.y_mm,
+                    self.island,
+                )
+                for one in flat
+            ]
+        )
+        return out.reshape(*potential.shape, 2)
+
+
+def _divergence(across: NDArray[np.float64], down: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum at each node (rows, cols) of the steps that lead to it less those that lead away."""
+    out = np.zeros((across.shape[0], down.shape[1]))
+    out[:, 1:] += across
+    out[:, :-1] -= across
+    out[1:] += down
+    out[:-1] -= down
+    return out
 
 
 class SlopeIntegrator:
@@ -57,6 +111,8 @@ class SlopeIntegrator:
         self._down = np.zeros_like(self._h_down)
         self._pin = (0, 0)
         self.island: NDArray[np.bool_] = np.zeros(shape, bool)
+        self.weightings = 0
+        """How often the weights were made anew."""
 
     def prepare(self, valid: NDArray[np.bool_], variance: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Set mask (rows, cols) and slope variance (rows, cols, 2); return the nodes that get a depth."""
@@ -68,6 +124,7 @@ class SlopeIntegrator:
         relative = np.where(island[..., None], variance, 0.0) / np.median(variance[island])
         if self._weights_changed(relative):
             self._variance = relative
+            self.weightings += 1
         elif same:
             return island
         else:
@@ -127,11 +184,8 @@ class SlopeIntegrator:
         if depth_mm is not None:
             across -= np.diff(depth_mm, axis=1)
             down -= np.diff(depth_mm, axis=0)
-        across *= self._across
-        down *= self._down
-        rhs = np.zeros(self._shape)
-        rhs[:, 1:] += across
-        rhs[:, :-1] -= across
-        rhs[1:] += down
-        rhs[:-1] -= down
-        return rhs
+        return _divergence(self._across * across, self._down * down)
+
+    def linear(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> LinearIntegration:
+        """Integration with the present mask and weights over points at x_mm, y_mm (rows, cols)."""
+        return LinearIntegration(self.island, x_mm, y_mm, self._across, self._down, self._solver.solution)

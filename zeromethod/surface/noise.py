@@ -1,125 +1,204 @@
-"""Noise of depth: how independent pixels' noise reaches it by way of overlapping windows and integration."""
+"""Noise of slope and depth: how independent pixels' noise reaches them through overlapping windows."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, ndimage
+from scipy import ndimage
+from scipy.interpolate import RBFInterpolator
 
-from zeromethod.surface.integrate import SlopeIntegrator
+from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator
 
-_PROBES = 96
-_SMOOTHING_NODES = 1.5
+_SAMPLES_PER_AXIS = 13
+_SAMPLES_BESIDE_HOLES = 48
+_BATCH = 32
 _KEEP_SHARE = 0.05
-_KEEP_FACTOR = 1.5
-"""Probes are kept while the mask differs on fewer nodes than this share, and as few nodes' noise changed,
+_KEEP_FACTOR = 2.0
+"""Samples are kept while the mask differs on fewer nodes than this share, and as few nodes' noise changed,
 relative to all others', by more than this factor."""
-_SEED = 20040
+_SAME_ANCHOR = 0.2
+"""Weights of the anchor that may move elsewhere before its noise is looked at again."""
+_BOXES = (1, 3, 7, 15, 31, 63)
+_EVEN = 0.02
+_LEAST_LEFT = 0.02
+
+Float = NDArray[np.float64]
 
 
-def overlap_correlation(period_px: int, spacing_px: int) -> NDArray[np.float64]:
-    """Correlation of the noise of two nodes 0, 1, 2, ... apart along one axis.
+@dataclass(frozen=True, slots=True)
+class SlopeNoise:
+    """Noise of the slopes of one reading.
 
-    The sensing window is a box of one period convolved with itself (a triangle of 2 period - 1 pixels);
-    pixels' noise is independent, so the correlation is the window's autocorrelation, a cubic B-spline:
-    1, 0.719, 0.25, 0.031, 0 at half a period per node.
+    factor: (rows, cols, 2, 2), slope's error = factor @ (noise along u, along v), each of variance 1.
+    own, other: correlation of that noise between nodes 0, 1, 2, ... apart along its own axis and the other.
     """
-    box = np.ones(period_px)
-    triangle = np.convolve(box, box)
-    whole = np.convolve(triangle, triangle)
-    correlation: NDArray[np.float64] = whole[len(whole) // 2 :: spacing_px] / whole[len(whole) // 2]
-    return correlation
+
+    factor: Float
+    own: Float
+    other: Float
+
+    @property
+    def variance(self) -> Float:
+        """(rows, cols, 2) rad^2."""
+        result: Float = (self.factor**2).sum(axis=-1)
+        return result
+
+    def covariance(self, weights: Float) -> Float:
+        """Covariance (..., rows, cols, 2) of each slope with sum(weights * slope), weights of that shape."""
+        noise, f = self._correlated(self._camera(weights)), self.factor
+        u, v = noise[..., 0], noise[..., 1]
+        return np.stack([f[..., 0, 0] * u + f[..., 0, 1] * v, f[..., 1, 0] * u + f[..., 1, 1] * v], axis=-1)
+
+    def variance_of(self, weights: Float) -> Float:
+        """Variance (...) of sum(weights * slope), weights (..., rows, cols, 2)."""
+        noise = self._camera(weights)
+        result: Float = (noise * self._correlated(noise)).sum(axis=(-1, -2, -3))
+        return result
+
+    def _camera(self, weights: Float) -> Float:
+        """Weights (..., rows, cols, 2) of the noise along u and v from those of the slopes."""
+        x, y, f = weights[..., 0], weights[..., 1], self.factor
+        return np.stack([f[..., 0, 0] * x + f[..., 1, 0] * y, f[..., 0, 1] * x + f[..., 1, 1] * y], axis=-1)
+
+    def _correlated(self, weights: Float) -> Float:
+        out = np.empty_like(weights)
+        own, other = (np.concatenate([c[:0:-1], c]) for c in (self.own, self.other))
+        for axis, (across, down) in enumerate(((own, other), (other, own))):
+            once = ndimage.correlate1d(weights[..., axis], across, axis=-1, mode="constant")
+            out[..., axis] = ndimage.correlate1d(once, down, axis=-2, mode="constant")
+        return out
 
 
-def correlated_noise(
-    count: int, shape: tuple[int, int], correlation: NDArray[np.float64], generator: np.random.Generator
-) -> NDArray[np.float64]:
-    """Unit-variance noise (count, rows, cols), correlated alike along both axes."""
-    margin = len(correlation)
-    size = tuple(fft.next_fast_len(n + margin, real=True) for n in shape)
-    roots = []
-    for n in size:
-        line = np.zeros(n)
-        line[:margin] = correlation
-        line[n - margin + 1 :] = correlation[:0:-1]
-        roots.append(np.sqrt(np.maximum(fft.fft(line).real, 0.0)))
-    response = roots[0][:, None] * roots[1][None, : size[1] // 2 + 1]
-    white = generator.standard_normal((count, *size))
-    smooth = fft.irfft2(fft.rfft2(white) * response, s=size)
-    result: NDArray[np.float64] = smooth[:, : shape[0], : shape[1]]
-    return result
+def difference_weights(nodes: NDArray[np.intp], anchor: Float) -> Float:
+    """Weights (n, rows, cols) of depth / h at n flat node numbers against the anchor's weighted mean."""
+    weights = np.repeat(-anchor[None], len(nodes), axis=0)
+    weights.reshape(len(nodes), -1)[np.arange(len(nodes)), nodes] += 1.0
+    return weights
 
 
 class DepthNoise:
-    """Standard deviation of depth by seeded probes through the integrator itself.
+    """Standard deviation of depth, exact at some nodes and interpolated between.
 
-    The probes are kept while mask and noise keep their shape; a frame then costs one product with them.
-    96 probes know each node's sigma to 7 %, before smoothing.
+    One node's variance takes one solution of the integrator's equations and is exact: the weights with which
+    all slopes enter it, times the slopes' covariance. Some 170 nodes, closer together towards the border
+    where variance bends, carry a thin-plate spline of its logarithm (within 1 % of exact). They are kept
+    while mask and noise keep their shape; a frame then costs a rescaling: noise at distance r reaches depth
+    with weight 1 / r (the gradient of Green's function in the plane), so that every octave of r counts alike
+    and what the noise has grown by is the mean of its means over boxes, octave by octave, around node and
+    anchor.
     """
 
-    def __init__(
-        self, integrator: SlopeIntegrator, slope_per_q: NDArray[np.float64], correlation: NDArray[np.float64]
-    ) -> None:
-        """slope_per_q: (rows, cols, 2, 2), slope in rad per LCD px at rest."""
+    def __init__(self, integrator: SlopeIntegrator) -> None:
         self._integrator = integrator
-        self._slope_per_q = slope_per_q
-        self._correlation = correlation
-        self._sigma_q = np.zeros(slope_per_q.shape[:-1])
-        self._mask = np.zeros(slope_per_q.shape[:-2], bool)
-        self._probes = np.zeros((0, self._mask.size), np.float32)
+        shape = integrator.island.shape
+        self._mask = np.zeros(shape, bool)
+        self._power = np.zeros(shape)
+        self._weightings = -1
+        self._noise: SlopeNoise | None = None
+        self._first = self._anchor = np.zeros(shape)
+        self._sampled = self._variance = np.zeros(shape)
 
-    def sigma(
-        self,
-        sigma_q: NDArray[np.float64],
-        x_mm: NDArray[np.float64],
-        y_mm: NDArray[np.float64],
-        weights: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
+    def sigma(self, noise: SlopeNoise, x_mm: Float, y_mm: Float, weights: Float) -> Float:
         """Sigma (rows, cols) of depth / h, in mm, when the `weights`' mean of depth / h is taken as 0.
 
-        sigma_q: (rows, cols, 2) of the warp, LCD px. NaN off the integrator's island.
+        noise: the reading's, at points x_mm, y_mm (rows, cols). NaN off the integrator's island.
         """
         island = self._integrator.island
-        gain = self._rescaled(sigma_q, island)
-        if gain is None:
-            self._probe(sigma_q, x_mm, y_mm)
-            gain = 1.0
-        anchor = np.where(self._mask, weights, 0.0).ravel().astype(np.float32)
-        anchor /= max(float(anchor.sum()), 1e-30)
-        offsets = self._probes @ anchor
-        variance = self._second - 2.0 * (offsets @ self._probes) / len(offsets) + float(np.mean(offsets**2))
-        known = ndimage.gaussian_filter(self._mask.astype(np.float64), _SMOOTHING_NODES)
-        smooth = ndimage.gaussian_filter(
-            np.where(self._mask, variance.reshape(self._mask.shape), 0.0), _SMOOTHING_NODES
-        )
-        reached = known > 1e-3
-        smooth = np.where(reached, smooth / np.where(reached, known, 1.0), smooth.max())
-        return np.where(island, gain * np.sqrt(np.maximum(smooth, 0.0)), np.nan)
+        power = np.where(island, (noise.factor**2).sum(axis=(-1, -2)), 0.0)
+        if self._noise is None or self._is_stale(power, island):
+            self._sample(noise, x_mm, y_mm, weights, power)
+        elif np.abs(weights - self._anchor).sum() > _SAME_ANCHOR:
+            self._move_anchor(x_mm, y_mm, weights)
+        grown = self._grown(power, island)
+        return np.where(island, np.sqrt(grown * self._variance), np.nan)
 
-    def _rescaled(self, sigma_q: NDArray[np.float64], island: NDArray[np.bool_]) -> float | None:
-        """Noise now relative to that of the probes; None when they no longer stand for it."""
+    def _is_stale(self, power: Float, island: NDArray[np.bool_]) -> bool:
         both = island & self._mask
         count = np.count_nonzero(island | self._mask)
+        if self._weightings != self._integrator.weightings:
+            return True
         if np.count_nonzero(both) < (1.0 - _KEEP_SHARE) * count or not both.any():
-            return None
-        ratio = sigma_q[both] / self._sigma_q[both]
-        gain = float(np.median(ratio))
-        off = (ratio > _KEEP_FACTOR * gain) | (ratio < gain / _KEEP_FACTOR)
-        return None if np.mean(off) > _KEEP_SHARE else gain
+            return True
+        ratio = power[both] / self._power[both]
+        ratio = ratio / np.median(ratio)
+        off = (ratio > _KEEP_FACTOR**2) | (ratio < _KEEP_FACTOR**-2)
+        return bool(np.mean(off) > _KEEP_SHARE)
 
-    def _probe(
-        self, sigma_q: NDArray[np.float64], x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]
-    ) -> None:
+    def _sample(self, noise: SlopeNoise, x_mm: Float, y_mm: Float, weights: Float, power: Float) -> None:
+        island = self._integrator.island.copy()
+        noise = SlopeNoise(np.where(island[..., None, None], noise.factor, 0.0), noise.own, noise.other)
+        linear = self._integrator.linear(x_mm, y_mm)
+        nodes = sample_nodes(island)
+        variance = sampled_variance(linear, noise, nodes, weights)
+        places = np.argwhere(np.ones(island.shape, bool)).astype(np.float64)
+        # Nodes whose own depth is the anchor have none.
+        log = np.log(np.maximum(variance, 1e-6 * variance.max(initial=1e-30)))
+        if len(nodes) > 3:
+            spline = RBFInterpolator(places[nodes], log, kernel="thin_plate_spline")
+            self._sampled = np.exp(spline(places)).reshape(island.shape)
+        else:
+            self._sampled = np.full(island.shape, float(np.exp(log.mean())))
+        self._noise, self._mask, self._power = noise, island, power.copy()
+        self._weightings = self._integrator.weightings
+        self._first = self._anchor = weights.copy()
+        self._variance = self._sampled
+
+    def _move_anchor(self, x_mm: Float, y_mm: Float, weights: Float) -> None:
+        """Var(D - a D) = Var(E) - 2 Cov(E, a E) + Var(a E) with E = D - a_0 D, a_0 the samples' anchor."""
+        assert self._noise is not None
         island = self._integrator.island
-        generator = np.random.default_rng(_SEED)
-        shape = (island.shape[0], island.shape[1])
-        sigma = np.where(island[..., None], sigma_q, 0.0)
-        per_q = np.where(island[..., None, None], self._slope_per_q, 0.0)
-        q = np.stack([correlated_noise(_PROBES, shape, self._correlation, generator) for _ in range(2)], -1)
-        slope = np.einsum("...ij,...j->...i", per_q, q * sigma)
-        probes = self._integrator.integrate(slope, x_mm, y_mm).reshape(_PROBES, -1)
-        probes -= probes[:, island.ravel()].mean(axis=1, keepdims=True)
-        probes[:, ~island.ravel()] = 0.0
-        self._probes = probes.astype(np.float32)
-        self._second = np.mean(self._probes**2, axis=0)
-        self._sigma_q, self._mask = sigma.copy(), island.copy()
+        first = np.where(island, self._first, 0.0)
+        first /= max(float(first.sum()), 1e-30)
+        linear = self._integrator.linear(x_mm, y_mm)
+        slopes = self._noise.covariance(linear.slope_weights(weights - first))
+        row = linear.depth(slopes)
+        row -= (first * row).sum()
+        moved = self._sampled - 2.0 * row + float((weights * row).sum())
+        self._variance = np.maximum(moved, _LEAST_LEFT * self._sampled)
+        self._anchor = weights.copy()
+
+    def _grown(self, power: Float, island: NDArray[np.bool_]) -> Float | float:
+        """How the variance of depth has grown since the samples, (rows, cols) or the same everywhere."""
+        both = island & self._mask
+        ratio = np.where(both, power, 0.0) / np.where(both, self._power, 1.0)
+        middle = float(np.median(ratio[both]))
+        if float(np.mean(np.abs(ratio[both] - middle))) < _EVEN * middle:
+            return float(np.mean(ratio[both]))
+        known = both.astype(np.float64)
+        total, boxes = np.zeros(ratio.shape), [n for n in _BOXES if n <= max(ratio.shape)]
+        for size in boxes:
+            share = ndimage.uniform_filter(known, size, mode="constant")
+            mean = ndimage.uniform_filter(ratio, size, mode="constant")
+            total += np.where(share > 1e-9, mean / np.maximum(share, 1e-9), middle) / len(boxes)
+        at_anchor = float((self._anchor * total).sum() / max(float(self._anchor.sum()), 1e-30))
+        return 0.5 * (total + at_anchor)
+
+
+def sampled_variance(
+    linear: LinearIntegration, noise: SlopeNoise, nodes: NDArray[np.intp], anchor: Float
+) -> Float:
+    """Exact variance (n,) of depth / h, mm^2, at flat node numbers against the anchor's weighted mean."""
+    parts = [nodes[k : k + _BATCH] for k in range(0, len(nodes), _BATCH)]
+    found = [noise.variance_of(linear.slope_weights(difference_weights(part, anchor))) for part in parts]
+    return np.concatenate(found) if found else np.zeros(0)
+
+
+def sample_nodes(island: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Flat numbers of island nodes on Chebyshev's points of both axes, and some along the rims of holes."""
+    chosen = np.zeros(island.shape, bool)
+    rows, cols = (np.unique(np.rint(_chebyshev(n)).astype(np.intp)) for n in island.shape)
+    chosen[np.ix_(rows, cols)] = True
+    rim = island & ~ndimage.binary_erosion(island, border_value=1)
+    along = np.flatnonzero(rim)
+    if len(along):
+        step = max(len(along) // _SAMPLES_BESIDE_HOLES, 1)
+        chosen.ravel()[along[::step]] = True
+    return np.flatnonzero(chosen & island)
+
+
+def _chebyshev(length: int) -> Float:
+    turn = np.linspace(0.0, np.pi, _SAMPLES_PER_AXIS)
+    points: Float = 0.5 * (length - 1) * (1.0 - np.cos(turn))
+    return points

@@ -16,6 +16,9 @@ _REACH_PER_SIGMA = 0.35
 _MIN_SHARE = 0.8
 _MIN_NODES = 12
 _STEPS = 8
+_MOVES = 4
+_NEAREST = 0.6
+"""Offset from a window's middle beyond which the window moves; a little over half, or it could swing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +34,10 @@ class Peak:
 def peak(surface: Surface) -> Peak:
     """Find the point of largest |depth| among the valid nodes by a local polynomial fit.
 
-    A quartic over 5x5 to 13x13 nodes, by the dent's width (bias 0.02 % for a Gaussian of sigma 4 nodes, below
-    0.01 % from 6 on); a quadratic over 5x5 where border or holes leave too few nodes; the node itself where
-    even these are missing or the fit's summit lies more than one node away. All NaN when nothing is valid.
+    A quartic over 5x5 to 13x13 nodes, by the dent's width where it is narrowest (bias 0.02 % for a Gaussian
+    of sigma 4 nodes, below 0.01 % from 6 on), about the node nearest to its own summit, which on a ridge is
+    not the deepest; a quadratic over 5x5 where border or holes leave too few nodes; the deepest node itself
+    where even these are missing or the summit lies outside the window. All NaN when nothing is valid.
     """
     depth = np.where(surface.valid, surface.depth_mm, np.nan)
     if not surface.valid.any():
@@ -45,21 +49,39 @@ def peak(surface: Surface) -> Peak:
         float(surface.y_mm[row, col]),
         float(surface.sigma_depth_mm[row, col]),
     )
+    for _ in range(_MOVES):
+        summit = _summit(surface, row, col)
+        if summit is None:
+            return at_node
+        offset, value = summit
+        if np.max(np.abs(offset)) <= _NEAREST:
+            break
+        row, col = row + round(float(offset[1])), col + round(float(offset[0]))
+    depth_mm, x_mm, y_mm = (float(part) for part in value)
+    return Peak(depth_mm, x_mm, y_mm, at_node.sigma_mm)
+
+
+def _summit(surface: Surface, row: int, col: int) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Summit's (column, row) offset from a node, and depth, x and y there; None where there is none."""
     fitted = _fit(surface, row, col, _REACH, 2)
     if fitted is None:
-        return at_node
+        return None
     coefficients, powers = fitted
     by_power = dict(zip(powers, coefficients[:, 0], strict=True))
-    curvature = -(by_power[2, 0] + by_power[0, 2]) / by_power[0, 0]
+    middle, difference = by_power[2, 0] + by_power[0, 2], by_power[2, 0] - by_power[0, 2]
+    # Of the narrower way across: an edge is as narrow as a pad of its width, however long.
+    steepest = middle - np.sign(by_power[0, 0]) * np.hypot(difference, by_power[1, 1])
+    curvature = -steepest / by_power[0, 0]
     reach = _MAX_REACH if curvature <= 0.0 else round(_REACH_PER_SIGMA / np.sqrt(curvature))
-    finer = _fit(surface, row, col, int(np.clip(reach, _REACH, _MAX_REACH)), 4)
+    reach = int(np.clip(reach, _REACH, _MAX_REACH))
+    finer = _fit(surface, row, col, reach, 4)
     if finer is not None:
         coefficients, powers = finer
-    summit = _stationary(coefficients[:, 0], powers)
-    if summit is None:
-        return at_node
-    value, x, y = (_terms(summit[:1], summit[1:], powers) @ coefficients)[0]
-    return Peak(float(value), float(x), float(y), at_node.sigma_mm)
+    offset = _stationary(coefficients[:, 0], powers, _REACH if finer is None else reach)
+    if offset is None:
+        return None
+    value = (_terms(offset[:1], offset[1:], powers) @ coefficients)[0]
+    return offset, np.asarray(value, dtype=np.float64)
 
 
 def _fit(
@@ -100,9 +122,9 @@ def _terms(
 
 
 def _stationary(
-    coefficients: NDArray[np.float64], powers: list[tuple[int, int]]
+    coefficients: NDArray[np.float64], powers: list[tuple[int, int]], within: float
 ) -> NDArray[np.float64] | None:
-    """Point (a, b) of zero gradient within one node of the origin, by Newton's steps from there."""
+    """Point (a, b) of zero gradient, no farther than `within` on either axis, by Newton's steps from 0."""
     at = np.zeros(2)
     for _ in range(_STEPS):
         a, b = at[:1], at[1:]
@@ -115,7 +137,7 @@ def _stationary(
             return None
         step = np.array([d02 * d10 - d11 * d01, d20 * d01 - d11 * d10]) / determinant
         at = at - step
-        if np.max(np.abs(at)) > 1.0:
+        if np.max(np.abs(at)) > within:
             return None
         if np.max(np.abs(step)) < 1e-9:
             break

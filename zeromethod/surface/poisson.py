@@ -8,12 +8,26 @@ preconditioner need more than a factorisation's worth of steps when three nodes 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
+
+
+@dataclass(frozen=True, slots=True)
+class LatticeSolution:
+    """Factors of A for one mask and set of weights."""
+
+    factors: Any
+
+    def solve(self, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """D (..., rows, cols) for right-hand sides b (..., rows, cols); its own transpose, as A is."""
+        flat = rhs.reshape(-1, rhs.shape[-2] * rhs.shape[-1]).T
+        solution: NDArray[np.float64] = self.factors.solve(np.asfortranarray(flat))
+        return solution.T.reshape(rhs.shape)
 
 
 class LatticeSolver:
@@ -31,7 +45,7 @@ class LatticeSolver:
         col = np.concatenate([node, b, a])
         self._matrix = csc_matrix((np.arange(1.0, len(row) + 1), (row, col)), shape=(count, count))
         self._order = np.rint(self._matrix.data).astype(np.intp) - 1
-        self._factors: Any = None
+        self.solution = LatticeSolution(None)
 
     def set_weights(
         self, across: NDArray[np.float64], down: NDArray[np.float64], pin: tuple[int, int]
@@ -49,12 +63,11 @@ class LatticeSolver:
         diagonal[pin] *= 2.0
         edges = -np.concatenate([across.ravel(), down.ravel()])
         self._matrix.data = np.concatenate([diagonal.ravel(), edges, edges])[self._order]
-        self._factors = splu(
-            self._matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        symmetric = {"SymmetricMode": True}
+        self.solution = LatticeSolution(
+            splu(self._matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
         )
 
     def solve(self, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """D (..., rows, cols) for right-hand sides b (..., rows, cols)."""
-        flat = rhs.reshape(-1, rhs.shape[-2] * rhs.shape[-1]).T
-        solution: NDArray[np.float64] = self._factors.solve(np.asfortranarray(flat))
-        return solution.T.reshape(rhs.shape)
+        """`LatticeSolution.solve` with the present weights."""
+        return self.solution.solve(rhs)

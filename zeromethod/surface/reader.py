@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -12,20 +12,30 @@ from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.surface.anchor import RestFit, fit_known, fit_quiet, known_nodes
-from zeromethod.surface.integrate import SlopeIntegrator, largest_island
-from zeromethod.surface.noise import DepthNoise, overlap_correlation
+from zeromethod.surface.covariance import DepthCovariance
+from zeromethod.surface.far_field import fit_far_field
+from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
+from zeromethod.surface.lever import Lever
+from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
 from zeromethod.surface.surface import Anchor, Surface
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.jacobian import jacobian
+from zeromethod.warp.overlap import component_correlation, overlap_correlation
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
-_MAX_ITERATIONS = 8
+_MAX_ITERATIONS = 14
 _SETTLED_MM = 1e-7
 _ANCHOR_ITERATIONS = 3
 _ANCHOR_MOVED_MM = 1e-3
 """The anchor's nodes are chosen anew this often at most, and only after depth moved by more than this; then
 they are kept, so that the passes converge."""
+_NEARLY_MM = 1e-5
+"""Depth that still moves by less is good enough to tell the far field's tail by."""
+_MOST_TAILS = 3
+_CLOSER = 0.3
+_UNLAWFUL = 2.0
 _PROBE_DEPTH_MM = 1e-3
 
 T = TypeVar("T", bound=np.generic)
@@ -42,6 +52,16 @@ class _Reading:
     iterations: int
 
 
+@dataclass(frozen=True, slots=True)
+class _Last:
+    """What the covariance of the surface last read is made of."""
+
+    surface: Surface
+    linear: LinearIntegration
+    noise: SlopeNoise
+    fit: RestFit
+
+
 class SurfaceReader:
     """Reads slope and depth of the mirror off measured warps.
 
@@ -50,7 +70,10 @@ class SurfaceReader:
     The slopes are integrated by weighted least squares with a high-order rule, the depth anchored where the
     rubber is at rest, and all of it repeated until depth settles within 0.1 nm.
 
-    Keeps factors, weights and noise probes between frames; they change speed, never what is read beyond
+    A warp's sigma is taken to come from the residual: displacements along u and v, independent of each other
+    and correlated between nodes by their windows' overlap, which the warp itself turns and stretches.
+
+    Keeps factors, weights and noise samples between frames; they change speed, never what is read beyond
     the noise's own weighting.
     """
 
@@ -71,11 +94,14 @@ class SurfaceReader:
         regular = seen & (np.abs(np.linalg.det(np.where(seen[..., None, None], sensitivity, np.eye(2)))) > 0)
         self._seen = regular
         sensitivity = np.where(regular[..., None, None], sensitivity, np.eye(2))
-        self._slope_per_q = np.where(regular[..., None, None], np.linalg.inv(sensitivity), np.nan)
+        self._rest_bending = jacobian(self._rays.rest_q, grid.spacing_px)
+        self._lever = Lever(self._rays, sensitivity)
         self._scale = self._depth_scale(slope, point)
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         self._correlation = overlap_correlation(grid.period_px, grid.spacing_px)
-        self._noise = DepthNoise(self._integrator, self._slope_per_q, self._correlation)
+        self._overlap = component_correlation(grid.period_px, grid.spacing_px, rig.target.kind)
+        self._noise = DepthNoise(self._integrator)
+        self._last: _Last | None = None
 
     def _depth_scale(self, slope: NDArray[np.float64], point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Integrate K = d(slope)/d(depth) at fixed q: h (rows, cols), 1 at its median."""
@@ -86,7 +112,9 @@ class SurfaceReader:
         plain.prepare(usable, np.ones((*usable.shape, 2)))
         kappa = plain.integrate(rate, point[..., 0], point[..., 1])
         kappa -= np.median(kappa[plain.island])
-        return np.where(plain.island, np.exp(kappa), 1.0)
+        scale = np.where(plain.island, np.exp(kappa), 1.0)
+        self._scale_gradient = np.where(usable[..., None], rate, 0.0) * scale[..., None]
+        return scale
 
     @property
     def scale(self) -> NDArray[np.float64]:
@@ -100,9 +128,10 @@ class SurfaceReader:
     def read(self, warp: Warp, previous: Surface | None = None) -> Surface:
         """Slope and depth from a measured warp on the reader's grid.
 
-        previous: a surface read shortly before, to start from; it saves passes and does not change the
-        result beyond 0.1 nm. Raises InputError on a warp of another shape. Nodes that are flagged, see
-        nothing at rest, or are cut off from the largest connected part of the others come out NaN.
+        previous: a surface read shortly before, to start from; it saves passes and does not change the result
+        beyond 0.1 nm, or beyond the anchor's sigma where a far field is followed. Raises InputError on a warp
+        of another shape. Nodes that are flagged, see nothing at rest, or are cut off from the largest
+        connected part of the others come out NaN.
         """
         if warp.q.shape != (*self._grid.shape, 2):
             raise InputError(f"warp.q: shape {warp.q.shape}: must be {(*self._grid.shape, 2)}")
@@ -112,10 +141,27 @@ class SurfaceReader:
             usable = (warp.flags[inner] == 0) & self._seen & (sigma_q > 0.0).all(axis=-1)
         usable &= np.isfinite(q).all(axis=-1) & np.isfinite(sigma_q).all(axis=-1)
         q = np.where(usable[..., None], q, np.nan)
-        variance = (self._slope_per_q**2 * (sigma_q**2)[..., None, :]).sum(axis=-1)
-        start = np.zeros(usable.shape) if previous is None else np.nan_to_num(previous.depth_mm[inner])
-        reading = self._settle(q, variance, usable, start)
-        return self._surface(warp, reading, sigma_q, variance)
+        bending = jacobian(warp.q, self._grid.spacing_px)[inner]
+        known = np.isfinite(bending).all(axis=(-1, -2), keepdims=True)
+        bending = np.where(known, bending, self._rest_bending)
+        flat, at_rest = np.zeros(usable.shape), np.zeros((*usable.shape, 2))
+        variance = (self._lever.factor(flat, at_rest, bending, sigma_q) ** 2).sum(axis=-1)
+        start = flat if previous is None else np.nan_to_num(previous.depth_mm[inner])
+        tail_mm = 0.0 if previous is None else previous.anchor.tail_mm
+        reading = self._settle(q, variance, usable, start, tail_mm)
+        factor = self._lever.factor(reading.depth, reading.slope, bending, sigma_q)
+        return self._surface(warp, reading, SlopeNoise(factor, *self._overlap))
+
+    def covariance(self, surface: Surface) -> DepthCovariance:
+        """Full covariance of the depths of the surface that this reader read last.
+
+        It stays valid when the reader goes on. Raises InputError for another surface or one without depth.
+        """
+        last = self._last
+        if last is None or last.surface is not surface:
+            raise InputError("surface: not the one last read, or nothing was read: read it, then ask")
+        scale, fit = self._scale, last.fit
+        return DepthCovariance(self._grid, last.linear, last.noise, scale, fit.weights, fit.sigma_mm)
 
     def _settle(
         self,
@@ -123,12 +169,13 @@ class SurfaceReader:
         variance: NDArray[np.float64],
         usable: NDArray[np.bool_],
         depth: NDArray[np.float64],
+        tail_mm: float,
     ) -> _Reading:
         integrator, scale = self._integrator, self._scale
         slope, point = np.full((*usable.shape, 2), np.nan), self._rest_point
         island = integrator.prepare(usable, variance)
         fit: RestFit | None = None
-        moved = np.inf
+        moved, tails, bound_mm = np.inf, 0, 0.0
         for iteration in range(1, _MAX_ITERATIONS + 1):
             slope, point = self._rays.slope(depth, q)
             readable = island & np.isfinite(slope).all(axis=-1)
@@ -140,10 +187,18 @@ class SurfaceReader:
             new = depth + scale * integrator.integrate(slope, point[..., 0], point[..., 1], depth)
             if fit is None or (moved > _ANCHOR_MOVED_MM and iteration <= _ANCHOR_ITERATIONS):
                 fit = self._fit(slope, variance, new, point, island)
-            new -= scale * float((fit.weights * new / scale).sum())
+                fit = replace(fit, tail_mm=tail_mm if fit.sigma_mm > 0.0 else 0.0)
+            new -= scale * (float((fit.weights * new / scale).sum()) - fit.tail_mm)
             new = np.where(island, new, 0.0)
             moved = float(np.max(np.abs(new - depth)))
             depth = new
+            if tails < _MOST_TAILS and moved < _NEARLY_MM:
+                before, bound_mm = fit.tail_mm, bound_mm * _CLOSER if tails else fit.sigma_mm
+                fit = self._with_tail(fit, slope, variance, depth, point, island, bound_mm)
+                step = fit.tail_mm - before
+                depth = np.where(island, depth + scale * step, 0.0)
+                moved = max(moved, abs(step))
+                tails = tails + 1 if abs(step) > fit.sigma_mm else _MOST_TAILS
             if moved < _SETTLED_MM:
                 break
         return _Reading(depth, slope, point, fit, iteration)
@@ -162,12 +217,41 @@ class SurfaceReader:
             return fit_known(known, self._scale)
         return fit_quiet(slope, variance, depth, self._scale, x, y, island, self._correlation)
 
+    def _with_tail(
+        self,
+        fit: RestFit,
+        slope: NDArray[np.float64],
+        variance: NDArray[np.float64],
+        depth: NDArray[np.float64],
+        point: NDArray[np.float64],
+        island: NDArray[np.bool_],
+        bound_mm: float,
+    ) -> RestFit:
+        """The same nodes, with the tail's depth there where the far field tells it better than the bound.
+
+        Told again after it was taken off: a tail of 0.1 mm moves the mirror enough to be told 1 % wrong.
+        Where the far field follows no law the bound, which takes it to fall off all the way, is doubled.
+        """
+        if fit.sigma_mm == 0.0:
+            return fit
+        x, y = point[..., 0], point[..., 1]
+        # Windows overlap alike on both axes.
+        overlap = (2.0 * float(self._correlation.sum()) - 1.0) ** 2
+        found = fit_far_field(
+            slope, variance, depth, self._scale, self._scale_gradient, x, y, island, bound_mm, overlap
+        )
+        first = bound_mm == fit.sigma_mm
+        if first and (found is None or found.sigma_mm > bound_mm):
+            return replace(fit, tail_mm=0.0, sigma_mm=_UNLAWFUL * bound_mm)
+        if found is None:
+            return fit
+        return replace(fit, tail_mm=fit.tail_mm - found.constant_mm, sigma_mm=found.sigma_mm)
+
     def _surface(
         self,
         warp: Warp,
         reading: _Reading,
-        sigma_q: NDArray[np.float64],
-        variance: NDArray[np.float64],
+        noise: SlopeNoise,
     ) -> Surface:
         island = self._integrator.island
         off = ~island
@@ -176,25 +260,30 @@ class SurfaceReader:
         anchor = Anchor("none", self._padded(mask, False), 0.0)
         fit = reading.fit
         if fit is not None:
-            x, y = self._rest_point[..., 0], self._rest_point[..., 1]
-            noise = self._noise.sigma(sigma_q, x, y, fit.weights)
-            sigma_depth = self._scale * np.hypot(noise, fit.sigma_mm)
+            x, y = reading.point[..., 0], reading.point[..., 1]
+            of_frame = self._noise.sigma(noise, x, y, fit.weights)
+            sigma_depth = self._scale * np.hypot(of_frame, fit.sigma_mm)
             typical = fit.sigma_mm * float(np.sqrt(np.mean(self._scale[island] ** 2)))
-            anchor = Anchor(fit.mode, self._padded(fit.weights > 0.0, False), typical)
+            anchor = Anchor(fit.mode, self._padded(fit.weights > 0.0, False), typical, fit.tail_mm)
         contact = (warp.flags & Flag.LIGHT_LOST != 0) & (warp.flags & (Flag.OUTSIDE | Flag.NO_RAY) == 0)
-        return Surface(
+        surface = Surface(
             depth_mm=self._padded(np.where(off, np.nan, reading.depth), np.nan),
             slope=self._padded(np.where(off[..., None], np.nan, reading.slope), np.nan),
             x_mm=self._padded(reading.point[..., 0], np.nan),
             y_mm=self._padded(reading.point[..., 1], np.nan),
             sigma_depth_mm=self._padded(sigma_depth, np.nan),
-            sigma_slope=self._padded(np.where(off[..., None], np.nan, np.sqrt(variance)), np.nan),
+            sigma_slope=self._padded(np.where(off[..., None], np.nan, np.sqrt(noise.variance)), np.nan),
             valid=self._padded(island, False),
             contact=contact,
             anchor=anchor,
             time_ns=warp.time_ns,
             iterations=reading.iterations,
         )
+        self._last = None
+        if fit is not None:
+            x, y = reading.point[..., 0], reading.point[..., 1]
+            self._last = _Last(surface, self._integrator.linear(x, y), noise, fit)
+        return surface
 
     def _padded(self, inner: NDArray[T], fill: float | bool) -> NDArray[T]:
         full = np.full((*self._grid.shape, *inner.shape[2:]), fill, dtype=inner.dtype)

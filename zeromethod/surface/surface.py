@@ -11,16 +11,19 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class Anchor:
-    """Where depth was taken to be zero.
+    """Where depth was taken as known.
 
-    mode: "known" (the rig's rectangles at rest), "quiet" (the quietest part of the view's border) or
-    "none" (nothing was read). mask: (rows, cols) nodes used. sigma_mm: standard deviation, rms over the
-    valid nodes, that depth owes to what is not known about the mask's own depth; 0 for "known".
+    mode: "known" (the rig's rectangles at rest), "quiet" (the quietest part of the view's border) or "none"
+    (nothing was read). mask: (rows, cols) nodes used. sigma_mm: standard deviation, rms over the valid nodes,
+    that depth owes to what is not known about the mask's own depth; 0 for "known". tail_mm: depth (over
+    `SurfaceReader.scale`) that the mask's nodes still have, told by the way slope and depth fall off; 0 where
+    they count as at rest.
     """
 
     mode: Literal["known", "quiet", "none"]
     mask: NDArray[np.bool_]
     sigma_mm: float
+    tail_mm: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +35,9 @@ class Surface:
     slope: (rows, cols, 2), (dd/dx, dd/dy) of depth, rad.
     x_mm, y_mm: (rows, cols) the mirror point; NaN only where the pixel's ray misses the mirror.
     sigma_depth_mm: (rows, cols) standard deviation of depth: noise of this one warp and the anchor's.
-    sigma_slope: (rows, cols, 2) standard deviation of slope, rad.
+        Between nodes it is correlated: `SurfaceReader.covariance`.
+    sigma_slope: (rows, cols, 2) standard deviation of slope, rad, the mirror point held (within 1 mm of the
+        LCD, by P0, depth's own noise moves the point and takes up to 14 % off).
     valid: (rows, cols) nodes with a depth. contact: (rows, cols) light lost: TIR fails or something touches.
     time_ns: the warp's. iterations: ray-surface intersections taken until depth settled.
 

@@ -11,7 +11,7 @@ _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("frames (dropped)", ("frames", "dropped"), "{} ({})"),
     ("frames to lock in the hold", ("lock_frames",), "{}"),
     ("residual in the hold", ("residual_px_rms",), "{:.4f} camera px rms"),
-    ("nodes totally reflected onto the LCD", ("usable_share",), "{:.1%}"),
+    ("nodes that see the LCD by the mirror", ("usable_share",), "{:.1%}"),
     ("of these called valid", ("valid_share",), "{:.1%}"),
     ("peak depth read (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:.5f})"),
     ("true peak depth", ("truth.depth_peak_mm",), "{:.5f} mm"),

@@ -1,0 +1,127 @@
+"""Full covariance of a reading's depth, without ever forming the matrix.
+
+Depth is, to first order, a linear function of the slopes' errors: D = h (1 - 1 a^T) A^-1 B s, with B the
+weighted sums of node-to-node steps, A their normal matrix (see `integrate`), a the anchor's weights and h the
+scale. The slopes' errors are s = F n, n the residual's noise with correlation R (`zeromethod.warp.overlap`).
+Any product with Cov(D) = M R M^T, M = h (1 - 1 a^T) A^-1 B F, is one pass back through M^T and one forth
+through M: two solutions with factors that exist already.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.errors import InputError
+from zeromethod.surface.integrate import LinearIntegration
+from zeromethod.surface.noise import SlopeNoise
+from zeromethod.warp.grid import NodeGrid
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Variance:
+    """Variance of a linear functional of depth, mm^2 (times the weights' unit squared).
+
+    noise: of this one frame; another frame's is independent. anchor: what is not known about the depth of the
+    nodes taken as known; much the same in every frame with that anchor (the noise of a far field that is
+    followed counts here too).
+    """
+
+    noise: float
+    anchor: float
+
+    @property
+    def total(self) -> float:
+        """Noise and anchor together; they are independent."""
+        return self.noise + self.anchor
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation, mm."""
+        return float(np.sqrt(max(self.total, 0.0)))
+
+
+@dataclass(frozen=True, slots=True)
+class Covariances:
+    """Covariance of every node's depth with one sum over depths, (rows, cols) mm^2; see `Variance`."""
+
+    noise: Float
+    anchor: Float
+
+    @property
+    def total(self) -> Float:
+        """Noise and anchor together."""
+        return self.noise + self.anchor
+
+
+class DepthCovariance:
+    """Covariance of the depths of one `Surface`; from `SurfaceReader.covariance`.
+
+    Arrays are on the full `NodeGrid`; weights count on valid nodes only, results are NaN elsewhere. Every
+    method costs two solutions at most (about 5 ms at 125 x 157 nodes). Exact to first order in the noise.
+    """
+
+    def __init__(
+        self,
+        grid: NodeGrid,
+        linear: LinearIntegration,
+        noise: SlopeNoise,
+        scale: Float,
+        anchor: Float,
+        anchor_sigma_mm: float,
+    ) -> None:
+        """Scale h, anchor's weights: (rows, cols) of the measurable nodes; anchor_sigma_mm: of depth / h."""
+        self._grid, self._linear, self._noise = grid, linear, noise
+        self._scale, self._anchor, self._anchor_sigma = scale, anchor, anchor_sigma_mm
+
+    def variance_of(self, weights: Float) -> Variance:
+        """Variance of sum(weights * depth).
+
+        weights: (rows, cols). Raises InputError on another shape or weights that are not finite.
+        """
+        inner = self._checked(weights)
+        systematic = self._anchor_sigma * float((inner * self._scale).sum())
+        return Variance(float(self._noise.variance_of(self._slope_weights(inner))), systematic**2)
+
+    def with_mean(self, weights: Float) -> Covariances:
+        """Covariance of every depth with sum(weights * depth), weights (rows, cols)."""
+        inner = self._checked(weights)
+        row = self._linear.depth(self._noise.covariance(self._slope_weights(inner)))
+        row -= float((self._anchor * row).sum())
+        systematic = self._anchor_sigma**2 * float((inner * self._scale).sum()) * self._scale
+        return Covariances(self._padded(self._scale * row), self._padded(systematic))
+
+    def with_node(self, row: int, col: int) -> Covariances:
+        """One row of the matrix: covariance of every depth with that of a valid node. Raises InputError."""
+        weights = np.zeros(self._grid.shape)
+        rows, cols = weights.shape
+        inside = 0 <= row < rows and 0 <= col < cols
+        if inside:
+            weights[row, col] = 1.0
+        if not (inside and weights[self._grid.inner][self._linear.island].any()):
+            raise InputError(f"node: ({row}, {col}): a valid node of {rows} x {cols}")
+        return self.with_mean(weights)
+
+    def slope_with_mean(self, weights: Float) -> Float:
+        """Covariance (rows, cols, 2), rad mm, of every slope with sum(weights * depth): noise alone."""
+        covariance = self._noise.covariance(self._slope_weights(self._checked(weights)))
+        return np.stack([self._padded(covariance[..., k]) for k in (0, 1)], axis=-1)
+
+    def _slope_weights(self, inner: Float) -> Float:
+        in_units_of_h = inner * self._scale
+        return self._linear.slope_weights(in_units_of_h - in_units_of_h.sum() * self._anchor)
+
+    def _checked(self, weights: Float) -> Float:
+        weights = np.asarray(weights, dtype=np.float64)
+        if weights.shape != self._grid.shape or not np.isfinite(weights).all():
+            raise InputError(f"weights: shape {weights.shape}: finite numbers of shape {self._grid.shape}")
+        return np.where(self._linear.island, weights[self._grid.inner], 0.0)
+
+    def _padded(self, inner: Float) -> Float:
+        full = np.full(self._grid.shape, np.nan)
+        full[self._grid.inner] = np.where(self._linear.island, inner, np.nan)
+        return full

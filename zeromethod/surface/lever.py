@@ -1,0 +1,113 @@
+"""How the noise of a reading reaches the slope, at the mirror as it is and not as it rests."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.surface.rays import MirrorRays
+
+_DEPTH_STEP_MM = 0.05
+_SLOPE_STEP = 5e-3
+_Q_STEP_PX = 0.25
+_LEAST_SHARE = 0.1
+"""Determinant relative to rest below which the first-order lever is not believed (at P0 it vanishes)."""
+_LEAST_MIXING = 0.1
+"""Determinant of the squared Jacobian over its rows', from which the components' noise is told apart."""
+
+Float = NDArray[np.float64]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _factor(
+    rest: Float,
+    by_depth: Float,
+    by_slope: Float,
+    depth: Float,
+    slope: Float,
+    jacobian: Float,
+    sigma: Float,
+    out: Float,
+) -> None:
+    for j in range(depth.shape[0]):
+        for i in range(depth.shape[1]):
+            d, sx, sy = depth[j, i], slope[j, i, 0], slope[j, i, 1]
+            if not np.isfinite(d + sx + sy):
+                d = sx = sy = 0.0
+            s, t, u = rest[j, i], by_depth[j, i], by_slope[j, i]
+            a = s[0, 0] + t[0, 0] * d + u[0, 0, 0] * sx + u[1, 0, 0] * sy
+            b = s[0, 1] + t[0, 1] * d + u[0, 0, 1] * sx + u[1, 0, 1] * sy
+            c = s[1, 0] + t[1, 0] * d + u[0, 1, 0] * sx + u[1, 1, 0] * sy
+            e = s[1, 1] + t[1, 1] * d + u[0, 1, 1] * sx + u[1, 1, 1] * sy
+            area = a * e - b * c
+            at_rest = s[0, 0] * s[1, 1] - s[0, 1] * s[1, 0]
+            if not area * at_rest > _LEAST_SHARE * at_rest * at_rest:
+                a, b, c, e, area = s[0, 0], s[0, 1], s[1, 0], s[1, 1], at_rest
+            xu, xv = jacobian[j, i, 0, 0], jacobian[j, i, 0, 1]
+            yu, yv = jacobian[j, i, 1, 0], jacobian[j, i, 1, 1]
+            x2, y2 = sigma[j, i, 0] ** 2, sigma[j, i, 1] ** 2
+            along_x, along_y = xu * xu + xv * xv, yu * yu + yv * yv
+            alike = (x2 + y2) / (along_x + along_y)
+            u2 = v2 = alike
+            mixing = xu * xu * yv * yv - xv * xv * yu * yu
+            if abs(mixing) > _LEAST_MIXING * along_x * along_y:
+                p = (yv * yv * x2 - xv * xv * y2) / mixing
+                q = (xu * xu * y2 - yu * yu * x2) / mixing
+                if min(p, q) > 0.0:
+                    u2, v2 = p, q
+            su, sv = np.sqrt(u2) / area, np.sqrt(v2) / area
+            out[j, i, 0, 0] = (e * xu - b * yu) * su
+            out[j, i, 0, 1] = (e * xv - b * yv) * sv
+            out[j, i, 1, 0] = (a * yu - c * xu) * su
+            out[j, i, 1, 1] = (a * yv - c * xv) * sv
+
+
+class Lever:
+    """LCD px per rad of slope, to first order in depth and slope, and what noise it makes of a warp's.
+
+    A press of 0.2 mm at 20 mm from the LCD shortens the lever by 1 %, a slope of 20 mrad turns the ray by
+    twice that: both are taken along, their squares (0.1 %) are not. Derivatives by finite differences of
+    `MirrorRays.slope`, made once.
+    """
+
+    def __init__(self, rays: MirrorRays, sensitivity: Float) -> None:
+        """sensitivity: (rows, cols, 2, 2) LCD px per rad at rest."""
+        self._rays = rays
+        self._rest = np.ascontiguousarray(sensitivity)
+        zero = np.zeros(sensitivity.shape[:-2])
+        per_slope = []
+        for axis in (0, 1):
+            step = _SLOPE_STEP * sensitivity[..., axis]
+            ahead, back = (self._at(zero, rays.rest_q + sign * step) for sign in (1, -1))
+            per_slope.append((ahead - back) / (2 * _SLOPE_STEP))
+        self._by_slope = np.nan_to_num(np.ascontiguousarray(np.stack(per_slope, axis=-3)))
+        deeper = np.full(zero.shape, _DEPTH_STEP_MM)
+        turned, _ = rays.slope(deeper, rays.rest_q)
+        change = self._at(deeper, rays.rest_q) - self._rest
+        change -= np.einsum("...a,...aij->...ij", turned, self._by_slope)
+        self._by_depth = np.nan_to_num(change / _DEPTH_STEP_MM)
+
+    def _at(self, depth_mm: Float, q: Float) -> Float:
+        """Sensitivity (rows, cols, 2, 2) at points at these depths that look at q."""
+        columns = []
+        for axis in (0, 1):
+            step = _Q_STEP_PX * (np.arange(2) == axis)
+            ahead, back = (self._rays.slope(depth_mm, q + sign * step)[0] for sign in (1, -1))
+            columns.append((ahead - back) / (2 * _Q_STEP_PX))
+        per_q = np.stack(columns, axis=-1)
+        regular = np.isfinite(per_q).all(axis=(-1, -2), keepdims=True)
+        inverse = np.linalg.inv(np.where(regular, per_q, np.eye(2)))
+        return np.where(regular, inverse, self._rest)
+
+    def factor(self, depth_mm: Float, slope: Float, jacobian: Float, sigma_q: Float) -> Float:
+        """Matrix (rows, cols, 2, 2), rad: slope's error = factor @ (unit noise along u, along v).
+
+        depth_mm (rows, cols) and slope (rows, cols, 2): the mirror as read; NaN counts as at rest. jacobian:
+        (rows, cols, 2, 2) of the warp, LCD px per camera px. sigma_q: (rows, cols, 2) LCD px of the warp,
+        taken to come from independent displacements along u and v, sigma_q_i^2 = sum_j (dq_i/du_j sigma_j)^2;
+        of equal size where the equations cannot tell them apart (a camera turned by 45 degrees).
+        """
+        out = np.empty(jacobian.shape)
+        _factor(self._rest, self._by_depth, self._by_slope, depth_mm, slope, jacobian, sigma_q, out)
+        return out
