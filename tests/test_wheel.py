@@ -41,3 +41,5 @@ def test_the_wheel_carries_shaders_and_rigs_and_runs_elsewhere(tmp_path: Path) -
     assert "zeromethod, version" in _run(command, "--version", cwd=elsewhere)
     _run(command, "run", "--frames", "8", "--press", "none", "--summary", "run.json", cwd=elsewhere)
     assert (elsewhere / "run.json").is_file()
+    peer = "from zeromethod.procedures.bench.peers import peer; print(peer('phase_shifting').__file__)"
+    assert Path(_run(python, "-c", peer, cwd=elsewhere).strip()).is_relative_to(tmp_path / "fresh")
