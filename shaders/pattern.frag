@@ -12,6 +12,11 @@ uniform highp sampler2D texture_of_noise;
 uniform vec2 display_px;
 uniform vec2 first_px;           // camera position of node (0, 0)
 uniform float facing;            // sign of det dq/du at rest
+#if STRIPS
+uniform int strip_bits;          // Gray code and check, lowest bit first along the strip
+uniform vec2 strip_edges;        // inner edges of the two strips across, camera px
+uniform vec4 strip_places;       // start and cell width along, of the first and the second strip
+#endif
 
 layout(location = 0) out vec4 grey;
 
@@ -49,6 +54,21 @@ float code(float light) {
     return mix(texelFetch(codes, ivec2(low, 0), 0).r, texelFetch(codes, ivec2(low + 1, 0), 0).r, place - float(low));
 }
 
+#if STRIPS
+// Light of the coded strips at a camera position; negative beside them. A bit's cells: bit, not, not, bit.
+float strip_light(vec2 camera) {
+    float across = ALONG_U == 1 ? camera.y : camera.x, along = ALONG_U == 1 ? camera.x : camera.y;
+    bool first = across < strip_edges.x;
+    if (!first && across < strip_edges.y) return -1.0;
+    vec2 place = first ? strip_places.xy : strip_places.zw;
+    int cell = int(floor((along - place.x) / place.y));
+    if (cell < 0 || cell >= 4 * BITS) return MEAN;
+    bool inner = cell % 4 == 1 || cell % 4 == 2;
+    bool lit = (strip_bits >> (cell / 4) & 1) == 1;
+    return MEAN * (lit != inner ? 1.0 + CONTRAST : 1.0 - CONTRAST);
+}
+#endif
+
 void main() {
     vec2 node = texelFetch(places, ivec2(gl_FragCoord.xy), 0).xy;
     if (node.x == 0.0) discard;
@@ -67,5 +87,9 @@ void main() {
     vec2 lcd_px = abs(area) * PERIOD / SPACING / vec2(length(jacobian[1]), length(jacobian[0]));
     vec2 fade = smoothstep(FADED_PX, CLEAR_PX, lcd_px);
     float light = MEAN * (1.0 + CONTRAST * shape(first_px + SPACING * vec2(cell), SPACING * t, fade, lcd_px));
+#if STRIPS
+    float coded = strip_light(first_px + SPACING * (vec2(cell) + t));
+    if (coded >= 0.0) light = coded;
+#endif
     grey = vec4(vec3(floor(code(light) + 0.5) / 255.0), 1.0);
 }

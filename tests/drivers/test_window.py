@@ -259,7 +259,8 @@ def test_other_contexts_keep_theirs(
 
 @pytest.mark.parametrize("index", [1, -1])
 def test_an_unknown_monitor_is_refused_with_those_there_are(open_window: Open, index: int) -> None:
-    with pytest.raises(InputError, match=rf"^display\.monitor: {index}: allowed: 0 \(screen, 640 x 480\)$"):
+    listed = r"0 \(screen, 640 x 480, at 0, 0\)"
+    with pytest.raises(InputError, match=rf"^display\.monitor: {index}: allowed: {listed}$"):
         open_window(monitor=index)
 
 

@@ -47,7 +47,7 @@ def test_both_promised_rigs_are_packaged() -> None:
 
 def test_unknown_bare_name_lists_the_packaged_ones() -> None:
     with pytest.raises(
-        InputError, match=r'^rig: "simulate": a file, or one of the packaged paper, simulated$'
+        InputError, match=r'^rig: "simulate": a file, or one of the packaged paper, simulated, virtual$'
     ):
         load_rig("simulate")
 

@@ -16,6 +16,7 @@ class Event(enum.StrEnum):
     FRAME_WRONG = "wrong frame"
     LIGHT_OFF = "light off"
     NOT_LIT = "picture not lit yet"
+    STRIPS_CONTRADICT = "strips contradict the log"
     PICTURES_MIXED = "pictures mixed"
     HELD_BY_REQUEST = "held by request"
     CAMERA_TIMEOUT = "camera timeout"

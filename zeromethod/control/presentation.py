@@ -13,13 +13,14 @@ class PresentationLog:
 
     An entry is the presentation time in ns (see `DisplaySpec`: the panel's first row starts to change
     `latency_s` later), the warp drawn, (rows, cols, 2) LCD px, and the mid-exposure of the newest frame that
-    the warp was made from, None for a warp made from none.
+    the warp was made from, None for a warp made from none, and the code drawn with it, None for none.
     """
 
     def __init__(self, shape: tuple[int, int], capacity: int = CAPACITY) -> None:
         self._times_ns = np.zeros(capacity, dtype=np.int64)
         self._warps = np.zeros((capacity, *shape, 2))
         self._seen_ns: list[int | None] = [None] * capacity
+        self._codes = np.full(capacity, -1, dtype=np.int64)
         self._count = 0
 
     def __len__(self) -> int:
@@ -30,8 +31,10 @@ class PresentationLog:
         """Whether nothing has been overwritten yet: the oldest entry is the first picture of the run."""
         return self._count <= len(self._times_ns)
 
-    def record(self, time_ns: int, q: NDArray[np.float64], seen_ns: int | None = None) -> None:
-        """Note that `q` (copied), made from a frame of `seen_ns`, was presented at `time_ns`.
+    def record(
+        self, time_ns: int, q: NDArray[np.float64], seen_ns: int | None = None, code: int | None = None
+    ) -> None:
+        """Note that `q` (copied), made from a frame of `seen_ns`, was presented at `time_ns` with `code`.
 
         ValueError when that is before the entry noted last.
         """
@@ -42,6 +45,7 @@ class PresentationLog:
         self._times_ns[slot] = time_ns
         self._warps[slot] = q
         self._seen_ns[slot] = seen_ns
+        self._codes[slot] = -1 if code is None else code
         self._count += 1
 
     @property
@@ -56,6 +60,10 @@ class PresentationLog:
     def times_ns(self) -> NDArray[np.int64]:
         """(len,) presentation times, oldest first."""
         return self._times_ns[self.slots(np.arange(len(self)))]
+
+    def codes(self) -> NDArray[np.int64]:
+        """(len,) codes, oldest first; -1 where there was none."""
+        return self._codes[self.slots(np.arange(len(self)))]
 
     def warp(self, index: int) -> NDArray[np.float64]:
         """Warp of the entry counted from the oldest; a view, good until it is overwritten."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from zeromethod.control.rest import Rest
 from zeromethod.devices.protocols import Display, DrawingDisplay
 from zeromethod.gl import create_context
-from zeromethod.pattern import PatternRenderer, Response, Target
+from zeromethod.pattern import PatternRenderer, Response, Strips, Target
 from zeromethod.rig.model import Rig
 
 
@@ -19,9 +19,10 @@ class Presenter:
     the first picture.
     """
 
-    def __init__(self, rig: Rig, display: Display, rest: Rest) -> None:
-        """Find what draws; InputError where no GL context can be had."""
+    def __init__(self, rig: Rig, display: Display, rest: Rest, strips: Strips | None = None) -> None:
+        """Find what draws; InputError where no GL context can be had. strips: where codes are drawn."""
         self._rig = rig
+        self._strips = strips
         self._rest = rest
         self._display = display
         self._drawing = display if isinstance(display, DrawingDisplay) else None
@@ -33,16 +34,16 @@ class Presenter:
         """Name of what draws, as GL gives it."""
         return str(self._context.info["GL_RENDERER"])
 
-    def present(self, q: NDArray[np.float64]) -> int:
-        """Show the target warped by `q` (rows, cols, 2) LCD px; presentation time in ns.
+    def present(self, q: NDArray[np.float64], code: int | None = None) -> int:
+        """Show the target warped by `q` (rows, cols, 2) LCD px, with `code` in its strips; time in ns.
 
         Raises DisplayLost; TypeError where the display does not say when.
         """
         if self._drawing is not None:
-            time_ns = self._drawing.draw(lambda framebuffer: self._renderer().render(framebuffer, q))
+            time_ns = self._drawing.draw(lambda framebuffer: self._renderer().render(framebuffer, q, code))
         else:
             with self._context:
-                image = self._renderer().image(q)
+                image = self._renderer().image(q, code)
             time_ns = self._display.show(image)
         return round(time_ns)
 
@@ -55,5 +56,6 @@ class Presenter:
                 self._rest.display_size,
                 Target.from_spec(self._rig.target),
                 Response.from_rig(self._rig.display),
+                self._strips,
             )
         return self._prepared

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,10 @@ class Rest:
     flags: NDArray[np.uint16]
     seen: NDArray[np.bool_]
     display_size: tuple[int, int]
+
+    def without(self, covered: NDArray[np.bool_]) -> Rest:
+        """Take out nodes (rows, cols) that cannot be measured; their warp is drawn all the same."""
+        return replace(self, seen=self.seen & ~covered)
 
     @classmethod
     def of(cls, rig: Rig, optics: Optics) -> Rest:

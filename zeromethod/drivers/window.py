@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -12,47 +12,80 @@ from numpy.typing import NDArray
 
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import DisplayLost
+from zeromethod.drivers import monitors
+from zeromethod.drivers.desktop import Desktop
 from zeromethod.drivers.glfw_window import GlfwWindow, connect, glfw_errors_as
+from zeromethod.drivers.refresh import Refreshes
 from zeromethod.errors import InputError
 from zeromethod.gl.handle import ContextHandle
 
 _TRIAL_SWAPS = 12
 _QUEUED_SWAPS = 4
 """Swaps that a driver may take in at once before the first one waits for the screen."""
+_LOOK_AGAIN_S = 1.0
+_HUNG_S = 0.5
 
 
 class WindowDisplay:
     """A `DrawingDisplay`: a window without frame or cursor, one framebuffer pixel per LCD pixel.
 
     columns, rows: size of the LCD, px. refresh_hz: its refresh rate, Hz. monitor: index of the monitor to
-    fill, which must be set to the LCD's size; None = a window on the primary monitor.
+    fill, which must be set to the LCD's size and rate; None = a window on the primary monitor.
 
     A call returns once its picture is swapped. Where swaps do not wait for the screen (measured at opening),
-    they happen at the refreshes of a clock that starts then. Black until the first picture. To be opened,
-    used and closed in the main thread.
+    they happen at the refreshes of a clock that starts then. Black until the first picture.
+
+    To be opened, polled and closed in the main thread. Pictures may be drawn there or in one other thread;
+    then the main thread polls, for only it may look at the window's events.
     """
 
     def __init__(self, columns: int, rows: int, refresh_hz: float, monitor: int | None = None) -> None:
         """Open the window; InputError (one line) without a screen, the monitor, or OpenGL 3.3."""
         self._size = columns, rows
         self._refresh_hz = refresh_hz
-        self._period_ns = 1e9 / refresh_hz
         self._clock = HostClock()
+        self._opener = threading.get_ident()
+        self._drawing = threading.Lock()
         self._closed = False
+        self._fault: str | None = None
         self._picture: moderngl.Framebuffer | None = None
         with glfw_errors_as(InputError):
-            connect()
-            handle = ContextHandle(lambda: self._open(monitor))
-            settings: dict[str, Any] = {"context": handle}
+            self._desktop = Desktop(connect())
             try:
-                self._context = moderngl.create_context(**settings)
-                self._context.gc_mode = "context_gc"
-                self._opened_ns, self._paced = self._try_swaps()
-                if fault := self._window.fault():
-                    raise InputError(f"display window: it {fault}")
+                self._open(monitor)
             except BaseException:
-                handle.release()
+                self._desktop.close()
                 raise
+
+    def _open(self, monitor: int | None) -> None:
+        place = None
+        if monitor is not None:
+            place, _ = monitors.find(monitor, self._size, self._refresh_hz, self._desktop)
+        # entered while the window opens, so that its context is current nowhere afterwards
+        nothing = ContextHandle(_Nothing)
+        try:
+            with nothing:
+                self._open_in(place)
+        finally:
+            nothing.release()
+
+    def _open_in(self, place: Any) -> None:
+        """Open the window on a glfw monitor, None = the primary one, and see how its swaps go."""
+        handle = ContextHandle(lambda: self._create(place))
+        settings: dict[str, Any] = {"context": handle}
+        try:
+            self._context = moderngl.create_context(**settings)
+            self._context.gc_mode = "context_gc"
+            self._context.info  # noqa: B018 (asked for while current; kept from then on)
+            self._refreshes = Refreshes(self._clock, self._refresh_hz)
+            self._refreshes.judge(self._try_swaps())
+            self._desktop.hold_awake()
+            if fault := self._window.fault():
+                raise InputError(f"display window: it {fault}")
+            self._look()
+        except BaseException:
+            handle.release()
+            raise
 
     @property
     def size(self) -> tuple[int, int]:
@@ -69,21 +102,61 @@ class WindowDisplay:
         """The GL context of the window."""
         return self._context
 
-    def draw(self, render: Callable[[moderngl.Framebuffer], None]) -> int:
-        """Call `render` with the window's framebuffer (red = green = blue = code / 255), then swap.
+    @property
+    def dropped_refreshes(self) -> int:
+        """Refreshes missed so far: see `Refreshes.end`."""
+        return self._refreshes.dropped
 
-        LCD row 0 is the top line, y = 1 in clip space. Returns the time after the swap, ns. Raises
-        DisplayLost when the window is closed or no longer of the LCD's size, or glfw reports an error.
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the operator should know, one line each, as `poll` last found it."""
+        return self._warnings
+
+    @property
+    def asleep(self) -> bool:
+        """Whether power saving has turned the LCD off, as `poll` last found it."""
+        return self._asleep
+
+    @property
+    def key_pressed(self) -> bool:
+        """Whether a key has been pressed in the window."""
+        return self._window.key_pressed
+
+    def poll(self) -> None:
+        """Look at the window's events and, once a second, at the desktop; in the main thread.
+
+        Raises DisplayLost when the window is closed, minimised, moved, no longer of the LCD's size or has
+        lost its monitor, or glfw reports an error.
         """
         if self._closed:
             raise DisplayLost("display window: it is closed")
         with glfw_errors_as(DisplayLost):
-            if fault := self._window.fault():
-                raise DisplayLost(f"display window: it {fault}")
-        with self._context:
-            render(self._context.screen)
-            with glfw_errors_as(DisplayLost):
-                return self._present()
+            self._fault = self._window.fault()
+            if self._fault is None and self._clock.now_ns() > self._looked_ns + _LOOK_AGAIN_S * 1e9:
+                self._look()
+        self._raise_fault()
+
+    def draw(self, render: Callable[[moderngl.Framebuffer], None]) -> int:
+        """Call `render` with the window's framebuffer (red = green = blue = code / 255), then swap.
+
+        LCD row 0 is the top line, y = 1 in clip space. Returns the time after the swap, ns. Raises
+        DisplayLost as `poll`.
+        """
+        if threading.get_ident() == self._opener:
+            self.poll()
+        with self._drawing:
+            if self._closed:
+                raise DisplayLost("display window: it is closed")
+            self._raise_fault()
+            self._refreshes.begin()
+            with self._context, glfw_errors_as(DisplayLost):
+                render(self._context.screen)
+                if self._refreshes.paced:
+                    self._context.finish()
+                self._refreshes.wait()
+                self._window.swap()
+                self._context.finish()
+                return self._refreshes.end()
 
     def show(self, image: NDArray[np.uint8]) -> int:
         """Show (rows, cols) grey codes; return the time after the swap, ns.
@@ -104,33 +177,62 @@ class WindowDisplay:
         return self.draw(copy)
 
     def close(self) -> None:
-        """Close the window; safe to call twice."""
-        if not self._closed:
-            self._closed = True
+        """Close the window, in the main thread; safe to call twice."""
+        if self._closed:
+            return
+        self._closed = True
+        self._desktop.close()
+        # A swap that hangs still needs the window: it then stays open until the process ends.
+        if self._drawing.acquire(timeout=_HUNG_S):
             self._context.release()
+            self._drawing.release()
 
-    def _open(self, monitor: int | None) -> GlfwWindow:
+    def _raise_fault(self) -> None:
+        if self._fault:
+            raise DisplayLost(f"display window: it {self._fault}")
+
+    def _create(self, monitor: Any) -> GlfwWindow:
         self._window = GlfwWindow(self._size, monitor)
         return self._window
 
-    def _try_swaps(self) -> tuple[int, bool]:
-        """Swap black pictures; time of the last swap, ns, and whether swaps need pacing by the clock."""
+    def _look(self) -> None:
+        """Find out what the desktop does to the picture."""
+        asleep, place = self._desktop.asleep(), self._window.monitor
+        found = [asleep] if asleep else []
+        found += self._desktop.session_warnings()
+        found += self._desktop.monitor_warnings(place) if place else ()
+        if self._refreshes.paced:
+            rate = f"{self._refresh_hz:g} Hz"
+            found.append(f"swaps do not wait for the screen: paced by the clock at {rate}, may tear")
+        self._warnings, self._asleep = tuple(found), bool(asleep)
+        self._looked_ns = self._clock.now_ns()
+
+    def _try_swaps(self) -> list[tuple[int, int]]:
+        """Swap black pictures; time before and after each, ns."""
         times_ns = []
         with self._context as ctx:
             for _ in range(_TRIAL_SWAPS):
                 ctx.screen.clear()
+                ctx.finish()
+                before_ns = self._clock.now_ns()
                 self._window.swap()
                 ctx.finish()
-                times_ns.append(self._clock.now_ns())
-        interval_ns = float(np.median(np.diff(times_ns[_QUEUED_SWAPS:])))
-        return times_ns[-1], interval_ns < 0.5 * self._period_ns
+                times_ns.append((before_ns, self._clock.now_ns()))
+        return times_ns[_QUEUED_SWAPS:]
 
-    def _present(self) -> int:
-        """Swap, at the next refresh of the clock where the screen does not wait for its own; time, ns."""
-        if self._paced:
-            self._context.finish()
-            passed = (self._clock.now_ns() - self._opened_ns) // self._period_ns
-            self._clock.sleep_until_ns(self._opened_ns + math.ceil((passed + 1) * self._period_ns))
-        self._window.swap()
-        self._context.finish()
-        return self._clock.now_ns()
+
+class _Nothing:
+    """No context at all, as a `NativeContext`."""
+
+    def bind(self) -> None:
+        """Nothing to make current."""
+
+    def unbind(self) -> None:
+        """Nothing was current."""
+
+    def address(self, name: str) -> int:  # noqa: ARG002
+        """No functions."""
+        return 0
+
+    def destroy(self) -> None:
+        """Nothing to free."""

@@ -2,6 +2,7 @@
 
 from zeromethod.pattern.renderer import PatternRenderer
 from zeromethod.pattern.response import Response
+from zeromethod.pattern.strips import Strips
 from zeromethod.pattern.target import Target
 
-__all__ = ["PatternRenderer", "Response", "Target"]
+__all__ = ["PatternRenderer", "Response", "Strips", "Target"]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.gl import program
 from zeromethod.pattern.response import TABLE_SIZE, Response
+from zeromethod.pattern.strips import BITS, Strips, bits_of
 from zeromethod.pattern.target import Target
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import FEWEST_LCD_PX, jacobian
@@ -62,6 +65,7 @@ class PatternRenderer:
     Beside the mesh, and where the 4 x 4 nodes around hold a NaN: the mean light.
 
     grid, q_rest: node lattice and warp at rest, (rows, cols, 2) LCD px. size: (columns, rows) of the LCD.
+    strips: where coded strips go; they are drawn in pictures that are given a code, over the target.
     All objects live in `ctx`, which must be current in every call.
 
     Convention: LCD row 0 is the picture's top line, so GL's *last* framebuffer row.
@@ -75,6 +79,7 @@ class PatternRenderer:
         size: tuple[int, int],
         target: Target,
         response: Response,
+        strips: Strips | None = None,
     ) -> None:
         self._ctx = ctx
         self._size = size
@@ -85,23 +90,29 @@ class PatternRenderer:
         _set(mesh, nodes=_NODES, mesh_columns=cols - 2, display_px=size)
         indices = ctx.buffer(_triangles(cols - 2, rows - 2, turned=facing < 0).tobytes())
         self._mesh = ctx.vertex_array(mesh, [], index_buffer=indices)
-        self._box = program(
-            ctx,
-            "pattern.vert",
-            "pattern.frag",
-            STEPS=NEWTON_STEPS,
-            KIND=_KINDS.index(target.kind),
-            PERIOD=float(target.period_px),
-            SPACING=float(grid.spacing_px),
-            MEAN=target.mean,
-            CONTRAST=target.contrast,
-            FADED_PX=FEWEST_LCD_PX,
-            CLEAR_PX=CLEAR_LCD_PX,
-            CODES=TABLE_SIZE,
-        )
-        _set(self._box, nodes=_NODES, places=_PLACES, codes=_CODES, texture_of_noise=_NOISE)
-        _set(self._box, display_px=size, first_px=(grid.u_px[0], grid.v_px[0]), facing=facing)
-        self._rectangle = ctx.vertex_array(self._box, [])
+        constants: dict[str, Any] = {
+            "STEPS": NEWTON_STEPS,
+            "KIND": _KINDS.index(target.kind),
+            "PERIOD": float(target.period_px),
+            "SPACING": float(grid.spacing_px),
+            "MEAN": target.mean,
+            "CONTRAST": target.contrast,
+            "FADED_PX": FEWEST_LCD_PX,
+            "CLEAR_PX": CLEAR_LCD_PX,
+            "CODES": TABLE_SIZE,
+        }
+        self._plain = program(ctx, "pattern.vert", "pattern.frag", STRIPS=0, **constants)
+        self._coded = self._plain
+        if strips is not None:
+            constants |= {"BITS": BITS, "ALONG_U": strips.along_u}
+            self._coded = program(ctx, "pattern.vert", "pattern.frag", STRIPS=1, **constants)
+            one, two = strips.first, strips.last
+            places = (one.start_px, one.unit_px, two.start_px, two.unit_px)
+            _set(self._coded, strip_edges=(one.edge_px, two.edge_px), strip_places=places)
+        for box in (self._plain, self._coded):
+            _set(box, nodes=_NODES, places=_PLACES, codes=_CODES, texture_of_noise=_NOISE)
+            _set(box, display_px=size, first_px=(grid.u_px[0], grid.v_px[0]), facing=facing)
+        self._rectangles = {box: ctx.vertex_array(box, []) for box in {self._plain, self._coded}}
         self._pairs = np.zeros((rows, cols, 4), dtype=np.float32)
         noise = target.texture if target.kind == "noise" else np.zeros((1, 1), dtype=np.float32)
         self._textures = {
@@ -113,9 +124,12 @@ class PatternRenderer:
         self._places = ctx.framebuffer([self._textures[_PLACES]])
         self._own: moderngl.Framebuffer | None = None
 
-    def render(self, framebuffer: moderngl.Framebuffer, q: NDArray[np.float64]) -> None:
+    def render(
+        self, framebuffer: moderngl.Framebuffer, q: NDArray[np.float64], code: int | None = None
+    ) -> None:
         """Draw the picture of warp q, (rows, cols, 2) LCD px, into a framebuffer of the LCD's size.
 
+        code: 0..15, drawn into the strips; without it, or without strips, there is only the target.
         Nothing is read back. Red, green and blue all hold code / 255. Leaves `framebuffer` bound and
         blending, depth test and culling off.
         """
@@ -134,8 +148,10 @@ class PatternRenderer:
         framebuffer.clear(self._mean, self._mean, self._mean, 1.0)
         bounds = self._clip_bounds()
         if bounds is not None:
-            _set(self._box, bounds=bounds)
-            self._rectangle.render(moderngl.TRIANGLE_STRIP, vertices=4)
+            box = self._plain if code is None else self._coded
+            bits = sum(bit << k for k, bit in enumerate(bits_of(code or 0)))
+            _set(box, bounds=bounds, strip_bits=bits)
+            self._rectangles[box].render(moderngl.TRIANGLE_STRIP, vertices=4)
 
     def _clip_bounds(self) -> tuple[float, float, float, float] | None:
         """Left, bottom, right, top of all nodes in clip space; None when no node has a warp."""
@@ -147,11 +163,11 @@ class PatternRenderer:
         right, bottom = 2 * (high + 0.5) / self._size - 1
         return float(left), float(-bottom), float(right), float(-top)
 
-    def image(self, q: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Picture of warp q as (rows, cols) uint8 grey codes, row 0 at the top."""
+    def image(self, q: NDArray[np.float64], code: int | None = None) -> NDArray[np.uint8]:
+        """Picture of warp q, with a code or without, as (rows, cols) uint8 grey codes, row 0 at the top."""
         columns, rows = self._size
         if self._own is None:
             self._own = self._ctx.framebuffer([self._ctx.texture(self._size, 1)])
-        self.render(self._own, q)
+        self.render(self._own, q, code)
         upside_down = np.frombuffer(self._own.read(components=1, alignment=1), dtype=np.uint8)
         return np.ascontiguousarray(upside_down.reshape(rows, columns)[::-1])

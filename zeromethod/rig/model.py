@@ -24,6 +24,7 @@ Angle = Annotated[float, Field(ge=-360, le=360)]
 Tilt = Annotated[float, Field(ge=-45, le=45)]
 Rate = Annotated[float, Field(gt=0, le=10000)]
 Lag = Annotated[float, Field(ge=0, le=10)]
+Delay = Annotated[float, Field(ge=-1, le=10)]
 Count = Annotated[int, Field(ge=0)]
 Text = Annotated[str, Field(min_length=1)]
 Index = Annotated[float, Field(ge=1, le=4)]
@@ -108,7 +109,8 @@ class DisplaySpec(Table):
     P0 and rows with y; `turn_deg` turns columns towards rows (+90: columns grow with y);
     `mirrored` flips the columns before turning.
 
-    Timing: the first row starts to change `latency_s` after the presentation time, the last
+    Timing: the first row starts to change `latency_s` after the presentation time (by the camera's stamps:
+    below zero where these come early), the last
     `scanout_s` later (default one refresh; `scan` "down" = row 0 first); light follows a change
     exponentially, `rise_s` from 10 to 90 %. Response: light = (code/255)^gamma, or `response_light`,
     the light (0..1, rising) at equally spaced codes 0..255. `fill` = lit share of the pixel pitch
@@ -128,7 +130,7 @@ class DisplaySpec(Table):
     mirrored: bool = False
     tilt_deg: tuple[Tilt, Tilt] = (0.0, 0.0)
     refresh_hz: Rate
-    latency_s: Lag = 0.0
+    latency_s: Delay = 0.0
     scanout_s: Lag | None = None
     scan: Literal["down", "up"] = "down"
     rise_s: Lag = 0.0
@@ -240,13 +242,15 @@ class ControlSpec(Table):
     """The loop: who controls, and how boldly.
 
     `gain` 0..1: share of each correction applied at once (composition: filter's upper limit;
-    integrator: its gain); `leak` is the integrator's alone, per frame.
+    integrator: its gain); `leak` is the integrator's alone, per frame. `strips` "edges": coded strips at two
+    edges of the view tell which pictures a frame saw.
     """
 
     controller: Literal["composition", "integrator"] = "composition"
     gain: Annotated[float, Field(gt=0, le=1)] = 1.0
     leak: Annotated[float, Field(ge=0, lt=1)] = 0.01
     timeout_s: Positive = 1.0
+    strips: Literal["none", "edges"] = "none"
 
 
 class KnownRest(Table):

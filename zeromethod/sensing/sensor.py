@@ -52,8 +52,8 @@ class ResidualSensor:
     grid: its `image_shape` and `period_px` are the image's and the target's. kind: cosines, checker,
     lattice (demodulated; any displacement, by unwrapping) or noise (one Gauss-Newton step, near null
     only). bits: camera's; grey 2^bits - 1 counts as clipped. light: the target's light per camera pixel
-    (`Target.light`); needed for noise and lattice. covered: (rows, cols) nodes to leave alone, where something
-    else than the target is drawn; they count as OUTSIDE.
+    (`Target.light`); needed for noise and lattice. covered: (rows, cols) nodes to leave alone, where
+    something else than the target is drawn; they count as OUTSIDE.
 
     Buffers are made here and kept; the constructor also compiles. One sensor serves one thread.
     """

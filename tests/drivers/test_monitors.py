@@ -1,0 +1,114 @@
+"""What is said of monitors and outputs, and screens that do not answer."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from zeromethod.drivers.desktop import output_warnings, ramp_warnings
+from zeromethod.drivers.identify import identify_picture, p0_place
+from zeromethod.drivers.monitors import Monitor
+from zeromethod.drivers.xserver import Output
+
+LEFT = Output("LEFT", 0, 0, 640, 480, 60.0)
+RIGHT = Output("RIGHT", 640, 0, 800, 600, 60.0)
+MONITOR = Monitor(3, "HDMI-1", 800, 600, 59.94, 640, 0, 1.0, False)
+
+
+def test_nothing_is_said_of_outputs_side_by_side() -> None:
+    assert output_warnings("LEFT", [LEFT, RIGHT]) == output_warnings("RIGHT", [LEFT, RIGHT]) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"scaled": True}, "its picture is scaled by the X server: xrandr --output RIGHT --scale 1x1"),
+        ({"turned": True}, "its picture is turned or mirrored: xrandr --output RIGHT --rotate normal"),
+        ({"panned": True}, "its picture follows the mouse: xrandr --output RIGHT --panning 0x0"),
+        ({"x": 639}, "LEFT shows the same part of the desktop (mirrored outputs)"),
+    ],
+)
+def test_what_an_output_does_to_its_picture_is_said(change: dict[str, int], said: str) -> None:
+    assert output_warnings("RIGHT", [LEFT, replace(RIGHT, **change)]) == [f"RIGHT: {said}"]
+
+
+@pytest.mark.parametrize("top", [255 / 256, 1.0])
+def test_what_servers_call_a_linear_ramp_is_linear(top: float) -> None:
+    assert ramp_warnings("A", [np.linspace(0, top, 256)] * 3) == []
+
+
+def test_a_warm_blue_is_said() -> None:
+    linear = np.linspace(0, 1, 1024)
+    assert "changes greys by up to 30%" in ramp_warnings("A", [linear, linear, 0.7 * linear])[0]
+
+
+def test_the_identify_picture_shows_the_outermost_pixels_and_single_ones() -> None:
+    image = identify_picture(MONITOR)
+    assert image.shape == (600, 800)
+    for edge in (image[0], image[-1], image[:, 0], image[:, -1]):
+        assert np.all(edge == 255)
+    patch = image[462 - 20 : 462 + 20, 400 - 20 : 400 + 20].astype(int)  # at 0.77 of the height
+    assert np.all(np.abs(np.diff(patch, axis=0)) == 255)
+    assert np.all(np.abs(np.diff(patch, axis=1)) == 255)
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "mirrored", "place"),
+    [
+        (0.0, False, (10, 300)),  # columns grow away from P0: it is at column 0
+        (0.0, True, (790, 300)),
+        (90.0, False, (400, 590)),  # columns grow with y, so rows grow towards P0
+        (-90.0, False, (400, 10)),
+        (180.0, False, (790, 300)),
+        (2.0, False, (10, 300)),
+    ],
+)
+def test_p0_is_at_the_edge_that_the_mounting_puts_there(
+    turn_deg: float, mirrored: bool, place: tuple[float, float]
+) -> None:
+    assert p0_place(MONITOR, turn_deg, mirrored, 10) == place
+
+
+LISTING = """
+from zeromethod.drivers import xserver
+from zeromethod.drivers.monitors import monitors
+from zeromethod.errors import InputError
+xserver.PATIENCE_S = 0.3
+try:
+    monitors()
+except InputError as error:
+    print(error)
+"""
+
+
+def listed(display: str) -> str:
+    environment = {name: value for name, value in os.environ.items() if name != "WAYLAND_DISPLAY"}
+    run = subprocess.run(
+        [sys.executable, "-W", "error", "-c", LISTING],
+        env=environment | {"XDG_SESSION_TYPE": "x11", "DISPLAY": display},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    return run.stdout.strip()
+
+
+def test_listing_without_a_screen_names_what_is_missing() -> None:
+    assert listed("") == "display window: no screen: DISPLAY is not set"
+
+
+def test_a_server_that_never_answers_is_not_waited_for() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        number = silent.getsockname()[1] - 6000  # X11 over TCP
+        before = time.monotonic()
+        said = listed(f"127.0.0.1:{number}")
+    assert said == f"display window: the X server 127.0.0.1:{number} does not answer within 0.3 s"
+    assert time.monotonic() - before < 20

@@ -1,0 +1,71 @@
+"""Readings of planted depth, and what a subscriber makes of messages."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from zeromethod.control import Event, State, Step
+from zeromethod.surface import Anchor, Peak, Surface, peak
+from zeromethod.warp.warp import Warp
+
+SHAPE = (30, 40)
+SIGMA_MM = 1e-4
+DENT_MM = 3.0
+"""Width of the dent (one sigma): six nodes, from where on the peak's fit is within 0.01 %."""
+TOPIC = b"zeromethod.v1\n"
+
+
+def dent(
+    depth_mm: float = 0.0,
+    time_ns: int = 0,
+    *,
+    shape: tuple[int, int] = SHAPE,
+    sigma_mm: float = SIGMA_MM,
+    dark: tuple[slice, slice] | None = None,
+    generator: np.random.Generator | None = None,
+) -> tuple[Surface, Peak]:
+    """A Gaussian dent in the middle of nodes 0.5 mm apart, with a padding of two that is not read."""
+    y, x = 0.5 * np.indices(shape, dtype=np.float64)
+    centre = (x.mean(), y.mean())
+    depth = depth_mm * np.exp(-0.5 * ((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / DENT_MM**2)
+    if generator is not None:
+        depth = depth + sigma_mm * generator.standard_normal(shape)
+    slope = np.stack([-(x - centre[0]) * depth, -(y - centre[1]) * depth], axis=-1) / DENT_MM**2
+    valid, contact = np.zeros(shape, bool), np.zeros(shape, bool)
+    valid[2:-2, 2:-2] = True
+    if dark is not None:
+        contact[dark], valid[dark] = True, False
+    depth[~valid], slope[~valid] = np.nan, np.nan
+    sigma = np.where(valid, sigma_mm, np.nan)
+    anchor = Anchor("quiet", np.zeros(shape, bool), 0.0)
+    both = np.stack([sigma, sigma], axis=-1)
+    surface = Surface(depth, slope, x, y, sigma, both, valid, contact, anchor, time_ns, 3)
+    return surface, peak(surface)
+
+
+def turn(number: int, time_ns: int = 0, state: State = State.LOCKED, **more: Any) -> Step:
+    """One turn of the loop; what is not published is empty."""
+    nothing = np.zeros((1, 1, 2))
+    warp = Warp(nothing, nothing, np.zeros((1, 1), np.uint16), time_ns)
+    events = (Event.FRAMES_DROPPED,)
+    return Step(number, time_ns, state, "as planted", events, nothing, warp, **more)
+
+
+def decoded(message: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Header and maps of a message, refusing JSON that is none (NaN, Infinity)."""
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(constant)
+
+    assert message.startswith(TOPIC)
+    header_line, data = message.removeprefix(TOPIC).split(b"\n", 1)
+    header = json.loads(header_line, parse_constant=refuse)
+    maps = {
+        a["name"]: np.ndarray(a["shape"], a["dtype"], data, a["offset"], order=a["order"])
+        for a in header["arrays"]
+    }
+    assert len(data) == sum(values.nbytes for values in maps.values())
+    return header, maps

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from zeromethod.control import State
+from zeromethod.publishing import ContactEvent
+from zeromethod.publishing.message import encode
+from zeromethod.surface import Peak
+
+from .readings import decoded, dent, turn
+
+
+def message(step, reading, contacts=()):
+    return decoded(
+        encode(step, reading, session="s", unix_time_ns=1234, touching=bool(contacts), contacts=contacts)
+    )
+
+
+def test_the_maps_come_back_with_their_values_and_holes() -> None:
+    surface, deepest = dent(0.2, time_ns=2**60 + 1)
+    _, maps = message(turn(7), (surface, deepest))
+    for name in ("depth_mm", "sigma_depth_mm", "slope", "x_mm", "y_mm"):
+        assert maps[name].dtype == np.dtype("<f4")
+        # Half a unit in the last place of a 32-bit float; NaN where nothing was read.
+        np.testing.assert_allclose(maps[name], getattr(surface, name), rtol=2**-24, atol=1e-30)
+    np.testing.assert_array_equal(maps["valid"], surface.valid)
+    np.testing.assert_array_equal(maps["contact"], surface.contact)
+
+
+def test_the_header_tells_time_state_peak_and_where_it_is() -> None:
+    step = turn(7, 2**60 + 1, frame_number=11, dropped=2, residual_rms_px=0.013, valid_share=0.9)
+    header, _ = message(step, dent(0.2))
+    told = {name: header[name] for name in ("schema_version", "session", "turn", "frame", "time_ns")}
+    assert told == {"schema_version": 1, "session": "s", "turn": 7, "frame": 11, "time_ns": 2**60 + 1}
+    assert header["unix_time_ns"] == 1234
+    assert (header["state"], header["reason"]) == ("locked", "as planted")
+    assert (header["events"], header["dropped"]) == (["frames dropped"], 2)
+    assert (header["residual_rms_px"], header["valid_share"]) == (0.013, 0.9)
+    # The dent's middle lies between the nodes; the peak's own fit is within 0.01 %.
+    assert header["peak"]["depth_mm"] == pytest.approx(0.2, rel=1e-4)
+    assert header["peak"]["x_mm"] == pytest.approx(9.75, abs=1e-3)
+    assert header["peak"]["y_mm"] == pytest.approx(7.25, abs=1e-3)
+    assert header["peak"]["sigma_mm"] == 1e-4
+    assert header["pose"]["frame_id"] == "zeromethod/P0"
+    assert header["pose"]["matrix"] == [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+
+
+def test_a_turn_without_a_reading_tells_its_state_and_has_no_maps() -> None:
+    header, maps = message(turn(3, state=State.FAULT), None)
+    assert header["state"] == "fault"
+    assert header["peak"] is None
+    assert header["frame"] is None
+    assert header["residual_rms_px"] is None  # NaN, which JSON has not
+    assert not maps
+
+
+def test_what_is_not_known_is_null() -> None:
+    surface, _ = dent()
+    nan = float("nan")
+    dark = ContactEvent(4, "began", 17, 1.0, 2.0, nan)
+    header, _ = message(turn(1), (surface, Peak(nan, nan, nan, nan)), [dark])
+    assert set(header["peak"].values()) == {None}
+    (told,) = header["contacts"]
+    assert told == {
+        "number": 4,
+        "kind": "began",
+        "time_ns": 17,
+        "x_mm": 1.0,
+        "y_mm": 2.0,
+        "depth_mm": None,
+    }

@@ -1,0 +1,139 @@
+"""`zeromethod virtual-bench`: rehearse the whole bench without prism and camera."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import signal
+import threading
+from pathlib import Path
+from typing import Any
+
+import click
+
+from zeromethod.cli.output import check_file
+from zeromethod.errors import InputError
+from zeromethod.optics import check_geometry
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.threads import limit_threads
+
+
+@click.command(
+    "virtual-bench",
+    epilog="Example: zeromethod virtual-bench --monitor 1 --truth truth.jsonl",
+)
+@click.option("--rig", "rig_name", default="virtual", show_default=True, help="Rig file, or a packaged name.")
+@click.option("--press", help="Simulated press: a packaged scenario (rehearsal, step, ...) or a .toml file.")
+@click.option(
+    "--monitor",
+    type=click.IntRange(min=0),
+    default=1,
+    show_default=True,
+    help="Which monitor plays the LCD, counted as `run --display` counts.",
+)
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=5005,
+    show_default=True,
+    help="Where the camera's stream is served (0: any free port).",
+)
+@click.option("--rate", "rate_hz", type=float, help="Frames per second. [default: the rig's]")
+@click.option(
+    "--truth", "truth_path", type=click.Path(path_type=Path, dir_okay=False), help="Write the truth (.jsonl)."
+)
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor's noise.")
+@click.option("--loops", type=click.IntRange(min=1), help="Play the scenario this often. [default: 1]")
+@click.option("--forever", is_flag=True, help="Play the scenario again and again.")
+@click.option(
+    "--start-after",
+    "start_after_s",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="Seconds from the first client to the scenario's start.",
+)
+def virtual_bench_command(
+    rig_name: str,
+    press: str | None,
+    monitor: int,
+    port: int,
+    rate_hz: float | None,
+    truth_path: Path | None,
+    seed: int | None,
+    loops: int | None,
+    forever: bool,
+    start_after_s: float,
+) -> None:
+    """Play prism and camera: bend what a monitor shows, serve it as a camera stream, write the truth.
+
+    The scenario starts when the first client connects. The bench ends on Ctrl-C, and once the scenario is
+    over and the client has gone.
+    """
+    if not (math.isfinite(start_after_s) and start_after_s >= 0):
+        raise InputError(f"--start-after: {start_after_s}: a number of seconds from 0 on")
+    if loops is not None and forever:
+        raise InputError("--loops and --forever: give one of them, not both")
+    check_file("--truth", truth_path, suffix=".jsonl")
+    rig = _with_overrides(load_rig(rig_name), press, seed, rate_hz)
+    check_geometry(rig)
+    limit_threads()
+    _play(rig, monitor, port, truth_path, math.inf if forever else float(loops or 1), start_after_s)
+
+
+def _with_overrides(rig: Rig, press: str | None, seed: int | None, rate_hz: float | None) -> Rig:
+    update: dict[str, Any] = {}
+    if press is not None:
+        update["press"] = press
+    if seed is not None:
+        update["simulation"] = rig.simulation.model_copy(update={"seed": seed})
+    if rate_hz is not None:
+        most_hz = 1 / rig.camera.exposure_s
+        if not 0 < rate_hz <= most_hz:
+            raise InputError(
+                f"--rate: {rate_hz:g}: above 0 and at most 1 / camera.exposure_s = {most_hz:g} Hz"
+            )
+        update["camera"] = rig.camera.model_copy(update={"rate_hz": rate_hz})
+    return rig.model_copy(update=update)
+
+
+def _play(
+    rig: Rig, monitor: int, port: int, truth_path: Path | None, loops: float, start_after_s: float
+) -> None:
+    from zeromethod.procedures.virtual_bench.bench import Bender, VirtualBench  # noqa: PLC0415 - loads slowly
+    from zeromethod.procedures.virtual_bench.grab import MonitorGrabber, find_monitor  # noqa: PLC0415
+    from zeromethod.procedures.virtual_bench.stream import FrameServer, stream_header  # noqa: PLC0415
+    from zeromethod.procedures.virtual_bench.truth import TruthFile  # noqa: PLC0415
+    from zeromethod.simulation.scenario import load_scenario  # noqa: PLC0415
+
+    scenario = load_scenario(rig.press)
+    found = find_monitor(monitor, (rig.display.columns, rig.display.rows))
+    camera = rig.camera
+    header = stream_header(camera.columns, camera.rows, camera.rate_hz, camera.bits)
+    bender = Bender(rig)
+    with contextlib.ExitStack() as stack:
+        stack.callback(bender.close)
+        server = FrameServer(port, header)
+        stack.callback(server.close)
+        truth = stack.enter_context(TruthFile(truth_path, rig, rig.press)) if truth_path else None
+        bench = VirtualBench(
+            rig,
+            scenario,
+            bender,
+            server,
+            lambda: MonitorGrabber(found),
+            camera.rate_hz,
+            truth,
+            loops,
+            start_after_s,
+        )
+        stop = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: stop.set())
+        click.echo(f"monitor {found}")
+        click.echo("In another terminal start:")
+        address = f"tcp://127.0.0.1:{server.port}"
+        click.echo(f"  zeromethod run --rig {rig.name} --display {monitor} --camera {address}")
+        bench.run(stop, click.echo)
+        click.echo(f"{bench.frames} frames, {bench.late} of them later than the rig's camera_latency_s")

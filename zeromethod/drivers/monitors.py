@@ -1,0 +1,93 @@
+"""Which monitors this computer has, by the index that `display.monitor` takes."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import glfw
+
+from zeromethod.drivers.desktop import Desktop
+from zeromethod.drivers.glfw_window import connect, glfw_errors_as
+from zeromethod.errors import InputError
+
+_RATE_TOLERANCE = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Monitor:
+    """A monitor as the desktop has set it.
+
+    index: 0 is the primary one. columns, rows: px. refresh_hz: 0 when not known. x, y: its top left corner
+    on the desktop, px. scale: the desktop's. warnings: what becomes of pictures there, one line each.
+    """
+
+    index: int
+    name: str
+    columns: int
+    rows: int
+    refresh_hz: float
+    x: int
+    y: int
+    scale: float
+    primary: bool
+    warnings: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        size = f"{self.columns} x {self.rows}"
+        rate = f", {self.refresh_hz:.2f} Hz" if self.refresh_hz else ""
+        return f"{self.index} ({self.name}, {size}{rate}, at {self.x}, {self.y})"
+
+
+def monitors() -> tuple[Monitor, ...]:
+    """Monitors in the order of their indices; within a few seconds, in the main thread.
+
+    InputError (one line) without a screen or when its server does not answer.
+    """
+    with glfw_errors_as(InputError):
+        desktop = Desktop(connect())
+        try:
+            return described(desktop)
+        finally:
+            desktop.close()
+
+
+def described(desktop: Desktop) -> tuple[Monitor, ...]:
+    """Monitors as `monitors`, once glfw is connected; raises GLFWError."""
+    return tuple(_describe(index, monitor, desktop) for index, monitor in enumerate(glfw.get_monitors()))
+
+
+def find(index: int, size: tuple[int, int], refresh_hz: float, desktop: Desktop) -> tuple[Any, Monitor]:
+    """The glfw monitor of an index, which must be set to (columns, rows) and, within 2 %, to refresh_hz.
+
+    InputError (one line) that lists the monitors when there is no such index, or tells what is set.
+    """
+    known = described(desktop)
+    if index not in range(len(known)):
+        listed = ", ".join(map(str, known)) or "none is connected"
+        raise InputError(f"display.monitor: {index!r}: allowed: {listed}")
+    found, wanted = known[index], f"{size[0]} x {size[1]}"
+    if (found.columns, found.rows) != size:
+        is_set = f"{found.columns} x {found.rows}"
+        raise InputError(f"display.monitor: {index}: set to {is_set}; the rig's display is {wanted} px")
+    if found.refresh_hz and abs(found.refresh_hz / refresh_hz - 1) > _RATE_TOLERANCE:
+        is_set = f"{found.refresh_hz:.2f} Hz"
+        raise InputError(
+            f"display.monitor: {index}: set to {is_set}; the rig's display has {refresh_hz:g} Hz"
+        )
+    return glfw.get_monitors()[index], found
+
+
+def _describe(index: int, monitor: Any, desktop: Desktop) -> Monitor:
+    mode = glfw.get_video_mode(monitor)
+    return Monitor(
+        index,
+        os.fsdecode(glfw.get_monitor_name(monitor)),
+        *mode.size,
+        desktop.refresh_hz(monitor),
+        *glfw.get_monitor_pos(monitor),
+        scale=max(glfw.get_monitor_content_scale(monitor)),
+        primary=index == 0,
+        warnings=desktop.monitor_warnings(monitor),
+    )

@@ -1,0 +1,174 @@
+"""Measuring the delay between display and camera: coded pictures of the mirror at rest, one after the other.
+
+What "the delay" is, is said once, in `zeromethod.control.delay`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from zeromethod.control.delay import DelayWatch
+from zeromethod.control.matching import Match
+from zeromethod.control.pairing import PanelTiming, pair
+from zeromethod.control.presentation import PresentationLog
+from zeromethod.control.presenter import Presenter
+from zeromethod.control.rest import Rest
+from zeromethod.control.strips import StripReader, find_strips
+from zeromethod.devices.opening import Devices
+from zeromethod.devices.protocols import CameraTimeout, Frame
+from zeromethod.errors import MeasurementError
+from zeromethod.optics import Optics
+from zeromethod.pattern.strips import CODES
+from zeromethod.rig.model import Rig
+from zeromethod.rig.save import save_values
+
+DEFAULT_SECONDS = 3.0
+
+LEAST_FRAMES = 8
+"""Frames with a delay of their own that a result needs."""
+
+LOOSEST_REFRESHES = 0.35
+"""Widest range of delays, in refreshes, whose middle is taken: its standard deviation is a tenth."""
+
+TIMEOUTS_TO_FAIL = 3
+
+
+@dataclass(frozen=True)
+class DelayResult:
+    """The delay and how well it is known. Times in s.
+
+    latency_s: the delay, as `[display] latency_s` holds it; below zero where stamps come early. sigma_s: its
+    standard deviation. jitter_s: that of single frames' delays, NaN where single frames only bound it.
+    refresh_hz, camera_rate_hz: by presentation and frame times. horizon_s: median time from a frame's
+    mid-exposure to that of the frames that saw the picture shown after it, weighted by light; computing
+    is not in it. frames: that came; read: whose codes fit what was shown; used: that gave a delay of their own.
+    """
+
+    latency_s: float
+    sigma_s: float
+    jitter_s: float
+    refresh_hz: float
+    camera_rate_hz: float
+    horizon_s: float
+    frames: int
+    read: int
+    used: int
+
+    @property
+    def delay_frames(self) -> float:
+        """The loop's whole delay in camera frames, as `control.margin` takes it."""
+        return self.horizon_s * self.camera_rate_hz
+
+
+def measure_delay(rig: Rig, devices: Devices, seconds: float = DEFAULT_SECONDS) -> DelayResult:
+    """Show coded pictures of the mirror at rest for `seconds` of the run's clock and time them.
+
+    Nothing may touch the mirror. The pictures differ only by their codes; one is shown for every frame.
+
+    Raises
+    ------
+    MeasurementError
+        No room for strips, too few frames that could be read, or delays that do not agree.
+    """
+    rest = Rest.of(rig, Optics(rig))
+    strips = find_strips(with_strips(rig), rest)
+    if strips is None:
+        raise MeasurementError("delay: the camera does not see the panel along two edges: no room for codes")
+    presenter = Presenter(rig, devices.display, rest, strips)
+    timing = PanelTiming.of(rig.display)
+    reader = StripReader(strips, rest.grid.image_shape, rig.camera.noise, rig.camera.bits)
+    watch = DelayWatch(reader, timing, rig.display.refresh_hz)
+    log = PresentationLog(rest.q.shape[:2])
+    shown_ns: list[int] = []
+    stamps: list[tuple[int, int]] = []
+    found: list[Match] = []
+    horizons_ns: list[float] = []
+    newest: Frame | None = None
+    timeouts = 0
+    start_ns = devices.clock.now_ns()
+    while devices.clock.now_ns() - start_ns < 1e9 * seconds:
+        code = len(shown_ns) % CODES
+        shown_ns.append(presenter.present(rest.q, code))
+        log.record(shown_ns[-1], rest.q, newest.time_ns if newest else None, code)
+        try:
+            newest = devices.camera.read(rig.control.timeout_s)
+        except CameraTimeout:
+            timeouts += 1
+            if timeouts == TIMEOUTS_TO_FAIL:
+                raise MeasurementError(f"delay: the camera gave no frame {timeouts} times running") from None
+            continue
+        timeouts = 0
+        stamps.append((newest.number, newest.time_ns))
+        frame_timing = watch.timing_of(newest.image, newest, log)
+        if watch.last is not None and watch.last.fits and frame_timing is not None:
+            found.append(watch.last)
+            shown = pair(log, newest, frame_timing, rest.q, rest.grid, rig.target.kind)
+            if shown is not None and shown.age_ns is not None:
+                horizons_ns.append(float(np.mean(shown.age_ns)))
+    if len(found) < LEAST_FRAMES or not horizons_ns:
+        raise MeasurementError(
+            f"delay: the codes of {len(found)} of {len(stamps)} frames could be read, "
+            f"{LEAST_FRAMES} are needed: see to focus, light and rest map"
+        )
+    precise = [match.best_ns for match in found if watch.estimator.is_precise(match)]
+    refresh_ns = 1e9 / rig.display.refresh_hz
+    latency_ns, sigma_ns, jitter_ns = _delay(found, precise, refresh_ns)
+    return DelayResult(
+        latency_s=1e-9 * latency_ns,
+        sigma_s=1e-9 * sigma_ns,
+        jitter_s=1e-9 * jitter_ns,
+        refresh_hz=_refresh_hz(shown_ns, refresh_ns),
+        camera_rate_hz=_rate_hz(stamps),
+        horizon_s=1e-9 * float(np.median(horizons_ns)),
+        frames=len(stamps),
+        read=len(found),
+        used=len(precise),
+    )
+
+
+def _delay(found: list[Match], precise: list[float], refresh_ns: float) -> tuple[float, float, float]:
+    """Delay, its standard deviation, that of single frames, ns."""
+    if len(precise) >= LEAST_FRAMES:
+        values = np.array(precise)
+        middle = float(np.median(values))
+        jitter = 1.4826 * float(np.median(np.abs(values - middle)))
+        return middle, 1.25 * jitter / math.sqrt(len(values)), jitter
+    # Camera and panel in step, every exposure on one picture: what all frames allow. The outermost tenth of
+    # the bounds is left to frames that are wrong.
+    low = float(np.percentile([match.low_ns for match in found], 90))
+    high = float(np.percentile([match.high_ns for match in found], 10))
+    if not 0 <= high - low < LOOSEST_REFRESHES * refresh_ns:
+        raise MeasurementError(
+            f"delay: the codes only tell that it lies from {1e-6 * low:.1f} to {1e-6 * high:.1f} ms: "
+            "a longer exposure, or other rates of camera and panel, will tell more"
+        )
+    return 0.5 * (low + high), (high - low) / math.sqrt(12), float("nan")
+
+
+def _refresh_hz(shown_ns: list[int], refresh_ns: float) -> float:
+    """Refresh rate by the presentation times, which are whole refreshes apart; NaN when all at once."""
+    since = np.array(shown_ns, dtype=np.int64) - shown_ns[0]
+    steps = np.cumsum(np.rint(np.diff(since, prepend=0) / refresh_ns))
+    if steps[-1] == 0:
+        return float("nan")
+    return float(1e9 / np.polyfit(steps, since, 1)[0])
+
+
+def _rate_hz(stamps: list[tuple[int, int]]) -> float:
+    """Camera's rate by its frame numbers and times."""
+    numbers, times_ns = np.array(stamps, dtype=np.int64).T
+    return float(1e9 / np.polyfit(numbers - numbers[0], times_ns - times_ns[0], 1)[0])
+
+
+def with_strips(rig: Rig) -> Rig:
+    """Rig that asks for coded strips."""
+    return rig.model_copy(update={"control": rig.control.model_copy(update={"strips": "edges"})})
+
+
+def with_latency(path: Path, latency_s: float) -> None:
+    """Store a measured delay in a rig file; its comments and all else stay. Raises InputError."""
+    save_values(path, {"display.latency_s": round(latency_s, 6)})

@@ -1,0 +1,112 @@
+"""One exposure of the monitor: grabbed several times, alike pictures told as one."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.clock import HostClock
+from zeromethod.rig.model import CameraSpec
+
+GRABS = 4
+"""Grabs per exposure, evenly spread: a picture's share of the light is known to a quarter."""
+
+
+class Grabber(Protocol):
+    """What takes the monitor's picture."""
+
+    def grab(self) -> NDArray[np.uint8]:
+        """Grey codes (rows, cols) now."""
+
+    def close(self) -> None:
+        """Leave the screen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exposure:
+    """What the monitor showed during one exposure.
+
+    number: counts the camera's frames, taken or not. time_ns: its middle. end_ns: its end. pictures: (grey
+    codes, share of the exposure), in the order shown; shares add up to 1.
+    """
+
+    number: int
+    time_ns: int
+    end_ns: int
+    pictures: tuple[tuple[NDArray[np.uint8], float], ...]
+
+
+class Exposer:
+    """Exposes at the camera's own rate in a thread of its own; keeps the newest exposure."""
+
+    def __init__(self, camera: CameraSpec, rate_hz: float, opened: Callable[[], Grabber]) -> None:
+        """Begin at once. opened: makes the grabber, in the thread that uses it."""
+        self._opened = opened
+        self._clock = HostClock()
+        self._period_ns = 1e9 / rate_hz
+        self._exposure_ns = round(1e9 * camera.exposure_s)
+        self._start_ns = self._clock.now_ns()
+        self._changed = threading.Condition()
+        self._newest: Exposure | None = None
+        self._error: Exception | None = None
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="exposer", daemon=True)
+        self._thread.start()
+
+    def take(self, timeout_s: float) -> Exposure | None:
+        """Newest exposure not yet taken, None when none comes in time; raises what grabbing raised."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._newest is not None or self._error is not None, timeout_s)
+            if self._error is not None:
+                raise self._error
+            taken, self._newest = self._newest, None
+            return taken
+
+    def close(self) -> None:
+        """Stop; safe to call twice."""
+        self._stop.set()
+        self._thread.join(1.0)
+
+    def _run(self) -> None:
+        try:
+            grabber = self._opened()
+            try:
+                while not self._stop.is_set():
+                    self._keep(self._expose(grabber))
+            finally:
+                grabber.close()
+        except Exception as error:  # told to whoever takes the exposures
+            with self._changed:
+                self._error = error
+                self._changed.notify()
+
+    def _keep(self, exposure: Exposure) -> None:
+        with self._changed:
+            self._newest = exposure
+            self._changed.notify()
+
+    def _expose(self, grabber: Grabber) -> Exposure:
+        number = int((self._clock.now_ns() - self._start_ns) // self._period_ns) + 1
+        start_ns = self._start_ns + round(number * self._period_ns)
+        shots = []
+        for index in range(GRABS):
+            self._clock.sleep_until_ns(start_ns + self._exposure_ns * (2 * index + 1) // (2 * GRABS))
+            shots.append(grabber.grab())
+        pictures = alike(shots)
+        return Exposure(number, start_ns + self._exposure_ns // 2, start_ns + self._exposure_ns, pictures)
+
+
+def alike(shots: list[NDArray[np.uint8]]) -> tuple[tuple[NDArray[np.uint8], float], ...]:
+    """Pictures and their shares: shots that follow one another unchanged are one picture."""
+    pictures: list[tuple[NDArray[np.uint8], float]] = []
+    for shot in shots:
+        if pictures and np.array_equal(shot, pictures[-1][0]):
+            pictures[-1] = pictures[-1][0], pictures[-1][1] + 1 / len(shots)
+        else:
+            pictures.append((shot, 1 / len(shots)))
+    return tuple(pictures)

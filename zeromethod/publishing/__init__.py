@@ -1,0 +1,6 @@
+"""Readings for other programs while a run goes on: one versioned message per turn, the newest only."""
+
+from zeromethod.publishing.events import ContactEvent, ContactWatch
+from zeromethod.publishing.publisher import Publisher
+
+__all__ = ["ContactEvent", "ContactWatch", "Publisher"]

@@ -1,0 +1,119 @@
+"""What one message says, and how: a line that names the version, a line of JSON, then the maps.
+
+One part, not several, so that a socket can keep the newest message and forget the others.
+The layout is documented in docs/live-output.md; a change that a reader would notice raises SCHEMA_VERSION.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.control import Step
+from zeromethod.publishing.events import ContactEvent
+from zeromethod.surface import Peak, Surface
+
+SCHEMA_VERSION = 1
+TOPIC = f"zeromethod.v{SCHEMA_VERSION}\n".encode()
+"""How every message begins; what to subscribe to."""
+
+WORLD_FRAME = {
+    "frame_id": "zeromethod/P0",
+    "unit": "mm",
+    "origin": "P0: the edge where pattern face and mirror meet",
+    "x": "along the mirror, towards the captured face",
+    "y": "z cross x",
+    "z": "out of the rubber; z = h_rest(x, y) - depth",
+    "matrix": np.eye(4).tolist(),
+}
+"""The pose that maps are stamped with; `matrix` takes their x, y, z to `frame_id`."""
+
+Reading = tuple[Surface, Peak]
+"""A surface and its peak."""
+
+
+def encode(
+    step: Step,
+    reading: Reading | None,
+    *,
+    session: str,
+    unix_time_ns: int,
+    touching: bool,
+    contacts: Iterable[ContactEvent],
+) -> bytes:
+    """Message of one turn of the loop; without a reading it carries no maps."""
+    parts, described = [], []
+    offset = 0
+    for name, values, unit in () if reading is None else _maps(reading[0]):
+        described.append(
+            {
+                "name": name,
+                "dtype": values.dtype.str,
+                "shape": values.shape,
+                "order": "C",
+                "unit": unit,
+                "offset": offset,
+            }
+        )
+        parts.append(values.data)
+        offset += values.nbytes
+    header = {
+        "schema_version": SCHEMA_VERSION,
+        "session": session,
+        "turn": step.number,
+        "frame": step.frame_number,
+        "time_ns": step.time_ns,
+        "unix_time_ns": unix_time_ns,
+        "state": step.state.value,
+        "reason": step.reason,
+        "events": [event.value for event in step.events],
+        "dropped": step.dropped,
+        "residual_rms_px": _number(step.residual_rms_px),
+        "valid_share": _number(step.valid_share),
+        "pose": WORLD_FRAME,
+        "peak": None if reading is None else _peak(reading[1]),
+        "touching": touching,
+        "contacts": [_contact(event) for event in contacts],
+        "arrays": described,
+    }
+    return b"".join((TOPIC, json.dumps(header, allow_nan=False).encode(), b"\n", *parts))
+
+
+def _maps(surface: Surface) -> list[tuple[str, NDArray[Any], str]]:
+    """Name, contiguous little-endian values and unit of every map."""
+    lengths = (
+        ("depth_mm", surface.depth_mm, "mm"),
+        ("sigma_depth_mm", surface.sigma_depth_mm, "mm"),
+        ("slope", surface.slope, "1"),
+        ("x_mm", surface.x_mm, "mm"),
+        ("y_mm", surface.y_mm, "mm"),
+    )
+    masks = (("valid", surface.valid), ("contact", surface.contact))
+    return [
+        *((name, np.ascontiguousarray(values, "<f4"), unit) for name, values, unit in lengths),
+        *((name, np.ascontiguousarray(values, "|u1"), "") for name, values in masks),
+    ]
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _peak(peak: Peak) -> dict[str, float | None]:
+    return {name: _number(getattr(peak, name)) for name in ("depth_mm", "sigma_mm", "x_mm", "y_mm")}
+
+
+def _contact(event: ContactEvent) -> dict[str, Any]:
+    return {
+        "number": event.number,
+        "kind": event.kind,
+        "time_ns": event.time_ns,
+        "x_mm": _number(event.x_mm),
+        "y_mm": _number(event.y_mm),
+        "depth_mm": _number(event.depth_mm),
+    }

@@ -1,0 +1,111 @@
+"""A ZeroMQ socket that anyone may listen to, and that waits for nobody (extra `publish`)."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import time
+import uuid
+from collections import deque
+from types import TracebackType
+from typing import Any
+
+from zeromethod.clock import Clock
+from zeromethod.control import Step
+from zeromethod.errors import InputError
+from zeromethod.publishing.events import ContactEvent, ContactWatch
+from zeromethod.publishing.message import Reading, encode
+
+_ADDRESS = re.compile(r"tcp://(\[[^\]]+\]|[^:/\[\]]+):(\d{1,5}|\*)")
+_LAST_PORT = 65535
+_ALLOWED = "tcp://HOST:PORT with a free port, such as tcp://127.0.0.1:5556 (tcp://*:5556: from anywhere)"
+_CONTACTS = 16
+"""Contact events that every message repeats, so that who reads only some messages misses none."""
+_SEND_BUFFER_BYTES = 1 << 19
+"""What the kernel may hold back for a subscriber: about one message, or a slow line would always be late."""
+_LEAVING_S = 0.05
+"""What `close` gives the last message, which says why the run ended: newest-only sockets do not linger."""
+
+
+class Publisher:
+    """Publishes every turn of a run; a subscriber gets the newest message that it had not yet.
+
+    Each subscriber has room for one message, which the next one replaces: one that reads slowly or not at all
+    neither delays a run nor makes it grow. Use it from one thread at a time.
+    """
+
+    def __init__(self, address: str, clock: Clock) -> None:
+        """Bind `address` (tcp://HOST:PORT); `clock` is the run's.
+
+        Raises InputError, one line, without pyzmq and for an address that is malformed, in use or not this
+        machine's.
+        """
+        parts = _ADDRESS.fullmatch(address)
+        if parts is None or (parts[2] != "*" and not 0 < int(parts[2]) <= _LAST_PORT):
+            raise InputError(f"--publish: {address!r}: not an address: {_ALLOWED}")
+        zmq = _import_zmq()
+        self._clock = clock
+        self._session = uuid.uuid4().hex
+        self._watch = ContactWatch()
+        self._contacts: deque[ContactEvent] = deque(maxlen=_CONTACTS)
+        self._context: Any = zmq.Context()
+        self._socket: Any = self._context.socket(zmq.PUB)
+        self._published = False
+        self._socket.setsockopt(zmq.CONFLATE, 1)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.setsockopt(zmq.SNDBUF, _SEND_BUFFER_BYTES)
+        self._socket.setsockopt(zmq.IPV6, int(address.startswith("tcp://[")))
+        try:
+            self._socket.bind(address)
+        except zmq.ZMQError as error:
+            self.close()
+            raise InputError(f"--publish: {address!r}: {error.strerror}: {_ALLOWED}") from error
+        self._address: str = self._socket.getsockopt_string(zmq.LAST_ENDPOINT)
+
+    @property
+    def address(self) -> str:
+        """Where it is bound, with the port that was found where "*" was asked for."""
+        return self._address
+
+    def publish(self, step: Step, reading: Reading | None = None) -> None:
+        """Send one turn of the loop, with its surface and that one's peak where it was read. Never waits."""
+        if reading is not None:
+            event = self._watch.update(*reading)
+            if event is not None:
+                self._contacts.append(event)
+        # The run's clock need not be the host's, nor run as fast: only a frame's age is told by it.
+        age_ns = self._clock.now_ns() - step.time_ns
+        message = encode(
+            step,
+            reading,
+            session=self._session,
+            unix_time_ns=time.time_ns() - age_ns,
+            touching=self._watch.touching,
+            contacts=self._contacts,
+        )
+        self._socket.send(message)
+        self._published = True
+
+    def close(self) -> None:
+        """Give the last message 0.05 s to leave, then free the address. May be called again."""
+        if self._published:
+            time.sleep(_LEAVING_S)
+            self._published = False
+        self._socket.close()
+        self._context.term()
+
+    def __enter__(self) -> Publisher:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _import_zmq() -> Any:
+    """Module `zmq` of pyzmq; InputError (one line) where it is not installed."""
+    try:
+        return importlib.import_module("zmq")
+    except ImportError as error:
+        raise InputError("--publish: needs pyzmq: pip install 'zeromethod[publish]'") from error
