@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from zeromethod.clock import SimulatedClock
-from zeromethod.control import LOCK_RESIDUAL_PX, Event, Loop, State, Step
+from zeromethod.control import LOCK_RESIDUAL_PX, Event, Loop, State, Step, assembly
 from zeromethod.control import loop as loop_module
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost, Frame
@@ -28,10 +28,10 @@ class FakePresenter:
     gl_renderer = "none"
     lost = False
 
-    def __init__(self, rig: Rig, display: object, rest: object) -> None:
+    def __init__(self, rig: Rig, display: object, rest: object, strips: object) -> None:
         self.clock: SimulatedClock = display  # type: ignore[assignment]
 
-    def present(self, q: np.ndarray) -> int:
+    def present(self, q: np.ndarray, code: int | None) -> int:
         if FakePresenter.lost:
             raise DisplayLost("unplugged")
         return self.clock.now_ns()
@@ -71,7 +71,7 @@ class Script:
 
 @pytest.fixture
 def play(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., tuple[Loop, list[Step]]]]:
-    monkeypatch.setattr(loop_module, "Presenter", FakePresenter)
+    monkeypatch.setattr(assembly, "Presenter", FakePresenter)
     FakePresenter.lost = False
 
     def run(plan: list[Any], reopened: list[Any] | None = None, **changes: Any) -> tuple[Loop, list[Step]]:
@@ -181,7 +181,7 @@ def test_holding_on_request_measures_but_keeps_the_command(play: Any) -> None:
 
 
 def test_stopping_and_interrupting_leave_the_loop_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(loop_module, "Presenter", FakePresenter)
+    monkeypatch.setattr(assembly, "Presenter", FakePresenter)
 
     def fresh(plan: list[Any]) -> Loop:
         clock = SimulatedClock(100 * MS)

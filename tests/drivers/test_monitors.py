@@ -66,6 +66,7 @@ def test_the_identify_picture_shows_the_outermost_pixels_and_single_ones() -> No
         (0.0, True, (790, 300)),
         (90.0, False, (400, 590)),  # columns grow with y, so rows grow towards P0
         (-90.0, False, (400, 10)),
+        (90.0, True, (400, 10)),
         (180.0, False, (790, 300)),
         (2.0, False, (10, 300)),
     ],

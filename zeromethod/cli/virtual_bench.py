@@ -79,7 +79,7 @@ def virtual_bench_command(
     rig = _with_overrides(load_rig(rig_name), press, seed, rate_hz)
     check_geometry(rig)
     limit_threads()
-    _play(rig, monitor, port, truth_path, math.inf if forever else float(loops or 1), start_after_s)
+    _play(rig, rig_name, monitor, port, truth_path, math.inf if forever else float(loops or 1), start_after_s)
 
 
 def _with_overrides(rig: Rig, press: str | None, seed: int | None, rate_hz: float | None) -> Rig:
@@ -99,7 +99,13 @@ def _with_overrides(rig: Rig, press: str | None, seed: int | None, rate_hz: floa
 
 
 def _play(
-    rig: Rig, monitor: int, port: int, truth_path: Path | None, loops: float, start_after_s: float
+    rig: Rig,
+    rig_name: str,
+    monitor: int,
+    port: int,
+    truth_path: Path | None,
+    loops: float,
+    start_after_s: float,
 ) -> None:
     from zeromethod.procedures.virtual_bench.bench import Bender, VirtualBench  # noqa: PLC0415 - loads slowly
     from zeromethod.procedures.virtual_bench.grab import MonitorGrabber, find_monitor  # noqa: PLC0415
@@ -134,6 +140,6 @@ def _play(
         click.echo(f"monitor {found}")
         click.echo("In another terminal start:")
         address = f"tcp://127.0.0.1:{server.port}"
-        click.echo(f"  zeromethod run --rig {rig.name} --display {monitor} --camera {address}")
+        click.echo(f"  zeromethod run --rig {rig_name} --display {monitor} --camera {address}")
         bench.run(stop, click.echo)
         click.echo(f"{bench.frames} frames, {bench.late} of them later than the rig's camera_latency_s")

@@ -172,9 +172,17 @@ class Circle:
         # At rest the order of every node is known: it is that of the rest map.
         self._trusted = rest.seen
 
-    def presented(self, time_ns: int, q: Float, code: int | None = None) -> None:
-        """Note that `q` (copied) was presented at `time_ns`, with `code` in its strips."""
-        self._log.record(time_ns, q, self._seen_ns, code)
+    @property
+    def seen_ns(self) -> int | None:
+        """Mid-exposure of the newest frame that the present command was made from; None: of no frame."""
+        return self._seen_ns
+
+    def presented(self, time_ns: int, q: Float, code: int | None = None, *, seen_ns: int | None) -> None:
+        """Note that `q` (copied) was presented at `time_ns`, with `code` in its strips.
+
+        seen_ns: what the property of this name was when `q` was the command.
+        """
+        self._log.record(time_ns, q, seen_ns, code)
 
     def take(self, frame: Frame, hold: bool = False) -> Taken:
         """Measure `frame` and, unless told to `hold`, let the controller have it."""
@@ -223,8 +231,12 @@ class Circle:
         if taken.seen is not None:
             self._sensor.set_reference(taken.seen.residual)
 
-    def at_rest(self, measured: Warp) -> bool:
-        """Whether the controller's estimate is that of the untouched mirror, within noise."""
-        estimate, rest_q = self.controller.estimate, self.rest.q
+    def at_rest(self, measured: Warp, rest_q: Float | None = None) -> bool:
+        """Whether the controller's estimate is that of the untouched mirror, within noise.
+
+        rest_q: (rows, cols, 2) warp of the untouched mirror, LCD px, where it has drifted from the rig's.
+        """
+        estimate = self.controller.estimate
+        rest_q = self.rest.q if rest_q is None else rest_q
         worst, noise = _away_from_rest(estimate, rest_q, measured.sigma, measured.valid, REST_BLOCK)
         return bool(worst < (3 * noise**0.5 + REST_WITHIN_LCD_PX) ** 2)

@@ -18,6 +18,12 @@ SAMPLE_STRIDE = 8
 LATE_FRAMES = 2.0
 """Frame times beyond the least age seen so far at which a frame counts as late."""
 
+JUMP_FRAMES = 3
+"""Frames running that follow each other but not those before, after which the camera's clock has jumped."""
+
+
+_PAST = "the frame's time lies past the present"
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -43,24 +49,39 @@ class FrameCheck:
         self._late_ns = LATE_FRAMES * 1e9 / camera.rate_hz
         self._least_age_ns: int | None = None
         self._last: tuple[int, int] | None = None
+        self._shift_ns = 0
+        self._astray: list[tuple[int, int, int]] = []
         self._sample: NDArray[Any] | None = None
 
     def restart(self) -> None:
         """Forget the frames so far: the camera was opened anew and counts from its own beginning."""
         self._last = None
         self._sample = None
+        self._shift_ns = 0
+        self._astray.clear()
+
+    def timed(self, frame: Frame) -> Frame:
+        """Frame with its time on the run's clock, should the camera's have jumped."""
+        if not self._shift_ns:
+            return frame
+        time_ns = frame.time_ns + self._shift_ns
+        return Frame(frame.image, time_ns, frame.exposure_ns, frame.number, frame.dropped)
 
     def look_at(self, frame: Frame, now_ns: int) -> Verdict:
-        """Judge `frame`, which came to hand at `now_ns`."""
+        """Judge `frame`, as `timed` gives it, which came to hand at `now_ns`."""
         if broken := self._broken_contract(frame, now_ns):
-            return Verdict((Event.FRAME_WRONG,), broken, wrong=True)
+            jumped = self._jumped(frame, now_ns) if broken.startswith(_PAST) else None
+            return jumped or Verdict((Event.FRAME_WRONG,), broken, wrong=True)
         image = frame.image
         events = [Event.FRAMES_DROPPED] if frame.dropped else []
         stale = self._stale_rows(image)
         if self._last is not None and (frame.number <= self._last[0] or frame.time_ns <= self._last[1]):
+            if not stale.all() and (jumped := self._jumped(frame, now_ns)):
+                return jumped
             events.append(Event.FRAME_REPEATED if stale.all() else Event.FRAME_DISORDERED)
             return Verdict(tuple(events), f"frame {frame.number} came after frame {self._last[0]}")
         self._last = frame.number, frame.time_ns
+        self._astray.clear()
         if self._late(now_ns - frame.time_ns):
             events.append(Event.FRAME_LATE)
         if not self._noisy or not stale.any():
@@ -78,10 +99,32 @@ class FrameCheck:
             return f"the frame is {found}, not {self._shape} {self._dtype}"
         if frame.exposure_ns <= 0:
             return f"the frame's exposure is {frame.exposure_ns} ns"
+        if frame.dropped < 0:
+            return f"the frame says that {frame.dropped} frames were dropped"
         # NaN fails this too. An exposure's length is left for clocks that were mapped onto each other.
         if not frame.time_ns <= now_ns + frame.exposure_ns:
-            return f"the frame's time {frame.time_ns} ns lies past the present, {now_ns} ns"
-        return f"the frame says that {frame.dropped} frames were dropped" if frame.dropped < 0 else ""
+            return f"{_PAST}: {frame.time_ns} ns at {now_ns} ns"
+        return ""
+
+    def _jumped(self, frame: Frame, now_ns: int) -> Verdict | None:
+        """Note a frame out of order; after some that are in order among themselves, follow their clock."""
+        if self._least_age_ns is None or not isinstance(frame.time_ns, int):
+            return None
+        astray = self._astray
+        if astray and (frame.number <= astray[-1][0] or frame.time_ns <= astray[-1][1]):
+            astray.clear()
+        astray.append((frame.number, frame.time_ns, now_ns - frame.time_ns))
+        if len(astray) < JUMP_FRAMES:
+            return None
+        shift_ns = min(age for _, _, age in astray) - self._least_age_ns
+        # a count that was set back leaves the times as they are
+        if abs(shift_ns) <= self._late_ns:
+            shift_ns = 0
+        self._shift_ns += shift_ns
+        self._last = frame.number, frame.time_ns + shift_ns
+        astray.clear()
+        what = f"clock jumped by {-1e-9 * shift_ns:+.3g} s" if shift_ns else "count was set back"
+        return Verdict((Event.CLOCK_JUMPED,), f"the camera's {what}: followed")
 
     def _stale_rows(self, image: NDArray[Any]) -> NDArray[np.bool_]:
         """Which of the sampled rows equal the last frame's; even ones (no light, clipped) tell nothing."""

@@ -5,64 +5,46 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.clock import Clock
-from zeromethod.control.circle import Circle, Sensor, Taken, controller_of
+from zeromethod.clock import Clock, HostClock
+from zeromethod.control.assembly import assemble
+from zeromethod.control.circle import Sensor, Taken
+from zeromethod.control.delay import DelayWatch
 from zeromethod.control.events import Event
-from zeromethod.control.expected_light import ExpectedLight
 from zeromethod.control.frame_check import FrameCheck, Verdict
-from zeromethod.control.pairing import PanelTiming
-from zeromethod.control.presenter import Presenter
-from zeromethod.control.rehearsal import rehearse
-from zeromethod.control.reopening import Reopener
-from zeromethod.control.rest import Rest
+from zeromethod.control.frame_source import FrameSource, Trouble
+from zeromethod.control.hold import Hold
+from zeromethod.control.light_quality import LightQuality
+from zeromethod.control.notices import Notices
+from zeromethod.control.presenting import Presented
 from zeromethod.control.state import LOCK_FRAMES, NULLED, Outcome, Status, Turn, next_status
+from zeromethod.control.steady import Steady
 from zeromethod.control.step import Step
-from zeromethod.devices.protocols import (
-    Camera,
-    CameraLost,
-    CameraTimeout,
-    Display,
-    DisplayLost,
-    Frame,
-)
+from zeromethod.control.watch import Watch
+from zeromethod.control.zero import ZeroTaking
+from zeromethod.devices.protocols import Camera, Display, DisplayLost, Frame
 from zeromethod.optics import Optics
-from zeromethod.pattern import Target
 from zeromethod.rig.model import Rig
-from zeromethod.sensing.sensor import ResidualSensor
 from zeromethod.warp.grid import NodeGrid
-
-TIMEOUTS_TO_STALL = 3
-"""Read timeouts running after which the camera counts as stalled."""
+from zeromethod.warp.warp import Warp
 
 WRONG_FRAMES_TO_END = 10
 """Frames of wrong shape or type running after which the run ends."""
 
 
-@dataclass(frozen=True)
-class _Trouble:
-    """A turn without a usable frame."""
-
-    outcome: Outcome
-    reason: str
-    events: tuple[Event, ...]
-
-
-def _check_members(frame: Frame) -> None:
-    """Refuse what is no frame at all. Frames of a class of one's own will do."""
-    missing = [field.name for field in fields(Frame) if not hasattr(frame, field.name)]
-    if missing:
-        raise TypeError(f"read() gave {type(frame).__name__}, which lacks {', '.join(missing)}")
-
-
 class Loop:
     """Nulls what the camera sees, one frame per `step`; see `zeromethod.control.state` for its states.
+
+    In simulated time everything happens in turn, in the caller's thread. In the host's (`HostClock`) the
+    camera is read and the display is drawn in threads of their own, newest only, and nothing that a device
+    does keeps a step from returning: use it as a context, or `close` it, to end them.
 
     The devices belong to the caller, who closes them. The loop is over (`over`) when it was stopped, or
     when a device is lost for good; the reason is in `status`.
@@ -84,38 +66,34 @@ class Loop:
         optics: the rig's rays, when the caller has them already. sensor: another one than the rig's. Raises
         InputError for a rig that sees no display, or where nothing can draw.
         """
-        optics = optics or Optics(rig)
-        self.rest = Rest.of(rig, optics)
+        self.live = isinstance(clock, HostClock)
+        parts = assemble(rig, display, optics or Optics(rig), sensor, self.live)
+        self.rest = parts.rest
         self.status = Status()
         self.over = False
-        self._camera = camera
+        self.every_turn: Callable[[], None] | None = None
+        """Called in the loop's thread once per turn, and while one waits: for keys, buttons, windows."""
         self._clock = clock
-        self._timeout_s = rig.control.timeout_s
-        target = Target.from_spec(rig.target)
-        sensor = sensor or ResidualSensor.from_rig(rig, self.rest.grid, target.light)
-        light = ExpectedLight(optics, self.rest)
-
-        def circle() -> Circle:
-            return Circle(
-                self.rest,
-                sensor,
-                controller_of(rig.control, self.rest),
-                PanelTiming.of(rig.display),
-                rig.camera.noise.black_grey,
-                rig.target.kind,
-                light if light.needed else None,
-            )
-
-        rehearse(circle(), target, rig.camera)
-        self._circle = circle()
-        self._presenter = Presenter(rig, display, self.rest)
+        self._circle = parts.circle
+        self._presenting = parts.presenting
+        timeout_s = rig.control.timeout_s
+        self._hold = Hold(1e9 / rig.camera.rate_hz) if self.live or parts.circle.delay else None
+        self._watch = Watch(display, timeout_s if self.live else None)
+        meanwhile = self._attend if self.live else None
+        self._source = FrameSource(camera, reopen_camera, clock, timeout_s, meanwhile)
         self._check = FrameCheck(rig.camera)
-        self._reopener = Reopener(reopen_camera, clock)
-        self._camera_gone = False
-        self._timeouts = 0
+        self._quality = LightQuality(self.rest.seen, rig.camera.noise.black_grey)
+        self._notices = Notices()
+        self._steady: Steady | None = None
         self._wrong_frames = 0
         self._steps = 0
-        self._hold = False
+        self._held = False
+        self._paused = False
+        self._waiting = False
+        self._unshown = False
+        self._presented: Presented | None = None
+        self._taking: ZeroTaking | None = None
+        self._zero: NDArray[np.float64] | None = None
         self._referenced = False
         self._stop = False
 
@@ -132,24 +110,70 @@ class Loop:
     @property
     def gl_renderer(self) -> str:
         """Name of what draws the pattern, as GL gives it."""
-        return self._presenter.gl_renderer
+        return self._presenting.gl_renderer
+
+    @property
+    def delay(self) -> DelayWatch | None:
+        """What the coded strips tell of the delay; None without strips."""
+        return self._circle.delay
 
     def hold(self, on: bool = True) -> None:
         """Keep the command as it is while `on`; frames are measured all the same."""
-        self._hold = on
+        self._held = on
+
+    def pause(self, on: bool = True) -> None:
+        """Hold, by the operator's wish: the state is PAUSED until `resume`."""
+        self._paused = on
+
+    def resume(self) -> None:
+        """Go on correcting."""
+        self._paused = False
+
+    @property
+    def paused(self) -> bool:
+        """Whether corrections are paused."""
+        return self._paused
+
+    def rezero(self) -> None:
+        """Take the mean warp of the next nulled frames as that of the untouched mirror, for all readings.
+
+        It ends in a step with the event ZERO_TAKEN, or ZERO_REFUSED and why in its notes: see
+        `zeromethod.control.zero`. What is shown does not change by it.
+        """
+        self._taking = ZeroTaking(self.rest)
+
+    @property
+    def zero(self) -> NDArray[np.float64] | None:
+        """(rows, cols, 2) LCD px, the warp that readings start from less the rig's at rest; None for 0."""
+        return self._zero
 
     def stop(self) -> None:
-        """End the run after the present step."""
+        """End the run after the present step, and that one at once if it waits."""
         self._stop = True
+
+    def close(self) -> None:
+        """End the loop's threads, within half a second; may be called again. The devices stay open."""
+        self._source.close()
+        self._presenting.close()
+
+    def __enter__(self) -> Loop:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
 
     def run(self, frames: int | None = None, seconds: float | None = None) -> Iterator[Step]:
         """Step until `frames` frames or `seconds` (of the run's clock) have passed, or the loop is over.
 
-        Ends STOPPED, or in FAULT when a device was lost for good. KeyboardInterrupt passes through.
+        Ends STOPPED, or in FAULT when a device was lost for good, and closed. KeyboardInterrupt passes
+        through.
         """
         start_ns = self._clock.now_ns()
         taken = 0
-        try:
+        with ExitStack() as stack:
+            stack.callback(self._finish)
+            if self.live:
+                self._steady = stack.enter_context(Steady())
             while not (self.over or self._stop):
                 if frames is not None and taken >= frames:
                     break
@@ -158,9 +182,12 @@ class Loop:
                 step = self.step()
                 taken += step.frame_number is not None
                 yield step
-        finally:
-            if not self.over:
-                self._end(Turn(Outcome.STOP, "the run has ended"))
+
+    def _finish(self) -> None:
+        self._steady = None
+        if not self.over:
+            self._end(Turn(Outcome.STOP, "the run has ended"))
+        self.close()
 
     def _end(self, turn: Turn) -> None:
         self.status = next_status(self.status, turn)
@@ -169,56 +196,86 @@ class Loop:
     def step(self) -> Step:
         """One turn: wait for a frame, measure it, show what it asks for."""
         self._steps += 1
+        self._presented = None
         try:
+            self._attend()
             if self._steps == 1:
                 self._present()
-            if self._camera_gone:
-                return self._without_frame(self._reopen())
-            frame = self._camera.read(self._timeout_s)
-            _check_members(frame)
-        except CameraTimeout:
-            return self._without_frame(self._timed_out())
-        except CameraLost as error:
-            return self._without_frame(self._lost(f"the camera is lost: {error}", Event.CAMERA_LOST))
-        except DisplayLost as error:
-            return self._without_frame(self._display_lost(error))
+            self._waiting = True
+            came = self._source.next()
+            self._waiting = False
+            self._note_presented()
+        except _Stopped:
+            return self._without_frame(Trouble(Outcome.STOP, "the run was stopped", ends=True))
         except Exception as error:
-            return self._without_frame(self._broken(error))
-        self._timeouts = 0
-        return self._with_frame(frame)
+            return self._without_frame(self._failed(error))
+        finally:
+            self._waiting = False
+        return self._without_frame(came) if isinstance(came, Trouble) else self._with_frame(came)
+
+    def _attend(self) -> None:
+        """Do what must not wait for the camera."""
+        if self._stop and self._waiting:
+            raise _Stopped
+        if self.every_turn is not None:
+            self.every_turn()
+        self._watch.poll()
+        if self._steady is not None:
+            self._steady.idle()
 
     def _with_frame(self, frame: Frame) -> Step:
         started = time.perf_counter()
-        verdict = self._check.look_at(frame, self._clock.now_ns())
-        taken = Taken(held=verdict.fault) if verdict.fault else self._circle.take(frame, self._hold)
+        frame = self._check.timed(frame)
+        now_ns = self._clock.now_ns()
+        verdict = self._check.look_at(frame, now_ns)
+        if not verdict.fault and (stale := self._watch.stale(now_ns)):
+            verdict = replace(verdict, fault=stale)
+        held = self._held or self._paused
+        taken = Taken(held=verdict.fault) if verdict.fault else self._circle.take(frame, held)
         loop_ms = 1e3 * (time.perf_counter() - started)
         events = verdict.events + taken.events
-        turn = self._turn(verdict, taken)
-        draw_ms = delay_ms = float("nan")
+        if taken.seen is not None:
+            for event, words in self._quality.look(taken.seen.residual, frame.time_ns):
+                events += (event,)
+                self._notices.tell(event, words)
+        if Event.CLOCK_JUMPED in verdict.events:
+            self._notices.tell(Event.CLOCK_JUMPED, verdict.fault)
+        turn = self._turn(verdict, taken, events)
+        if self._hold is not None and not held:
+            self._hold.note(bool(taken.held), taken.residual_rms_px)
         if taken.changed:
-            started = time.perf_counter()
+            self._unshown = True
+        if self._unshown and not held and (self._hold is None or self._hold.may_present(now_ns)):
             try:
-                lit_ns = self._present() + self._circle.timing.half_lit_ns
-                draw_ms = 1e3 * (time.perf_counter() - started)
-                delay_ms = 1e-6 * (lit_ns - frame.time_ns)
+                self._present()
+                self._note_presented()
             except Exception as error:
-                lost = isinstance(error, DisplayLost)
-                trouble = self._display_lost(error) if lost else self._broken(error)
+                trouble = self._failed(error)
                 events += trouble.events
                 turn = Turn(trouble.outcome, trouble.reason)
+                self.over = True
         self.status = next_status(self.status, turn)
         if not self._referenced and self.status.state in NULLED:
             self._circle.take_reference(taken)
             self._referenced = True
+        measured = None if Event.PICTURES_MIXED in taken.events else taken.measured
+        if self._taking is not None:
+            events += self._take_zero(self._taking, measured, taken.residual_rms_px)
+        draw_ms = delay_ms = float("nan")
+        if self._presented is not None:
+            draw_ms = self._presented.draw_ms
+            if self._presented.seen_ns is not None:
+                lit_ns = self._presented.time_ns + self._circle.timing.half_lit_ns
+                delay_ms = 1e-6 * (lit_ns - self._presented.seen_ns)
         return self._step(
-            self._clock.now_ns() if verdict.wrong else frame.time_ns,
+            now_ns if verdict.wrong else frame.time_ns,
             events,
             frame_number=frame.number,
             dropped=frame.dropped,
             image=frame.image,
             residual=taken.seen.residual.copy() if taken.seen else None,
             shown_q=taken.seen.shown.q.copy() if taken.seen else None,
-            measured=None if Event.PICTURES_MIXED in taken.events else taken.measured,
+            measured=None if measured is None else self._from_zero(measured),
             residual_rms_px=taken.residual_rms_px,
             valid_share=taken.valid_share,
             loop_ms=loop_ms,
@@ -226,7 +283,7 @@ class Loop:
             delay_ms=delay_ms,
         )
 
-    def _turn(self, verdict: Verdict, taken: Taken) -> Turn:
+    def _turn(self, verdict: Verdict, taken: Taken, events: tuple[Event, ...]) -> Turn:
         """Tell what a frame means for the state."""
         self._wrong_frames = self._wrong_frames + 1 if verdict.wrong else 0
         if verdict.wrong:
@@ -234,59 +291,66 @@ class Loop:
             return Turn(Outcome.FAILED, verdict.fault)
         if Event.LIGHT_OFF in taken.events:
             return Turn(Outcome.MEASURED, taken.held)
+        if self._paused:
+            return Turn(Outcome.PAUSED, "paused: frames are measured, the picture stays")
         if taken.held or taken.measured is None:
             return Turn(Outcome.HELD, taken.held)
         # Whether it rests only matters, and is only worked out, where the loop is about to be locked.
         locked = self.status.nulled_frames + 1 >= LOCK_FRAMES
-        at_rest = locked and self._circle.at_rest(taken.measured)
-        return Turn(Outcome.MEASURED, "", taken.residual_rms_px, taken.valid_share, at_rest)
+        rest_q = None if self._zero is None else self.rest.q + self._zero
+        at_rest = locked and self._circle.at_rest(taken.measured, rest_q)
+        blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
+        return Turn(Outcome.MEASURED, blinded, taken.residual_rms_px, taken.valid_share, at_rest)
 
-    def _present(self) -> int:
-        q = self._circle.controller.commanded
-        time_ns = self._presenter.present(q)
-        self._circle.presented(time_ns, q)
-        return time_ns
+    def _present(self) -> None:
+        self._unshown = False
+        self._presenting.post(self._circle.controller.commanded, self._circle.seen_ns)
 
-    def _timed_out(self) -> _Trouble:
-        self._timeouts += 1
-        waited = f"no frame for {self._timeouts * self._timeout_s:g} s"
-        if self._timeouts < TIMEOUTS_TO_STALL:
-            return _Trouble(Outcome.HELD, waited, (Event.CAMERA_TIMEOUT,))
-        return self._lost(f"the camera is stalled: {waited}", Event.CAMERA_STALLED)
+    def _note_presented(self) -> None:
+        for one in self._presenting.collect():
+            self._circle.presented(one.time_ns, one.q, one.code, seen_ns=one.seen_ns)
+            if self._hold is not None:
+                self._hold.presented(one.time_ns)
+            self._presented = one
 
-    def _lost(self, reason: str, event: Event) -> _Trouble:
-        self._camera_gone = True
-        self.over = self._reopener.exhausted
-        return _Trouble(Outcome.FAILED, reason, (event,))
+    def _take_zero(
+        self, taking: ZeroTaking, measured: Warp | None, residual_rms_px: float
+    ) -> tuple[Event, ...]:
+        found = taking.take(measured, residual_rms_px)
+        if found is None:
+            return ()
+        self._taking = None
+        if isinstance(found, str):
+            self._notices.say(f"no new zero: {found}")
+            return (Event.ZERO_REFUSED,)
+        drift = float(np.sqrt(np.mean(np.sum(found[self.rest.seen] ** 2, axis=-1))))
+        self._zero = found
+        self._notices.say(f"readings start anew from here, {drift:.2f} LCD px (rms) from the rig file's rest")
+        return (Event.ZERO_TAKEN,)
 
-    def _reopen(self) -> _Trouble:
-        camera = self._reopener.attempt()
-        if camera is not None:
-            self._camera = camera
-            self._camera_gone = False
-            self._timeouts = 0
-            self._check.restart()
-            return _Trouble(Outcome.HELD, "the camera was opened again", (Event.CAMERA_REOPENED,))
-        self.over = self._reopener.exhausted
-        return _Trouble(Outcome.FAILED, "the camera is lost and could not be opened again", ())
+    def _from_zero(self, warp: Warp) -> Warp:
+        return warp if self._zero is None else replace(warp, q=warp.q - self._zero)
 
-    def _broken(self, error: Exception) -> _Trouble:
-        """End on what no device may raise: what was measured so far is kept, and the driver is named."""
-        self.over = True
+    def _failed(self, error: Exception) -> Trouble:
+        """End on a lost display, or on what no device may raise: the driver is named, and nothing is lost."""
+        if isinstance(error, DisplayLost):
+            return Trouble(Outcome.FAILED, f"the display is lost: {error}", (Event.DISPLAY_LOST,), ends=True)
         where = traceback.extract_tb(error.__traceback__)[-1]
         told = " ".join(str(error).split()) or "no message"
         reason = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {told}"
-        return _Trouble(Outcome.FAILED, reason, (Event.DEVICE_BROKEN,))
+        return Trouble(Outcome.FAILED, reason, (Event.DEVICE_BROKEN,), ends=True)
 
-    def _display_lost(self, error: Exception) -> _Trouble:
-        self.over = True
-        return _Trouble(Outcome.FAILED, f"the display is lost: {error}", (Event.DISPLAY_LOST,))
-
-    def _without_frame(self, trouble: _Trouble) -> Step:
+    def _without_frame(self, trouble: Trouble) -> Step:
+        if Event.CAMERA_REOPENED in trouble.events:
+            self._check.restart()
+        self.over = trouble.ends
         self.status = next_status(self.status, Turn(trouble.outcome, trouble.reason))
         return self._step(self._clock.now_ns(), trouble.events)
 
     def _step(self, time_ns: int, events: tuple[Event, ...], **figures: Any) -> Step:
+        for event, words in self._watch.look(self._clock.now_ns()):
+            events += (event,)
+            self._notices.tell(event, words)
         filtered = self._circle.controller.filtered(time_ns)
         return Step(
             number=self._steps,
@@ -294,7 +358,12 @@ class Loop:
             state=self.status.state,
             reason=self.status.reason,
             events=events,
+            notes=self._notices.take(),
             commanded_q=self._circle.controller.commanded,
-            filtered=filtered,
+            filtered=self._from_zero(filtered),
             **figures,
         )
+
+
+class _Stopped(Exception):
+    """The loop was asked to stop while it waited."""

@@ -34,8 +34,11 @@ MODEL_SIGMA = 0.03
 FITS_WITHIN = 0.2
 """Largest misfit of any level at which the strips count as explained."""
 
-CONTRADICTS_FROM = 0.4
-"""Misfit that no timing explains: pictures were seen that the log does not know. Half of 1, less errors."""
+POSSIBLE_WITHIN = 0.51
+"""Misfit on the coarse scan up to which a fit may lie between its points: half a level at sharp changes.
+
+Above it everywhere, no timing explains what was seen: a whole bit is wrong.
+"""
 
 _MOST_COARSE = 400
 _FINE = 61
@@ -145,7 +148,7 @@ def match(
 ) -> Match | None:
     """Find the delay within `span_ns` at which the log explains the readings.
 
-    None where nothing can be told: no readings, or no coded picture that was surely lit in time.
+    None where nothing can be told: no readings, or a picture without code may have been seen as well.
     """
     codes = log.codes()
     coded = codes >= 0
@@ -176,8 +179,7 @@ def match(
     if not np.isfinite(total).any():
         return None
     step = (high - low) / (coarse - 1)
-    # Between two points of the coarse scan a level moves by 1/16 at most, or 1/2 where the change is sharp.
-    runs = _runs(worst < max(FITS_WITHIN, 0.51))
+    runs = _runs(worst < POSSIBLE_WITHIN)
     fine, fine_worst = np.empty(_FINE), np.empty(_FINE)
     found: list[Match] = []
     for begin, end in runs:
@@ -190,12 +192,14 @@ def match(
             pad = (b - a) / (_FINE - 1)
             a, b = max(low, here.low_ns - pad), min(high, here.high_ns + pad)
         if fine_worst[best] < FITS_WITHIN:
+            if near[-1] + 1 < _FINE and math.isinf(fine[near[-1] + 1]):
+                # As good up to where the uncoded picture before all of these would be seen: that may have had
+                # a part in the exposure, which then tells nothing.
+                return None
             found.append(here)
     if len(found) == 1:
         return found[0]
-    if found or float(worst.min()) < CONTRADICTS_FROM + 0.11:
-        return Match(fits=False)
-    return Match(fits=False, contradicts=True)
+    return Match(fits=False, contradicts=not runs)
 
 
 def _located(a: float, b: float, fine: Float, best: int, near: NDArray[np.int64]) -> Match:

@@ -47,6 +47,11 @@ class Presenter:
             time_ns = self._display.show(image)
         return round(time_ns)
 
+    def close(self) -> None:
+        """Free a GL context of its own; a display's belongs to the display."""
+        if self._drawing is None:
+            self._context.release()
+
     def _renderer(self) -> PatternRenderer:
         if self._prepared is None:
             self._prepared = PatternRenderer(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
 from collections import deque
 from collections.abc import Callable
 
@@ -12,6 +14,15 @@ from zeromethod.errors import InputError
 PER_MINUTE = 3
 WAITS_S = (0.5, 2.0, 8.0)
 """Pause before the first, second and third attempt within a minute: a bus needs time to come back."""
+
+OPENING_S = 10.0
+"""A camera that takes longer to open counts as not opened."""
+
+SLICE_S = 0.1
+"""How long a call of `LiveReopener.attempt` takes at most."""
+
+FAILURES = (CameraLost, CameraTimeout, InputError)
+"""What a driver may raise for a camera that is not there."""
 
 
 class Reopener:
@@ -24,8 +35,13 @@ class Reopener:
 
     @property
     def exhausted(self) -> bool:
-        """Whether no further attempt is allowed now."""
+        """Whether no attempt is under way or allowed now."""
         return self._reopen is None or self._recent() >= PER_MINUTE
+
+    @property
+    def plan(self) -> str:
+        """What is being done about the camera, in words; "" for nothing."""
+        return ""
 
     def _recent(self) -> int:
         since = self._clock.now_ns() - 60 * 10**9
@@ -40,5 +56,87 @@ class Reopener:
         self._attempts_ns.append(self._clock.now_ns())
         try:
             return self._reopen()
-        except (CameraLost, CameraTimeout, InputError):
+        except FAILURES:
             return None
+
+
+class LiveReopener(Reopener):
+    """The same attempts, a short call at a time: pauses are waited and cameras opened meanwhile."""
+
+    def __init__(self, reopen: Callable[[], Camera] | None, clock: Clock) -> None:
+        super().__init__(reopen, clock)
+        self._due_ns: int | None = None
+        self._opening: _Opening | None = None
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether no attempt is under way or allowed now."""
+        return self._due_ns is None and self._opening is None and super().exhausted
+
+    @property
+    def plan(self) -> str:
+        """What is being done about the camera, in words; "" for nothing."""
+        number = f"attempt {self._recent() + (self._opening is None)} of {PER_MINUTE}"
+        if self._opening is not None:
+            return f"it is being opened again ({number})"
+        if self._due_ns is not None:
+            left_s = max(1e-9 * (self._due_ns - self._clock.now_ns()), 0.0)
+            return f"it is opened again in {left_s:.0f} s ({number})"
+        return ""
+
+    def attempt(self) -> Camera | None:
+        """Camera that was opened anew; None while that is waited for, when it failed or is not allowed."""
+        if self._reopen is None or self.exhausted:
+            return None
+        if self._opening is None:
+            now_ns = self._clock.now_ns()
+            if self._due_ns is None:
+                self._due_ns = now_ns + round(1e9 * WAITS_S[self._recent()])
+            self._clock.sleep_until_ns(min(self._due_ns, now_ns + round(1e9 * SLICE_S)))
+            if self._clock.now_ns() < self._due_ns:
+                return None
+            self._due_ns = None
+            self._attempts_ns.append(self._clock.now_ns())
+            self._opening = _Opening(self._reopen)
+        done = self._opening.done.wait(SLICE_S)
+        if not done and self._clock.now_ns() < self._attempts_ns[-1] + round(1e9 * OPENING_S):
+            return None
+        opening, self._opening = self._opening, None
+        return opening.take()
+
+
+class _Opening:
+    """One attempt in a thread of its own."""
+
+    def __init__(self, reopen: Callable[[], Camera]) -> None:
+        self._reopen = reopen
+        self._lock = threading.Lock()
+        self._camera: Camera | None = None
+        self._error: BaseException | None = None
+        self._given_up = False
+        self.done = threading.Event()
+        threading.Thread(target=self._run, name="camera opening", daemon=True).start()
+
+    def _run(self) -> None:
+        camera, error = None, None
+        try:
+            camera = self._reopen()
+        except FAILURES:
+            pass
+        except BaseException as raised:  # whatever it is, it belongs to the thread that asked
+            error = raised
+        with self._lock:
+            self._camera, self._error = camera, error
+            late = self._given_up
+        self.done.set()
+        if late and camera is not None:
+            with contextlib.suppress(Exception):
+                camera.close()
+
+    def take(self) -> Camera | None:
+        """Its camera, None where it failed or is not done: then it is closed as soon as it is there."""
+        with self._lock:
+            self._given_up = True
+            if self._error is not None:
+                raise self._error
+            return self._camera

@@ -6,6 +6,7 @@
 
     any of these five --no usable new information--> HOLDING (STARTING keeps its name; the warp is held)
     any of these six  --few nodes still seen--> LOST
+    any of these seven  --asked to pause--> PAUSED (frames are measured, the warp is held) until resumed
     any              --device lost, wrong frame, stalled--> FAULT
     HOLDING, LOST, FAULT --usable frame--> NULLING, LOCKED, RESTING or LOST by its figures
     any              --asked to stop--> STOPPED, which is final
@@ -38,6 +39,7 @@ class State(enum.StrEnum):
     LOCKED = "locked"
     LOST = "lost"
     HOLDING = "holding"
+    PAUSED = "paused"
     FAULT = "fault"
     STOPPED = "stopped"
 
@@ -51,6 +53,7 @@ class Outcome(enum.Enum):
 
     MEASURED = enum.auto()  # a frame was measured; the turn's figures say how well
     HELD = enum.auto()  # nothing new that may be used
+    PAUSED = enum.auto()  # a frame was measured, and corrections are to wait
     FAILED = enum.auto()  # a device is lost or gives what it must not
     STOP = enum.auto()  # the run ends
 
@@ -88,6 +91,8 @@ def next_status(previous: Status, turn: Turn) -> Status:
         case Outcome.HELD:
             kept = state in {State.STARTING, State.LOST, State.FAULT}
             return Status(state if kept else State.HOLDING, turn.reason, previous.nulled_frames)
+        case Outcome.PAUSED:
+            return Status(State.PAUSED, turn.reason, previous.nulled_frames)
         case Outcome.MEASURED:
             return _measured(previous, turn)
 

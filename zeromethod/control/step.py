@@ -22,12 +22,15 @@ class Step:
     state, reason: the loop's state after the turn. events: what happened, by name.
     frame_number, dropped, image: the frame as the camera gave it.
     residual: camera px. shown_q: (rows, cols, 2) the mix of warps that the frame saw, LCD px.
-    measured: the warp by this frame alone; None when the frame must not be believed (then `events` says why;
-    a part of it may still be right, but its peak need not be).
-    commanded_q: (rows, cols, 2) what is to be shown next. filtered: the controller's own estimate.
+    notes: what the operator should know, one line each, told when it begins.
+    measured: the warp by this frame alone, from the zero taken last (`Loop.rezero`); None when the frame must
+    not be believed (then `events` says why; a part of it may still be right, but its peak need not be).
+    commanded_q: (rows, cols, 2) what is to be shown next. filtered: the controller's own estimate, from the
+    same zero.
     residual_rms_px: over valid nodes, camera px. valid_share: of the nodes seen at rest.
-    loop_ms: frame in hand to command. draw_ms: to draw and present it. delay_ms: from mid-exposure until
-    the panel's middle row is half-way to the new picture; NaN when none was shown.
+    loop_ms: frame in hand to command. draw_ms: to draw and present a command. delay_ms: from mid-exposure
+    until the panel's middle row is half-way to the new picture; both NaN when none was presented. In real
+    time they are those of the picture presented last, of an earlier frame.
     """
 
     number: int
@@ -38,6 +41,7 @@ class Step:
     commanded_q: NDArray[np.float64]
     filtered: Warp
     frame_number: int | None = None
+    notes: tuple[str, ...] = ()
     dropped: int = 0
     image: NDArray[Any] | None = None
     residual: Residual | None = None

@@ -25,9 +25,6 @@ from zeromethod.warp.validity import Flag
 Float = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-INNER_MARGIN_PX, OUTER_MARGIN_PX = 5, 1
-"""Rows of a strip that are not read: where a press may pull in the carrier, and the image's edge."""
-
 LEAST_CONTRAST = 0.3
 """Of the whole bits; stray light three times the pattern's leaves a quarter."""
 
@@ -134,20 +131,14 @@ def _levels(quarters: Float, black: float, levels: Float) -> tuple[float, float]
     return contrast, np.sqrt(square)
 
 
-def _windows(strip: Strip, height_px: int, at_end: bool) -> Ints:
+def _windows(strip: Strip) -> Ints:
     """(bits, 3, 4): start, stop along, start, stop across of every cell's inner half, camera px."""
-    if at_end:
-        first = int(np.floor(strip.edge_px)) + 1
-        across = first + INNER_MARGIN_PX, first + height_px - OUTER_MARGIN_PX
-    else:
-        stop = int(np.floor(strip.edge_px)) + 1
-        across = stop - height_px + OUTER_MARGIN_PX, stop - INNER_MARGIN_PX
     bit = UNITS_PER_BIT * np.arange(BITS)[:, None]
     starts = strip.start_px + strip.unit_px * (bit + np.array([0.25, 1.5, 3.25])) + 0.5
     stops = strip.start_px + strip.unit_px * (bit + np.array([0.75, 2.5, 3.75])) + 0.5
     # whole pixels inside
     along = np.stack([np.ceil(starts), np.maximum(np.floor(stops), np.ceil(starts) + 2)], axis=-1)
-    return np.concatenate([along, np.broadcast_to(across, along.shape)], axis=-1).astype(np.int64)
+    return np.concatenate([along, np.broadcast_to(strip.read_px, along.shape)], axis=-1).astype(np.int64)
 
 
 class StripReader:
@@ -158,10 +149,7 @@ class StripReader:
 
     def __init__(self, strips: Strips, image_shape: tuple[int, int], noise: Noise, bits: int) -> None:
         self._along_u = strips.along_u
-        self._strips = tuple(
-            (_windows(strip, strips.height_px, at_end), strip.panel_rows)
-            for strip, at_end in ((strips.first, False), (strips.last, True))
-        )
+        self._strips = tuple((_windows(strip), strip.panel_rows) for strip in (strips.first, strips.last))
         self._black = noise.black_grey
         self._clipped = CLIPPED_SHARE * (2**bits - 1)
         self._quarters = np.zeros((BITS, 3, 4))

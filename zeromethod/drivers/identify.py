@@ -92,8 +92,8 @@ def p0_place(monitor: Monitor, turn_deg: float, mirrored: bool, margin_px: float
 
     Columns grow away from P0 at turn 0 (mirrored: towards it); `turn_deg` turns columns towards rows.
     """
-    turn = np.deg2rad(turn_deg)
-    along_columns, along_rows = -np.cos(turn) * (-1 if mirrored else 1), np.sin(turn)
+    turn, first = np.deg2rad(turn_deg), -1 if mirrored else 1
+    along_columns, along_rows = -first * np.cos(turn), first * np.sin(turn)
     half = np.array([monitor.columns, monitor.rows]) / 2
     towards = np.array([along_columns, 0.0] if abs(along_columns) >= abs(along_rows) else [0.0, along_rows])
     column, row = half + np.sign(towards) * (half - margin_px)

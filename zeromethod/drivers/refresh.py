@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zeromethod.clock import Clock
 
@@ -12,11 +14,16 @@ LATE = 1.2
 """Periods between two presentations beyond which a refresh counts as missed."""
 
 
+_ROW = 12
+"""Swaps in a row that tell: a driver may take in four at once after a stall."""
+
+
 class Refreshes:
     """The refreshes of a screen. `begin` a picture, `wait` before its swap, `end` it after.
 
     A screen whose swaps take less than half a period does not make them wait: they are paced by the clock,
-    each begun so early that it ends at a multiple of the period from the last trial on.
+    each begun so early that it ends at a multiple of the period from the last trial on. Where the trials were
+    slow for another reason, the first pictures that come too fast turn pacing on.
     """
 
     def __init__(self, clock: Clock, refresh_hz: float) -> None:
@@ -27,13 +34,18 @@ class Refreshes:
         self._swap_ns = 0.0
         self._number = 0
         self._asked_ns = 0
+        self._latest_ns: deque[int] = deque(maxlen=_ROW)
         self.paced = False
         self.dropped = 0
 
     def judge(self, swaps_ns: list[tuple[int, int]]) -> None:
-        """Decide on pacing by trial swaps, each (before, after), ns, without those a driver only queued."""
+        """Decide on pacing by trial swaps, each (before, after), ns, without those a driver only queued.
+
+        To be told of another trial as long as `paced` is False: a busy machine makes any swap slow, but a
+        screen that blocks takes no row of swaps in less than half a period each.
+        """
         begins, ends = np.array(swaps_ns).T
-        self.paced = float(np.median(np.diff(ends))) < 0.5 * self._period_ns
+        self.paced = self._too_fast_to_block(ends)
         self._swap_ns = float(np.median(ends - begins))
         self._origin_ns = self._last_ns = int(ends[-1])
 
@@ -61,4 +73,11 @@ class Refreshes:
         if asked_after < self._period_ns and since > LATE * self._period_ns:
             self.dropped += max(1, round(since / self._period_ns) - 1)
         self._last_ns = now_ns
+        if not self.paced:
+            self._latest_ns.append(now_ns)
+            full = len(self._latest_ns) == self._latest_ns.maxlen
+            self.paced = full and self._too_fast_to_block(np.array(self._latest_ns))
         return now_ns
+
+    def _too_fast_to_block(self, ends_ns: NDArray[np.int64]) -> bool:
+        return float(np.mean(np.diff(ends_ns))) < 0.5 * self._period_ns

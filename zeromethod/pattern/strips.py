@@ -35,6 +35,9 @@ LEAST_HEIGHT_PX = 16
 LEAST_UNIT_PX = 8.0
 """A cell's inner half, 4 px, is beyond the blur of its neighbours."""
 
+INNER_MARGIN_PX, OUTER_MARGIN_PX = 5, 1
+"""Rows of a strip that are not read: where a press may pull in the target, and the image's edge."""
+
 DEEPEST_SHARE = 0.25
 """A strip lies within this share of the view from its edge, or not at all."""
 
@@ -49,13 +52,14 @@ def bits_of(code: int) -> tuple[int, ...]:
 class Strip:
     """One strip. start_px, unit_px: where its first cell begins along the edge, a cell's width, camera px.
 
-    edge_px: its inner edge across, camera px; it reaches from there outwards. panel_rows: (5,) LCD row that
-    each bit is seen in at rest.
+    edge_px: its inner edge across, camera px; it reaches from there outwards. read_px: first and last + 1 of
+    the pixels across that are read. panel_rows: (5,) LCD row that each bit is read in at rest.
     """
 
     start_px: float
     unit_px: float
     edge_px: float
+    read_px: tuple[int, int]
     panel_rows: NDArray[np.float64]
 
 
@@ -132,9 +136,12 @@ def _place(
         if unit_px < LEAST_UNIT_PX:
             continue
         middles = start_px + UNITS_PER_BIT * unit_px * (np.arange(BITS) + 0.5)
-        rows = np.interp(middles, along_px, panel_row[band].mean(axis=0))
+        margins = (INNER_MARGIN_PX, OUTER_MARGIN_PX) if at_end else (OUTER_MARGIN_PX, INNER_MARGIN_PX)
+        read = int(low) + margins[0], int(low) + height_px - margins[1]
+        middle = 0.5 * (read[0] + read[1] - 1)
+        line = np.array([np.interp(middle, across_px, column) for column in panel_row.T])
         edge_px = low - 0.5 if at_end else low + height_px - 0.5
-        return Strip(start_px, unit_px, float(edge_px), rows)
+        return Strip(start_px, unit_px, float(edge_px), read, np.interp(middles, along_px, line))
     return None
 
 

@@ -45,7 +45,8 @@ class DelayResult:
     standard deviation. jitter_s: that of single frames' delays, NaN where single frames only bound it.
     refresh_hz, camera_rate_hz: by presentation and frame times. horizon_s: median time from a frame's
     mid-exposure to that of the frames that saw the picture shown after it, weighted by light; computing
-    is not in it. frames: that came; read: whose codes fit what was shown; used: that gave a delay of their own.
+    is not in it. frames: that came; read: whose codes fit what was shown; used: that gave a delay of
+    their own.
     """
 
     latency_s: float

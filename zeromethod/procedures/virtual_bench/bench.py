@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -171,7 +170,3 @@ class VirtualBench:
             )
         self._server.put(image)
         self.frames += 1
-
-
-FOREVER = math.inf
-"""Loops of a scenario that does not end."""

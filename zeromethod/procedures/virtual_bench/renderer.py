@@ -36,13 +36,20 @@ Light = NDArray[np.float32]
 def bending_renderer(rig: Rig) -> BenchRenderer:
     """Return what bends pictures fast on this rig.
 
-    `LatticeRenderer`; for ghosts, colour stripes or a lens without blur, which it leaves out, the reference
-    in numpy (seconds per frame). Raises InputError where the rest surface cannot be used.
+    `LatticeRenderer`; for ghosts, colour stripes or a lens without blur, which it leaves out, the one that
+    the rig names, to be used in this thread. Raises InputError where the rest surface cannot be used, or
+    without OpenGL where that is needed.
     """
     simulation = rig.simulation
     ghosts = simulation.ghost_faces > 0 or simulation.ghost_gap > 0
     plain = rig.display.stripes == "none" and rig.camera.psf_px >= LEAST_PSF_PX and not ghosts
-    return LatticeRenderer(rig) if plain else NumpyRenderer(rig)
+    if plain:
+        return LatticeRenderer(rig)
+    if simulation.renderer == "numpy":
+        return NumpyRenderer(rig)
+    from zeromethod.simulation.gpu import GpuRenderer  # noqa: PLC0415 - OpenGL only where it is needed
+
+    return GpuRenderer(rig)
 
 
 class LatticeRenderer:

@@ -42,7 +42,6 @@ class FrameServer:
         self._changed = threading.Condition()
         self._waiting: bytes | None = None
         self._connected = False
-        self._clients = 0
         self._stop = threading.Event()
         self._socket = socket.socket()
         try:
@@ -62,11 +61,6 @@ class FrameServer:
     def connected(self) -> bool:
         """Whether a client is there."""
         return self._connected
-
-    @property
-    def clients(self) -> int:
-        """How many clients have come so far."""
-        return self._clients
 
     def put(self, image: NDArray[Any]) -> bool:
         """Hand over a frame (rows, cols), uint8 or uint16; never waits. False: nobody is there."""
@@ -101,7 +95,6 @@ class FrameServer:
                 client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 with self._changed:
                     self._connected = True
-                    self._clients += 1
                 self._feed(client)
             with self._changed:
                 self._connected = False

@@ -1,0 +1,78 @@
+"""`zeromethod devices --delay`: measure the delay, tell it in words, store it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from zeromethod.cli.bench_options import BenchOptions, with_devices
+from zeromethod.control.margin import Margin, stability_margin
+from zeromethod.devices.opening import open_devices
+from zeromethod.devices.protocols import CameraLost, DisplayLost
+from zeromethod.errors import InputError, MeasurementError
+from zeromethod.optics import check_geometry
+from zeromethod.procedures.delay import DEFAULT_SECONDS, DelayResult, measure_delay, with_latency
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import ControlSpec, Rig
+
+
+def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, write: bool) -> dict[str, Any]:
+    """Measure, print, store where asked; the figures. Raises InputError and MeasurementError."""
+    path = Path(rig_name)
+    if write and not path.is_file():
+        raise InputError(f"--write: {rig_name!r}: with --rig and a rig file of your own")
+    loaded = load_rig(rig_name)
+    rig = with_devices(loaded, options).model_copy(update={"press": "none"})
+    check_geometry(rig)
+    try:
+        with open_devices(rig) as devices:
+            result = measure_delay(rig, devices, seconds or DEFAULT_SECONDS)
+    except CameraLost as error:
+        raise MeasurementError(f"delay: the camera is lost: {error}") from error
+    except DisplayLost as error:
+        raise MeasurementError(f"delay: the display is lost: {error}") from error
+    margin = stability_margin(rig.control, result.delay_frames)
+    for line in delay_words(result, margin, rig):
+        click.echo(line)
+    if write:
+        with_latency(path, result.latency_s)
+        click.echo(f"stored as display.latency_s in {path}")
+    elif path.is_file():
+        click.echo("add --write to store it in the rig file")
+    names = ("latency_s", "sigma_s", "jitter_s", "refresh_hz", "camera_rate_hz", "horizon_s", "delay_frames")
+    counts = ("frames", "read", "used")
+    figures = {name: getattr(result, name) for name in (*names, *counts)}
+    return figures | {
+        "rig_latency_s": loaded.display.latency_s,
+        "largest_gain": margin.largest_gain,
+        "stability_margin": margin.margin,
+        "stored": write,
+    }
+
+
+def delay_words(result: DelayResult, margin: Margin, rig: Rig) -> list[str]:
+    """The result in words, one line each."""
+    frames = result.latency_s * result.camera_rate_hz
+    sign = ", before" if result.latency_s < 0 else " after"
+    return [
+        f"delay {1e3 * result.latency_s:.2f} ms, sigma {1e3 * result.sigma_s:.2f} ms ({frames:.2f} camera frames; "
+        f"the rig says {1e3 * rig.display.latency_s:.2f} ms)",
+        f"  that is: the panel's first row begins to change so long{sign} the presentation time, by the "
+        "camera's time stamps",
+        f"display {result.refresh_hz:.3f} Hz, camera {result.camera_rate_hz:.3f} frames per second; "
+        f"{result.used} of {result.frames} frames told a delay of their own, {result.read} were read",
+        f"from a frame to those that see the picture made after it: {1e3 * result.horizon_s:.1f} ms, "
+        f"{result.delay_frames:.2f} camera frames, computing not counted",
+        margin_words(margin, rig.control),
+    ]
+
+
+def margin_words(margin: Margin, control: ControlSpec) -> str:
+    """How far the loop is from instability at that delay."""
+    verdict = "stable" if margin.margin > 1 else "UNSTABLE: lower [control] gain"
+    return (
+        f"stability: controller {control.controller!r} with gain {control.gain:g} is {verdict}; the gain could be "
+        f"{margin.margin:.2g} times as large"
+    )

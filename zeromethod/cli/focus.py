@@ -1,0 +1,60 @@
+"""`zeromethod devices --focus`: setting up by eye, live in the terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+
+from zeromethod.cli.bench_options import BenchOptions, with_devices
+from zeromethod.cli.output import write_summary
+from zeromethod.clock import SimulatedClock
+from zeromethod.devices.opening import open_devices
+from zeromethod.errors import MeasurementError
+from zeromethod.optics import check_geometry
+from zeromethod.procedures.setting_up import SettingUp, Sight
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import DisplaySpec, Rig
+from zeromethod.view.focus import FocusView, sight_figures, sight_table
+
+_SIMULATED_S = 1.0
+"""How long a simulated bench is looked at unless told; a real one until Ctrl-C."""
+
+
+def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, summary: Path | None) -> None:
+    """Show figures until told to stop; the last ones as a table, and as `summary`. Raises as `SettingUp`."""
+    rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"press": "none"})
+    with_lcd = options.address is None or options.monitor is not None or rig.display.driver != "simulated"
+    if not with_lcd and rig.camera.driver in {"opencv", "pylon", "aravis"}:
+        rig = _without_display(rig)
+    else:
+        with_lcd = True
+    check_geometry(rig)
+    console = Console()
+    last: Sight | None = None
+    try:
+        with open_devices(rig) as devices:
+            if seconds is None and isinstance(devices.clock, SimulatedClock):
+                seconds = _SIMULATED_S
+            for warning in getattr(devices.display, "warnings", ()):
+                console.print(f"! {warning}", soft_wrap=True, highlight=False, markup=False)
+            with FocusView(console) as view:
+                for sight in SettingUp(rig, devices, with_lcd).sights(seconds):
+                    last = sight
+                    view.update(sight)
+    finally:
+        if last is not None:
+            if not console.is_terminal:
+                console.print(sight_table(last))
+            if summary is not None:
+                write_summary(summary, sight_figures(last))
+    if last is None:
+        raise MeasurementError("focus: no frame came")
+
+
+def _without_display(rig: Rig) -> Rig:
+    """Rig whose display shows nothing: the camera alone is looked through."""
+    display = rig.display
+    known = {name: getattr(display, name) for name in display.model_fields_set & set(DisplaySpec.model_fields)}
+    values = known | {"driver": "zeromethod.drivers.blank:BlankDisplay"}
+    return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})

@@ -1,0 +1,69 @@
+"""What a rig's loop is made of, put together once and tried."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from zeromethod.control.circle import Circle, Sensor, controller_of
+from zeromethod.control.delay import DelayWatch
+from zeromethod.control.expected_light import ExpectedLight
+from zeromethod.control.pairing import PanelTiming
+from zeromethod.control.presenter import Presenter
+from zeromethod.control.presenting import InThread, InTurn, Presenting
+from zeromethod.control.rehearsal import rehearse
+from zeromethod.control.rest import Rest
+from zeromethod.control.strips import StripReader, find_strips
+from zeromethod.devices.protocols import Display
+from zeromethod.optics import Optics
+from zeromethod.pattern import Target
+from zeromethod.rig.model import Rig
+from zeromethod.sensing.sensor import ResidualSensor
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """The parts. rest: without the nodes that coded strips cover."""
+
+    rest: Rest
+    circle: Circle
+    presenting: Presenting
+
+
+def assemble(rig: Rig, display: Display, optics: Optics, sensor: Sensor | None, live: bool) -> Assembly:
+    """Make the parts for one run. live: present in a thread of its own. sensor: in place of the rig's.
+
+    Raises InputError for a rig that sees no display, or where nothing can draw.
+    """
+    rest = Rest.of(rig, optics)
+    strips = find_strips(rig, rest)
+    covered = strips.covered(rest.grid) if strips else None
+    if covered is not None:
+        rest = rest.without(covered)
+    target = Target.from_spec(rig.target)
+    sensor = sensor or ResidualSensor.from_rig(rig, rest.grid, target.light, covered)
+    light = ExpectedLight(optics, rest)
+    timing = PanelTiming.of(rig.display)
+
+    def circle() -> Circle:
+        watch = None
+        if strips is not None:
+            reader = StripReader(strips, rest.grid.image_shape, rig.camera.noise, rig.camera.bits)
+            watch = DelayWatch(reader, timing, rig.display.refresh_hz)
+        return Circle(
+            rest,
+            sensor,
+            controller_of(rig.control, rest),
+            timing,
+            rig.camera.noise.black_grey,
+            rig.target.kind,
+            light if light.needed else None,
+            watch,
+        )
+
+    def presenter() -> Presenter:
+        return Presenter(rig, display, rest, strips)
+
+    rehearse(circle(), target, rig.camera)
+    coded = strips is not None
+    presenting = InThread(presenter, coded, rig.control.timeout_s) if live else InTurn(presenter, coded)
+    return Assembly(rest, circle(), presenting)

@@ -1,0 +1,123 @@
+"""Setting up by eye in the terminal: the newest frame's figures, live, or a line of them every second."""
+
+from __future__ import annotations
+
+import math
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from zeromethod.procedures.advice import GOOD
+from zeromethod.procedures.setting_up import Sight
+
+_BARS = " ▁▂▃▄▅▆▇█"
+_UPDATES_HZ = 4
+_LINE_EVERY_S = 1.0
+
+
+def sparkline(shares: NDArray[np.float64]) -> str:
+    """One character per share, by its square root, so that few pixels still show."""
+    heights = np.sqrt(shares / max(float(shares.max()), 1e-12))
+    return "".join(_BARS[math.ceil(height * (len(_BARS) - 1))] for height in heights)
+
+
+def sight_table(sight: Sight) -> RenderableType:
+    """Figures of one frame, and what to do."""
+    report = sight.report
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="dim")
+    table.add_column()
+    blur = f"(blur {report.blur_px:.1f} px)" if math.isfinite(report.blur_px) else ""
+    table.add_row("focus score, 0 to 1", f"{_number(report.score, '.3f')} {blur}")
+    for row, label in zip(report.modulation, ("... by region", "", ""), strict=True):
+        table.add_row(label, "  ".join(_number(value, ".2f") for value in row))
+    light = f"mean {report.mean_grey:.0f}, brightest {report.bright_grey:.0f} of {report.full_grey:.0f}"
+    table.add_row("exposure", f"{1e-6 * sight.frame.exposure_ns:.3g} ms; {light}")
+    table.add_row("grey levels", f"|{sparkline(report.histogram)}|")
+    table.add_row("saturated", f"{report.saturated_share:.2%} of the pixels")
+    table.add_row("should see the LCD", f"{report.seen_share:.0%} of the view, by the rig file")
+    table.add_row("usable of that", f"{report.usable_share:.1%} ({report.dark_share:.1%} dark)")
+    if math.isfinite(sight.flicker_share):
+        table.add_row("flicker", f"{sight.flicker_share:.2%} from frame to frame")
+    if sight.seen is not None:
+        lie = "mirrored, " if sight.seen.mirrored else ""
+        lie += f"turned by {sight.seen.turn_deg:.0f} degrees" if math.isfinite(sight.seen.turn_deg) else ""
+        stray = f"stray light {_number(sight.seen.stray_share, '.1%')}"
+        table.add_row("LCD", f"seen in {sight.seen.seen_share:.0%} of the image; {lie or 'lie not known'}; {stray}")
+    if (picture := report.alignment) is not None:
+        size = f"{picture.wider:+.2%} wide, {picture.higher:+.2%} high"
+        table.add_row("picture, by the rig file", f"{size}, turned by {picture.turn_deg:+.2f} degrees")
+    lines = [Text(f"-> {line}", style="green" if line == GOOD else "yellow") for line in sight.advice]
+    return Group(table, *lines)
+
+
+def sight_line(sight: Sight) -> str:
+    """The same in one line."""
+    report = sight.report
+    return (
+        f"{sight.time_s:6.1f} s  focus {_number(report.score, '.3f')}  grey {report.mean_grey:.0f}"
+        f"  brightest {report.bright_grey:.0f}/{report.full_grey:.0f}  saturated {report.saturated_share:.1%}"
+        f"  usable {report.usable_share:.0%}  {sight.advice[0]}"
+    )
+
+
+def sight_figures(sight: Sight) -> dict[str, Any]:
+    """The same for `--summary`."""
+    report, seen, picture = sight.report, sight.seen, sight.report.alignment
+    return {
+        "time_s": sight.time_s,
+        "focus_score": report.score,
+        "blur_px": report.blur_px,
+        "focus_by_region": report.modulation,
+        "exposure_s": 1e-9 * sight.frame.exposure_ns,
+        "mean_grey": report.mean_grey,
+        "bright_grey": report.bright_grey,
+        "full_grey": report.full_grey,
+        "histogram": report.histogram,
+        "saturated_share": report.saturated_share,
+        "seen_share": report.seen_share,
+        "usable_share": report.usable_share,
+        "dark_share": report.dark_share,
+        "flicker_share": sight.flicker_share,
+        "picture": None if picture is None else vars(picture),
+        "lcd": None if seen is None else vars(seen),
+        "advice": sight.advice,
+    }
+
+
+class FocusView:
+    """Shows sights as they come: a table that renews itself on a terminal, else a line every second."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._live = Live(console=console, refresh_per_second=_UPDATES_HZ) if console.is_terminal else None
+        self._last_s = -math.inf
+
+    def __enter__(self) -> FocusView:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def update(self, sight: Sight) -> None:
+        """Show the newest frame."""
+        if self._live is not None:
+            self._live.update(sight_table(sight))
+        elif sight.time_s - self._last_s >= _LINE_EVERY_S:
+            self._last_s = sight.time_s
+            self._console.print(sight_line(sight), soft_wrap=True, highlight=False, markup=False)
+
+
+def _number(value: float, pattern: str) -> str:
+    return format(value, pattern) if math.isfinite(value) else "-"
