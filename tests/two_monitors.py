@@ -91,7 +91,9 @@ def start(
     if lacking := missing():
         pytest.skip(lacking)
     reading, writing = os.pipe()
-    command = ["Xorg", "-displayfd", str(writing), "-config", str(_CONFIGURATION)]
+    # else the server outlives a test run that is killed
+    leash = ["setpriv", "--pdeathsig", "TERM"] if shutil.which("setpriv") else []
+    command = [*leash, "Xorg", "-displayfd", str(writing), "-config", str(_CONFIGURATION)]
     command += ["-logfile", str(folder / "Xorg.log"), "-noreset", "-nolisten", "tcp", "-ac"]
     command += ["-s", "0", "+extension", "GLX", "+extension", "RANDR"]
     with (

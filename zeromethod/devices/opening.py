@@ -6,6 +6,7 @@ by name, or `package.module:Name` (the working directory is searched too, so a l
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import inspect
 import os
@@ -17,6 +18,7 @@ from types import TracebackType
 from typing import Any, Literal, cast
 
 from zeromethod.clock import Clock, HostClock, SimulatedClock
+from zeromethod.devices.bounded import call_within
 from zeromethod.devices.protocols import Camera, Display
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
@@ -25,6 +27,9 @@ Kind = Literal["camera", "display"]
 Factory = Callable[..., Any]
 
 _PROTOCOLS: dict[Kind, type] = {"camera": Camera, "display": Display}
+
+CLOSING_S = 0.5
+"""How long a camera may take to close in the host's time; one that hangs is left to itself."""
 
 _SETTINGS = frozenset({"gain", "pixel_format", "region_px", "trigger"})
 """Keys that a device must be set to: one that the driver does not name would go unheeded."""
@@ -70,20 +75,31 @@ class Devices:
 
     def reopen_camera(self) -> Camera:
         """Close the camera and open it anew; raises InputError when that fails."""
-        self.camera.close()
+        with contextlib.suppress(TimeoutError):
+            self._close_camera()
         self.camera = self._open_camera()
         return self.camera
 
     def close(self) -> None:
-        """Close both devices; safe to call twice. Raises MeasurementError when one cannot be closed."""
+        """Close both devices; safe to call twice. Raises MeasurementError when one cannot be closed.
+
+        In the host's time a camera that takes longer than `CLOSING_S` cannot. A display is closed in the
+        caller's thread, as windows must be.
+        """
         failed = []
-        for name, device in (("camera", self.camera), ("display", self.display)):
+        for name, close in (("camera", self._close_camera), ("display", self.display.close)):
             try:
-                device.close()
+                close()
             except Exception as error:
                 failed.append(f"{name}: cannot be closed: {_one_line(error)}")
         if failed:
             raise MeasurementError("; ".join(failed))
+
+    def _close_camera(self) -> None:
+        if isinstance(self.clock, HostClock):
+            call_within(CLOSING_S, self.camera.close, "camera closing")
+        else:
+            self.camera.close()
 
     def __enter__(self) -> Devices:
         return self
@@ -91,7 +107,9 @@ class Devices:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        # what went wrong first is what is told
+        with contextlib.nullcontext() if error is None else contextlib.suppress(MeasurementError):
+            self.close()
 
 
 def open_devices(rig: Rig, clock: Clock | None = None) -> Devices:

@@ -6,9 +6,9 @@ The same procedure serves the simulated bench and a real one. Where the camera c
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from zeromethod.control import NULLED, Loop, State, Step
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.optics import Optics
+from zeromethod.procedures.reading import Publisher, ReadInThread, Reading, ReadInTurn, timed
 from zeromethod.procedures.truth import AT_REST, Comparison, TruthSource, compare, usable_nodes
 from zeromethod.rig.model import Rig
-from zeromethod.surface import Surface, SurfaceReader, peak
+from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.warp import Warp
 
 DEFAULT_SECONDS = 5.0
 """How long a run lasts when neither the caller nor a simulated scenario says so."""
@@ -31,7 +33,12 @@ COMPARED_PHASES = frozenset({"hold", "slide"})
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """One frame's figures. Times in s from the first frame; `phase` is the scenario's, "" where unknown."""
+    """One frame's figures. Times in s from the first frame; `phase` is the scenario's, "" where unknown.
+
+    depth_peak_mm, depth_peak_sigma_mm, read_ms: NaN where the frame was not read. In real time the surface is
+    read beside the loop, newest frame only: a record gets its depth later, in `RunResult.records`, or never.
+    newest_peak_mm: of the newest reading at hand at the time. notes: what the operator should know.
+    """
 
     number: int
     time_s: float
@@ -39,11 +46,13 @@ class FrameRecord:
     state: State
     reason: str
     events: tuple[str, ...]
+    notes: tuple[str, ...]
     dropped: int
     residual_rms_px: float
     valid_share: float
     depth_peak_mm: float
     depth_peak_sigma_mm: float
+    newest_peak_mm: float
     loop_ms: float
     draw_ms: float
     read_ms: float
@@ -67,7 +76,7 @@ class Snapshot:
 
 @dataclass
 class RunResult:
-    """What a run leaves behind."""
+    """What a run leaves behind. dropped_refreshes: None where the display does not count them."""
 
     rig: Rig
     gl_renderer: str
@@ -78,6 +87,10 @@ class RunResult:
     pressed: Snapshot | None = None
     nulled: Snapshot | None = None
     interrupted: bool = False
+    notes: list[str] = field(default_factory=list)
+    dropped_refreshes: int | None = None
+    delay_ms: float | None = None
+    """Delay of display and camera as coded strips tell it (`DisplaySpec.latency_s`); None without."""
 
     @property
     def state(self) -> State:
@@ -88,7 +101,8 @@ class RunResult:
 class Run:
     """One run over opened devices; iterate it for the steps, then take `result`."""
 
-    def __init__(self, rig: Rig, devices: Devices) -> None:
+    def __init__(self, rig: Rig, devices: Devices, publisher: Publisher | None = None) -> None:
+        """publisher: gets every turn in simulated time, every turn that was read in real time."""
         self._rig = rig
         self._devices = devices
         self._optics = Optics(rig)
@@ -102,11 +116,14 @@ class Run:
         )
         self._grid: NodeGrid = self.loop.grid
         self._reader = SurfaceReader(rig, self._optics, self._grid)
+        self._publisher = publisher
         self._truth: TruthSource | None = getattr(devices.camera, "truth", None)
         self._scenario = getattr(devices.camera, "scenario", None)
         phases = self._scenario.phases if self._scenario is not None else ()
         self._has_hold = any(phase.name == "hold" for phase in phases)
         self._start_ns: int | None = None
+        self._newest_peak_mm = float("nan")
+        self._records: dict[int, int] = {}
         self._worst_px = 0.0
         self._deepest_mm = 0.0
         usable = usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]
@@ -124,52 +141,106 @@ class Run:
         """Run for `frames` or `seconds`, or the scenario's length when neither is given."""
         if frames is None:
             seconds, _ = self.length(frames, seconds)
-        try:
-            for step in self.loop.run(frames=frames, seconds=seconds):
-                record = self._record(step)
-                self.result.records.append(record)
-                yield record
-        except KeyboardInterrupt:
-            self.result.interrupted = True
+        with ExitStack() as stack:
+            stack.callback(self._finish)
+            steps = self.loop.run(frames=frames, seconds=seconds)
+            # ended here and now, not when the interpreter comes to forget it
+            stack.callback(steps.close)
+            if self.loop.live:
+                self._warm_up()
+            reading = (ReadInThread if self.loop.live else ReadInTurn)(self._read, self._publisher)
+            stack.callback(self._take, reading)
+            stack.callback(reading.close)
+            try:
+                for step in steps:
+                    reading.post(step)
+                    yield self._record(step, reading)
+            except KeyboardInterrupt:
+                self.result.interrupted = True
 
-    def _record(self, step: Step) -> FrameRecord:
+    def interrupt(self) -> None:
+        """End the run as Ctrl-C does, with all that was measured; from a signal handler, or any thread."""
+        self.result.interrupted = True
+        self.loop.stop()
+
+    def _warm_up(self) -> None:
+        """Read a made-up warp, so that no real one waits for code to be compiled or loaded."""
+        rest = self.loop.rest
+        sigma = np.full_like(rest.q, 0.01)
+        peak(self._reader.read(Warp(rest.q, sigma, rest.flags, 0)))
+
+    def _finish(self) -> None:
+        display = self._devices.display
+        self.result.dropped_refreshes = getattr(display, "dropped_refreshes", None)
+        if self.loop.delay is not None and self.loop.delay.estimator.settled:
+            self.result.delay_ms = 1e-6 * self.loop.delay.estimator.value_ns
+
+    def _read(self, step: Step) -> Reading:
+        """Read one step; in real time in a thread of its own."""
+        measured = step.measured
+        assert measured is not None
+
+        def read() -> tuple[Surface, Peak]:
+            surface = self._reader.read(measured)
+            return surface, peak(surface)
+
+        surface, deepest, read_ms = timed(read)
+        truth, untouched = None, None
+        if self._truth is not None:
+            phase = self._phase(step.time_ns)
+            if phase == "untouched":
+                untouched = (_rms_nm(surface), _rms_nm(self._reader.read(step.filtered)))
+            elif phase in COMPARED_PHASES:
+                truth = compare(surface, self._truth(step.time_ns), self._optics, self._grid)
+        return Reading(step, surface, deepest, read_ms, truth, untouched)
+
+    def _record(self, step: Step, reading: ReadInTurn | ReadInThread) -> FrameRecord:
         if self._start_ns is None:
             self._start_ns = step.time_ns
-        phase = self._phase(step.time_ns)
-        surface, read_ms = None, float("nan")
-        depth_peak_mm = depth_peak_sigma_mm = float("nan")
-        truth, untouched = None, None
-        if step.measured is not None:
-            started = time.perf_counter()
-            surface = self._reader.read(step.measured)
-            deepest = peak(surface)
-            depth_peak_mm, depth_peak_sigma_mm = deepest.depth_mm, deepest.sigma_mm
-            read_ms = 1e3 * (time.perf_counter() - started)
-            if self._truth is not None:
-                if phase == "untouched":
-                    untouched = (_rms_nm(surface), _rms_nm(self._reader.read(step.filtered)))
-                elif phase in COMPARED_PHASES:
-                    mirror = self._truth(step.time_ns)
-                    truth = compare(surface, mirror, self._optics, self._grid)
-            self._keep(step, phase, surface, depth_peak_mm)
-        return FrameRecord(
+        nan = float("nan")
+        record = FrameRecord(
             number=step.number,
             time_s=(step.time_ns - self._start_ns) * 1e-9,
-            phase=phase,
+            phase=self._phase(step.time_ns),
             state=step.state,
             reason=step.reason,
             events=step.events,
+            notes=step.notes,
             dropped=step.dropped,
             residual_rms_px=step.residual_rms_px,
             valid_share=step.valid_share,
-            depth_peak_mm=depth_peak_mm,
-            depth_peak_sigma_mm=depth_peak_sigma_mm,
+            depth_peak_mm=nan,
+            depth_peak_sigma_mm=nan,
+            newest_peak_mm=nan,
             loop_ms=step.loop_ms,
             draw_ms=step.draw_ms,
-            read_ms=read_ms,
-            truth=truth,
-            untouched_rms_nm=untouched,
+            read_ms=nan,
+            truth=None,
+            untouched_rms_nm=None,
         )
+        result = self.result
+        self._records[step.number] = len(result.records)
+        result.records.append(record)
+        result.notes += step.notes
+        self._take(reading)
+        result.records[-1] = replace(result.records[-1], newest_peak_mm=self._newest_peak_mm)
+        return result.records[-1]
+
+    def _take(self, reading: ReadInTurn | ReadInThread) -> None:
+        """Enter what has been read into the records of its frames."""
+        for one in reading.collect():
+            index = self._records[one.step.number]
+            record = replace(
+                self.result.records[index],
+                depth_peak_mm=one.peak.depth_mm,
+                depth_peak_sigma_mm=one.peak.sigma_mm,
+                read_ms=one.read_ms,
+                truth=one.truth,
+                untouched_rms_nm=one.untouched_rms_nm,
+            )
+            self.result.records[index] = record
+            self._newest_peak_mm = one.peak.depth_mm
+            self._keep(one.step, record.phase, one.surface, one.peak.depth_mm)
 
     def _phase(self, time_ns: int) -> str:
         return "" if self._scenario is None else self._scenario.phase_at(time_ns) or ""

@@ -1,28 +1,42 @@
-"""The live status of a run in the terminal: one line that follows the loop, silent elsewhere."""
+"""The live status of a run: one line in the terminal that follows the loop, and what the operator should know."""
 
 from __future__ import annotations
 
 from types import TracebackType
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
 from zeromethod.procedures import FrameRecord
 
-_COLOURS = {"locked": "green", "resting": "green", "nulling": "yellow", "starting": "yellow"}
+_COLOURS = {
+    "locked": "green",
+    "resting": "green",
+    "nulling": "yellow",
+    "starting": "yellow",
+    "paused": "cyan",
+}
+_EXPLAINED = frozenset({"holding", "lost", "fault", "paused"})
 
 
 class LiveStatus:
-    """Progress bar with state, residual, peak depth and loop time; draws nothing when not on a terminal."""
+    """Progress bar with state, residual, peak depth and loop time, which only a terminal shows.
 
-    def __init__(self, console: Console, total: float, unit: str) -> None:
-        """`total` in `unit` ("frames" or "seconds")."""
+    Notes are printed above it, elsewhere too. In `holding`, `lost`, `fault` and `paused` the reason stands in
+    place of the figures.
+    """
+
+    def __init__(self, console: Console, total: float, unit: str, keys: str = "") -> None:
+        """`total` in `unit` ("frames" or "seconds"). keys: which keys do what, "" where none do."""
         self._unit = unit
+        self._console = console
         self._progress = Progress(
             TextColumn("{task.fields[state]:<18}"),
             BarColumn(bar_width=24),
             TextColumn("{task.fields[figures]}"),
             TimeElapsedColumn(),
+            TextColumn(f"[dim]{keys}[/]"),
             console=console,
             disable=not console.is_terminal,
         )
@@ -39,14 +53,17 @@ class LiveStatus:
 
     def update(self, record: FrameRecord, done_frames: int) -> None:
         """Show the newest frame."""
+        for note in record.notes:
+            self._console.print(f"note: {note}", style="yellow", markup=False, highlight=False)
         state = str(record.state)
         colour = _COLOURS.get(state, "red")
+        figures = (
+            f"residual {record.residual_rms_px:6.3f} px  peak {1e3 * record.newest_peak_mm:8.2f} um  "
+            f"valid {100 * record.valid_share:5.1f} %  loop {record.loop_ms:4.1f} ms"
+        )
         self._progress.update(
             self._task,
             completed=done_frames if self._unit == "frames" else record.time_s,
             state=f"[{colour}]{state}[/] {record.phase}",
-            figures=(
-                f"residual {record.residual_rms_px:6.3f} px  peak {1e3 * record.depth_peak_mm:8.2f} um  "
-                f"valid {100 * record.valid_share:5.1f} %  loop {record.loop_ms:4.1f} ms"
-            ),
+            figures=escape(record.reason) if state in _EXPLAINED else figures,
         )
