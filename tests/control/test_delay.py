@@ -48,7 +48,9 @@ def test_no_rate_or_phase_hides_the_delay(rates: tuple[float, float], phase: flo
     # Where clocks run in step, every exposure may see one picture alone: the delay is then only bounded, by
     # refresh - exposure - the visible part of the rise, and the frames are used all the same.
     timing = watch.timing
-    assert timing.latency_ns == pytest.approx(9 * MS, abs=(0.05 if watch.estimator.settled else 0.55) * 1e9 / refresh)
+    assert timing.latency_ns == pytest.approx(
+        9 * MS, abs=(0.05 if watch.estimator.settled else 0.55) * 1e9 / refresh
+    )
     assert all(used)
 
 

@@ -22,13 +22,13 @@ _LATENCY_S = (-1.0, 10.0)
 
 _OPTIONS: tuple[Callable[[Any], Any], ...] = (
     click.option(
-        "--display", "monitor", type=click.IntRange(min=0), help="The LCD is this monitor (`devices` lists them)."
+        "--display", "monitor", type=click.IntRange(min=0), help="The LCD is this monitor: see `devices`."
     ),
     click.option(
         "--camera", "address", metavar="ADDRESS",
         help="0, a URL, a video file, pylon[:serial], aravis[:address] or package.module:Name.",
     ),
-    click.option("--exposure", "exposure_s", type=float, metavar="S", help="Exposure of the camera, seconds."),
+    click.option("--exposure", "exposure_s", type=float, metavar="S", help="Exposure of the camera, s."),
     click.option("--camera-gain", type=float, metavar="G", help="Gain of the camera, in its own units."),
     click.option("--pixel-format", metavar="F", help="Pixel format of the camera: Mono8, Mono12, ..."),
 )  # fmt: skip
@@ -139,6 +139,8 @@ def _with_monitor(rig: Rig, index: int) -> Rig:
             f"the rig file; monitors: {listed}"
         )
     own = (display.model_extra or {}) if display.driver == "window" else {}
-    known_keys = {name: getattr(display, name) for name in display.model_fields_set & set(DisplaySpec.model_fields)}
+    known_keys = {
+        name: getattr(display, name) for name in display.model_fields_set & set(DisplaySpec.model_fields)
+    }
     values = known_keys | own | {"driver": "window", "monitor": index}
     return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})

@@ -57,8 +57,8 @@ def delay_words(result: DelayResult, margin: Margin, rig: Rig) -> list[str]:
     frames = result.latency_s * result.camera_rate_hz
     sign = ", before" if result.latency_s < 0 else " after"
     return [
-        f"delay {1e3 * result.latency_s:.2f} ms, sigma {1e3 * result.sigma_s:.2f} ms ({frames:.2f} camera frames; "
-        f"the rig says {1e3 * rig.display.latency_s:.2f} ms)",
+        f"delay {1e3 * result.latency_s:.2f} ms, sigma {1e3 * result.sigma_s:.2f} ms "
+        f"({frames:.2f} camera frames; the rig says {1e3 * rig.display.latency_s:.2f} ms)",
         f"  that is: the panel's first row begins to change so long{sign} the presentation time, by the "
         "camera's time stamps",
         f"display {result.refresh_hz:.3f} Hz, camera {result.camera_rate_hz:.3f} frames per second; "
@@ -73,6 +73,6 @@ def margin_words(margin: Margin, control: ControlSpec) -> str:
     """How far the loop is from instability at that delay."""
     verdict = "stable" if margin.margin > 1 else "UNSTABLE: lower [control] gain"
     return (
-        f"stability: controller {control.controller!r} with gain {control.gain:g} is {verdict}; the gain could be "
-        f"{margin.margin:.2g} times as large"
+        f"stability: controller {control.controller!r} with gain {control.gain:g} is {verdict}; "
+        f"the gain could be {margin.margin:.2g} times as large"
     )

@@ -36,14 +36,19 @@ class _Task:
     epilog="Example: zeromethod devices --focus --rig my.toml --display 1 --camera 0",
 )
 @click.option(
-    "--identify", is_flag=False, flag_value=_ALL, metavar="[N]",
+    "--identify",
+    is_flag=False,
+    flag_value=_ALL,
+    metavar="[N]",
     help="Show on monitor N, or on all, which one it is and how it lies.",
 )
-@click.option("--delay", is_flag=True, help="Measure the delay between display and camera; nothing may touch.")
-@click.option("--focus", is_flag=True, help="Set up by eye: focus, exposure, view, with advice. Ctrl-C ends it.")
 @click.option(
-    "--rig", "rig_name", help="Rig file, or a packaged name.  [default: simulated]"
+    "--delay", is_flag=True, help="Measure the delay between display and camera; nothing may touch."
 )
+@click.option(
+    "--focus", is_flag=True, help="Set up by eye: focus, exposure, view, with advice. Ctrl-C ends it."
+)
+@click.option("--rig", "rig_name", help="Rig file, or a packaged name.  [default: simulated]")
 @bench_options
 @click.option("--seconds", type=float, help="How long to measure, look or show.")
 @click.option("--write", is_flag=True, help="Store the measured delay in the rig file.")
@@ -96,7 +101,9 @@ def _check_options(task: _Task) -> None:
         raise InputError("--write: only with --delay")
     if task.name in {"--delay", "--focus"}:
         return
-    given = [f"--{name.replace('_', '-')}" for name, value in asdict(task.options).items() if value is not None]
+    given = [
+        f"--{name.replace('_', '-')}" for name, value in asdict(task.options).items() if value is not None
+    ]
     words = {"--monitor": "--display", "--address": "--camera", "--exposure-s": "--exposure"}
     if given:
         raise InputError(f"{words.get(given[0], given[0])}: only with --focus or --delay")

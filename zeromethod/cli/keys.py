@@ -7,7 +7,7 @@ import select
 import sys
 from collections.abc import Callable
 from types import TracebackType
-from typing import TextIO
+from typing import Any, TextIO
 
 from zeromethod.control import Loop
 
@@ -42,7 +42,7 @@ class Keys:
         """stream: where keys come from; None: standard input."""
         self._stream = sys.stdin if stream is None else stream
         self._fd: int | None = None
-        self._before: list[object] = []
+        self._before: list[Any] = []
 
     @property
     def active(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -162,7 +162,7 @@ class Loop:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    def run(self, frames: int | None = None, seconds: float | None = None) -> Iterator[Step]:
+    def run(self, frames: int | None = None, seconds: float | None = None) -> Generator[Step]:
         """Step until `frames` frames or `seconds` (of the run's clock) have passed, or the loop is over.
 
         Ends STOPPED, or in FAULT when a device was lost for good, and closed. KeyboardInterrupt passes

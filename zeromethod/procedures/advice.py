@@ -40,7 +40,7 @@ def advice(
     unseen = seen is not None and seen.seen_share < UNSEEN_SHARE
     if unseen:
         said.append(
-            "the LCD is not seen: is it lit, on the right monitor, and does the camera look at it by the mirror?"
+            "the LCD is not seen: is it lit, on the right monitor, and seen by the camera in the mirror?"
         )
     elif not report.score > NO_TARGET_SCORE:
         said.append(
@@ -99,8 +99,8 @@ def _lie(seen: Orientation) -> list[str]:
     if seen.mirrored or turn:
         how = " and ".join(word for word in ("mirrored" if seen.mirrored else "", turn) if word)
         said.append(
-            f"the picture is seen {how}: set display.mirrored, display.turn_deg or camera.roll_deg in the rig "
-            "file to how the bench stands"
+            f"the picture is seen {how}: set display.mirrored, display.turn_deg or camera.roll_deg "
+            "in the rig file to how the bench stands"
         )
     if seen.stray_share > STRAY_SHARE:
         said.append(f"stray light, {seen.stray_share:.0%} of the LCD's: darken the room, shade the prism")

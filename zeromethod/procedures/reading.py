@@ -25,7 +25,7 @@ class Publisher(Protocol):
 
 @dataclass(frozen=True)
 class Reading:
-    """What was read from one step. read_ms: how long that took. truth, untouched_rms_nm: see `FrameRecord`."""
+    """What was read from one step. read_ms: how long it took. truth, untouched_rms_nm: see `FrameRecord`."""
 
     step: Step
     surface: Surface

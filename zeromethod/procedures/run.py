@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from zeromethod.control import NULLED, Loop, State, Step
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.optics import Optics
-from zeromethod.procedures.reading import Publisher, ReadInThread, Reading, ReadInTurn, timed
+from zeromethod.procedures.reading import Publisher, Reading, ReadInThread, ReadInTurn, timed
 from zeromethod.procedures.truth import AT_REST, Comparison, TruthSource, compare, usable_nodes
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak

@@ -19,6 +19,8 @@ from zeromethod.sensing.unwrap import Unwrapper
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.validity import Flag
 
+_OUTSIDE = np.uint16(Flag.OUTSIDE)
+
 Light = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 """The target's light at camera pixels (u, v), as `Target.light` gives it."""
 
@@ -65,6 +67,7 @@ class ResidualSensor:
         *,
         light: Light | None = None,
         limits: Limits | None = None,
+        covered: NDArray[np.bool_] | None = None,
     ) -> None:
         if kind not in (*CARRIER_KINDS, "noise"):
             raise InputError(f"target.kind: {kind!r}: one of cosines, checker, lattice, noise")
@@ -91,6 +94,7 @@ class ResidualSensor:
             self._unwrapper = Unwrapper(grid, diagonal=kind == "checker")
         self._noise, self._black, self._ceiling = noise, noise.black_grey, ceiling
         self._levelled: Floats | None = None
+        self._covered = np.flatnonzero(covered) if covered is not None else np.zeros(0, np.intp)
         u, v = grid.mesh()
         self._node_pixels = v[grid.inner].astype(np.intp), u[grid.inner].astype(np.intp)
         self._out = Residual.empty(grid)
@@ -100,9 +104,15 @@ class ResidualSensor:
         self.measure(blank.astype(np.uint8) if bits <= 8 else blank)
 
     @classmethod
-    def from_rig(cls, rig: Rig, grid: NodeGrid, light: Light | None = None) -> ResidualSensor:
+    def from_rig(
+        cls,
+        rig: Rig,
+        grid: NodeGrid,
+        light: Light | None = None,
+        covered: NDArray[np.bool_] | None = None,
+    ) -> ResidualSensor:
         """Sensor for a rig's camera and target."""
-        return cls(grid, rig.target.kind, rig.camera.noise, rig.camera.bits, light=light)
+        return cls(grid, rig.target.kind, rig.camera.noise, rig.camera.bits, light=light, covered=covered)
 
     def set_reference(self, residual: Residual | None) -> None:
         """Take the brightness at rest from a residual; from then on LIGHT_LOST is judged. None forgets.
@@ -146,6 +156,7 @@ class ResidualSensor:
         if light_share is not None:
             image = self._level(image, light_share)
         self._estimator.estimate(image, self._reference_light, out)
+        out.flags.reshape(-1)[self._covered] |= _OUTSIDE
         if light_share is not None:
             inner = self.grid.inner
             factor = noise_factor(out.mean[inner], light_share[self._node_pixels], self._noise)

@@ -49,7 +49,9 @@ def sight_table(sight: Sight) -> RenderableType:
         lie = "mirrored, " if sight.seen.mirrored else ""
         lie += f"turned by {sight.seen.turn_deg:.0f} degrees" if math.isfinite(sight.seen.turn_deg) else ""
         stray = f"stray light {_number(sight.seen.stray_share, '.1%')}"
-        table.add_row("LCD", f"seen in {sight.seen.seen_share:.0%} of the image; {lie or 'lie not known'}; {stray}")
+        table.add_row(
+            "LCD", f"seen in {sight.seen.seen_share:.0%} of the image; {lie or 'lie not known'}; {stray}"
+        )
     if (picture := report.alignment) is not None:
         size = f"{picture.wider:+.2%} wide, {picture.higher:+.2%} high"
         table.add_row("picture, by the rig file", f"{size}, turned by {picture.turn_deg:+.2f} degrees")

@@ -1,4 +1,4 @@
-"""The live status of a run: one line in the terminal that follows the loop, and what the operator should know."""
+"""The live status of a run: one line in the terminal, and what the operator should know."""
 
 from __future__ import annotations
 
