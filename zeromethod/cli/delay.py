@@ -8,14 +8,14 @@ from typing import Any
 import click
 
 from zeromethod.cli.bench_options import BenchOptions, with_devices
-from zeromethod.control.margin import Margin, stability_margin
+from zeromethod.control.margin import Margin, margin_words, stability_margin
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
 from zeromethod.procedures.delay import DEFAULT_SECONDS, DelayResult, measure_delay, with_latency
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import ControlSpec, Rig
+from zeromethod.rig.model import Rig
 
 
 def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, write: bool) -> dict[str, Any]:
@@ -67,12 +67,3 @@ def delay_words(result: DelayResult, margin: Margin, rig: Rig) -> list[str]:
         f"{result.delay_frames:.2f} camera frames, computing not counted",
         margin_words(margin, rig.control),
     ]
-
-
-def margin_words(margin: Margin, control: ControlSpec) -> str:
-    """How far the loop is from instability at that delay."""
-    verdict = "stable" if margin.margin > 1 else "UNSTABLE: lower [control] gain"
-    return (
-        f"stability: controller {control.controller!r} with gain {control.gain:g} is {verdict}; "
-        f"the gain could be {margin.margin:.2g} times as large"
-    )

@@ -16,6 +16,7 @@ from zeromethod.errors import InputError, MeasurementError
 
 _COMMANDS = {
     "run": "Close the loop: null the picture, read slope and depth.",
+    "virtual-bench": "Play prism and camera, to rehearse the real bench.",
     "devices": "Monitors and cameras; identify, focus, delay.",
     "measure": "Still images: displacement, and with --rig slope and depth.",
     "reproduce": "The seed paper's figures and tables, beside this system's.",

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import math
-import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.console import Console
 
+from zeromethod.cli.bench_options import BenchOptions, bench_options, with_devices, with_latency, with_strips
+from zeromethod.cli.keys import HELP, Keys
 from zeromethod.cli.output import check_file, write_summary
+from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.control import State
-from zeromethod.devices.opening import open_devices
+from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
 from zeromethod.procedures import Run, RunResult, summarise
+from zeromethod.procedures.reading import Publisher
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.threads import limit_threads
@@ -30,6 +35,20 @@ from zeromethod.view.table import summary_table
 @click.option(
     "--rig", "rig_name", default="simulated", show_default=True, help="Rig file, or a packaged name."
 )
+@bench_options
+@click.option(
+    "--strips/--no-strips",
+    default=None,
+    help="Codes at two edges tell which pictures a frame saw.  [default: with a real device]",
+)
+@click.option(
+    "--latency",
+    "latency_s",
+    type=float,
+    metavar="S",
+    help="Delay of display and camera, as `devices --delay` measures it.",
+)
+@click.option("--publish", metavar="ADDRESS", help="Publish every reading: tcp://127.0.0.1:5556.")
 @click.option("--press", help="Simulated press: a packaged scenario (default, step, ...) or a .toml file.")
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after this many frames.")
 @click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after this time.")
@@ -42,6 +61,9 @@ from zeromethod.view.table import summary_table
 @click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
 def run_command(
     rig_name: str,
+    strips: bool | None,
+    latency_s: float | None,
+    publish: str | None,
     press: str | None,
     frames: int | None,
     seconds: float | None,
@@ -50,10 +72,13 @@ def run_command(
     controller: str | None,
     figure: Path | None,
     summary: Path | None,
+    **devices: Any,
 ) -> None:
     """Close the loop: warp the LCD's pattern until the camera sees the target, read slope and depth.
 
-    Without arguments, a simulated bench is pressed 0.2 mm deep, the press slides 10 mm and lifts.
+    Without arguments, a simulated bench is pressed 0.2 mm deep, the press slides 10 mm and lifts. With
+    --display and --camera it runs on real devices until q, Ctrl-C, or --seconds; then p pauses corrections
+    and z takes the mirror as it is for the mirror at rest.
     """
     for option, value in (("--gain", gain), ("--seconds", seconds)):
         if value is not None and not math.isfinite(value):
@@ -62,18 +87,38 @@ def run_command(
     check_file("--summary", summary, suffix=".json")
     if frames is not None and seconds is not None:
         raise InputError("--frames and --seconds: give one of them, not both")
-    rig = _with_overrides(load_rig(rig_name), press, seed, gain, controller)
+    options = BenchOptions(**devices)
+    rig = with_latency(with_devices(load_rig(rig_name), options), latency_s)
+    rig = with_strips(_with_overrides(rig, press, seed, gain, controller), strips, options.named)
     check_geometry(rig)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: everything is kept
     limit_threads()
-    console = Console(stderr=True)
-    with open_devices(rig) as devices:
-        session = Run(rig, devices)
-        total, unit = session.length(frames, seconds)
-        with LiveStatus(console, total, unit) as live:
-            for count, record in enumerate(session.steps(frames, seconds), start=1):
-                live.update(record, count)
+    with open_devices(rig) as opened, _publishing(publish, opened) as publisher:
+        session = Run(rig, opened, publisher)
+        with stopped_by_signals(session.interrupt):
+            _follow(session, frames, seconds)
         _report(session.result, figure, summary)
+
+
+@contextmanager
+def _publishing(address: str | None, devices: Devices) -> Iterator[Publisher | None]:
+    """Publish at `address` in the run's time; None: not asked for."""
+    if address is None:
+        yield None
+        return
+    from zeromethod.publishing import Publisher as Socket  # noqa: PLC0415 - only who publishes needs it
+
+    with Socket(address, devices.clock) as socket:
+        click.echo(f"publishing at {socket.address}", err=True)
+        yield socket
+
+
+def _follow(session: Run, frames: int | None, seconds: float | None) -> None:
+    """Run to the end, with the state in the terminal and its keys obeyed."""
+    total, unit = session.length(frames, seconds)
+    with Keys() as keys, LiveStatus(Console(stderr=True), total, unit, HELP if keys.active else "") as live:
+        session.loop.every_turn = keys.for_loop(session.loop)
+        for count, record in enumerate(session.steps(frames, seconds), start=1):
+            live.update(record, count)
 
 
 def _with_overrides(

@@ -177,6 +177,12 @@ class Circle:
         """Mid-exposure of the newest frame that the present command was made from; None: of no frame."""
         return self._seen_ns
 
+    @property
+    def horizon_s(self) -> float:
+        """From a frame's mid-exposure to that of those that see what was made of it; NaN: not known yet."""
+        age_s = self._horizon.age_s
+        return float("nan") if age_s is None else float(age_s.mean())
+
     def presented(self, time_ns: int, q: Float, code: int | None = None, *, seen_ns: int | None) -> None:
         """Note that `q` (copied) was presented at `time_ns`, with `code` in its strips.
 

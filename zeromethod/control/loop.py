@@ -73,6 +73,8 @@ class Loop:
         self.over = False
         self.every_turn: Callable[[], None] | None = None
         """Called in the loop's thread once per turn, and while one waits: for keys, buttons, windows."""
+        self.ended: Step | None = None
+        """What is left at the end of `run`: the last state, and nothing measured."""
         self._clock = clock
         self._circle = parts.circle
         self._presenting = parts.presenting
@@ -116,6 +118,11 @@ class Loop:
     def delay(self) -> DelayWatch | None:
         """What the coded strips tell of the delay; None without strips."""
         return self._circle.delay
+
+    @property
+    def horizon_s(self) -> float:
+        """From a frame's mid-exposure to that of those that see what was made of it; NaN: not known yet."""
+        return self._circle.horizon_s
 
     def hold(self, on: bool = True) -> None:
         """Keep the command as it is while `on`; frames are measured all the same."""
@@ -187,6 +194,7 @@ class Loop:
         self._steady = None
         if not self.over:
             self._end(Turn(Outcome.STOP, "the run has ended"))
+        self.ended = self._step(self._clock.now_ns(), ())
         self.close()
 
     def _end(self, turn: Turn) -> None:

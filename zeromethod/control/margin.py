@@ -77,3 +77,12 @@ def stability_margin(control: ControlSpec, delay_frames: float) -> Margin:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _root(control, middle, delay_frames) < 1 else (low, middle)
     return Margin(delay_frames, low, low / control.gain)
+
+
+def margin_words(margin: Margin, control: ControlSpec) -> str:
+    """How far the loop is from instability at that delay."""
+    verdict = "stable" if margin.margin > 1 else "UNSTABLE: lower [control] gain"
+    return (
+        f"stability: controller {control.controller!r} with gain {control.gain:g} is {verdict}; "
+        f"the gain could be {margin.margin:.2g} times as large"
+    )

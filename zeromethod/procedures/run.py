@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.control import NULLED, Loop, State, Step
+from zeromethod.control.margin import Margin, margin_words, stability_margin
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.optics import Optics
 from zeromethod.procedures.reading import Publisher, Reading, ReadInThread, ReadInTurn, timed
@@ -25,7 +26,7 @@ from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
 
 DEFAULT_SECONDS = 5.0
-"""How long a run lasts when neither the caller nor a simulated scenario says so."""
+"""How long a run in simulated time lasts when neither the caller nor a scenario says so."""
 
 COMPARED_PHASES = frozenset({"hold", "slide"})
 """Parts of a simulated scenario in which every reading is held against the truth."""
@@ -89,6 +90,8 @@ class RunResult:
     interrupted: bool = False
     notes: list[str] = field(default_factory=list)
     dropped_refreshes: int | None = None
+    margin: Margin | None = None
+    """Stability at the delay that coded strips told when it was first known; None without."""
     delay_ms: float | None = None
     """Delay of display and camera as coded strips tell it (`DisplaySpec.latency_s`); None without."""
 
@@ -129,28 +132,32 @@ class Run:
         usable = usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]
         self.result = RunResult(rig, self.loop.gl_renderer, float(np.mean(usable)))
 
-    def length(self, frames: int | None = None, seconds: float | None = None) -> tuple[float, str]:
-        """How long `steps` will go on, and in which unit: "frames" or "seconds"."""
+    def length(self, frames: int | None = None, seconds: float | None = None) -> tuple[float | None, str]:
+        """How long `steps` goes on (None: until it is stopped), and the unit: "frames" or "seconds"."""
         if frames is not None:
             return float(frames), "frames"
-        if seconds is None:
-            seconds = self._scenario.duration_s if self._scenario is not None else DEFAULT_SECONDS
+        if seconds is None and self._scenario is not None:
+            seconds = self._scenario.duration_s
+        if seconds is None and not self.loop.live:
+            seconds = DEFAULT_SECONDS
         return seconds, "seconds"
 
     def steps(self, frames: int | None = None, seconds: float | None = None) -> Iterator[FrameRecord]:
-        """Run for `frames` or `seconds`, or the scenario's length when neither is given."""
+        """Run for `frames` or `seconds`; for the time of `length` when neither is given."""
         if frames is None:
             seconds, _ = self.length(frames, seconds)
         with ExitStack() as stack:
+            stack.callback(self.loop.close)
             stack.callback(self._finish)
-            steps = self.loop.run(frames=frames, seconds=seconds)
-            # ended here and now, not when the interpreter comes to forget it
-            stack.callback(steps.close)
             if self.loop.live:
                 self._warm_up()
             reading = (ReadInThread if self.loop.live else ReadInTurn)(self._read, self._publisher)
             stack.callback(self._take, reading)
             stack.callback(reading.close)
+            stack.callback(self._post_end, reading)
+            steps = self.loop.run(frames=frames, seconds=seconds)
+            # ended here and now, not when the interpreter comes to forget it
+            stack.callback(steps.close)
             try:
                 for step in steps:
                     reading.post(step)
@@ -168,6 +175,11 @@ class Run:
         rest = self.loop.rest
         sigma = np.full_like(rest.q, 0.01)
         peak(self._reader.read(Warp(rest.q, sigma, rest.flags, 0)))
+
+    def _post_end(self, reading: ReadInTurn | ReadInThread) -> None:
+        """Whoever follows the run learns how it ended."""
+        if self.loop.ended is not None:
+            reading.post(self.loop.ended)
 
     def _finish(self) -> None:
         display = self._devices.display
@@ -205,7 +217,7 @@ class Run:
             state=step.state,
             reason=step.reason,
             events=step.events,
-            notes=step.notes,
+            notes=step.notes + self._delay_note(),
             dropped=step.dropped,
             residual_rms_px=step.residual_rms_px,
             valid_share=step.valid_share,
@@ -221,10 +233,25 @@ class Run:
         result = self.result
         self._records[step.number] = len(result.records)
         result.records.append(record)
-        result.notes += step.notes
+        result.notes += record.notes
         self._take(reading)
         result.records[-1] = replace(result.records[-1], newest_peak_mm=self._newest_peak_mm)
         return result.records[-1]
+
+    def _delay_note(self) -> tuple[str, ...]:
+        """What the coded strips tell of the delay, and what that leaves of stability; told once."""
+        delay, horizon_s = self.loop.delay, self.loop.horizon_s
+        known = delay is not None and delay.estimator.settled and np.isfinite(horizon_s)
+        if delay is None or not known or self.result.margin is not None:
+            return ()
+        control = self._rig.control
+        self.result.margin = stability_margin(control, horizon_s * self._rig.camera.rate_hz)
+        estimator = delay.estimator
+        return (
+            f"delay {1e-6 * estimator.value_ns:.1f} ms, sigma {1e-6 * estimator.sigma_ns:.2f} ms; "
+            f"{self.result.margin.delay_frames:.1f} frames round the loop; "
+            f"{margin_words(self.result.margin, control)}",
+        )
 
     def _take(self, reading: ReadInTurn | ReadInThread) -> None:
         """Enter what has been read into the records of its frames."""

@@ -121,6 +121,7 @@ def summarise(result: RunResult) -> Figures:
         "notes": result.notes,
         "dropped_refreshes": result.dropped_refreshes,
         "delay_ms": result.delay_ms,
+        "stability_margin": result.margin.margin if result.margin else None,
         "state": str(result.state),
         "reason": last.reason if last else "",
         "nulled_frames": len(nulled),

@@ -27,8 +27,8 @@ class LiveStatus:
     place of the figures.
     """
 
-    def __init__(self, console: Console, total: float, unit: str, keys: str = "") -> None:
-        """`total` in `unit` ("frames" or "seconds"). keys: which keys do what, "" where none do."""
+    def __init__(self, console: Console, total: float | None, unit: str, keys: str = "") -> None:
+        """`total` in `unit` ("frames" or "seconds"), None: no end is known. keys: what they do, "" for none."""
         self._unit = unit
         self._console = console
         self._progress = Progress(

@@ -25,6 +25,9 @@ _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("loop, frame in to warp out", ("loop_ms.median", "loop_ms.p99"), "{:.2f} ms (p99 {:.2f})"),
     ("drawing the pattern", ("draw_ms.median", "draw_ms.p99"), "{:.1f} ms (p99 {:.1f})"),
     ("reading the surface", ("read_ms.median", "read_ms.p99"), "{:.1f} ms (p99 {:.1f})"),
+    ("delay of display and camera", ("delay_ms",), "{:.2f} ms"),
+    ("stability: times the gain until it swings", ("stability_margin",), "{:.2g}"),
+    ("refreshes dropped by the display", ("dropped_refreshes",), "{}"),
     ("GL renderer", ("gl_renderer",), "{}"),
 )
 
