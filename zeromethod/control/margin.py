@@ -66,17 +66,26 @@ def _root(control: ControlSpec, gain: float, delay_frames: float) -> float:
 
 
 def stability_margin(control: ControlSpec, delay_frames: float) -> Margin:
-    """Largest stable gain of the rig's controller at a delay, and how many times the rig's gain that is.
+    """Largest stable gain of the rig's controller at a delay and at all whole ones below it.
+
+    margin: how many times the rig's gain that is.
 
     delay_frames: from a frame's mid-exposure to that of the frame that sees what was made of it, weighted by
     light; camera frames.
     """
     delay_frames = max(delay_frames, 1.0)
+    # a mix of two commands damps the fastest swings, which no delay that jitters may be trusted to do
+    delays = {*map(float, range(1, int(delay_frames) + 1)), delay_frames}
+    largest = min(_largest_gain(control, delay) for delay in delays)
+    return Margin(delay_frames, largest, largest / control.gain)
+
+
+def _largest_gain(control: ControlSpec, delay_frames: float) -> float:
     low, high = 0.0, _LARGEST
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _root(control, middle, delay_frames) < 1 else (low, middle)
-    return Margin(delay_frames, low, low / control.gain)
+    return low
 
 
 def margin_words(margin: Margin, control: ControlSpec) -> str:
