@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
@@ -12,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fake_gige_camera import ADDRESS, FakeGigECamera
 
 from zeromethod.devices.protocols import CameraLost, CameraTimeout
 from zeromethod.drivers import aravis_library
@@ -30,71 +29,24 @@ BUSY_S = 5.0
 CONTROL_LOST_S = 15.0
 """Aravis gives a silent camera five seconds; three times that on a busy machine."""
 
-# A camera whose pixels are known: (row + 2 column) mod 251. Kept in step with `known`.
-FAKE = f"""
-import ctypes, sys
-import numpy as np
-lib = ctypes.CDLL("{LIBRARY}")
-P = ctypes.c_void_p
-def function(name, result, *arguments):
-    f = getattr(lib, name)
-    f.restype, f.argtypes = result, arguments
-    return f
-FILL = ctypes.CFUNCTYPE(None, P, P, ctypes.c_uint32, ctypes.c_uint32, ctypes.c_uint32)
-get_data = function("arv_buffer_get_data", P, P, ctypes.POINTER(ctypes.c_size_t))
-width = function("arv_buffer_get_image_width", ctypes.c_int, P)
-height = function("arv_buffer_get_image_height", ctypes.c_int, P)
-def fill(buffer, _data, _exposure, _gain, pixel_format):
-    size = ctypes.c_size_t()
-    data = get_data(buffer, ctypes.byref(size))
-    image = (np.arange(height(buffer))[:, None] + 2 * np.arange(width(buffer))) % 251
-    image = image.astype(np.uint8) if pixel_format == 0x01080001 else (257 * image).astype(np.uint16)
-    ctypes.memmove(data, image.ctypes.data, image.nbytes)
-fill = FILL(fill)
-camera = function("arv_gv_fake_camera_new", P, ctypes.c_char_p, ctypes.c_char_p)(b"127.0.0.1", b"GV01")
-fake = function("arv_gv_fake_camera_get_fake_camera", P, P)(camera)
-function("arv_fake_camera_set_fill_pattern", None, P, FILL, P)(fake, fill, None)
-print(function("arv_gv_fake_camera_is_running", ctypes.c_int, P)(camera), flush=True)
-sys.stdin.read()
-"""
-
 Open = Callable[..., AravisCamera]
 
 
-class Fake:
-    """The process that plays the camera."""
-
-    def __init__(self) -> None:
-        self._process: subprocess.Popen[str] | None = None
-
-    def start(self) -> None:
-        command = [sys.executable, "-c", FAKE]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        assert self._process.stdout is not None
-        assert self._process.stdout.readline().strip() == "1", "the fake camera did not start"
-
-    def kill(self) -> None:
-        if self._process is not None:
-            with self._process as process:
-                process.kill()
-            self._process = None
-
-
 @pytest.fixture(scope="module")
-def shared() -> Iterator[Fake]:
-    fake = Fake()
+def shared() -> Iterator[FakeGigECamera]:
+    fake = FakeGigECamera()
     fake.start()
     yield fake
     fake.kill()
 
 
 @pytest.fixture
-def open_camera(shared: Fake) -> Iterator[Open]:
+def open_camera(shared: FakeGigECamera) -> Iterator[Open]:
     opened = []
 
     def open_it(**options: Any) -> AravisCamera:
         settings = {"columns": COLUMNS, "rows": ROWS, "bits": 8, "rate_hz": 50.0, "exposure_s": 0.004}
-        opened.append(AravisCamera(**(settings | {"address": "127.0.0.1"} | options)))
+        opened.append(AravisCamera(**(settings | {"address": ADDRESS} | options)))
         return opened[-1]
 
     yield open_it
@@ -200,7 +152,9 @@ def test_without_the_library_it_says_what_to_install(
     aravis_library.library.cache_clear()
 
 
-def test_a_camera_that_goes_is_lost_and_can_be_opened_again(shared: Fake, open_camera: Open) -> None:
+def test_a_camera_that_goes_is_lost_and_can_be_opened_again(
+    shared: FakeGigECamera, open_camera: Open
+) -> None:
     camera = open_camera()
     camera.read(BUSY_S)
     shared.kill()
