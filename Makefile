@@ -1,4 +1,5 @@
 # make run   set up, then close the loop on the simulated bench
+# make rehearse  set up, then run the real bench's code in real time on monitors that exist only in memory
 # make test  set up, then run all tests
 # make lint  format, lint, types, import layers
 # make bench speed and accuracy against peers (ratios of the same run), sigma, steps, long holds, gains,
@@ -9,12 +10,15 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run test lint bench clean
+.PHONY: run rehearse test lint bench clean
 .DEFAULT_GOAL := run
 
 run: $(VENV)/.run-ready
 	@mkdir -p out
 	$(BIN)/zeromethod run --figure out/run.png --summary out/run.json
+
+rehearse: $(VENV)/.test-ready
+	@BIN=$(BIN) sh tools/rehearse.sh
 
 test: $(VENV)/.test-ready
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
