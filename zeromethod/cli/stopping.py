@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def leave_quickly() -> None:
+    """Let the interpreter end without looking through all that it holds for garbage: 0.3 s otherwise."""
+    atexit.register(gc.freeze)
 
 
 @contextmanager

@@ -38,20 +38,29 @@ class Capture:
     def read(self, timeout_s: float) -> Frame:
         """Newest frame; raises what the camera raises, or CameraTimeout when it does not answer in time.
 
-        An answer that comes too late is returned by the next call.
+        An answer that comes too late is returned by the next call, unless it is that there was none.
         """
         end_s = time.monotonic() + timeout_s + GRACE_S
         with self._changed:
-            if not self._has_answer and self._asked_s is None:
-                self._asked_s = timeout_s
-                self._changed.notify_all()
+            late = self._has_answer or self._asked_s is not None
+            self._ask(timeout_s)
         while (left_s := end_s - time.monotonic()) > 0:
             with self._changed:
                 self._changed.wait_for(lambda: self._has_answer, min(left_s, SLICE_S))
-                if self._has_answer:
+                if self._has_answer and not (late and isinstance(self._error, CameraTimeout)):
                     return self._take()
+                if self._has_answer:
+                    # of the call before, which did not wait for it
+                    late = self._has_answer = False
+                    self._error = None
+                    self._ask(max(end_s - GRACE_S - time.monotonic(), SLICE_S))
             self._meanwhile()
         raise CameraTimeout(f"no answer within {timeout_s:g} s")
+
+    def _ask(self, timeout_s: float) -> None:
+        if not self._has_answer and self._asked_s is None:
+            self._asked_s = timeout_s
+            self._changed.notify_all()
 
     def close(self) -> None:
         """End the thread, as soon as the camera answers; the camera stays open."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,25 @@ JUMP_FRAMES = 3
 
 
 _PAST = "the frame's time lies past the present"
+
+
+_NUMBERS = ("time_ns", "exposure_ns", "number", "dropped")
+
+
+def _plain(value: Any) -> Any:
+    """Whole number as Python's own, which does not overflow; whatever else is given as it is."""
+    if isinstance(value, int | float | np.integer | np.floating) and math.isfinite(value):
+        return round(value)
+    return value
+
+
+def own(frame: Frame) -> Frame:
+    """Frame whose image is in order in memory and may be written to: copied where it is not.
+
+    What works on images is compiled for such, and would be anew, for seconds, for any other.
+    """
+    flags = frame.image.flags
+    return frame if flags.c_contiguous and flags.writeable else replace(frame, image=frame.image.copy())
 
 
 @dataclass(frozen=True)
@@ -61,11 +81,11 @@ class FrameCheck:
         self._astray.clear()
 
     def timed(self, frame: Frame) -> Frame:
-        """Frame with its time on the run's clock, should the camera's have jumped."""
-        if not self._shift_ns:
-            return frame
-        time_ns = frame.time_ns + self._shift_ns
-        return Frame(frame.image, time_ns, frame.exposure_ns, frame.number, frame.dropped)
+        """Frame in plain numbers, with its time on the run's clock, should the camera's have jumped."""
+        time_ns, exposure_ns, number, dropped = (_plain(getattr(frame, name)) for name in _NUMBERS)
+        if isinstance(time_ns, int):
+            time_ns += self._shift_ns
+        return Frame(frame.image, time_ns, exposure_ns, number, dropped)
 
     def look_at(self, frame: Frame, now_ns: int) -> Verdict:
         """Judge `frame`, as `timed` gives it, which came to hand at `now_ns`."""
@@ -97,9 +117,12 @@ class FrameCheck:
         if not isinstance(image, np.ndarray) or image.shape != self._shape or image.dtype != self._dtype:
             found = f"{getattr(image, 'shape', '')} {getattr(image, 'dtype', type(image).__name__)}"
             return f"the frame is {found}, not {self._shape} {self._dtype}"
-        if frame.exposure_ns <= 0:
+        for name in _NUMBERS:
+            if not isinstance(getattr(frame, name), int | float):
+                return f"the frame's {name} is {getattr(frame, name)!r}, not a number"
+        if not frame.exposure_ns > 0:
             return f"the frame's exposure is {frame.exposure_ns} ns"
-        if frame.dropped < 0:
+        if not frame.dropped >= 0:
             return f"the frame says that {frame.dropped} frames were dropped"
         # NaN fails this too. An exposure's length is left for clocks that were mapped onto each other.
         if not frame.time_ns <= now_ns + frame.exposure_ns:

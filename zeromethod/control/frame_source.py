@@ -67,7 +67,11 @@ class FrameSource:
         return frame
 
     def close(self) -> None:
-        """Read no more; the camera stays open."""
+        """Read no more, and open no more; the camera stays open."""
+        self._read_no_more()
+        self._reopener.close()
+
+    def _read_no_more(self) -> None:
         if isinstance(self._camera, Capture):
             self._camera.close()
 
@@ -83,7 +87,7 @@ class FrameSource:
 
     def _gone(self, reason: str, event: Event) -> Trouble:
         self._lost = reason
-        self.close()
+        self._read_no_more()
         return Trouble(Outcome.FAILED, reason, (event,), ends=self._reopener.exhausted)
 
     def _reopen(self, lost: str) -> Trouble:
@@ -93,5 +97,8 @@ class FrameSource:
             self._lost = None
             self._timeouts = 0
             return Trouble(Outcome.HELD, "the camera was opened again", (Event.CAMERA_REOPENED,))
-        plan = self._reopener.plan or "it could not be opened again"
+        plan = self._reopener.plan
+        if not plan:
+            why = self._reopener.failure
+            plan = "it could not be opened again" + (f": {why}" if why else "")
         return Trouble(Outcome.FAILED, f"{lost}; {plan}", ends=self._reopener.exhausted)

@@ -14,8 +14,14 @@ from zeromethod.warp.validity import Flag
 SATURATED_ABOVE = 0.05
 """Share of the nodes seen at rest that may be at the camera's ceiling."""
 
-FLICKER_FRAMES = 48
-"""Frames by which a beat is told; it is looked for at every sixth of them."""
+FLICKER_FRAMES = 120
+"""Frames in which a beat is looked for: 1.5 Hz at 60 frames per second is the slowest to be found."""
+
+FEWEST_FRAMES = 48
+"""Frames from which on it is looked for, as fast ones show sooner."""
+
+EVERY_FRAMES = 12
+"""How often it is looked for."""
 
 FLICKER_ABOVE = 0.01
 """Amplitude of a beat over the mean light that is worth telling: a tenth of the light of a dent's slopes."""
@@ -85,7 +91,7 @@ class LightQuality:
         self._times_ns.append(time_ns)
         self._light.append(float(residual.mean.mean(where=self._seen)) - self._black)
         self._frames += 1
-        if len(self._light) == FLICKER_FRAMES and self._frames % (FLICKER_FRAMES // 6) == 0:
+        if len(self._light) >= FEWEST_FRAMES and self._frames % EVERY_FRAMES == 0:
             times_s = 1e-9 * np.array([time - self._times_ns[0] for time in self._times_ns])
             hz, size = beat(times_s, np.array(self._light))
             self._beat = ""

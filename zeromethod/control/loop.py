@@ -18,7 +18,7 @@ from zeromethod.control.assembly import assemble
 from zeromethod.control.circle import Sensor, Taken
 from zeromethod.control.delay import DelayWatch
 from zeromethod.control.events import Event
-from zeromethod.control.frame_check import FrameCheck, Verdict
+from zeromethod.control.frame_check import FrameCheck, Verdict, own
 from zeromethod.control.frame_source import FrameSource, Trouble
 from zeromethod.control.hold import Hold
 from zeromethod.control.light_quality import LightQuality
@@ -194,6 +194,7 @@ class Loop:
         self._steady = None
         if not self.over:
             self._end(Turn(Outcome.STOP, "the run has ended"))
+        self._steps += 1
         self.ended = self._step(self._clock.now_ns(), ())
         self.close()
 
@@ -239,15 +240,13 @@ class Loop:
         if not verdict.fault and (stale := self._watch.stale(now_ns)):
             verdict = replace(verdict, fault=stale)
         held = self._held or self._paused
-        taken = Taken(held=verdict.fault) if verdict.fault else self._circle.take(frame, held)
+        taken = Taken(held=verdict.fault) if verdict.fault else self._circle.take(own(frame), held)
         loop_ms = 1e3 * (time.perf_counter() - started)
         events = verdict.events + taken.events
         if taken.seen is not None:
             for event, words in self._quality.look(taken.seen.residual, frame.time_ns):
                 events += (event,)
                 self._notices.tell(event, words)
-        if Event.CLOCK_JUMPED in verdict.events:
-            self._notices.tell(Event.CLOCK_JUMPED, verdict.fault)
         turn = self._turn(verdict, taken, events)
         if self._hold is not None and not held:
             self._hold.note(bool(taken.held), taken.residual_rms_px)
@@ -262,6 +261,7 @@ class Loop:
                 events += trouble.events
                 turn = Turn(trouble.outcome, trouble.reason)
                 self.over = True
+        self._notices.tell_all(events, verdict.fault or taken.held)
         self.status = next_status(self.status, turn)
         if not self._referenced and self.status.state in NULLED:
             self._circle.take_reference(taken)
@@ -279,7 +279,7 @@ class Loop:
             now_ns if verdict.wrong else frame.time_ns,
             events,
             frame_number=frame.number,
-            dropped=frame.dropped,
+            dropped=0 if verdict.wrong else frame.dropped,
             image=frame.image,
             residual=taken.seen.residual.copy() if taken.seen else None,
             shown_q=taken.seen.shown.q.copy() if taken.seen else None,
@@ -352,6 +352,7 @@ class Loop:
         if Event.CAMERA_REOPENED in trouble.events:
             self._check.restart()
         self.over = trouble.ends
+        self._notices.tell_all(trouble.events, trouble.reason)
         self.status = next_status(self.status, Turn(trouble.outcome, trouble.reason))
         return self._step(self._clock.now_ns(), trouble.events)
 

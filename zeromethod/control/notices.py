@@ -7,6 +7,19 @@ from zeromethod.control.events import Event
 QUIET_TURNS = 120
 """Turns without an event after which it is told anew."""
 
+TOLD = frozenset(
+    {
+        Event.FRAME_WRONG,
+        Event.CLOCK_JUMPED,
+        Event.LIGHT_OFF,
+        Event.CAMERA_TIMEOUT,
+        Event.CAMERA_STALLED,
+        Event.CAMERA_LOST,
+        Event.CAMERA_REOPENED,
+    }
+)
+"""Events that are told in the words of their turn; others bring words of their own, or need none."""
+
 
 class Notices:
     """Gathers the words of one turn."""
@@ -26,6 +39,12 @@ class Notices:
         if self._turn - self._last.get(key, -QUIET_TURNS) >= QUIET_TURNS:
             self._words.append(words)
         self._last[key] = self._turn
+
+    def tell_all(self, events: tuple[Event, ...], words: str) -> None:
+        """Tell those events that have no words but those of their turn."""
+        for event in events:
+            if event in TOLD:
+                self.tell(event, words)
 
     def take(self) -> tuple[str, ...]:
         """All that is to be told in this turn, which it ends."""

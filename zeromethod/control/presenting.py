@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from zeromethod.control.presenter import Presenter
 from zeromethod.devices.protocols import DisplayLost
+from zeromethod.errors import InputError
 
 CODES = 16
 """Presentations are numbered modulo so many in the coded strips."""
@@ -21,7 +22,7 @@ CODES = 16
 OPENING_S = 60.0
 """How long it may take to find what draws, and to draw the first picture: shaders are compiled for it."""
 
-CLOSING_S = 0.3
+CLOSING_S = 0.2
 """How long `close` waits for a picture that is being drawn; a display that hangs is left to its thread."""
 
 
@@ -102,7 +103,10 @@ class InThread:
     """
 
     def __init__(self, make: Callable[[], Presenter], coded: bool, timeout_s: float) -> None:
-        """timeout_s: a picture that takes longer means that the display hangs. Raises what `make` raises."""
+        """timeout_s: a picture that takes longer means that the display hangs.
+
+        Raises what `make` raises, and InputError where it hangs.
+        """
         self._timeout_s = timeout_s
         self._changed = threading.Condition()
         self._next: tuple[NDArray[np.float64], int | None] | None = None
@@ -116,7 +120,11 @@ class InThread:
             target=self._serve, args=(make, coded, ready), name="present", daemon=True
         )
         self._thread.start()
-        self.gl_renderer = ready.result(OPENING_S)
+        try:
+            self.gl_renderer = ready.result(OPENING_S)
+        except TimeoutError:
+            self._closed = True
+            raise InputError(f"display: not ready to be drawn on within {OPENING_S:g} s") from None
 
     def post(self, q: NDArray[np.float64], seen_ns: int | None) -> None:
         """Show `q` next, in place of one that waits still. Returns at once."""
@@ -142,8 +150,10 @@ class InThread:
             return []
 
     def close(self) -> None:
-        """Show nothing more; within `CLOSING_S`."""
+        """Show nothing more; within `CLOSING_S`, and at once when called again."""
         with self._changed:
+            if self._closed:
+                return
             self._closed = True
             self._changed.notify_all()
         self._thread.join(CLOSING_S)

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 
 from zeromethod.clock import Clock
+from zeromethod.devices.bounded import call_within
 from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout
 from zeromethod.errors import InputError
 
@@ -17,6 +18,9 @@ WAITS_S = (0.5, 2.0, 8.0)
 
 OPENING_S = 10.0
 """A camera that takes longer to open counts as not opened."""
+
+CLOSING_S = 0.2
+"""How long one that came too late may take to close."""
 
 SLICE_S = 0.1
 """How long a call of `LiveReopener.attempt` takes at most."""
@@ -32,6 +36,8 @@ class Reopener:
         self._reopen = reopen
         self._clock = clock
         self._attempts_ns: deque[int] = deque(maxlen=PER_MINUTE)
+        self.failure = ""
+        """Why the last attempt failed, in words; "" where the driver did not say."""
 
     @property
     def exhausted(self) -> bool:
@@ -42,6 +48,10 @@ class Reopener:
     def plan(self) -> str:
         """What is being done about the camera, in words; "" for nothing."""
         return ""
+
+    def close(self) -> None:
+        """Attempt nothing more; a camera that is being opened is closed as soon as it is there."""
+        self._reopen = None
 
     def _recent(self) -> int:
         since = self._clock.now_ns() - 60 * 10**9
@@ -56,7 +66,8 @@ class Reopener:
         self._attempts_ns.append(self._clock.now_ns())
         try:
             return self._reopen()
-        except FAILURES:
+        except FAILURES as error:
+            self.failure = _one_line(error)
             return None
 
 
@@ -102,7 +113,16 @@ class LiveReopener(Reopener):
         if not done and self._clock.now_ns() < self._attempts_ns[-1] + round(1e9 * OPENING_S):
             return None
         opening, self._opening = self._opening, None
+        self.failure = opening.failure if done else f"not within {OPENING_S:g} s"
         return opening.take()
+
+    def close(self) -> None:
+        """Attempt nothing more; a camera that is being opened is closed as soon as it is there."""
+        super().close()
+        self._due_ns = None
+        opening, self._opening = self._opening, None
+        if opening is not None:
+            opening.give_up()
 
 
 class _Opening:
@@ -114,6 +134,7 @@ class _Opening:
         self._camera: Camera | None = None
         self._error: BaseException | None = None
         self._given_up = False
+        self.failure = ""
         self.done = threading.Event()
         threading.Thread(target=self._run, name="camera opening", daemon=True).start()
 
@@ -121,17 +142,16 @@ class _Opening:
         camera, error = None, None
         try:
             camera = self._reopen()
-        except FAILURES:
-            pass
+        except FAILURES as failed:
+            self.failure = _one_line(failed)
         except BaseException as raised:  # whatever it is, it belongs to the thread that asked
             error = raised
         with self._lock:
             self._camera, self._error = camera, error
             late = self._given_up
         self.done.set()
-        if late and camera is not None:
-            with contextlib.suppress(Exception):
-                camera.close()
+        if late:
+            _close(camera)
 
     def take(self) -> Camera | None:
         """Its camera, None where it failed or is not done: then it is closed as soon as it is there."""
@@ -140,3 +160,20 @@ class _Opening:
             if self._error is not None:
                 raise self._error
             return self._camera
+
+    def give_up(self) -> None:
+        """Nobody wants its camera any more."""
+        with self._lock:
+            self._given_up = True
+            camera = self._camera
+        _close(camera)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def _close(camera: Camera | None) -> None:
+    if camera is not None:
+        with contextlib.suppress(Exception):
+            call_within(CLOSING_S, camera.close, "camera closing")

@@ -23,19 +23,23 @@ class Watch:
         """longest_wait_s: how long the loop waits for a frame in the host's time; None in simulated time."""
         self._display = display
         self._poll = getattr(display, "poll", None)
+        self._asleep = False
+        self._warnings: tuple[str, ...] = ()
         self._clock = None if longest_wait_s is None else ClockWatch(longest_wait_s)
         self._stale_until_ns = 0
         self._jumped: list[tuple[Event, str]] = []
         self._warned: set[str] = set()
 
     def poll(self) -> None:
-        """Let the display look at its events; raises DisplayLost."""
+        """Let the display look at its events, and look at it; raises DisplayLost, or what else it raises."""
         if self._poll is not None:
             self._poll()
+        self._asleep = bool(getattr(self._display, "asleep", False))
+        self._warnings = tuple(getattr(self._display, "warnings", ()))
 
     def stale(self, now_ns: int) -> str:
         """Why a frame that came to hand at `now_ns` must not be used, "" where it may be."""
-        if getattr(self._display, "asleep", False):
+        if self._asleep:
             return ASLEEP
         self._look_at_clock(now_ns)
         if now_ns < self._stale_until_ns:
@@ -45,9 +49,9 @@ class Watch:
     def look(self, now_ns: int) -> list[tuple[Event, str]]:
         """What there is to tell at the end of a turn."""
         told = []
-        if getattr(self._display, "asleep", False):
+        if self._asleep:
             told.append((Event.DISPLAY_ASLEEP, ASLEEP))
-        for warning in getattr(self._display, "warnings", ()):
+        for warning in self._warnings:
             if warning not in self._warned:
                 self._warned.add(warning)
                 told.append((Event.DISPLAY_WARNING, warning))

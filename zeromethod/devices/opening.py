@@ -11,8 +11,10 @@ import importlib
 import inspect
 import os
 import sys
+import threading
+import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, entry_points
 from types import TracebackType
 from typing import Any, Literal, cast
@@ -28,8 +30,14 @@ Factory = Callable[..., Any]
 
 _PROTOCOLS: dict[Kind, type] = {"camera": Camera, "display": Display}
 
-CLOSING_S = 0.5
-"""How long a camera may take to close in the host's time; one that hangs is left to itself."""
+CLOSING_S = 0.4
+"""How long devices may take to close in the host's time; one that hangs is left to itself."""
+
+LEAST_CLOSING_S = 0.1
+"""What is left of that for the display, however long the camera took."""
+
+OPENING_S = 30.0
+"""How long a camera may take to open in the host's time."""
 
 _SETTINGS = frozenset({"gain", "pixel_format", "region_px", "trigger"})
 """Keys that a device must be set to: one that the driver does not name would go unheeded."""
@@ -72,34 +80,55 @@ class Devices:
     display: Display
     clock: Clock
     _open_camera: Callable[[], Camera]
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
+    _openings: int = 0
 
     def reopen_camera(self) -> Camera:
-        """Close the camera and open it anew; raises InputError when that fails."""
-        with contextlib.suppress(TimeoutError):
-            self._close_camera()
-        self.camera = self._open_camera()
-        return self.camera
+        """Close the camera and open it anew; raises InputError when that fails.
+
+        One that opens only when it was asked for again, or after `close`, is its caller's alone.
+        """
+        with self._lock:
+            self._openings += 1
+            opening = self._openings
+        # a camera that is gone may well fail to close, too
+        with contextlib.suppress(Exception):
+            self._close_camera(CLOSING_S)
+        camera = self._open_camera()
+        with self._lock:
+            if opening == self._openings:
+                self.camera = camera
+        return camera
 
     def close(self) -> None:
         """Close both devices; safe to call twice. Raises MeasurementError when one cannot be closed.
 
-        In the host's time a camera that takes longer than `CLOSING_S` cannot. A display is closed in the
-        caller's thread, as windows must be.
+        In the host's time devices that take longer than `CLOSING_S` cannot. A display that has `poll` is
+        closed in the caller's thread, as windows must be, however long that takes.
         """
+        with self._lock:
+            self._openings += 1
         failed = []
-        for name, close in (("camera", self._close_camera), ("display", self.display.close)):
+        end_s = time.monotonic() + CLOSING_S
+        for name, close in (("camera", self._close_camera), ("display", self._close_display)):
             try:
-                close()
+                close(max(end_s - time.monotonic(), LEAST_CLOSING_S))
             except Exception as error:
                 failed.append(f"{name}: cannot be closed: {_one_line(error)}")
         if failed:
             raise MeasurementError("; ".join(failed))
 
-    def _close_camera(self) -> None:
+    def _close_camera(self, timeout_s: float) -> None:
         if isinstance(self.clock, HostClock):
-            call_within(CLOSING_S, self.camera.close, "camera closing")
+            call_within(timeout_s, self.camera.close, "camera closing")
         else:
             self.camera.close()
+
+    def _close_display(self, timeout_s: float) -> None:
+        if isinstance(self.clock, HostClock) and not hasattr(self.display, "poll"):
+            call_within(timeout_s, self.display.close, "display closing")
+        else:
+            self.display.close()
 
     def __enter__(self) -> Devices:
         return self
@@ -137,18 +166,30 @@ def open_devices(rig: Rig, clock: Clock | None = None) -> Devices:
         camera = cast(Camera, _open("camera", rig.camera, camera_factory, context | {"display": display}))
         try:
             _check_camera(camera, rig.camera)
-        except InputError:
+        except BaseException:
             camera.close()
             raise
         return camera
 
     try:
         _check_display(display, rig.display)
-        camera = open_camera()
+        camera = (
+            _within(OPENING_S, open_camera, rig.camera) if isinstance(clock, HostClock) else open_camera()
+        )
     except BaseException:
         display.close()
         raise
     return Devices(camera, display, clock, open_camera)
+
+
+def _within(timeout_s: float, open_camera: Callable[[], Camera], spec: CameraSpec) -> Camera:
+    """Open in a thread of its own, as reopening does, so that one that hangs can be interrupted."""
+    opened: list[Camera] = []
+    try:
+        call_within(timeout_s, lambda: opened.append(open_camera()), "camera opening")
+    except TimeoutError as error:
+        raise InputError(f"camera.driver: {spec.driver!r}: cannot be opened: {error}") from error
+    return opened[0]
 
 
 def _open(kind: Kind, table: CameraSpec | DisplaySpec, factory: Factory, context: dict[str, Any]) -> object:

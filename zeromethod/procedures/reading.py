@@ -81,9 +81,8 @@ class ReadInThread:
 
     def post(self, step: Step) -> None:
         """Read a step next, and publish it. Returns at once; raises what an earlier reading raised."""
+        self._raise()
         with self._changed:
-            if self._error is not None:
-                raise self._error
             if step.measured is not None:
                 self._measured = step
             else:
@@ -97,11 +96,18 @@ class ReadInThread:
             return done
 
     def close(self) -> None:
-        """Finish what was posted, for `CLOSING_S` at most."""
+        """Finish what was posted, for `CLOSING_S` at most; raises what reading raised, if not yet told."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
         self._thread.join(CLOSING_S)
+        self._raise()
+
+    def _raise(self) -> None:
+        with self._changed:
+            error, self._error = self._error, None
+        if error is not None:
+            raise error
 
     def _serve(self) -> None:
         try:

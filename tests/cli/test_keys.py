@@ -1,0 +1,152 @@
+"""Keys of a running loop, typed into a pseudo-terminal."""
+
+from __future__ import annotations
+
+import os
+import pty
+import termios
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import StringIO
+from typing import TextIO
+
+import pytest
+
+from zeromethod.cli.keys import Keys, act
+
+
+class FakeLoop:
+    def __init__(self) -> None:
+        self.paused = False
+        self.done: list[str] = []
+
+    def pause(self, on: bool) -> None:
+        self.paused = on
+
+    def rezero(self) -> None:
+        self.done.append("rezero")
+
+    def stop(self) -> None:
+        self.done.append("stop")
+
+
+@dataclass
+class Terminal:
+    stream: TextIO
+    keyboard: int
+
+    def type(self, keys: bytes) -> None:
+        os.write(self.keyboard, keys)
+        time.sleep(0.01)
+
+    @property
+    def modes(self) -> tuple[bool, bool, bool]:
+        """Whether it waits for whole lines, echoes, and makes signals of Ctrl-C and the like."""
+        local = termios.tcgetattr(self.stream.fileno())[3]
+        return bool(local & termios.ICANON), bool(local & termios.ECHO), bool(local & termios.ISIG)
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
+    keyboard, side = pty.openpty()
+    # the tests' own process group is not in the foreground of this terminal
+    monkeypatch.setattr(os, "tcgetpgrp", lambda _fd: os.getpgrp())
+    with open(side) as stream:
+        yield Terminal(stream, keyboard)
+    os.close(keyboard)
+
+
+def test_keys_come_at_once_unseen_and_the_terminal_is_put_back(terminal: Terminal) -> None:
+    assert terminal.modes == (True, True, True)
+    with Keys(terminal.stream) as keys:
+        assert keys.active
+        assert terminal.modes == (False, False, True)
+        assert keys.pressed() == ""
+        terminal.type(b"pZx")
+        assert keys.pressed() == "pZx"
+        assert keys.pressed() == ""
+    assert not keys.active
+    assert terminal.modes == (True, True, True)
+    assert keys.pressed() == ""
+
+
+def test_the_terminal_is_put_back_when_a_run_fails_and_what_was_typed_is_forgotten(
+    terminal: Terminal,
+) -> None:
+    def fail() -> None:
+        terminal.type(b"rm -r\n")
+        raise RuntimeError
+
+    with pytest.raises(RuntimeError), Keys(terminal.stream):
+        fail()
+    assert terminal.modes == (True, True, True)
+    os.set_blocking(terminal.stream.fileno(), False)
+    with pytest.raises(BlockingIOError):
+        os.read(terminal.stream.fileno(), 10)
+
+
+def test_keys_steer_the_loop(terminal: Terminal) -> None:
+    loop = FakeLoop()
+    with Keys(terminal.stream) as keys:
+        every_turn = keys.for_loop(loop)  # type: ignore[arg-type]
+        terminal.type(b"p")
+        every_turn()
+        assert loop.paused
+        terminal.type(b"P\xc3\xa4?")
+        every_turn()
+        assert not loop.paused
+        terminal.type(b"zq")
+        every_turn()
+    assert loop.done == ["rezero", "stop"]
+
+
+def test_unknown_keys_do_nothing() -> None:
+    loop = FakeLoop()
+    for key in "xyz\x1b ":
+        act(key, loop)  # type: ignore[arg-type]
+    assert loop.done == ["rezero"]
+    assert not loop.paused
+
+
+def test_a_program_in_the_background_leaves_the_terminal_alone(
+    terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "tcgetpgrp", lambda _fd: os.getpgrp() + 1)
+    with Keys(terminal.stream) as keys:
+        assert not keys.active
+        assert terminal.modes == (True, True, True)
+        terminal.type(b"q")
+        assert keys.pressed() == ""
+
+
+def test_keys_stop_coming_while_the_program_is_in_the_background(
+    terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Keys(terminal.stream) as keys, monkeypatch.context() as patch:
+        patch.setattr(os, "tcgetpgrp", lambda _fd: os.getpgrp() + 1)
+        terminal.type(b"q")
+        assert keys.pressed() == ""
+        patch.undo()
+        patch.setattr(os, "tcgetpgrp", lambda _fd: os.getpgrp())
+        assert keys.pressed() == "q"
+
+
+@pytest.mark.parametrize("kind", ["no terminal", "file", "closed"])
+def test_without_a_terminal_there_are_no_keys(kind: str) -> None:
+    with open(os.devnull) as stream:
+        if kind == "closed":
+            stream.close()
+        with Keys(StringIO("q") if kind == "no terminal" else stream) as keys:
+            assert not keys.active
+            assert keys.pressed() == ""
+
+
+def test_a_terminal_that_goes_away_has_no_keys_and_does_no_harm() -> None:
+    keyboard, side = pty.openpty()
+    with open(side) as stream, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "tcgetpgrp", lambda _fd: os.getpgrp())
+        with Keys(stream) as keys:
+            os.close(keyboard)
+            assert keys.pressed() == ""
+            assert keys.pressed() == ""
