@@ -208,7 +208,7 @@ def test_devices_that_hang_when_closed_are_left_within_their_time(which: str, hu
             getattr(what, name).close = lambda: hung.wait(PATIENCE_S)
     started = time.monotonic()
     with pytest.raises(MeasurementError, match="cannot be closed: not within"):
-        what.close()
+        what.close(CLOSING_S)
     assert time.monotonic() - started < CLOSING_S + 0.4
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import click
@@ -16,7 +16,12 @@ from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
 from zeromethod.rig.refusal import first_refusal
 
 _SIMULATED = "simulated"
-_REAL_CAMERAS = frozenset({"opencv", "pylon", "aravis"})
+REAL_CAMERAS = frozenset({"opencv", "pylon", "aravis"})
+"""Drivers that look at the world, and at nothing simulated."""
+
+WINDOW = "display window: "
+"""How messages about the screen begin, which is no news where only monitors are asked for."""
+
 _RATE_TOLERANCE = 0.02
 _LATENCY_S = (-1.0, 10.0)
 
@@ -29,25 +34,56 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
         help="0, a URL, a video file, pylon[:serial], aravis[:address] or package.module:Name.",
     ),
     click.option("--exposure", "exposure_s", type=float, metavar="S", help="Exposure of the camera, s."),
-    click.option("--camera-gain", type=float, metavar="G", help="Gain of the camera, in its own units."),
+    click.option("--camera-gain", "gain", type=float, metavar="G", help="Gain of the camera, its own units."),
     click.option("--pixel-format", metavar="F", help="Pixel format of the camera: Mono8, Mono12, ..."),
+    click.option(
+        "--region", "region_px", type=click.IntRange(min=0), nargs=4, metavar="X Y W H",
+        help="Part of the camera's sensor: first column, first row, columns, rows.",
+    ),
+    click.option(
+        "--trigger", type=click.Choice(["free", "software", "hardware"]),
+        help="What starts the camera's exposures.",
+    ),
 )  # fmt: skip
+
+_NAMES = {
+    "monitor": "--display",
+    "address": "--camera",
+    "exposure_s": "--exposure",
+    "gain": "--camera-gain",
+    "pixel_format": "--pixel-format",
+    "region_px": "--region",
+    "trigger": "--trigger",
+}
 
 
 @dataclass(frozen=True)
 class BenchOptions:
-    """What was given of the shared options; None = not given."""
+    """What was given of the shared options; None = not given. From `exposure_s` on, keys of `[camera]`."""
 
-    monitor: int | None
-    address: str | None
-    exposure_s: float | None
-    camera_gain: float | None
-    pixel_format: str | None
+    monitor: int | None = None
+    address: str | None = None
+    exposure_s: float | None = None
+    gain: float | None = None
+    pixel_format: str | None = None
+    region_px: tuple[int, int, int, int] | None = None
+    trigger: str | None = None
 
     @property
     def named(self) -> bool:
         """Whether a real device is named."""
         return self.monitor is not None or self.address is not None
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """The options that were given, as they are typed."""
+        return tuple(_NAMES[field.name] for field in fields(self) if getattr(self, field.name) is not None)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Keys of `[camera]` that were given."""
+        keys = (field.name for field in fields(self) if field.name not in {"monitor", "address"})
+        return {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
 
 
 def bench_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -73,10 +109,12 @@ def with_devices(rig: Rig, options: BenchOptions, camera_alone: bool = False) ->
             f"--display: {options.monitor}: the simulated camera does not see monitors; allowed: with "
             "--camera, or a rig file with a camera of its own"
         )
-    if options.address is not None and camera in _REAL_CAMERAS and display == _SIMULATED and not camera_alone:
+    if camera in REAL_CAMERAS and display == _SIMULATED and not camera_alone:
+        address = options.address
+        where = f"camera.driver: {camera!r}" if address is None else f"--camera: {address!r}"
         raise InputError(
-            f"--camera: {options.address!r}: a camera does not see the simulated display; allowed: with "
-            "--display, or a rig file with a display of its own"
+            f"{where}: a camera does not see the simulated display; allowed: with --display, or a rig file "
+            "with a display of its own"
         )
     return rig
 
@@ -91,9 +129,13 @@ def with_latency(rig: Rig, latency_s: float | None) -> Rig:
 
 
 def with_strips(rig: Rig, strips: bool | None, named: bool) -> Rig:
-    """Rig with or without coded strips: as told, else as it says, else with them where devices are named."""
+    """Rig with or without coded strips: as told, else as it says, else with them for real devices.
+
+    named: whether devices were named on the command line, whatever they are.
+    """
     if strips is None:
-        if not named or "strips" in rig.control.model_fields_set:
+        real = named or rig.camera.driver in REAL_CAMERAS
+        if not real or "strips" in rig.control.model_fields_set:
             return rig
         strips = True
     control = rig.control.model_copy(update={"strips": "edges" if strips else "none"})
@@ -101,32 +143,42 @@ def with_strips(rig: Rig, strips: bool | None, named: bool) -> Rig:
 
 
 def _with_camera(rig: Rig, options: BenchOptions) -> Rig:
-    exposure_s, gain = options.exposure_s, options.camera_gain
+    exposure_s, gain, given = options.exposure_s, options.gain, options.settings
     if exposure_s is not None and not (math.isfinite(exposure_s) and exposure_s > 0):
         raise InputError(f"--exposure: {exposure_s}: a number of seconds above 0")
     if gain is not None and not (math.isfinite(gain) and gain >= 0):
         raise InputError(f"--camera-gain: {gain}: a number from 0 on")
-    settings = {"exposure_s": exposure_s, "gain": gain, "pixel_format": options.pixel_format}
-    given = {key: value for key, value in settings.items() if value is not None}
-    if options.address is not None:
-        return with_camera(rig, options.address, given)
-    if not given:
-        return rig
-    if rig.camera.driver == _SIMULATED and given.keys() != {"exposure_s"}:
-        name = "--camera-gain" if gain is not None else "--pixel-format"
-        raise InputError(f"{name}: the simulated camera has none; allowed: with --camera")
     try:
-        camera = CameraSpec.model_validate(rig.camera.model_dump(exclude_unset=True) | given)
+        if options.address is not None:
+            rig = with_camera(rig, options.address, given)
+        elif given:
+            rig = rig.model_copy(update={"camera": _changed(rig.camera, given)})
+    except InputError as error:
+        key, _, rest = str(error).removeprefix("camera.").partition(":")
+        if key not in given:
+            raise
+        raise InputError(f"{_NAMES[key]}:{rest}") from None
+    unheeded = [key for key in given if key != "exposure_s"]
+    if rig.camera.driver == _SIMULATED and unheeded:
+        raise InputError(f"{_NAMES[unheeded[0]]}: the simulated camera has none; allowed: with --camera")
+    return rig
+
+
+def _changed(camera: CameraSpec, settings: dict[str, Any]) -> CameraSpec:
+    try:
+        return CameraSpec.model_validate(camera.model_dump(exclude_unset=True) | settings)
     except ValidationError as error:
         raise InputError(f"camera.{first_refusal(error, CameraSpec)}") from None
-    return rig.model_copy(update={"camera": camera})
 
 
 def _with_monitor(rig: Rig, index: int) -> Rig:
     from zeromethod.drivers.monitors import monitors  # noqa: PLC0415 - needs a screen's libraries
 
     display = rig.display
-    known = monitors()
+    try:
+        known = monitors()
+    except InputError as error:
+        raise InputError(f"--display: {index}: {str(error).removeprefix(WINDOW)}") from None
     listed = ", ".join(map(str, known)) or "none is connected"
     if index not in range(len(known)):
         raise InputError(f"--display: {index}: no such monitor; allowed: {listed}")

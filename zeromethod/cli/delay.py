@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,9 @@ from zeromethod.optics import check_geometry
 from zeromethod.procedures.delay import DEFAULT_SECONDS, DelayResult, measure_delay, with_latency
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.view.progress import progress
+
+_FRAMES = "camera frames"
 
 
 def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, write: bool) -> dict[str, Any]:
@@ -28,7 +32,11 @@ def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, writ
     check_geometry(rig)
     try:
         with open_devices(rig) as devices:
-            result = measure_delay(rig, devices, seconds or DEFAULT_SECONDS)
+            for warning in getattr(devices.display, "warnings", ()):
+                click.echo(f"! {warning}")
+            seconds = seconds or DEFAULT_SECONDS
+            with progress(round(seconds * rig.camera.rate_hz), _FRAMES) as advance:
+                result = measure_delay(rig, devices, seconds, lambda: advance(_FRAMES))
     except CameraLost as error:
         raise MeasurementError(f"delay: the camera is lost: {error}") from error
     except DisplayLost as error:
@@ -55,12 +63,18 @@ def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, writ
 def delay_words(result: DelayResult, margin: Margin, rig: Rig) -> list[str]:
     """The result in words, one line each."""
     frames = result.latency_s * result.camera_rate_hz
+    jitter = (
+        [f"  from frame to frame it scatters by {1e3 * result.jitter_s:.2f} ms"]
+        if math.isfinite(result.jitter_s)
+        else []
+    )
     sign = ", before" if result.latency_s < 0 else " after"
     return [
         f"delay {1e3 * result.latency_s:.2f} ms, sigma {1e3 * result.sigma_s:.2f} ms "
         f"({frames:.2f} camera frames; the rig says {1e3 * rig.display.latency_s:.2f} ms)",
         f"  that is: the panel's first row begins to change so long{sign} the presentation time, by the "
         "camera's time stamps",
+        *jitter,
         f"display {result.refresh_hz:.3f} Hz, camera {result.camera_rate_hz:.3f} frames per second; "
         f"{result.used} of {result.frames} frames told a delay of their own, {result.read} were read",
         f"from a frame to those that see the picture made after it: {1e3 * result.horizon_s:.1f} ms, "

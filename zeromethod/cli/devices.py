@@ -11,7 +11,7 @@ from typing import Any
 import click
 from rich.console import Console
 
-from zeromethod.cli.bench_options import BenchOptions, bench_options
+from zeromethod.cli.bench_options import WINDOW, BenchOptions, bench_options
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.errors import InputError
 from zeromethod.threads import limit_threads
@@ -45,9 +45,7 @@ class _Task:
 @click.option(
     "--delay", is_flag=True, help="Measure the delay between display and camera; nothing may touch."
 )
-@click.option(
-    "--focus", is_flag=True, help="Set up by eye: focus, exposure, view, with advice. Ctrl-C ends it."
-)
+@click.option("--focus", is_flag=True, help="Set up by eye: focus, exposure, view, with advice. q ends it.")
 @click.option("--rig", "rig_name", help="Rig file, or a packaged name.  [default: simulated]")
 @bench_options
 @click.option("--seconds", type=float, help="How long to measure, look or show.")
@@ -101,12 +99,8 @@ def _check_options(task: _Task) -> None:
         raise InputError("--write: only with --delay")
     if task.name in {"--delay", "--focus"}:
         return
-    given = [
-        f"--{name.replace('_', '-')}" for name, value in asdict(task.options).items() if value is not None
-    ]
-    words = {"--monitor": "--display", "--address": "--camera", "--exposure-s": "--exposure"}
-    if given:
-        raise InputError(f"{words.get(given[0], given[0])}: only with --focus or --delay")
+    if task.options.given:
+        raise InputError(f"{task.options.given[0]}: only with --focus or --delay")
     if not task.name:
         for name, value in (("--rig", task.rig_name), ("--seconds", task.seconds)):
             if value is not None:
@@ -124,7 +118,7 @@ def _list() -> dict[str, Any]:
     try:
         known = monitors()
     except InputError as error:
-        known, problem = (), str(error)
+        known, problem = (), str(error).removeprefix(WINDOW)
     if known:
         console.print(monitors_table(known))
     else:
@@ -166,8 +160,9 @@ def _identify(which: str, task: _Task) -> dict[str, Any]:
         display = load_rig(task.rig_name).display
         turn_deg, mirrored = display.turn_deg, display.mirrored
     index = None if which == _ALL else int(which)
-    shown = identify(task.seconds or _IDENTIFY_S, index, turn_deg, mirrored)
-    console = Console()
+    console, seconds = Console(), task.seconds or _IDENTIFY_S
+    _say(console, f"each monitor tells its index for {seconds:g} s, or until a key is pressed there")
+    shown = identify(seconds, index, turn_deg, mirrored)
     for one in shown:
         _say(console, f"monitor {one.monitor}")
         for warning in one.warnings:

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from zeromethod.cli.bench_options import BenchOptions, with_devices
+from zeromethod.cli.bench_options import REAL_CAMERAS, BenchOptions, with_devices
+from zeromethod.cli.keys import Keys
 from zeromethod.cli.output import write_summary
 from zeromethod.clock import SimulatedClock
 from zeromethod.devices.opening import open_devices
@@ -20,15 +21,15 @@ from zeromethod.view.focus import FocusView, sight_figures, sight_table
 _SIMULATED_S = 1.0
 """How long a simulated bench is looked at unless told; a real one until Ctrl-C."""
 
+_KEYS = "q ends"
+
 
 def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, summary: Path | None) -> None:
     """Show figures until told to stop; the last ones as a table, and as `summary`. Raises as `SettingUp`."""
     rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"press": "none"})
-    with_lcd = options.address is None or options.monitor is not None or rig.display.driver != "simulated"
-    if not with_lcd and rig.camera.driver in {"opencv", "pylon", "aravis"}:
+    with_lcd = rig.camera.driver not in REAL_CAMERAS or rig.display.driver != "simulated"
+    if not with_lcd:
         rig = _without_display(rig)
-    else:
-        with_lcd = True
     check_geometry(rig)
     console = Console()
     last: Sight | None = None
@@ -38,10 +39,12 @@ def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, sum
                 seconds = _SIMULATED_S
             for warning in getattr(devices.display, "warnings", ()):
                 console.print(f"! {warning}", soft_wrap=True, highlight=False, markup=False)
-            with FocusView(console) as view:
+            with Keys() as keys, FocusView(console, _KEYS if keys.active else "") as view:
                 for sight in SettingUp(rig, devices, with_lcd).sights(seconds):
                     last = sight
                     view.update(sight)
+                    if "q" in keys.pressed().lower():
+                        break
     finally:
         if last is not None:
             if not console.is_terminal:

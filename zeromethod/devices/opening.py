@@ -31,7 +31,10 @@ Factory = Callable[..., Any]
 _PROTOCOLS: dict[Kind, type] = {"camera": Camera, "display": Display}
 
 CLOSING_S = 0.4
-"""How long devices may take to close in the host's time; one that hangs is left to itself."""
+"""How long devices may take to close in the host's time when an error or Ctrl-C ends a run."""
+
+ORDERLY_CLOSING_S = 5.0
+"""The same when nothing hurries; a device that hangs is left to itself."""
 
 LEAST_CLOSING_S = 0.1
 """What is left of that for the display, however long the camera took."""
@@ -100,16 +103,16 @@ class Devices:
                 self.camera = camera
         return camera
 
-    def close(self) -> None:
+    def close(self, timeout_s: float = ORDERLY_CLOSING_S) -> None:
         """Close both devices; safe to call twice. Raises MeasurementError when one cannot be closed.
 
-        In the host's time devices that take longer than `CLOSING_S` cannot. A display that has `poll` is
+        In the host's time devices that take longer than `timeout_s` cannot. A display that has `poll` is
         closed in the caller's thread, as windows must be, however long that takes.
         """
         with self._lock:
             self._openings += 1
         failed = []
-        end_s = time.monotonic() + CLOSING_S
+        end_s = time.monotonic() + timeout_s
         for name, close in (("camera", self._close_camera), ("display", self._close_display)):
             try:
                 close(max(end_s - time.monotonic(), LEAST_CLOSING_S))
@@ -136,9 +139,12 @@ class Devices:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        # what went wrong first is what is told
-        with contextlib.nullcontext() if error is None else contextlib.suppress(MeasurementError):
+        if error is None:
             self.close()
+            return
+        # what went wrong first is what is told
+        with contextlib.suppress(MeasurementError):
+            self.close(CLOSING_S)
 
 
 def open_devices(rig: Rig, clock: Clock | None = None) -> Devices:

@@ -6,13 +6,14 @@ What "the delay" is, is said once, in `zeromethod.control.delay`.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from zeromethod.control.delay import DelayWatch
-from zeromethod.control.matching import Match
+from zeromethod.control.matching import MODEL_SIGMA, Match
 from zeromethod.control.pairing import PanelTiming, pair
 from zeromethod.control.presentation import PresentationLog
 from zeromethod.control.presenter import Presenter
@@ -31,9 +32,21 @@ DEFAULT_SECONDS = 3.0
 LEAST_FRAMES = 8
 """Frames with a delay of their own that a result needs."""
 
-LOOSEST_REFRESHES = 0.35
-"""Widest range of delays, in refreshes, whose middle is taken: its standard deviation is a tenth."""
+PLATEAU_REFRESHES = 0.12
+"""Range of delays, in refreshes, all as good, of which the middle counts as a frame's own delay. Noise adds
+six of its standard deviations: of a level, over the change of two levels (a bit and the check) by delay."""
 
+LOOSEST_REFRESHES = 0.3
+"""Widest range of delays, in refreshes, whose middle is taken: noise is part of it, so that the middle is a
+tenth of a refresh off at most."""
+
+UNSTEADY_REFRESHES = 0.25
+"""Scatter of single frames' delays, in refreshes, beyond which none of them is the bench's."""
+_BUSY = "does the display drop pictures, or is the computer too busy?"
+
+READING_REFRESHES = 0.6
+"""Share of a refresh, from a presentation on, in which a frame is waited for."""
+LEAST_TIMEOUT_S = 0.001
 TIMEOUTS_TO_FAIL = 3
 
 
@@ -65,10 +78,17 @@ class DelayResult:
         return self.horizon_s * self.camera_rate_hz
 
 
-def measure_delay(rig: Rig, devices: Devices, seconds: float = DEFAULT_SECONDS) -> DelayResult:
+def measure_delay(
+    rig: Rig,
+    devices: Devices,
+    seconds: float = DEFAULT_SECONDS,
+    on_frame: Callable[[], object] = lambda: None,
+) -> DelayResult:
     """Show coded pictures of the mirror at rest for `seconds` of the run's clock and time them.
 
-    Nothing may touch the mirror. The pictures differ only by their codes; one is shown for every frame.
+    Nothing may touch the mirror. The pictures differ only by their codes; another one is shown at every
+    refresh, so that exposures that lie anywhere share pictures. `on_frame` is called for every frame. To be
+    used in the main thread, as windows must be. CameraLost and DisplayLost pass.
 
     Raises
     ------
@@ -89,20 +109,25 @@ def measure_delay(rig: Rig, devices: Devices, seconds: float = DEFAULT_SECONDS) 
     found: list[Match] = []
     horizons_ns: list[float] = []
     newest: Frame | None = None
-    timeouts = 0
-    start_ns = devices.clock.now_ns()
-    while devices.clock.now_ns() - start_ns < 1e9 * seconds:
+    clock, refresh_ns = devices.clock, 1e9 / rig.display.refresh_hz
+    poll = getattr(devices.display, "poll", lambda: None)
+    start_ns = came_ns = clock.now_ns()
+    while clock.now_ns() - start_ns < 1e9 * seconds:
+        poll()
         code = len(shown_ns) % CODES
         shown_ns.append(presenter.present(rest.q, code))
         log.record(shown_ns[-1], rest.q, newest.time_ns if newest else None, code)
+        # the next picture is to be ready for the next refresh, even if the display does not wait for it
+        next_ns = shown_ns[-1] + round(READING_REFRESHES * refresh_ns)
         try:
-            newest = devices.camera.read(rig.control.timeout_s)
+            newest = devices.camera.read(max(1e-9 * (next_ns - clock.now_ns()), LEAST_TIMEOUT_S))
         except CameraTimeout:
-            timeouts += 1
-            if timeouts == TIMEOUTS_TO_FAIL:
-                raise MeasurementError(f"delay: the camera gave no frame {timeouts} times running") from None
+            if clock.now_ns() - came_ns > 1e9 * TIMEOUTS_TO_FAIL * rig.control.timeout_s:
+                waited_s = TIMEOUTS_TO_FAIL * rig.control.timeout_s
+                raise MeasurementError(f"delay: the camera gave no frame for {waited_s:g} s") from None
             continue
-        timeouts = 0
+        came_ns = clock.now_ns()
+        on_frame()
         stamps.append((newest.number, newest.time_ns))
         frame_timing = watch.timing_of(newest.image, newest, log)
         if watch.last is not None and watch.last.fits and frame_timing is not None:
@@ -110,13 +135,14 @@ def measure_delay(rig: Rig, devices: Devices, seconds: float = DEFAULT_SECONDS) 
             shown = pair(log, newest, frame_timing, rest.q, rest.grid, rig.target.kind)
             if shown is not None and shown.age_ns is not None:
                 horizons_ns.append(float(np.mean(shown.age_ns)))
-    if len(found) < LEAST_FRAMES or not horizons_ns:
+        clock.sleep_until_ns(next_ns)
+    if newest is None or len(found) < LEAST_FRAMES or not horizons_ns:
         raise MeasurementError(
             f"delay: the codes of {len(found)} of {len(stamps)} frames could be read, "
             f"{LEAST_FRAMES} are needed: see to focus, light and rest map"
         )
-    precise = [match.best_ns for match in found if watch.estimator.is_precise(match)]
-    refresh_ns = 1e9 / rig.display.refresh_hz
+    widest_ns = PLATEAU_REFRESHES * refresh_ns + 6 * MODEL_SIGMA * newest.exposure_ns / math.sqrt(2)
+    precise = [0.5 * (one.low_ns + one.high_ns) for one in found if one.high_ns - one.low_ns <= widest_ns]
     latency_ns, sigma_ns, jitter_ns = _delay(found, precise, refresh_ns)
     return DelayResult(
         latency_s=1e-9 * latency_ns,
@@ -137,12 +163,19 @@ def _delay(found: list[Match], precise: list[float], refresh_ns: float) -> tuple
         values = np.array(precise)
         middle = float(np.median(values))
         jitter = 1.4826 * float(np.median(np.abs(values - middle)))
+        if jitter > UNSTEADY_REFRESHES * refresh_ns:
+            raise MeasurementError(f"delay: it is not steady: it scatters by {1e-6 * jitter:.1f} ms: {_BUSY}")
         return middle, 1.25 * jitter / math.sqrt(len(values)), jitter
     # Camera and panel in step, every exposure on one picture: what all frames allow. The outermost tenth of
     # the bounds is left to frames that are wrong.
     low = float(np.percentile([match.low_ns for match in found], 90))
     high = float(np.percentile([match.high_ns for match in found], 10))
-    if not 0 <= high - low < LOOSEST_REFRESHES * refresh_ns:
+    if high < low:
+        raise MeasurementError(
+            f"delay: it is not steady: some frames tell at least {1e-6 * low:.1f} ms, others at most "
+            f"{1e-6 * high:.1f} ms: {_BUSY}"
+        )
+    if high - low >= LOOSEST_REFRESHES * refresh_ns:
         raise MeasurementError(
             f"delay: the codes only tell that it lies from {1e-6 * low:.1f} to {1e-6 * high:.1f} ms: "
             "a longer exposure, or other rates of camera and panel, will tell more"

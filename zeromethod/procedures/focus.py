@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from zeromethod.control.rest import Rest
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target
+from zeromethod.procedures.orientation import Alignment
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.sensing.sensor import ResidualSensor
@@ -36,28 +37,18 @@ FITTED_SHARE = 0.3
 
 
 @dataclass(frozen=True)
-class Alignment:
-    """The seen picture against the expected one, by an affine fit to the residual.
-
-    wider, higher: its size along u and v over the expected one, minus 1. turn_deg: its turn, positive from u
-    towards v (clockwise in the image).
-    """
-
-    wider: float
-    higher: float
-    turn_deg: float
-
-
-@dataclass(frozen=True)
 class FocusReport:
     """What one frame says. Shares are 0..1; NaN where nothing is seen.
 
     score: modulation transfer of lens, focus and LCD at the target's period, the median of the lit nodes;
-    stray light lowers it too. blur_px: Gaussian sigma that would do the same, camera px. modulation:
-    (3, 3) median transfer per region, image rows first. histogram: (32,) shares of the pixels from black to
-    full scale. mean_grey, bright_grey: of the frame, and its 99th percentile. saturated_share: pixels at full
-    scale. dark_share: nodes that should see the LCD and get hardly any light. usable_share: of these nodes,
-    lit, unsaturated and well modulated. seen_share: share of the view's nodes that should see the LCD at all.
+    stray light lowers it too, unless it is known. blur_px: Gaussian sigma that would do the same, camera px.
+    modulation: (3, 3) median transfer per region, image rows first. histogram: (32,) shares of the pixels
+    from black to full scale. mean_grey, bright_grey: of the frame, and its 99th percentile. saturated_share:
+    pixels at full scale. dark_share: nodes that should see the LCD and get hardly any light. usable_share: of
+    these nodes, lit, unsaturated and well modulated. seen_share: share of the view's nodes that should see
+    the LCD at all.
+    alignment: by an affine fit to the residual, so that its shifts are known up to whole periods; None where
+    too little is measured, or the picture lies too far from where it should.
     """
 
     score: float
@@ -86,16 +77,21 @@ class FocusMeter:
         target = Target.from_spec(self.rig.target)
         self._sensor = ResidualSensor.from_rig(self.rig, self.rest.grid, target.light)
 
-    def look(self, image: NDArray[Any]) -> FocusReport:
-        """Report of one image (rows, cols), uint8 or uint16; InputError for another shape or type."""
-        return focus_report(image, self._sensor.measure(image), self.rest, self.rig)
+    def look(self, image: NDArray[Any], stray_grey: float = 0.0) -> FocusReport:
+        """Report of one image (rows, cols), uint8 or uint16; InputError for another shape or type.
+
+        stray_grey: grey levels of light that is known not to come from the LCD.
+        """
+        return focus_report(image, self._sensor.measure(image), self.rest, self.rig, stray_grey)
 
 
-def focus_report(image: NDArray[Any], residual: Residual, rest: Rest, rig: Rig) -> FocusReport:
+def focus_report(
+    image: NDArray[Any], residual: Residual, rest: Rest, rig: Rig, stray_grey: float = 0.0
+) -> FocusReport:
     """Report of an image and of what the sensor made of it; the rig's target is cosines."""
     black, full = rig.camera.noise.black_grey, float(2**rig.camera.bits - 1)
     seen = rest.seen
-    light = residual.mean.astype(float) - black
+    light = residual.mean.astype(float) - black - stray_grey
     brightest = float(np.percentile(light[seen], BRIGHT_PERCENTILE)) if seen.any() else 0.0
     lit = seen & (light > max(LIT_SHARE * brightest, 1.0))
     drawn = 0.5 * rig.target.contrast  # each of the two carriers' amplitude over the mean light
@@ -112,7 +108,7 @@ def focus_report(image: NDArray[Any], residual: Residual, rest: Rest, rig: Rig) 
         modulation=_by_region(transfer, rest),
         histogram=counts / image.size,
         mean_grey=float(image.mean()),
-        bright_grey=float(np.percentile(image[::4, ::4], BRIGHT_PERCENTILE)),
+        bright_grey=float(np.percentile(image[::3, ::3], BRIGHT_PERCENTILE)),
         full_grey=full,
         saturated_share=float(np.mean(image >= full)),
         dark_share=1 - np.count_nonzero(lit) / expected,
@@ -144,11 +140,11 @@ def _by_region(transfer: Float, rest: Rest) -> Float:
 
 
 def _alignment(residual: Residual, known: NDArray[np.bool_], rest: Rest) -> Alignment | None:
-    """Size and turn by least squares: seen(x) = target(x + d), so d = M x turns and shrinks the picture."""
+    """Place, size and turn by least squares: seen(x) = target(x + d), so d = M x turns and shrinks it."""
     if np.count_nonzero(known) < FITTED_SHARE * np.count_nonzero(rest.seen) or not known.any():
         return None
-    u, v = rest.grid.mesh()
+    u, v = (axis - axis[rest.seen].mean() for axis in rest.grid.mesh())
     terms = np.stack([np.ones_like(u), u, v], axis=-1)[known]
-    (_, (uu, vu), (uv, vv)), *_ = np.linalg.lstsq(terms, residual.d[known], rcond=None)
+    (middle, (uu, vu), (uv, vv)), *_ = np.linalg.lstsq(terms, residual.d[known], rcond=None)
     wider, higher = (float(1 / (1 + slope) - 1) for slope in (uu, vv))
-    return Alignment(wider, higher, math.degrees(0.5 * (uv - vu)))
+    return Alignment(wider, higher, math.degrees(0.5 * (uv - vu)), *(-float(d) for d in middle))

@@ -15,9 +15,9 @@ from zeromethod.control.presenter import Presenter
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost, Frame
 from zeromethod.errors import MeasurementError
-from zeromethod.procedures.advice import UNSEEN_SHARE, advice
+from zeromethod.procedures.advice import advice, misplaced, placed
 from zeromethod.procedures.focus import FocusMeter, FocusReport
-from zeromethod.procedures.orientation import Orientation, orientation, plain_pictures
+from zeromethod.procedures.orientation import Alignment, Orientation, PlainPictures
 from zeromethod.rig.model import Rig
 
 SETTLE_S = 0.2
@@ -54,13 +54,14 @@ class Flicker:
 
 @dataclass(frozen=True)
 class Sight:
-    """One frame and what it says. time_s: from the first one."""
+    """One frame and what it says. time_s: from the first one. place: of the picture, where it is known."""
 
     time_s: float
     frame: Frame
     report: FocusReport
     seen: Orientation | None
     flicker_share: float
+    place: Alignment | None
     advice: tuple[str, ...]
 
 
@@ -76,6 +77,7 @@ class SettingUp:
         self._meter = FocusMeter(rig)
         self._rig = self._meter.rig
         self._flicker = Flicker(rig.camera.noise.black_grey)
+        self._plain = PlainPictures(self._meter.rest) if with_lcd else None
         self._presenter = Presenter(self._rig, devices.display, self._meter.rest) if with_lcd else None
 
     def sights(self, seconds: float | None = None) -> Iterator[Sight]:
@@ -84,36 +86,38 @@ class SettingUp:
         Raises MeasurementError when a device is lost or gives nothing.
         """
         clock = self._devices.clock
-        start_ns = clock.now_ns()
-        seen, looked_ns = None, None
         try:
+            seen = self._look_for_lcd()
+            start_ns = looked_ns = clock.now_ns()
             while seconds is None or clock.now_ns() - start_ns < 1e9 * seconds:
-                wrong = seen is not None and _wrong(seen)
-                again = looked_ns is None or (wrong and clock.now_ns() > looked_ns + 1e9 * LOOK_AGAIN_S)
-                if self._presenter is not None and again:
+                wrong = seen is not None and misplaced(seen, self._rig)
+                if wrong and clock.now_ns() > looked_ns + 1e9 * LOOK_AGAIN_S:
                     seen = self._look_for_lcd()
                     looked_ns = clock.now_ns()
                 poll = getattr(self._devices.display, "poll", None)
                 if poll is not None:
                     poll()
                 frame = self._read()
-                report = self._meter.look(frame.image)
+                stray_grey = 0.0 if seen is None or math.isnan(seen.stray_grey) else seen.stray_grey
+                report = self._meter.look(frame.image, stray_grey)
                 flicker = self._flicker.note(report.mean_grey)
-                said = advice(report, self._rig.camera, seen, flicker)
-                yield Sight(1e-9 * (clock.now_ns() - start_ns), frame, report, seen, flicker, said)
+                said = advice(report, self._rig, seen, flicker)
+                place = placed(report, seen, self._rig.target.period_px)
+                yield Sight(1e-9 * (clock.now_ns() - start_ns), frame, report, seen, flicker, place, said)
         except CameraLost as error:
             raise MeasurementError(f"the camera is lost: {error}") from error
         except DisplayLost as error:
             raise MeasurementError(f"the display is lost: {error}") from error
 
-    def _look_for_lcd(self) -> Orientation:
-        """Show plain pictures, then the target at rest."""
-        assert self._presenter is not None
-        rest, camera = self._meter.rest, self._rig.camera
-        images = [self._seen_after(self._devices.display.show(codes)) for codes in plain_pictures(rest)]
+    def _look_for_lcd(self) -> Orientation | None:
+        """Show plain pictures, then the target at rest; None without the LCD."""
+        if self._presenter is None or self._plain is None:
+            return None
+        rest, camera, display = self._meter.rest, self._rig.camera, self._devices.display
+        images = [self._seen_after(display.show(codes)) for codes in self._plain.pictures]
         self._seen_after(self._presenter.present(rest.q))
         self._flicker.forget()
-        return orientation(images, camera.noise.black_grey, float(2**camera.bits - 1))
+        return self._plain.judge(images, camera.noise.black_grey, float(2**camera.bits - 1))
 
     def _seen_after(self, presented_ns: int) -> NDArray[Any]:
         """Image of the first frame that surely saw nothing older than what was presented then."""
@@ -134,7 +138,3 @@ class SettingUp:
                 continue
         waited_s = TIMEOUTS_TO_FAIL * self._rig.control.timeout_s
         raise MeasurementError(f"the camera gave no frame for {waited_s:g} s")
-
-
-def _wrong(seen: Orientation) -> bool:
-    return seen.seen_share < UNSEEN_SHARE or seen.mirrored or bool(seen.quarter_turns)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from types import TracebackType
 from typing import Any
 
@@ -14,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from zeromethod.procedures.advice import GOOD
+from zeromethod.procedures.orientation import Orientation
 from zeromethod.procedures.setting_up import Sight
 
 _BARS = " ▁▂▃▄▅▆▇█"
@@ -46,17 +48,23 @@ def sight_table(sight: Sight) -> RenderableType:
     if math.isfinite(sight.flicker_share):
         table.add_row("flicker", f"{sight.flicker_share:.2%} from frame to frame")
     if sight.seen is not None:
-        lie = "mirrored, " if sight.seen.mirrored else ""
-        lie += f"turned by {sight.seen.turn_deg:.0f} degrees" if math.isfinite(sight.seen.turn_deg) else ""
         stray = f"stray light {_number(sight.seen.stray_share, '.1%')}"
+        table.add_row("LCD", f"seen in {sight.seen.seen_share:.0%} of the image; {_lie(sight.seen)}; {stray}")
+    if (place := sight.place) is not None:
+        size = f"{place.wider:+.1%} wide, {place.higher:+.1%} high, turned by {place.turn_deg:+.1f} degrees"
         table.add_row(
-            "LCD", f"seen in {sight.seen.seen_share:.0%} of the image; {lie or 'lie not known'}; {stray}"
+            "picture, by the rig file", f"{size}, {place.right_px:+.1f} px right, {place.down_px:+.1f} down"
         )
-    if (picture := report.alignment) is not None:
-        size = f"{picture.wider:+.2%} wide, {picture.higher:+.2%} high"
-        table.add_row("picture, by the rig file", f"{size}, turned by {picture.turn_deg:+.2f} degrees")
     lines = [Text(f"-> {line}", style="green" if line == GOOD else "yellow") for line in sight.advice]
     return Group(table, *lines)
+
+
+def _lie(seen: Orientation) -> str:
+    if not math.isfinite(seen.turn_deg):
+        return "how it lies is not known"
+    if seen.upright:
+        return "the right way round"
+    return ("mirrored, " if seen.mirrored else "") + f"turned by {90 * seen.quarter_turns} degrees"
 
 
 def sight_line(sight: Sight) -> str:
@@ -71,7 +79,7 @@ def sight_line(sight: Sight) -> str:
 
 def sight_figures(sight: Sight) -> dict[str, Any]:
     """The same for `--summary`."""
-    report, seen, picture = sight.report, sight.seen, sight.report.alignment
+    report, seen, place = sight.report, sight.seen, sight.place
     return {
         "time_s": sight.time_s,
         "focus_score": report.score,
@@ -87,17 +95,21 @@ def sight_figures(sight: Sight) -> dict[str, Any]:
         "usable_share": report.usable_share,
         "dark_share": report.dark_share,
         "flicker_share": sight.flicker_share,
-        "picture": None if picture is None else vars(picture),
-        "lcd": None if seen is None else vars(seen),
+        "picture": None if place is None else asdict(place),
+        "lcd": None if seen is None else asdict(seen),
         "advice": sight.advice,
     }
 
 
 class FocusView:
-    """Shows sights as they come: a table that renews itself on a terminal, else a line every second."""
+    """Shows sights as they come: a table that renews itself on a terminal, else a line every second.
 
-    def __init__(self, console: Console) -> None:
+    keys: what they do, told below the table; "" for none.
+    """
+
+    def __init__(self, console: Console, keys: str = "") -> None:
         self._console = console
+        self._keys = keys
         self._live = Live(console=console, refresh_per_second=_UPDATES_HZ) if console.is_terminal else None
         self._last_s = -math.inf
 
@@ -115,7 +127,7 @@ class FocusView:
     def update(self, sight: Sight) -> None:
         """Show the newest frame."""
         if self._live is not None:
-            self._live.update(sight_table(sight))
+            self._live.update(Group(sight_table(sight), Text(self._keys, style="dim")))
         elif sight.time_s - self._last_s >= _LINE_EVERY_S:
             self._last_s = sight.time_s
             self._console.print(sight_line(sight), soft_wrap=True, highlight=False, markup=False)
