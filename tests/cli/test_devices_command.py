@@ -1,0 +1,301 @@
+"""`zeromethod devices` as a person meets it: the list, and the three ways of setting up."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from two_monitors import TwoMonitors, missing, start
+
+from zeromethod.cli.main import main
+from zeromethod.drivers.listing import Found, Listing, Missing
+from zeromethod.drivers.monitors import Monitor
+from zeromethod.resources import resource
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.save import save_values
+
+MONITORS = (
+    Monitor(0, "eDP-1", 2560, 1440, 144.0, 0, 0, 1.0, primary=True),
+    Monitor(1, "HDMI-1", 1920, 1080, 0.0, 2560, 0, 1.5, primary=False, warnings=("HDMI-1: scaled",)),
+)
+LISTING = Listing(
+    cameras=(Found("0", "USB camera"), Found("pylon:40012345", "acA1300-60gm")),
+    missing=(Missing("aravis", "GigE Vision and USB3 Vision cameras", "apt install libaravis-0.8-0"),),
+    problems=("pylon: no answer within 5 s",),
+)
+needs_two_monitors = pytest.mark.skipif(bool(missing()), reason=missing())
+
+
+@pytest.fixture(autouse=True)
+def _signals_as_before() -> Iterator[None]:
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, before)
+
+
+@pytest.fixture
+def rig_file(tmp_path: Path) -> Path:
+    """The packaged bench with an eighth of the camera's pixels on each axis and a quarter of the LCD's."""
+    path = tmp_path / "my.toml"
+    values = {
+        "camera.columns": 160,
+        "camera.rows": 128,
+        "camera.focal_px": [1125.0, 1125.0],
+        "camera.centre_px": [79.5, 63.5],
+        "display.columns": 480,
+        "display.rows": 270,
+        "display.pitch_mm": 0.252,
+    }
+    save_values(resource("calibration", "simulated.toml"), values, path)
+    return path
+
+
+def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as end:
+        main(["devices", *map(str, arguments)])
+    printed = capsys.readouterr()
+    return int(end.value.code or 0), printed.out, printed.err
+
+
+def test_monitors_and_cameras_are_listed_as_run_takes_them_and_what_is_missing_for_more(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr("zeromethod.drivers.monitors.monitors", lambda: MONITORS)
+    monkeypatch.setattr("zeromethod.drivers.listing.cameras", lambda: LISTING)
+    code, out, err = outcome("--summary", tmp_path / "found.json", capsys=capsys)
+    assert (code, err) == (0, "")
+    lines = [line.split() for line in out.splitlines()]
+    assert ["0", "eDP-1", "2560", "x", "1440", "144.00", "Hz", "0,", "0", "primary"] in lines
+    assert ["1", "HDMI-1", "1920", "x", "1080", "not", "known", "2560,", "0"] in lines
+    assert ["pylon:40012345", "acA1300-60gm"] in lines
+    for line in (
+        "! HDMI-1: scaled",
+        "! pylon: no answer within 5 s",
+        "for GigE Vision and USB3 Vision cameras (aravis): apt install libaravis-0.8-0",
+    ):
+        assert line in out.splitlines()
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert [monitor["name"] for monitor in found["monitors"]] == ["eDP-1", "HDMI-1"]
+    assert [camera["address"] for camera in found["cameras"]] == ["0", "pylon:40012345"]
+    assert found["missing"][0]["install"] == "apt install libaravis-0.8-0"
+
+
+def test_without_a_screen_the_cameras_are_listed_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr("zeromethod.drivers.listing.cameras", lambda: LISTING)
+    code, out, err = outcome("--summary", tmp_path / "found.json", capsys=capsys)
+    assert (code, err) == (0, "")
+    assert out.splitlines()[0] == "no monitors: no screen: DISPLAY is not set"
+    assert "USB camera" in out
+    assert json.loads((tmp_path / "found.json").read_text())["monitors"] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--focus", "--delay"], "--delay and --focus: give one of them"),
+        (["--identify", "1", "--focus"], "--identify and --focus: give one of them"),
+        (["--identify", "x"], "--identify: 'x': allowed: the index of a monitor, or nothing for all"),
+        (["--write"], "--write: only with --delay"),
+        (["--focus", "--write"], "--write: only with --delay"),
+        (["--camera", "0"], "--camera: only with --focus or --delay"),
+        (["--identify", "--exposure", "0.1"], "--exposure: only with --focus or --delay"),
+        (["--rig", "paper"], "--rig: only with --identify, --focus or --delay"),
+        (["--seconds", "3"], "--seconds: only with --identify, --focus or --delay"),
+        (["--delay", "--seconds", "0"], "--seconds: 0.0: a number above 0"),
+        (["--delay", "--seconds", "nan"], "--seconds: nan: a number above 0"),
+        (["--delay", "--write"], "--write: 'simulated': with --rig and a rig file of your own"),
+        (["--delay", "--write", "--rig", "paper"], "--write: 'paper': with --rig and a rig file of your own"),
+        (["--focus", "--summary", "focus.txt"], "--summary: focus.txt: the file name must end in .json"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_line_and_exit_code_2(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert outcome(*arguments, capsys=capsys) == (2, "", f"zeromethod: {message}\n")
+
+
+def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(
+    rig_file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    save_values(rig_file, {"display.latency_s": 0.0213})
+    arguments = ("--delay", "--rig", rig_file, "--seconds", 0.5)
+    code, out, err = outcome(*arguments, capsys=capsys)
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0].startswith("delay 21.3")
+    assert lines[0].endswith("(1.28 camera frames; the rig says 21.30 ms)")
+    assert "the panel's first row begins to change so long after the presentation time" in lines[1]
+    margin = next(line for line in lines if line.startswith("stability: "))
+    assert "controller 'composition' with gain 1 is stable; the gain could be" in margin
+    assert lines[-1] == "add --write to store it in the rig file"
+
+    before = rig_file.read_text()
+    assert "# " in before
+    code, out, _ = outcome(*arguments, "--write", "--summary", tmp_path / "delay.json", capsys=capsys)
+    assert code == 0
+    assert out.splitlines()[-1] == f"stored as display.latency_s in {rig_file}"
+    figures = json.loads((tmp_path / "delay.json").read_text())
+    stored_s = load_rig(rig_file).display.latency_s
+    assert stored_s == pytest.approx(figures["latency_s"], abs=1e-6)
+    # the bar is 0.1 frame, 1.7 ms; the clocks' jitter is 0.1 ms in each frame, of which there are 30
+    assert stored_s == pytest.approx(0.0213, abs=1e-4)
+    assert figures["stability_margin"] > 1
+    assert figures["stored"] is True
+    assert rig_file.read_text() == before.replace("latency_s = 0.0213\n", f"latency_s = {stored_s}\n")
+
+
+def test_a_delay_that_cannot_be_measured_is_exit_code_1_and_nothing_is_stored(
+    rig_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save_values(rig_file, {"simulation.peak_grey_share": 0.02})
+    before = rig_file.read_text()
+    code, out, err = outcome(
+        "--delay", "--write", "--rig", rig_file, "--seconds", 0.3, capsys=capsys
+    )  # fmt: skip
+    assert (code, out) == (1, "")
+    assert err.startswith("zeromethod: measurement failed: delay: the codes of 0 of ")
+    assert rig_file.read_text() == before
+
+
+def test_focus_tells_the_figures_and_what_to_do(
+    rig_file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    save_values(rig_file, {"simulation.ambient": 0.2})
+    code, out, err = outcome(
+        "--focus", "--rig", rig_file, "--seconds", 0.3, "--summary", tmp_path / "focus.json", capsys=capsys
+    )
+    assert (code, err) == (0, "")
+    for words in ("focus score", "by region", "grey levels", "saturated", "usable of that", "flicker"):
+        assert words in out
+    assert "-> stray light, 20% of the LCD's: darken the room, shade the prism" in out
+    figures = json.loads((tmp_path / "focus.json").read_text())
+    assert figures["focus_score"] > 0.9
+    assert figures["lcd"]["stray_share"] == pytest.approx(0.2, abs=0.01)
+    assert figures["picture"]["wider"] == pytest.approx(0, abs=1e-3)
+    assert len(figures["advice"]) == 1
+
+
+def test_focus_ends_on_q_with_the_terminal_as_before(rig_file: Path, tmp_path: Path) -> None:
+    """In a terminal of its own, where the table renews itself in place."""
+    leader, follower = pty.openpty()
+    arguments = ["devices", "--focus", "--rig", rig_file.name, "--seconds", "1000", "--summary", "focus.json"]
+    process = subprocess.Popen(
+        ["setsid", "--ctty", sys.executable, "-m", "zeromethod", *arguments],
+        stdin=follower, stdout=follower, stderr=follower, cwd=tmp_path,
+        env=os.environ | {"TERM": "xterm", "COLUMNS": "120", "LINES": "40"},
+    )  # fmt: skip
+    os.close(follower)
+    shown = b""
+    try:
+        until = time.monotonic() + 60
+        while b"q ends" not in shown and time.monotonic() < until:
+            if select.select([leader], [], [], 1)[0]:
+                shown += os.read(leader, 65536)
+        assert b"focus score" in shown
+        os.write(leader, b"q")
+        while process.poll() is None and time.monotonic() < until:
+            if select.select([leader], [], [], 0.1)[0]:
+                try:
+                    os.read(leader, 65536)
+                except OSError:  # the terminal's other end is closed
+                    break
+        assert process.wait(10) == 0
+    finally:
+        process.kill()
+        process.wait()
+        os.close(leader)
+    assert json.loads((tmp_path / "focus.json").read_text())["focus_score"] > 0.9
+
+
+def test_focus_keeps_the_last_figures_on_sigterm(rig_file: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "zeromethod", "devices", "--focus", "--rig", rig_file.name]
+    process = subprocess.Popen(
+        [*command, "--seconds", "1000", "--summary", "focus.json"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert "focus" in process.stdout.readline()  # the first frame's line
+    process.send_signal(signal.SIGTERM)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130, err
+    assert err.strip() == ""
+    assert "focus score" in out
+    assert json.loads((tmp_path / "focus.json").read_text())["focus_score"] > 0.9
+
+
+@pytest.fixture(scope="module")
+def desktop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoMonitors]:
+    with start(tmp_path_factory.mktemp("desktop"), ((640, 480), (1280, 800))) as monitors:
+        yield monitors
+
+
+def on(desktop: TwoMonitors, *arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    """A command in a process of its own on that desktop."""
+    command = [sys.executable, "-m", "zeromethod", *arguments]
+    return subprocess.run(
+        command, env=desktop.environment, capture_output=True, text=True, check=False, timeout=60, **options
+    )
+
+
+@needs_two_monitors
+def test_the_monitors_of_a_desktop_are_listed_and_identified(desktop: TwoMonitors) -> None:
+    listed = on(desktop, "devices").stdout.splitlines()
+    assert listed[1].split() == ["0", "DUMMY0", "640", "x", "480", "60.00", "Hz", "0,", "0", "primary"]
+    assert listed[2].split() == ["1", "DUMMY1", "1280", "x", "800", "60.00", "Hz", "640,", "0"]
+    shown = on(desktop, "devices", "--identify", "--seconds", "0.2")
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert [line for line in shown.stdout.splitlines() if line.startswith("monitor ")] == [
+        "monitor 0 (DUMMY0, 640 x 480, 60.00 Hz, at 0, 0)",
+        "monitor 1 (DUMMY1, 1280 x 800, 60.00 Hz, at 640, 0)",
+    ]
+
+
+@needs_two_monitors
+def test_a_monitor_that_is_not_there_is_answered_with_the_list(desktop: TwoMonitors) -> None:
+    done = on(desktop, "run", "--rig", "virtual", "--display", "5", "--camera", "0")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "zeromethod: --display: 5: no such monitor; allowed: 0 (DUMMY0, 640 x 480, 60.00 Hz, at 0, 0), "
+        "1 (DUMMY1, 1280 x 800, 60.00 Hz, at 640, 0)\n"
+    )
+
+
+@needs_two_monitors
+def test_focus_on_a_real_monitor_sees_the_lcd_through_the_virtual_bench(
+    desktop: TwoMonitors, tmp_path: Path
+) -> None:
+    pytest.importorskip("mss")
+    bench = subprocess.Popen(
+        [sys.executable, "-m", "zeromethod", "virtual-bench", "--port", "0", "--press", "none", "--forever"],
+        env=desktop.environment, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert bench.stdout is not None
+    try:
+        camera = next(line.split()[-1] for line in bench.stdout if "tcp://" in line)
+        devices = ("--rig", "virtual", "--display", "1", "--camera", camera)
+        done = on(
+            desktop, "devices", "--focus", *devices, "--seconds", "0.5", "--summary", "f.json", cwd=tmp_path
+        )
+    finally:
+        bench.send_signal(signal.SIGINT)
+        bench.communicate(timeout=20)
+    assert (done.returncode, done.stderr) == (0, "")
+    figures = json.loads((tmp_path / "f.json").read_text())
+    assert figures["focus_score"] > 0.9
+    assert figures["lcd"]["seen_share"] > 0.99
+    assert not figures["lcd"]["mirrored"]
+    assert figures["advice"] == ["good: focus, light and view are as they should be"]

@@ -1,0 +1,58 @@
+"""What the guide to the real bench quotes is what the program says."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from zeromethod.cli.devices import devices_command
+from zeromethod.cli.run import run_command
+from zeromethod.control.events import Event
+from zeromethod.control.state import State
+
+ROOT = Path(__file__).parent.parent
+GUIDE = (ROOT / "docs" / "bench.md").read_text()
+SOURCE = "\n".join(path.read_text() for path in sorted((ROOT / "zeromethod").rglob("*.py")))
+SPOKEN = re.sub(r'"\s*\n\s*f?"', "", SOURCE)
+"""The package's text with its broken strings joined."""
+
+
+def said() -> list[str]:
+    """Messages in the guide's tables."""
+    rows = [line for line in GUIDE.splitlines() if line.startswith("| ")]
+    return sorted({quoted for row in rows for quoted in re.findall(r'"([^"]{4,})"', row)})
+
+
+def test_messages_are_quoted() -> None:
+    assert len(said()) > 40
+
+
+@pytest.mark.parametrize("message", said())
+def test_a_quoted_message_is_in_the_program(message: str) -> None:
+    parts = [
+        part
+        for part in re.split(r"\.\.\.|: 5:|\b\d+ s\b|attempt 1 of 3|['()]", message)
+        if part.strip(" ,:;")
+    ]
+    assert parts
+    for part in parts:
+        assert part.strip(" ,:;") in SPOKEN, part
+
+
+@pytest.mark.parametrize("name", [str(state) for state in State] + [str(event) for event in Event])
+def test_every_state_and_event_is_explained(name: str) -> None:
+    assert name in GUIDE
+
+
+def test_every_option_in_the_guide_exists() -> None:
+    options = {name for command in (devices_command, run_command) for p in command.params for name in p.opts}
+    assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", GUIDE)) <= options
+
+
+def test_every_file_that_the_guide_links_to_exists() -> None:
+    links = re.findall(r"\]\(([^)#:]+)\)", GUIDE)
+    assert links
+    for link in links:
+        assert (ROOT / "docs" / link).exists(), link
