@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import click
 
+from zeromethod.cli.stopping import leave_quickly
 from zeromethod.errors import InputError, MeasurementError
 
 _COMMANDS = {
@@ -54,6 +55,7 @@ def commands() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its code."""
+    leave_quickly()
     try:
         code = commands.main(args=arguments, prog_name="zeromethod", standalone_mode=False)
     except click.exceptions.Abort:

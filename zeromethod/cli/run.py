@@ -14,7 +14,7 @@ from rich.console import Console
 from zeromethod.cli.bench_options import BenchOptions, bench_options, with_devices, with_latency, with_strips
 from zeromethod.cli.keys import HELP, Keys
 from zeromethod.cli.output import check_file, write_summary
-from zeromethod.cli.stopping import leave_quickly, stopped_by_signals
+from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.control import State
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
@@ -92,7 +92,6 @@ def run_command(
     rig = with_strips(_with_overrides(rig, press, seed, gain, controller), strips, options.named)
     check_geometry(rig)
     limit_threads()
-    leave_quickly()
     with (
         stopped_by_signals(_interrupted),
         open_devices(rig) as opened,

@@ -47,7 +47,7 @@ class Frame:
 
 @runtime_checkable
 class Camera(Protocol):
-    """A source of frames."""
+    """A source of frames. In the host's time it is opened, read and closed in threads of their own."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -69,7 +69,12 @@ class Camera(Protocol):
 
 @runtime_checkable
 class Display(Protocol):
-    """A panel that shows pictures."""
+    """A panel that shows pictures.
+
+    It may also have `poll()`, called often in the main thread, where it is then closed too (may raise
+    DisplayLost); `asleep`, whether it shows nothing now; `warnings`, lines that the operator should know;
+    `dropped_refreshes`, how many it missed. Without `poll` it may be closed in another thread.
+    """
 
     @property
     def size(self) -> tuple[int, int]:

@@ -28,6 +28,9 @@ from zeromethod.warp.warp import Warp
 DEFAULT_SECONDS = 5.0
 """How long a run in simulated time lasts when neither the caller nor a scenario says so."""
 
+KEPT_FRAMES = 50_000
+"""Frames whose figures a run keeps at least: a quarter of an hour at 60 per second, in some 40 MB."""
+
 COMPARED_PHASES = frozenset({"hold", "slide"})
 """Parts of a simulated scenario in which every reading is held against the truth."""
 
@@ -84,6 +87,10 @@ class RunResult:
     usable_share_at_rest: float
     """Share of the measurable nodes that the rig file says are usable while nothing presses."""
     records: list[FrameRecord] = field(default_factory=list)
+    """Of the last `KEPT_FRAMES` frames at least; a run may go on for days."""
+    frames: int = 0
+    dropped: int = 0
+    events: dict[str, int] = field(default_factory=dict)
     before: Snapshot | None = None
     pressed: Snapshot | None = None
     nulled: Snapshot | None = None
@@ -94,6 +101,16 @@ class RunResult:
     """Stability at the delay that coded strips told when it was first known; None without."""
     delay_ms: float | None = None
     """Delay of display and camera as coded strips tell it (`DisplaySpec.latency_s`); None without."""
+
+    def add(self, record: FrameRecord) -> None:
+        """Take in one frame."""
+        self.frames += 1
+        self.dropped += record.dropped
+        for event in record.events:
+            self.events[event] = self.events.get(event, 0) + 1
+        self.records.append(record)
+        if len(self.records) >= 2 * KEPT_FRAMES:
+            del self.records[:KEPT_FRAMES]
 
     @property
     def state(self) -> State:
@@ -126,7 +143,6 @@ class Run:
         self._has_hold = any(phase.name == "hold" for phase in phases)
         self._start_ns: int | None = None
         self._newest_peak_mm = float("nan")
-        self._records: dict[int, int] = {}
         self._worst_px = 0.0
         self._deepest_mm = 0.0
         usable = usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]
@@ -184,8 +200,6 @@ class Run:
     def _finish(self) -> None:
         display = self._devices.display
         self.result.dropped_refreshes = getattr(display, "dropped_refreshes", None)
-        if self.loop.delay is not None and self.loop.delay.estimator.settled:
-            self.result.delay_ms = 1e-6 * self.loop.delay.estimator.value_ns
 
     def _read(self, step: Step) -> Reading:
         """Read one step; in real time in a thread of its own."""
@@ -231,8 +245,7 @@ class Run:
             untouched_rms_nm=None,
         )
         result = self.result
-        self._records[step.number] = len(result.records)
-        result.records.append(record)
+        result.add(record)
         result.notes += record.notes
         self._take(reading)
         result.records[-1] = replace(result.records[-1], newest_peak_mm=self._newest_peak_mm)
@@ -241,12 +254,13 @@ class Run:
     def _delay_note(self) -> tuple[str, ...]:
         """What the coded strips tell of the delay, and what that leaves of stability; told once."""
         delay, horizon_s = self.loop.delay, self.loop.horizon_s
-        known = delay is not None and delay.estimator.settled and np.isfinite(horizon_s)
-        if delay is None or not known or self.result.margin is not None:
+        if delay is None or not delay.estimator.settled:
             return ()
-        control = self._rig.control
+        control, estimator = self._rig.control, delay.estimator
+        self.result.delay_ms = 1e-6 * estimator.value_ns
+        if self.result.margin is not None or not np.isfinite(horizon_s):
+            return ()
         self.result.margin = stability_margin(control, horizon_s * self._rig.camera.rate_hz)
-        estimator = delay.estimator
         return (
             f"delay {1e-6 * estimator.value_ns:.1f} ms, sigma {1e-6 * estimator.sigma_ns:.2f} ms; "
             f"{self.result.margin.delay_frames:.1f} frames round the loop; "
@@ -256,7 +270,10 @@ class Run:
     def _take(self, reading: ReadInTurn | ReadInThread) -> None:
         """Enter what has been read into the records of its frames."""
         for one in reading.collect():
-            index = self._records[one.step.number]
+            # every step has a record, and they are numbered in turn
+            index = one.step.number - self.result.records[0].number
+            if index < 0:
+                continue
             record = replace(
                 self.result.records[index],
                 depth_peak_mm=one.peak.depth_mm,

@@ -103,10 +103,6 @@ def summarise(result: RunResult) -> Figures:
     nulled = [record for record in held if record.state in NULLED]
     peak_mm, sigma_mm = _depth_peak_mm(nulled)
     truth = _against_truth(records, "hold", NULLED)
-    events: dict[str, int] = {}
-    for record in records:
-        for event in record.events:
-            events[event] = events.get(event, 0) + 1
     residuals = [record.residual_rms_px for record in nulled or held if np.isfinite(record.residual_rms_px)]
     last = records[-1] if records else None
     figures = {
@@ -115,8 +111,9 @@ def summarise(result: RunResult) -> Figures:
         "controller": result.rig.control.controller,
         "gain": result.rig.control.gain,
         "seed": result.rig.simulation.seed,
-        "frames": len(records),
-        "dropped": sum(record.dropped for record in records),
+        "frames": result.frames,
+        "frames_in_figures": len(records),
+        "dropped": result.dropped,
         "interrupted": result.interrupted,
         "notes": result.notes,
         "dropped_refreshes": result.dropped_refreshes,
@@ -125,7 +122,7 @@ def summarise(result: RunResult) -> Figures:
         "state": str(result.state),
         "reason": last.reason if last else "",
         "nulled_frames": len(nulled),
-        "events": events,
+        "events": result.events,
         "lock_frames": lock_frames(records),
         "residual_px_rms": float(np.median(residuals)) if residuals else None,
         "usable_share": truth["usable_share"] if truth else result.usable_share_at_rest,

@@ -28,7 +28,7 @@ class LiveStatus:
     """
 
     def __init__(self, console: Console, total: float | None, unit: str, keys: str = "") -> None:
-        """`total` in `unit` ("frames" or "seconds"), None: no end is known. keys: what they do, "" for none."""
+        """`total` in `unit` ("frames" or "seconds"), None: no end is known. keys: what they do."""
         self._unit = unit
         self._console = console
         self._progress = Progress(
@@ -54,7 +54,7 @@ class LiveStatus:
     def update(self, record: FrameRecord, done_frames: int) -> None:
         """Show the newest frame."""
         for note in record.notes:
-            self._console.print(f"note: {note}", style="yellow", markup=False, highlight=False)
+            self._console.print(f"note: {note}", style="yellow", markup=False, highlight=False, soft_wrap=True)
         state = str(record.state)
         colour = _COLOURS.get(state, "red")
         figures = (
