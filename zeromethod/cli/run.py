@@ -23,6 +23,7 @@ from zeromethod.procedures import Run, RunResult, summarise
 from zeromethod.procedures.reading import Publisher
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.simulation.clone import simulated_clone
 from zeromethod.threads import limit_threads
 from zeromethod.view.live import LiveStatus
 from zeromethod.view.table import summary_table
@@ -49,6 +50,7 @@ from zeromethod.view.table import summary_table
     help="Delay of display and camera, as `devices --delay` measures it.",
 )
 @click.option("--publish", metavar="ADDRESS", help="Publish every reading: tcp://127.0.0.1:5556.")
+@click.option("--simulate", is_flag=True, help="Simulate the rig's bench instead of opening its devices.")
 @click.option("--press", help="Simulated press: a packaged scenario (default, step, ...) or a .toml file.")
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after this many frames.")
 @click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after this time.")
@@ -64,6 +66,7 @@ def run_command(
     strips: bool | None,
     latency_s: float | None,
     publish: str | None,
+    simulate: bool,
     press: str | None,
     frames: int | None,
     seconds: float | None,
@@ -88,7 +91,12 @@ def run_command(
     if frames is not None and seconds is not None:
         raise InputError("--frames and --seconds: give one of them, not both")
     options = BenchOptions(**devices)
-    rig = with_latency(with_devices(load_rig(rig_name), options), latency_s)
+    rig = load_rig(rig_name)
+    if simulate:
+        if options.given:
+            raise InputError(f"--simulate and {options.given[0]}: give one of them, not both")
+        rig = simulated_clone(rig)
+    rig = with_latency(with_devices(rig, options), latency_s)
     rig = with_strips(_with_overrides(rig, press, seed, gain, controller), strips, options.named)
     check_geometry(rig)
     limit_threads()

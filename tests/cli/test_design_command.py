@@ -1,0 +1,120 @@
+"""`zeromethod design` as a person meets it: tables, pictures, summary, warnings, refusals."""
+
+import json
+from pathlib import Path
+
+import cv2
+import pytest
+
+from zeromethod.cli.main import main
+from zeromethod.resources import resource
+from zeromethod.rig.save import save_values
+
+QUICK = ("--press", "gaussian:3")
+
+
+def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as end:
+        main([str(argument) for argument in arguments])
+    printed = capsys.readouterr()
+    return int(end.value.code or 0), printed.out, printed.err
+
+
+@pytest.fixture
+def rig_file(tmp_path: Path) -> Path:
+    """The simulated rig with a sixteenth of its pixels."""
+    path = tmp_path / "bench.toml"
+    values = {
+        "camera.columns": 320,
+        "camera.rows": 256,
+        "camera.focal_px": [2250.0, 2250.0],
+        "camera.centre_px": [159.5, 127.5],
+    }
+    save_values(resource("calibration", "simulated.toml"), values, path)
+    return path
+
+
+def test_tables_pictures_and_summary(
+    rig_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    figure, summary = tmp_path / "design.png", tmp_path / "design.json"
+    code, out, err = outcome(
+        "design", rig_file, "--figure", figure, "--summary", summary, "--vary", "angle=45:55:3",
+        "--vary", "pattern_layers[0].thickness_mm=0.5:1:2", *QUICK, capsys=capsys,
+    )  # fmt: skip
+    assert (code, err) == (0, "")
+    for words in ("Margin to the critical angle", "Lever", "Deepest press", "largest stable gain", "assumed"):
+        assert words in out
+    assert "warning" not in out
+    for name in ("design.png", "design-angle.png", "design-pattern_layers[0].thickness_mm.png"):
+        assert cv2.imread(str(tmp_path / name)).shape[1] > 1000
+    figures = json.loads(summary.read_text())
+    assert figures["tir"]["critical_deg"] == pytest.approx(45.1715, abs=1e-4)
+    assert [region["nodes"] > 0 for region in figures["regions"]] == [True] * 9
+    assert figures["presses"][0]["press"] == "gaussian:3"
+    assert figures["delay"]["largest_gain"]["composition"] > 1
+    assert figures["delay"]["worst_frames"] > figures["delay"]["mean_frames"] > 2
+    assert [curve["key"] for curve in figures["vary"]] == ["angle", "pattern_layers[0].thickness_mm"]
+    assert figures["vary"][0]["tir_least_margin_deg"][0] < 0 < figures["vary"][0]["tir_least_margin_deg"][2]
+
+
+def test_45_degrees_with_silicone_is_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = outcome("design", "paper", *QUICK, capsys=capsys)
+    assert code == 0
+    words = " ".join(out.split())
+    assert "warning: a prism of 45 deg with index 1.41 is below the critical angle" in words
+    assert "total reflection begins at 45.17 deg" in words
+    assert "with both faces at 45.2 deg the whole view is beyond it" in words
+
+
+def test_a_real_bench_is_told_of_like_a_simulated_one(
+    rig_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    real = tmp_path / "real.toml"
+    values = {"display.driver": "window", "display.monitor": 1, "camera.driver": "pylon", "camera.gain": 2.0}
+    save_values(rig_file, values, real)
+    code, out, err = outcome("design", real, *QUICK, "--pupil", 8, capsys=capsys)
+    assert (code, err) == (0, "")
+    assert "8 mm (as given)" in out
+
+
+def test_values_that_cannot_work_are_told_with_their_reason(
+    rig_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, _ = outcome("design", rig_file, "--vary", "distance=20:300:2", *QUICK, capsys=capsys)
+    assert code == 0
+    assert "distance 20: simulated: camera.position_mm" in " ".join(out.split())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("nowhere",), "rig: "),
+        (("RIG", "--vary", "angle=45"), "--vary: 'angle=45'"),
+        (("RIG", "--vary", "angel=45:60"), "--vary: 'angel'"),
+        (("RIG", "--press", "needle:1"), "--press: 'needle:1'"),
+        (("RIG", "--pupil", "0"), "--pupil: 0.0: a number above 0"),
+        (("RIG", "--pupil", "nan"), "--pupil: nan"),
+        (("RIG", "--computing", "-1"), "--computing: -1.0: a number from 0"),
+        (("RIG", "--figure", "design.jpg"), "--figure: design.jpg"),
+        (("RIG", "--summary", "nowhere/design.json"), "--summary: nowhere/design.json"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    arguments: tuple[str, ...], words: str, rig_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    named = [str(rig_file) if argument == "RIG" else argument for argument in arguments]
+    code, out, err = outcome("design", *named, capsys=capsys)
+    assert (code, out) == (2, "")
+    assert words in err
+    assert len(err.splitlines()) == 1
+
+
+def test_a_bench_that_cannot_work_is_refused(
+    rig_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = tmp_path / "broken.toml"
+    save_values(rig_file, {"display.centre_mm": [900.0, 0.0]}, broken)
+    code, _, err = outcome("design", broken, capsys=capsys)
+    assert code == 2
+    assert len(err.splitlines()) == 1

@@ -1,0 +1,29 @@
+"""What is seen: known spans of parallel rays, and where the rest goes."""
+
+import numpy as np
+import pytest
+
+from zeromethod.design import SampledView
+from zeromethod.design.field_of_view import field_of_view
+
+from .design_benches import PIXEL_MM, telecentric
+
+
+def test_the_span_on_the_mirror_is_that_of_the_nodes() -> None:
+    view = SampledView(telecentric())
+    found = field_of_view(view)
+    span = np.ptp(view.u_px) * PIXEL_MM / np.cos(np.radians(50.0))
+    assert np.ptp(found["mirror_x_mm"]) == pytest.approx(span)
+    assert np.ptp(found["mirror_y_mm"]) == pytest.approx(np.ptp(view.v_px) * PIXEL_MM)
+    assert found["lcd_px_per_camera_px"] == pytest.approx([PIXEL_MM / 0.063] * 2)
+    assert found["sees_lcd_share"] == 1.0
+    assert found["lost_share"] == {}
+
+
+def test_lost_rays_are_counted_by_reason() -> None:
+    # parallel rays over 1.5 times the 60 mm of the captured face
+    view = SampledView(telecentric(pixel_mm=90.0 / 320, display={"columns": 3000, "rows": 2000}))
+    found = field_of_view(view)
+    lost = found["lost_share"]
+    assert sum(lost.values()) + found["sees_lcd_share"] == pytest.approx(1.0)
+    assert max(lost, key=lost.__getitem__) == "misses_captured_face"

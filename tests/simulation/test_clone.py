@@ -1,0 +1,103 @@
+"""The simulated clone of a real bench: what stays, what goes, and that it runs."""
+
+import pytest
+
+from zeromethod.devices.opening import open_devices
+from zeromethod.rig.model import CameraSpec, DisplaySpec, Noise, Rig
+from zeromethod.simulation.clone import simulated_clone
+
+DISPLAY = {"driver": "window", "monitor": 1, "latency_s": 0.02, "rise_s": 0.003, "scan": "up", "gamma": 1.9}
+CAMERA = {
+    "driver": "pylon",
+    "serial": "12345",
+    "gain": 3.0,
+    "pixel_format": "Mono8",
+    "region_px": (100, 50, 80, 64),
+    "trigger": "hardware",
+    "latency_s": 0.011,
+    "noise": Noise(read_grey=1.5, electrons_per_grey=40.0, black_grey=3.0),
+}
+
+
+def real(rig: Rig, **more: dict) -> Rig:
+    """The rig with the devices of a lab."""
+    display, camera = (
+        {name: getattr(table, name) for name in table.model_fields_set} for table in (rig.display, rig.camera)
+    )
+    tables = {
+        "display": DisplaySpec.model_validate(display | DISPLAY | more.get("display", {})),
+        "camera": CameraSpec.model_validate(camera | CAMERA | more.get("camera", {})),
+    }
+    simulation = rig.simulation.model_dump(exclude_unset=True)
+    simulation.pop("camera_latency_s", None)
+    tables["simulation"] = type(rig.simulation).model_validate(simulation | more.get("simulation", {}))
+    return rig.model_copy(update=tables)
+
+
+def test_only_what_belongs_to_the_devices_goes(make_rig) -> None:
+    rig = real(make_rig())
+    clone = simulated_clone(rig)
+    assert clone.display.driver == clone.camera.driver == "simulated"
+    assert not clone.display.model_extra
+    assert not clone.camera.model_extra
+    gone = {"driver", "gain", "pixel_format", "region_px", "trigger"}
+    assert clone.camera.model_dump(exclude=gone) == rig.camera.model_dump(exclude=gone | {"serial"})
+    assert clone.display.model_dump(exclude={"driver"}) == rig.display.model_dump(
+        exclude={"driver", "monitor"}
+    )
+    fresh = CameraSpec.model_fields
+    for key in gone - {"driver"}:
+        assert getattr(clone.camera, key) == fresh[key].default
+    others = {"display", "camera", "simulation"}
+    assert clone.model_dump(exclude=others) == rig.model_dump(exclude=others)
+
+
+def test_what_the_rig_file_gave_is_still_what_is_given(make_rig) -> None:
+    rig = real(make_rig())
+    clone = simulated_clone(rig)
+    assert clone.camera.model_fields_set == rig.camera.model_fields_set & set(CameraSpec.model_fields) - {
+        "gain", "pixel_format", "region_px", "trigger"
+    }  # fmt: skip
+
+
+def test_the_cameras_latency_becomes_the_simulated_ones(make_rig) -> None:
+    assert simulated_clone(real(make_rig())).simulation.camera_latency_s == 0.011
+    told = real(make_rig(), simulation={"camera_latency_s": 0.002})
+    assert simulated_clone(told).simulation.camera_latency_s == 0.002
+
+
+@pytest.mark.parametrize(("display_s", "camera_s", "left_s"), [(-0.004, 0.011, 0.007), (-0.02, 0.011, 0.0)])
+def test_a_display_that_seems_to_come_early_does_not(
+    make_rig, display_s: float, camera_s: float, left_s: float
+) -> None:
+    rig = real(make_rig(), display={"latency_s": display_s}, camera={"latency_s": camera_s})
+    clone = simulated_clone(rig)
+    assert clone.display.latency_s == 0.0
+    assert clone.camera.latency_s == pytest.approx(left_s)
+    assert clone.simulation.camera_latency_s == pytest.approx(left_s)
+
+
+def test_a_simulated_rig_is_its_own_clone(make_rig) -> None:
+    rig = make_rig()
+    assert simulated_clone(rig) is rig
+    clone = simulated_clone(real(rig))
+    assert simulated_clone(clone) is clone
+
+
+def test_the_given_rig_is_left_alone(make_rig) -> None:
+    rig = real(make_rig())
+    before = rig.model_dump()
+    simulated_clone(rig)
+    assert rig.model_dump() == before
+
+
+def test_the_clone_opens_and_gives_frames_at_the_real_rate(make_rig) -> None:
+    clone = simulated_clone(real(make_rig(), camera={"rate_hz": 40.0}))
+    with open_devices(clone) as devices:
+        frames = [devices.camera.read(1.0) for _ in range(3)]
+        arrived_ns = devices.clock.now_ns()
+    assert frames[0].image.shape == (64, 80)
+    # 0.1 ms of clock jitter on either frame
+    assert (frames[2].time_ns - frames[1].time_ns) * 1e-9 == pytest.approx(1 / 40.0, abs=5e-4)
+    ended_ns = frames[2].time_ns + frames[2].exposure_ns / 2
+    assert (arrived_ns - ended_ns) * 1e-9 == pytest.approx(0.011, abs=1e-6)

@@ -1,0 +1,144 @@
+"""`zeromethod design`: what a bench can do, from its rig file."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import Any, get_args
+
+import click
+from rich.console import Console
+
+from zeromethod.cli.output import check_file, write_summary
+from zeromethod.control.margin import stability_margin
+from zeromethod.design import (
+    DEFAULT_KINDS,
+    PressKind,
+    SampledView,
+    Variation,
+    curves,
+    design_figures,
+    design_warnings,
+)
+from zeromethod.design.delay_budget import ASSUMED_COMPUTING_S
+from zeromethod.design.resolution import ASSUMED_PUPIL_MM
+from zeromethod.errors import InputError
+from zeromethod.optics import check_geometry
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import ControlSpec, Rig
+from zeromethod.threads import limit_threads
+from zeromethod.view.design_table import curves_table, design_table
+from zeromethod.view.progress import progress
+
+_MOST_COMPUTING_S = 10.0
+_MOST_PUPIL_MM = 100.0
+_CONTROLLERS = get_args(ControlSpec.model_fields["controller"].annotation)
+
+
+@click.command("design", epilog="Example: zeromethod design my.toml --vary angle=45:60 --figure design.png")
+@click.argument("rig_name", metavar="[RIG]", default="simulated")
+@click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw prism and rays (.png).")
+@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+@click.option(
+    "--vary",
+    "variations",
+    multiple=True,
+    metavar="KEY=FROM:TO[:N]",
+    help="Curves over angle, index, gap, distance, focal or a dotted key of the rig file; may be repeated.",
+)
+@click.option(
+    "--press",
+    "kinds",
+    multiple=True,
+    metavar="KIND:SIZE",
+    help="Press whose largest depth is told: gaussian:2, ball:50, cone:5, edge:2 (mm); may be repeated.",
+)
+@click.option(
+    "--pupil",
+    "pupil_mm",
+    type=float,
+    metavar="MM",
+    help=f"Diameter of the lens's entrance pupil, focal length / f-number.  [default: {ASSUMED_PUPIL_MM:g}]",
+)
+@click.option(
+    "--computing", "computing_s", type=float, default=ASSUMED_COMPUTING_S, show_default=True, metavar="S",
+    help="Time to read a frame and to draw the next picture, s.",
+)  # fmt: skip
+def design_command(
+    rig_name: str,
+    figure: Path | None,
+    summary: Path | None,
+    variations: tuple[str, ...],
+    kinds: tuple[str, ...],
+    pupil_mm: float | None,
+    computing_s: float,
+) -> None:
+    """Tell what a bench can do, planned or calibrated, from its RIG file: nothing is simulated or measured.
+
+    Margin to total reflection, lever, the deepest presses that can be nulled, resolution, noise, delay and
+    stable gain, view. The curves of --vary are drawn beside --figure, as NAME-KEY.png.
+    """
+    check_file("--figure", figure, suffix=".png")
+    check_file("--summary", summary, suffix=".json")
+    _check_number("--pupil", pupil_mm, _MOST_PUPIL_MM, lowest_in=False)
+    _check_number("--computing", computing_s, _MOST_COMPUTING_S, lowest_in=True)
+    presses = [PressKind.parse(text) for text in kinds] or list(DEFAULT_KINDS)
+    runs = [Variation.parse(text) for text in variations]
+    rig = load_rig(rig_name)
+    check_geometry(rig)
+    limit_threads()
+    pupil = ASSUMED_PUPIL_MM if pupil_mm is None else pupil_mm
+    view = SampledView(rig)
+    steps = len(presses) * len(view.regions) + sum(run.steps for run in runs)
+    with progress(steps, "design") as advance:
+        found = [(run, curves(rig, run, pupil, lambda: advance("curves"))) for run in runs]
+        figures = design_figures(view, presses, pupil, computing_s, lambda: advance("presses"))
+    figures["resolution"]["pupil_assumed"] = pupil_mm is None
+    figures["delay"] |= _stability(rig, figures["delay"]["worst_frames"])
+    figures["warnings"] = design_warnings(view, figures)
+    figures["vary"] = [curve for _, curve in found]
+    _report(view, figures, found, figure, summary)
+
+
+def _check_number(option: str, value: float | None, most: float, *, lowest_in: bool) -> None:
+    if value is None:
+        return
+    if not (math.isfinite(value) and (value > 0 or (lowest_in and value == 0)) and value <= most):
+        least = "from 0" if lowest_in else "above 0"
+        raise InputError(f"{option}: {value}: a number {least}, at most {most:g}")
+
+
+def _stability(rig: Rig, delay_frames: float) -> dict[str, Any]:
+    """Largest stable gain of either controller at the longest delay, beside the rig's."""
+    largest = {
+        name: stability_margin(rig.control.model_copy(update={"controller": name}), delay_frames).largest_gain
+        for name in _CONTROLLERS
+    }
+    return {"controller": rig.control.controller, "gain": rig.control.gain, "largest_gain": largest}
+
+
+def _report(
+    view: SampledView,
+    figures: dict[str, Any],
+    found: list[tuple[Variation, dict[str, Any]]],
+    figure: Path | None,
+    summary: Path | None,
+) -> None:
+    """Write what was asked for and print the tables."""
+    if summary is not None:
+        write_summary(summary, figures)
+    if figure is not None:
+        from zeromethod.view.design_curves import draw_curves  # noqa: PLC0415 - matplotlib loads slowly
+        from zeromethod.view.design_figure import draw_design  # noqa: PLC0415
+
+        draw_design(view, figures, figure)
+        for run, curve in found:
+            draw_curves(curve, run.label, figures["rig"], figure.with_name(f"{figure.stem}-{run.key}.png"))
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    console.print(design_table(figures, figures["warnings"]))
+    for _, curve in found:
+        console.print()
+        console.print(curves_table(curve))
+        for value, reason in curve["refused"].items():
+            console.print(f"{curve['key']} {value}: {reason}", highlight=False)

@@ -1,0 +1,127 @@
+"""All figures of a bench as plain numbers: what the table prints and the summary holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from zeromethod.design.delay_budget import delay_budget, total_s
+from zeromethod.design.field_of_view import field_of_view
+from zeromethod.design.fold import gaussian_fold_mm, largest_curvature_per_mm
+from zeromethod.design.lever import camera_px_per_mrad, depth_nm_per_px, lcd_px_per_mrad
+from zeromethod.design.noise_floor import noise_floor, slope_sigma_urad
+from zeromethod.design.press_limits import PressKind, press_limit
+from zeromethod.design.resolution import footprint_mm, resolution
+from zeromethod.design.sampled_view import SampledView, median_over
+from zeromethod.design.tir import (
+    SLOPES_MRAD,
+    critical_deg,
+    incidence_deg,
+    margin_deg,
+    margins_by_slope_deg,
+    slope_to_loss_mrad,
+)
+
+Figures = dict[str, Any]
+
+HEADLINE_SIGMA_MM = 2.0
+
+
+def design_figures(
+    view: SampledView,
+    kinds: Sequence[PressKind],
+    pupil_mm: float,
+    computing_s: float,
+    on_press: Callable[[], object] = lambda: None,
+) -> Figures:
+    """Everything but stability. `on_press` is called after each press, len(kinds) x regions times."""
+    budget = delay_budget(view, computing_s)
+    total = total_s(budget)
+    return {
+        "rig": view.rig.name,
+        "tir": _tir(view),
+        "regions": _regions(view),
+        "presses": _presses(view, kinds, on_press),
+        "resolution": resolution(view, pupil_mm),
+        "noise": noise_floor(view),
+        "delay": {
+            "steps": [asdict(step) for step in budget],
+            "mean_s": total.mean_s,
+            "worst_s": total.worst_s,
+            "mean_frames": total.mean_s * view.rig.camera.rate_hz,
+            "worst_frames": total.worst_s * view.rig.camera.rate_hz,
+            "computing_s": computing_s,
+        },
+        "view": field_of_view(view),
+    }
+
+
+def headline(view: SampledView, pupil_mm: float) -> dict[str, float]:
+    """The few figures that a curve is drawn of: of the whole view, or medians of its central region."""
+    margin, mask = margin_deg(view), view.central.mask
+    return {
+        "tir_margin_deg": float(np.median(margin[mask])),
+        "tir_least_margin_deg": float(np.nanmin(margin)),
+        "lcd_px_per_mrad": median_over(lcd_px_per_mrad(view), mask)[0],
+        "camera_px_per_mrad": median_over(camera_px_per_mrad(view), mask)[0],
+        "depth_nm_per_px": median_over(depth_nm_per_px(view), mask)[0],
+        "gaussian_fold_mm": float(np.nanmedian(gaussian_fold_mm(view, HEADLINE_SIGMA_MM)[mask])),
+        "footprint_mm": median_over(footprint_mm(view, pupil_mm), mask)[0],
+        "slope_sigma_urad": median_over(slope_sigma_urad(view), mask)[0],
+        "mirror_seen_mm": float(np.ptp(view.x_mm[view.seen])),
+        "sees_lcd_share": float(view.seen.mean()),
+    }
+
+
+def _tir(view: SampledView) -> Figures:
+    incidence, critical = incidence_deg(view.trace), critical_deg(view.rig)
+    camera = view.rig.camera
+    centre = view.optics.trace(
+        np.array([(camera.columns - 1) / 2]), np.array([(camera.rows - 1) / 2]), view.optics.rest
+    )
+    seen = view.seen
+    return {
+        "critical_deg": critical,
+        "centre_incidence_deg": float(incidence_deg(centre)[0]),
+        "centre_margin_deg": float(incidence_deg(centre)[0]) - critical,
+        "centre_reflectance": float(centre.reflectance[0]),
+        "least_margin_deg": float(incidence[seen].min()) - critical,
+        "below_share": float(np.mean(incidence[seen] < critical)),
+        "slopes_mrad": list(SLOPES_MRAD),
+    }
+
+
+def _regions(view: SampledView) -> list[Figures]:
+    margins, loss = margins_by_slope_deg(view), slope_to_loss_mrad(view)
+    lcd, camera, depth = lcd_px_per_mrad(view), camera_px_per_mrad(view), depth_nm_per_px(view)
+    curvature = largest_curvature_per_mm(view)
+    return [
+        {
+            "x_mm": region.x_mm,
+            "y_mm": region.y_mm,
+            "nodes": int(region.mask.sum()),
+            "tir_margin_deg": [float(margin[region.mask].min()) for margin in margins],
+            "slope_to_loss_mrad": float(loss[region.mask].min()),
+            "path_mm": float(np.median(view.trace.path_mm[region.mask])),
+            "lcd_px_per_mrad": median_over(lcd, region.mask),
+            "camera_px_per_mrad": median_over(camera, region.mask),
+            "depth_nm_per_px": median_over(depth, region.mask),
+            "curvature_per_mm": float(np.nanmedian(curvature[region.mask])),
+        }
+        for region in view.regions
+    ]
+
+
+def _presses(view: SampledView, kinds: Sequence[PressKind], on_press: Callable[[], object]) -> list[Figures]:
+    found = []
+    for kind in kinds:
+        limits = []
+        for region in view.regions:
+            limit = press_limit(view, kind, region.x_mm, region.y_mm)
+            limits.append({"x_mm": region.x_mm, "y_mm": region.y_mm, **asdict(limit)})
+            on_press()
+        found.append({"press": str(kind), "limits": limits})
+    return found

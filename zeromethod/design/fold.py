@@ -1,0 +1,35 @@
+"""How sharply the mirror may be bent before several camera pixels see one point of the LCD."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zeromethod.design.sampled_view import Array, Mask, SampledView, inverse
+
+GAUSSIAN_RING = 2.0 * np.exp(-1.5)
+"""Largest concave curvature of a Gaussian, on the ring at sqrt(3) sigma, in units of depth / sigma^2."""
+
+
+def largest_curvature_per_mm(view: SampledView) -> Array:
+    """Curvature of depth, in its worst direction, at which the node folds, (rows, cols), 1/mm.
+
+    A mirror of curvature k along a unit vector e changes dq/dp by k (dq/dslope) e e', whose determinant
+    vanishes at k = -1 / (e' (dq/dp)^-1 (dq/dslope) e). For a flat mirror that is
+    cos(incidence) / (2 path) in the plane of incidence and 1 / (2 path cos(incidence)) across, the path
+    as long as if it were all in rubber. Curvature counts as positive where the mirror is concave seen from
+    the rubber (the ring round a dent). Infinite where no such curvature folds.
+    """
+    by_point = view.lcd_per_camera @ inverse(view.mirror_per_camera)
+    bending = -inverse(by_point) @ view.sensitivity
+    known: Mask = np.asarray(np.isfinite(bending).all(axis=(-1, -2)))
+    symmetric = np.where(known[..., None, None], 0.5 * (bending + np.swapaxes(bending, -1, -2)), 0.0)
+    largest = np.linalg.eigvalsh(symmetric)[..., -1]
+    with np.errstate(divide="ignore"):
+        result = np.where(largest > 0.0, 1.0 / largest, np.inf)
+    return np.where(known & view.seen, result, np.nan)
+
+
+def gaussian_fold_mm(view: SampledView, sigma_mm: float) -> Array:
+    """Depth of a Gaussian press whose ring folds, the lever even over the press, (rows, cols), mm."""
+    result: Array = largest_curvature_per_mm(view) * sigma_mm**2 / GAUSSIAN_RING
+    return result

@@ -1,0 +1,88 @@
+"""How far every node is from losing total internal reflection, at rest and when the mirror slopes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from zeromethod.design.sampled_view import Array, SampledView
+from zeromethod.optics import HeightField, Trace, critical_angle_rad
+from zeromethod.rig.model import Rig
+
+SLOPES_MRAD = (0.0, 5.0, 10.0, 20.0, 50.0)
+"""Slopes of the mirror, of either sign along x and along y, for which the margin is told."""
+
+_DIRECTIONS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+
+
+@dataclass(frozen=True)
+class Facets:
+    """The rest surface with every point tilted in its place: no height changes, all slopes do.
+
+    Convention: `slope` = (dd/dx, dd/dy) of the depth, rad.
+    """
+
+    rest: HeightField
+    slope: tuple[float, float]
+
+    def height(self, x: Array, y: Array) -> Array:
+        """Height of the rest surface, mm."""
+        return self.rest.height(x, y)
+
+    def gradient(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """(dz/dx, dz/dy) of the rest surface less the slope."""
+        zx, zy = self.rest.gradient(x, y)
+        return zx - self.slope[0], zy - self.slope[1]
+
+
+def critical_deg(rig: Rig) -> float:
+    """Critical angle of rubber against air, deg."""
+    return float(np.degrees(critical_angle_rad(rig.prism.index)))
+
+
+def incidence_deg(trace: Trace) -> Array:
+    """Angle of incidence on the mirror, deg."""
+    return np.degrees(np.arccos(np.clip(trace.cos_incidence, -1.0, 1.0)))
+
+
+def margin_deg(view: SampledView, slope: tuple[float, float] = (0.0, 0.0)) -> Array:
+    """Angle of incidence less the critical angle where the mirror has a slope (rad), deg, (rows, cols).
+
+    Below 0 the reflection is no longer total. NaN where the node does not see the LCD at rest.
+    """
+    trace = view.trace if slope == (0.0, 0.0) else _tilted(view, slope)
+    return np.where(view.seen, incidence_deg(trace) - critical_deg(view.rig), np.nan)
+
+
+def reflectance(view: SampledView, slope: tuple[float, float] = (0.0, 0.0)) -> Array:
+    """Power reflectance of the mirror for the LCD's light at a slope (rad), (rows, cols)."""
+    trace = view.trace if slope == (0.0, 0.0) else _tilted(view, slope)
+    return np.where(view.seen, trace.reflectance, np.nan)
+
+
+def margins_by_slope_deg(view: SampledView) -> Array:
+    """Least margin over slopes of +-x and +-y, (slopes, rows, cols), deg; slopes as in SLOPES_MRAD."""
+    found = []
+    for slope_mrad in SLOPES_MRAD:
+        size = 1e-3 * slope_mrad
+        found.append(
+            np.min(
+                [margin_deg(view, (a * size, b * size)) for a, b in _DIRECTIONS[: 4 if size else 1]], axis=0
+            )
+        )
+    return np.stack(found)
+
+
+def slope_to_loss_mrad(view: SampledView) -> Array:
+    """Slope, in the plane of incidence and towards the camera, that eats the margin, mrad, (rows, cols).
+
+    Turning the normal by an angle towards the ray takes as much off the angle of incidence; below 0: lost at
+    rest already. Exact where the rest surface is flat.
+    """
+    result: Array = 1e3 * np.tan(np.radians(margin_deg(view)))
+    return result
+
+
+def _tilted(view: SampledView, slope: tuple[float, float]) -> Trace:
+    return view.optics.trace(view.u_px, view.v_px, Facets(view.optics.rest, slope))

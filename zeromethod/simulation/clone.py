@@ -1,0 +1,50 @@
+"""The simulated bench that a real one becomes: same geometry, timing and noise, other devices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
+
+SIMULATED = "simulated"
+
+_OF_THE_DEVICE = frozenset({"driver", "gain", "pixel_format", "region_px", "trigger"})
+"""Keys of `[camera]` that a real device is set to and a simulated one has no use for."""
+
+
+def simulated_clone(rig: Rig) -> Rig:
+    """Rig with simulated display and camera in place of its own. A simulated rig comes back as it is.
+
+    Everything about geometry, panel, response, noise, target, control and surface stays. The drivers' own
+    options and what only a device can be set to go. The delay that was measured is kept whole: the display's
+    latency stays, and the camera's becomes that of the simulated one unless `[simulation]` gives it. A
+    display latency below zero (stamps that come too early) no panel can have: it becomes 0 and is taken off
+    the camera's, which leaves the time from presentation to frame in hand what it was.
+
+    The clone's light is `[simulation]`'s: exposure and gain of the real camera are taken to be set so that
+    white comes to its `peak_grey_share`.
+    """
+    if rig.display.driver == SIMULATED and rig.camera.driver == SIMULATED:
+        return rig
+    early_s = min(rig.display.latency_s, 0.0)
+    display = _given(rig.display, DisplaySpec, frozenset({"driver"}))
+    camera = _given(rig.camera, CameraSpec, _OF_THE_DEVICE)
+    if early_s < 0.0:
+        display["latency_s"] = 0.0
+        camera["latency_s"] = max(rig.camera.latency_s + early_s, 0.0)
+    changed: dict[str, Any] = {
+        "display": DisplaySpec.model_validate(display | {"driver": SIMULATED}),
+        "camera": CameraSpec.model_validate(camera | {"driver": SIMULATED}),
+    }
+    if "camera_latency_s" not in rig.simulation.model_fields_set:
+        latency = {"camera_latency_s": changed["camera"].latency_s}
+        changed["simulation"] = rig.simulation.model_copy(update=latency)
+    return rig.model_copy(update=changed)
+
+
+def _given(
+    table: CameraSpec | DisplaySpec, model: type[CameraSpec] | type[DisplaySpec], dropped: frozenset[str]
+) -> dict[str, Any]:
+    """Keys of the schema that a table gives, but for those dropped."""
+    keys = table.model_fields_set & set(model.model_fields) - dropped
+    return {key: getattr(table, key) for key in keys}
