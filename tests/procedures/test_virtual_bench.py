@@ -386,7 +386,7 @@ def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_told(
                 bench.terminate()
                 started = time.monotonic()
                 assert bench.wait(PATIENCE_S) == 0
-                    # told to end within a second; Python takes longer to end on a busy machine
+                # told to end within a second; Python takes longer to end on a busy machine
                 assert time.monotonic() - started < 5.0
         finally:
             bench.kill()

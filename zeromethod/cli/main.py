@@ -19,6 +19,7 @@ _COMMANDS = {
     "run": "Close the loop: null the picture, read slope and depth.",
     "virtual-bench": "Play prism and camera, to rehearse the real bench.",
     "devices": "Monitors and cameras; identify, focus, delay.",
+    "calibrate": "From an unknown bench to millimetres: rest map.",
     "design": "What a bench can do, from its rig file; curves, a drawing.",
     "measure": "Still images: displacement, and with --rig slope and depth.",
     "reproduce": "The seed paper's figures and tables, beside this system's.",

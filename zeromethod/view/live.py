@@ -54,7 +54,9 @@ class LiveStatus:
     def update(self, record: FrameRecord, done_frames: int) -> None:
         """Show the newest frame."""
         for note in record.notes:
-            self._console.print(f"note: {note}", style="yellow", markup=False, highlight=False, soft_wrap=True)
+            self._console.print(
+                f"note: {note}", style="yellow", markup=False, highlight=False, soft_wrap=True
+            )
         state = str(record.state)
         colour = _COLOURS.get(state, "red")
         figures = (

@@ -1,0 +1,186 @@
+"""`zeromethod calibrate`: from an unknown bench to millimetres, step by step."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from zeromethod.cli.output import check_file, write_summary
+from zeromethod.errors import InputError
+from zeromethod.phase_shifting.fringes import FringeSequence, equal_shifts
+from zeromethod.phase_shifting.measuring import LIMIT_SHARE
+from zeromethod.phase_shifting.noise import NoiseModel
+from zeromethod.procedures.decode import decode_files, figures, refuse_empty
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.threads import limit_threads
+from zeromethod.view.progress import progress
+
+_SIGMAS = ("sigma_column_median_px", "sigma_row_median_px")
+
+
+@click.group("calibrate")
+def calibrate_command() -> None:
+    """Find out what the bench is: rest map, response, delay, geometry."""
+
+
+def _numbers(option: str, text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"{option}: {text}: numbers with commas between them") from None
+
+
+def _shifts(text: str) -> tuple[float, ...]:
+    """A count of equal shifts, or angles in degrees; rad."""
+    if "," in text:
+        return tuple(math.radians(angle) for angle in _numbers("--shifts", text))
+    if not (text.isdecimal() and 3 <= int(text) <= 360):
+        raise InputError(f"--shifts: {text}: a count of equal shifts, 3 to 360, or degrees: 0,90,180,270")
+    return equal_shifts(int(text))
+
+
+def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | None:
+    if given is not None:
+        return NoiseModel.of_camera(given[0], given[1])
+    if rig is None or (rig.camera.noise.read_grey == 0 and rig.camera.noise.electrons_per_grey is None):
+        return None
+    noise = rig.camera.noise
+    return NoiseModel.of_camera(noise.read_grey, noise.electrons_per_grey, noise.black_grey)
+
+
+@calibrate_command.command(
+    "decode",
+    epilog="Example: zeromethod calibrate decode frame*.png --periods 16,20,22,25 --shifts 6 "
+    "--panel 1920 1080 --output rest.npz",
+)
+@click.argument("frames", metavar="FRAMES...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--periods", "periods_text", metavar="P,P,...", required=True, help="Periods, LCD px.")
+@click.option(
+    "--shifts",
+    "shifts_text",
+    metavar="N",
+    required=True,
+    help="Count of equal shifts, or the angles in degrees: 0,90,180,270.",
+)
+@click.option("--output", type=click.Path(path_type=Path), required=True, help="Write the rest map (.npz).")
+@click.option("--rig", "rig_name", help="Rig file, or a packaged name: LCD size, camera bits and noise.")
+@click.option(
+    "--panel",
+    type=click.IntRange(16, 16384),
+    nargs=2,
+    metavar="C R",
+    help="LCD columns and rows. When left out: as far as the periods reach.",
+)
+@click.option(
+    "--axes",
+    type=click.Choice(["columns,rows", "rows,columns"]),
+    default="columns,rows",
+    show_default=True,
+    help="Which axis was shown first: fringes that vary along the columns, or along the rows.",
+)
+@click.option(
+    "--repeats",
+    type=click.IntRange(1, 1000),
+    default=1,
+    show_default=True,
+    help="How often the whole sequence was shown.",
+)
+@click.option("--bits", type=click.IntRange(1, 16), help="Bits of the camera: all set is saturated.")
+@click.option(
+    "--noise",
+    "noise_given",
+    type=click.FloatRange(min=0, min_open=True),
+    nargs=2,
+    metavar="S E",
+    help="Camera noise: read noise, grey levels; electrons per grey level. Else found in the frames.",
+)
+@click.option(
+    "--second-reflection",
+    "limit_share",
+    type=click.FloatRange(0, 1, min_open=True),
+    default=LIMIT_SHARE,
+    show_default=True,
+    help="Largest second reflection to accept, of the main one's light.",
+)
+@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+def decode_command(
+    frames: tuple[Path, ...],
+    periods_text: str,
+    shifts_text: str,
+    output: Path,
+    rig_name: str | None,
+    panel: tuple[int, int] | None,
+    axes: str,
+    repeats: int,
+    bits: int | None,
+    noise_given: tuple[float, float] | None,
+    limit_share: float,
+    summary: Path | None,
+) -> None:
+    """Absolute LCD position of every camera pixel, from FRAMES of shifted fringes.
+
+    FRAMES in the order shown: for each repeat, each axis, each period, each shift. Images of 8 or 16 bits,
+    TIFF of many pages, .npy or .npz. light = 1/2 + 1/2 cos(2 pi x / period - shift), x the LCD column or row.
+    """
+    check_file("--output", output, suffix=".npz")
+    check_file("--summary", summary, suffix=".json")
+    sequence = FringeSequence(
+        _numbers("--periods", periods_text),
+        _shifts(shifts_text),
+        ("columns", "rows") if axes == "columns,rows" else ("rows", "columns"),
+        repeats,
+    )
+    rig = load_rig(rig_name) if rig_name is not None else None
+    size = panel or ((rig.display.columns, rig.display.rows) if rig else None)
+    limit_threads()
+    with progress(sequence.frames, first="decoding") as advance:
+        found = decode_files(
+            frames,
+            sequence,
+            size_px=size,
+            noise=_noise(rig, noise_given),
+            bits=bits or (rig.camera.bits if rig else None),
+            limit_share=limit_share,
+            camera_shape=(rig.camera.rows, rig.camera.columns) if rig else None,
+            advance=lambda: advance("decoding"),
+        )
+    found.rest_map.save(output)
+    told = figures(found)
+    if summary is not None:
+        write_summary(summary, {"periods_px": sequence.periods_px, "output": str(output), **told})
+    Console().print(_table(told))
+    refuse_empty(found)
+
+
+def _rare(share: float) -> str:
+    return "under 1e-12" if share < 1e-12 else f"{share:.1g}"
+
+
+def _table(told: dict[str, Any]) -> Table:
+    """What was found, and why the rest was not."""
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column()
+    table.add_column(justify="right")
+    columns, rows = told["display_px"]
+    for name, text in (
+        ("camera pixels with a place on the LCD", f"{told['valid_share']:.2%}"),
+        ("sigma, LCD px (columns, rows)", ", ".join(f"{told[key]:.4f}" for key in _SIGMAS)),
+        ("LCD sought, px", f"{columns:.0f} x {rows:.0f}"),
+        ("wrong orders expected from noise", _rare(told["wrong_orders_expected"])),
+        ("frames' scatter over the camera's noise", f"{told['scatter_over_noise']:.2f}"),
+        ("second reflection, median", f"{told['second_reflection_median_share']:.1%}"),
+        ("second harmonic of the LCD's light", f"{told['second_harmonic_share']:.1%}"),
+        ("drift of the light", f"{told['light_drift_share']:.1%}"),
+    ):
+        if "nan" not in text:
+            table.add_row(name, text)
+    for reason, count in told["reasons_px"].items():
+        if count:
+            table.add_row(f"camera pixels left out: {reason}", f"{count}")
+    return table

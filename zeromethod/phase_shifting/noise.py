@@ -1,0 +1,66 @@
+"""The camera's noise: grey variance = a + b grey, known beforehand or found in the frames' own scatter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+QUANTISATION = 1.0 / 12.0
+"""Variance of rounding to whole grey levels."""
+
+_CLASSES = 12
+_LEAST_PIXELS = 50
+_LEAST_RANGE = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseModel:
+    """Variance of one grey level reading: constant_grey2 + slope_grey x grey, grey as the frames have it."""
+
+    constant_grey2: float
+    slope_grey: float
+
+    @classmethod
+    def of_camera(
+        cls, read_grey: float, electrons_per_grey: float | None = None, black_grey: float = 0.0
+    ) -> NoiseModel:
+        """From read noise (grey levels), gain and black level, as a rig file has them; rounding is added."""
+        slope = 1.0 / electrons_per_grey if electrons_per_grey else 0.0
+        return cls(read_grey**2 + QUANTISATION - slope * black_grey, slope)
+
+    def variance(self, grey: NDArray[Any] | float) -> NDArray[np.float64]:
+        """Variance at a grey level; never below that of rounding."""
+        return np.maximum(self.constant_grey2 + self.slope_grey * np.asarray(grey), QUANTISATION)
+
+
+def fit_noise(mean: NDArray[Any], scatter: NDArray[Any], degrees: int) -> NoiseModel | None:
+    """Noise model from pixels' mean grey and scatter (residual variance of `degrees` degrees of freedom).
+
+    mean, scatter: (n,). Medians over classes of like mean, so that a share of disturbed pixels does no harm;
+    neither constant nor slope below zero. None for too few pixels.
+    """
+    known = np.isfinite(mean) & np.isfinite(scatter)
+    mean, scatter = mean[known].astype(np.float64), scatter[known].astype(np.float64)
+    if degrees < 1 or len(mean) < _LEAST_PIXELS:
+        return None
+    median_share = chi2.ppf(0.5, degrees) / degrees
+    edges = np.quantile(mean, np.linspace(0, 1, _CLASSES + 1))
+    number = np.clip(np.searchsorted(edges, mean, side="right") - 1, 0, _CLASSES - 1)
+    classes = [number == n for n in range(_CLASSES) if np.any(number == n)]
+    weight = np.array([np.count_nonzero(chosen) for chosen in classes], dtype=np.float64)
+    grey = np.array([np.median(mean[chosen]) for chosen in classes])
+    variance = np.array([np.median(scatter[chosen]) for chosen in classes]) / median_share
+    overall = float(np.average(variance, weights=weight))
+    # Relative errors are equal, so classes weigh by 1 / variance^2; a narrow range of grey fits a constant.
+    w = np.sqrt(weight) / np.maximum(variance, QUANTISATION)
+    matrix = np.stack([w, w * grey], axis=1)
+    (constant, slope), *_ = np.linalg.lstsq(matrix, w * variance, rcond=1e-9)
+    if slope <= 0 or grey.max() < _LEAST_RANGE * max(grey.min(), 1e-9):
+        return NoiseModel(overall, 0.0)
+    if constant < 0:
+        return NoiseModel(0.0, overall / float(np.average(grey, weights=weight)))
+    return NoiseModel(float(constant), float(slope))

@@ -1,0 +1,142 @@
+"""Which periods: how far apart, in phase, two places on the LCD are, and how often noise confuses them.
+
+K periods P_j send a place x to K phases 2 pi x / P_j. Two places that lie D apart differ by the wrapped
+phases w_j = wrap(2 pi D / P_j); with phase noise sigma_j, a maximum-likelihood decoder takes one for the
+other with probability Q(d / 2), d^2 = sum (w_j / sigma_j)^2, Q the Gaussian tail. Around every
+near-coincidence of the periods d is smallest at one D; the sum of Q over these minima, both signs, bounds the
+share of wrong orders (union bound) and is close to it where the share is small. Places near the panel's edge
+have fewer rivals: a rival D exists for the share 1 - |D| / size.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from itertools import combinations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erfc
+
+Float = NDArray[np.float64]
+
+SHORTEST_PX = 16
+"""Default shortest period: a lens blur of 2 LCD px still passes 73 % of its contrast."""
+
+LONGEST_RATIO = 3.0
+"""Default longest period over the shortest: every period then helps the precision."""
+
+SEPARATION_RAD = 1.0
+"""Rivals this far apart survive phase errors of 0.5 rad in all: ten sigmas of 0.05 rad, or a second
+reflection of a third."""
+
+RANGE_ERROR = 1e-6
+"""Share of wrong orders up to which a panel's size counts as told apart."""
+
+LARGEST_PX = 16384
+"""No panel is larger."""
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _rivals(periods: Float, sigma: Float, size: float) -> tuple[Float, Float]:
+    """Offset D > 0 and d^2 at every near-coincidence up to `size`: one per shortest period."""
+    first = periods[0]
+    most = int(size / first + 0.5)
+    offset, distance = np.empty(most), np.empty(most)
+    found = 0
+    for k in range(1, most + 1):
+        sw = swr = swrr = 0.0
+        for j in range(len(periods)):
+            weight = (2.0 * math.pi / (periods[j] * sigma[j])) ** 2
+            r = np.rint(k * first / periods[j]) * periods[j] - k * first
+            sw += weight
+            swr += weight * r
+            swrr += weight * r * r
+        if k * first + swr / sw <= size:
+            offset[found] = k * first + swr / sw
+            distance[found] = max(swrr - swr * swr / sw, 0.0)
+            found += 1
+    return offset[:found], distance[:found]
+
+
+def rivals(
+    periods_px: Sequence[float], phase_sigma_rad: float | Sequence[float], size_px: float
+) -> tuple[Float, Float]:
+    """Offsets D (px, positive) at which the periods nearly coincide, and their distance d in sigmas."""
+    order = np.argsort(periods_px)
+    periods = np.asarray(periods_px, dtype=np.float64)[order]
+    sigma = np.broadcast_to(np.asarray(phase_sigma_rad, dtype=np.float64), periods.shape)[order]
+    offset, squared = _rivals(periods, np.ascontiguousarray(sigma), float(size_px))
+    return offset, np.sqrt(squared)
+
+
+def order_error(
+    periods_px: Sequence[float], phase_sigma_rad: float | Sequence[float], size_px: float
+) -> float:
+    """Expected share of pixels with a wrong order, by the union bound (never above 1).
+
+    phase_sigma_rad: standard deviation of the wrapped phase, one number or one per period.
+    size_px: range of LCD px among which the place is sought. NaN for a sigma of NaN.
+    """
+    if not np.isfinite(phase_sigma_rad).all():
+        return math.nan
+    offset, distance = rivals(periods_px, phase_sigma_rad, size_px)
+    tails = erfc(distance / (2.0 * math.sqrt(2.0)))  # both signs of D: 2 Q(d / 2)
+    return float(min(np.sum((1.0 - offset / size_px) * tails), 1.0))
+
+
+def separation(periods_px: Sequence[float], size_px: float) -> float:
+    """Distance in phase (rad) between the closest rivals: half of it is the phase error that is survived."""
+    _, distance = rivals(periods_px, 1.0, size_px)
+    return float(distance.min()) if len(distance) else math.inf
+
+
+def unambiguous_range(periods_px: Sequence[float], phase_sigma_rad: float) -> float:
+    """Largest size, px, that keeps wrong orders below `RANGE_ERROR`; at least the longest period."""
+    offset, distance = rivals(periods_px, phase_sigma_rad, LARGEST_PX)
+    tails = np.cumsum(erfc(distance / (2.0 * math.sqrt(2.0))))
+    bad = np.flatnonzero(tails > RANGE_ERROR)
+    reach = float(offset[bad[0]]) - 1.0 if len(bad) else float(LARGEST_PX)
+    return max(reach, *periods_px)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _best(sets: NDArray[np.int64], size: float, enough: float) -> int:
+    """Index of the most precise set whose closest rivals are `enough` apart, else of the farthest apart."""
+    best, best_d2, best_weight, safe = 0, -1.0, 0.0, False
+    for n in range(len(sets)):
+        first = float(sets[n, 0])
+        sw = 0.0
+        for j in range(sets.shape[1]):
+            sw += 1.0 / float(sets[n, j]) ** 2
+        if safe and sw <= best_weight:
+            continue
+        least = 1e300
+        for k in range(1, int(size / first + 0.5) + 1):
+            swr = swrr = 0.0
+            for j in range(sets.shape[1]):
+                period = float(sets[n, j])
+                r = np.rint(k * first / period) * period - k * first
+                swr += r / period**2
+                swrr += (r / period) ** 2
+            least = min(least, (2.0 * math.pi) ** 2 * (swrr - swr * swr / sw))
+            if least < enough**2 and (safe or least <= best_d2):
+                break
+        if least >= enough**2 or (not safe and least > best_d2):
+            best, best_d2, best_weight, safe = n, least, sw, least >= enough**2
+    return best
+
+
+@cache
+def choose_periods(size_px: int, count: int = 4, shortest_px: int = SHORTEST_PX) -> tuple[float, ...]:
+    """Whole periods, px, for a panel of `size_px` (its longer side).
+
+    Of all sets of `count` from shortest_px to `LONGEST_RATIO` x shortest_px, the one that gives the place
+    most precisely (largest sum of 1 / P^2) while rivals stay `SEPARATION_RAD` apart; where no set reaches
+    that, the one that comes closest.
+    """
+    candidates = range(shortest_px, int(LONGEST_RATIO * shortest_px) + 1)
+    sets = np.array(list(combinations(candidates, count)), dtype=np.int64)
+    return tuple(float(period) for period in sets[_best(sets, float(size_px), SEPARATION_RAD)])
