@@ -1,0 +1,217 @@
+"""One way to run the loop over devices of memory, and what its turns took."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from unittest.mock import patch
+
+import numpy as np
+from bench_rigs import changed
+from memory_bench import (
+    Drawn,
+    FastClock,
+    FastLiveClock,
+    MemoryCamera,
+    MemoryDisplay,
+    Noted,
+    Prepared,
+    fingerprint,
+)
+
+from zeromethod.clock import Clock
+from zeromethod.control import NULLED, Loop, Step
+from zeromethod.procedures.reading import Reading, ReadInThread, timed
+from zeromethod.publishing import Publisher
+from zeromethod.rig.model import Rig
+from zeromethod.surface import Peak, Surface, SurfaceReader, peak
+from zeromethod.threads import limit_threads
+from zeromethod.warp.warp import Warp
+
+LEFT_OUT = 6
+"""First turns of a loop: the first picture, and what is looked up once."""
+
+SUBSCRIBER = """
+import sys, zmq
+socket = zmq.Context().socket(zmq.SUB)
+socket.setsockopt(zmq.CONFLATE, 1)
+socket.subscribe(b"zeromethod.v1\\n")
+socket.connect(sys.argv[1])
+socket.recv()
+print("connected", flush=True)
+while True:
+    socket.recv()
+"""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to run the loop.
+
+    steady: as `Loop.run` does, without Python's own garbage collection. pools: libraries take every core.
+    reads: surfaces are read in a thread. subscriber: None (nothing is published), none, reading, stopped.
+    """
+
+    name: str
+    live: bool = True
+    strips: bool = True
+    steady: bool = True
+    pools: bool = False
+    drawn: bool = False
+    reads: bool = False
+    subscriber: str | None = None
+    waits: bool = False
+
+
+@dataclass(frozen=True)
+class Timed:
+    """One turn, ms. `number` of the turn; answer_ms NaN where nothing new was shown."""
+
+    number: int
+    answer_ms: float
+    loop_ms: float
+    turn_ms: float
+    cpu_ms: float
+    nulled: bool
+    events: list[str]
+
+
+@contextmanager
+def _published(loop: Loop, clock: Clock, kind: str | None) -> Iterator[Publisher | None]:
+    """A publisher, and as `kind` says a subscriber in a process of its own that has got its first message."""
+    if kind is None:
+        yield None
+        return
+    with ExitStack() as stack:
+        publisher = stack.enter_context(Publisher("tcp://127.0.0.1:*", clock))
+        if kind != "none":
+            command = [sys.executable, "-c", SUBSCRIBER, publisher.address]
+            process = stack.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE))
+            stack.callback(process.kill)
+            assert process.stdout is not None
+            os.set_blocking(process.stdout.fileno(), False)
+            while not process.stdout.read():
+                publisher.publish(_blank(loop, clock.now_ns()))
+                time.sleep(0.02)
+            if kind == "stopped":
+                process.send_signal(signal.SIGSTOP)
+        yield publisher
+
+
+def _blank(loop: Loop, time_ns: int) -> Step:
+    rest = loop.rest
+    warp = Warp(rest.q, np.full_like(rest.q, 0.01), rest.flags, time_ns)
+    return Step(0, time_ns, loop.status.state, "", (), rest.q, warp)
+
+
+class Running:
+    """One variant's loop and what its turns took; a context that ends it."""
+
+    def __init__(self, variant: Variant, prepared: Prepared, frames: int) -> None:
+        self._live = variant.live
+        self._pools = variant.pools
+        rig = changed(prepared.rig, control={"strips": "edges" if variant.strips else "none"})
+        clock = (FastLiveClock if variant.live else FastClock)(variant.waits)
+        self._clock = clock
+        self._display = MemoryDisplay(prepared, variant.drawn, clock)
+        self._camera = MemoryCamera(prepared, self._display, clock)
+        self._turns: list[tuple[Timed, float, float]] = []
+        self._reading: ReadInThread | None = None
+        self._stack = ExitStack()
+        renderer = Drawn if variant.drawn else Noted
+        with patch("zeromethod.control.presenter.PatternRenderer", renderer):
+            loop = Loop(rig, self._camera, self._display, clock, optics=prepared.optics)
+        # the first picture is drawn in the first turn
+        self._stack.enter_context(patch("zeromethod.control.presenter.PatternRenderer", renderer))
+        self.loop = self._stack.enter_context(loop)
+        if variant.reads:
+            read = _reader(rig, prepared, loop)
+            publisher = self._stack.enter_context(_published(loop, clock, variant.subscriber))
+            self._reading = ReadInThread(read, publisher)
+            self._stack.callback(self._reading.close)
+        self._steps = loop.run(frames=frames) if variant.steady else _steps(loop, frames)
+
+    def __enter__(self) -> Running:
+        limit_threads(os.cpu_count() or 1 if self._pools else 1)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        limit_threads()
+        self._stack.close()
+
+    def turn(self) -> None:
+        """One turn of the loop, and its figures."""
+        camera, display = self._camera, self._display
+        self._clock.go_on()
+        cpu_s, others_s, busy_s = time.thread_time(), camera.cpu_s + display.cpu_s, display.busy_s
+        step = next(self._steps)
+        if self._reading is not None:
+            self._reading.post(step)
+        done_s, done_cpu_s = time.perf_counter(), time.thread_time()
+        self._clock.stand_still()
+        if step.frame_number is None:
+            raise RuntimeError(f"a turn without a frame: {step.reason}")
+        given_s = camera.given_s[step.frame_number]
+        # what the devices do in the loop's thread is not the loop's
+        if not self._live:
+            busy_s -= display.busy_s
+            cpu_s += camera.cpu_s + display.cpu_s - others_s
+        else:
+            busy_s = 0.0
+        turn = Timed(
+            step.number,
+            float("nan"),
+            step.loop_ms,
+            1e3 * (done_s - given_s + busy_s),
+            1e3 * (done_cpu_s - cpu_s),
+            step.state in NULLED,
+            sorted(event.value for event in step.events),
+        )
+        self._turns.append((turn, given_s, fingerprint(step.commanded_q)))
+
+    def turns(self) -> list[Timed]:
+        """All turns but the first ones, each with the answer to its frame."""
+        found, last = [], float("nan")
+        for turn, given_s, command in self._turns:
+            # a command that did not change was answered before
+            began_s = self._display.began_s.get(command, np.nan) if command != last else np.nan
+            found.append(replace(turn, answer_ms=1e3 * (began_s - given_s)))
+            last = command
+        return found[LEFT_OUT:]
+
+
+def _reader(rig: Rig, prepared: Prepared, loop: Loop) -> Callable[[Step], Reading]:
+    reader = SurfaceReader(rig, prepared.optics, loop.grid)
+
+    def read(step: Step) -> Reading:
+        def surface_and_peak() -> tuple[Surface, Peak]:
+            surface = reader.read(step.measured)
+            return surface, peak(surface)
+
+        return Reading(step, *timed(surface_and_peak))
+
+    # so that no real one waits for code to be loaded
+    blank = _blank(loop, 0)
+    read(replace(blank, measured=blank.filtered))
+    return read
+
+
+def _steps(loop: Loop, frames: int) -> Iterator[Step]:
+    for _ in range(frames):
+        yield loop.step()
+
+
+def run_together(variants: Sequence[Variant], prepared: Prepared, frames: int) -> list[list[Timed]]:
+    """Run variants over so many frames, a frame of the first, one of the second, and so on."""
+    with ExitStack() as stack:
+        running = [stack.enter_context(Running(variant, prepared, frames)) for variant in variants]
+        for _ in range(frames):
+            for each in running:
+                each.turn()
+        return [each.turns() for each in running]
