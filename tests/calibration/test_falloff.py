@@ -1,0 +1,70 @@
+"""Falloff of light over the view: planted shading comes back; what does not see the LCD does not count."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from zeromethod.calibration.falloff import lit_pixels, measure_falloff, tile_means
+from zeromethod.errors import MeasurementError
+
+SHAPE = (90, 120)
+SIGMA = 1.5
+
+
+def shading(corner: float) -> NDArray[np.float64]:
+    """cos^4 law with `corner` of the middle's light in the corners."""
+    v, u = np.meshgrid(np.linspace(-1, 1, SHAPE[0]), np.linspace(-1, 1, SHAPE[1]), indexing="ij")
+    return np.asarray((1 + (corner**-0.5 - 1) * (u**2 + v**2) / 2) ** -2.0)
+
+
+def pictures(light: NDArray[np.float64], seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    rng = np.random.default_rng(seed)
+    noise = SIGMA / np.sqrt(2) * rng.standard_normal((2, *SHAPE))
+    return 6 + 180 * light + noise[0], 6 + noise[1]
+
+
+def test_planted_shading_comes_back_per_region_with_its_sigma() -> None:
+    light = shading(0.5)
+    lit = np.ones(SHAPE, dtype=np.bool_)
+    z = []
+    for seed in range(20):
+        found = measure_falloff(*pictures(light, seed), SIGMA, lit)
+        z.append((found.light - tile_means(light, lit) / light.mean()) / found.sigma)
+    # 320 normal numbers; sigma leaves out the mean's own, 1/16 of the variance
+    assert 0.85 < np.sqrt(np.mean(np.square(z))) < 1.15
+    assert found.darkest == pytest.approx(
+        np.min(tile_means(light, lit)) / np.max(tile_means(light, lit)), abs=0.01
+    )
+    # fourth order leaves 2 % at the corners of a cos^4 of this depth
+    assert np.max(np.abs(found.smooth - light / light.mean())) < 0.025
+    assert np.sqrt(np.mean((found.smooth - light / light.mean()) ** 2)) < 0.005
+    assert found.told == ""
+
+
+def test_a_region_in_the_dark_is_told() -> None:
+    white, black = pictures(shading(0.08), 0)
+    found = measure_falloff(white, black, SIGMA, np.ones(SHAPE, dtype=np.bool_))
+    assert found.darkest < 0.3
+    assert found.told.startswith("region ")
+    row, col = (int(one) for one in found.told[7:].split(" of")[0].split(","))
+    assert row in (1, 4)
+    assert col in (1, 4)
+
+
+def test_only_pixels_that_follow_the_lcd_are_lit() -> None:
+    mirror = np.zeros(SHAPE)
+    mirror[20:70, 30:100] = 1
+    lit = lit_pixels(*pictures(mirror, 1), SIGMA)
+    assert np.array_equal(lit, mirror > 0)
+    tiles = measure_falloff(*pictures(mirror, 1), SIGMA, lit).light
+    assert np.isnan(tiles[0, 0])
+    assert np.nanmax(np.abs(tiles - 1)) < 0.01
+
+
+def test_nothing_lit_is_told() -> None:
+    white, black = pictures(np.zeros(SHAPE), 2)
+    assert not lit_pixels(white, black, SIGMA).any()
+    with pytest.raises(MeasurementError, match=r"^falloff"):
+        measure_falloff(white, black, SIGMA, np.zeros(SHAPE, dtype=np.bool_))

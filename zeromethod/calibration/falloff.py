@@ -1,0 +1,129 @@
+"""How the light of an evenly lit LCD falls off over the camera's view.
+
+Lens, viewing angle of the LCD, Fresnel losses and backlight act together here; one picture cannot tell them
+apart, and for the noise that is left in each region it does not matter which it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.errors import MeasurementError
+
+Float = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+TILES = (4, 4)
+"""Regions of the view, along rows and columns."""
+
+LEAST_LIT = 0.5
+"""Share of a tile that must be lit for it to count."""
+
+LIT_SHARE = 0.15
+"""Of the view's bright end: pixels whose light follows the LCD by less do not look at it by the mirror."""
+
+WEAK_SHARE = 0.3
+"""Of the brightest tile's light, below which a tile is worth a word: signal to noise is a third or less."""
+
+_ORDER = 4
+
+
+def lit_pixels(white: Float, black: Float, sigma_grey: float = 0.0) -> Mask:
+    """Pixels (rows, cols) that follow the LCD, by its white and black pictures.
+
+    sigma_grey: noise of `white - black`; what does not stand out of it is not lit.
+    """
+    swing = np.asarray(white, dtype=np.float64) - black
+    least = max(LIT_SHARE * float(np.percentile(swing, 98)), 6.0 * sigma_grey, 1e-9)
+    return np.asarray(swing > least)
+
+
+def tile_means(image: Float, lit: Mask, tiles: tuple[int, int] = TILES) -> Float:
+    """(tile rows, tile cols) mean of the lit pixels of each tile; NaN where too few are lit.
+
+    image: (rows, cols); tiles split it as evenly as whole pixels allow.
+    """
+    weight = lit.astype(np.float64)
+    means = _sums(np.where(lit, image, 0.0), tiles)
+    counts = _sums(weight, tiles)
+    full = _sums(np.ones_like(weight), tiles)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(counts >= LEAST_LIT * full, means / counts, np.nan)
+
+
+def _sums(image: Float, tiles: tuple[int, int]) -> Float:
+    starts = [np.arange(n) * size // n for size, n in zip(image.shape, tiles, strict=True)]
+    return np.asarray(np.add.reduceat(np.add.reduceat(image, starts[0], axis=0), starts[1], axis=1))
+
+
+@dataclass(frozen=True)
+class Falloff:
+    """Light over the view.
+
+    light: (tile rows, tile cols) of the evenly lit LCD over the lit view's mean; NaN where too little is lit.
+    sigma: its standard deviation, by noise alone. smooth: (rows, cols) polynomial through the lit pixels,
+    over the same mean; NaN elsewhere. lit_share: of all camera pixels. told: words, empty where all is well.
+    """
+
+    light: Float
+    sigma: Float
+    smooth: Float
+    lit_share: float
+    told: str
+
+    @property
+    def darkest(self) -> float:
+        """Light of the darkest tile over that of the brightest."""
+        return float(np.nanmin(self.light) / np.nanmax(self.light))
+
+
+def measure_falloff(
+    white: Float, black: Float, sigma_grey: Float | float, lit: Mask, tiles: tuple[int, int] = TILES
+) -> Falloff:
+    """Falloff from mean images (rows, cols) of the white and the black LCD.
+
+    sigma_grey: standard deviation of `white - black` in each pixel, scalar or (rows, cols), errors
+    independent. Raises MeasurementError where no tile is lit.
+    """
+    swing = np.where(lit, np.asarray(white, dtype=np.float64) - black, 0.0)
+    if not lit.any() or not np.isfinite(tile_means(swing, lit, tiles)).any():
+        raise MeasurementError(
+            "falloff: no region of the view follows the LCD: see to focus, aim and exposure"
+        )
+    mean = float(swing[lit].mean())
+    light = tile_means(swing, lit, tiles) / mean
+    variance = np.broadcast_to(np.square(sigma_grey), lit.shape)
+    counts = _sums(lit.astype(np.float64), tiles)
+    with np.errstate(divide="ignore"):
+        sigma = np.sqrt(tile_means(variance, lit, tiles) / counts) / mean
+    falloff = Falloff(light, sigma, _smooth(swing / mean, lit), float(lit.mean()), "")
+    if falloff.darkest >= WEAK_SHARE:
+        return falloff
+    row, col = np.unravel_index(np.nanargmin(light), light.shape)
+    told = (
+        f"region {row + 1}, {col + 1} of {tiles[0]} x {tiles[1]} (row, column) has "
+        f"{100 * falloff.darkest:.0f} % "
+        "of the brightest region's light, and so more noise: turn the LCD's best viewing direction to the "
+        "prism, or aim the camera so that it looks along the reflected light"
+    )
+    return Falloff(light, sigma, falloff.smooth, falloff.lit_share, told)
+
+
+def _smooth(image: Float, lit: Mask) -> Float:
+    """Polynomial of total order `_ORDER` in (row, col) through the lit pixels; NaN elsewhere."""
+    axes = [np.linspace(-1.0, 1.0, size) for size in image.shape]
+    powers = [(i, j) for i in range(_ORDER + 1) for j in range(_ORDER + 1 - i)]
+    rows, cols = np.nonzero(lit)
+    # every pixel adds little to so few terms: some thousands, evenly spread, do
+    chosen = slice(None, None, max(1, len(rows) // 20000))
+
+    def terms(row: NDArray[np.intp], col: NDArray[np.intp]) -> Float:
+        return np.stack([axes[0][row] ** i * axes[1][col] ** j for i, j in powers], axis=-1)
+
+    fit = np.linalg.lstsq(terms(rows[chosen], cols[chosen]), image[rows[chosen], cols[chosen]], rcond=1e-9)[0]
+    smooth = np.full(image.shape, np.nan)
+    smooth[rows, cols] = terms(rows, cols) @ fit
+    return smooth

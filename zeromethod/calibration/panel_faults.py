@@ -1,0 +1,378 @@
+"""What displays do to a picture behind one's back: found from the light at the camera, with what to do.
+
+Each check gives a `Finding`: how large, how sure, and from where on it counts. What cannot be found:
+dithering whose period the exposures span (it then does no harm), and anything slower than the frames looked
+at.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+from zeromethod.errors import InputError
+
+Float = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SURE_SIGMAS = 5.0
+
+
+class Fault(enum.StrEnum):
+    """Faults of the display, and of the light beside it."""
+
+    DYNAMIC_CONTRAST = "dynamic contrast"
+    ADAPTIVE_TONE = "adaptive tone curve"
+    TEMPORAL_DITHERING = "temporal dithering"
+    SPATIAL_DITHERING = "spatial dithering"
+    OVERDRIVE = "overdrive"
+    BACKLIGHT_FLICKER = "backlight flicker"
+    ROOM_LIGHT = "flickering room light"
+
+
+LIMIT: dict[Fault, float] = {
+    Fault.DYNAMIC_CONTRAST: 0.01,
+    Fault.ADAPTIVE_TONE: 0.01,
+    Fault.TEMPORAL_DITHERING: 0.1,
+    Fault.SPATIAL_DITHERING: 0.1,
+    Fault.OVERDRIVE: 0.02,
+    Fault.BACKLIGHT_FLICKER: 0.003,
+    Fault.ROOM_LIGHT: 0.003,
+}
+"""Size from which each counts: shares of the light, but grey codes of the LCD (rms) for dithering."""
+
+ADVICE: dict[Fault, str] = {
+    Fault.DYNAMIC_CONTRAST: (
+        "switch off dynamic contrast, local dimming, power saving and automatic brightness in the LCD's "
+        "menu, the "
+        "graphics driver and the desktop"
+    ),
+    Fault.ADAPTIVE_TONE: (
+        "switch off adaptive contrast, picture enhancement and night light in the LCD's menu, the graphics "
+        "driver "
+        "and the desktop"
+    ),
+    Fault.TEMPORAL_DITHERING: (
+        "switch off dithering in the graphics driver, set it to the LCD's own bit depth, or take an LCD of 8 "
+        "true "
+        "bits; else expose for whole multiples of four refreshes"
+    ),
+    Fault.SPATIAL_DITHERING: (
+        "switch off dithering in the graphics driver, set it to the LCD's own bit depth, or take an LCD of 8 "
+        "true bits"
+    ),
+    Fault.OVERDRIVE: "switch off overdrive (response time, trace free: 'off' or 'normal') in the LCD's menu",
+    Fault.BACKLIGHT_FLICKER: (
+        "switch off what dims the backlight (set it to full brightness), or expose for whole multiples of "
+        "its period"
+    ),
+    Fault.ROOM_LIGHT: "switch off the room's lamps, or shield the bench from them",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Outcome of one check.
+
+    size, sigma: in the unit of `LIMIT`; sigma of noise alone. measured: what was seen, in words.
+    """
+
+    fault: Fault
+    size: float
+    sigma: float
+    measured: str
+
+    @property
+    def found(self) -> bool:
+        """Whether it counts and is no noise."""
+        return abs(self.size) > max(LIMIT[self.fault], SURE_SIGMAS * self.sigma)
+
+    @property
+    def told(self) -> str:
+        """What it is and what to do; for one that was not found, that."""
+        if self.found:
+            return f"{self.fault}: {self.measured}: {ADVICE[self.fault]}"
+        least = max(LIMIT[self.fault], SURE_SIGMAS * self.sigma)
+        if self.fault in (Fault.TEMPORAL_DITHERING, Fault.SPATIAL_DITHERING):
+            return f"{self.fault}: none above {least:.2g} grey codes"
+        return f"{self.fault}: none above {100 * least:.2g} %"
+
+
+@dataclass(frozen=True)
+class Surround:
+    """A patch's light by what is around it.
+
+    glare: light that the brightest surround adds to the patch, over the patch's swing; glare_sigma.
+    Glare (of lens, faces, LCD glass) adds; dynamic contrast multiplies. So the patch's own swing tells them
+    apart.
+    """
+
+    gain: Finding
+    tone: Finding
+    glare: float
+    glare_sigma: float
+
+
+def surround(patch: Float) -> Surround:
+    """Dynamic contrast, from the light of a patch.
+
+    patch: (repeats, surrounds, 3) grey, surrounds from black to white, patch dark, middling and bright. Two
+    repeats at least.
+    """
+    if patch.ndim != 3 or patch.shape[0] < 2 or patch.shape[1] < 2 or patch.shape[2] != 3:
+        raise InputError(f"patch: shape {patch.shape}: (two or more repeats, two or more surrounds, 3)")
+    repeats = len(patch)
+    mean = patch.mean(axis=0)
+    # one number of noise for all: single ones have too few repeats to tell
+    sigma = math.sqrt(float(np.mean(patch.var(axis=0, ddof=1))) / repeats)
+    swing = mean[:, 2] - mean[:, 0]
+    gain = swing / swing[-1] - 1.0
+    worst = int(np.argmax(np.abs(gain)))
+    gain_sigma = sigma * math.sqrt(2.0) * math.hypot(1.0, 1.0 + gain[worst]) / swing[-1]
+    tone = (mean[:, 1] - mean[:, 0]) / swing
+    bend = tone - tone[-1]
+    oddest = int(np.argmax(np.abs(bend)))
+    tone_sigma = 2.0 * sigma / min(swing[oddest], swing[-1])
+    glare = (mean[-1, 0] - mean[0, 0]) / swing[-1]
+    names = ["black"] + ["grey"] * (len(swing) - 2) + ["white"]
+    return Surround(
+        Finding(
+            Fault.DYNAMIC_CONTRAST,
+            float(gain[worst]),
+            float(gain_sigma),
+            f"the same patch gives {100 * gain[worst]:+.1f} % of light on {names[worst]} against on white",
+        ),
+        Finding(
+            Fault.ADAPTIVE_TONE,
+            float(bend[oddest]),
+            float(tone_sigma),
+            f"a middling grey gives {100 * bend[oddest]:+.1f} % of the white's light more on {names[oddest]} "
+            "than on white",
+        ),
+        float(glare),
+        float(sigma * math.sqrt(2.0) / swing[-1]),
+    )
+
+
+def _unsteadiness(level: Float, noise_grey: float) -> tuple[float, float]:
+    """Variance of a level about a straight line, its noise taken off; that variance's standard deviation."""
+    order = np.arange(len(level))
+    rest = level - np.polyval(np.polyfit(order, level, 1), order)
+    degrees = len(level) - 2
+    variance = float(rest @ rest) / degrees
+    return variance - noise_grey**2, variance * math.sqrt(2.0 / degrees)
+
+
+def _root(variance: float, sigma: float) -> tuple[float, float]:
+    """Root of a variance that may be nothing but noise, and its standard deviation."""
+    size = math.sqrt(max(variance, 0.0))
+    return size, sigma / (2 * size) if size > math.sqrt(sigma) else math.sqrt(sigma)
+
+
+def flicker(times_s: Float, white: Float, black: Float, noise_grey: float) -> tuple[Finding, Finding]:
+    """Flicker of the backlight, and of light beside it, from frame to frame.
+
+    times_s: (n,) of the frames of the white LCD. white, black: (n,), (m,) mean grey over the lit view, the
+    black LCD's own. noise_grey: standard deviation of such a mean by the camera's noise. Sizes are rms over
+    the white's light. Slow drift is taken out. Eight frames each at least.
+    """
+    if min(len(white), len(black)) < 8 or len(times_s) != len(white):
+        raise InputError(f"flicker: {len(white)} and {len(black)} frames: eight or more")
+    light = float(white.mean() - black.mean())
+    dark, dark_sigma = _unsteadiness(black, noise_grey)
+    both, both_sigma = _unsteadiness(white, noise_grey)
+    own, own_sigma = _root(both - max(dark, 0.0), math.hypot(both_sigma, dark_sigma))
+    room, room_sigma = _root(dark, dark_sigma)
+    rhythm = _rhythm(times_s, white)
+    return (
+        Finding(
+            Fault.BACKLIGHT_FLICKER,
+            own / light,
+            own_sigma / light,
+            f"the light varies by {100 * own / light:.2g} % (rms) from frame to frame{rhythm}",
+        ),
+        Finding(
+            Fault.ROOM_LIGHT,
+            room / light,
+            room_sigma / light,
+            f"with the LCD black the light varies by {100 * room / light:.2g} % of the white's (rms)"
+            f"{_rhythm(times_s[: len(black)], black[: len(times_s)])}",
+        ),
+    )
+
+
+def _rhythm(times_s: Float, level: Float) -> str:
+    """Words for a frequency that holds most of the variance, as frames show it (the true one may differ)."""
+    order = np.arange(len(level))
+    rest = level - np.polyval(np.polyfit(order, level, 1), order)
+    power = np.abs(np.fft.rfft(rest, 4 * len(rest))) ** 2
+    best = int(np.argmax(power))
+    frame_s = float(np.median(np.diff(times_s)))
+    # a single line's share of all power, at four times the resolution
+    if frame_s <= 0 or 2 * power[best] < 0.5 * len(rest) * float(rest @ rest):
+        return ""
+    return f", in frames at {best / (4 * len(rest) * frame_s):.2g} Hz"
+
+
+SLOWEST_CYCLES = 3
+"""Of a series of frames: pixels that change more slowly drift."""
+
+
+def temporal_dithering(
+    series: Sequence[NDArray[np.generic]], codes: Sequence[int], grey_per_code: Sequence[float], lit: Mask
+) -> Finding:
+    """Dithering in time: pixels that swing with a rhythm, each with its own phase, in a picture that stands.
+
+    series: for each code, (frames, rows, cols) of an evenly lit picture, 16 frames at least. grey_per_code:
+    grey levels that one code more makes there. Noise is as strong at every frequency; what stands out, in the
+    mean over the lit pixels' spectra, does not come from noise. Size: rms of one pixel, grey codes.
+    """
+    best = Finding(Fault.TEMPORAL_DITHERING, 0.0, math.inf, "")
+    for stack, code, step in zip(series, codes, grey_per_code, strict=True):
+        grey = np.asarray(stack, dtype=np.float32)[:, lit]
+        if len(grey) < 16:
+            raise InputError(f"dithering: {len(grey)} frames: sixteen or more")
+        grey -= grey.mean(axis=0)
+        # the backlight's flicker is no dithering
+        grey -= grey.mean(axis=1, keepdims=True)
+        frames = len(grey)
+        power = np.zeros(frames // 2 + 1)
+        for part in np.array_split(grey, max(1, grey.shape[1] // 4096), axis=1):
+            power += np.sum(np.abs(np.fft.rfft(part, axis=0)) ** 2, axis=1)
+        power /= grey.shape[1] * frames**2
+        share = np.full(len(power), 2.0)
+        if frames % 2 == 0:
+            share[-1] = 1.0
+        power = (power * share)[SLOWEST_CYCLES:]  # variance of each frequency
+        share = share[SLOWEST_CYCLES:]
+        floor = float(np.median(power / share))
+        # |FFT|^2 of noise has as large a standard deviation as mean; at half the frame rate root 2 times it
+        spread = floor * share * np.sqrt(2.0 / share) / math.sqrt(grey.shape[1])
+        excess = power - floor * share
+        lines = excess > 4.0 * spread
+        largest = int(np.argmax(excess / spread))
+        lines[largest] = True
+        variance, sigma2 = float(excess[lines].sum()), float(np.sqrt(np.sum(spread[lines] ** 2)))
+        size, sigma = _root(variance, sigma2)
+        # the strongest of n frequencies is as strong as this by chance alone
+        if variance <= 4.5 * sigma2:
+            size, sigma = 0.0, math.sqrt(4.5 * sigma2) / SURE_SIGMAS
+        found = Finding(
+            Fault.TEMPORAL_DITHERING,
+            size / step,
+            sigma / step,
+            f"at code {code} pixels swing by {size / step:.2g} grey codes (rms) while the picture stands "
+            "still",
+        )
+        if _stronger(found, best):
+            best = found
+    return best
+
+
+def _stronger(one: Finding, other: Finding) -> bool:
+    if one.found != other.found:
+        return one.found
+    return one.size > other.size if one.found else one.sigma < other.sigma
+
+
+FINE_PX = 5
+"""Camera px over which a pattern's mean is taken off: shading and viewing angle are smoother."""
+
+
+def spatial_dithering(
+    halves: Sequence[Float],
+    codes: Sequence[int],
+    grey_per_code: Sequence[float],
+    white: Float,
+    black: Float,
+    lit: Mask,
+) -> Finding:
+    """Dithering in space: a fine pattern at some grey codes that the white picture does not show.
+
+    halves: for each code, (2, rows, cols): mean of the first and of the second half of its frames. white,
+    black: (2, rows, cols) likewise. Pixels that are brighter or dimmer are so at every code, in proportion to
+    the light: that is taken off by way of the white. What both halves agree upon is no noise. Size: rms, grey
+    codes.
+    """
+    best = Finding(Fault.SPATIAL_DITHERING, 0.0, math.inf, "")
+    inner = np.asarray(uniform_filter(lit.astype(np.float64), FINE_PX) > 1 - 1e-9)
+    if np.count_nonzero(inner) < 256:
+        return best
+    swing = white - black
+    for pair, code, step in zip(halves, codes, grey_per_code, strict=True):
+        rest = np.empty_like(pair)
+        for half in range(2):
+            light = _smooth(pair[half] - black[half], lit) / _smooth(swing[half], lit)
+            rest[half] = pair[half] - black[half] - light * swing[half]
+        one, two = rest[0][inner], rest[1][inner]
+        agreed = one * two
+        variance = float(agreed.mean())
+        # smoothing ties neighbours together a little: fewer independent ones than pixels
+        sigma2 = 1.5 * float(agreed.std()) / math.sqrt(len(agreed))
+        size, sigma = _root(variance, sigma2)
+        found = Finding(
+            Fault.SPATIAL_DITHERING,
+            size / step,
+            sigma / step,
+            f"at code {code} the picture has a fine pattern of {size / step:.2g} grey codes (rms) of its own",
+        )
+        if _stronger(found, best):
+            best = found
+    return best
+
+
+def _smooth(image: Float, lit: Mask) -> Float:
+    """Mean of the lit pixels around each."""
+    weight = uniform_filter(lit.astype(np.float64), FINE_PX)
+    return np.asarray(uniform_filter(np.where(lit, image, 0.0), FINE_PX) / np.maximum(weight, 1e-9))
+
+
+SETTLED_SHARE = 0.01
+"""Of a step, within which the light has settled."""
+
+
+@dataclass(frozen=True)
+class StepResponse:
+    """What follows a change of the picture.
+
+    overdrive: the largest overshoot of a frame's light past what it settles to, over the step: at least this,
+    as an exposure takes a mean. settled_s: from presentation to the middle of the first frame after which the
+    light stays settled; NaN where it never does within what was looked at.
+    """
+
+    overdrive: Finding
+    settled_s: float
+
+
+def step_response(times_s: Float, share: Float, words: str) -> StepResponse:
+    """Overdrive and settling from frames that follow a step, many repeats at different phases together.
+
+    times_s: (n,) from presentation to mid-exposure. share: (n, regions) light, 0 before the step, 1 long
+    after it. words: the step, e.g. "from code 64 to 192". Regions are judged by themselves: rows of the LCD
+    change one after another.
+    """
+    order = np.argsort(times_s)
+    times, light = times_s[order], share[order]
+    tail = light[2 * len(times) // 3 :]
+    # by neighbours in time, as a light that goes on changing is no noise
+    sigma = float(np.median(np.diff(tail, axis=0).std(axis=0, ddof=1))) / math.sqrt(2.0)
+    overshoot = float(np.median((light - np.median(tail, axis=0)).max(axis=0)))
+    # by chance the largest of n lies so far out
+    chance = sigma * math.sqrt(2 * math.log(max(len(times), 2)))
+    size = overshoot if overshoot > 1.5 * chance else 0.0
+    late = np.abs(light - np.median(tail, axis=0)).max(axis=1) > max(SETTLED_SHARE, 2 * chance)
+    last = int(np.max(np.flatnonzero(late), initial=-1))
+    settled = float(times[last + 1]) if last + 1 < len(times) - len(tail) // 2 else math.nan
+    finding = Finding(
+        Fault.OVERDRIVE,
+        size,
+        sigma,
+        f"{words} the light goes past where it settles by {100 * size:.1f} % of the step",
+    )
+    return StepResponse(finding, settled)
