@@ -36,6 +36,14 @@ def test_frames_that_stay_mixed_or_far_from_null_are_held_longer_up_to_three() -
         assert hold.period_frames == LONGEST_FRAMES
 
 
+def test_motion_does_not_lengthen_what_strips_tell_apart() -> None:
+    hold = Hold(FRAME_NS, timed=True)
+    _note(hold, 10 * RAISE_FRAMES, residual=0.5)
+    assert hold.period_frames == 1
+    _note(hold, RAISE_FRAMES, unusable=True)
+    assert hold.period_frames == 2
+
+
 def test_picture_is_held_for_its_period_and_no_longer() -> None:
     hold = Hold(FRAME_NS)
     _note(hold, RAISE_FRAMES, unusable=True)

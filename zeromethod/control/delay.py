@@ -32,8 +32,8 @@ MEMORY_FRAMES = 63
 SETTLED_FRAMES = 3
 """Frames after which the running delay is believed, if they agree within half a refresh."""
 
-PRECISE_REFRESHES = 0.1
-"""Largest standard deviation of a frame's own delay, in refreshes, that counts as one."""
+PLATEAU_REFRESHES = 0.12
+"""Range of delays, in refreshes, all as good, of which the middle counts as a frame's own delay."""
 
 FIRST_SPAN_REFRESHES = (-3.0, 9.0)
 """Delays searched at first: less than the 16 pictures after which codes repeat."""
@@ -89,12 +89,12 @@ class DelayEstimator:
 
     def is_precise(self, found: Match) -> bool:
         """Whether a frame whose strips fit tells a delay of its own."""
-        return found.sigma_ns <= PRECISE_REFRESHES * self._refresh_ns
+        return found.plateau_ns <= PLATEAU_REFRESHES * self._refresh_ns
 
     def note(self, found: Match) -> None:
         """Take in a frame whose strips fit."""
         if self.is_precise(found):
-            self._values.append(found.best_ns)
+            self._values.append(found.delay_ns)
         else:
             within = min(max(self._value_ns, found.low_ns), found.high_ns)
             if within == self._value_ns:
@@ -115,7 +115,7 @@ class DelayEstimator:
             return min(max(self._value_ns, found.low_ns), found.high_ns)
         own = 1 / max(found.sigma_ns, 1.0) ** 2
         running = 1 / self._scatter_ns**2 if self.settled else 0.0
-        between = (own * found.best_ns + running * self._value_ns) / (own + running)
+        between = (own * found.delay_ns + running * self._value_ns) / (own + running)
         return min(max(between, found.low_ns), found.high_ns)
 
 

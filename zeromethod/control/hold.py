@@ -30,11 +30,16 @@ LONGEST_WAIT = 16
 class Hold:
     """Decides when the next picture may be presented. frame_ns: the camera's frame time.
 
+    timed: whether coded strips tell what every frame saw. Then only frames that could not be used count: one
+    that is not nulled shows that the mirror moves, and longer pictures would only add delay. Without them it
+    may as well be the timing that is wrong.
+
     Call `note` for every frame measured or held, and `presented` for every picture.
     """
 
-    def __init__(self, frame_ns: float) -> None:
+    def __init__(self, frame_ns: float, timed: bool = False) -> None:
         self._frame_ns = frame_ns
+        self._timed = timed
         self._recent: deque[bool] = deque(maxlen=RAISE_FRAMES)
         self._quiet = 0
         self._spoilt = 0
@@ -56,7 +61,7 @@ class Hold:
 
     def note(self, unusable: bool, residual_rms_px: float) -> None:
         """Take in a frame: whether it was held or mixed, and its residual (NaN where there is none)."""
-        bad = unusable or not residual_rms_px < LOCK_RESIDUAL_PX
+        bad = unusable or not (self._timed or residual_rms_px < LOCK_RESIDUAL_PX)
         self._recent.append(bad)
         self._quiet += 1
         self._spoilt += bad

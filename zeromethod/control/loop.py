@@ -79,7 +79,8 @@ class Loop:
         self._circle = parts.circle
         self._presenting = parts.presenting
         timeout_s = rig.control.timeout_s
-        self._hold = Hold(1e9 / rig.camera.rate_hz) if self.live or parts.circle.delay else None
+        timed = parts.circle.delay is not None
+        self._hold = Hold(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
         self._watch = Watch(display, timeout_s if self.live else None)
         meanwhile = self._attend if self.live else None
         self._source = FrameSource(camera, reopen_camera, clock, timeout_s, meanwhile)

@@ -51,8 +51,8 @@ _BITS = np.array([bits_of(code) for code in range(CODES)], dtype=np.float64)
 class Match:
     """Delays that explain a frame's strips, ns: the best, and the ends of those as good within 3 sigma.
 
-    fits: whether they explain it at all; where False nothing of the rest is to be used. contradicts: whether
-    what was seen cannot have been shown.
+    blur_ns: how far apart noise alone puts these ends. fits: whether they explain it at all; where False
+    nothing of the rest is to be used. contradicts: whether what was seen cannot have been shown.
     """
 
     fits: bool
@@ -60,10 +60,22 @@ class Match:
     best_ns: float = math.nan
     low_ns: float = math.nan
     high_ns: float = math.nan
+    blur_ns: float = math.nan
+
+    @property
+    def plateau_ns(self) -> float:
+        """Range of delays that no noise is needed for: what was seen cannot tell them apart."""
+        return self.high_ns - self.low_ns - self.blur_ns
+
+    @property
+    def delay_ns(self) -> float:
+        """The best delay; of a plateau wider than noise, whose best may be any, the middle."""
+        flat = self.plateau_ns > 1.5 * self.blur_ns
+        return 0.5 * (self.low_ns + self.high_ns) if flat else self.best_ns
 
     @property
     def sigma_ns(self) -> float:
-        """Standard deviation of the best delay, as far as one frame tells it."""
+        """Standard deviation of the delay, as far as one frame tells it."""
         return (self.high_ns - self.low_ns) / 6
 
 
@@ -180,6 +192,8 @@ def match(
         return None
     step = (high - low) / (coarse - 1)
     runs = _runs(worst < POSSIBLE_WITHIN)
+    # a level's noise, over the change of two levels (a bit and the check) by delay
+    blur_ns = 6 * MODEL_SIGMA * frame.exposure_ns / math.sqrt(2)
     fine, fine_worst = np.empty(_FINE), np.empty(_FINE)
     found: list[Match] = []
     for begin, end in runs:
@@ -188,7 +202,7 @@ def match(
             _scan(a, b, fine, fine_worst, *given)
             best = int(np.argmin(fine))
             near = np.flatnonzero(fine < fine[best] + 9)
-            here = _located(a, b, fine, best, near)
+            here = _located(a, b, fine, best, near, blur_ns)
             pad = (b - a) / (_FINE - 1)
             a, b = max(low, here.low_ns - pad), min(high, here.high_ns + pad)
         if fine_worst[best] < FITS_WITHIN:
@@ -199,10 +213,11 @@ def match(
             found.append(here)
     if len(found) == 1:
         return found[0]
-    return Match(fits=False, contradicts=not runs)
+    # a delay at which a picture without code has a part is never ruled out
+    return Match(fits=False, contradicts=not runs and bool(np.isfinite(total).all()))
 
 
-def _located(a: float, b: float, fine: Float, best: int, near: NDArray[np.int64]) -> Match:
+def _located(a: float, b: float, fine: Float, best: int, near: NDArray[np.int64], blur_ns: float) -> Match:
     """Best delay and the ends of those as good, of a scan from a to b."""
     step = (b - a) / (len(fine) - 1)
     shift = 0.0
@@ -210,4 +225,5 @@ def _located(a: float, b: float, fine: Float, best: int, near: NDArray[np.int64]
         left, middle, right = fine[best - 1 : best + 2]
         bend = left - 2 * middle + right
         shift = 0.5 * (left - right) / bend if bend > 0 else 0.0
-    return Match(True, False, a + (best + shift) * step, a + int(near[0]) * step, a + int(near[-1]) * step)
+    low, high = a + int(near[0]) * step, a + int(near[-1]) * step
+    return Match(True, False, a + (best + shift) * step, low, high, blur_ns)

@@ -31,6 +31,9 @@ LEAST_CONTRAST = 0.3
 LEAST_GREY = 6.0
 """Grey levels between white and black below which nothing is read."""
 
+GREY_ABOVE = 0.05
+"""Distance of a level from 0 and 1 from which two pictures are behind it."""
+
 UNEVEN = 0.1
 """Largest difference of a cell's quarters from its mean, in units of white minus black."""
 
@@ -61,7 +64,7 @@ class StripReading:
     def code(self) -> int | None:
         """Code where one picture alone was seen; None where bits are grey or the check fails."""
         bits = np.rint(self.levels).astype(int)
-        if np.abs(self.levels - bits).max() > UNEVEN:
+        if np.abs(self.levels - bits).max() > GREY_ABOVE:
             return None
         code = 0
         for bit in bits[BITS - 2 :: -1]:

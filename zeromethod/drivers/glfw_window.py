@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import re
 import threading
@@ -119,6 +120,7 @@ class GlfwWindow:
         glfw.set_input_mode(self._pointer, glfw.CURSOR, glfw.CURSOR_HIDDEN)
         self.bind()
         glfw.swap_interval(1)
+        self._gl_finish = ctypes.CFUNCTYPE(None)(self.address("glFinish"))
 
     def bind(self) -> None:
         """Make its context current in this thread."""
@@ -135,6 +137,13 @@ class GlfwWindow:
     def destroy(self) -> None:
         """Close the window and free its context."""
         glfw.destroy_window(self._pointer)
+
+    def finish(self) -> None:
+        """Wait until all that was drawn is on the screen, while other threads go on.
+
+        moderngl's own `finish` keeps the interpreter to itself, for a whole refresh where swaps wait.
+        """
+        self._gl_finish()
 
     def swap(self) -> None:
         """Show what was drawn; returns once the GPU is done with it."""

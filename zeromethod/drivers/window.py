@@ -155,10 +155,10 @@ class WindowDisplay:
             with self._context, glfw_errors_as(DisplayLost):
                 render(self._context.screen)
                 if self._refreshes.paced:
-                    self._context.finish()
+                    self._window.finish()
                 self._refreshes.wait()
                 self._window.swap()
-                self._context.finish()
+                self._window.finish()
                 return self._refreshes.end()
 
     def show(self, image: NDArray[np.uint8]) -> int:
@@ -216,10 +216,10 @@ class WindowDisplay:
         with self._context as ctx:
             for _ in range(_TRIAL_SWAPS):
                 ctx.screen.clear()
-                ctx.finish()
+                self._window.finish()
                 before_ns = self._clock.now_ns()
                 self._window.swap()
-                ctx.finish()
+                self._window.finish()
                 times_ns.append((before_ns, self._clock.now_ns()))
         return times_ns[_QUEUED_SWAPS:]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from zeromethod.control.delay import DelayWatch
-from zeromethod.control.matching import MODEL_SIGMA, Match
+from zeromethod.control.matching import Match
 from zeromethod.control.pairing import PanelTiming, pair
 from zeromethod.control.presentation import PresentationLog
 from zeromethod.control.presenter import Presenter
@@ -31,10 +31,6 @@ DEFAULT_SECONDS = 3.0
 
 LEAST_FRAMES = 8
 """Frames with a delay of their own that a result needs."""
-
-PLATEAU_REFRESHES = 0.12
-"""Range of delays, in refreshes, all as good, of which the middle counts as a frame's own delay. Noise adds
-six of its standard deviations: of a level, over the change of two levels (a bit and the check) by delay."""
 
 LOOSEST_REFRESHES = 0.3
 """Widest range of delays, in refreshes, whose middle is taken: noise is part of it, so that the middle is a
@@ -141,8 +137,7 @@ def measure_delay(
             f"delay: the codes of {len(found)} of {len(stamps)} frames could be read, "
             f"{LEAST_FRAMES} are needed: see to focus, light and rest map"
         )
-    widest_ns = PLATEAU_REFRESHES * refresh_ns + 6 * MODEL_SIGMA * newest.exposure_ns / math.sqrt(2)
-    precise = [0.5 * (one.low_ns + one.high_ns) for one in found if one.high_ns - one.low_ns <= widest_ns]
+    precise = [one.delay_ns for one in found if watch.estimator.is_precise(one)]
     latency_ns, sigma_ns, jitter_ns = _delay(found, precise, refresh_ns)
     return DelayResult(
         latency_s=1e-9 * latency_ns,

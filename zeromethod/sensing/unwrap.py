@@ -83,6 +83,9 @@ class Unwrapper:
         return np.stack([guess[..., 0] + guess[..., 1], guess[..., 0] - guess[..., 1]], axis=-1)
 
 
+_OUTSIDE = int(Flag.OUTSIDE)
+
+
 @numba.njit(cache=True)
 def _is_near_null(d: Doubles, flags: Flags, period: float) -> bool:
     """All within a quarter period, so that no edge jumps, and too few holes to cut a region off."""
@@ -91,7 +94,8 @@ def _is_near_null(d: Doubles, flags: Flags, period: float) -> bool:
         far = 0
         for col in range(PADDING, d.shape[1] - PADDING):
             good = flags[row, col] == 0
-            holes += not good
+            # what coded strips cover are whole edges of the view, which cut nothing off
+            holes += not good and not (flags[row, col] & _OUTSIDE)
             far += good and max(abs(d[row, col, 0]), abs(d[row, col, 1])) > limit
         if far > 0 or holes > 3:
             return False
