@@ -1,0 +1,72 @@
+"""A bench a little off the packaged one, what is measured on it, and its calibration."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from zeromethod.calibration import Fit, Presses, Priors, RestPositions, RestReading, fit
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.simulation.press import Mirror
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture(scope="session")
+def study() -> ModuleType:
+    """benchmarks/calibration_study.py as a module."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(BENCHMARKS))
+        spec = importlib.util.spec_from_file_location(
+            "calibration_study", BENCHMARKS / "calibration_study.py"
+        )
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        patch.setitem(sys.modules, "calibration_study", module)
+        spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def nominal() -> Rig:
+    return binned(load_rig("simulated"), 4)
+
+
+@pytest.fixture(scope="session")
+def truth(study: ModuleType, nominal: Rig) -> Any:
+    rng = np.random.default_rng(3)
+    return study.Truth(study.draw(nominal, rng), rng)
+
+
+@pytest.fixture(scope="session")
+def positions(truth: Any) -> RestPositions:
+    return RestPositions.of(truth.grid, truth.warp(Mirror()))
+
+
+@pytest.fixture(scope="session")
+def reading(truth: Any) -> RestReading:
+    return RestReading.of(truth.grid, truth.warp(Mirror()))
+
+
+@pytest.fixture(scope="session")
+def presses(truth: Any, reading: RestReading) -> Presses:
+    return Presses.of(reading, [truth.known_press(share) for share in (0.3, 0.7)])
+
+
+@pytest.fixture(scope="session")
+def rest_fit(nominal: Rig, positions: RestPositions) -> Fit:
+    return fit(Priors.of(nominal), [positions])
+
+
+@pytest.fixture(scope="session")
+def press_fit(nominal: Rig, positions: RestPositions, presses: Presses) -> Fit:
+    return fit(Priors.of(nominal), [positions, presses])

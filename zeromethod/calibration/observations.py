@@ -1,0 +1,312 @@
+"""What a calibration is made from: each kind of data as numbers with sigma, and what a rig makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.calibration.parameters import PARAMETERS, describe
+from zeromethod.calibration.rays import UnboundedOptics, mirror_point
+from zeromethod.errors import InputError
+from zeromethod.rig.model import Rig
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.warp import Warp
+
+Array = NDArray[np.float64]
+
+MARGIN_MM = 2.0
+"""Nodes whose mirror point lies nearer to an edge of the mirror are left out: what they see is a chamfer or
+worse, and a candidate rig may put them beyond P0, where the lever changes its sign."""
+_MOST_NODES = 800
+_STEP_PX = 0.5
+_BLOCKS = 6
+_NOTABLE = 1.3
+"""Misfit, relative to what noise leaves, from which it counts."""
+
+
+class Observation(Protocol):
+    """Data of one kind.
+
+    Numbers are in the data's own unit and their errors count as independent. Groups of numbers in a row stand
+    or fall together when outliers are looked for. Costly is what takes more than milliseconds to predict.
+    """
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        ...
+
+    @property
+    def measured(self) -> Array:
+        """(n,) numbers."""
+        ...
+
+    @property
+    def sigma(self) -> Array:
+        """(n,) standard deviations."""
+        ...
+
+    @property
+    def group(self) -> int:
+        """Numbers that stand or fall together."""
+        ...
+
+    @property
+    def blind_to(self) -> frozenset[str]:
+        """Parameters without influence."""
+        ...
+
+    @property
+    def costly(self) -> bool:
+        """Whether predicting takes long."""
+        ...
+
+    @property
+    def step(self) -> float:
+        """Step of differences, in prior sigmas."""
+        ...
+
+    def prepared(self, rig: Rig) -> Self:
+        """The same data with everything chosen that must not change between rigs near `rig`."""
+        ...
+
+    def predict(self, rig: Rig) -> Array:
+        """(n,) what `rig` would give; NaN where it cannot say."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class RestPositions:
+    """The rest map: LCD positions that camera pixels see by the mirror at rest.
+
+    pixel: (m, 2) camera px. q: (m, 2) LCD px. sigma_q: (m, 2) LCD px. Numbers are column, row, column, ...
+    """
+
+    pixel: Array
+    q: Array
+    sigma_q: Array
+    name: str = "rest map"
+    group: int = 2
+    blind_to: frozenset[str] = frozenset()
+    costly: bool = False
+    step: float = 0.01
+
+    @classmethod
+    def of(cls, grid: NodeGrid, rest: Warp) -> RestPositions:
+        """Valid measurable nodes of a warp measured at rest."""
+        valid = np.zeros(grid.shape, bool)
+        valid[grid.inner] = rest.valid[grid.inner]
+        valid &= np.isfinite(rest.q).all(axis=-1) & np.isfinite(rest.sigma).all(axis=-1)
+        pixel = np.stack(grid.mesh(), axis=-1)
+        return cls(pixel[valid], rest.q[valid], rest.sigma[valid])
+
+    @property
+    def measured(self) -> Array:
+        """(2 m,) LCD px."""
+        return self.q.ravel()
+
+    @property
+    def sigma(self) -> Array:
+        """(2 m,) LCD px."""
+        return self.sigma_q.ravel()
+
+    def prepared(self, rig: Rig) -> RestPositions:
+        """Nodes well inside the mirror, evenly thinned out to what a fit needs."""
+        inside = np.flatnonzero(well_inside(rig, self.pixel))
+        chosen = inside[:: max(1, -(-len(inside) // _MOST_NODES))]
+        return replace(self, pixel=self.pixel[chosen], q=self.q[chosen], sigma_q=self.sigma_q[chosen])
+
+    def predict(self, rig: Rig) -> Array:
+        """(2 m,) LCD px by the exact rays."""
+        return UnboundedOptics(rig).rest_map(self.pixel[:, 0], self.pixel[:, 1]).ravel()
+
+    def inflated(self, factor: float) -> RestPositions:
+        """The same with a larger sigma."""
+        return replace(self, sigma_q=factor * self.sigma_q)
+
+    def misfit(self, normalised: Array, weight: Array) -> float:
+        """By how much sigma must grow to hold what no rig explains; 1 where noise explains it.
+
+        normalised: (2 m,) residual / sigma; weight: (m,) of the robust fit. Blocks of the view are averaged:
+        noise averages out, a mirror that is not flat or a lens that is not the model's does not, and a fit
+        that counts each node as new knowledge would believe it.
+        """
+        left = normalised.reshape(-1, 2)
+        position = (self.pixel - self.pixel.min(axis=0)) / np.ptp(self.pixel, axis=0)
+        cell = np.minimum((_BLOCKS * position).astype(int), _BLOCKS - 1)
+        block = cell[:, 0] * _BLOCKS + cell[:, 1]
+        kept = np.where(weight >= 1.0, 1.0, 0.0)
+        count = np.maximum(np.bincount(block, kept, _BLOCKS**2), 1e-9)
+        total = np.stack([np.bincount(block, kept * left[:, i], _BLOCKS**2) for i in (0, 1)])
+        blocks = float(np.sqrt(np.mean((total**2 / count)[:, count > 0.5])))
+        nodes = float(np.sqrt((kept[:, None] * left**2).sum() / (2 * max(kept.sum(), 1.0))))
+        found = max(blocks, nodes)
+        return found if found > _NOTABLE else 1.0
+
+
+def well_inside(rig: Rig, pixel: Array) -> NDArray[np.bool_]:
+    """(...) whether camera pixels (..., 2) look at the mirror at least MARGIN_MM from its borders."""
+    optics = UnboundedOptics(rig)
+    point = mirror_point(optics, pixel[..., 0], pixel[..., 1])
+    x, y = point[..., 0], np.abs(point[..., 1])
+    with np.errstate(invalid="ignore"):
+        inside = (x > MARGIN_MM) & (x < optics.length_mm - MARGIN_MM)
+        return np.asarray(inside & (y < optics.prism.half_width_mm - MARGIN_MM))
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorEdge:
+    """An edge of the mirror seen in the image.
+
+    edge: "P0" or "R0". pixel: (m, 2) camera px on the edge's image (one to three; their errors count as
+    independent). sigma_px: camera px. The numbers are distances from the edge's image, camera px, positive
+    towards larger x on the mirror.
+    """
+
+    edge: Literal["P0", "R0"]
+    pixel: Array
+    sigma_px: float
+    group: int = 1
+    blind_to: frozenset[str] = frozenset(
+        {"display.along_mm", "display.across_mm", "display.turn_deg", "gap_mm"}
+    )
+    costly: bool = False
+    step: float = 0.01
+
+    @property
+    def name(self) -> str:
+        """Which edge."""
+        return f"edge {self.edge}"
+
+    @property
+    def measured(self) -> Array:
+        """(m,) zeros: the pixels lie on the edge."""
+        return np.zeros(len(self.pixel))
+
+    @property
+    def sigma(self) -> Array:
+        """(m,) camera px."""
+        return np.full(len(self.pixel), self.sigma_px)
+
+    def prepared(self, rig: Rig) -> MirrorEdge:  # noqa: ARG002 (nothing to choose)
+        """As it is."""
+        return self
+
+    def predict(self, rig: Rig) -> Array:
+        """(m,) camera px from the edge's image, to first order."""
+        optics = UnboundedOptics(rig)
+        u, v = self.pixel.T
+        at_mm = 0.0 if self.edge == "P0" else optics.length_mm
+        by_u, by_v = (
+            (mirror_point(optics, u + du, v + dv) - mirror_point(optics, u - du, v - dv))[:, 0]
+            / (2 * _STEP_PX)
+            for du, dv in ((_STEP_PX, 0.0), (0.0, _STEP_PX))
+        )
+        return np.asarray((mirror_point(optics, u, v)[:, 0] - at_mm) / np.hypot(by_u, by_v))
+
+
+@dataclass(frozen=True, eq=False)
+class Direct:
+    """A parameter measured by itself: the gap by feeler gauge, the LCD's distance from P0 by ruler, ...
+
+    Raises InputError for an unknown parameter or a sigma that is not above 0.
+    """
+
+    parameter: str
+    value: float
+    sigma_value: float
+    group: int = 1
+    blind_to: frozenset[str] = field(init=False, default=frozenset())
+    costly: bool = False
+    step: float = 0.01
+
+    def __post_init__(self) -> None:
+        if self.parameter not in PARAMETERS:
+            raise InputError(f"{self.parameter}: not a parameter: one of {', '.join(PARAMETERS)}")
+        if not self.sigma_value > 0.0:
+            raise InputError(f"{self.parameter}: sigma {self.sigma_value}: a number above 0")
+        object.__setattr__(self, "blind_to", frozenset(PARAMETERS) - {self.parameter})
+
+    @property
+    def name(self) -> str:
+        """What was measured."""
+        return PARAMETERS[self.parameter].words
+
+    @property
+    def measured(self) -> Array:
+        """(1,) in the parameter's unit."""
+        return np.array([self.value])
+
+    @property
+    def sigma(self) -> Array:
+        """(1,) in the parameter's unit."""
+        return np.array([self.sigma_value])
+
+    def prepared(self, rig: Rig) -> Direct:
+        """As it is. Raises InputError where the rig has no such parameter."""
+        if self.parameter not in describe(rig):
+            raise InputError(f"{rig.name}: {self.parameter}: this rig has none")
+        return self
+
+    def predict(self, rig: Rig) -> Array:
+        """(1,) in the parameter's unit."""
+        return np.array([describe(rig)[self.parameter]])
+
+
+INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+
+
+@dataclass(frozen=True, eq=False)
+class Intrinsics:
+    """A camera calibrated by itself (ChArUco board): values and full covariance, in OpenCV's order and units.
+
+    names: which of `INTRINSICS`. values: (n,). covariance: (n, n), positive definite. The numbers are the
+    values in the covariance's own axes, so that their errors are independent, of sigma 1.
+    """
+
+    names: Sequence[str]
+    values: Array
+    covariance: Array
+    name: str = "camera intrinsics"
+    group: int = 1
+    costly: bool = False
+    step: float = 0.01
+    blind_to: frozenset[str] = frozenset(n for n in PARAMETERS if not n.startswith("camera."))
+    _whiten: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.names if name not in INTRINSICS]
+        if unknown or len(self.names) != len(self.values):
+            raise InputError(f"intrinsics: {list(self.names)}: one value for each of some of {INTRINSICS}")
+        try:
+            lower = np.linalg.cholesky(np.asarray(self.covariance, dtype=np.float64))
+        except np.linalg.LinAlgError:
+            raise InputError("intrinsics: covariance: must be symmetric and positive definite") from None
+        object.__setattr__(self, "_whiten", np.linalg.inv(lower))
+
+    @property
+    def measured(self) -> Array:
+        """(n,) whitened."""
+        return np.asarray(self._whiten @ np.asarray(self.values, dtype=np.float64))
+
+    @property
+    def sigma(self) -> Array:
+        """(n,) ones."""
+        return np.ones(len(self.names))
+
+    def prepared(self, rig: Rig) -> Intrinsics:
+        """As it is. Raises InputError where the rig's camera is not a perspective one."""
+        if rig.camera.projection != "perspective":
+            raise InputError(f"{rig.name}: camera intrinsics: only for projection 'perspective'")
+        return self
+
+    def predict(self, rig: Rig) -> Array:
+        """(n,) whitened."""
+        camera = rig.camera
+        assert camera.focal_px is not None
+        known = dict(zip(INTRINSICS, (*camera.focal_px, *camera.centre_px, *camera.distortion), strict=True))
+        return np.asarray(self._whiten @ np.array([known[name] for name in self.names]))

@@ -1,0 +1,206 @@
+"""What a calibration fits: a rig's geometry as named numbers, how well calipers know them, and back to a rig.
+
+The camera's direction is given by two angles that do not depend on where it stands: `heading` turns its axis
+in the world's xz plane, from x towards z, `elevation` lifts it towards y. The captured face is told by how
+much its angle differs from the pattern face's: cut from one mould, they are known better against each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.errors import InputError
+from zeromethod.rig.model import Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One number of the bench's geometry.
+
+    sigma: standard deviation of a value taken with calipers, a protractor and data sheets; 0 = taken as
+    exact unless told otherwise. low, high: what is physically possible; a fit stays within.
+    """
+
+    name: str
+    unit: str
+    words: str
+    sigma: float
+    low: float = -np.inf
+    high: float = np.inf
+
+
+PARAMETERS = {
+    parameter.name: parameter
+    for parameter in (
+        Parameter("display.along_mm", "mm", "the LCD's place along the pattern face from P0", 1.2),
+        Parameter("display.across_mm", "mm", "the LCD's place along y", 1.2),
+        Parameter("display.turn_deg", "deg", "the LCD's turn in its plane", 0.6),
+        Parameter("display.tilt_along_deg", "deg", "the LCD's wedge about the face's along direction", 0.15),
+        Parameter("display.tilt_y_deg", "deg", "the LCD's wedge about y", 0.15),
+        Parameter("gap_mm", "mm", "the gap in front of the LCD", 0.17, low=0.0),
+        Parameter("camera.x_mm", "mm", "the camera's x", 3.0),
+        Parameter("camera.y_mm", "mm", "the camera's y", 3.0),
+        Parameter("camera.z_mm", "mm", "the camera's z", 3.0),
+        Parameter("camera.heading_deg", "deg", "the camera's direction in the xz plane", 0.6),
+        Parameter("camera.elevation_deg", "deg", "the camera's direction towards y", 0.6),
+        Parameter("camera.roll_deg", "deg", "the camera's roll", 0.6),
+        Parameter("camera.scale", "", "the focal length (or pixel size) over the rig file's", 0.012, low=0.1),
+        Parameter("camera.aspect", "", "the focal length along v over the one along u", 0.0005, low=0.5),
+        Parameter("camera.centre_u_px", "px", "the principal point's column", 15.0),
+        Parameter("camera.centre_v_px", "px", "the principal point's row", 15.0),
+        Parameter("camera.k1", "", "the lens distortion k1", 0.3),
+        Parameter("camera.k2", "", "the lens distortion k2", 0.0),
+        Parameter("camera.p1", "", "the lens distortion p1", 0.0),
+        Parameter("camera.p2", "", "the lens distortion p2", 0.0),
+        Parameter("camera.k3", "", "the lens distortion k3", 0.0),
+        Parameter("prism.index", "", "the rubber's index", 0.006, low=1.01, high=4.0),
+        Parameter("prism.pattern_angle_deg", "deg", "the pattern face's angle", 0.3, low=5.0, high=85.0),
+        Parameter("prism.captured_less_pattern_deg", "deg", "the faces' difference in angle", 0.18),
+        Parameter(
+            "prism.length_mm", "mm", "the prism's length (leg or mirror, as the rig file has it)", 0.05
+        ),
+    )
+}
+"""Every parameter by name, in the order of a vector. The camera's scale is 1 in the rig file itself."""
+
+_LENS = tuple(f"camera.{name}" for name in ("k1", "k2", "p1", "p2", "k3"))
+
+
+def describe(rig: Rig) -> dict[str, float]:
+    """Value of every parameter that the rig has."""
+    display, camera, prism = rig.display, rig.camera, rig.prism
+    axis = np.subtract(camera.look_at_mm, camera.position_mm)
+    axis /= np.linalg.norm(axis)
+    length_mm = prism.leg_mm if prism.leg_mm is not None else prism.mirror_length_mm
+    assert length_mm is not None
+    values = {
+        "display.along_mm": display.centre_mm[0],
+        "display.across_mm": display.centre_mm[1],
+        "display.turn_deg": display.turn_deg,
+        "display.tilt_along_deg": display.tilt_deg[0],
+        "display.tilt_y_deg": display.tilt_deg[1],
+        "camera.x_mm": camera.position_mm[0],
+        "camera.y_mm": camera.position_mm[1],
+        "camera.z_mm": camera.position_mm[2],
+        "camera.heading_deg": float(np.degrees(np.arctan2(axis[2], axis[0]))),
+        "camera.elevation_deg": float(np.degrees(np.arcsin(axis[1]))),
+        "camera.roll_deg": camera.roll_deg,
+        "camera.scale": 1.0,
+        "camera.centre_u_px": camera.centre_px[0],
+        "camera.centre_v_px": camera.centre_px[1],
+        "prism.index": prism.index,
+        "prism.pattern_angle_deg": prism.pattern_angle_deg,
+        "prism.captured_less_pattern_deg": prism.captured_angle_deg - prism.pattern_angle_deg,
+        "prism.length_mm": length_mm,
+    }
+    if rig.pattern_layers and rig.pattern_layers[-1].index == 1.0:
+        values["gap_mm"] = rig.pattern_layers[-1].thickness_mm
+    if camera.projection == "perspective":
+        assert camera.focal_px is not None
+        values["camera.aspect"] = camera.focal_px[1] / camera.focal_px[0]
+        values.update(zip(_LENS, camera.distortion, strict=True))
+    return {name: values[name] for name in PARAMETERS if name in values}
+
+
+def build(rig: Rig, values: Mapping[str, float]) -> Rig:
+    """Rig with some of its parameters changed; the scale is relative to `rig`. Values are not checked."""
+    p = {**describe(rig), **values}
+    heading, elevation = np.radians(p["camera.heading_deg"]), np.radians(p["camera.elevation_deg"])
+    position = np.array([p["camera.x_mm"], p["camera.y_mm"], p["camera.z_mm"]])
+    flat = np.cos(elevation)
+    axis = np.array([flat * np.cos(heading), np.sin(elevation), flat * np.sin(heading)])
+    reach = float(np.linalg.norm(np.subtract(rig.camera.look_at_mm, rig.camera.position_mm)))
+    camera: dict[str, object] = {
+        "position_mm": tuple(map(float, position)),
+        "look_at_mm": tuple(map(float, position + reach * axis)),
+        "roll_deg": p["camera.roll_deg"],
+        "centre_px": (p["camera.centre_u_px"], p["camera.centre_v_px"]),
+    }
+    if rig.camera.projection == "perspective":
+        assert rig.camera.focal_px is not None
+        focal = rig.camera.focal_px[0] * p["camera.scale"]
+        camera["focal_px"] = (focal, focal * p["camera.aspect"])
+        camera["distortion"] = tuple(p[name] for name in _LENS)
+    else:
+        assert rig.camera.pixel_mm is not None
+        camera["pixel_mm"] = rig.camera.pixel_mm * p["camera.scale"]
+    display = {
+        "centre_mm": (p["display.along_mm"], p["display.across_mm"]),
+        "turn_deg": p["display.turn_deg"],
+        "tilt_deg": (p["display.tilt_along_deg"], p["display.tilt_y_deg"]),
+    }
+    prism = {
+        "index": p["prism.index"],
+        "pattern_angle_deg": p["prism.pattern_angle_deg"],
+        "captured_angle_deg": p["prism.pattern_angle_deg"] + p["prism.captured_less_pattern_deg"],
+        "leg_mm" if rig.prism.leg_mm is not None else "mirror_length_mm": p["prism.length_mm"],
+    }
+    layers = rig.pattern_layers
+    if "gap_mm" in p:
+        layers = (*layers[:-1], layers[-1].model_copy(update={"thickness_mm": p["gap_mm"]}))
+    return rig.model_copy(
+        update={
+            "display": rig.display.model_copy(update=display),
+            "camera": rig.camera.model_copy(update=camera),
+            "prism": rig.prism.model_copy(update=prism),
+            "pattern_layers": layers,
+        }
+    )
+
+
+@dataclass(frozen=True)
+class Priors:
+    """What is believed of a rig before any data: the free parameters' values and standard deviations.
+
+    A vector of a fit is z = (value - mean) / sigma: in these units every prior is 1 wide, whatever its unit.
+    """
+
+    rig: Rig
+    names: tuple[str, ...]
+    mean: Array
+    sigma: Array
+
+    @classmethod
+    def of(cls, rig: Rig, sigma: Mapping[str, float] | None = None) -> Priors:
+        """Priors of calipers, with other standard deviations where given; 0 takes a value as exact.
+
+        Raises InputError for a name that the rig does not have, or a sigma that is negative or not finite.
+        """
+        values, given = describe(rig), dict(sigma or {})
+        for name, value in given.items():
+            if name not in values:
+                raise InputError(f"prior: {name}: not a parameter of this rig: one of {', '.join(values)}")
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"prior: {name}: {value}: a number from 0 up")
+        widths = {name: given.get(name, PARAMETERS[name].sigma) for name in values}
+        names = tuple(name for name, width in widths.items() if width > 0.0)
+        mean = np.array([values[name] for name in names])
+        return cls(rig, names, mean, np.array([widths[name] for name in names]))
+
+    def values(self, z: Array) -> dict[str, float]:
+        """Free parameters' values at z (n,)."""
+        return dict(zip(self.names, map(float, self.mean + self.sigma * z), strict=True))
+
+    def at(self, z: Array) -> Rig:
+        """Rig at z (n,)."""
+        return build(self.rig, self.values(z))
+
+    def within(self, z: Array) -> Array:
+        """Vector z (n,) brought back within what is physically possible."""
+        low = np.array([PARAMETERS[name].low for name in self.names])
+        high = np.array([PARAMETERS[name].high for name in self.names])
+        return np.asarray(np.clip(z, (low - self.mean) / self.sigma, (high - self.mean) / self.sigma))
+
+    def vector(self, values: Mapping[str, float]) -> Array:
+        """Vector z (n,) of a mapping that holds at least all free parameters."""
+        return (np.array([values[name] for name in self.names]) - self.mean) / self.sigma
+
+    def columns(self, names: Sequence[str]) -> NDArray[np.bool_]:
+        """(n,) which free parameters are among `names`."""
+        return np.array([name in names for name in self.names])
