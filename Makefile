@@ -3,7 +3,7 @@
 # make test  set up, then run all tests
 # make lint  format, lint, types, import layers
 # make bench speed and accuracy against peers (ratios of the same run), sigma, steps, long holds, gains,
-#            faults: ~20 minutes
+#            faults, live path, calibration: ~35 minutes
 # Everything lives in .venv; system packages that are missing (EGL, Mesa; Xvfb for the tests) are installed first.
 
 PYTHON ?= python3
@@ -38,6 +38,8 @@ bench: $(VENV)/.run-ready
 	$(BIN)/python benchmarks/wavelength_gain.py
 	$(BIN)/python benchmarks/long_hold.py
 	$(BIN)/python benchmarks/fault_tour.py
+	$(BIN)/python benchmarks/live_cost.py --quick
+	$(BIN)/python benchmarks/calibration_study.py
 
 $(BIN)/python:
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh
