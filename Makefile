@@ -18,7 +18,7 @@ run: $(VENV)/.run-ready
 	$(BIN)/zeromethod run --figure out/run.png --summary out/run.json
 
 rehearse: $(VENV)/.test-ready
-	@BIN=$(BIN) sh tools/rehearse.sh
+	@BIN=$(BIN) sh tools/rehearse.sh $(ARGS)
 
 test: $(VENV)/.test-ready
 	$(BIN)/python -m pytest $(PYTEST_ARGS)

@@ -5,6 +5,7 @@
 set -eu
 BIN=${BIN:-.venv/bin}
 mkdir -p out
+rm -f out/rehearsal.json out/rehearsal.png out/truth.jsonl
 work=$(mktemp -d)
 bench= server=
 finish() {
@@ -17,7 +18,8 @@ trap finish EXIT
 trap 'exit 130' INT TERM
 
 mkfifo "$work/display"
-Xorg -displayfd 3 -config "$PWD/tests/xorg-dummy.conf" -noreset -nolisten tcp \
+# sessions of their own: Ctrl-C is for the run, which then still has its bench
+setsid Xorg -displayfd 3 -config "$PWD/tests/xorg-dummy.conf" -noreset -nolisten tcp \
     -logfile "$work/xorg.log" 3>"$work/display" 2>"$work/xorg.err" &
 server=$!
 read -r number <"$work/display" || { cat "$work/xorg.err" >&2; exit 1; }
@@ -28,7 +30,7 @@ for output in DUMMY0 DUMMY1; do xrandr --addmode $output lcd; done
 xrandr --output DUMMY0 --mode lcd --primary --output DUMMY1 --mode lcd --right-of DUMMY0
 xrandr --query >/dev/null  # an output counts as connected once it is asked for after its first mode
 
-"$BIN/zeromethod" virtual-bench --port 0 --truth out/truth.jsonl --start-after 5 >"$work/bench" &
+setsid "$BIN/zeromethod" virtual-bench --port 0 --truth out/truth.jsonl --start-after 5 >"$work/bench" &
 bench=$!
 until grep -q tcp:// "$work/bench"; do
     kill -0 "$bench" 2>/dev/null || exit 1

@@ -98,10 +98,10 @@ def _command(*arguments: str) -> list[str]:
 
 @pytest.fixture
 def virtual_bench(desktop: TwoMonitors, tmp_path: Path) -> Iterator[tuple[str, Path]]:
-    """Address of the camera and the file of the truth; the scenario starts 5 s after the run connects."""
+    """Address of the camera and the file of the truth; the scenario starts 12 s after the run connects."""
     press, truth = tmp_path / "press.toml", tmp_path / "truth.jsonl"
     press.write_text(PRESS)
-    options = ("--press", str(press), "--truth", str(truth), "--port", "0", "--start-after", "5")
+    options = ("--press", str(press), "--truth", str(truth), "--port", "0", "--start-after", "12")
     bench = subprocess.Popen(
         _command("virtual-bench", *options), env=desktop.environment, stdout=subprocess.PIPE, text=True
     )
@@ -150,7 +150,7 @@ def test_a_live_run_locks_and_follows_press_slide_and_release_within_one_percent
     summary = tmp_path / "run.json"
     running = subprocess.Popen(
         _command(
-            *("run", "--rig", "virtual", "--display", "1", "--camera", camera, "--seconds", "25"),
+            *("run", "--rig", "virtual", "--display", "1", "--camera", camera, "--seconds", "32"),
             *("--publish", publishing, "--summary", str(summary)),
         ),
         env=desktop.environment,

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from zeromethod.cli.bench_options import BenchOptions, with_devices
+from zeromethod.cli.bench_options import BenchOptions, tell_simulated, with_devices
 from zeromethod.control.margin import Margin, margin_words, stability_margin
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
@@ -30,6 +30,7 @@ def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, writ
     loaded = load_rig(rig_name)
     rig = with_devices(loaded, options).model_copy(update={"press": "none"})
     check_geometry(rig)
+    tell_simulated(rig)
     try:
         with open_devices(rig) as devices:
             for warning in getattr(devices.display, "warnings", ()):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from zeromethod.cli.bench_options import REAL_CAMERAS, BenchOptions, with_devices
+from zeromethod.cli.bench_options import REAL_CAMERAS, BenchOptions, tell_simulated, with_devices
 from zeromethod.cli.keys import Keys
 from zeromethod.cli.output import write_summary
 from zeromethod.clock import SimulatedClock
@@ -31,6 +31,7 @@ def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, sum
     if not with_lcd:
         rig = _without_display(rig)
     check_geometry(rig)
+    tell_simulated(rig)
     console = Console()
     last: Sight | None = None
     try:

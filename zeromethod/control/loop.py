@@ -35,6 +35,10 @@ from zeromethod.rig.model import Rig
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
 
+REPAINT_S = 1.0
+"""In the host's time a picture is drawn anew after so long: what covered or blanked the LCD may be gone, but
+nothing new to show comes of a dark frame."""
+
 WRONG_FRAMES_TO_END = 10
 """Frames of wrong shape or type running after which the run ends."""
 
@@ -94,6 +98,7 @@ class Loop:
         self._paused = False
         self._waiting = False
         self._unshown = False
+        self._posted_ns = 0
         self._presented: Presented | None = None
         self._taking: ZeroTaking | None = None
         self._zero: NDArray[np.float64] | None = None
@@ -230,6 +235,8 @@ class Loop:
         if self.every_turn is not None:
             self.every_turn()
         self._watch.poll()
+        if self.live and self._posted_ns and self._clock.now_ns() - self._posted_ns > 1e9 * REPAINT_S:
+            self._present()
         if self._steady is not None:
             self._steady.idle()
 
@@ -313,6 +320,7 @@ class Loop:
 
     def _present(self) -> None:
         self._unshown = False
+        self._posted_ns = self._clock.now_ns()
         self._presenting.post(self._circle.controller.commanded, self._circle.seen_ns)
 
     def _note_presented(self) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import DisplayLost
 from zeromethod.drivers import monitors
+from zeromethod.drivers.claim import Claim, claim_monitor
 from zeromethod.drivers.desktop import Desktop
 from zeromethod.drivers.glfw_window import GlfwWindow, connect, glfw_errors_as
 from zeromethod.drivers.refresh import Refreshes
@@ -60,13 +61,23 @@ class WindowDisplay:
 
     def _open(self, monitor: int | None) -> None:
         place = None
+        self._claim: Claim | None = None
         if monitor is not None:
             place, _ = monitors.find(monitor, self._size, self._refresh_hz, self._desktop)
+            try:
+                self._claim = claim_monitor(monitor)
+            except FileExistsError:
+                raise InputError(
+                    f"display window: monitor {monitor} shows another zeromethod's pattern; allowed: one at a time"
+                ) from None
         # entered while the window opens, so that its context is current nowhere afterwards
         nothing = ContextHandle(_Nothing)
         try:
             with nothing:
                 self._open_in(place)
+        except BaseException:
+            self._unclaim()
+            raise
         finally:
             nothing.release()
 
@@ -184,11 +195,16 @@ class WindowDisplay:
         if self._closed:
             return
         self._closed = True
+        self._unclaim()
         self._desktop.close()
         # A swap that hangs still needs the window: it then stays open until the process ends.
         if self._drawing.acquire(timeout=_HUNG_S):
             self._context.release()
             self._drawing.release()
+
+    def _unclaim(self) -> None:
+        if self._claim is not None:
+            self._claim.release()
 
     def _raise_fault(self) -> None:
         if self._fault:

@@ -113,9 +113,15 @@ class RunResult:
             del self.records[:KEPT_FRAMES]
 
     @property
+    def last(self) -> FrameRecord | None:
+        """How it stood before the run was stopped; None before any turn."""
+        told = (record for record in reversed(self.records) if record.state is not State.STOPPED)
+        return next(told, self.records[-1] if self.records else None)
+
+    @property
     def state(self) -> State:
-        """State at the end of the run."""
-        return self.records[-1].state if self.records else State.STARTING
+        """State at the end of the run, before it was stopped."""
+        return self.last.state if self.last is not None else State.STARTING
 
 
 class Run:
@@ -262,7 +268,8 @@ class Run:
             return ()
         self.result.margin = stability_margin(control, horizon_s * self._rig.camera.rate_hz)
         return (
-            f"delay {1e-6 * estimator.value_ns:.1f} ms, sigma {1e-6 * estimator.sigma_ns:.2f} ms; "
+            f"delay {1e-6 * estimator.value_ns:.1f} ms, "
+            f"+- {1e-6 * estimator.scatter_ns:.1f} ms from frame to frame; "
             f"{self.result.margin.delay_frames:.1f} frames round the loop; "
             f"{margin_words(self.result.margin, control)}",
         )

@@ -97,7 +97,8 @@ def fit_quiet(
     relative = depth_mm - scale * float((first * constant).sum() / first.sum())
     away = _from_deepest(relative, x_mm, y_mm, island)
     floor2 = (0.25**2) * (np.ptp(x_mm[island]) ** 2 + np.ptp(y_mm[island]) ** 2)
-    lever2 = np.maximum((away * away).sum(axis=-1), floor2)
+    # a single node that is left has no extent, and needs no weighing
+    lever2 = np.maximum((away * away).sum(axis=-1), floor2 or 1.0)
     weights = first / lever2
     weights[weights < _NEGLIGIBLE * weights.max()] = 0.0
     low, high = _shortest_interval(constant[ring], weights[ring])

@@ -7,6 +7,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Column
 
 from zeromethod.procedures import FrameRecord
 
@@ -32,14 +33,18 @@ class LiveStatus:
         self._unit = unit
         self._console = console
         self._progress = Progress(
-            TextColumn("{task.fields[state]:<18}"),
-            BarColumn(bar_width=24),
-            TextColumn("{task.fields[figures]}"),
-            TimeElapsedColumn(),
-            TextColumn(f"[dim]{keys}[/]"),
+            # what matters most is never cut short; in a narrow terminal the figures are
+            TextColumn("{task.fields[state]}", table_column=Column(no_wrap=True, min_width=9)),
+            TimeElapsedColumn(table_column=Column(no_wrap=True, min_width=7)),
+            *([] if total is None else [BarColumn(bar_width=10)]),
+            TextColumn(
+                "{task.fields[figures]}", table_column=Column(no_wrap=True, overflow="ellipsis", ratio=1)
+            ),
             console=console,
             disable=not console.is_terminal,
         )
+        if keys and console.is_terminal:
+            console.print(f"keys: {keys}", style="dim", highlight=False)
         self._task: TaskID = self._progress.add_task("", total=total, state="starting", figures="")
 
     def __enter__(self) -> LiveStatus:
@@ -60,12 +65,12 @@ class LiveStatus:
         state = str(record.state)
         colour = _COLOURS.get(state, "red")
         figures = (
-            f"residual {record.residual_rms_px:6.3f} px  peak {1e3 * record.newest_peak_mm:8.2f} um  "
-            f"valid {100 * record.valid_share:5.1f} %  loop {record.loop_ms:4.1f} ms"
+            f"peak {1e3 * record.newest_peak_mm:.2f} um  residual {record.residual_rms_px:.3f} px  "
+            f"valid {100 * record.valid_share:.1f} %  loop {record.loop_ms:.1f} ms"
         )
         self._progress.update(
             self._task,
             completed=done_frames if self._unit == "frames" else record.time_s,
-            state=f"[{colour}]{state}[/] {record.phase}",
-            figures=escape(record.reason) if state in _EXPLAINED else figures,
+            state=f"[{colour}]{state}[/]",
+            figures=escape(record.reason if state in _EXPLAINED else f"{record.phase}  {figures}".strip()),
         )
