@@ -122,9 +122,7 @@ def with_devices(rig: Rig, options: BenchOptions, camera_alone: bool = False) ->
 def tell_simulated(rig: Rig) -> None:
     """Say so where no real device has a part in what follows."""
     if rig.camera.driver == _SIMULATED:
-        click.echo(
-            f"rig {rig.name!r} is simulated: real devices are named by --display and --camera", err=True
-        )
+        click.echo(f"rig {rig.name!r} is simulated: real devices are named by --display and --camera")
 
 
 def with_latency(rig: Rig, latency_s: float | None) -> Rig:

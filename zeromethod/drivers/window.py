@@ -68,7 +68,7 @@ class WindowDisplay:
                 self._claim = claim_monitor(monitor)
             except FileExistsError:
                 raise InputError(
-                    f"display window: monitor {monitor} shows another zeromethod's pattern; allowed: one at a time"
+                    f"display window: monitor {monitor} shows another zeromethod's pattern"
                 ) from None
         # entered while the window opens, so that its context is current nowhere afterwards
         nothing = ContextHandle(_Nothing)
