@@ -10,6 +10,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from zeromethod.cli.calibrate_bench import calibrate_bench, calibrate_options
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.errors import InputError
 from zeromethod.phase_shifting.fringes import FringeSequence, equal_shifts
@@ -24,9 +25,17 @@ from zeromethod.view.progress import progress
 _SIGMAS = ("sigma_column_median_px", "sigma_row_median_px")
 
 
-@click.group("calibrate")
-def calibrate_command() -> None:
-    """Find out what the bench is: rest map, response, delay, geometry."""
+@click.group("calibrate", invoke_without_command=True)
+@calibrate_options
+@click.pass_context
+def calibrate_command(context: click.Context, /, **given: Any) -> None:
+    """Find out what the bench is: response, rest map, delay, geometry; follow what it says.
+
+    Nothing may touch the mirror until a press is asked for. What is found goes into a dated folder beside
+    the rig file, with a rig file for `run`.
+    """
+    if context.invoked_subcommand is None:
+        calibrate_bench(**given)
 
 
 def _numbers(option: str, text: str) -> tuple[float, ...]:

@@ -11,6 +11,8 @@ from typing import Any
 import click
 from rich.console import Console
 
+from zeromethod.calibration.fingerprint import check
+from zeromethod.calibration.folder import calibration_of
 from zeromethod.cli.bench_options import BenchOptions, bench_options, with_devices, with_latency, with_strips
 from zeromethod.cli.keys import HELP, Keys
 from zeromethod.cli.output import check_file, write_summary
@@ -50,6 +52,7 @@ from zeromethod.view.table import summary_table
     help="Delay of display and camera, as `devices --delay` measures it.",
 )
 @click.option("--publish", metavar="ADDRESS", help="Publish every reading: tcp://127.0.0.1:5556.")
+@click.option("--force", is_flag=True, help="Run with a calibration that belongs to another bench.")
 @click.option("--simulate", is_flag=True, help="Simulate the rig's bench instead of opening its devices.")
 @click.option("--press", help="Simulated press: a packaged scenario (default, step, ...) or a .toml file.")
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after this many frames.")
@@ -66,6 +69,7 @@ def run_command(
     strips: bool | None,
     latency_s: float | None,
     publish: str | None,
+    force: bool,
     simulate: bool,
     press: str | None,
     frames: int | None,
@@ -105,6 +109,8 @@ def run_command(
         open_devices(rig) as opened,
         _publishing(publish, opened) as publisher,
     ):
+        if not simulate:
+            _check_calibration(rig_name, rig, opened, force)
         session = Run(rig, opened, publisher)
         with stopped_by_signals(session.interrupt):
             _follow(session, frames, seconds)
@@ -114,6 +120,18 @@ def run_command(
 def _interrupted() -> None:
     """End what comes before the run and after it, devices closed: SIGTERM like Ctrl-C."""
     raise KeyboardInterrupt
+
+
+def _check_calibration(rig_name: str, rig: Rig, devices: Devices, force: bool) -> None:
+    """Refuse a rig file that was calibrated on another bench; tell of an old calibration."""
+    stored = calibration_of(rig_name)
+    if stored is None:
+        return
+    differences = check(stored.fingerprint, rig, devices.camera, devices.display)
+    if differences and not force:
+        raise InputError(f"--rig: {rig_name}: {'; '.join(differences)}: calibrate anew, or --force")
+    if warning := stored.age_warning():
+        click.echo(f"! {warning}", err=True)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import CameraLost, Frame
 from zeromethod.drivers.aravis_library import SUCCESS, Aravis, AravisError, library
 from zeromethod.drivers.device_clock import DeviceClock, MidExposure
-from zeromethod.drivers.genicam import FeatureError, Settings, Value, configure
+from zeromethod.drivers.genicam import FeatureError, Settings, Value, configure, identity
 from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera
 from zeromethod.errors import InputError
 
@@ -153,6 +153,7 @@ class _AravisSource:
             configured = configure(self._features, settings)
             self.shape = settings.rows, settings.columns
             self.bits = configured.bits
+            self.serial, self.model = identity(self._features)
             self._dtype = np.dtype(np.uint8 if self.bits == 8 else np.uint16)
             # Aravis has turned ticks into nanoseconds already
             self._times = MidExposure(configured.exposure_s, latency_s, DeviceClock())

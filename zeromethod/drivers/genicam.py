@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -46,6 +47,19 @@ class Features(Protocol):
 
     def choices(self, name: str) -> Sequence[str]:
         """Entries of an enumeration that can be chosen now; empty when it is none."""
+
+
+def identity(features: Features) -> tuple[str, str]:
+    """(serial number, model) as the device tells them, "" for what it does not."""
+    told = []
+    for names in (("DeviceSerialNumber", "DeviceID"), ("DeviceModelName",)):
+        value: Value = ""
+        for name in names:
+            if not value and features.available(name):
+                with contextlib.suppress(FeatureError):
+                    value = features.get(name)
+        told.append(str(value))
+    return told[0], told[1]
 
 
 @dataclass(frozen=True)

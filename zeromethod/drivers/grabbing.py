@@ -19,7 +19,10 @@ POLL_S = 0.1
 
 
 class Source(Protocol):
-    """A device as the grabbing thread has it. All members are used in that thread only."""
+    """A device as the grabbing thread has it. All members are used in that thread only.
+
+    It may also have `serial` and `model`, text.
+    """
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -40,12 +43,20 @@ class Source(Protocol):
         """Release the device."""
 
 
+@dataclass(frozen=True)
+class _Opened:
+    shape: tuple[int, int]
+    bits: int
+    serial: str
+    model: str
+
+
 @dataclass
 class _Link:
     """What the two threads share."""
 
     newest: Newest = field(default_factory=Newest)
-    opened: Future[tuple[tuple[int, int], int]] = field(default_factory=Future)
+    opened: Future[_Opened] = field(default_factory=Future)
     asked: threading.Event = field(default_factory=threading.Event)
     stop: threading.Event = field(default_factory=threading.Event)
 
@@ -58,7 +69,8 @@ def _grab(open_source: Callable[[], Source], link: _Link) -> None:
         link.opened.set_exception(error)
         return
     try:
-        link.opened.set_result((source.shape, source.bits))
+        serial, model = (str(getattr(source, name, "")) for name in ("serial", "model"))
+        link.opened.set_result(_Opened(source.shape, source.bits, serial, model))
         while not link.stop.is_set():
             if source.on_demand and not link.asked.wait(POLL_S):
                 continue
@@ -93,7 +105,7 @@ class GrabbedCamera:
         )
         self._thread.start()
         try:
-            self._shape, self._bits = self._link.opened.result(open_timeout_s)
+            self._opened = self._link.opened.result(open_timeout_s)
         except BaseException as error:
             self._link.stop.set()
             if isinstance(error, TimeoutError) and not self._link.opened.done():
@@ -103,12 +115,22 @@ class GrabbedCamera:
     @property
     def shape(self) -> tuple[int, int]:
         """(rows, cols) of every frame."""
-        return self._shape
+        return self._opened.shape
 
     @property
     def bits(self) -> int:
         """Significant bits per pixel: 8 to 16."""
-        return self._bits
+        return self._opened.bits
+
+    @property
+    def serial(self) -> str:
+        """Serial number of the device, "" where it tells none."""
+        return self._opened.serial
+
+    @property
+    def model(self) -> str:
+        """Model of the device, "" where it tells none."""
+        return self._opened.model
 
     def read(self, timeout_s: float) -> Frame:
         """Newest frame not yet returned; raises CameraTimeout or CameraLost."""

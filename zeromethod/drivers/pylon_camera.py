@@ -9,7 +9,7 @@ from typing import Any
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import CameraLost, Frame
 from zeromethod.drivers.device_clock import DeviceClock, MidExposure
-from zeromethod.drivers.genicam import Configured, FeatureError, Settings, Value, configure
+from zeromethod.drivers.genicam import Configured, FeatureError, Settings, Value, configure, identity
 from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera
 from zeromethod.errors import InputError
 
@@ -154,6 +154,7 @@ class _PylonSource:
             self._set: Configured = configure(self._features, settings)
             self.shape = settings.rows, settings.columns
             self.bits = self._set.bits
+            self.serial, self.model = identity(self._features)
             clock = DeviceClock(self._set.tick_ns)
             self._times = MidExposure(self._set.exposure_s, latency_s, clock)
             self._camera.StartGrabbing(self._pylon.GrabStrategy_LatestImageOnly)

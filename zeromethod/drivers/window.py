@@ -61,9 +61,11 @@ class WindowDisplay:
 
     def _open(self, monitor: int | None) -> None:
         place = None
+        self._name = ""
         self._claim: Claim | None = None
         if monitor is not None:
-            place, _ = monitors.find(monitor, self._size, self._refresh_hz, self._desktop)
+            place, found = monitors.find(monitor, self._size, self._refresh_hz, self._desktop)
+            self._name = found.name
             try:
                 self._claim = claim_monitor(monitor)
             except FileExistsError:
@@ -100,6 +102,11 @@ class WindowDisplay:
         except BaseException:
             handle.release()
             raise
+
+    @property
+    def name(self) -> str:
+        """The monitor's name, "" for a plain window."""
+        return self._name
 
     @property
     def size(self) -> tuple[int, int]:

@@ -1,0 +1,164 @@
+"""Calibrations on disk: where they lie, what they refuse, and that none is ever half there."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from zeromethod.calibration.folder import (
+    ARRAYS,
+    DOCUMENT,
+    Stored,
+    calibration_of,
+    calibrations,
+    home_of,
+    load,
+    load_arrays,
+    newest,
+    store,
+)
+from zeromethod.errors import InputError
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.save import save_values
+
+TIME = datetime(2025, 3, 1, 12, 30, 5, tzinfo=UTC)
+PACKAGED = Path(__file__).parents[2] / "calibration" / "simulated.toml"
+
+
+def document(**more: Any) -> dict[str, Any]:
+    parameter = {"value": 0.51, "sigma": np.float64(0.02), "words": "the gap"}
+    return {
+        "time": TIME,
+        "parameters": {"gap_mm": parameter},
+        "fingerprint": {"camera": {"serial": "1"}},
+        "verdict": {"level": "good", "reason": "", "findings": []},
+        **more,
+    }
+
+
+@pytest.fixture
+def rig_file(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.toml"
+    path.write_bytes(PACKAGED.read_bytes())
+    return path
+
+
+def made(rig_file: Path, when: datetime = TIME, **more: Any) -> Stored:
+    values = {"display.gamma": 2.15}
+    return store(rig_file, document(**{"time": when, **more}), values, {"a/b": np.arange(6.0)})
+
+
+def test_folder_is_named_by_rig_and_time(rig_file: Path) -> None:
+    assert made(rig_file).folder == rig_file.parent / "calibration" / "mine" / "2025-03-01T12-30-05"
+
+
+def test_two_in_one_second_are_both_kept(rig_file: Path) -> None:
+    first, second = made(rig_file), made(rig_file)
+    assert second.folder.name == "2025-03-01T12-30-05-2"
+    assert calibrations(rig_file) == [first.folder, second.folder]
+
+
+def test_newest_is_the_last_made(rig_file: Path) -> None:
+    assert newest(rig_file) is None
+    made(rig_file, TIME + timedelta(days=1), mark="late")
+    made(rig_file, TIME, mark="early")
+    found = newest(rig_file)
+    assert found is not None
+    assert found.document["mark"] == "late"
+
+
+def test_calibrated_rig_keeps_its_owner_s_comments(rig_file: Path) -> None:
+    stored = made(rig_file)
+    assert load_rig(stored.rig_file).display.gamma == 2.15
+    assert "# silicone rubber" in stored.rig_file.read_text()
+    # and the rig file itself stays as it was
+    assert rig_file.read_bytes() == PACKAGED.read_bytes()
+
+
+def test_files_that_the_rig_names_are_found_from_the_folder(rig_file: Path) -> None:
+    press = rig_file.parent / "tap.toml"
+    press.write_bytes((PACKAGED.parent / "presses" / "step.toml").read_bytes())
+    np.save(rig_file.parent / "rest.npy", np.zeros((80, 100)))
+    rest = {"shape": "map", "file": "rest.npy", "pitch_mm": 1.0, "origin_mm": [-10.0, -40.0]}
+    save_values(rig_file, {"press": "tap.toml", "prism.rest": rest})
+    rig = load_rig(made(rig_file).rig_file)
+    assert os.path.samefile(rig.press, press)
+    assert rig.prism.rest.file is not None
+    assert os.path.samefile(rig.prism.rest.file, rig_file.parent / "rest.npy")
+
+
+def test_calibration_of_a_calibrated_rig_goes_into_the_same_home(rig_file: Path) -> None:
+    stored = made(rig_file)
+    assert home_of(stored.rig_file) == stored.folder.parent
+    found = calibration_of(stored.rig_file)
+    assert found is not None
+    assert found.folder == stored.folder
+
+
+def test_packaged_rig_is_calibrated_where_one_stands() -> None:
+    assert home_of("simulated") == Path("calibration", "simulated")
+
+
+def test_what_is_no_number_is_left_out_of_the_document(rig_file: Path) -> None:
+    stored = made(rig_file, nothing=float("nan"), none=None, some={"a": np.float64("inf"), "b": 1})
+    assert "nothing" not in stored.document
+    assert "none" not in stored.document
+    assert stored.document["some"] == {"b": 1}
+    assert stored.parameters == {"gap_mm": (0.51, 0.02)}
+
+
+def test_arrays_come_back_by_name(rig_file: Path) -> None:
+    folder = made(rig_file).folder
+    np.testing.assert_array_equal(load_arrays(folder)["a/b"], np.arange(6.0))
+    with pytest.raises(InputError, match="a/c: missing"):
+        load_arrays(folder, "a/c")
+
+
+def test_failure_on_the_way_leaves_no_calibration(rig_file: Path) -> None:
+    def fail(path: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(InputError, match="No space left"):
+        store(rig_file, document(), {}, {}, pictures={"a.png": fail})
+    assert calibrations(rig_file) == []
+    # and the next one is not hindered by what is left
+    assert made(rig_file).folder.is_dir()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("schema_version = 2", "schema_version: 2: 1 is what"),
+        ("x = ", "not a calibration"),
+        ("schema_version = 1", "time: missing"),
+    ],
+)
+def test_other_files_are_refused(rig_file: Path, text: str, words: str) -> None:
+    folder = made(rig_file).folder
+    (folder / DOCUMENT).write_text(text)
+    with pytest.raises(InputError, match=words):
+        load(folder)
+
+
+def test_folder_without_calibration_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"No such file.*a folder with a calibration\.toml"):
+        load(tmp_path)
+
+
+def test_damaged_arrays_are_refused(rig_file: Path) -> None:
+    folder = made(rig_file).folder
+    (folder / ARRAYS).write_bytes(b"not HDF5")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_arrays(folder)
+
+
+def test_document_is_toml_that_people_can_read(rig_file: Path) -> None:
+    text = (made(rig_file).folder / DOCUMENT).read_text()
+    assert text.startswith("# What `zeromethod calibrate` found")
+    assert tomllib.loads(text)["parameters"]["gap_mm"]["value"] == 0.51

@@ -1,0 +1,165 @@
+"""`zeromethod calibrate` as a person meets it: a whole calibration, showing, comparing, refusals."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from click.testing import CliRunner, Result
+
+from zeromethod.calibration.folder import calibrations, load
+from zeromethod.cli.calibrate_bench import calibrate_bench_command
+from zeromethod.errors import InputError
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.save import save_values
+
+REPOSITORY = Path(__file__).parents[2]
+
+
+def told(*arguments: object) -> Result:
+    return CliRunner(env={"COLUMNS": "160"}).invoke(calibrate_bench_command, [str(one) for one in arguments])
+
+
+@pytest.fixture(scope="module")
+def planted() -> Iterator[ModuleType]:
+    """The simulated bench that stands otherwise than its rig file says, importable as a driver."""
+    path = REPOSITORY / "tests" / "procedures" / "calibration" / "planted.py"
+    spec = importlib.util.spec_from_file_location("planted_bench", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["planted_bench"] = module
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules["planted_bench"]
+
+
+@pytest.fixture(scope="module")
+def rig_file(planted: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    rig, path = planted.nominal(), tmp_path_factory.mktemp("bench") / "mine.toml"
+    values = {
+        "display.driver": "planted_bench:PlantedDisplay",
+        "display.columns": rig.display.columns,
+        "display.rows": rig.display.rows,
+        "display.pitch_mm": rig.display.pitch_mm,
+        "camera.driver": "planted_bench:PlantedCamera",
+        "camera.columns": rig.camera.columns,
+        "camera.rows": rig.camera.rows,
+        "camera.focal_px": rig.camera.focal_px,
+        "camera.centre_px": rig.camera.centre_px,
+        "target.period_px": rig.target.period_px,
+        "press": "none",
+    }
+    save_values(REPOSITORY / "calibration" / "simulated.toml", values, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def made(rig_file: Path) -> Result:
+    summary = rig_file.parent / "found.json"
+    return told(
+        *("--rig", rig_file, "--no-light", "--no-delay", "--frames", 2),
+        *("--known", "display.along_mm=31.1:0.25", "--summary", summary),
+    )
+
+
+def test_whole_calibration_ends_in_a_folder_and_a_table(made: Result, rig_file: Path) -> None:
+    assert made.exit_code == 0, made.output
+    (folder,) = calibrations(rig_file)
+    assert "the LCD's turn in its plane" in made.output
+    assert "depth in millimetres" in made.output
+    assert f"zeromethod run --rig {folder / 'rig.toml'}" in made.output
+    assert (folder / "calibration.png").stat().st_size > 10_000
+    rig = load_rig(folder / "rig.toml")
+    assert rig.display.driver == "planted_bench:PlantedDisplay"
+
+
+def test_fingerprint_names_the_devices_that_were_open(made: Result, rig_file: Path) -> None:
+    fingerprint = load(calibrations(rig_file)[0]).fingerprint
+    assert fingerprint["camera"]["serial"] == "0042"
+    assert fingerprint["display"]["name"] == "Planted 5.5"
+
+
+def test_what_to_measure_next_is_told(made: Result, rig_file: Path) -> None:
+    # no press is known: depth is uncertain, and a press is what helps
+    document = load(calibrations(rig_file)[0]).document
+    assert document["verdict"]["level"] == "uncertain"
+    assert "measure next" in document["verdict"]["reason"]
+    assert document["measure_next"]
+
+
+def test_summary_holds_the_same_figures(made: Result, rig_file: Path) -> None:
+    found = json.loads((rig_file.parent / "found.json").read_text())
+    folder = calibrations(rig_file)[0]
+    assert found["folder"] == str(folder)
+    assert found["parameters"] == load(folder).document["parameters"]
+
+
+def test_show_tells_the_newest_or_the_one_named(made: Result, rig_file: Path) -> None:
+    folder = calibrations(rig_file)[0]
+    for arguments in (("--rig", rig_file, "--show"), ("--show", folder)):
+        shown = told(*arguments)
+        assert shown.exit_code == 0, shown.output
+        assert "depth in millimetres" in shown.output
+        assert "uncertain" in shown.output
+
+
+def test_redo_adds_what_was_measured_later_and_diff_tells_the_change(
+    made: Result, rig_file: Path, tmp_path: Path
+) -> None:
+    folder = calibrations(rig_file)[0]
+    again = told("--redo", folder, "--known", "gap_mm=0.62:0.01", "--output", tmp_path)
+    assert again.exit_code == 0, again.output
+    (redone,) = (path.parent for path in tmp_path.glob("*/calibration.toml"))
+    before, after = load(folder), load(redone)
+    assert after.document["redone_from"] == folder.name
+    assert after.document["recorded"]["known"][:-1] == before.document["recorded"]["known"]
+    assert after.parameters["gap_mm"][1] < 0.011
+    assert after.document["depth_error"]["percent"] < before.document["depth_error"]["percent"]
+    told_apart = told("--diff", folder, redone)
+    assert told_apart.exit_code == 0
+    assert "the gap in front of the LCD" in told_apart.output
+    assert "depth's sigma, percent" in told_apart.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "--rig: missing"),
+        (("--rig", "simulated", "--press-depths", "0.2,x"), "--press-depths"),
+        (("--rig", "simulated", "--press-depths", "-0.2"), "--press-depths"),
+        (("--rig", "simulated", "--depth-sigma", "0"), "--depth-sigma"),
+        (("--rig", "simulated", "--patience", "nan"), "--patience"),
+        (("--rig", "simulated", "--known", "gap_mm=0.5"), "--known"),
+        (("--rig", "simulated", "--known", "speed=0.5:0.1"), "not a parameter"),
+        (("--rig", "simulated", "--edge", "Q0=1,2"), "--edge"),
+        (("--rig", "simulated", "--edge", "P0=1"), "--edge"),
+        (("--rig", "simulated", "--edge", "P0=1300,5"), "1280 x 1024"),
+        (("--rig", "simulated", "--summary", "found.txt"), "--summary"),
+        (("--show",), "--show"),
+        (("--show", "nowhere"), "nowhere"),
+        (("--diff", "nowhere", "nowhere"), "nowhere"),
+        (("--redo", "nowhere"), "nowhere"),
+    ],
+)
+def test_bad_input_is_one_line(
+    arguments: tuple[str, ...], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = told(*arguments)
+    assert isinstance(result.exception, InputError), result.output
+    assert words in str(result.exception)
+    assert "\n" not in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_rig_without_calibration_has_none_to_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = told("--rig", "simulated", "--show")
+    assert isinstance(result.exception, InputError)
+    assert "no calibration" in str(result.exception)

@@ -1,0 +1,139 @@
+"""`zeromethod init` as a person meets it: options, questions, refusals."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from zeromethod.calibration import PARAMETERS, describe
+from zeromethod.cli.init import init_command
+from zeromethod.errors import InputError
+from zeromethod.optics import Optics
+from zeromethod.rig.load import load_rig
+
+
+def told(*arguments: object, answers: str | None = None) -> Result:
+    return CliRunner().invoke(init_command, [str(one) for one in arguments], input=answers)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "my.toml"
+
+
+def test_without_options_it_is_the_packaged_bench_to_caliper_grade(path: Path) -> None:
+    assert told(path).exit_code == 0
+    made, packaged = describe(load_rig(path)), describe(load_rig("simulated"))
+    for name, value in packaged.items():
+        # a tenth of what calipers leave open, or rounding where a value is taken as exact
+        assert made[name] == pytest.approx(value, abs=max(0.1 * PARAMETERS[name].sigma, 1e-9)), name
+
+
+def test_options_end_up_in_the_file(path: Path) -> None:
+    options: dict[str, Any] = {
+        "--pattern-angle": 52.5,
+        "--leg": 55.0,
+        "--index": 1.43,
+        "--gap": 0.8,
+        "--lcd-columns": 1280,
+        "--pitch": 0.09,
+        "--camera-rows": 960,
+        "--rate": 30.0,
+        "--exposure": 0.02,
+    }
+    assert told(path, *(part for pair in options.items() for part in pair)).exit_code == 0
+    rig = load_rig(path)
+    prism, display, camera = rig.prism, rig.display, rig.camera
+    found = [prism.pattern_angle_deg, prism.leg_mm, prism.index, rig.pattern_layers[-1].thickness_mm]
+    found += [display.columns, display.pitch_mm, camera.rows, camera.rate_hz, camera.exposure_s]
+    assert found == list(options.values())
+    assert rig.name == "my"
+
+
+def test_camera_sees_the_lcd_by_the_mirror_whatever_the_prism(path: Path) -> None:
+    assert (
+        told(path, "--pattern-angle", 47, "--captured-angle", 55, "--leg", 50, "--lcd-along", 25).exit_code
+        == 0
+    )
+    rig = load_rig(path)
+    u, v = np.meshgrid(np.linspace(0, 1279, 5), np.linspace(0, 1023, 5))
+    q = Optics(rig).rest_map(u, v)[1:-1, 1:-1]
+    assert np.isfinite(q).all()
+    assert (q > 0).all()
+    assert (q < (1920, 1080)).all()
+
+
+def test_camera_stands_on_the_captured_face_s_normal(path: Path) -> None:
+    told(path, "--captured-angle", 55, "--distance", 200)
+    camera = load_rig(path).camera
+    along, _, down = np.subtract(camera.look_at_mm, camera.position_mm)
+    assert math.degrees(math.atan2(down, -along)) == pytest.approx(90 - 55, abs=1e-3)
+
+
+def test_focal_length_counts_how_near_the_lens_is_focused(path: Path) -> None:
+    told(path, "--lens", 50, "--pixel", 5, "--distance", 300)
+    rig = load_rig(path)
+    assert rig.camera.focal_px is not None
+    focus = 300 + 60 / 1.41
+    # thin lens: 1/f = 1/focus + 1/image
+    assert rig.camera.focal_px[0] == pytest.approx(1e3 / 5 / (1 / 50 - 1 / focus), rel=1e-4)
+
+
+def test_file_tells_what_its_values_are(path: Path) -> None:
+    told(path)
+    text = path.read_text()
+    for words in (
+        "zeromethod calibrate --rig my.toml",
+        "to 0.3 degrees",
+        "origin on the edge P0",
+        "found by calibrate",
+    ):
+        assert words in text
+
+
+def test_answers_take_the_place_of_what_was_not_given(path: Path) -> None:
+    result = told(path, "--ask", "--leg", 58, answers="51.5\n" + "\n" * 30)
+    assert result.exit_code == 0
+    prism = load_rig(path).prism
+    assert (prism.pattern_angle_deg, prism.captured_angle_deg, prism.leg_mm) == (51.5, 50.0, 58.0)
+    assert "length of the pattern face" not in result.output
+
+
+def test_starts_from_another_rig(path: Path) -> None:
+    assert told(path, "--from", "virtual").exit_code == 0
+    assert load_rig(path).display.columns == load_rig("virtual").display.columns
+
+
+def test_nothing_is_overwritten_unless_forced(path: Path) -> None:
+    path.write_text("mine")
+    result = told(path)
+    assert isinstance(result.exception, InputError)
+    assert "--force" in str(result.exception)
+    assert path.read_text() == "mine"
+    assert told(path, "--force").exit_code == 0
+    assert load_rig(path).name == "my"
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "words"),
+    [
+        ("my.txt", (), "must end in .toml"),
+        ("no/my.toml", (), "does not exist"),
+        ("my.toml", ("--index", "0.5"), "prism.index"),
+        ("my.toml", ("--lens", "900"), "--lens"),
+        ("my.toml", ("--from", "nothing"), "nothing"),
+    ],
+)
+def test_bad_input_is_one_line_and_no_file(
+    tmp_path: Path, name: str, arguments: tuple[str, ...], words: str
+) -> None:
+    result = told(tmp_path / name, *arguments)
+    assert isinstance(result.exception, InputError)
+    assert words in str(result.exception)
+    assert "\n" not in str(result.exception)
+    assert not (tmp_path / name).exists()

@@ -1,0 +1,110 @@
+"""A small simulated bench that stands otherwise than its rig file says, pressed when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+
+from zeromethod.calibration import build, describe
+from zeromethod.clock import Clock
+from zeromethod.devices.opening import Devices
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.simulation.camera import SimulatedCamera
+from zeromethod.simulation.display import SimulatedDisplay
+from zeromethod.simulation.path import PathPoint, PressPath
+from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.scenario import Scenario
+
+OFF = {
+    "display.along_mm": 1.1,
+    "display.across_mm": -0.8,
+    "display.turn_deg": 0.5,
+    "gap_mm": 0.12,
+    "camera.x_mm": 2.0,
+    "camera.z_mm": -1.5,
+    "camera.heading_deg": 0.2,
+    "camera.roll_deg": -0.4,
+    "camera.scale": 0.01,
+    "prism.index": 0.004,
+    "prism.pattern_angle_deg": 0.2,
+}
+"""How the true bench differs from the rig file: about a caliper's sigma each."""
+
+GAMMA, LATENCY_S = 2.0, 0.02
+LEAD_S, MOVE_S, HOLD_S = 0.1, 0.05, 0.6
+"""From being asked to the press, its way down and up, and how long it is held."""
+
+PRESS_MM = 5.0
+"""Sigma of the pad."""
+
+
+def nominal() -> Rig:
+    """What the rig file says: 160 x 128 camera px on an LCD of half the resolution, nodes 4 px apart."""
+    rig = load_rig("simulated")
+    lcd = rig.display.model_copy(update={"columns": 960, "rows": 540, "pitch_mm": 2 * rig.display.pitch_mm})
+    target = rig.target.model_copy(update={"period_px": 8})
+    return binned(rig, 8).model_copy(update={"display": lcd, "press": "none", "target": target})
+
+
+def truth(given: Rig) -> Rig:
+    """The bench as it is."""
+    middle = describe(given)
+    rig = build(given, {name: middle[name] + off for name, off in OFF.items()})
+    display = rig.display.model_copy(update={"gamma": GAMMA, "latency_s": LATENCY_S})
+    return rig.model_copy(update={"display": display})
+
+
+class PlantedDisplay(SimulatedDisplay):
+    """The true bench's display, whatever the rig file says."""
+
+    name = "Planted 5.5"
+
+    def __init__(self, rig: Rig, clock: Clock) -> None:
+        super().__init__(truth(nominal()), clock)
+
+
+class PlantedCamera(SimulatedCamera):
+    """The true bench's camera, whatever the rig file says."""
+
+    serial = "0042"
+
+    def __init__(self, rig: Rig, clock: Clock, display: object) -> None:
+        super().__init__(truth(nominal()), clock, display)
+
+
+@dataclass
+class Hand:
+    """Listens to a calibration, and presses when it is told to. parts, lines: what it heard."""
+
+    devices: Devices
+    depths_mm: Sequence[float] = ()
+    places_mm: Sequence[tuple[float, float]] = ()
+    lines: list[str] = field(default_factory=list)
+    counts: dict[str, tuple[int, int]] = field(default_factory=dict)
+
+    def part(self, words: str, total: int) -> AbstractContextManager[Callable[[], object]]:
+        self.counts[words] = 0, total
+
+        def advance() -> None:
+            self.counts[words] = self.counts[words][0] + 1, total
+
+        return nullcontext(advance)
+
+    def say(self, words: str) -> None:
+        self.lines.append(words)
+        if words.startswith("press") and "now" in words:
+            self.press(int(words.split()[1]) - 1)
+
+    def press(self, number: int) -> None:
+        camera = self.devices.camera
+        assert isinstance(camera, SimulatedCamera)
+        depth, (x, y) = self.depths_mm[number], self.places_mm[number]
+        lifted_s = LEAD_S + MOVE_S + HOLD_S
+        path = ((LEAD_S, 0.0), (LEAD_S + MOVE_S, depth), (lifted_s, depth), (lifted_s + MOVE_S, 0.0))
+        now_ns = self.devices.clock.now_ns()
+        points = tuple(PathPoint(now_ns + round(1e9 * t), x, y, d) for t, d in path)
+        dent = PressPath(Dent(Shape.GAUSSIAN, x, y, depth, PRESS_MM), points)
+        camera.scenario = Scenario("asked for", (dent,), 1e9)

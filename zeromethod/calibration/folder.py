@@ -1,0 +1,256 @@
+"""A calibration on disk: a dated folder beside the rig file.
+
+    calibration/<rig>/<time>/
+        calibration.toml   parameters with sigma, verdict, fingerprint, what to measure next: for people
+        rig.toml           the rig file with everything that was found: what `run --rig` takes
+        given.toml         the rig file as it was
+        arrays.h5          rest map, covariance, presses, and the raw sums to begin anew
+        *.png              pictures
+
+A folder is there whole or not at all.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import tomlkit
+from numpy.typing import NDArray
+
+from zeromethod.errors import InputError
+from zeromethod.resources import resource
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.save import save_values
+
+SCHEMA_VERSION = 1
+DOCUMENT, RIG, GIVEN, ARRAYS = "calibration.toml", "rig.toml", "given.toml", "arrays.h5"
+
+OLD_DAYS = 30.0
+"""Age from which a calibration is worth a word: rubber creeps, mounts move, lamps age."""
+
+_HEAD = "What `zeromethod calibrate` found, for people to read; `zeromethod run` takes {rig} beside it."
+_STAMP = "%Y-%m-%dT%H-%M-%S"
+_LARGE = 4096
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A calibration as its folder tells it. document: what calibration.toml holds, as plain values."""
+
+    folder: Path
+    document: dict[str, Any]
+
+    @property
+    def rig_file(self) -> Path:
+        """The calibrated rig."""
+        return self.folder / RIG
+
+    @property
+    def fingerprint(self) -> dict[str, dict[str, Any]]:
+        """The bench that it belongs to."""
+        value = self.document["fingerprint"]
+        assert isinstance(value, dict)
+        return value
+
+    @property
+    def parameters(self) -> dict[str, tuple[float, float]]:
+        """Value and sigma of every fitted parameter."""
+        return {
+            name: (float(entry["value"]), float(entry["sigma"]))
+            for name, entry in self.document["parameters"].items()
+        }
+
+    def age_days(self, now: datetime | None = None) -> float:
+        """Days since it was made."""
+        made: datetime = self.document["time"]
+        return ((now or datetime.now(UTC)) - made).total_seconds() / 86400
+
+    def age_warning(self, now: datetime | None = None) -> str:
+        """Words where it is old; "" while it is not."""
+        days = self.age_days(now)
+        if days <= OLD_DAYS:
+            return ""
+        return f"the calibration is {days:.0f} days old: zeromethod calibrate makes a new one"
+
+
+def rig_source(name: str | Path) -> Path:
+    """File of a rig as `--rig` takes it: the file itself, or the packaged one of that name."""
+    path = Path(name)
+    return path if path.is_file() else resource("calibration", f"{name}.toml")
+
+
+def home_of(name: str | Path) -> Path:
+    """Folder that holds all calibrations of a rig: beside its file; here for a packaged one.
+
+    A calibrated rig.toml belongs where its folder lies.
+    """
+    path = Path(name)
+    if not path.is_file():
+        return Path("calibration", str(name))
+    if path.name == RIG and (path.parent / DOCUMENT).is_file():
+        return path.absolute().parent.parent
+    return path.parent / "calibration" / path.stem
+
+
+def calibrations(name: str | Path) -> list[Path]:
+    """Folders of a rig's calibrations, the oldest first."""
+    home = home_of(name)
+    return sorted(
+        path.parent for path in home.glob(f"*/{DOCUMENT}") if not path.parent.name.endswith(".part")
+    )
+
+
+def newest(name: str | Path) -> Stored | None:
+    """The rig's calibration made last; None where there is none."""
+    found = calibrations(name)
+    return load(found[-1]) if found else None
+
+
+def calibration_of(rig_file: str | Path) -> Stored | None:
+    """The calibration that a rig file is part of; None for any other rig file."""
+    folder = Path(rig_file).parent
+    return load(folder) if Path(rig_file).name == RIG and (folder / DOCUMENT).is_file() else None
+
+
+def load(folder: Path) -> Stored:
+    """Read calibration.toml of a folder. Raises InputError for anything else."""
+    path = folder / DOCUMENT
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{folder}: {error.strerror}: a folder with a {DOCUMENT}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: {error}: not a calibration") from None
+    version = document.get("schema_version")
+    if version != SCHEMA_VERSION:
+        raise InputError(
+            f"{path}: schema_version: {version!r}: {SCHEMA_VERSION} is what this version of zeromethod reads"
+        )
+    for key, kind in (("time", datetime), ("parameters", dict), ("fingerprint", dict), ("verdict", dict)):
+        if not isinstance(document.get(key), kind):
+            raise InputError(f"{path}: {key}: missing: a calibration as zeromethod writes it")
+    return Stored(folder, document)
+
+
+def load_arrays(folder: Path, *wanted: str) -> dict[str, NDArray[Any]]:
+    """Arrays of a folder by name ("rest_map/lcd_px"), all of them or those wanted. Raises InputError."""
+    path = folder / ARRAYS
+    found: dict[str, NDArray[Any]] = {}
+    try:
+        with h5py.File(path, "r") as file:
+
+            def take(name: str, item: object) -> None:
+                if isinstance(item, h5py.Dataset) and (not wanted or name in wanted):
+                    found[name] = item.asstr()[()] if item.dtype.kind == "O" else item[()]
+
+            file.visititems(take)
+    except OSError:
+        raise InputError(f"{path}: cannot be read: arrays of a calibration (HDF5)") from None
+    missing = [name for name in wanted if name not in found]
+    if missing:
+        raise InputError(f"{path}: {missing[0]}: missing: arrays of a calibration")
+    return found
+
+
+def store(
+    name: str | Path,
+    document: Mapping[str, Any],
+    values: Mapping[str, Any],
+    arrays: Mapping[str, Any],
+    *,
+    settings: Mapping[str, Any] | None = None,
+    pictures: Mapping[str, Callable[[Path], object]] | None = None,
+    home: Path | None = None,
+) -> Stored:
+    """Write a calibration of the rig `name`, and read it back.
+
+    document: plain values, with "time" (UTC), which names the folder. values: of the rig file, by dotted key.
+    arrays: by name. settings: of the rig file, too, as they were used, not found. pictures: what draws each
+    file. home: where the folder is made; `home_of(name)` unless given.
+
+    Raises InputError where the folder cannot be written.
+    """
+    home = home or home_of(name)
+    source = rig_source(name)
+    try:
+        home.mkdir(parents=True, exist_ok=True)
+        folder = _free(home, document["time"])
+        part = folder.with_name(folder.name + ".part")
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir()
+        moved = _moved_files(source, part)
+        save_values(source, moved | dict(settings or {}), part / GIVEN)
+        save_values(part / GIVEN, values, part / RIG)
+        _write_arrays(part / ARRAYS, arrays)
+        for file, draw in (pictures or {}).items():
+            draw(part / file)
+        text = tomlkit.dumps(_document({"schema_version": SCHEMA_VERSION, **document}))
+        (part / DOCUMENT).write_text(f"# {_HEAD.format(rig=RIG)}\n{text}", encoding="utf-8")
+        part.rename(folder)
+    except OSError as error:
+        raise InputError(f"{home}: cannot be written: {error.strerror}: a folder of yours") from None
+    return load(folder)
+
+
+def _free(home: Path, time: datetime) -> Path:
+    """Folder of that time that is not there yet."""
+    stamp = time.strftime(_STAMP)
+    folder, count = home / stamp, 1
+    while folder.exists():
+        count += 1
+        folder = home / f"{stamp}-{count}"
+    return folder
+
+
+def _moved_files(source: Path, folder: Path) -> dict[str, str]:
+    """Keys of files that a rig file names, as they are called from `folder`."""
+    rig = load_rig(source)
+    moved = {}
+    if rig.press.endswith(".toml"):
+        moved["press"] = os.path.relpath(rig.press, folder)
+    if rig.prism.rest.file is not None:
+        moved["prism.rest.file"] = os.path.relpath(rig.prism.rest.file, folder)
+    return moved
+
+
+def _write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+    with h5py.File(path, "w") as file:
+        file.attrs["schema_version"] = SCHEMA_VERSION
+        for name, value in arrays.items():
+            if isinstance(value, np.ndarray) and value.size > _LARGE:
+                file.create_dataset(name, data=value, compression="gzip", compression_opts=1, shuffle=True)
+            else:
+                file[name] = value
+
+
+def _document(values: Mapping[str, Any]) -> tomlkit.TOMLDocument:
+    document = tomlkit.document()
+    for key, value in _plain(values).items():
+        document[key] = value
+    return document
+
+
+def _plain(value: Any) -> Any:
+    """As TOML holds it: nothing that is not a number, seven digits, numpy's types as Python's."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items() if not _nothing(v)}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, float):
+        return float(f"{value:.7g}")
+    return value
+
+
+def _nothing(value: Any) -> bool:
+    return value is None or (isinstance(value, float | np.floating) and not np.isfinite(value))

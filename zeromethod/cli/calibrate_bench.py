@@ -1,0 +1,330 @@
+"""`zeromethod calibrate`: take a bench through all steps, store what was found, show it, compare it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console
+
+from zeromethod.calibration import Direct, MirrorEdge
+from zeromethod.calibration.fingerprint import check
+from zeromethod.calibration.folder import GIVEN, Stored, home_of, load, newest
+from zeromethod.cli.bench_options import BenchOptions, bench_options, with_devices
+from zeromethod.cli.output import check_file, check_folder, write_summary
+from zeromethod.devices.opening import open_devices
+from zeromethod.errors import InputError, MeasurementError
+from zeromethod.optics import check_geometry
+from zeromethod.procedures.calibration import (
+    Calibration,
+    Plan,
+    Recorded,
+    evaluate,
+    recall,
+    record,
+    store_calibration,
+)
+from zeromethod.procedures.calibration.procedure import Known
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.threads import limit_threads
+from zeromethod.view.calibration_table import (
+    depth_line,
+    difference_table,
+    figure_table,
+    parameter_table,
+    verdict_line,
+)
+from zeromethod.view.progress import progress
+
+FIGURE = "calibration.png"
+
+EDGE_PX = 2.0
+"""How well an edge is seen, camera px, unless told."""
+
+_OPTIONS: tuple[Callable[[Any], Any], ...] = (
+    click.option("--rig", "rig_name", help="Rig file (`zeromethod init` makes one), or a packaged name."),
+    bench_options,
+    click.option(
+        "--press-depths", "depths", metavar="D,D,...", default="",
+        help="Depths, mm, of presses that you will make, in order; you are told when.",
+    ),
+    click.option(
+        "--depth-sigma", type=float, default=1e-3, show_default=True, metavar="MM",
+        help="How well these depths are known (standard deviation).",
+    ),
+    click.option(
+        "--known", multiple=True, metavar="NAME=VALUE:SIGMA",
+        help="A parameter measured by itself: gap_mm=0.48:0.01 by feeler gauge, display.along_mm=29.8:0.25.",
+    ),
+    click.option(
+        "--edge", "edges", multiple=True, metavar="P0=U,V:SIGMA",
+        help="A point of the mirror's edge P0 or R0 in the camera's image, px: R0=1180.5,512:2.",
+    ),
+    click.option("--light/--no-light", default=True, help="Measure response and noise."),
+    click.option("--delay/--no-delay", default=True, help="Measure the delay of display and camera."),
+    click.option(
+        "--frames", "rest_frames", type=click.IntRange(1, 1000), default=Plan.rest_frames, show_default=True,
+        help="Camera frames averaged for each picture of the rest map.",
+    ),
+    click.option(
+        "--press-frames", type=click.IntRange(4, 1000), default=Plan.press_frames, show_default=True,
+        help="Camera frames averaged for each press.",
+    ),
+    click.option(
+        "--patience", "patience_s", type=float, default=Plan.patience_s, show_default=True, metavar="S",
+        help="Longest wait for a press.",
+    ),
+    click.option(
+        "--output", type=click.Path(path_type=Path, file_okay=False),
+        help="Folder for the dated folder.  [default: calibration/<rig> beside the rig file]",
+    ),
+    click.option(
+        "--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json)."
+    ),
+    click.option(
+        "--show", "show_folder", is_flag=False, flag_value="", metavar="[FOLDER]",
+        help="Show a calibration instead: that in FOLDER, or with --rig its newest.",
+    ),
+    click.option(
+        "--diff", "compared", nargs=2, type=click.Path(path_type=Path), metavar="A B",
+        help="Compare the calibrations in two folders instead.",
+    ),
+    click.option(
+        "--redo", "redo_folder", type=click.Path(path_type=Path), metavar="FOLDER",
+        help="Evaluate what was recorded in FOLDER anew instead, --known and --edge added.",
+    ),
+)  # fmt: skip
+
+
+def calibrate_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of the live command."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+def calibrate_bench(
+    rig_name: str | None,
+    *,
+    depths: str = "",
+    depth_sigma: float = 1e-3,
+    known: tuple[str, ...] = (),
+    edges: tuple[str, ...] = (),
+    light: bool = True,
+    delay: bool = True,
+    rest_frames: int = Plan.rest_frames,
+    press_frames: int = Plan.press_frames,
+    patience_s: float = Plan.patience_s,
+    output: Path | None = None,
+    summary: Path | None = None,
+    show_folder: str | None = None,
+    compared: tuple[Path, Path] | None = None,
+    redo_folder: Path | None = None,
+    **devices: Any,
+) -> Stored | None:
+    """Do what the command line asks for; the calibration that was made or shown.
+
+    Raises InputError and MeasurementError; the latter, too, once one whose verdict is bad is stored.
+    """
+    check_file("--summary", summary, suffix=".json")
+    console = Console()
+    if compared:
+        console.print(difference_table(load(compared[0]), load(compared[1])))
+        return None
+    if show_folder is not None:
+        shown = _wanted(show_folder, rig_name)
+        _report(console, shown, summary)
+        return shown
+    direct: tuple[Known, ...] = (*map(_known, known), *map(_edge, edges))
+    limit_threads()
+    if redo_folder is not None:
+        stored = _redo(redo_folder, direct, output)
+        return _finish(console, stored, summary)
+    if rig_name is None:
+        raise InputError("--rig: missing: your rig file (zeromethod init my.toml makes one)")
+    if not (math.isfinite(patience_s) and patience_s > 0):
+        raise InputError(f"--patience: {patience_s}: a number of seconds above 0")
+    plan = Plan(
+        press_depths_mm=_depths(depths),
+        press_sigma_mm=depth_sigma,
+        known=direct,
+        light=light,
+        delay=delay,
+        rest_frames=rest_frames,
+        press_frames=press_frames,
+        patience_s=patience_s,
+    )
+    options, home = BenchOptions(**devices), output or home_of(rig_name)
+    rig = _bench(rig_name, options, plan)
+    check_folder("--output", home)
+    with open_devices(rig) as opened:
+        for warning in getattr(opened.display, "warnings", ()):
+            click.echo(f"! {warning}", err=True)
+        recorded, found = record(rig, opened, plan, Telling())
+    stored = _store(evaluate_with(recorded, found, rig_name), rig_name, home, options.settings)
+    finished = _finish(console, stored, summary)
+    if recorded.interrupted:
+        raise KeyboardInterrupt
+    if recorded.failure:
+        raise MeasurementError(f"{recorded.failure} (stored without it in {stored.folder})")
+    return finished
+
+
+def evaluate_with(recorded: Recorded, found: Any, rig_name: str) -> Calibration:
+    """Evaluate, against the rig's last calibration where that is of the same bench."""
+    before, last = newest(rig_name), None
+    if before is not None and not check(before.fingerprint, recorded.rig):
+        last = before.parameters
+        if load_rig(before.folder / GIVEN).camera.focal_px != recorded.rig.camera.focal_px:
+            del last["camera.scale"]  # it is relative to the rig file's
+    return evaluate(recorded, found, last, Telling())
+
+
+class Telling:
+    """Progress bars, and lines above them."""
+
+    @contextmanager
+    def part(self, words: str, total: int) -> Iterator[Callable[[], object]]:
+        """A bar over `total` steps."""
+        with progress(total, words) as advance:
+            yield lambda: advance(words)
+
+    def say(self, words: str) -> None:
+        """A line on the terminal."""
+        click.echo(words, err=True)
+
+
+def _bench(rig_name: str, options: BenchOptions, plan: Plan) -> Rig:
+    """The rig as it is to be opened."""
+    rig = with_devices(load_rig(rig_name), options)
+    if not plan.press_depths_mm:
+        rig = rig.model_copy(update={"press": "none"})
+    check_geometry(rig)
+    _check_edges(rig, plan.known)
+    return rig
+
+
+def _store(
+    found: Calibration,
+    rig_name: str,
+    home: Path | None,
+    settings: dict[str, Any],
+    redone: Stored | None = None,
+) -> Stored:
+    from zeromethod.view.calibration_figure import draw_calibration  # noqa: PLC0415 - matplotlib loads slowly
+
+    return store_calibration(
+        found,
+        rig_name,
+        home=home,
+        settings={f"camera.{key}": value for key, value in settings.items()},
+        pictures={FIGURE: lambda path: draw_calibration(found, path)},
+        redone=redone,
+    )
+
+
+def _redo(folder: Path, known: tuple[Known, ...], output: Path | None) -> Stored:
+    recorded, stored = recall(folder)
+    _check_edges(recorded.rig, known)
+    named = {one.name for one in known}
+    kept = tuple(one for one in recorded.plan.known if one.name not in named)
+    plan = replace(recorded.plan, known=kept + known)
+    found = evaluate(replace(recorded, plan=plan), tell=Telling())
+    return _store(found, str(folder / "given.toml"), output or folder.absolute().parent, {}, stored)
+
+
+def _wanted(folder: str, rig_name: str | None) -> Stored:
+    if folder:
+        return load(Path(folder))
+    if rig_name is None:
+        raise InputError("--show: which calibration? allowed: a folder, or with --rig its newest")
+    found = newest(rig_name)
+    if found is None:
+        raise InputError(
+            f"--show: {rig_name}: no calibration in {home_of(rig_name)}: zeromethod calibrate makes one"
+        )
+    return found
+
+
+def _finish(console: Console, stored: Stored, summary: Path | None) -> Stored:
+    _report(console, stored, summary)
+    console.print(f"stored in {stored.folder}", soft_wrap=True, highlight=False)
+    console.print(f"use it: zeromethod run --rig {stored.rig_file}", soft_wrap=True, highlight=False)
+    verdict = stored.document["verdict"]
+    if verdict["level"] == "bad":
+        raise MeasurementError(f"calibration: {verdict['reason']} (stored in {stored.folder})")
+    return stored
+
+
+def _report(console: Console, stored: Stored, summary: Path | None) -> None:
+    if summary is not None:
+        write_summary(summary, {**_jsonable(stored.document), "folder": str(stored.folder)})
+    console.print(parameter_table(stored))
+    console.print(figure_table(stored))
+    console.print(depth_line(stored), soft_wrap=True)
+    console.print(verdict_line(stored), soft_wrap=True)
+    if warning := stored.age_warning():
+        console.print(f"! {warning}", soft_wrap=True)
+
+
+def _jsonable(document: dict[str, Any]) -> dict[str, Any]:
+    return {**document, "time": document["time"].isoformat()}
+
+
+def _depths(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(",")) if text.strip() else ()
+    except ValueError:
+        raise InputError(f"--press-depths: {text}: depths in mm with commas between them") from None
+
+
+def _known(text: str) -> Direct:
+    name, _, numbers = text.partition("=")
+    value, _, sigma = numbers.partition(":")
+    try:
+        return Direct(name.strip(), float(value), float(sigma))
+    except ValueError as error:
+        told = str(error) if isinstance(error, InputError) else "NAME=VALUE:SIGMA, as gap_mm=0.48:0.01"
+        raise InputError(f"--known: {text}: {told}") from None
+
+
+def _check_edges(rig: Rig, known: Sequence[Known]) -> None:
+    columns, rows = rig.camera.columns, rig.camera.rows
+    for one in known:
+        if isinstance(one, MirrorEdge):
+            u, v = one.pixel[0]
+            if not (-0.5 <= u <= columns - 0.5 and -0.5 <= v <= rows - 0.5):
+                raise InputError(
+                    f"--edge: {one.edge}={u:g},{v:g}: a point of the image, {columns} x {rows} px"
+                )
+
+
+def _edge(text: str) -> MirrorEdge:
+    name, _, rest = text.partition("=")
+    place, _, sigma = rest.partition(":")
+    try:
+        u, v = (float(part) for part in place.split(","))
+        spread = float(sigma or EDGE_PX)
+    except ValueError:
+        u = v = spread = math.nan
+    name = name.strip()
+    if name not in ("P0", "R0") or not (math.isfinite(u + v + spread) and spread > 0):
+        raise InputError(f"--edge: {text}: P0=U,V:SIGMA or R0=U,V:SIGMA in camera px, as R0=1180.5,512:2")
+    return MirrorEdge("P0" if name == "P0" else "R0", np.array([[u, v]]), spread)
+
+
+@click.command(
+    "calibrate",
+    epilog="Example: zeromethod calibrate --rig my.toml --display 1 --camera 0 --press-depths 0.2,0.15,0.1",
+)
+@calibrate_options
+def calibrate_bench_command(**given: Any) -> None:
+    """Find out what the bench is, and store it: response, rest map, delay, geometry in millimetres."""
+    calibrate_bench(**given)

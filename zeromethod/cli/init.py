@@ -1,0 +1,92 @@
+"""`zeromethod init`: a rig file of one's own, from what calipers give."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, cast
+
+import click
+
+from zeromethod.errors import InputError
+from zeromethod.procedures.calibration.new_rig import Calipers, rig_text
+from zeromethod.rig.load import load_rig
+
+_QUESTIONS = (
+    ("pattern_angle_deg", "--pattern-angle", float, "angle between mirror and pattern face, degrees"),
+    ("captured_angle_deg", "--captured-angle", float, "angle between mirror and captured face, degrees"),
+    ("leg_mm", "--leg", float, "length of the pattern face, from P0 to its far edge, mm"),
+    ("width_mm", "--width", float, "width of the prism, mm"),
+    ("index", "--index", float, "refractive index of the rubber"),
+    ("gap_mm", "--gap", float, "gap between prism and LCD, its glass counted in, mm"),
+    ("lcd_columns", "--lcd-columns", int, "columns of the LCD"),
+    ("lcd_rows", "--lcd-rows", int, "rows of the LCD"),
+    ("pitch_mm", "--pitch", float, "pitch of the LCD's pixels, mm"),
+    ("lcd_along_mm", "--lcd-along", float, "from P0 to the LCD's middle, along the pattern face, mm"),
+    ("refresh_hz", "--refresh", float, "refresh rate of the LCD, Hz"),
+    ("camera_columns", "--camera-columns", int, "columns of the camera's image"),
+    ("camera_rows", "--camera-rows", int, "rows of the camera's image"),
+    ("pixel_um", "--pixel", float, "pitch of the camera's pixels, micrometres"),
+    ("lens_mm", "--lens", float, "focal length of the lens, mm"),
+    ("distance_mm", "--distance", float, "from the lens to the captured face, mm"),
+    ("rate_hz", "--rate", float, "frame rate of the camera, frames per second"),
+    ("exposure_s", "--exposure", float, "exposure of the camera, s"),
+)
+
+
+def _measures(command: Any) -> Any:
+    for name, option, kind, words in reversed(_QUESTIONS):
+        command = click.option(option, name, type=kind, help=words[0].upper() + words[1:] + ".")(command)
+    return command
+
+
+@click.command(
+    "init", epilog="Example: zeromethod init my.toml --pattern-angle 50 --leg 60.1 --lens 50 --distance 275"
+)
+@click.argument("path", metavar="FILE.toml", type=click.Path(path_type=Path, dir_okay=False))
+@click.option(
+    "--from",
+    "rig_name",
+    default="simulated",
+    show_default=True,
+    help="Rig file, or a packaged name, that gives what is not told.",
+)
+@_measures
+@click.option("--ask/--no-ask", default=None, help="Ask for what is not given.  [default: on a terminal]")
+@click.option("--force", is_flag=True, help="Overwrite a file that is there.")
+def init_command(path: Path, rig_name: str, ask: bool | None, force: bool, **given: Any) -> None:
+    """Write a commented rig file for a bench of one's own.
+
+    Asks for what calipers, a protractor and data sheets give; Enter keeps the value shown.
+    """
+    if path.suffix.lower() != ".toml":
+        raise InputError(f"FILE: {path}: the file name must end in .toml")
+    if not path.absolute().parent.is_dir():
+        raise InputError(f"FILE: {path}: the folder {path.absolute().parent} does not exist")
+    if path.exists() and not force:
+        raise InputError(f"FILE: {path}: is there already; --force overwrites it")
+    if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
+        raise InputError(f"FILE: {path}: not writable")
+    calipers = Calipers.of(load_rig(rig_name))
+    calipers = replace(calipers, **{name: value for name, value in given.items() if value is not None})
+    if sys.stdin.isatty() if ask is None else ask:
+        calipers = _asked(calipers, {name for name, value in given.items() if value is not None})
+    text = rig_text(calipers, path.stem, path)
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(path)
+    click.echo(f"{path} written; next:")
+    click.echo(f"  zeromethod design --rig {path}                              is it a good bench?")
+    click.echo(f"  zeromethod devices --focus --rig {path} --display 1 --camera 0   aim and focus")
+    click.echo(f"  zeromethod calibrate --rig {path} --display 1 --camera 0")
+
+
+def _asked(calipers: Calipers, known: set[str]) -> Calipers:
+    """The same with answers in place of what was not given as an option."""
+    answers = asdict(calipers)
+    for name, _, kind, words in _QUESTIONS:
+        if name not in known:
+            answers[name] = click.prompt(words, default=answers[name], type=cast(Any, kind))
+    return Calipers(**answers)

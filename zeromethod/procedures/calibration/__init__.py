@@ -1,0 +1,23 @@
+"""Calibrating a bench: record it step by step, evaluate what was recorded, store both.
+
+recorded, rest = record(rig, devices, Plan(press_depths_mm=(0.2, 0.15)))
+calibration = evaluate(recorded, rest)
+stored = store_calibration(calibration, "my.toml")
+"""
+
+from zeromethod.procedures.calibration.evaluation import Calibration, evaluate
+from zeromethod.procedures.calibration.procedure import Plan, Recorded, record
+from zeromethod.procedures.calibration.storing import recall, store_calibration
+from zeromethod.procedures.calibration.telling import Silence, Teller
+
+__all__ = [
+    "Calibration",
+    "Plan",
+    "Recorded",
+    "Silence",
+    "Teller",
+    "evaluate",
+    "recall",
+    "record",
+    "store_calibration",
+]

@@ -1,0 +1,181 @@
+"""What a recorded bench comes to: geometry with sigma, depth's error, a verdict. No device is touched."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from zeromethod.calibration import (
+    Blend,
+    DepthError,
+    Fit,
+    Gain,
+    KnownPress,
+    Presses,
+    Priors,
+    RestPositions,
+    RestReading,
+    Verdict,
+    depth_error,
+    fit,
+    gains,
+    judge,
+    untold,
+)
+from zeromethod.phase_shifting.measuring import RestMeasurement
+from zeromethod.procedures.calibration.procedure import Recorded, grid_of, rest_observations, with_values
+from zeromethod.procedures.calibration.rest import decode
+from zeromethod.procedures.calibration.telling import Silence, Teller
+from zeromethod.rig.model import Rig
+from zeromethod.surface import Peak
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.warp import Warp
+
+PARTS = 4
+DRIFT_LCD_PX = 0.3
+"""Between the rest map and the loop's rest, median over the nodes, from which something moved meanwhile."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A bench as calibrated.
+
+    rest: the measured rest map; rest_warp: the same at the nodes of `grid`. peaks: the known presses as read
+    through the calibrated rig. drift_px: median distance of the loop's rest from the rest map, LCD px; NaN
+    without presses.
+    """
+
+    recorded: Recorded
+    rest: RestMeasurement
+    grid: NodeGrid
+    rest_warp: Warp
+    fitted: Fit
+    error: DepthError
+    untold: tuple[Blend, ...]
+    gains: tuple[Gain, ...]
+    verdict: Verdict
+    peaks: tuple[Peak, ...]
+    drift_px: float
+
+    @property
+    def rig(self) -> Rig:
+        """The calibrated rig."""
+        return self.fitted.rig
+
+    @property
+    def depth_percent(self) -> float:
+        """Depth's standard deviation by geometry, percent, rms over the regions."""
+        return float(np.sqrt(np.mean(self.error.percent**2)))
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Keys and values of the rig file that the calibration changes."""
+        return geometry_values(self.rig) | self.recorded.values
+
+
+def evaluate(
+    recorded: Recorded,
+    found: RestMeasurement | None = None,
+    last: Mapping[str, tuple[float, float]] | None = None,
+    tell: Teller | None = None,
+) -> Calibration:
+    """Fit everything that was recorded.
+
+    found: its rest map, where it is decoded already. last: value and sigma of the parameters in the
+    calibration before this one.
+
+    Raises MeasurementError where the data contradict the rig file beyond use.
+    """
+    rig, plan = with_values(recorded.rig, recorded.values), recorded.plan
+    with (tell or Silence()).part("geometry", PARTS) as advance:
+        found = found or decode(rig, recorded.rest)
+        grid = grid_of(rig)
+        rest_warp = found.rest_map.warp(grid)
+        advance()
+        observations = rest_observations(rig, found, plan.known)
+        reading, presses, drift = None, None, float("nan")
+        if recorded.presses is not None:
+            warps = recorded.presses
+            reading = RestReading.of(grid, warps.rest)
+            known = [
+                KnownPress(f"{number} of {depth:g} mm", warp, depth, plan.press_sigma_mm)
+                for number, (depth, warp) in enumerate(
+                    zip(plan.press_depths_mm, warps.pressed, strict=True), start=1
+                )
+            ]
+            presses = Presses.of(reading, known)
+            observations.append(presses)
+            both = warps.rest.valid & rest_warp.valid
+            apart = np.linalg.norm(warps.rest.q - rest_warp.q, axis=-1)[both]
+            drift = float(np.median(apart)) if apart.size else float("nan")
+        fitted = fit(Priors.of(rig), observations)
+        advance()
+        error = depth_error(fitted, grid, reading)
+        advance()
+        gain = gains(fitted, error)
+        usable = float(np.mean(rest_warp.valid[grid.inner]))
+        verdict = judge(fitted, error, gain, usable, last)
+        if drift > DRIFT_LCD_PX:
+            words = f"the picture moved by {drift:.2f} LCD px between rest map and presses"
+            verdict = replace(verdict, level="bad", findings=(*verdict.findings, words))
+        peaks = tuple(presses.peaks(fitted.rig)) if presses is not None else ()
+        advance()
+    return Calibration(
+        recorded,
+        found,
+        grid,
+        rest_warp,
+        fitted,
+        error,
+        tuple(untold(fitted, error)),
+        tuple(gain),
+        verdict,
+        peaks,
+        drift,
+    )
+
+
+def rest_residuals(calibration: Calibration) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    """Camera px (n, 2) and residual (n, 2), LCD px, of the rest map's nodes that the fit used."""
+    for term in calibration.fitted.terms:
+        data = term.observation
+        if isinstance(data, RestPositions):
+            return data.pixel, (term.residual * data.sigma).reshape(-1, 2)
+    raise AssertionError("a calibration has a rest map")
+
+
+def geometry_values(rig: Rig) -> dict[str, Any]:
+    """Keys and values of a rig file that hold its fitted geometry."""
+    camera, display, prism = rig.camera, rig.display, rig.prism
+    values: dict[str, Any] = {
+        "prism.pattern_angle_deg": prism.pattern_angle_deg,
+        "prism.captured_angle_deg": prism.captured_angle_deg,
+        "prism.index": prism.index,
+        "display.centre_mm": display.centre_mm,
+        "display.turn_deg": display.turn_deg,
+        "display.tilt_deg": display.tilt_deg,
+        "camera.position_mm": camera.position_mm,
+        "camera.look_at_mm": camera.look_at_mm,
+        "camera.roll_deg": camera.roll_deg,
+        "camera.centre_px": camera.centre_px,
+    }
+    if camera.projection == "perspective":
+        values |= {"camera.focal_px": camera.focal_px, "camera.distortion": camera.distortion}
+    else:
+        values["camera.pixel_mm"] = camera.pixel_mm
+    length = "leg_mm" if prism.leg_mm is not None else "mirror_length_mm"
+    values[f"prism.{length}"] = getattr(prism, length)
+    if rig.pattern_layers and rig.pattern_layers[-1].index == 1.0:
+        last = len(rig.pattern_layers) - 1
+        values[f"pattern_layers[{last}].thickness_mm"] = rig.pattern_layers[-1].thickness_mm
+    return {key: _rounded(value) for key, value in values.items()}
+
+
+def _rounded(value: Any) -> Any:
+    """To ten digits: far below any sigma, and legible."""
+    if isinstance(value, tuple):
+        return [_rounded(one) for one in value]
+    return float(f"{value:.10g}")

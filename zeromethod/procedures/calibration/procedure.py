@@ -1,0 +1,271 @@
+"""The steps of a calibration, in order, on an open bench: what is shown, captured and kept."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from zeromethod.calibration import Direct, MirrorEdge, Observation, Priors, RestPositions, fit
+from zeromethod.calibration.fingerprint import Fingerprint, take_fingerprint
+from zeromethod.clock import HostClock
+from zeromethod.devices.opening import Devices
+from zeromethod.devices.protocols import CameraLost, DisplayLost
+from zeromethod.errors import InputError, MeasurementError
+from zeromethod.phase_shifting.measuring import RestMeasurement
+from zeromethod.procedures.calibration.presses import (
+    DEFAULT_FRAMES,
+    DEFAULT_PATIENCE_S,
+    PressesEndedError,
+    PressWarps,
+    record_presses,
+)
+from zeromethod.procedures.calibration.rest import RestFrames, capture, decode, sequence_for
+from zeromethod.procedures.calibration.settling import Settling, settle
+from zeromethod.procedures.calibration.telling import Silence, Teller
+from zeromethod.procedures.decode import refuse_empty
+from zeromethod.procedures.delay import DelayResult, measure_delay, with_strips
+from zeromethod.procedures.held_pictures import HeldPictures
+from zeromethod.procedures.response import MARGIN_S, PICTURES, LightResult, measure_light
+from zeromethod.rig.model import Rig
+from zeromethod.warp.grid import NodeGrid
+
+REST_FRAMES = 4
+"""Camera frames averaged for every picture of the rest map."""
+
+DELAY_S = 3.0
+
+Known = Direct | MirrorEdge
+"""What a person measures or sees beside the procedure."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to measure.
+
+    press_depths_mm: of the presses that will come, in order; press_sigma_mm: how well each is known. known:
+    what was measured by hand, or seen of the mirror's edges. light, delay: whether these steps are taken.
+    rest_frames, press_frames: camera frames averaged for each picture and press. delay_s: how long the delay
+    is measured. patience_s: longest wait for a press.
+    """
+
+    press_depths_mm: tuple[float, ...] = ()
+    press_sigma_mm: float = 1e-3
+    known: tuple[Known, ...] = ()
+    light: bool = True
+    delay: bool = True
+    rest_frames: int = REST_FRAMES
+    press_frames: int = DEFAULT_FRAMES
+    delay_s: float = DELAY_S
+    patience_s: float = DEFAULT_PATIENCE_S
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that cannot be, with InputError."""
+        for depth in self.press_depths_mm:
+            if not (np.isfinite(depth) and depth > 0):
+                raise InputError(f"--press-depths: {depth}: numbers of mm above 0")
+        if not (np.isfinite(self.press_sigma_mm) and self.press_sigma_mm > 0):
+            raise InputError(f"--depth-sigma: {self.press_sigma_mm}: a number of mm above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Everything that a bench gave, enough to begin anew without it.
+
+    rig: as the rig file says, with the devices used. values: of the rig file that were measured directly
+    (response, noise, delay), by dotted key. light, delay, presses: None where they were left out.
+    seconds: that each step took, of the machine's time. failure: why not all presses were taken; the plan
+    then holds those that were. interrupted: by Ctrl-C.
+    """
+
+    rig: Rig
+    plan: Plan
+    fingerprint: Fingerprint
+    settling: Settling
+    rest: RestFrames
+    light: LightResult | None = None
+    delay: DelayResult | None = None
+    presses: PressWarps | None = None
+    values: dict[str, Any] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    failure: str = ""
+    interrupted: bool = False
+
+
+def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
+    """Rig with values by dotted key of two or three parts, checked as those of a file are."""
+    data = rig.model_dump(exclude_unset=True)
+    for key, value in values.items():
+        *tables, name = key.split(".")
+        table = data
+        for step in tables:
+            table = table.setdefault(step, {})
+        table[name] = tuple(value) if isinstance(value, list) else value
+    return Rig.model_validate(data)
+
+
+def rest_observations(rig: Rig, found: RestMeasurement, known: tuple[Known, ...]) -> list[Observation]:
+    """The rest map and what was measured by hand, as a fit takes them."""
+    grid = grid_of(rig)
+    return [RestPositions.of(grid, found.rest_map.warp(grid)), *known]
+
+
+def grid_of(rig: Rig) -> NodeGrid:
+    """The nodes of a rig's warps."""
+    return NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+
+
+def record(
+    rig: Rig, devices: Devices, plan: Plan, tell: Teller | None = None
+) -> tuple[Recorded, RestMeasurement]:
+    """Take a bench through all steps: light, rest map, delay, presses. `rig`: what is believed of it.
+
+    To be used in the main thread, as windows must be. Nothing may touch the mirror before a press is asked
+    for. Also gives the rest map as decoded on the way.
+
+    Raises
+    ------
+    MeasurementError
+        A step failed, or a device was lost; the message begins with the step. Presses that do not come are
+        no failure of the rest: see `Recorded.failure`.
+    """
+    session = _Session(rig, devices, plan, tell or Silence())
+    try:
+        return session.run()
+    except CameraLost as error:
+        raise MeasurementError(f"{session.step}: the camera is lost: {error}") from error
+    except DisplayLost as error:
+        raise MeasurementError(f"{session.step}: the display is lost: {error}") from error
+
+
+class _Session:
+    def __init__(self, rig: Rig, devices: Devices, plan: Plan, tell: Teller) -> None:
+        self._given, self._devices, self._plan, self._tell = rig, devices, plan, tell
+        self._seconds: dict[str, float] = {}
+        self._values: dict[str, Any] = {}
+        self._notes: list[str] = []
+        self._failure, self._interrupted = "", False
+        self._began_s = time.monotonic()
+        self.step = "opening"
+
+    def _begin(self, step: str) -> None:
+        now_s = time.monotonic()
+        self._seconds[self.step] = now_s - self._began_s
+        self._began_s, self.step = now_s, step
+
+    def run(self) -> tuple[Recorded, RestMeasurement]:
+        plan, devices, tell = self._plan, self._devices, self._tell
+        fingerprint = take_fingerprint(self._given, devices.camera, devices.display)
+        self._begin("settling")
+        tell.say("do not touch the mirror before you are asked to")
+        with tell.part("settling", 1) as advance:
+            settling = settle(self._given, devices)
+            advance()
+        if settling.saturated_share > 0.01:
+            self._note(
+                f"{settling.saturated_share:.0%} of the view is too bright for the camera by the white LCD: "
+                "shorten the exposure"
+            )
+        hold_s = settling.hold_s
+        light = self._light(hold_s)
+        if light is not None:
+            hold_s = max(hold_s, light.hold_s if light.hold_s < 2 * hold_s else 0.0)
+        rig = with_values(self._given, self._values)
+
+        self._begin("rest map")
+        pictures = HeldPictures(rig, devices, 0.0)
+        pictures.hold_s = hold_s
+        sequence = sequence_for(rig)
+        with tell.part("rest map", sequence.frames) as advance:
+            frames = capture(rig, pictures, sequence, plan.rest_frames, advance, settling.variance_grey2)
+        self._begin("decoding")
+        with tell.part("decoding", 1) as advance:
+            found = decode(rig, frames)
+            advance()
+        refuse_empty(found)
+        self._begin("first fit")
+        with tell.part("geometry from the rest map", 1) as advance:
+            fitted = fit(Priors.of(rig), rest_observations(rig, found, plan.known))
+            advance()
+        delay = self._delay(fitted.rig)
+        presses = self._presses(fitted.rig)
+        self._begin("")
+        del self._seconds["opening"]
+        recorded = Recorded(
+            self._given,
+            self._plan,
+            fingerprint,
+            settling,
+            frames,
+            light,
+            delay,
+            presses,
+            self._values,
+            self._seconds,
+            tuple(self._notes),
+            self._failure,
+            self._interrupted,
+        )
+        return recorded, found
+
+    def _note(self, words: str) -> None:
+        self._notes.append(words)
+        self._tell.say(f"! {words}")
+
+    def _light(self, hold_s: float) -> LightResult | None:
+        if not self._plan.light:
+            return None
+        self._begin("light")
+        # The delay is not known yet: pictures are held for as long as changes were seen to take.
+        usual_s = HeldPictures(self._given, self._devices, MARGIN_S).hold_s
+        late_s = max(self._given.display.latency_s, 0.0) + max(hold_s - usual_s, 0.0)
+        display = self._given.display.model_copy(update={"latency_s": late_s})
+        with self._tell.part("light", PICTURES) as advance:
+            light = measure_light(self._given.model_copy(update={"display": display}), self._devices, advance)
+        for words in light.advice:
+            self._note(words)
+        self._values |= light.rig_values()
+        return light
+
+    def _delay(self, rig: Rig) -> DelayResult | None:
+        if not self._plan.delay:
+            return None
+        self._begin("delay")
+        with self._tell.part("delay", round(self._plan.delay_s * rig.camera.rate_hz)) as advance:
+            try:
+                delay = measure_delay(rig, self._devices, self._plan.delay_s, advance)
+            except MeasurementError as error:
+                self._note(f"{error}; the rig file's {1e3 * rig.display.latency_s:g} ms stay")
+                return None
+        self._values["display.latency_s"] = round(delay.latency_s, 6)
+        return delay
+
+    def _presses(self, rig: Rig) -> PressWarps | None:
+        if not self._plan.press_depths_mm:
+            return None
+        self._begin("presses")
+        timed = with_values(rig, {k: v for k, v in self._values.items() if k == "display.latency_s"})
+        told = "strips" in rig.control.model_fields_set
+        if not told and (isinstance(self._devices.clock, HostClock) or "display.latency_s" in self._values):
+            timed = with_strips(timed)
+        plan = self._plan
+        try:
+            return record_presses(
+                timed,
+                self._devices,
+                plan.press_depths_mm,
+                plan.press_frames,
+                plan.patience_s,
+                self._tell,
+            )
+        except PressesEndedError as error:
+            # What there is already took minutes and is sound.
+            self._failure, self._interrupted = str(error), error.interrupted
+            self._note(f"{error}; going on with what there is")
+            count = len(error.warps.pressed) if error.warps is not None else 0
+            self._plan = replace(plan, press_depths_mm=plan.press_depths_mm[:count])
+            return error.warps if count else None

@@ -1,0 +1,145 @@
+"""The rest map, live: fringes shown one after the other, every one averaged over frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.errors import MeasurementError
+from zeromethod.optics import Optics
+from zeromethod.pattern import Response
+from zeromethod.phase_shifting.fringes import SHIFTS, FringeSequence, equal_shifts
+from zeromethod.phase_shifting.measuring import RestMeasurement, measure_rest
+from zeromethod.phase_shifting.periods import SHORTEST_PX, choose_periods
+from zeromethod.procedures.calibration.settling import thinned
+from zeromethod.procedures.held_pictures import HeldPictures
+from zeromethod.rig.model import Rig
+
+SHORTEST_CAMERA_PX = 8
+"""Shortest period as the camera sees it: a lens blur of 0.7 px then leaves 86 % of its contrast."""
+
+
+AGREEMENT = 1.3
+"""Mean square difference of frames of one picture, over what noise makes of it, within which they agree."""
+
+LEAD_FRAMES = 8
+"""Frames of black before the first picture: more than any computer is late by."""
+
+MOST_FRAMES = 60
+"""Frames that may pass until a picture stands."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestFrames:
+    """What was captured of a fringe sequence.
+
+    sums: (pictures, rows, cols) grey levels summed over `frames` frames each: exact, and enough to begin
+    anew.
+    """
+
+    sequence: FringeSequence
+    sums: NDArray[Any]
+    frames: int
+
+    def means(self) -> Iterator[NDArray[np.float32]]:
+        """Mean image (rows, cols) of every picture, in order."""
+        for one in self.sums:
+            yield one.astype(np.float32) / np.float32(self.frames)
+
+
+def sequence_for(rig: Rig) -> FringeSequence:
+    """Fringes for this panel, as fine as this camera resolves them."""
+    display = rig.display
+    periods = choose_periods(max(display.columns, display.rows), shortest_px=_shortest_px(rig))
+    return FringeSequence(periods, equal_shifts(SHIFTS))
+
+
+def _shortest_px(rig: Rig) -> int:
+    camera = rig.camera
+    u, v = np.meshgrid(np.linspace(0, camera.columns - 2, 9), np.linspace(0, camera.rows - 2, 9))
+    optics = Optics(rig)
+    here = optics.rest_map(u, v)
+    across = np.linalg.norm(optics.rest_map(u + 1, v) - here, axis=-1)
+    down = np.linalg.norm(optics.rest_map(u, v + 1) - here, axis=-1)
+    lcd_px = max(float(np.nanmedian(across)), float(np.nanmedian(down)))
+    return max(SHORTEST_PX, int(np.ceil(SHORTEST_CAMERA_PX * lcd_px)))
+
+
+def capture(
+    rig: Rig,
+    pictures: HeldPictures,
+    sequence: FringeSequence,
+    frames: int,
+    on_picture: Callable[[], object] = lambda: None,
+    variance_grey2: float = np.inf,
+) -> RestFrames:
+    """Show every picture of the sequence, drawn through the inverse of the rig's response.
+
+    variance_grey2: of one reading; frames count only once they agree with each other within it, and no longer
+    show the picture before. Stamps that a busy computer puts on late do no harm then.
+
+    Raises MeasurementError for a picture that does not come to stand.
+    """
+    display, camera = rig.display, rig.camera
+    response = Response.from_rig(rig.display)
+    # From a picture that surely stands, each next one is known to have come when the view has changed.
+    black = np.zeros((display.rows, display.columns), np.uint8)
+    before = thinned(pictures.frames(black, LEAD_FRAMES)[-1].image)
+    kind = np.uint16 if frames * (2**camera.bits - 1) < 2**16 else np.uint32
+    sums = np.zeros((sequence.frames, camera.rows, camera.columns), kind)
+    for number, light in enumerate(sequence.pictures(display.columns, display.rows)):
+        codes = np.rint(response.inverse(light)).astype(np.uint8)
+        taken = _standing(pictures, codes, frames, before, variance_grey2)
+        for image in taken:
+            sums[number] += image
+        before = thinned(taken[-1])
+        on_picture()
+    return RestFrames(sequence, sums, frames)
+
+
+def _standing(
+    pictures: HeldPictures,
+    codes: NDArray[np.uint8],
+    count: int,
+    before: NDArray[np.float32],
+    variance_grey2: float,
+) -> list[NDArray[Any]]:
+    """`count` images running of a picture that stands; before: thinned image of the one before."""
+    noise2 = AGREEMENT * 2.0 * variance_grey2
+    row: list[NDArray[Any]] = []
+    image = pictures.frames(codes, 1)[0].image
+    for _ in range(MOST_FRAMES + count):
+        now = thinned(image)
+        if _apart(now, before) <= noise2 < np.inf:
+            row.clear()  # still the picture before
+        else:
+            if row and _apart(now, thinned(row[-1])) > noise2:
+                row.clear()
+            row.append(image)
+        if len(row) >= max(count, 2):
+            return row[-count:]
+        image = pictures.read().image
+    raise MeasurementError(
+        f"rest map: a picture does not stand after {MOST_FRAMES} frames: does the light flicker, or did "
+        "something move?"
+    )
+
+
+def _apart(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
+    """Mean square difference, grey^2."""
+    return float(np.mean((one - other) ** 2))
+
+
+def decode(rig: Rig, recorded: RestFrames) -> RestMeasurement:
+    """Rest map of what was captured; the noise is found in the pictures' own scatter."""
+    return measure_rest(
+        recorded.means(),
+        recorded.sequence,
+        size_px=(rig.display.columns, rig.display.rows),
+        # a mean this near to the ceiling holds frames that were cut off by it
+        ceiling_grey=2**rig.camera.bits - 2.0,
+    )

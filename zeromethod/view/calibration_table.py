@@ -1,0 +1,154 @@
+"""A stored calibration as tables of plain words, alone or beside another one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from zeromethod.calibration.fingerprint import WORDS
+from zeromethod.calibration.folder import Stored
+
+_COLOURS = {"good": "green", "uncertain": "yellow", "bad": "red"}
+_OFFERS, _OPEN = 4, 4
+NOTABLE = 3.0
+"""Change of a parameter, in its sigma, that is marked."""
+
+
+def verdict_line(stored: Stored) -> Text:
+    """The verdict with its most important reason, on one line."""
+    verdict = stored.document["verdict"]
+    text = Text(f"{verdict['level']}: ", style=_COLOURS.get(verdict["level"], ""))
+    return text.append(verdict["reason"], style="default")
+
+
+def depth_line(stored: Stored) -> str:
+    """What the geometry leaves open of depth, in words."""
+    error = stored.document["depth_error"]
+    worst = max(error["region"], key=lambda one: one["percent"])
+    return (
+        f"depth in millimetres: {error['percent']:.2f} % (1 sigma, by geometry), "
+        f"{worst['percent']:.2f} % at worst ({worst['name']})"
+    )
+
+
+def parameter_table(stored: Stored) -> Table:
+    """Every parameter: as the rig file had it, as found, and how well it is known."""
+    table = Table(box=None, pad_edge=False)
+    for name in ("parameter", "given", "found", "sigma", "unit"):
+        table.add_column(name, justify="left" if name in {"parameter", "unit"} else "right")
+    for entry in stored.document["parameters"].values():
+        digits = _digits(entry["sigma"])
+        table.add_row(
+            entry["words"],
+            f"{entry['given']:.{digits}f}",
+            f"{entry['value']:.{digits}f}",
+            _sigma(entry["sigma"]),
+            entry["unit"],
+        )
+    return table
+
+
+def figure_table(stored: Stored) -> Table:
+    """Everything else that was measured."""
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="dim")
+    table.add_column()
+    for label, words in _figures(stored.document):
+        table.add_row(label, words)
+    return table
+
+
+def _figures(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    yield "made", f"{document['time']:%Y-%m-%d %H:%M} UTC, {document.get('made_by', '')}"
+    for key, words in WORDS.items():
+        if key in {"camera.serial", "camera.model", "display.name"}:
+            table, name = key.split(".")
+            if name in document["fingerprint"].get(table, {}):
+                yield words, str(document["fingerprint"][table][name])
+    rest = document["rest_map"]
+    yield "camera pixels with a place on the LCD", f"{rest['valid_share']:.1%}"
+    yield (
+        "camera pixels left out",
+        ", ".join(f"{name} {count}" for name, count in rest["reasons_px"].items() if count) or "none",
+    )
+    yield (
+        "sigma of the rest map, LCD px",
+        f"{rest['sigma_column_median_px']:.4f}, {rest['sigma_row_median_px']:.4f}",
+    )
+    fit = document["fit"]
+    yield "misfit (chi-squared per number)", f"{fit['chi2_per_freedom']:.2f}"
+    if (light := document.get("light")) is not None:
+        yield "gamma of the LCD", f"{light['gamma']:.3f} ({light['gamma_sigma']:.3f})"
+        yield "camera noise in the dark", f"{light['read_grey']:.2f} grey levels"
+        if light["found"]:
+            yield "to switch off", ", ".join(light["found"])
+    if (delay := document.get("delay")) is not None:
+        yield "delay", f"{1e3 * delay['latency_s']:.2f} ms ({1e3 * delay['sigma_s']:.2f})"
+        yield "LCD, camera", f"{delay['refresh_hz']:.3f} Hz, {delay['camera_rate_hz']:.3f} frames per second"
+    for number, press in enumerate(document.get("press", ()), start=1):
+        yield (
+            f"press {number}",
+            f"{press['depth_mm']:g} mm at x = {press['x_mm']:.1f}, y = {press['y_mm']:.1f} mm, "
+            f"read {press['read_mm']:.4f} mm",
+        )
+    for one in document.get("not_told_apart", ())[:_OPEN]:
+        yield "not told apart", f"{one['words']} ({one['depth_percent']:.2f} % of depth)"
+    for one in document.get("measure_next", ())[:_OFFERS]:
+        yield "would bring depth to", f"{one['depth_percent']:.2f} %: {one['what']}"
+    for finding in document["verdict"]["findings"][1:]:
+        yield "also", finding
+
+
+def difference_table(before: Stored, after: Stored) -> Table:
+    """What differs between two calibrations: parameters by size of the change, then the rest."""
+    table = Table(box=None, pad_edge=False)
+    for name in ("", before.folder.name, after.folder.name, "change", "in sigma"):
+        table.add_column(name, justify="left" if not name else "right")
+    for _, row in sorted(_changes(before, after), reverse=True):
+        table.add_row(*row)
+    for label, one, other in _others(before, after):
+        table.add_row(label, one, other, "", "")
+    return table
+
+
+def _changes(before: Stored, after: Stored) -> Iterator[tuple[float, tuple[str, ...]]]:
+    old, new = before.parameters, after.parameters
+    for name, (value, sigma) in new.items():
+        if name not in old:
+            continue
+        change = value - old[name][0]
+        size = abs(change) / max(math.hypot(sigma, old[name][1]), 1e-300)
+        digits = _digits(sigma)
+        mark = " !" if size > NOTABLE else ""
+        entry = after.document["parameters"][name]
+        numbers = (f"{old[name][0]:.{digits}f}", f"{value:.{digits}f}", f"{change:+.{digits}f}")
+        yield size, (f"{entry['words']}, {entry['unit']}".rstrip(", "), *numbers, f"{size:.1f}{mark}")
+
+
+def _others(before: Stored, after: Stored) -> Iterator[tuple[str, str, str]]:
+    one, other = before.document, after.document
+    yield "depth's sigma, percent", *(f"{d['depth_error']['percent']:.2f}" for d in (one, other))  # type: ignore[misc]
+    yield "verdict", one["verdict"]["level"], other["verdict"]["level"]
+    if "delay" in one and "delay" in other:
+        yield "delay, ms", *(f"{1e3 * d['delay']['latency_s']:.2f}" for d in (one, other))  # type: ignore[misc]
+    if "light" in one and "light" in other:
+        yield "gamma of the LCD", *(f"{d['light']['gamma']:.3f}" for d in (one, other))  # type: ignore[misc]
+    for key, words in WORDS.items():
+        table, name = key.split(".")
+        values = [d["fingerprint"].get(table, {}).get(name) for d in (one, other)]
+        if values[0] != values[1]:
+            shown = ["unknown" if value is None else str(value) for value in values]
+            yield words, shown[0], shown[1]
+
+
+def _digits(sigma: float) -> int:
+    """Decimals that show two digits of sigma."""
+    return min(max(1 - math.floor(math.log10(sigma)), 0), 7) if sigma > 0 else 4
+
+
+def _sigma(sigma: float) -> str:
+    return f"{sigma:.{_digits(sigma)}f}"
