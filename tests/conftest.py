@@ -15,7 +15,6 @@ import pytest
 from zeromethod.gl import collect, create_context
 from zeromethod.gl.context import BACKENDS, VARIABLE
 
-
 REAL_TIME = (
     "control/test_live_",
     "drivers/",
