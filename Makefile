@@ -21,7 +21,7 @@ rehearse: $(VENV)/.test-ready
 	@BIN=$(BIN) sh tools/rehearse.sh $(ARGS)
 
 test: $(VENV)/.test-ready
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadgroup $(PYTEST_ARGS)
 
 lint: $(VENV)/.dev-ready
 	$(BIN)/ruff format --check .

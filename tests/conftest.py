@@ -7,12 +7,35 @@ one entered, so objects always go to the context they belong to.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import moderngl
 import pytest
 
 from zeromethod.gl import collect, create_context
 from zeromethod.gl.context import BACKENDS, VARIABLE
+
+REAL_TIME = (
+    "control/test_live_",
+    "drivers/",
+    "publishing/",
+    "procedures/test_live_",
+    "procedures/test_virtual_bench",
+    "cli/test_stopping",
+    "cli/test_keys",
+    "cli/test_devices",
+    "acceptance/test_live_",
+    "acceptance/test_emulated_",
+)
+"""Tests in which time passes for real, or that need a device of this machine to themselves."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """One of several workers runs these, one after the other."""
+    for item in items:
+        place = item.path.relative_to(Path(__file__).parent).as_posix()
+        if place.startswith(REAL_TIME):
+            item.add_marker(pytest.mark.xdist_group("real time"))
 
 
 @pytest.fixture(params=BACKENDS, scope="session")

@@ -92,10 +92,12 @@ def test_what_a_display_warns_of_is_told_once() -> None:
 
 def test_a_picture_that_was_wiped_off_is_drawn_again_though_the_camera_sees_no_light() -> None:
     with bench(real=True) as b:
+        b.loop.pause()
+        for _ in range(10):  # what was on its way has been shown
+            b.loop.step()
         # as a screen saver does, or another window that goes away: black, until somebody draws
         with b.screen.lock:
             b.screen.pictures = [(time_ns, 0 * light) for time_ns, light in b.screen.pictures]
-        b.loop.pause()
         shown = b.screen.shown
         b.until(lambda step: step.reason == "the light is off")
         b.loop.resume()
