@@ -1,6 +1,7 @@
 # make run   set up, then close the loop on the simulated bench
 # make rehearse  set up, then run the real bench's code in real time on monitors that exist only in memory
-# make test  set up, then run all tests
+# make test  set up, then run all tests but one
+# make test-long  that one: a whole calibration in real time, three minutes
 # make lint  format, lint, types, import layers
 # make bench speed and accuracy against peers (ratios of the same run), sigma, steps, long holds, gains,
 #            faults, live path, calibration: ~35 minutes
@@ -10,7 +11,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: run rehearse test lint bench clean
+.PHONY: run rehearse test test-long lint bench clean
 .DEFAULT_GOAL := run
 
 run: $(VENV)/.run-ready
@@ -21,7 +22,10 @@ rehearse: $(VENV)/.test-ready
 	@BIN=$(BIN) sh tools/rehearse.sh $(ARGS)
 
 test: $(VENV)/.test-ready
-	$(BIN)/python -m pytest -n 2 --dist loadgroup $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m 'not long' $(PYTEST_ARGS)
+
+test-long: $(VENV)/.test-ready
+	$(BIN)/python -m pytest -m long
 
 lint: $(VENV)/.dev-ready
 	$(BIN)/ruff format --check .

@@ -31,7 +31,7 @@ from zeromethod.warp.warp import Warp
 
 pytest.importorskip("mss")
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
+pytestmark = [pytest.mark.long, pytest.mark.skipif(bool(missing()), reason=missing())]
 
 OFF = {
     "display.along_mm": 1.1,
