@@ -6,12 +6,12 @@ display's latency (which holds what the camera's stamps are wrong by), the scan-
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.control.pairing import PanelTiming
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraTimeout, Frame
 from zeromethod.errors import MeasurementError
@@ -31,10 +31,9 @@ class HeldPictures:
     """
 
     def __init__(self, rig: Rig, devices: Devices, margin_s: float) -> None:
-        display = rig.display
-        scanout_s = 1 / display.refresh_hz if display.scanout_s is None else display.scanout_s
-        rise_s = RISE_CONSTANTS * display.rise_s / math.log(9.0)
-        self.hold_s = max(display.latency_s, 0.0) + scanout_s + rise_s + margin_s
+        timing = PanelTiming.of(rig.display)
+        stands_ns = max(timing.latency_ns, 0.0) + timing.scanout_ns + RISE_CONSTANTS * timing.tau_ns
+        self.hold_s = 1e-9 * stands_ns + margin_s
         self._devices = devices
         self._timeout_s = rig.control.timeout_s
 
@@ -78,4 +77,4 @@ class HeldPictures:
                 return self._devices.camera.read(self._timeout_s)
             except CameraTimeout:
                 continue
-        raise MeasurementError(f"the camera gave no frame {TIMEOUTS_TO_FAIL} times running")
+        raise MeasurementError(f"the camera gave no frame for {TIMEOUTS_TO_FAIL * self._timeout_s:g} s")

@@ -6,17 +6,16 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zeromethod.control.presenter import Presenter
 from zeromethod.devices.opening import Devices
-from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost, Frame
+from zeromethod.devices.protocols import CameraLost, DisplayLost, Frame
 from zeromethod.errors import MeasurementError
 from zeromethod.procedures.advice import advice, misplaced, placed
 from zeromethod.procedures.focus import FocusMeter, FocusReport
+from zeromethod.procedures.held_pictures import HeldPictures
 from zeromethod.procedures.orientation import Alignment, Orientation, PlainPictures
 from zeromethod.rig.model import Rig
 
@@ -27,7 +26,6 @@ LOOK_AGAIN_S = 5.0
 """How often the LCD is looked for again while it is not seen as it should be."""
 
 FLICKER_FRAMES = 16
-TIMEOUTS_TO_FAIL = 3
 
 
 class Flicker:
@@ -76,6 +74,7 @@ class SettingUp:
         self._devices = devices
         self._meter = FocusMeter(rig)
         self._rig = self._meter.rig
+        self._pictures = HeldPictures(self._rig, devices, SETTLE_S)
         self._flicker = Flicker(rig.camera.noise.black_grey)
         self._plain = PlainPictures(self._meter.rest) if with_lcd else None
         self._presenter = Presenter(self._rig, devices.display, self._meter.rest) if with_lcd else None
@@ -94,10 +93,7 @@ class SettingUp:
                 if wrong and clock.now_ns() > looked_ns + 1e9 * LOOK_AGAIN_S:
                     seen = self._look_for_lcd()
                     looked_ns = clock.now_ns()
-                poll = getattr(self._devices.display, "poll", None)
-                if poll is not None:
-                    poll()
-                frame = self._read()
+                frame = self._pictures.read()
                 stray_grey = 0.0 if seen is None or math.isnan(seen.stray_grey) else seen.stray_grey
                 report = self._meter.look(frame.image, stray_grey)
                 flicker = self._flicker.note(report.mean_grey)
@@ -113,28 +109,8 @@ class SettingUp:
         """Show plain pictures, then the target at rest; None without the LCD."""
         if self._presenter is None or self._plain is None:
             return None
-        rest, camera, display = self._meter.rest, self._rig.camera, self._devices.display
-        images = [self._seen_after(display.show(codes)) for codes in self._plain.pictures]
-        self._seen_after(self._presenter.present(rest.q))
+        camera, pictures = self._rig.camera, self._pictures
+        images = [pictures.frames(codes, 1)[0].image for codes in self._plain.pictures]
+        pictures.after(self._presenter.present(self._meter.rest.q), 1)
         self._flicker.forget()
         return self._plain.judge(images, camera.noise.black_grey, float(2**camera.bits - 1))
-
-    def _seen_after(self, presented_ns: int) -> NDArray[Any]:
-        """Image of the first frame that surely saw nothing older than what was presented then."""
-        display = self._rig.display
-        scanout_s = 1 / display.refresh_hz if display.scanout_s is None else display.scanout_s
-        lit_ns = presented_ns + round(1e9 * (display.latency_s + scanout_s + 2 * display.rise_s + SETTLE_S))
-        self._devices.clock.sleep_until_ns(lit_ns)
-        while True:
-            frame = self._read()
-            if frame.time_ns - frame.exposure_ns // 2 >= lit_ns:
-                return frame.image
-
-    def _read(self) -> Frame:
-        for _ in range(TIMEOUTS_TO_FAIL):
-            try:
-                return self._devices.camera.read(self._rig.control.timeout_s)
-            except CameraTimeout:
-                continue
-        waited_s = TIMEOUTS_TO_FAIL * self._rig.control.timeout_s
-        raise MeasurementError(f"the camera gave no frame for {waited_s:g} s")
