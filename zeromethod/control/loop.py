@@ -99,7 +99,8 @@ class Loop:
         self._waiting = False
         self._unshown = False
         self._posted_ns = 0
-        self._presented: Presented | None = None
+        self._presented: list[Presented] = []
+        self._presented_before = 0
         self._taking: ZeroTaking | None = None
         self._zero: NDArray[np.float64] | None = None
         self._referenced = False
@@ -200,9 +201,13 @@ class Loop:
         self._steady = None
         if not self.over:
             self._end(Turn(Outcome.STOP, "the run has ended"))
-        self._steps += 1
+        self._begin()
         self.ended = self._step(self._clock.now_ns(), ())
         self.close()
+
+    def _begin(self) -> None:
+        self._steps += 1
+        self._presented, self._presented_before = [], 0
 
     def _end(self, turn: Turn) -> None:
         self.status = next_status(self.status, turn)
@@ -210,8 +215,7 @@ class Loop:
 
     def step(self) -> Step:
         """One turn: wait for a frame, measure it, show what it asks for."""
-        self._steps += 1
-        self._presented = None
+        self._begin()
         try:
             self._attend()
             if self._steps == 1:
@@ -220,6 +224,7 @@ class Loop:
             came = self._source.next()
             self._waiting = False
             self._note_presented()
+            self._presented_before = len(self._presented)
         except _Stopped:
             return self._without_frame(Trouble(Outcome.STOP, "the run was stopped", ends=True))
         except Exception as error:
@@ -278,16 +283,20 @@ class Loop:
         if self._taking is not None:
             events += self._take_zero(self._taking, measured, taken.residual_rms_px)
         draw_ms = delay_ms = float("nan")
-        if self._presented is not None:
-            draw_ms = self._presented.draw_ms
-            if self._presented.seen_ns is not None:
-                lit_ns = self._presented.time_ns + self._circle.timing.half_lit_ns
-                delay_ms = 1e-6 * (lit_ns - self._presented.seen_ns)
+        if self._presented:
+            newest = self._presented[-1]
+            draw_ms = newest.draw_ms
+            if newest.seen_ns is not None:
+                lit_ns = newest.time_ns + self._circle.timing.half_lit_ns
+                delay_ms = 1e-6 * (lit_ns - newest.seen_ns)
         return self._step(
             now_ns if verdict.wrong else frame.time_ns,
             events,
             frame_number=frame.number,
             dropped=0 if verdict.wrong else frame.dropped,
+            exposure_ns=0 if verdict.wrong else frame.exposure_ns,
+            held=held,
+            sensed=not verdict.fault,
             image=frame.image,
             residual=taken.seen.residual.copy() if taken.seen else None,
             shown_q=taken.seen.shown.q.copy() if taken.seen else None,
@@ -328,7 +337,7 @@ class Loop:
             self._circle.presented(one.time_ns, one.q, one.code, seen_ns=one.seen_ns)
             if self._hold is not None:
                 self._hold.presented(one.time_ns)
-            self._presented = one
+            self._presented.append(one)
 
     def _take_zero(
         self, taking: ZeroTaking, measured: Warp | None, residual_rms_px: float
@@ -379,6 +388,9 @@ class Loop:
             notes=self._notices.take(),
             commanded_q=self._circle.controller.commanded,
             filtered=self._from_zero(filtered),
+            presented=tuple(self._presented),
+            presented_before=self._presented_before,
+            zero=self._zero,
             **figures,
         )
 

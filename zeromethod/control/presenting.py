@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 from zeromethod.control.presenter import Presenter
 from zeromethod.devices.protocols import DisplayLost
 from zeromethod.errors import InputError
-
-CODES = 16
-"""Presentations are numbered modulo so many in the coded strips."""
+from zeromethod.pattern.strips import CODES
 
 OPENING_S = 60.0
 """How long it may take to find what draws, and to draw the first picture: shaders are compiled for it."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.control.events import Event
+from zeromethod.control.presenting import Presented
 from zeromethod.control.state import State
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.warp import Warp
@@ -20,13 +21,16 @@ class Step:
 
     number: turns so far. time_ns: mid-exposure of the frame, else the time of the event.
     state, reason: the loop's state after the turn. events: what happened, by name.
-    frame_number, dropped, image: the frame as the camera gave it.
+    frame_number, dropped, exposure_ns, image: the frame as the camera gave it.
+    held: corrections were held, or paused. sensed: the frame was fit to be looked at.
+    presented: what was noted as shown since the step before; the first `presented_before` of them before this
+    step's frame was looked at.
     residual: camera px. shown_q: (rows, cols, 2) the mix of warps that the frame saw, LCD px.
     notes: what the operator should know, one line each, told when it begins.
     measured: the warp by this frame alone, from the zero taken last (`Loop.rezero`); None when the frame must
     not be believed (then `events` says why; a part of it may still be right, but its peak need not be).
     commanded_q: (rows, cols, 2) what is to be shown next. filtered: the controller's own estimate, from the
-    same zero.
+    same zero. zero: (rows, cols, 2) LCD px, that zero less the rig's; None for 0.
     residual_rms_px: over valid nodes, camera px. valid_share: of the nodes seen at rest.
     loop_ms: frame in hand to command. draw_ms: to draw and present a command. delay_ms: from mid-exposure
     until the panel's middle row is half-way to the new picture; both NaN when none was presented. In real
@@ -43,6 +47,12 @@ class Step:
     frame_number: int | None = None
     notes: tuple[str, ...] = ()
     dropped: int = 0
+    exposure_ns: int = 0
+    held: bool = False
+    sensed: bool = False
+    presented: tuple[Presented, ...] = ()
+    presented_before: int = 0
+    zero: NDArray[np.float64] | None = None
     image: NDArray[Any] | None = None
     residual: Residual | None = None
     shown_q: NDArray[np.float64] | None = None
