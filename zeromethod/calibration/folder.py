@@ -21,7 +21,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import tomlkit
 from numpy.typing import NDArray
@@ -32,6 +31,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 
 SCHEMA_VERSION = 1
+REST_MAP = "rest_map/lcd_px"
 DOCUMENT, RIG, GIVEN, ARRAYS = "calibration.toml", "rig.toml", "given.toml", "arrays.h5"
 
 OLD_DAYS = 30.0
@@ -143,6 +143,8 @@ def load(folder: Path) -> Stored:
 
 def load_arrays(folder: Path, *wanted: str) -> dict[str, NDArray[Any]]:
     """Arrays of a folder by name ("rest_map/lcd_px"), all of them or those wanted. Raises InputError."""
+    import h5py  # noqa: PLC0415 - `run` reads no arrays here, and it loads slowly
+
     path = folder / ARRAYS
     found: dict[str, NDArray[Any]] = {}
     try:
@@ -189,8 +191,9 @@ def store(
         part.mkdir()
         moved = _moved_files(source, part)
         save_values(source, moved | dict(settings or {}), part / GIVEN)
-        save_values(part / GIVEN, values, part / RIG)
         _write_arrays(part / ARRAYS, arrays)
+        measured = {"camera.rest_map": ARRAYS} if REST_MAP in arrays else {}
+        save_values(part / GIVEN, measured | dict(values), part / RIG)
         for file, draw in (pictures or {}).items():
             draw(part / file)
         text = tomlkit.dumps(_document({"schema_version": SCHEMA_VERSION, **document}))
@@ -219,10 +222,14 @@ def _moved_files(source: Path, folder: Path) -> dict[str, str]:
         moved["press"] = os.path.relpath(rig.press, folder)
     if rig.prism.rest.file is not None:
         moved["prism.rest.file"] = os.path.relpath(rig.prism.rest.file, folder)
+    if rig.camera.rest_map is not None:
+        moved["camera.rest_map"] = os.path.relpath(rig.camera.rest_map, folder)
     return moved
 
 
 def _write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+    import h5py  # noqa: PLC0415 - as above
+
     with h5py.File(path, "w") as file:
         file.attrs["schema_version"] = SCHEMA_VERSION
         for name, value in arrays.items():

@@ -9,11 +9,37 @@ from numpy.typing import NDArray
 
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
+from zeromethod.phase_shifting.rest_map import RestMap
 from zeromethod.rig.model import Rig
+from zeromethod.surface.rest_pixels import RestGrid
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.validity import Flag
+
+LEAST_NODES = 16
+"""Nodes that must see the display for there to be anything to null."""
+
+
+def _measured(
+    grid: NodeGrid, model_q: NDArray[np.float64], rest_map: RestMap, optics: Optics
+) -> tuple[RestGrid, NDArray[np.float64]]:
+    """Nodes on the rays that a measured rest names, and its LCD positions, NaN where it has none.
+
+    Beyond what was measured the difference from the geometry is continued: in the padding, which is drawn,
+    and for the rays of nodes that the map leaves out.
+    """
+    warp = rest_map.warp(grid)
+    away = warp.q - model_q
+    measured = warp.valid & np.isfinite(away).all(axis=-1)
+    if np.count_nonzero(measured) < LEAST_NODES:
+        raise InputError(f"{optics.rig.camera.rest_map}: fewer than {LEAST_NODES} nodes see the display")
+    away[~measured] = 0.0
+    q = model_q + continue_smoothly(away, measured)
+    rays = RestGrid.of(grid, optics, q)
+    left_out = ~measured
+    left_out[warp.flags & np.uint16(Flag.OUTSIDE) != 0] = False
+    return rays, np.where(left_out[..., None], np.nan, q)
 
 
 @dataclass(frozen=True)
@@ -37,18 +63,26 @@ class Rest:
 
     @classmethod
     def of(cls, rig: Rig, optics: Optics) -> Rest:
-        """Rest warp by the rig's geometry; InputError when no node sees the panel."""
+        """Rest warp as measured where the rig names a rest map, else by its geometry.
+
+        With a rest map the grid is a `RestGrid`, and nodes without a valid part of the map are not seen.
+        Raises InputError when no node sees the panel, or the map is not one of this camera.
+        """
         camera, target = rig.camera, rig.target
         grid = NodeGrid((camera.rows, camera.columns), target.period_px)
-        trace = optics.trace(*grid.mesh(), optics.rest)
-        return cls.from_map(grid, trace.q, (rig.display.columns, rig.display.rows))
+        q = optics.trace(*grid.mesh(), optics.rest).q
+        if camera.rest_map is not None:
+            grid, q = _measured(grid, q, RestMap.load(camera.rest_map), optics)
+        return cls.from_map(grid, q, (rig.display.columns, rig.display.rows))
 
     @classmethod
     def from_map(cls, grid: NodeGrid, q: NDArray[np.float64], display_size: tuple[int, int]) -> Rest:
         """Rest warp from LCD positions (rows, cols, 2), NaN where no ray arrives."""
         known: NDArray[np.bool_] = np.asarray(np.isfinite(q).all(axis=-1))
-        if np.count_nonzero(known[grid.inner]) < 16:
-            raise InputError("rig: fewer than 16 camera nodes see the display's plane by the mirror at rest")
+        if np.count_nonzero(known[grid.inner]) < LEAST_NODES:
+            raise InputError(
+                f"rig: fewer than {LEAST_NODES} camera nodes see the display's plane by the mirror at rest"
+            )
         u, v = grid.mesh()
         plane = np.stack([np.ones_like(u), u, v], axis=-1)
         terms = np.linalg.lstsq(plane[known], q[known], rcond=None)[0]

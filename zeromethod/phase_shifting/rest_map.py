@@ -19,6 +19,7 @@ from zeromethod.warp.warp import Warp
 Float = NDArray[np.float64]
 
 _ARRAYS = ("column", "row", "sigma", "valid", "reason")
+_STORED = ("lcd_px", "sigma_px", "valid", "reason")
 
 LEAST_SHARE = 0.5
 """Share of a node's window that must be valid for the node to be."""
@@ -69,7 +70,12 @@ class RestMap:
 
     @classmethod
     def load(cls, path: Path) -> RestMap:
-        """Read what `save` wrote. Raises InputError for anything else."""
+        """Read what `save` wrote, or the rest map in a calibration's arrays (.h5).
+
+        Raises InputError for anything else.
+        """
+        if path.suffix == ".h5":
+            return cls._of_calibration(path)
         allowed = f"a rest map (.npz with {', '.join(_ARRAYS)})"
         try:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
@@ -85,6 +91,18 @@ class RestMap:
             raise InputError(f"{path}: arrays of shapes that do not go together: {allowed}")
         lcd = np.stack([column, row], axis=-1).astype(np.float64)
         return cls(lcd, sigma.astype(np.float64), valid.astype(np.bool_), reason.astype(np.uint16))
+
+    @classmethod
+    def _of_calibration(cls, path: Path) -> RestMap:
+        import h5py  # noqa: PLC0415 - loads slowly, and few need it
+
+        try:
+            with h5py.File(path, "r") as file:
+                group = file["rest_map"]
+                lcd_px, sigma_px, valid, reason = (group[name][()] for name in _STORED)
+        except (OSError, KeyError) as error:
+            raise InputError(f"{path}: holds no rest map: arrays of a calibration (HDF5)") from error
+        return cls(lcd_px.astype(np.float64), sigma_px.astype(np.float64), valid, reason)
 
     def warp(self, grid: NodeGrid, time_ns: int = 0) -> Warp:
         """The same as a measured warp: q and sigma at the nodes, from a quadratic fitted around each.

@@ -13,7 +13,7 @@ def binned(rig: Rig, factor: int) -> Rig:
     """Rig whose camera has `factor` times fewer pixels on each axis over the same view.
 
     The target's period, the blur and the noise stay the same in (larger) pixels, so nodes lie `factor`
-    times further apart on the mirror.
+    times further apart on the mirror. A rest map, which is of the whole pixels, is left out.
 
     Raises
     ------
@@ -35,5 +35,6 @@ def binned(rig: Rig, factor: int) -> Rig:
         "centre_px": tuple((c + 0.5) / factor - 0.5 for c in camera.centre_px),
         "focal_px": camera.focal_px and tuple(f / factor for f in camera.focal_px),
         "pixel_mm": camera.pixel_mm and camera.pixel_mm * factor,
+        "rest_map": camera.rest_map if factor == 1 else None,
     }
     return rig.model_copy(update={"camera": camera.model_copy(update=scale)})

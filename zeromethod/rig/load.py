@@ -19,6 +19,9 @@ SCHEMA_VERSION = 1
 _DEVICES: dict[str, type[BaseModel]] = {"display": DisplaySpec, "camera": CameraSpec}
 _SIMULATED = "simulated"
 
+REST_MAP_SUFFIXES = (".npz", ".h5")
+"""What a file with a rest map may be called."""
+
 
 def packaged_rigs() -> list[str]:
     """Names of the rigs that come with the package, sorted."""
@@ -95,6 +98,12 @@ def _resolved(rig: Rig, path: Path) -> Rig:
         if not file.is_file():
             raise InputError(f"{path}: prism.rest.file: {shown(str(rest.file))}: an existing .npy file")
         update["prism"] = rig.prism.model_copy(update={"rest": rest.model_copy(update={"file": file})})
+    if rig.camera.rest_map is not None:
+        file = path.parent / rig.camera.rest_map
+        if not (file.is_file() and file.suffix in REST_MAP_SUFFIXES):
+            allowed = f"an existing {' or '.join(REST_MAP_SUFFIXES)} file with a rest map"
+            raise InputError(f"{path}: camera.rest_map: {shown(str(rig.camera.rest_map))}: {allowed}")
+        update["camera"] = rig.camera.model_copy(update={"rest_map": file})
     if rig.press.endswith(".toml"):
         press = path.parent / rig.press
         if not press.is_file():
@@ -106,7 +115,8 @@ def _resolved(rig: Rig, path: Path) -> Rig:
 def load_rig(name: str | Path) -> Rig:
     """Rig from a file, or a packaged one by bare name ("simulated", "paper").
 
-    Files that it names (`prism.rest.file`, a `press` that ends in .toml) lie relative to the rig file.
+    Files that it names (`prism.rest.file`, `camera.rest_map`, a `press` that ends in .toml) lie relative to
+    the rig file.
     Raises InputError, one line "file: key: value: what is allowed", for the first thing wrong.
     """
     path = _path(name)

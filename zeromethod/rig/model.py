@@ -172,6 +172,10 @@ class CameraSpec(Table):
     its GenICam name, `region_px` (first column, first row, columns, rows) of the sensor, and `trigger`: runs
     "free", is fired by "software" for each frame, or by "hardware" through an input line. `latency_s`: from
     the end of an exposure until its frame is received, at the least.
+
+    `rest_map`: file of the LCD position that every pixel was measured to see by the mirror at rest (`.npz`
+    of `zeromethod calibrate decode`, `arrays.h5` of a calibration). Readings then start from there, and each
+    node has the ray that sees it so; without, both are those of the geometry.
     """
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
@@ -197,6 +201,7 @@ class CameraSpec(Table):
     trigger: Literal["free", "software", "hardware"] = "free"
     psf_px: NotNegative = 0.0
     noise: Noise = Noise()
+    rest_map: Path | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> CameraSpec:

@@ -95,8 +95,8 @@ class ResidualSensor:
         self._noise, self._black, self._ceiling = noise, noise.black_grey, ceiling
         self._levelled: Floats | None = None
         self._covered = np.flatnonzero(covered) if covered is not None else np.zeros(0, np.intp)
-        u, v = grid.mesh()
-        self._node_pixels = v[grid.inner].astype(np.intp), u[grid.inner].astype(np.intp)
+        rows, cols = (axis[PADDING:-PADDING].astype(np.intp) for axis in (grid.v_px, grid.u_px))
+        self._node_pixels = np.ix_(rows, cols)
         self._out = Residual.empty(grid)
         self._reference_light = np.zeros([n - 2 * PADDING for n in grid.shape], np.float32)
         self._bent = np.zeros(grid.shape[0], np.uint8)

@@ -8,8 +8,8 @@ from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
 
 SIMULATED = "simulated"
 
-_OF_THE_DEVICE = frozenset({"driver", "gain", "pixel_format", "region_px", "trigger"})
-"""Keys of `[camera]` that a real device is set to and a simulated one has no use for."""
+_OF_THE_DEVICE = frozenset({"driver", "gain", "pixel_format", "region_px", "trigger", "rest_map"})
+"""Keys of `[camera]` that a real device is set to, or that were measured of it beyond the geometry."""
 
 
 def simulated_clone(rig: Rig) -> Rig:

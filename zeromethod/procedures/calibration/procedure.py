@@ -133,7 +133,9 @@ def record(
         A step failed, or a device was lost; the message begins with the step. Presses that do not come are
         no failure of the rest: see `Recorded.failure`.
     """
-    session = _Session(rig, devices, plan, tell or Silence())
+    # a rest measured before has no part in what is measured now
+    camera = rig.camera.model_copy(update={"rest_map": None})
+    session = _Session(rig.model_copy(update={"camera": camera}), devices, plan, tell or Silence())
     try:
         return session.run()
     except CameraLost as error:
