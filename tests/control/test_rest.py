@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from zeromethod.calibration import build, describe
 from zeromethod.control.rest import Rest
 from zeromethod.errors import InputError
 from zeromethod.optics import Dented, Optics
@@ -32,11 +33,8 @@ def believed() -> Rig:
 @pytest.fixture(scope="module")
 def bench(believed: Rig) -> Optics:
     """What the rig file does not know: a lens with 0.4 camera px of distortion, and a shifted LCD."""
-    camera = believed.camera.model_copy(update={"distortion": (0.3, 0.0, 0.0, 0.0, 0.0)})
-    display = believed.display.model_copy(
-        update={"origin_mm": tuple(np.add(believed.display.origin_mm, (0.0, 0.5, 0.0)))}
-    )
-    return Optics(believed.model_copy(update={"camera": camera, "display": display}))
+    across_mm = describe(believed)["display.across_mm"] + 0.5
+    return Optics(build(believed, {"camera.k1": 0.3, "display.across_mm": across_mm}))
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +109,7 @@ def test_a_rest_map_of_another_camera_is_refused(believed: Rig, rest_map: RestMa
 def test_a_rest_map_lies_beside_its_rig_file(rest_map: RestMap, tmp_path: Path) -> None:
     source = tmp_path / "mine.toml"
     source.write_text(read_text(Path("calibration/simulated.toml")))
-    with pytest.raises(InputError, match=r"camera.rest_map: 'rest.npz': an existing .npz or .h5 file"):
+    with pytest.raises(InputError, match=r"camera.rest_map: .rest.npz.: an existing .npz or .h5 file"):
         save_values(source, {"camera.rest_map": "rest.npz"})
     rest_map.save(tmp_path / "rest.npz")
     save_values(source, {"camera.rest_map": "rest.npz"})
