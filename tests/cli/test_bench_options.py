@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from zeromethod.cli.bench_options import BenchOptions, with_devices, with_latency, with_strips
+from zeromethod.cli.bench_options import BenchOptions, with_asked_strips, with_devices, with_latency
 from zeromethod.drivers.monitors import Monitor
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
@@ -199,11 +199,11 @@ def test_strips_are_as_told_else_as_the_rig_says_else_with_devices(
 ) -> None:
     values = RIG.control.model_dump(exclude_unset=True) | ({"strips": rig_says} if rig_says else {})
     rig = RIG.model_copy(update={"control": type(RIG.control).model_validate(values)})
-    assert with_strips(rig, told, named).control.strips == strips
+    assert with_asked_strips(rig, told, named).control.strips == strips
 
 
 def test_a_rig_files_own_camera_is_a_real_device_too() -> None:
-    assert with_strips(of("camera", driver="aravis"), None, named=False).control.strips == "edges"
+    assert with_asked_strips(of("camera", driver="aravis"), None, named=False).control.strips == "edges"
 
 
 def test_a_video_file_is_taken_by_its_path(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from zeromethod.devices.addresses import with_camera
 from zeromethod.errors import InputError
+from zeromethod.procedures.delay import with_strips
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
 from zeromethod.rig.refusal import first_refusal
 
@@ -22,7 +23,6 @@ REAL_CAMERAS = frozenset({"opencv", "pylon", "aravis"})
 WINDOW = "display window: "
 """How messages about the screen begin, which is no news where only monitors are asked for."""
 
-_RATE_TOLERANCE = 0.02
 _LATENCY_S = (-1.0, 10.0)
 
 _OPTIONS: tuple[Callable[[Any], Any], ...] = (
@@ -134,7 +134,7 @@ def with_latency(rig: Rig, latency_s: float | None) -> Rig:
     return rig.model_copy(update={"display": rig.display.model_copy(update={"latency_s": latency_s})})
 
 
-def with_strips(rig: Rig, strips: bool | None, named: bool) -> Rig:
+def with_asked_strips(rig: Rig, strips: bool | None, named: bool) -> Rig:
     """Rig with or without coded strips: as told, else as it says, else with them for real devices.
 
     named: whether devices were named on the command line, whatever they are.
@@ -144,8 +144,7 @@ def with_strips(rig: Rig, strips: bool | None, named: bool) -> Rig:
         if not real or "strips" in rig.control.model_fields_set:
             return rig
         strips = True
-    control = rig.control.model_copy(update={"strips": "edges" if strips else "none"})
-    return rig.model_copy(update={"control": control})
+    return with_strips(rig, on=strips)
 
 
 def _with_camera(rig: Rig, options: BenchOptions) -> Rig:
@@ -190,15 +189,13 @@ def _with_monitor(rig: Rig, index: int) -> Rig:
         raise InputError(f"--display: {index}: no such monitor; allowed: {listed}")
     found = known[index]
     wanted = f"{display.columns} x {display.rows} px at {display.refresh_hz:g} Hz"
-    slow = found.refresh_hz and abs(found.refresh_hz / display.refresh_hz - 1) > _RATE_TOLERANCE
-    if (found.columns, found.rows) != (display.columns, display.rows) or slow:
+    if (found.columns, found.rows) != (display.columns, display.rows) or not found.runs_at(
+        display.refresh_hz
+    ):
         raise InputError(
             f"--display: {index}: set to another mode than the rig's display ({wanted}): set the monitor or "
             f"the rig file; monitors: {listed}"
         )
     own = (display.model_extra or {}) if display.driver == "window" else {}
-    known_keys = {
-        name: getattr(display, name) for name in display.model_fields_set & set(DisplaySpec.model_fields)
-    }
-    values = known_keys | own | {"driver": "window", "monitor": index}
+    values = display.given() | own | {"driver": "window", "monitor": index}
     return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})

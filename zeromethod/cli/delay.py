@@ -14,7 +14,7 @@ from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
-from zeromethod.procedures.delay import DEFAULT_SECONDS, DelayResult, measure_delay, with_latency
+from zeromethod.procedures.delay import DEFAULT_SECONDS, DelayResult, measure_delay, store_latency
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.view.progress import progress
@@ -46,7 +46,7 @@ def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, writ
     for line in delay_words(result, margin, rig):
         click.echo(line)
     if write:
-        with_latency(path, result.latency_s)
+        store_latency(path, result.latency_s)
         click.echo(f"stored as display.latency_s in {path}")
     elif path.is_file():
         click.echo("add --write to store it in the rig file")

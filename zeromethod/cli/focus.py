@@ -58,9 +58,5 @@ def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, sum
 
 def _without_display(rig: Rig) -> Rig:
     """Rig whose display shows nothing: the camera alone is looked through."""
-    display = rig.display
-    known = {
-        name: getattr(display, name) for name in display.model_fields_set & set(DisplaySpec.model_fields)
-    }
-    values = known | {"driver": "zeromethod.drivers.blank:BlankDisplay"}
+    values = rig.display.given() | {"driver": "zeromethod.drivers.blank:BlankDisplay"}
     return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})

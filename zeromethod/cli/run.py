@@ -13,7 +13,13 @@ from rich.console import Console
 
 from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import calibration_of
-from zeromethod.cli.bench_options import BenchOptions, bench_options, with_devices, with_latency, with_strips
+from zeromethod.cli.bench_options import (
+    BenchOptions,
+    bench_options,
+    with_asked_strips,
+    with_devices,
+    with_latency,
+)
 from zeromethod.cli.keys import HELP, Keys
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
@@ -101,7 +107,7 @@ def run_command(
             raise InputError(f"--simulate and {options.given[0]}: give one of them, not both")
         rig = simulated_clone(rig)
     rig = with_latency(with_devices(rig, options), latency_s)
-    rig = with_strips(_with_overrides(rig, press, seed, gain, controller), strips, options.named)
+    rig = with_asked_strips(_with_overrides(rig, press, seed, gain, controller), strips, options.named)
     check_geometry(rig)
     limit_threads()
     with (

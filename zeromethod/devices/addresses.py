@@ -51,9 +51,8 @@ def with_camera(rig: Rig, address: str, settings: Mapping[str, Any] | None = Non
     """
     driver, options = camera_driver(address)
     camera = rig.camera
-    known = {name: getattr(camera, name) for name in camera.model_fields_set & set(type(camera).model_fields)}
     own = (camera.model_extra or {}) if camera.driver == driver else {}
-    values = known | own | {"driver": driver} | options | dict(settings or {})
+    values = camera.given() | own | {"driver": driver} | options | dict(settings or {})
     try:
         changed = CameraSpec.model_validate(values)
     except ValidationError as error:

@@ -34,6 +34,10 @@ class Monitor:
     primary: bool
     warnings: tuple[str, ...] = ()
 
+    def runs_at(self, refresh_hz: float) -> bool:
+        """Whether it is set to a rate, as far as is known."""
+        return not self.refresh_hz or abs(self.refresh_hz / refresh_hz - 1) <= _RATE_TOLERANCE
+
     def __str__(self) -> str:
         size = f"{self.columns} x {self.rows}"
         rate = f", {self.refresh_hz:.2f} Hz" if self.refresh_hz else ""
@@ -71,7 +75,7 @@ def find(index: int, size: tuple[int, int], refresh_hz: float, desktop: Desktop)
     if (found.columns, found.rows) != size:
         is_set = f"{found.columns} x {found.rows}"
         raise InputError(f"display.monitor: {index}: set to {is_set}; the rig's display is {wanted} px")
-    if found.refresh_hz and abs(found.refresh_hz / refresh_hz - 1) > _RATE_TOLERANCE:
+    if not found.runs_at(refresh_hz):
         is_set = f"{found.refresh_hz:.2f} Hz"
         raise InputError(
             f"display.monitor: {index}: set to {is_set}; the rig's display has {refresh_hz:g} Hz"

@@ -193,11 +193,12 @@ def _rate_hz(stamps: list[tuple[int, int]]) -> float:
     return float(1e9 / np.polyfit(numbers - numbers[0], times_ns - times_ns[0], 1)[0])
 
 
-def with_strips(rig: Rig) -> Rig:
-    """Rig that asks for coded strips."""
-    return rig.model_copy(update={"control": rig.control.model_copy(update={"strips": "edges"})})
+def with_strips(rig: Rig, on: bool = True) -> Rig:
+    """Rig that asks for coded strips, or for none."""
+    control = rig.control.model_copy(update={"strips": "edges" if on else "none"})
+    return rig.model_copy(update={"control": control})
 
 
-def with_latency(path: Path, latency_s: float) -> None:
+def store_latency(path: Path, latency_s: float) -> None:
     """Store a measured delay in a rig file; its comments and all else stay. Raises InputError."""
     save_values(path, {"display.latency_s": round(latency_s, 6)})

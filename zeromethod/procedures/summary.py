@@ -17,9 +17,6 @@ Figures = dict[str, Any]
 _FOLLOWING = NULLED | {State.NULLING}
 """A moving press is never quite nulled; every frame that was measured counts."""
 
-_RECENT = 1000
-"""Frames among which the last measured one is looked for."""
-
 _LIBRARIES = ("zeromethod", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "moderngl")
 
 
@@ -108,7 +105,7 @@ def summarise(result: RunResult) -> Figures:
     truth = _against_truth(records, "hold", NULLED)
     residuals = [record.residual_rms_px for record in nulled or held if np.isfinite(record.residual_rms_px)]
     last = result.last
-    shares = [record.valid_share for record in records[-_RECENT:] if np.isfinite(record.residual_rms_px)]
+    seen = (record.valid_share for record in reversed(records) if np.isfinite(record.residual_rms_px))
     figures = {
         "rig": result.rig.name,
         "press": result.rig.press,
@@ -130,7 +127,7 @@ def summarise(result: RunResult) -> Figures:
         "lock_frames": lock_frames(records),
         "residual_px_rms": float(np.median(residuals)) if residuals else None,
         "usable_share": truth["usable_share"] if truth else result.usable_share_at_rest,
-        "valid_share": truth["valid_share"] if truth else (shares[-1] if shares else None),
+        "valid_share": truth["valid_share"] if truth else next(seen, None),
         "depth_peak_mm": peak_mm,
         "depth_peak_sigma_mm": sigma_mm,
         "loop_ms": _percentiles(record.loop_ms for record in records),

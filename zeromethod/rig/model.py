@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -36,6 +36,10 @@ class Table(BaseModel):
     """A TOML table: frozen, strict about its keys, no NaN or infinity."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def given(self) -> dict[str, Any]:
+        """Keys of the schema that were given, a driver's own options left out."""
+        return {key: getattr(self, key) for key in self.model_fields_set & set(type(self).model_fields)}
 
 
 class Layer(Table):

@@ -27,8 +27,8 @@ def simulated_clone(rig: Rig) -> Rig:
     if rig.display.driver == SIMULATED and rig.camera.driver == SIMULATED:
         return rig
     early_s = min(rig.display.latency_s, 0.0)
-    display = _given(rig.display, DisplaySpec, frozenset({"driver"}))
-    camera = _given(rig.camera, CameraSpec, _OF_THE_DEVICE)
+    display = rig.display.given()
+    camera = {key: value for key, value in rig.camera.given().items() if key not in _OF_THE_DEVICE}
     if early_s < 0.0:
         display["latency_s"] = 0.0
         camera["latency_s"] = max(rig.camera.latency_s + early_s, 0.0)
@@ -40,11 +40,3 @@ def simulated_clone(rig: Rig) -> Rig:
         latency = {"camera_latency_s": changed["camera"].latency_s}
         changed["simulation"] = rig.simulation.model_copy(update=latency)
     return rig.model_copy(update=changed)
-
-
-def _given(
-    table: CameraSpec | DisplaySpec, model: type[CameraSpec] | type[DisplaySpec], dropped: frozenset[str]
-) -> dict[str, Any]:
-    """Keys of the schema that a table gives, but for those dropped."""
-    keys = table.model_fields_set & set(model.model_fields) - dropped
-    return {key: getattr(table, key) for key in keys}
