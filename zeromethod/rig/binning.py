@@ -35,6 +35,7 @@ def binned(rig: Rig, factor: int) -> Rig:
         "centre_px": tuple((c + 0.5) / factor - 0.5 for c in camera.centre_px),
         "focal_px": camera.focal_px and tuple(f / factor for f in camera.focal_px),
         "pixel_mm": camera.pixel_mm and camera.pixel_mm * factor,
-        "rest_map": camera.rest_map if factor == 1 else None,
     }
+    if camera.rest_map is not None and factor > 1:
+        scale["rest_map"] = None
     return rig.model_copy(update={"camera": camera.model_copy(update=scale)})
