@@ -10,7 +10,7 @@ import pytest
 from zeromethod.control import State
 from zeromethod.devices.opening import open_devices
 from zeromethod.optics import Dented, Optics
-from zeromethod.procedures.run import Run, RunResult, run
+from zeromethod.procedures import Run, RunResult, run
 from zeromethod.procedures.truth import AT_REST, usable_nodes
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig

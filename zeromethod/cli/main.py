@@ -17,6 +17,10 @@ from zeromethod.errors import InputError, MeasurementError
 
 _COMMANDS = {
     "run": "Close the loop: null the picture, read slope and depth.",
+    "report": "A recording as one page; --follow it while it is made.",
+    "replay": "Read a recording again, or close its loop again.",
+    "export": "A recording's depth, track, mesh, video for other programs.",
+    "study": "Hundreds of runs, on every core or a cluster.",
     "virtual-bench": "Play prism and camera, to rehearse the real bench.",
     "devices": "Monitors and cameras; identify, focus, delay.",
     "init": "A commented rig file from what calipers give.",

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import shlex
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 
 from zeromethod.calibration.fingerprint import check
-from zeromethod.calibration.folder import calibration_of
+from zeromethod.calibration.folder import DOCUMENT, Stored, calibration_of
 from zeromethod.cli.bench_options import (
     BenchOptions,
     bench_options,
@@ -23,7 +26,7 @@ from zeromethod.cli.bench_options import (
 from zeromethod.cli.keys import HELP, Keys
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
-from zeromethod.control import State
+from zeromethod.control import Loop, State
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
@@ -35,6 +38,9 @@ from zeromethod.simulation.clone import simulated_clone
 from zeromethod.threads import limit_threads
 from zeromethod.view.live import LiveStatus
 from zeromethod.view.table import summary_table
+
+if TYPE_CHECKING:
+    from zeromethod.recording.recorder import Recorder
 
 
 @click.command(
@@ -58,6 +64,24 @@ from zeromethod.view.table import summary_table
     help="Delay of display and camera, as `devices --delay` measures it.",
 )
 @click.option("--publish", metavar="ADDRESS", help="Publish every reading: tcp://127.0.0.1:5556.")
+@click.option(
+    "--record",
+    "recording",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Keep the run in a file (.h5).",
+)
+@click.option(
+    "--keep",
+    metavar="PART,...",
+    help="What to keep of it, besides figures: frames, residual, warps, surface.  [default: all]",
+)
+@click.option(
+    "--every",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Keep these of every n-th frame.",
+)
 @click.option("--force", is_flag=True, help="Run with a calibration that belongs to another bench.")
 @click.option("--simulate", is_flag=True, help="Simulate the rig's bench instead of opening its devices.")
 @click.option("--press", help="Simulated press: a packaged scenario (default, step, ...) or a .toml file.")
@@ -75,6 +99,9 @@ def run_command(
     strips: bool | None,
     latency_s: float | None,
     publish: str | None,
+    recording: Path | None,
+    keep: str | None,
+    every: int,
     force: bool,
     simulate: bool,
     press: str | None,
@@ -98,6 +125,7 @@ def run_command(
             raise InputError(f"{option}: {value}: must be a finite number")
     check_file("--figure", figure, suffix=".png")
     check_file("--summary", summary, suffix=".json")
+    kept = _kept(recording, keep, every)
     if frames is not None and seconds is not None:
         raise InputError("--frames and --seconds: give one of them, not both")
     options = BenchOptions(**devices)
@@ -115,9 +143,13 @@ def run_command(
         open_devices(rig) as opened,
         _publishing(publish, opened) as publisher,
     ):
-        if not simulate:
-            _check_calibration(rig_name, rig, opened, force)
-        session = Run(rig, opened, publisher)
+        stored = calibration_of(rig_name)
+        if stored is not None and not simulate:
+            _check_calibration(stored, rig_name, rig, opened, force)
+        record = None
+        if recording is not None:
+            record = partial(_recorder, recording, rig, kept, every, stored)
+        session = Run(rig, opened, publisher, record)
         with stopped_by_signals(session.interrupt):
             _follow(session, frames, seconds)
         _report(session.result, figure, summary)
@@ -128,11 +160,40 @@ def _interrupted() -> None:
     raise KeyboardInterrupt
 
 
-def _check_calibration(rig_name: str, rig: Rig, devices: Devices, force: bool) -> None:
+def _kept(recording: Path | None, keep: str | None, every: int) -> tuple[str, ...]:
+    """Parts that `--keep` names. Raises InputError."""
+    from zeromethod.recording.schema import KEEP  # noqa: PLC0415 - only who records needs it
+
+    check_file("--record", recording, suffix=".h5")
+    if recording is None and (keep is not None or every != 1):
+        raise InputError(f"{'--every' if keep is None else '--keep'}: of what? give --record FILE.h5, too")
+    names = tuple(KEEP) if keep is None else tuple(name.strip() for name in keep.split(",") if name.strip())
+    for name in names:
+        if name not in KEEP:
+            raise InputError(f"--keep: {name!r}: of {', '.join(KEEP)}, with commas between")
+    return names
+
+
+def _recorder(
+    path: Path, rig: Rig, keep: tuple[str, ...], every: int, stored: Stored | None, loop: Loop
+) -> Recorder:
+    from zeromethod.recording.recorder import Recorder  # noqa: PLC0415 - as above
+
+    return Recorder(
+        path,
+        rig,
+        loop.rest,
+        keep=keep,
+        every=every,
+        command_line=shlex.join(["zeromethod", *sys.argv[1:]]),
+        live=loop.live,
+        gl_renderer=loop.gl_renderer,
+        calibration="" if stored is None else (stored.folder / DOCUMENT).read_text(encoding="utf-8"),
+    )
+
+
+def _check_calibration(stored: Stored, rig_name: str, rig: Rig, devices: Devices, force: bool) -> None:
     """Refuse a rig file that was calibrated on another bench; tell of an old calibration."""
-    stored = calibration_of(rig_name)
-    if stored is None:
-        return
     differences = check(stored.fingerprint, rig, devices.camera, devices.display)
     if differences and not force:
         raise InputError(f"--rig: {rig_name}: {'; '.join(differences)}: calibrate anew, or --force")

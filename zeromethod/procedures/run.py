@@ -8,127 +8,47 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from zeromethod.control import NULLED, Loop, State, Step
-from zeromethod.control.margin import Margin, margin_words, stability_margin
+from zeromethod.control import NULLED, Loop, Step
+from zeromethod.control.margin import margin_words, stability_margin
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.optics import Optics
 from zeromethod.procedures.reading import Publisher, Reading, ReadInThread, ReadInTurn, timed
-from zeromethod.procedures.truth import AT_REST, Comparison, TruthSource, compare, usable_nodes
+from zeromethod.procedures.result import FrameRecord, RunResult, Snapshot
+from zeromethod.procedures.truth import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
 
+if TYPE_CHECKING:  # what writes files loads slowly, and few runs are recorded
+    from zeromethod.recording.recorder import Recorder
+
 DEFAULT_SECONDS = 5.0
 """How long a run in simulated time lasts when neither the caller nor a scenario says so."""
-
-KEPT_FRAMES = 50_000
-"""Frames whose figures a run keeps at least: a quarter of an hour at 60 per second, in some 40 MB."""
 
 COMPARED_PHASES = frozenset({"hold", "slide"})
 """Parts of a simulated scenario in which every reading is held against the truth."""
 
 
-@dataclass(frozen=True)
-class FrameRecord:
-    """One frame's figures. Times in s from the first frame; `phase` is the scenario's, "" where unknown.
-
-    depth_peak_mm, depth_peak_sigma_mm, read_ms: NaN where the frame was not read. In real time the surface is
-    read beside the loop, newest frame only: a record gets its depth later, in `RunResult.records`, or never.
-    newest_peak_mm: of the newest reading at hand at the time. notes: what the operator should know.
-    """
-
-    number: int
-    time_s: float
-    phase: str
-    state: State
-    reason: str
-    events: tuple[str, ...]
-    notes: tuple[str, ...]
-    dropped: int
-    residual_rms_px: float
-    valid_share: float
-    depth_peak_mm: float
-    depth_peak_sigma_mm: float
-    newest_peak_mm: float
-    loop_ms: float
-    draw_ms: float
-    read_ms: float
-    truth: Comparison | None
-    untouched_rms_nm: tuple[float, float] | None
-    """Depth rms (single frame, controller's filter) while nothing touches; truth known to be zero."""
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """Everything about one frame that a picture of it needs; warps as displacement from rest, LCD px."""
-
-    time_s: float
-    image: NDArray[Any]
-    residual_px: NDArray[np.float64]
-    applied_px: NDArray[np.float64]
-    measured_px: NDArray[np.float64]
-    surface: Surface
-    true_depth_mm: NDArray[np.float64] | None
-
-
-@dataclass
-class RunResult:
-    """What a run leaves behind. dropped_refreshes: None where the display does not count them."""
-
-    rig: Rig
-    gl_renderer: str
-    usable_share_at_rest: float
-    """Share of the measurable nodes that the rig file says are usable while nothing presses."""
-    records: list[FrameRecord] = field(default_factory=list)
-    """Of the last `KEPT_FRAMES` frames at least; a run may go on for days."""
-    frames: int = 0
-    dropped: int = 0
-    events: dict[str, int] = field(default_factory=dict)
-    before: Snapshot | None = None
-    pressed: Snapshot | None = None
-    nulled: Snapshot | None = None
-    interrupted: bool = False
-    notes: list[str] = field(default_factory=list)
-    dropped_refreshes: int | None = None
-    margin: Margin | None = None
-    """Stability at the delay that coded strips told when it was first known; None without."""
-    delay_ms: float | None = None
-    """Delay of display and camera as coded strips tell it (`DisplaySpec.latency_s`); None without."""
-
-    def add(self, record: FrameRecord) -> None:
-        """Take in one frame."""
-        self.frames += 1
-        self.dropped += record.dropped
-        for event in record.events:
-            self.events[event] = self.events.get(event, 0) + 1
-        self.records.append(record)
-        if len(self.records) >= 2 * KEPT_FRAMES:
-            del self.records[:KEPT_FRAMES]
-
-    @property
-    def last(self) -> FrameRecord | None:
-        """How it stood before the run was stopped; None before any turn."""
-        told = (record for record in reversed(self.records) if record.state is not State.STOPPED)
-        return next(told, self.records[-1] if self.records else None)
-
-    @property
-    def state(self) -> State:
-        """State at the end of the run, before it was stopped."""
-        return self.last.state if self.last is not None else State.STARTING
-
-
 class Run:
     """One run over opened devices; iterate it for the steps, then take `result`."""
 
-    def __init__(self, rig: Rig, devices: Devices, publisher: Publisher | None = None) -> None:
-        """publisher: gets every turn in simulated time, every turn that was read in real time."""
+    def __init__(
+        self,
+        rig: Rig,
+        devices: Devices,
+        publisher: Publisher | None = None,
+        record: Callable[[Loop], Recorder] | None = None,
+    ) -> None:
+        """publisher: gets every turn in simulated time, every turn that was read in real time.
+
+        record: makes what records the loop's run, and may raise InputError.
+        """
         self._rig = rig
         self._devices = devices
         self._optics = Optics(rig)
@@ -143,6 +63,8 @@ class Run:
         self._grid: NodeGrid = self.loop.grid
         self._reader = SurfaceReader(rig, self._optics, self._grid)
         self._publisher = publisher
+        self._recorder = None if record is None else self._opened(record)
+        self._recording = ""
         self._truth: TruthSource | None = getattr(devices.camera, "truth", None)
         self._scenario = getattr(devices.camera, "scenario", None)
         phases = self._scenario.phases if self._scenario is not None else ()
@@ -174,6 +96,7 @@ class Run:
             if self.loop.live:
                 self._warm_up()
             reading = (ReadInThread if self.loop.live else ReadInTurn)(self._read, self._publisher)
+            stack.callback(self._end_recording)
             stack.callback(self._take, reading)
             stack.callback(reading.close)
             stack.callback(self._post_end, reading)
@@ -183,6 +106,8 @@ class Run:
             try:
                 for step in steps:
                     reading.post(step)
+                    if self._recorder is not None:
+                        self._recorder.turn(step, self._phase(step.time_ns))
                     yield self._record(step, reading)
             except KeyboardInterrupt:
                 self.result.interrupted = True
@@ -202,6 +127,31 @@ class Run:
         """Whoever follows the run learns how it ended."""
         if self.loop.ended is not None:
             reading.post(self.loop.ended)
+
+    def _opened(self, record: Callable[[Loop], Recorder]) -> Recorder:
+        try:
+            return record(self.loop)
+        except BaseException:
+            self.loop.close()
+            raise
+
+    def _end_recording(self) -> None:
+        """Write what waits still; what was lost is told in the result."""
+        if self._recorder is None:
+            return
+        if self.loop.ended is not None:
+            self._recorder.turn(self.loop.ended)
+        self._recorder.close()
+        self.result.recording = self._recorder.state
+
+    def _recording_note(self) -> tuple[str, ...]:
+        """What the operator should know of the recording, when that changes."""
+        told = "" if self._recorder is None else self._recorder.state
+        kind = told.partition(":")[0]  # counts that follow it may change with every frame
+        if kind == self._recording:
+            return ()
+        self._recording = kind
+        return (f"recording: {told or 'all is kept again'}",)
 
     def _finish(self) -> None:
         display = self._devices.display
@@ -237,7 +187,7 @@ class Run:
             state=step.state,
             reason=step.reason,
             events=step.events,
-            notes=step.notes + self._delay_note(),
+            notes=step.notes + self._delay_note() + self._recording_note(),
             dropped=step.dropped,
             residual_rms_px=step.residual_rms_px,
             valid_share=step.valid_share,
@@ -291,6 +241,8 @@ class Run:
             )
             self.result.records[index] = record
             self._newest_peak_mm = one.peak.depth_mm
+            if self._recorder is not None:
+                self._recorder.reading(one.step, one.surface, one.peak, one.read_ms)
             self._keep(one.step, record.phase, one.surface, one.peak.depth_mm)
 
     def _phase(self, time_ns: int) -> str:

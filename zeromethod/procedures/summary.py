@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.control import LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, State
-from zeromethod.procedures.run import FrameRecord, RunResult
+from zeromethod.procedures.result import FrameRecord, RunResult
 
 Figures = dict[str, Any]
 
@@ -117,6 +117,7 @@ def summarise(result: RunResult) -> Figures:
         "dropped": result.dropped,
         "interrupted": result.interrupted,
         "notes": result.notes,
+        "recording": result.recording,
         "dropped_refreshes": result.dropped_refreshes,
         "delay_ms": result.delay_ms,
         "stability_margin": result.margin.margin if result.margin else None,

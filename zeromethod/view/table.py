@@ -48,6 +48,8 @@ def summary_table(figures: dict[str, Any]) -> Table:
         values = [_look_up(figures, key) for key in keys]
         if all(value is not None for value in values):
             table.add_row(label, pattern.format(*values))
+    if figures["recording"]:
+        table.add_row("recording", figures["recording"])
     for name, count in figures["events"].items():
         table.add_row("event", f"{name} x {count}")
     return table
