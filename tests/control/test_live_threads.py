@@ -4,65 +4,20 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+from hanging import PATIENCE_S, Camera, alive, eventually
 
 from zeromethod.clock import HostClock
 from zeromethod.control import presenting
 from zeromethod.control.capture import GRACE_S, Capture
 from zeromethod.control.frame_source import FrameSource
-from zeromethod.control.presenting import CODES, InThread, InTurn, Presented
+from zeromethod.control.presenting import InThread, InTurn, Presented
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost
 from zeromethod.errors import InputError
-
-PATIENCE_S = 10.0
-"""More than anything takes on a busy machine."""
-
-
-@pytest.fixture
-def hung() -> Iterator[threading.Event]:
-    """What hangs waits for this, which is set at the end."""
-    event = threading.Event()
-    yield event
-    event.set()
-
-
-def eventually(condition: Callable[[], bool]) -> None:
-    end_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end_s
-        time.sleep(0.002)
-
-
-def alive(name: str) -> set[threading.Thread]:
-    return {thread for thread in threading.enumerate() if thread.name == name}
-
-
-class Camera:
-    """Answers from a list of things to give, raise or do."""
-
-    shape, bits = (4, 4), 8
-
-    def __init__(self, *answers: Any) -> None:
-        self.answers = iter(answers)
-        self.reads: list[float] = []
-        self.closed = 0
-
-    def read(self, timeout_s: float) -> Any:
-        self.reads.append(timeout_s)
-        answer = next(self.answers)
-        if callable(answer):
-            answer = answer()
-        if isinstance(answer, BaseException):
-            raise answer
-        return answer
-
-    def close(self) -> None:
-        self.closed += 1
-
+from zeromethod.pattern.strips import CODES
 
 # Capture
 
