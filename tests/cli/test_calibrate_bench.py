@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from zeromethod.calibration.folder import calibrations, load
-from zeromethod.cli.calibrate_bench import calibrate_bench_command
+from zeromethod.cli.calibrate import calibrate_command
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
@@ -22,7 +22,7 @@ REPOSITORY = Path(__file__).parents[2]
 
 
 def told(*arguments: object) -> Result:
-    return CliRunner(env={"COLUMNS": "160"}).invoke(calibrate_bench_command, [str(one) for one in arguments])
+    return CliRunner(env={"COLUMNS": "160"}).invoke(calibrate_command, [str(one) for one in arguments])
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import cv2
 import pytest
+from small_rigs import small_rig_file
 
 from zeromethod.cli.main import main
-from zeromethod.resources import resource
 from zeromethod.rig.save import save_values
 
 QUICK = ("--press", "gaussian:3")
@@ -23,15 +23,7 @@ def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int
 @pytest.fixture
 def rig_file(tmp_path: Path) -> Path:
     """The simulated rig with a sixteenth of its pixels."""
-    path = tmp_path / "bench.toml"
-    values = {
-        "camera.columns": 320,
-        "camera.rows": 256,
-        "camera.focal_px": [2250.0, 2250.0],
-        "camera.centre_px": [159.5, 127.5],
-    }
-    save_values(resource("calibration", "simulated.toml"), values, path)
-    return path
+    return small_rig_file(tmp_path / "bench.toml")
 
 
 def test_tables_pictures_and_summary(

@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from small_rigs import BENCH_160, small_rig_file
 from two_monitors import TwoMonitors, missing, start
 
 from zeromethod.cli.main import main
 from zeromethod.drivers.listing import Found, Listing, Missing
 from zeromethod.drivers.monitors import Monitor
-from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 
@@ -46,18 +46,7 @@ def _signals_as_before() -> Iterator[None]:
 @pytest.fixture
 def rig_file(tmp_path: Path) -> Path:
     """The packaged bench with an eighth of the camera's pixels on each axis and a quarter of the LCD's."""
-    path = tmp_path / "my.toml"
-    values = {
-        "camera.columns": 160,
-        "camera.rows": 128,
-        "camera.focal_px": [1125.0, 1125.0],
-        "camera.centre_px": [79.5, 63.5],
-        "display.columns": 480,
-        "display.rows": 270,
-        "display.pitch_mm": 0.252,
-    }
-    save_values(resource("calibration", "simulated.toml"), values, path)
-    return path
+    return small_rig_file(tmp_path / "my.toml", BENCH_160)
 
 
 def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:

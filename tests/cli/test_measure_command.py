@@ -6,11 +6,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from small_rigs import small_rig_file
 
 from zeromethod.cli.main import main
-from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.save import save_values
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import Piece
@@ -132,14 +131,7 @@ def test_bad_input_is_refused_in_one_line(
 def test_a_rig_turns_a_static_texture_into_the_depth_of_a_press(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "small.toml"
-    values = {
-        "camera.columns": 320,
-        "camera.rows": 256,
-        "camera.focal_px": [2250.0, 2250.0],
-        "camera.centre_px": [159.5, 127.5],
-    }
-    save_values(resource("calibration", "simulated.toml"), values, path)
+    path = small_rig_file(tmp_path / "small.toml")
     rig = load_rig(str(path))
     planted_mm = 0.05
     dent = Dent(Shape.GAUSSIAN, x_mm=34.0, y_mm=0.0, depth_mm=planted_mm, size_mm=4.0)

@@ -8,24 +8,14 @@ import time
 from pathlib import Path
 
 import pytest
+from small_rigs import small_rig_file
 
 from zeromethod.cli.main import main
 
 
 def small_rig(folder: Path) -> Path:
     """The packaged rig seen by a camera of 320x256, as a file: quick to simulate."""
-    from zeromethod.resources import resource
-    from zeromethod.rig.save import save_values
-
-    path = folder / "small.toml"
-    values = {
-        "camera.columns": 320,
-        "camera.rows": 256,
-        "camera.focal_px": [2075.0, 2075.0],
-        "camera.centre_px": [159.5, 127.5],
-    }
-    save_values(resource("calibration", "simulated.toml"), values, path)
-    return path
+    return small_rig_file(folder / "small.toml")
 
 
 def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:

@@ -16,10 +16,9 @@ from pathlib import Path
 
 import live_devices
 import pytest
+from small_rigs import BENCH_160, small_rig_file
 
 from zeromethod.cli.stopping import stopped_by_signals
-from zeromethod.resources import resource
-from zeromethod.rig.save import save_values
 
 PATIENCE_S = 60.0
 
@@ -75,21 +74,15 @@ def folder(tmp_path: Path) -> Path:
     """A working directory with a lab's module and its rig file; frames may take 30 s."""
     (tmp_path / "our_lab.py").write_text(HUNG_LAB)
     values = {
-        "camera.columns": 160,
-        "camera.rows": 128,
-        "camera.focal_px": [1125.0, 1125.0],
-        "camera.centre_px": [79.5, 63.5],
+        **BENCH_160,
         "camera.exposure_s": 0.004,
-        "display.columns": 480,
-        "display.rows": 270,
-        "display.pitch_mm": 0.252,
         "display.scanout_s": 0.0,
         "display.rise_s": 0.0,
         "control.timeout_s": 30.0,
     }
     for display in ("Window", "HungScreen"):
         given = values | {"display.driver": f"our_lab:{display}"}
-        save_values(resource("calibration", "simulated.toml"), given, tmp_path / f"{display}.toml")
+        small_rig_file(tmp_path / f"{display}.toml", given)
     return tmp_path
 
 

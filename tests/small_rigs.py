@@ -1,0 +1,35 @@
+"""The packaged bench seen by cameras of fewer pixels, as values of a rig file: quick to simulate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from zeromethod.resources import resource
+from zeromethod.rig.save import save_values
+
+CAMERA_320: Mapping[str, Any] = {
+    "camera.columns": 320,
+    "camera.rows": 256,
+    "camera.focal_px": [2250.0, 2250.0],
+    "camera.centre_px": [159.5, 127.5],
+}
+"""The packaged view by a quarter of the pixels on each axis."""
+
+BENCH_160: Mapping[str, Any] = {
+    "camera.columns": 160,
+    "camera.rows": 128,
+    "camera.focal_px": [1125.0, 1125.0],
+    "camera.centre_px": [79.5, 63.5],
+    "display.columns": 480,
+    "display.rows": 270,
+    "display.pitch_mm": 0.252,
+}
+"""An eighth of the camera's pixels on each axis, a quarter of the LCD's."""
+
+
+def small_rig_file(path: Path, values: Mapping[str, Any] = CAMERA_320) -> Path:
+    """Write the packaged rig with `values` in place of its own."""
+    save_values(resource("calibration", "simulated.toml"), values, path)
+    return path
