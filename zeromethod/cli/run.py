@@ -162,11 +162,16 @@ def _interrupted() -> None:
 
 def _kept(recording: Path | None, keep: str | None, every: int) -> tuple[str, ...]:
     """Parts that `--keep` names. Raises InputError."""
-    from zeromethod.recording.schema import KEEP  # noqa: PLC0415 - only who records needs it
+    if recording is None:
+        if keep is not None or every != 1:
+            raise InputError(
+                f"{'--every' if keep is None else '--keep'}: of what? give --record FILE.h5, too"
+            )
+        return ()
+    from zeromethod.recording.file import check_new  # noqa: PLC0415 - only who records needs it
+    from zeromethod.recording.schema import KEEP  # noqa: PLC0415
 
-    check_file("--record", recording, suffix=".h5")
-    if recording is None and (keep is not None or every != 1):
-        raise InputError(f"{'--every' if keep is None else '--keep'}: of what? give --record FILE.h5, too")
+    check_new(recording)
     names = tuple(KEEP) if keep is None else tuple(name.strip() for name in keep.split(",") if name.strip())
     for name in names:
         if name not in KEEP:
