@@ -4,12 +4,20 @@
 uniform sampler2D picture;    // (lcd columns, rows) codes 0..1, bottom row first as in a window
 uniform sampler2D response;   // (256, 1) light
 uniform sampler2D row_share;  // (1, lcd rows)
+#if REGIONS
+uniform sampler2D exponents;  // (lcd columns, rows) power of the light, row 0 first
+#endif
 
 layout(location = 0) out vec4 light;
 
 float light_of(ivec2 drawn, ivec2 size) {
-    int code = int(texelFetch(picture, ivec2(min(drawn.x, size.x - 1), drawn.y), 0).r * 255.0 + 0.5);
-    return drawn.x < size.x ? texelFetch(response, ivec2(code, 0), 0).r : 0.0;
+    if (drawn.x >= size.x) return 0.0;
+    int code = int(texelFetch(picture, drawn, 0).r * 255.0 + 0.5);
+    float light = texelFetch(response, ivec2(code, 0), 0).r;
+#if REGIONS
+    light = pow(light, texelFetch(exponents, ivec2(drawn.x, size.y - 1 - drawn.y), 0).r);
+#endif
+    return light;
 }
 
 void main() {

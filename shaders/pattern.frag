@@ -9,6 +9,9 @@
 uniform highp sampler2D places;  // lattice position to first order, by pattern_mesh; 0 where there is none
 uniform highp sampler2D codes;   // grey codes at equally spaced roots of light
 uniform highp sampler2D texture_of_noise;
+#if REGIONS
+uniform highp sampler2D exponents;  // of the light, from corner to corner of the panel
+#endif
 uniform vec2 display_px;
 uniform vec2 first_px;           // camera position of node (0, 0)
 uniform float facing;            // sign of det dq/du at rest
@@ -54,6 +57,19 @@ float code(float light) {
     return mix(texelFetch(codes, ivec2(low, 0), 0).r, texelFetch(codes, ivec2(low + 1, 0), 0).r, place - float(low));
 }
 
+#if REGIONS
+float exponent(vec2 here) {
+    ivec2 size = textureSize(exponents, 0);
+    vec2 place = here / (display_px - 1.0) * vec2(size - 1);
+    ivec2 low = min(ivec2(place), size - 2);
+    vec2 t = place - vec2(low);
+    vec2 left = vec2(texelFetch(exponents, low, 0).r, texelFetch(exponents, low + ivec2(0, 1), 0).r);
+    vec2 right = vec2(texelFetch(exponents, low + ivec2(1, 0), 0).r, texelFetch(exponents, low + 1, 0).r);
+    vec2 rows = mix(left, right, t.x);
+    return mix(rows.x, rows.y, t.y);
+}
+#endif
+
 #if STRIPS
 // Light of the coded strips at a camera position; negative beside them. A bit's cells: bit, not, not, bit.
 float strip_light(vec2 camera) {
@@ -90,6 +106,9 @@ void main() {
 #if STRIPS
     float coded = strip_light(first_px + SPACING * (vec2(cell) + t));
     if (coded >= 0.0) light = coded;
+#endif
+#if REGIONS
+    light = pow(max(light, 0.0), 1.0 / exponent(here));
 #endif
     grey = vec4(vec3(floor(code(light) + 0.5) / 255.0), 1.0);
 }

@@ -33,3 +33,12 @@ def test_response_of_the_packaged_rig_is_its_power_law():
 def test_response_that_does_not_rise_is_refused():
     with pytest.raises(InputError, match="response_light"):
         Response(1, (0.0, 0.5, 0.5, 1.0))
+
+
+def test_every_place_is_drawn_by_its_own_inverse():
+    response = Response(2.2, exponent=((0.9, 1.0, 1.1), (1.0, 1.0, 1.2)))
+    light = np.full((5, 9), 0.3)
+    codes = response.picture(light)
+    for (row, column), exponent in {(0, 0): 0.9, (0, 4): 1.0, (0, 8): 1.1, (4, 8): 1.2, (2, 8): 1.15}.items():
+        # half a code is the best that whole codes can do
+        assert abs(codes[row, column] - 255 * 0.3 ** (1 / (2.2 * exponent))) <= 0.5 + 1e-9

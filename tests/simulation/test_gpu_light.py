@@ -14,6 +14,7 @@ from scipy.special import ndtr
 from zeromethod.errors import InputError
 from zeromethod.gl import create_context
 from zeromethod.optics import Dented, Optics
+from zeromethod.pattern import Response
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
@@ -198,6 +199,27 @@ def test_lens_and_apertures_agree_with_the_numpy_bench_at_full_resolution(
     gpu.close()
     # float32 of positions up to 1000 px: 6e-5 px on the border of an aperture of noise
     np.testing.assert_allclose(light, expected, atol=4e-4)
+
+
+def test_each_place_of_the_panel_has_its_own_response(gl_context: moderngl.Context) -> None:
+    """A panel drawn through the inverse of every place's response is evenly lit, and agrees with numpy's."""
+    exponent = ((0.7, 1.0, 1.2), (1.0, 1.1, 1.5))
+    rig = _sharp(display={"gamma": 2.2, "response_exponent": exponent})
+    shape = rig.display.rows, rig.display.columns
+    codes = Response.from_rig(rig.display).picture(np.full(shape, 0.4))
+    assert np.ptp(codes.astype(int)) > 20
+    lit, white = (
+        [
+            _seen(renderer, rig, picture, REST)
+            for renderer in (GpuRenderer(rig, gl_context), NumpyRenderer(rig))
+        ]
+        for picture in (codes, np.full(shape, 255, np.uint8))
+    )
+    inside = white[0] > 0.5
+    for light, full in zip(lit, white, strict=True):
+        # half a code of 190, at an exponent of 3.3 in all, is 0.9 % of the light
+        np.testing.assert_allclose((light / np.maximum(full, 0.1))[inside], 0.4, rtol=9e-3)
+    np.testing.assert_allclose(lit[0][inside], lit[1][inside], atol=1e-3)
 
 
 def test_rows_mix_pictures_in_light_and_pieces_add(context: moderngl.Context) -> None:

@@ -22,7 +22,7 @@ NEWTON_STEPS = 2
 """Steps from the linear mesh to the interpolant: at 40 LCD px over sigma 32 px, one leaves 0.05 camera px."""
 
 _KINDS = ("cosines", "checker", "lattice", "noise")
-_NODES, _PLACES, _CODES, _NOISE = range(4)  # texture units
+_NODES, _PLACES, _CODES, _NOISE, _EXPONENTS = range(5)  # texture units
 
 
 def _triangles(columns: int, rows: int, turned: bool) -> NDArray[np.int32]:
@@ -100,6 +100,7 @@ class PatternRenderer:
             "FADED_PX": FEWEST_LCD_PX,
             "CLEAR_PX": CLEAR_LCD_PX,
             "CODES": TABLE_SIZE,
+            "REGIONS": int(response.exponent is not None),
         }
         self._plain = program(ctx, "pattern.vert", "pattern.frag", STRIPS=0, **constants)
         self._coded = self._plain
@@ -110,7 +111,9 @@ class PatternRenderer:
             places = (one.start_px, one.unit_px, two.start_px, two.unit_px)
             _set(self._coded, strip_edges=(one.edge_px, two.edge_px), strip_places=places)
         for box in (self._plain, self._coded):
-            _set(box, nodes=_NODES, places=_PLACES, codes=_CODES, texture_of_noise=_NOISE)
+            _set(
+                box, nodes=_NODES, places=_PLACES, codes=_CODES, texture_of_noise=_NOISE, exponents=_EXPONENTS
+            )
             _set(box, display_px=size, first_px=(grid.u_px[0], grid.v_px[0]), facing=facing)
         self._rectangles = {box: ctx.vertex_array(box, []) for box in {self._plain, self._coded}}
         self._pairs = np.zeros((rows, cols, 4), dtype=np.float32)
@@ -121,6 +124,8 @@ class PatternRenderer:
             _CODES: _texture(ctx, response.table[None, :, None]),
             _NOISE: _texture(ctx, noise[..., None]),
         }
+        if response.exponent is not None:
+            self._textures[_EXPONENTS] = _texture(ctx, np.array(response.exponent, np.float32)[..., None])
         self._places = ctx.framebuffer([self._textures[_PLACES]])
         self._own: moderngl.Framebuffer | None = None
 

@@ -20,11 +20,13 @@ TABLE_SIZE = 1024
 class Response:
     """Light (0..1) of grey codes (0..255): a power law, or `light_of_code` at equally spaced codes.
 
-    Raises InputError when the light does not rise from code to code.
+    exponent: (rows, cols) to which that light is raised, from corner to corner of the panel; None: 1
+    everywhere. Raises InputError when the light does not rise from code to code.
     """
 
     gamma: float = 1.0
     light_of_code: tuple[float, ...] | None = None
+    exponent: tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self) -> None:
         points = self.light_of_code
@@ -34,21 +36,42 @@ class Response:
     @classmethod
     def from_rig(cls, display: DisplaySpec) -> Response:
         """Response of a rig file's panel."""
-        return cls(display.gamma, display.response_light)
+        return cls(display.gamma, display.response_light, display.response_exponent)
 
     def light(self, code: ArrayLike) -> Float:
-        """Light of grey codes, which need not be whole."""
+        """Light of grey codes, which need not be whole, where the exponent is 1."""
         share = np.asarray(code, dtype=np.float64) / 255
         if self.light_of_code is None:
             return np.asarray(share**self.gamma)
         return np.interp(share, np.linspace(0, 1, len(self.light_of_code)), self.light_of_code)
 
     def inverse(self, light: ArrayLike) -> Float:
-        """Grey code, not rounded, of a light; light out of the panel's reach gives the nearest code."""
+        """Grey code, not rounded, of a light; light out of the panel's reach gives the nearest code.
+
+        As `light`: where the exponent is 1.
+        """
         wanted = np.clip(np.asarray(light, dtype=np.float64), 0, 1)
         if self.light_of_code is None:
             return np.asarray(255 * wanted ** (1 / self.gamma))
         return np.interp(wanted, self.light_of_code, np.linspace(0, 255, len(self.light_of_code)))
+
+    def picture(self, light: Float | NDArray[np.float32]) -> NDArray[np.uint8]:
+        """Grey codes (rows, cols) of a picture's light over the whole panel, each by its place's inverse."""
+        wanted = np.asarray(light, dtype=np.float64)
+        if self.exponent is not None:
+            wanted = np.clip(wanted, 0, 1) ** (1 / self._exponents(wanted.shape))
+        return np.floor(self.inverse(wanted) + 0.5).astype(np.uint8)
+
+    def _exponents(self, shape: tuple[int, ...]) -> Float:
+        """Exponent of every pixel of a panel of (rows, cols)."""
+        given = np.asarray(self.exponent)
+        down, across = (
+            np.linspace(0, knots - 1, pixels) for knots, pixels in zip(given.shape, shape, strict=True)
+        )
+        columns = np.stack([np.interp(across, np.arange(given.shape[1]), row) for row in given])
+        low = np.minimum(down.astype(np.intp), given.shape[0] - 2)
+        share = (down - low)[:, None]
+        return np.asarray((1 - share) * columns[low] + share * columns[low + 1])
 
     def code(self, light: float) -> int:
         """Whole grey code nearest to a light's."""

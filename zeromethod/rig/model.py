@@ -20,6 +20,7 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 LitShare = Annotated[float, Field(gt=0, le=1)]
+Exponent = Annotated[float, Field(ge=0.2, le=5)]
 Angle = Annotated[float, Field(ge=-360, le=360)]
 Tilt = Annotated[float, Field(ge=-45, le=45)]
 Rate = Annotated[float, Field(gt=0, le=10000)]
@@ -117,7 +118,9 @@ class DisplaySpec(Table):
     below zero where these come early), the last
     `scanout_s` later (default one refresh; `scan` "down" = row 0 first); light follows a change
     exponentially, `rise_s` from 10 to 90 %. Response: light = (code/255)^gamma, or `response_light`,
-    the light (0..1, rising) at equally spaced codes 0..255. `fill` = lit share of the pixel pitch
+    the light (0..1, rising) at equally spaced codes 0..255; where the view's angle changes it over the panel,
+    raised to `response_exponent`, rows of numbers on a lattice whose corners are the panel's corner pixels,
+    bilinear between. `fill` = lit share of the pixel pitch
     (columns, rows); stripes "rgb" splits a pixel into three along the columns. Polarisation: angle of
     the emitted light's field to y in the panel's plane (0 = s at the mirror, 90 = p);
     None = unpolarised.
@@ -140,6 +143,7 @@ class DisplaySpec(Table):
     rise_s: Lag = 0.0
     gamma: Annotated[float, Field(ge=0.2, le=5)] = 1.0
     response_light: tuple[Share, ...] | None = None
+    response_exponent: tuple[tuple[Exponent, ...], ...] | None = None
     fill: tuple[LitShare, LitShare] = (1.0, 1.0)
     stripes: Literal["none", "rgb"] = "none"
     polarisation_deg: Angle | None = None
@@ -151,6 +155,10 @@ class DisplaySpec(Table):
             raise refused(
                 "response_light", list(light), "two or more numbers from 0 to 1, each above the last"
             )
+        rows = self.response_exponent
+        if rows is not None and (len(rows) < 2 or len(rows[0]) < 2 or len({len(row) for row in rows}) > 1):
+            allowed = "two or more rows of two or more numbers, all of one length"
+            raise refused("response_exponent", [list(row) for row in rows], allowed)
         return self
 
 

@@ -14,7 +14,7 @@ from zeromethod.simulation.gpu_lens import lens_defines
 from zeromethod.simulation.gpu_mirror import float_texture
 from zeromethod.simulation.gpu_rays import RayMap, Region
 from zeromethod.simulation.gpu_target import Pass, Target
-from zeromethod.simulation.response import light_of_codes
+from zeromethod.simulation.response import exponents, light_of_codes
 
 Lit = Sequence[tuple[moderngl.Texture, NDArray[np.float32]]]
 """Pictures (8-bit red, LCD size) and the share (lcd rows,) that each row gives of their light."""
@@ -26,8 +26,12 @@ class PanelLight:
     def __init__(self, context: moderngl.Context, rig: Rig) -> None:
         self._context = context
         self._target = Target(context, (rig.display.columns, rig.display.rows), 4)
-        self._pass = Pass(context, program(context, "bench_screen.vert", "bench_panel.frag"))
-        self._response = float_texture(context, light_of_codes(rig.display)[None])
+        regions = rig.display.response_exponent is not None
+        shader = program(context, "bench_screen.vert", "bench_panel.frag", REGIONS=int(regions))
+        self._pass = Pass(context, shader)
+        self._fixed = {"response": float_texture(context, light_of_codes(rig.display)[None])}
+        if regions:
+            self._fixed["exponents"] = float_texture(context, exponents(rig.display))
         self._shares = float_texture(context, np.zeros((rig.display.rows, 1)))
         self._shown: list[tuple[int, NDArray[np.float32]]] = []
         self._region = Region(0, 0, 0, 0)
@@ -43,7 +47,7 @@ class PanelLight:
         box = (region.left, region.top, region.right - region.left, region.bottom - region.top)
         for number, (picture, share) in enumerate(lit):
             self._shares.write(np.ascontiguousarray(share, dtype=np.float32).tobytes())
-            textures = {"picture": picture, "response": self._response, "row_share": self._shares}
+            textures = {"picture": picture, "row_share": self._shares, **self._fixed}
             self._pass.draw(self._target, textures, add=number > 0, box=box)
         if not lit:
             self._target.clear()
@@ -59,8 +63,10 @@ class PanelLight:
 
     def release(self) -> None:
         """Free everything."""
-        for each in (self._target, self._pass, self._response, self._shares):
+        for each in (self._target, self._pass):
             each.release()
+        for texture in (self._shares, *self._fixed.values()):
+            texture.release()
 
 
 class CameraLight:

@@ -13,7 +13,7 @@ from zeromethod.simulation.aperture import gather
 from zeromethod.simulation.beams import Beam, Beams
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Handle, Piece
-from zeromethod.simulation.response import light_of_codes
+from zeromethod.simulation.response import exponents, light_of_codes
 
 _KEPT_MIRRORS = 3
 """Ray maps kept: rest, and the two instants of a moving exposure."""
@@ -27,6 +27,7 @@ class NumpyRenderer:
         self._rig = rig
         self._beams = Beams(rig)
         self._response = light_of_codes(rig.display)
+        self._exponents = exponents(rig.display) if rig.display.response_exponent is not None else None
         self._pictures: dict[Handle, NDArray[np.uint8]] = {}
         self._next_handle = 1
         self._maps: dict[Mirror, list[Beam]] = {}
@@ -85,7 +86,8 @@ class NumpyRenderer:
     def _panel_light(self, piece: Piece) -> NDArray[np.float64]:
         light = np.zeros((self._rig.display.rows, self._rig.display.columns))
         for handle, share in piece.pictures:
-            light += share[:, None] * self._response[self._pictures[handle]]
+            shown = self._response[self._pictures[handle]]
+            light += share[:, None] * (shown if self._exponents is None else shown**self._exponents)
         return piece.weight * light
 
     def _beams_of(self, mirror: Mirror) -> list[Beam]:

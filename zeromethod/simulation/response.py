@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
 
 from zeromethod.rig.model import DisplaySpec
 
@@ -15,6 +16,17 @@ def light_of_codes(display: DisplaySpec) -> NDArray[np.float64]:
         knots = np.linspace(0.0, 1.0, len(display.response_light))
         return np.interp(codes, knots, display.response_light)
     return codes**display.gamma
+
+
+def exponents(display: DisplaySpec) -> NDArray[np.float64]:
+    """(rows, cols) exponent of the light of every pixel of the panel."""
+    if display.response_exponent is None:
+        return np.ones((display.rows, display.columns))
+    given = np.array(display.response_exponent)
+    corners = tuple(np.linspace(0.0, 1.0, count) for count in given.shape)
+    field = RegularGridInterpolator(corners, given)
+    down, across = np.linspace(0.0, 1.0, display.rows), np.linspace(0.0, 1.0, display.columns)
+    return np.asarray(field(np.stack(np.meshgrid(down, across, indexing="ij"), axis=-1)))
 
 
 def code_of_light(display: DisplaySpec, light: float) -> int:
