@@ -21,6 +21,7 @@ if [ "${1:-}" = test ]; then
     command -v Xorg >/dev/null 2>&1 || missing="$missing xserver-xorg-core"
     [ -n "$(ls /usr/lib/xorg/modules/drivers/dummy_drv.so 2>/dev/null)" ] || missing="$missing xserver-xorg-video-dummy"
     command -v xrandr >/dev/null 2>&1 || missing="$missing x11-xserver-utils"
+    command -v ffprobe >/dev/null 2>&1 || missing="$missing ffmpeg"
     has_library libaravis-0.8.so.0 || missing="$missing libaravis-0.8-0"
 fi
 [ -z "$missing" ] && exit 0
