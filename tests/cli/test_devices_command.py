@@ -137,7 +137,8 @@ def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(
     assert "# " in before
     code, out, _ = outcome(*arguments, "--write", "--summary", tmp_path / "delay.json", capsys=capsys)
     assert code == 0
-    assert out.splitlines()[-1] == f"stored as display.latency_s in {rig_file}"
+    keys = "display.latency_s, display.scanout_s, display.scan, display.rise_s"
+    assert out.splitlines()[-1] == f"stored as {keys} in {rig_file}"
     figures = json.loads((tmp_path / "delay.json").read_text())
     stored_s = load_rig(rig_file).display.latency_s
     assert stored_s == pytest.approx(figures["latency_s"], abs=1e-6)
@@ -145,7 +146,17 @@ def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(
     assert stored_s == pytest.approx(0.0213, abs=1e-4)
     assert figures["stability_margin"] > 1
     assert figures["stored"] is True
-    assert rig_file.read_text() == before.replace("latency_s = 0.0213\n", f"latency_s = {stored_s}\n")
+    # the packaged panel's, by frames of 16 changes
+    display = load_rig(rig_file).display
+    assert display.scanout_s == pytest.approx(1 / display.refresh_hz, abs=5e-4)
+    assert display.rise_s == pytest.approx(load_rig("simulated").display.rise_s, abs=5e-4)
+    assert display.scan == "down"
+    # the rest of the file stays, comments and all
+    after = rig_file.read_text()
+    left = [line for line in after.splitlines() if not line.startswith(("latency_s", "scan", "rise_s"))]
+    assert left == [
+        line for line in before.splitlines() if not line.startswith(("latency_s", "scan", "rise_s"))
+    ]
 
 
 def test_a_delay_that_cannot_be_measured_is_exit_code_1_and_nothing_is_stored(

@@ -12,7 +12,7 @@ import pytest
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost, Frame
 from zeromethod.errors import InputError, MeasurementError
-from zeromethod.procedures.delay import LEAST_FRAMES, DelayResult, measure_delay, store_latency
+from zeromethod.procedures.delay import LEAST_FRAMES, DelayResult, measure_delay, store_timing
 from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
@@ -159,8 +159,8 @@ def test_the_delay_is_stored_with_all_else_kept(tmp_path: Path) -> None:
     path = tmp_path / "my.toml"
     text = resource("calibration", "simulated.toml").read_text()
     path.write_text(text)
-    store_latency(path, 0.0123456789)
+    store_timing(path, 0.0123456789)
     assert path.read_text() == text.replace("latency_s = 0.0\nscan =", "latency_s = 0.012346\nscan =")
     assert load_rig(path).display.latency_s == 0.012346
     with pytest.raises(InputError, match=r"display\.latency_s"):
-        store_latency(path, 11.0)
+        store_timing(path, 11.0)

@@ -10,16 +10,19 @@ import click
 
 from zeromethod.cli.bench_options import BenchOptions, tell_simulated, with_devices
 from zeromethod.control.margin import Margin, margin_words, stability_margin
-from zeromethod.devices.opening import open_devices
+from zeromethod.control.step_timing import StepTiming
+from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
-from zeromethod.procedures.delay import DEFAULT_SECONDS, DelayResult, measure_delay, store_latency
+from zeromethod.procedures.delay import DEFAULT_SECONDS, DelayResult, measure_delay, store_timing
+from zeromethod.procedures.panel_timing import measure_panel_timing
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.view.progress import progress
 
 _FRAMES = "camera frames"
+_CHANGES = "seconds of black and white"
 
 
 def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, write: bool) -> dict[str, Any]:
@@ -38,27 +41,71 @@ def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, writ
             seconds = seconds or DEFAULT_SECONDS
             with progress(round(seconds * rig.camera.rate_hz), _FRAMES) as advance:
                 result = measure_delay(rig, devices, seconds, lambda: advance(_FRAMES))
+            steps, untold = _panel(rig, devices, seconds)
     except CameraLost as error:
         raise MeasurementError(f"delay: the camera is lost: {error}") from error
     except DisplayLost as error:
         raise MeasurementError(f"delay: the display is lost: {error}") from error
     margin = stability_margin(rig.control, result.delay_frames)
-    for line in delay_words(result, margin, rig):
+    for line in (*delay_words(result, margin, rig), *(panel_words(steps) if steps else [untold])):
         click.echo(line)
+    known = steps.rig_values() if steps else {}
     if write:
-        store_latency(path, result.latency_s)
-        click.echo(f"stored as display.latency_s in {path}")
+        store_timing(path, result.latency_s, known)
+        click.echo(f"stored as {', '.join(('display.latency_s', *known))} in {path}")
     elif path.is_file():
         click.echo("add --write to store it in the rig file")
     names = ("latency_s", "sigma_s", "jitter_s", "refresh_hz", "camera_rate_hz", "horizon_s", "delay_frames")
     counts = ("frames", "read", "used")
     figures = {name: getattr(result, name) for name in (*names, *counts)}
+    if steps:
+        names = (
+            "scanout_s",
+            "scanout_sigma_s",
+            "upwards",
+            "rise_s",
+            "rise_sigma_s",
+            "fall_s",
+            "fall_sigma_s",
+        )
+        figures |= {name: getattr(steps, name) for name in names} | {
+            "scan": "up" if steps.upwards else "down"
+        }
     return figures | {
         "rig_latency_s": loaded.display.latency_s,
         "largest_gain": margin.largest_gain,
         "stability_margin": margin.margin,
         "stored": write,
     }
+
+
+def _panel(rig: Rig, devices: Devices, seconds: float) -> tuple[StepTiming | None, str]:
+    """Scan-out and rise, or why there are none."""
+    with progress(round(seconds), _CHANGES) as advance:
+        began_ns = devices.clock.now_ns()
+        passed = 0
+
+        def on_change() -> None:
+            nonlocal passed
+            now = int(1e-9 * (devices.clock.now_ns() - began_ns))
+            while passed < now:
+                advance(_CHANGES)
+                passed += 1
+
+        try:
+            return measure_panel_timing(rig, devices, seconds, on_change), ""
+        except MeasurementError as error:
+            return None, f"{error}; the rig file's scan-out and rise stay"
+
+
+def panel_words(steps: StepTiming) -> list[str]:
+    """Scan-out and rise in words, one line each."""
+    way = "last row first" if steps.upwards else "first row first"
+    return [
+        f"scan-out {1e3 * steps.scanout_s:.2f} ms, sigma {1e3 * steps.scanout_sigma_s:.2f} ms, {way}",
+        f"rise {1e3 * steps.rise_s:.2f} ms, sigma {1e3 * steps.rise_sigma_s:.2f} ms; "
+        f"fall {1e3 * steps.fall_s:.2f} ms, sigma {1e3 * steps.fall_sigma_s:.2f} ms (10 to 90 %)",
+    ]
 
 
 def delay_words(result: DelayResult, margin: Margin, rig: Rig) -> list[str]:

@@ -88,7 +88,7 @@ class Shown:
     age_ns: Float | None
 
 
-def lit_share(start_ns: float, end_ns: float, change_ns: Float, tau_ns: float) -> Float:
+def lit_share(start_ns: float | Float, end_ns: float | Float, change_ns: Float, tau_ns: float) -> Float:
     """H above: mean over the exposure of the light of a pixel that starts to change at `change_ns`."""
     from_ns = np.clip(change_ns, start_ns, end_ns)
     lit = end_ns - from_ns

@@ -6,7 +6,7 @@ What "the delay" is, is said once, in `zeromethod.control.delay`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -199,6 +199,6 @@ def with_strips(rig: Rig, on: bool = True) -> Rig:
     return rig.model_copy(update={"control": control})
 
 
-def store_latency(path: Path, latency_s: float) -> None:
-    """Store a measured delay in a rig file; its comments and all else stay. Raises InputError."""
-    save_values(path, {"display.latency_s": round(latency_s, 6)})
+def store_timing(path: Path, latency_s: float, others: Mapping[str, float | str] | None = None) -> None:
+    """Store a measured delay in a rig file, and other values by key; all else stays. Raises InputError."""
+    save_values(path, {"display.latency_s": round(latency_s, 6), **(others or {})})
