@@ -76,7 +76,7 @@ class StepTiming:
 
     @property
     def mean_rise_s(self) -> float:
-        """One time for both directions, weighted by what is known of each; `[display] rise_s`. NaN: nothing."""
+        """One time for both directions, weighted by what is known of each; NaN: nothing is."""
         a, b = self.rise_sigma_s**-2, self.fall_sigma_s**-2
         return (a * self.rise_s + b * self.fall_s) / (a + b) if a + b > 0 else math.nan
 
