@@ -14,9 +14,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from crooked_bench import GAMMA, OFF, crooked
 from two_monitors import TwoMonitors, missing, start
 
-from zeromethod.calibration import KnownPress, Presses, RestReading, build, describe
+from zeromethod.calibration import KnownPress, Presses, RestReading, describe
 from zeromethod.calibration.folder import Stored, newest
 from zeromethod.optics import Dented, Optics
 from zeromethod.procedures.calibration.evaluation import geometry_values
@@ -33,20 +34,6 @@ pytest.importorskip("mss")
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(bool(missing()), reason=missing())]
 
-OFF = {
-    "display.along_mm": 1.1,
-    "display.across_mm": -0.8,
-    "display.turn_deg": 0.5,
-    "gap_mm": 0.12,
-    "camera.x_mm": 2.0,
-    "camera.z_mm": -1.5,
-    "camera.heading_deg": 0.2,
-    "camera.roll_deg": -0.4,
-    "camera.scale": 0.01,
-    "prism.index": 0.004,
-    "prism.pattern_angle_deg": 0.2,
-}
-GAMMA = 2.0
 PRESSES = ((33.0, 0.0, 0.2), (41.0, 3.0, 0.15), (49.0, -2.0, 0.2))
 """x, y and depth, mm."""
 
@@ -56,11 +43,12 @@ MACHINE_S = 180.0
 
 @pytest.fixture(scope="module")
 def true_rig(tmp_path_factory: pytest.TempPathFactory) -> tuple[Rig, Path]:
-    middle = describe(load_rig("virtual"))
-    rig = build(load_rig("virtual"), {name: middle[name] + off for name, off in OFF.items()})
+    rig = crooked(load_rig("virtual"))
     path = tmp_path_factory.mktemp("truth") / "true.toml"
     save_values(
-        resource("calibration", "virtual.toml"), geometry_values(rig) | {"display.gamma": GAMMA}, path
+        resource("calibration", "virtual.toml"),
+        geometry_values(rig) | {"display.gamma": rig.display.gamma},
+        path,
     )
     return rig, path
 

@@ -232,6 +232,21 @@ def test_a_slow_rise_is_no_overdrive() -> None:
         assert_sound(found.overdrive)
         # last region at 16 ms, 5 time constants to 0.7 %, a frame's length either way
         assert 0.02 < found.settled_s < 0.075
+        # the first region moves at once: what is waited for is twice the rise, and no delay before it twice
+        assert found.began_s < 0.012
+        assert found.settled_s < found.stands_s <= 2 * found.settled_s
+
+
+def test_a_delay_is_waited_for_once_and_the_rise_twice() -> None:
+    for seed in range(10):
+        times, light = step(seed, 0.0, tau_s=0.006)
+        at_once = step_response(times, light, "")
+        before = np.arange(0.004, 0.1, 0.0055)
+        still = np.zeros((len(before), light.shape[1]))
+        late = step_response(np.concatenate([before, times + 0.1]), np.concatenate([still, light]), "")
+        assert late.settled_s == pytest.approx(at_once.settled_s + 0.1)
+        # the last frame before the light moves is 6 ms earlier at most
+        assert late.stands_s < 0.1 + 2 * at_once.settled_s + 0.006
 
 
 def test_light_that_never_settles_is_told() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from zeromethod.calibration.response import RAMP_CODES, MeasuredResponse, measure_response
-from zeromethod.calibration.viewing_angle import exponent_of, panel_exponents
+from zeromethod.calibration.viewing_angle import at_places, exponent_of, panel_exponents, told_of_regions
 
 SIZE = (1920, 1080)
 SHARE = np.array(RAMP_CODES) / 255.0
@@ -65,6 +65,15 @@ def test_within_the_view_the_light_comes_out_even() -> None:
     assert by_one_curve > 0.03
     # what is left is that a mean of powers is no power
     assert by_place < 0.1 * by_one_curve
+
+
+def test_what_the_drawing_cannot_mend_is_told_with_what_to_do() -> None:
+    found = planted(0.2, 0.0)
+    assert "viewing direction" in told_of_regions(found, None)
+    corners = panel_exponents(found, places(), SIZE)
+    assert corners is not None
+    assert told_of_regions(found, at_places(corners, places(), SIZE)) == ""
+    assert told_of_regions(planted(0.0, 0.0), None) == ""
 
 
 @pytest.mark.parametrize("seed", range(10))

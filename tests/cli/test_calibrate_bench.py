@@ -9,10 +9,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from zeromethod.calibration import Intrinsics
+from zeromethod.calibration.camera_file import save_camera
 from zeromethod.calibration.folder import calibrations, load
+from zeromethod.calibration.intrinsics import CameraFit
 from zeromethod.cli.calibrate import calibrate_command
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
@@ -85,6 +89,43 @@ def test_fingerprint_names_the_devices_that_were_open(made: Result, rig_file: Pa
     assert fingerprint["display"]["name"] == "Planted 5.5"
 
 
+def test_edges_that_are_out_of_view_are_not_found(made: Result, rig_file: Path) -> None:
+    document = load(calibrations(rig_file)[0]).document
+    assert document["edge"] == [
+        {"name": "P0", "words": "not in view"},
+        {"name": "R0", "words": "not in view"},
+    ]
+    assert "edge P0: not in view" in made.output
+    assert not any(one["name"].startswith("edge") for one in document["fit"]["data"])
+
+
+def test_camera_by_itself_is_taken_in_later(made: Result, rig_file: Path, tmp_path: Path) -> None:
+    folder, rig = calibrations(rig_file)[0], load_rig(rig_file)
+    assert rig.camera.focal_px is not None
+    focal, size = rig.camera.focal_px[0], (rig.camera.rows, rig.camera.columns)
+    sigma = np.array([1e-3 * focal, 1e-3 * focal, 0.05])
+    values = np.array([1.01 * focal, 1.01 * focal, 0.0])
+    camera = Intrinsics(("fx", "fy", "k1"), values, np.diag(sigma**2))
+    path = tmp_path / "camera.toml"
+    save_camera(path, CameraFit(camera, 0.1, ("a", "b", "c", "d"), 100, 0, size), "a board")
+    again = told("--redo", folder, "--intrinsics", path, "--no-edges", "--output", tmp_path)
+    assert again.exit_code == 0, again.output
+    (redone,) = (one.parent for one in tmp_path.glob("*/calibration.toml"))
+    scale, spread = load(redone).parameters["camera.scale"]
+    assert spread < 1.1e-3
+    assert scale == pytest.approx(1.01, abs=3e-3)
+    kept = load(redone).document["recorded"]
+    assert kept["edges"] is False
+    assert any(one.get("camera") == ["fx", "fy", "k1"] for one in kept["known"])
+    save_camera(path, CameraFit(camera, 0.1, ("a", "b", "c", "d"), 100, 0, (10, 20)), "a board")
+    refused = told("--redo", folder, "--intrinsics", path)
+    assert isinstance(refused.exception, InputError)
+    assert "20 x 10 px: the rig's camera has" in str(refused.exception)
+    without = told("--redo", folder, "--ball", "800:4")
+    assert isinstance(without.exception, InputError)
+    assert "no ball was pressed" in str(without.exception)
+
+
 def test_what_to_measure_next_is_told(made: Result, rig_file: Path) -> None:
     # no press is known: depth is uncertain, and a press is what helps
     document = load(calibrations(rig_file)[0]).document
@@ -140,6 +181,10 @@ def test_redo_adds_what_was_measured_later_and_diff_tells_the_change(
         (("--rig", "simulated", "--edge", "Q0=1,2"), "--edge"),
         (("--rig", "simulated", "--edge", "P0=1"), "--edge"),
         (("--rig", "simulated", "--edge", "P0=1300,5"), "1280 x 1024"),
+        (("--rig", "simulated", "--ball", "800"), "--ball"),
+        (("--rig", "simulated", "--ball", "-800:4"), "--ball"),
+        (("--rig", "simulated", "--ball", "nan:4"), "--ball"),
+        (("--rig", "simulated", "--intrinsics", "nowhere.toml"), "--intrinsics: nowhere.toml"),
         (("--rig", "simulated", "--summary", "found.txt"), "--summary"),
         (("--show",), "--show"),
         (("--show", "nowhere"), "nowhere"),

@@ -132,13 +132,27 @@ def test_a_second_reflection_that_drifts_over_the_first_is_left_out_whole() -> N
     assert named(found, Reason.SECOND_REFLECTION).mean() > 0.98
 
 
-def test_a_second_reflection_too_near_to_tell_shifts_by_no_more_than_its_share() -> None:
-    bench = Bench(ghost=0.1, ghost_offset=(3.0, 0.0))
+@pytest.mark.parametrize("gamma", [1.0, 2.2])
+@pytest.mark.parametrize("distance_px", [2.0, 3.0, 4.0, 5.0])
+def test_a_second_reflection_too_near_to_leave_out_is_told_with_what_it_costs(
+    distance_px: float, gamma: float
+) -> None:
+    bench = Bench(ghost=0.1, ghost_offset=(distance_px, 0.0), gamma=gamma)
     found = measure(bench)
-    off = found.rest_map.lcd_px - bench.lcd
+    off = float(np.nanmean((found.rest_map.lcd_px - bench.lcd)[..., 0]))
     assert found.rest_map.valid.mean() > 0.99
-    # share x distance / (1 + share); the sine of the shortest period gives back a fifth of it.
-    assert 0.2 < np.nanmean(off[..., 0]) < 0.1 * 3.0
+    # the cube of the distance is averaged over 33 x 33 px; the series ends with the cube
+    assert found.near_px == pytest.approx(distance_px, abs=0.25)
+    # share x distance / (1 + share); the sine of the shortest period gives back up to a third of it
+    assert 0.6 * 0.1 * found.near_px < off < 0.1 * found.near_px
+
+
+def test_a_bench_without_one_and_one_of_a_pixel_are_not_told() -> None:
+    for seed in range(4):
+        assert measure(Bench(seed=seed, gamma=2.2)).near_px == 0
+        # what is not seen at all costs less than this
+        unseen = Bench(seed=seed, ghost=0.1, ghost_offset=(1.0, 1.0))
+        assert np.abs(np.nanmean(measure(unseen).rest_map.lcd_px - unseen.lcd, axis=(0, 1))).max() < 0.15
 
 
 def test_a_second_reflection_that_is_accepted_is_in_sigma() -> None:

@@ -63,6 +63,7 @@ def test_the_rest_map_of_the_bench_is_found_though_its_response_is_not_known() -
     # are in no noise model.
     assert np.std(off / found.rest_map.sigma_px) == pytest.approx(1.0, abs=0.04)
     assert np.abs(off.mean(axis=(0, 1))).max() < 0.003
+    assert found.near_px == 0
     # A panel drawn without its inverse response: harmonics past the fit's pass for a little scatter.
     assert 1.0 <= found.scatter_ratio < 1.2
     assert found.second_harmonic > 0.1

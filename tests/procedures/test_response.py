@@ -16,14 +16,14 @@ from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import Optics
 from zeromethod.pattern import PatternRenderer, Response, Target
+from zeromethod.procedures.calibration.procedure import with_values
+from zeromethod.procedures.even_pictures import take_dark, take_exposures
 from zeromethod.procedures.held_pictures import HeldPictures
 from zeromethod.procedures.response import (
     PICTURES,
     SERIES_CODES,
     LightResult,
     measure_light,
-    take_dark,
-    take_exposures,
 )
 from zeromethod.resources import resource
 from zeromethod.rig.binning import binned
@@ -87,6 +87,22 @@ def test_planted_gamma_comes_back_with_its_sigma(result: LightResult) -> None:
     assert result.response.follows_power_law
     assert result.response.falling == ()
     assert result.response.spread().max() < 0.005
+
+
+def test_a_response_that_differs_over_the_panel_is_measured_and_drawn_away() -> None:
+    planted = ((0.8, 1.0), (1.0, 1.2))
+    truth = changed(TRUTH, display={"response_exponent": planted})
+    with open_devices(truth) as devices:
+        found = measure_light(RIG, devices)
+    assert found.exponent is not None
+    # all relative to the whole of the view, and to some percent at the panel's corners, which are not in it
+    ratio = np.array(found.exponent) / planted
+    assert np.ptp(ratio) < 0.1
+    assert found.response.spread().max() > 0.015
+    assert found.response.spread(found.exponents).max() < 0.005
+    assert not any("over the view" in words for words in found.advice)
+    display = with_values(RIG, found.rig_values()).display
+    assert np.array(display.response_exponent) == pytest.approx(np.array(found.exponent), abs=1e-4)
 
 
 def test_planted_noise_and_black_level_come_back_with_their_sigma(result: LightResult) -> None:

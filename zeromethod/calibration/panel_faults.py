@@ -342,12 +342,19 @@ class StepResponse:
     """What follows a change of the picture.
 
     overdrive: the largest overshoot of a frame's light past what it settles to, over the step: at least this,
-    as an exposure takes a mean. settled_s: from presentation to the middle of the first frame after which the
-    light stays settled; NaN where it never does within what was looked at.
+    as an exposure takes a mean. began_s, settled_s: from presentation to the middle of the last frame before
+    the light moves, and of the first one after which it stays settled; NaN where it never does within what
+    was looked at.
     """
 
     overdrive: Finding
+    began_s: float
     settled_s: float
+
+    @property
+    def stands_s(self) -> float:
+        """From presentation until 1e-4 of the step is left, twice as long as until 1 % once it moves."""
+        return 2.0 * self.settled_s - self.began_s
 
 
 def step_response(times_s: Float, share: Float, words: str) -> StepResponse:
@@ -366,7 +373,10 @@ def step_response(times_s: Float, share: Float, words: str) -> StepResponse:
     # by chance the largest of n lies so far out
     chance = sigma * math.sqrt(2 * math.log(max(len(times), 2)))
     size = overshoot if overshoot > 1.5 * chance else 0.0
-    late = np.abs(light - np.median(tail, axis=0)).max(axis=1) > max(SETTLED_SHARE, 2 * chance)
+    least = max(SETTLED_SHARE, 2 * chance)
+    moved = np.flatnonzero(np.abs(light).max(axis=1) > least)
+    began = float(times[moved[0] - 1]) if len(moved) and moved[0] > 0 else 0.0
+    late = np.abs(light - np.median(tail, axis=0)).max(axis=1) > least
     last = int(np.max(np.flatnonzero(late), initial=-1))
     settled = float(times[last + 1]) if last + 1 < len(times) - len(tail) // 2 else math.nan
     finding = Finding(
@@ -375,4 +385,4 @@ def step_response(times_s: Float, share: Float, words: str) -> StepResponse:
         sigma,
         f"{words} the light goes past where it settles by {100 * size:.1f} % of the step",
     )
-    return StepResponse(finding, settled)
+    return StepResponse(finding, min(began, settled), settled)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
+from scipy.optimize import least_squares
 from scipy.stats import norm
 
 from zeromethod.calibration.black_level import BlackLevel
@@ -113,15 +114,34 @@ def unclipped_mean(mean: Float, sd: Float | float) -> Float:
 
 
 def unclipped(mean: float, variance: float) -> tuple[float, float]:
-    """Mean and variance of normal noise of which, cut off at 0, mean and variance were measured.
+    """Mean and variance of normal noise of which, rounded and cut off at 0, both were measured.
 
-    A camera whose black level is set to 0 or near it loses the lower half of its noise.
+    A camera whose black level is set to 0 or near it loses the lower half of its noise. The variance found
+    counts rounding as `QUANTISATION`, as that of noise which is not cut off does.
     """
     if variance <= 0 or mean <= 0 or mean > 6.0 * math.sqrt(variance):
         return mean, variance
+    # from noise that is cut off but not rounded, which near the black level is half a percent off
     z = float(np.interp(mean / math.sqrt(variance), _MEAN / _SD, _Z))
-    true_sd = math.sqrt(variance) / float(np.interp(z, _Z, _SD))
-    return z * true_sd, true_sd**2
+    start_sd = math.sqrt(variance) / float(np.interp(z, _Z, _SD))
+    scale = math.sqrt(variance)
+
+    def rest(terms: Float) -> Float:
+        seen_mean, seen_variance = _rounded_and_cut(terms[0] * scale, math.exp(terms[1]))
+        return np.array([(seen_mean - mean) / scale, (seen_variance - variance) / variance])
+
+    found = least_squares(rest, np.array([z * start_sd / scale, math.log(start_sd)]), x_scale=0.1)
+    if np.max(np.abs(found.fun)) > 1e-6:
+        return z * start_sd, start_sd**2
+    return float(found.x[0]) * scale, math.exp(2 * float(found.x[1])) + QUANTISATION
+
+
+def _rounded_and_cut(mean: float, sd: float) -> tuple[float, float]:
+    """Mean and variance of normal noise that is rounded to whole grey levels, those below 0 to 0."""
+    level = np.arange(1.0, max(mean, 0.0) + 9.0 * sd + 3.0)
+    above = norm.sf((level - 0.5 - mean) / sd)
+    first = float(above.sum())
+    return first, float((2.0 * level - 1.0) @ above) - first**2
 
 
 @dataclass(frozen=True)
@@ -241,9 +261,11 @@ def _points(one: Still, chosen: Mask, bins: int = _BINS) -> Float:
         return np.empty((0, 3))
     bins = min(bins, len(mean) // _LEAST_PIXELS)
     # by the light around, as a pixel's own mean holds its noise
-    order = np.argsort(_around(one.mean, chosen)[chosen], kind="stable")
+    light = _around(one.mean, chosen)[chosen]
+    ends = [part[0] for part in np.array_split(np.arange(len(light)), bins)[1:]]
+    order = np.argpartition(light, ends) if ends else np.arange(len(light))
     made = []
-    for part in np.array_split(order, bins):
+    for part in np.split(order, ends):
         grey, scatter = unclipped(float(mean[part].mean()), float(variance[part].mean()))
         if one.full_grey - grey > _CEILING_SDS * math.sqrt(max(scatter, QUANTISATION)):
             made.append((grey, scatter, float(one.degrees * len(part))))

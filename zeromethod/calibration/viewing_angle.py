@@ -20,6 +20,9 @@ BOUNDS = (0.3, 3.0)
 NOTABLE_LIGHT = 2e-3
 """Departure in light over the view, of white's, below which one inverse serves the whole panel."""
 
+NOTABLE_SPREAD = 0.02
+"""Departure of a region's light that is worth a word."""
+
 _SLOPE = 0.5
 """How much p may be expected to change from the panel's middle to its border, as a standard deviation."""
 _STEEPEST = float(np.exp(-1.0))
@@ -81,6 +84,29 @@ def panel_exponents(
     corners = np.array([[(1.0, x, y, x * y) for x in (-1.0, 1.0)] for y in (-1.0, 1.0)]) @ terms
     (a, b), (c, d) = np.clip(corners, *BOUNDS).tolist()
     return (a, b), (c, d)
+
+
+def told_of_regions(response: MeasuredResponse, exponents: Float | None) -> str:
+    """What should be seen to where regions differ by more than the drawing undoes; "" where they do not.
+
+    exponents: (tile rows, tile cols), those that are drawn with; None: one inverse for all.
+    """
+    left = float(np.max(response.spread(exponents)))
+    if left <= NOTABLE_SPREAD:
+        return ""
+    return (
+        f"the response differs by up to {100 * left:.1f} % of the white's light over the view beyond what "
+        "the drawing can mend: turn the LCD's best viewing direction to the prism, or take an IPS panel"
+    )
+
+
+def at_places(
+    corners: tuple[tuple[float, float], tuple[float, float]], places_px: Float, size: tuple[int, int]
+) -> Float:
+    """Exponents (...,) at LCD places (..., 2) px, bilinear between the panel's corners."""
+    x, y = np.moveaxis(places_px / (np.array(size, dtype=np.float64) - 1.0), -1, 0)
+    (a, b), (c, d) = corners
+    return np.asarray((1 - y) * ((1 - x) * a + x * b) + y * ((1 - x) * c + x * d))
 
 
 def _fit(basis: Float, p: Float, sigma: Float, prior: Float) -> tuple[Float, Float]:

@@ -119,6 +119,12 @@ def with_devices(rig: Rig, options: BenchOptions, camera_alone: bool = False) ->
     return rig
 
 
+def without_display(rig: Rig) -> Rig:
+    """Rig whose display shows nothing: the camera alone is looked through."""
+    values = rig.display.given() | {"driver": "zeromethod.drivers.blank:BlankDisplay"}
+    return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})
+
+
 def tell_simulated(rig: Rig) -> None:
     """Say so where no real device has a part in what follows."""
     if rig.camera.driver == _SIMULATED:

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from zeromethod.cli.calibrate_bench import calibrate_bench, calibrate_options
+from zeromethod.cli.calibrate_camera import board_command, intrinsics_command
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.errors import InputError
 from zeromethod.phase_shifting.fringes import FringeSequence, equal_shifts
@@ -25,7 +26,11 @@ from zeromethod.view.progress import progress
 _SIGMAS = ("sigma_column_median_px", "sigma_row_median_px")
 
 
-@click.group("calibrate", invoke_without_command=True)
+@click.group(
+    "calibrate",
+    invoke_without_command=True,
+    epilog="Example: zeromethod calibrate --rig my.toml --display 1 --camera 0 --press-depths 0.2,0.15,0.1",
+)
 @calibrate_options
 @click.pass_context
 def calibrate_command(context: click.Context, /, **given: Any) -> None:
@@ -36,6 +41,10 @@ def calibrate_command(context: click.Context, /, **given: Any) -> None:
     """
     if context.invoked_subcommand is None:
         calibrate_bench(**given)
+
+
+calibrate_command.add_command(board_command)
+calibrate_command.add_command(intrinsics_command)
 
 
 def _numbers(option: str, text: str) -> tuple[float, ...]:

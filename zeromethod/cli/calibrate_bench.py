@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,12 @@ import numpy as np
 from rich.console import Console
 
 from zeromethod.calibration import Direct, MirrorEdge
+from zeromethod.calibration.camera_file import CameraFile, load_camera
 from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import GIVEN, Stored, home_of, load, newest
 from zeromethod.cli.bench_options import BenchOptions, bench_options, with_devices
 from zeromethod.cli.output import check_file, check_folder, write_summary
+from zeromethod.cli.telling import Telling
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
@@ -41,7 +42,6 @@ from zeromethod.view.calibration_table import (
     parameter_table,
     verdict_line,
 )
-from zeromethod.view.progress import progress
 
 FIGURE = "calibration.png"
 
@@ -60,12 +60,25 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
         help="How well these depths are known (standard deviation).",
     ),
     click.option(
+        "--ball", "ball_text", metavar="RADIUS:SIGMA",
+        help="A ball that you will press in after these, mm: its radius and how well it is known.",
+    ),
+    click.option(
         "--known", multiple=True, metavar="NAME=VALUE:SIGMA",
         help="A parameter measured by itself: gap_mm=0.48:0.01 by feeler gauge, display.along_mm=29.8:0.25.",
     ),
     click.option(
         "--edge", "edges", multiple=True, metavar="P0=U,V:SIGMA",
-        help="A point of the mirror's edge P0 or R0 in the camera's image, px: R0=1180.5,512:2.",
+        help="A point of the mirror's edge P0 or R0 in the camera's image, px: R0=1180.5,512:2. It takes the "
+        "place of what is found there.",
+    ),
+    click.option(
+        "--edges/--no-edges", "find", default=None,
+        help="Look for the mirror's edges in the image.  [default: edges]",
+    ),
+    click.option(
+        "--intrinsics", "camera_file", type=click.Path(path_type=Path), metavar="FILE",
+        help="The camera by itself, from `zeromethod calibrate intrinsics`.",
     ),
     click.option("--light/--no-light", default=True, help="Measure response and noise."),
     click.option("--delay/--no-delay", default=True, help="Measure the delay of display and camera."),
@@ -98,7 +111,7 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
     ),
     click.option(
         "--redo", "redo_folder", type=click.Path(path_type=Path), metavar="FOLDER",
-        help="Evaluate what was recorded in FOLDER anew instead, --known and --edge added.",
+        help="Evaluate what was recorded in FOLDER anew instead, with --known, --edge, --intrinsics added.",
     ),
 )  # fmt: skip
 
@@ -117,6 +130,9 @@ def calibrate_bench(
     depth_sigma: float = 1e-3,
     known: tuple[str, ...] = (),
     edges: tuple[str, ...] = (),
+    find: bool | None = None,
+    ball_text: str | None = None,
+    camera_file: Path | None = None,
     light: bool = True,
     delay: bool = True,
     rest_frames: int = Plan.rest_frames,
@@ -142,10 +158,13 @@ def calibrate_bench(
         shown = _wanted(show_folder, rig_name)
         _report(console, shown, summary)
         return shown
+    lens = load_camera(camera_file) if camera_file is not None else None
     direct: tuple[Known, ...] = (*map(_known, known), *map(_edge, edges))
+    direct += (lens.intrinsics,) if lens is not None else ()
+    ball_mm = _ball(ball_text) if ball_text is not None else None
     limit_threads()
     if redo_folder is not None:
-        stored = _redo(redo_folder, direct, output)
+        stored = _redo(redo_folder, direct, lens, ball_mm, find, output)
         return _finish(console, stored, summary)
     if rig_name is None:
         raise InputError("--rig: missing: your rig file (zeromethod init my.toml makes one)")
@@ -160,9 +179,11 @@ def calibrate_bench(
         rest_frames=rest_frames,
         press_frames=press_frames,
         patience_s=patience_s,
+        ball_mm=ball_mm,
+        edges=find is not False,
     )
     options, home = BenchOptions(**devices), output or home_of(rig_name)
-    rig = _bench(rig_name, options, plan)
+    rig = _bench(rig_name, options, plan, lens)
     check_folder("--output", home)
     with open_devices(rig) as opened:
         for warning in getattr(opened.display, "warnings", ()):
@@ -187,27 +208,13 @@ def evaluate_with(recorded: Recorded, found: Any, rig_name: str) -> Calibration:
     return evaluate(recorded, found, last, Telling())
 
 
-class Telling:
-    """Progress bars, and lines above them."""
-
-    @contextmanager
-    def part(self, words: str, total: int) -> Iterator[Callable[[], object]]:
-        """A bar over `total` steps."""
-        with progress(total, words) as advance:
-            yield lambda: advance(words)
-
-    def say(self, words: str) -> None:
-        """A line on the terminal."""
-        click.echo(words, err=True)
-
-
-def _bench(rig_name: str, options: BenchOptions, plan: Plan) -> Rig:
+def _bench(rig_name: str, options: BenchOptions, plan: Plan, lens: CameraFile | None) -> Rig:
     """The rig as it is to be opened."""
     rig = with_devices(load_rig(rig_name), options)
-    if not plan.press_depths_mm:
+    if not plan.presses:
         rig = rig.model_copy(update={"press": "none"})
     check_geometry(rig)
-    _check_edges(rig, plan.known)
+    _check_known(rig, plan.known, lens)
     return rig
 
 
@@ -230,14 +237,28 @@ def _store(
     )
 
 
-def _redo(folder: Path, known: tuple[Known, ...], output: Path | None) -> Stored:
+def _redo(
+    folder: Path,
+    known: tuple[Known, ...],
+    lens: CameraFile | None,
+    ball_mm: tuple[float, float] | None,
+    find: bool | None,
+    output: Path | None,
+) -> Stored:
     recorded, stored = recall(folder)
-    _check_edges(recorded.rig, known)
+    _check_known(recorded.rig, known, lens)
+    plan = recorded.plan
+    if ball_mm is not None and (recorded.presses is None or recorded.presses.ball is None):
+        raise InputError(f"--ball: {folder}: no ball was pressed for this calibration")
     named = {one.name for one in known}
-    kept = tuple(one for one in recorded.plan.known if one.name not in named)
-    plan = replace(recorded.plan, known=kept + known)
+    plan = replace(
+        plan,
+        known=(*(one for one in plan.known if one.name not in named), *known),
+        ball_mm=ball_mm or plan.ball_mm,
+        edges=plan.edges if find is None else find,
+    )
     found = evaluate(replace(recorded, plan=plan), tell=Telling())
-    return _store(found, str(folder / "given.toml"), output or folder.absolute().parent, {}, stored)
+    return _store(found, str(folder / GIVEN), output or folder.absolute().parent, {}, stored)
 
 
 def _wanted(folder: str, rig_name: str | None) -> Stored:
@@ -295,8 +316,18 @@ def _known(text: str) -> Direct:
         raise InputError(f"--known: {text}: {told}") from None
 
 
-def _check_edges(rig: Rig, known: Sequence[Known]) -> None:
+def _ball(text: str) -> tuple[float, float]:
+    radius, _, sigma = text.partition(":")
+    try:
+        return float(radius), float(sigma)
+    except ValueError:
+        raise InputError(f"--ball: {text}: RADIUS:SIGMA in mm, as 10:0.01") from None
+
+
+def _check_known(rig: Rig, known: Sequence[Known], lens: CameraFile | None) -> None:
     columns, rows = rig.camera.columns, rig.camera.rows
+    if lens is not None:
+        lens.check(rig)
     for one in known:
         if isinstance(one, MirrorEdge):
             u, v = one.pixel[0]
@@ -318,13 +349,3 @@ def _edge(text: str) -> MirrorEdge:
     if name not in ("P0", "R0") or not (math.isfinite(u + v + spread) and spread > 0):
         raise InputError(f"--edge: {text}: P0=U,V:SIGMA or R0=U,V:SIGMA in camera px, as R0=1180.5,512:2")
     return MirrorEdge("P0" if name == "P0" else "R0", np.array([[u, v]]), spread)
-
-
-@click.command(
-    "calibrate",
-    epilog="Example: zeromethod calibrate --rig my.toml --display 1 --camera 0 --press-depths 0.2,0.15,0.1",
-)
-@calibrate_options
-def calibrate_bench_command(**given: Any) -> None:
-    """Find out what the bench is, and store it: response, rest map, delay, geometry in millimetres."""
-    calibrate_bench(**given)

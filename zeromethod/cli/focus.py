@@ -6,7 +6,13 @@ from pathlib import Path
 
 from rich.console import Console
 
-from zeromethod.cli.bench_options import REAL_CAMERAS, BenchOptions, tell_simulated, with_devices
+from zeromethod.cli.bench_options import (
+    REAL_CAMERAS,
+    BenchOptions,
+    tell_simulated,
+    with_devices,
+    without_display,
+)
 from zeromethod.cli.keys import Keys
 from zeromethod.cli.output import write_summary
 from zeromethod.clock import SimulatedClock
@@ -15,7 +21,6 @@ from zeromethod.errors import MeasurementError
 from zeromethod.optics import check_geometry
 from zeromethod.procedures.setting_up import SettingUp, Sight
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import DisplaySpec, Rig
 from zeromethod.view.focus import FocusView, sight_figures, sight_table
 
 _SIMULATED_S = 1.0
@@ -29,7 +34,7 @@ def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, sum
     rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"press": "none"})
     with_lcd = rig.camera.driver not in REAL_CAMERAS or rig.display.driver != "simulated"
     if not with_lcd:
-        rig = _without_display(rig)
+        rig = without_display(rig)
     check_geometry(rig)
     tell_simulated(rig)
     console = Console()
@@ -54,9 +59,3 @@ def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, sum
                 write_summary(summary, sight_figures(last))
     if last is None:
         raise MeasurementError("focus: no frame came")
-
-
-def _without_display(rig: Rig) -> Rig:
-    """Rig whose display shows nothing: the camera alone is looked through."""
-    values = rig.display.given() | {"driver": "zeromethod.drivers.blank:BlankDisplay"}
-    return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})

@@ -5,7 +5,7 @@ The mirror stays untouched all the time. Every picture is held until it surely s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ from scipy.ndimage import uniform_filter
 
 from zeromethod.calibration.bad_pixels import BadPixels, find_bad_pixels
 from zeromethod.calibration.black_level import Linearity, black_from_exposures
-from zeromethod.calibration.falloff import Falloff, lit_pixels, measure_falloff, tile_means
+from zeromethod.calibration.falloff import TILES, Falloff, lit_pixels, measure_falloff, tile_means
 from zeromethod.calibration.panel_faults import (
     Finding,
     StepResponse,
@@ -34,11 +34,13 @@ from zeromethod.calibration.photon_transfer import (
     unclipped_mean,
 )
 from zeromethod.calibration.response import RAMP_CODES, MeasuredResponse, measure_response
-from zeromethod.clock import Clock
+from zeromethod.calibration.viewing_angle import at_places, panel_exponents, told_of_regions
 from zeromethod.control.rest import Rest
-from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.devices.opening import Devices
+from zeromethod.devices.protocols import Frame
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import Optics
+from zeromethod.procedures.even_pictures import Exposures, StandingPictures, even_picture, follow
 from zeromethod.procedures.held_pictures import HeldPictures
 from zeromethod.rig.model import Rig
 
@@ -48,30 +50,35 @@ Mask = NDArray[np.bool_]
 MARGIN_S = 0.1
 """A picture is held longer than the rig states by this, as a new bench's rise is a guess."""
 
-SERIES_CODES = (0, 62, 125, 126, 127, 190, 255)
-"""Codes that are looked at for long: of three in a row at most one is no mixture on an LCD of 6 bits."""
+SERIES_CODES = (0, 126, 127, 255)
+"""Codes that are looked at for long: of two in a row at most one is no mixture on an LCD of 6 bits."""
 
-SERIES_FRAMES = 32
-LOOK_FRAMES = 8
+SERIES_FRAMES = 24
+LOOK_FRAMES = 4
 RAMP_FRAMES = 2
+"""These tell the noise, too."""
+
 PASSES = 2
 STEPS = ((0, 255), (255, 0), (64, 192), (192, 64))
+"""In pairs, there and back."""
+
 STEP_REPEATS = 3
 STEP_S = 0.4
-STEP_FRAMES = 24
-"""Steps are followed for so long, or for so many frames of a slow camera."""
+STEP_FRAMES = 6
+"""Steps are followed for so long, for so many frames, and for twice as long as they may take: the longest."""
 
-SURROUND_CODES = (0, 127, 255)
+SURROUND_CODES = (0, 255)
 PATCH_CODES = (0, 127, 255)
 SURROUND_REPEATS = 2
-SURROUND_FRAMES = 3
+SURROUND_FRAMES = 2
 PATCH_SHARE = 0.25
 """Side of the patch over that of the LCD's seen part."""
 
 PICTURES = (
     2
     + len(SERIES_CODES)
-    + 2 * len(STEPS) * STEP_REPEATS
+    + len(STEPS) * STEP_REPEATS
+    + len(STEPS) // 2
     + SURROUND_REPEATS * len(SURROUND_CODES) * len(PATCH_CODES)
     + PASSES * len(RAMP_CODES)
 )
@@ -85,13 +92,17 @@ _EDGE_PX = 5
 class LightResult:
     """What was learnt about the light.
 
-    lit: (rows, cols) camera pixels that look at the LCD. findings: every check of the display, found or not.
-    surround: None where the patch was not seen. steps: what followed each of `STEPS`. hold_s: from
-    presentation until a picture was held to stand. leak: light of the black LCD (and of the room) over the
-    white's, NaN where the camera's black level is unknown. linearity: None without several exposures.
+    exponent: at the panel's corners, see `calibration.viewing_angle`; None: one response for all of it.
+    exponents: the same at the tiles. lit: (rows, cols) camera pixels that look at the LCD. findings: every
+    check of the display, found or not. surround: None where the patch was not seen. steps: what followed each
+    of `STEPS`. hold_s: from presentation until a picture was held to stand. leak: light of the black LCD (and
+    of the room) over the white's, NaN where the camera's black level is unknown. linearity: None without
+    several exposures.
     """
 
     response: MeasuredResponse
+    exponent: tuple[tuple[float, float], tuple[float, float]] | None
+    exponents: Float | None
     noise: PhotonTransfer
     bad_pixels: BadPixels
     falloff: Falloff
@@ -110,43 +121,16 @@ class LightResult:
         told = [finding.told for finding in self.findings if finding.found]
         told += [self.linearity.told] if self.linearity is not None and self.linearity.told else []
         told += [self.falloff.told] if self.falloff.told else []
+        regions = told_of_regions(self.response, self.exponents)
+        told += [regions] if regions else []
         return (*told, *self.notes, *self.response.notes, *self.noise.notes)
 
     def rig_values(self) -> dict[str, Any]:
         """Keys and values of the rig file that were measured, for `save_values`."""
-        return self.response.rig_values() | self.noise.rig_values()
-
-
-@dataclass(frozen=True)
-class Exposures:
-    """One picture at several exposures. grey: (exposures, rows, cols) mean of the frames."""
-
-    exposure_s: tuple[float, ...]
-    grey: Float
-
-
-def take_dark(rig: Rig, devices: Devices, frames: int = SERIES_FRAMES) -> NDArray[Any]:
-    """(frames, rows, cols) with the lens capped, which the caller has seen to."""
-    pictures = HeldPictures(rig, devices, MARGIN_S)
-    return np.stack([pictures.read().image for _ in range(frames)])
-
-
-def take_exposures(
-    rig: Rig, exposure_s: Sequence[float], frames: int = 8, code: int = 255, clock: Clock | None = None
-) -> Exposures:
-    """One evenly lit picture at several exposures: devices are opened anew for each, and must be closed.
-
-    Raises InputError where the camera cannot be set so, as opening does.
-    """
-    means = []
-    for one in exposure_s:
-        camera = rig.camera.model_copy(update={"exposure_s": one})
-        changed = rig.model_copy(update={"camera": camera})
-        with open_devices(changed, clock) as devices:
-            pictures = HeldPictures(changed, devices, MARGIN_S)
-            taken = pictures.frames(_plain(rig, code), frames)
-        means.append(np.mean([frame.image for frame in taken], axis=0))
-    return Exposures(tuple(exposure_s), np.stack(means))
+        values: dict[str, Any] = self.response.rig_values() | self.noise.rig_values()
+        if self.exponent is not None:
+            values["display.response_exponent"] = [[round(one, 4) for one in row] for row in self.exponent]
+        return values
 
 
 def measure_light(
@@ -170,10 +154,6 @@ def measure_light(
     return _Measurement(rig, devices, on_picture).run(dark, exposures)
 
 
-def _plain(rig: Rig, code: int) -> NDArray[np.uint8]:
-    return np.full((rig.display.rows, rig.display.columns), code, np.uint8)
-
-
 class _Measurement:
     """One measurement of the light, stage by stage."""
 
@@ -182,9 +162,10 @@ class _Measurement:
         self._pictures = HeldPictures(rig, devices, MARGIN_S)
         self._on_picture = on_picture
         self._full = float(2**rig.camera.bits - 1)
-        self._step_s = max(STEP_S, STEP_FRAMES / rig.camera.rate_hz)
+        self._step_s = max(STEP_S, 2 * self._pictures.hold_s, STEP_FRAMES / rig.camera.rate_hz)
         self._lit = np.ones((rig.camera.rows, rig.camera.columns), dtype=np.bool_)
         self._times_s: Float = np.zeros(0)
+        self._standing = StandingPictures(self._pictures)
         self._notes: list[str] = []
 
     def run(self, dark: NDArray[Any] | None, exposures: Exposures | None) -> LightResult:
@@ -194,18 +175,23 @@ class _Measurement:
         stacks = {code: self._series(code) for code in SERIES_CODES}
         times_s = self._times_s  # of the last one, which is white
         around = self._surround()
-        ramp = self._ramp()
+        grey, ramp_s, pairs = self._ramp()
 
         stills = {code: still(stack, self._lit, self._full) for code, stack in stacks.items()}
+        long_ones = list(stills.values())
         covered = None if dark is None else still(dark, np.ones_like(self._lit), self._full)
         known = linearity.black if linearity is not None and covered is None else None
-        noise = measure_noise(list(stills.values()), self._lit, covered, known)
-        for _ in range(2):
+        noise = measure_noise(long_ones, self._lit, covered, known)
+        for every in (long_ones, [*long_ones, *pairs]):
             # pixels that blink raise the noise by which blinking is told
-            bad = find_bad_pixels(stills[255], stills[0], self._lit, noise, list(stills.values()))
-            noise = measure_noise(list(stills.values()), self._lit, covered, known, bad.mask)
+            bad = find_bad_pixels(stills[255], stills[0], self._lit, noise, every)
+            noise = measure_noise(every, self._lit, covered, known, bad.mask)
         good = self._lit & ~bad.mask
-        response = self._response(*ramp, noise)
+        response = self._response(grey, ramp_s, noise)
+        places, size = self._tile_places(), (self._rig.display.columns, self._rig.display.rows)
+        exponent = panel_exponents(response, places, size)
+        if exponent is None and self._rig.display.response_exponent is not None:
+            exponent = (1.0, 1.0), (1.0, 1.0)  # in place of those that the rig had
         spread = np.sqrt((noise.variance(stills[255].mean) + noise.variance(stills[0].mean)) / SERIES_FRAMES)
         falloff = measure_falloff(stills[255].mean, stills[0].mean, spread, good)
         findings = self._findings(stacks, stills, times_s, response, noise, good)
@@ -214,6 +200,8 @@ class _Measurement:
         findings.append(max((step.overdrive for step in steps), key=lambda one: (one.found, one.size)))
         return LightResult(
             response=response,
+            exponent=exponent,
+            exponents=None if exponent is None else at_places(exponent, places, size),
             noise=noise,
             bad_pixels=bad,
             falloff=falloff,
@@ -228,14 +216,16 @@ class _Measurement:
         )
 
     def _series(self, code: int) -> NDArray[Any]:
-        frames = self._pictures.frames(_plain(self._rig, code), SERIES_FRAMES)
-        self._on_picture()
+        frames = self._held(code, SERIES_FRAMES)
         self._times_s = 1e-9 * np.array([frame.time_ns - frames[0].time_ns for frame in frames])
         return np.stack([frame.image for frame in frames])
 
     def _find_lit(self) -> Still:
         """Find the pixels that look at the LCD; its white picture."""
-        black, white = (np.stack([f.image for f in self._held(code, LOOK_FRAMES)]) for code in (0, 255))
+        bright = self._held(255, LOOK_FRAMES)
+        self._standing.learn(bright)
+        dark = self._held(0, LOOK_FRAMES)
+        white, black = (np.stack([frame.image for frame in one]) for one in (bright, dark))
         self._lit = lit_pixels(white.mean(axis=0), black.mean(axis=0))
         swing = float(np.mean(white.mean(axis=0)[self._lit] - black.mean(axis=0)[self._lit]))
         if not self._lit.any() or swing < 0.02 * self._full:
@@ -257,35 +247,42 @@ class _Measurement:
 
     def _steps(self) -> list[StepResponse]:
         """Follow the light after steps; then hold pictures as long as it takes to settle."""
-        made = []
-        for start, end in STEPS:
-            times: list[float] = []
-            shares: list[Float] = []
-            for _ in range(STEP_REPEATS):
-                before = np.mean([self._tiles(f.image) for f in self._held(start, RAMP_FRAMES)], axis=0)
+        times: dict[tuple[int, int], list[float]] = {step: [] for step in STEPS}
+        shares: dict[tuple[int, int], list[Float]] = {step: [] for step in STEPS}
+        for there, back in zip(STEPS[::2], STEPS[1::2], strict=True):
+            before = np.mean([self._tiles(f.image) for f in self._held(there[0], LOOK_FRAMES)], axis=0)
+            for step in (there, back) * STEP_REPEATS:
                 after = []
-                for since_s, frame in self._pictures.following(_plain(self._rig, end), self._step_s):
-                    times.append(since_s)
+                picture = even_picture(self._rig, step[1])
+                for since_s, frame in follow(self._pictures, picture, self._step_s, STEP_FRAMES):
+                    times[step].append(since_s)
                     after.append(self._tiles(frame.image))
                 self._on_picture()
                 settled = np.median(after[2 * len(after) // 3 :], axis=0)
-                shares += [(one - before) / (settled - before) for one in after]
-            light = np.stack(shares).reshape(len(times), -1)
+                shares[step] += [(one - before) / (settled - before) for one in after]
+                before = settled
+            self._standing.forget()
+        made = []
+        for start, end in STEPS:
+            light = np.stack(shares[start, end]).reshape(len(times[start, end]), -1)
             light = light[:, np.isfinite(light).all(axis=0)]
             words = f"when the LCD goes from code {start} to {end}"
-            made.append(step_response(np.array(times), light, words))
-        settled_s = max(step.settled_s for step in made)
+            made.append(step_response(np.array(times[start, end]), light, words))
+        stands_s = max(step.stands_s for step in made)
         if not np.isfinite([step.settled_s for step in made]).all():
             self._notes.append(
                 f"the light has not settled {self._step_s:g} s after the picture changed: {_SLOW_ADVICE}"
             )
-            settled_s = self._step_s
-        # what has settled to 1 % exponentially has settled to 1e-4 by twice that time
-        self._pictures.hold_s = max(self._pictures.hold_s, 2 * settled_s)
+            stands_s = 2 * self._step_s
+        self._pictures.hold_s = max(self._pictures.hold_s, stands_s)
         return made
 
-    def _held(self, code: int, count: int) -> list[Any]:
-        frames = self._pictures.frames(_plain(self._rig, code), count)
+    def _held(self, code: int, count: int) -> list[Frame]:
+        """Frames of an even picture."""
+        return self._taken(even_picture(self._rig, code), count)
+
+    def _taken(self, picture: NDArray[np.uint8], count: int) -> list[Frame]:
+        frames = self._standing.frames(picture, count)
         self._on_picture()
         return frames
 
@@ -305,10 +302,9 @@ class _Measurement:
         for _ in range(SURROUND_REPEATS):
             for code in SURROUND_CODES:
                 for patch in PATCH_CODES:
-                    picture = _plain(self._rig, code)
+                    picture = even_picture(self._rig, code)
                     picture[inside] = patch
-                    taken = self._pictures.frames(picture, SURROUND_FRAMES)
-                    self._on_picture()
+                    taken = self._taken(picture, SURROUND_FRAMES)
                     means.append(np.mean([frame.image for frame in taken], axis=0))
         images = np.stack(means).reshape(
             SURROUND_REPEATS, len(SURROUND_CODES), len(PATCH_CODES), *means[0].shape
@@ -323,23 +319,35 @@ class _Measurement:
             return None
         return surround(images[..., patch].mean(axis=-1))
 
-    def _ramp(self) -> tuple[Float, Float]:
-        """Every code, upwards, then downwards: grey of tiles as `measure_response` takes it, and times."""
+    def _ramp(self) -> tuple[Float, Float, list[Still]]:
+        """Every code, upwards, then downwards: grey of tiles as `measure_response` takes it, times, pairs."""
         grey: list[list[Float]] = []
         times: list[list[float]] = []
+        images: dict[int, list[NDArray[Any]]] = {code: [] for code in RAMP_CODES}
         for number in range(PASSES):
             codes = RAMP_CODES if number % 2 == 0 else RAMP_CODES[::-1]
-            taken = [self._held(code, RAMP_FRAMES) for code in codes]
-            taken = taken if number % 2 == 0 else taken[::-1]
-            grey.append([np.mean([self._tiles(f.image) for f in frames], axis=0) for frames in taken])
-            times.append([1e-9 * frames[0].time_ns for frames in taken])
+            taken = {code: self._held(code, RAMP_FRAMES) for code in codes}
+            for code in codes:
+                images[code] += [frame.image for frame in taken[code]]
+            grey.append([np.mean([self._tiles(f.image) for f in taken[code]], axis=0) for code in RAMP_CODES])
+            times.append([1e-9 * taken[code][0].time_ns for code in RAMP_CODES])
         stamps = np.array(times)
-        return np.array(grey), stamps - stamps.min()
+        pairs = [still(np.stack(images[code]), self._lit, self._full) for code in RAMP_CODES]
+        return np.array(grey), stamps - stamps.min(), pairs
 
     def _response(self, grey: Float, times_s: Float, noise: PhotonTransfer) -> MeasuredResponse:
         grey = unclipped_mean(grey, np.sqrt(noise.variance(grey)))
         weights = np.nan_to_num(tile_means(self._lit.astype(np.float64), np.ones_like(self._lit)))
         return measure_response(RAMP_CODES, grey, times_s, weights)
+
+    def _tile_places(self) -> Float:
+        """(tile rows, tile cols, 2) LCD (column, row) that the tiles' middles see by the rig, px."""
+        camera = self._rig.camera
+        v, u = (
+            (np.arange(count) + 0.5) * size / count - 0.5
+            for size, count in zip((camera.rows, camera.columns), TILES, strict=True)
+        )
+        return Optics(self._rig).rest_map(*np.meshgrid(u, v))
 
     def _linearity(self, exposures: Exposures, white: Still) -> Linearity:
         grey = np.stack([self._tiles(image).ravel() for image in exposures.grey])

@@ -62,6 +62,9 @@ def figure_table(stored: Stored) -> Table:
     return table
 
 
+_PANEL = (("scanout", "scan-out"), ("rise", "rise, 10 to 90 %"), ("fall", "fall, 90 to 10 %"))
+
+
 def _figures(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "made", f"{document['time']:%Y-%m-%d %H:%M} UTC, {document.get('made_by', '')}"
     for key, words in WORDS.items():
@@ -81,14 +84,9 @@ def _figures(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     )
     fit = document["fit"]
     yield "misfit (chi-squared per number)", f"{fit['chi2_per_freedom']:.2f}"
-    if (light := document.get("light")) is not None:
-        yield "gamma of the LCD", f"{light['gamma']:.3f} ({light['gamma_sigma']:.3f})"
-        yield "camera noise in the dark", f"{light['read_grey']:.2f} grey levels"
-        if light["found"]:
-            yield "to switch off", ", ".join(light["found"])
-    if (delay := document.get("delay")) is not None:
-        yield "delay", f"{1e3 * delay['latency_s']:.2f} ms ({1e3 * delay['sigma_s']:.2f})"
-        yield "LCD, camera", f"{delay['refresh_hz']:.3f} Hz, {delay['camera_rate_hz']:.3f} frames per second"
+    yield from _light(document)
+    for edge in document.get("edge", ()):
+        yield f"edge {edge['name']}", edge["words"]
     for number, press in enumerate(document.get("press", ()), start=1):
         yield (
             f"press {number}",
@@ -101,6 +99,22 @@ def _figures(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "would bring depth to", f"{one['depth_percent']:.2f} %: {one['what']}"
     for finding in document["verdict"]["findings"][1:]:
         yield "also", finding
+
+
+def _light(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """The LCD's light and its times."""
+    if (light := document.get("light")) is not None:
+        yield "gamma of the LCD", f"{light['gamma']:.3f} ({light['gamma_sigma']:.3f})"
+        yield "camera noise in the dark", f"{light['read_grey']:.2f} grey levels"
+        if light["found"]:
+            yield "to switch off", ", ".join(light["found"])
+    if (delay := document.get("delay")) is not None:
+        yield "delay", f"{1e3 * delay['latency_s']:.2f} ms ({1e3 * delay['sigma_s']:.2f})"
+        yield "LCD, camera", f"{delay['refresh_hz']:.3f} Hz, {delay['camera_rate_hz']:.3f} frames per second"
+    if (panel := document.get("panel")) is not None:
+        for key, words in _PANEL:
+            if (sigma_s := panel.get(f"{key}_sigma_s")) is not None:
+                yield words, f"{1e3 * panel[f'{key}_s']:.2f} ms ({1e3 * sigma_s:.2f})"
 
 
 def difference_table(before: Stored, after: Stored) -> Table:

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
-from zeromethod.calibration import build, describe
+import numpy as np
+from crooked_bench import crooked
+from numpy.typing import NDArray
+
 from zeromethod.clock import Clock
 from zeromethod.devices.opening import Devices
+from zeromethod.devices.protocols import Frame
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
@@ -18,22 +23,7 @@ from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 from zeromethod.simulation.scenario import Scenario
 
-OFF = {
-    "display.along_mm": 1.1,
-    "display.across_mm": -0.8,
-    "display.turn_deg": 0.5,
-    "gap_mm": 0.12,
-    "camera.x_mm": 2.0,
-    "camera.z_mm": -1.5,
-    "camera.heading_deg": 0.2,
-    "camera.roll_deg": -0.4,
-    "camera.scale": 0.01,
-    "prism.index": 0.004,
-    "prism.pattern_angle_deg": 0.2,
-}
-"""How the true bench differs from the rig file: about a caliper's sigma each."""
-
-GAMMA, LATENCY_S = 2.0, 0.02
+LATENCY_S = 0.02
 LEAD_S, MOVE_S, HOLD_S = 0.1, 0.05, 0.6
 """From being asked to the press, its way down and up, and how long it is held."""
 
@@ -51,10 +41,8 @@ def nominal() -> Rig:
 
 def truth(given: Rig) -> Rig:
     """The bench as it is."""
-    middle = describe(given)
-    rig = build(given, {name: middle[name] + off for name, off in OFF.items()})
-    display = rig.display.model_copy(update={"gamma": GAMMA, "latency_s": LATENCY_S})
-    return rig.model_copy(update={"display": display})
+    rig = crooked(given)
+    return rig.model_copy(update={"display": rig.display.model_copy(update={"latency_s": LATENCY_S})})
 
 
 class PlantedDisplay(SimulatedDisplay):
@@ -73,6 +61,29 @@ class PlantedCamera(SimulatedCamera):
 
     def __init__(self, rig: Rig, clock: Clock, display: object) -> None:
         super().__init__(truth(nominal()), clock, display)
+
+
+@dataclass
+class FaultyCamera:
+    """The simulated camera, with something done to every frame's light: (rows, cols), grey above black."""
+
+    camera: SimulatedCamera
+    black_grey: float
+    faults: tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], ...]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.camera, name)
+
+    def read(self, timeout_s: float) -> Frame:
+        frame = self.camera.read(timeout_s)
+        light = frame.image - self.black_grey
+        for fault in self.faults:
+            light = fault(light)
+        grey = np.clip(np.rint(light + self.black_grey), 0, 2**self.camera.bits - 1)
+        return replace(frame, image=grey.astype(frame.image.dtype))
+
+    def close(self) -> None:
+        self.camera.close()
 
 
 @dataclass
@@ -100,6 +111,8 @@ class Hand:
 
     def press(self, number: int) -> None:
         camera = self.devices.camera
+        if isinstance(camera, FaultyCamera):
+            camera = camera.camera
         assert isinstance(camera, SimulatedCamera)
         depth, (x, y) = self.depths_mm[number], self.places_mm[number]
         lifted_s = LEAD_S + MOVE_S + HOLD_S

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from crooked_bench import OFF
 
 from zeromethod.calibration import KnownPress, Presses, RestReading, describe
 from zeromethod.devices.opening import open_devices
@@ -16,7 +17,7 @@ from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
 from .conftest import DEPTHS_MM, PLACES_MM
-from .planted import LATENCY_S, OFF, Hand, nominal, truth
+from .planted import LATENCY_S, Hand, nominal, truth
 
 
 def test_the_person_is_told_what_to_do_in_order(hand: Hand) -> None:
@@ -36,6 +37,7 @@ def test_every_part_has_a_bar_that_comes_to_its_end(hand: Hand) -> None:
         "rest map",
         "decoding",
         "geometry from the rest map",
+        "scan-out and rise",
         "delay",
         "rest and presses, by the loop",
     ]

@@ -13,9 +13,10 @@ from zeromethod.calibration import (
     DepthError,
     Fit,
     Gain,
+    KnownBall,
     KnownPress,
+    MirrorEdge,
     Presses,
-    Priors,
     RestPositions,
     RestReading,
     Verdict,
@@ -25,8 +26,19 @@ from zeromethod.calibration import (
     judge,
     untold,
 )
+from zeromethod.calibration.edges import EdgeSearch, find_edges
+from zeromethod.errors import MeasurementError
 from zeromethod.phase_shifting.measuring import RestMeasurement
-from zeromethod.procedures.calibration.procedure import Recorded, grid_of, rest_observations, with_values
+from zeromethod.procedures.calibration.lens import with_intrinsics
+from zeromethod.procedures.calibration.presses import PressWarps
+from zeromethod.procedures.calibration.procedure import (
+    Plan,
+    Recorded,
+    first_fit,
+    grid_of,
+    rest_observations,
+    with_values,
+)
 from zeromethod.procedures.calibration.rest import decode
 from zeromethod.procedures.calibration.telling import Silence, Teller
 from zeromethod.rig.model import Rig
@@ -34,7 +46,7 @@ from zeromethod.surface import Peak
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
 
-PARTS = 4
+PARTS = 5
 DRIFT_LCD_PX = 0.3
 """Between the rest map and the loop's rest, median over the nodes, from which something moved meanwhile."""
 
@@ -45,7 +57,7 @@ class Calibration:
 
     rest: the measured rest map; rest_warp: the same at the nodes of `grid`. peaks: the known presses as read
     through the calibrated rig. drift_px: median distance of the loop's rest from the rest map, LCD px; NaN
-    without presses.
+    without presses. edges: what became of the search for the mirror's edges.
     """
 
     recorded: Recorded
@@ -59,6 +71,7 @@ class Calibration:
     verdict: Verdict
     peaks: tuple[Peak, ...]
     drift_px: float
+    edges: tuple[EdgeSearch, ...] = ()
 
     @property
     def rig(self) -> Rig:
@@ -90,28 +103,33 @@ def evaluate(
     Raises MeasurementError where the data contradict the rig file beyond use.
     """
     rig, plan = with_values(recorded.rig, recorded.values), recorded.plan
-    with (tell or Silence()).part("geometry", PARTS) as advance:
+    tell = tell or Silence()
+    findings: list[str] = []
+    with tell.part("geometry", PARTS) as advance:
         found = found or decode(rig, recorded.rest)
         grid = grid_of(rig)
         rest_warp = found.rest_map.warp(grid)
         advance()
+        first = first_fit(rig, found, plan.known)
+        edges = _edges(first, found, plan, tell)
+        advance()
+        rig, priors = with_intrinsics(rig, plan.known)
         observations = rest_observations(rig, found, plan.known)
+        observations += [one.found for one in edges if one.found is not None]
         reading, presses, drift = None, None, float("nan")
         if recorded.presses is not None:
             warps = recorded.presses
             reading = RestReading.of(grid, warps.rest)
-            known = [
-                KnownPress(f"{number} of {depth:g} mm", warp, depth, plan.press_sigma_mm)
-                for number, (depth, warp) in enumerate(
-                    zip(plan.press_depths_mm, warps.pressed, strict=True), start=1
-                )
-            ]
-            presses = Presses.of(reading, known)
-            observations.append(presses)
+            presses, ball = _pressed(warps, plan, reading)
+            observations += [presses] if presses is not None else []
+            if ball is not None and (why := _unseen(ball, first.rig)):
+                findings.append(f"{why}: it is left out")
+            elif ball is not None:
+                observations.append(ball)
             both = warps.rest.valid & rest_warp.valid
             apart = np.linalg.norm(warps.rest.q - rest_warp.q, axis=-1)[both]
             drift = float(np.median(apart)) if apart.size else float("nan")
-        fitted = fit(Priors.of(rig), observations)
+        fitted = fit(priors, observations)
         advance()
         error = depth_error(fitted, grid, reading)
         advance()
@@ -119,8 +137,9 @@ def evaluate(
         usable = float(np.mean(rest_warp.valid[grid.inner]))
         verdict = judge(fitted, error, gain, usable, last)
         if drift > DRIFT_LCD_PX:
-            words = f"the picture moved by {drift:.2f} LCD px between rest map and presses"
-            verdict = replace(verdict, level="bad", findings=(*verdict.findings, words))
+            findings.append(f"the picture moved by {drift:.2f} LCD px between rest map and presses")
+            verdict = replace(verdict, level="bad")
+        verdict = replace(verdict, findings=(*verdict.findings, *findings))
         peaks = tuple(presses.peaks(fitted.rig)) if presses is not None else ()
         advance()
     return Calibration(
@@ -135,7 +154,38 @@ def evaluate(
         verdict,
         peaks,
         drift,
+        edges,
     )
+
+
+def _edges(first: Fit, found: RestMeasurement, plan: Plan, tell: Teller) -> tuple[EdgeSearch, ...]:
+    """Look for the edges that nobody gave."""
+    given = {one.edge for one in plan.known if isinstance(one, MirrorEdge)}
+    edges = tuple(one for one in find_edges(first, found) if one.edge not in given) if plan.edges else ()
+    for one in edges:
+        tell.say(f"edge {one.edge}: {one.words}")
+    return edges
+
+
+def _pressed(warps: PressWarps, plan: Plan, reading: RestReading) -> tuple[Presses | None, KnownBall | None]:
+    """Presses of known depth, and the ball, as a fit takes them."""
+    known = [
+        KnownPress(f"{number} of {depth:g} mm", warp, depth, plan.press_sigma_mm)
+        for number, (depth, warp) in enumerate(zip(plan.press_depths_mm, warps.pressed, strict=True), start=1)
+    ]
+    ball = None
+    if warps.ball is not None and plan.ball_mm is not None:
+        ball = KnownBall(reading, warps.ball, *plan.ball_mm)
+    return Presses.of(reading, known) if known else None, ball
+
+
+def _unseen(ball: KnownBall, rig: Rig) -> str:
+    """Why a ball's contact cannot be read; "" where it can."""
+    try:
+        ball.prepared(rig)
+    except MeasurementError as error:
+        return str(error)
+    return ""
 
 
 def rest_residuals(calibration: Calibration) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:

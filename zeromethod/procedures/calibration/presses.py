@@ -43,10 +43,19 @@ class Phase(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class PressWarps:
-    """rest: mean warp of the untouched mirror, by the loop. pressed: mean warps of the presses, in order."""
+    """Mean warps by the loop.
+
+    rest: of the untouched mirror. pressed: of the presses of known depth, in order. ball: of the ball.
+    """
 
     rest: Warp
     pressed: tuple[Warp, ...]
+    ball: Warp | None = None
+
+    @classmethod
+    def of(cls, rest: Warp, taken: Sequence[Warp], depths: int) -> PressWarps:
+        """From the presses taken: `depths` of known depth, then the ball."""
+        return cls(rest, tuple(taken[:depths]), taken[depths] if len(taken) > depths else None)
 
 
 class PressesEndedError(MeasurementError):
@@ -140,10 +149,13 @@ def record_presses(
     frames: int = DEFAULT_FRAMES,
     patience_s: float = DEFAULT_PATIENCE_S,
     tell: Teller | None = None,
+    *,
+    ball_radius_mm: float | None = None,
 ) -> PressWarps:
     """Close the loop over a rig that fits the bench, and take presses in the order of their depths.
 
-    patience_s: of the run's clock, for each change that is waited for.
+    patience_s: of the run's clock, for each change that is waited for. ball_radius_mm: of a ball that is
+    asked for last.
 
     Raises
     ------
@@ -152,11 +164,14 @@ def record_presses(
     """
     watch = PressWatch(frames)
     interrupted = False
+    asked = [f"press {depth:g} mm deep" for depth in depths_mm]
+    if ball_radius_mm is not None:
+        asked.append(f"press the ball of {ball_radius_mm:g} mm radius in")
     try:
-        reason = _follow(rig, devices, depths_mm, patience_s, tell or Silence(), watch)
+        reason = _follow(rig, devices, asked, patience_s, tell or Silence(), watch)
     except KeyboardInterrupt:
         reason, interrupted = "presses: interrupted", True
-    warps = None if watch.rest is None else PressWarps(watch.rest, tuple(watch.pressed))
+    warps = None if watch.rest is None else PressWarps.of(watch.rest, watch.pressed, len(depths_mm))
     if reason or warps is None:
         raise PressesEndedError(reason, warps, interrupted)
     return warps
@@ -165,7 +180,7 @@ def record_presses(
 def _follow(
     rig: Rig,
     devices: Devices,
-    depths_mm: Sequence[float],
+    asked: Sequence[str],
     patience_s: float,
     tell: Teller,
     watch: PressWatch,
@@ -176,7 +191,7 @@ def _follow(
     with (
         loop,
         closing(loop.run()) as steps,
-        tell.part("rest and presses, by the loop", 1 + len(depths_mm)) as advance,
+        tell.part("rest and presses, by the loop", 1 + len(asked)) as advance,
     ):
         for step in steps:
             nulled = step.state in NULLED and step.measured is not None
@@ -184,27 +199,27 @@ def _follow(
                 last_ns = devices.clock.now_ns()
                 if watch.phase is Phase.LIFTING or (watch.phase is Phase.COMING and not watch.pressed):
                     advance()
-                if watch.phase is Phase.COMING and len(watch.pressed) == len(depths_mm):
+                if watch.phase is Phase.COMING and len(watch.pressed) == len(asked):
                     return ""
-                _tell(tell, watch, depths_mm)
+                _tell(tell, watch, asked)
             elif devices.clock.now_ns() - last_ns > 1e9 * patience_s:
-                return _impatient(watch, depths_mm, patience_s, step)
+                return _impatient(watch, len(asked), patience_s, step)
     ended = loop.ended.reason if loop.ended is not None else "it ended"
     return f"presses: the loop did not go on: {ended}"
 
 
-def _tell(tell: Teller, watch: PressWatch, depths_mm: Sequence[float]) -> None:
-    done, count = len(watch.pressed), len(depths_mm)
+def _tell(tell: Teller, watch: PressWatch, asked: Sequence[str]) -> None:
+    done, count = len(watch.pressed), len(asked)
     if watch.phase is Phase.COMING:
-        tell.say(f"press {done + 1} of {count}: press {depths_mm[done]:g} mm deep now, and hold still")
+        tell.say(f"press {done + 1} of {count}: {asked[done]} now, and hold still")
     elif watch.phase is Phase.LIFTING:
         tell.say(f"press {done} of {count}: taken; lift")
 
 
-def _impatient(watch: PressWatch, depths_mm: Sequence[float], patience_s: float, step: Step) -> str:
+def _impatient(watch: PressWatch, count: int, patience_s: float, step: Step) -> str:
     what = {
         Phase.REST: "the loop did not null the mirror at rest",
-        Phase.COMING: f"no press {len(watch.pressed) + 1} of {len(depths_mm)}",
+        Phase.COMING: f"no press {len(watch.pressed) + 1} of {count}",
         Phase.STANDING: "the press did not stand still while the loop was locked",
         Phase.LIFTING: "the press did not lift",
     }[watch.phase]

@@ -9,13 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.calibration import Direct, MirrorEdge, Observation, Priors, RestPositions, fit
+from zeromethod.calibration import Direct, Fit, Intrinsics, MirrorEdge, Observation, RestPositions, fit
 from zeromethod.calibration.fingerprint import Fingerprint, take_fingerprint
 from zeromethod.clock import HostClock
+from zeromethod.control.step_timing import StepTiming
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.phase_shifting.measuring import RestMeasurement
+from zeromethod.procedures.calibration.lens import with_intrinsics
 from zeromethod.procedures.calibration.presses import (
     DEFAULT_FRAMES,
     DEFAULT_PATIENCE_S,
@@ -23,12 +25,13 @@ from zeromethod.procedures.calibration.presses import (
     PressWarps,
     record_presses,
 )
-from zeromethod.procedures.calibration.rest import RestFrames, capture, decode, sequence_for
+from zeromethod.procedures.calibration.rest import RestFrames, capture, decode, rest_notes, sequence_for
 from zeromethod.procedures.calibration.settling import Settling, settle
 from zeromethod.procedures.calibration.telling import Silence, Teller
 from zeromethod.procedures.decode import refuse_empty
 from zeromethod.procedures.delay import DelayResult, measure_delay, with_strips
 from zeromethod.procedures.held_pictures import HeldPictures
+from zeromethod.procedures.panel_timing import FEWEST_CHANGES, measure_panel_timing
 from zeromethod.procedures.response import MARGIN_S, PICTURES, LightResult, measure_light
 from zeromethod.rig.model import Rig
 from zeromethod.warp.grid import NodeGrid
@@ -38,7 +41,12 @@ REST_FRAMES = 4
 
 DELAY_S = 3.0
 
-Known = Direct | MirrorEdge
+USABLE_REFRESHES = 0.1
+"""Standard deviation, in refreshes, of a delay by changes of the picture that serves where codes do not."""
+
+_TIMING = frozenset({"display.latency_s", "display.scanout_s", "display.scan", "display.rise_s"})
+
+Known = Direct | MirrorEdge | Intrinsics
 """What a person measures or sees beside the procedure."""
 
 
@@ -46,8 +54,10 @@ Known = Direct | MirrorEdge
 class Plan:
     """What to measure.
 
-    press_depths_mm: of the presses that will come, in order; press_sigma_mm: how well each is known. known:
-    what was measured by hand, or seen of the mirror's edges. light, delay: whether these steps are taken.
+    press_depths_mm: of the presses that will come, in order; press_sigma_mm: how well each is known. ball_mm:
+    radius of a ball that is pressed in after them, and its sigma. known: what was measured by hand, seen of
+    the mirror's edges, or found of the camera by itself. edges: whether those that are not known are looked
+    for in the pictures. light, delay: whether these steps are taken.
     rest_frames, press_frames: camera frames averaged for each picture and press. delay_s: how long the delay
     is measured. patience_s: longest wait for a press.
     """
@@ -61,6 +71,8 @@ class Plan:
     press_frames: int = DEFAULT_FRAMES
     delay_s: float = DELAY_S
     patience_s: float = DEFAULT_PATIENCE_S
+    ball_mm: tuple[float, float] | None = None
+    edges: bool = True
 
     def __post_init__(self) -> None:
         """Refuse numbers that cannot be, with InputError."""
@@ -69,6 +81,14 @@ class Plan:
                 raise InputError(f"--press-depths: {depth}: numbers of mm above 0")
         if not (np.isfinite(self.press_sigma_mm) and self.press_sigma_mm > 0):
             raise InputError(f"--depth-sigma: {self.press_sigma_mm}: a number of mm above 0")
+        if self.ball_mm is not None and not all(np.isfinite(one) and one > 0 for one in self.ball_mm):
+            radius, sigma = self.ball_mm
+            raise InputError(f"--ball: {radius:g}:{sigma:g}: radius and sigma in mm, above 0")
+
+    @property
+    def presses(self) -> int:
+        """How many presses are asked for, the ball among them."""
+        return len(self.press_depths_mm) + (self.ball_mm is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +96,7 @@ class Recorded:
     """Everything that a bench gave, enough to begin anew without it.
 
     rig: as the rig file says, with the devices used. values: of the rig file that were measured directly
-    (response, noise, delay), by dotted key. light, delay, presses: None where they were left out.
+    (response, noise, timing), by dotted key. light, delay, panel, presses: None where they were left out.
     seconds: that each step took, of the machine's time. failure: why not all presses were taken; the plan
     then holds those that were. interrupted: by Ctrl-C.
     """
@@ -88,6 +108,7 @@ class Recorded:
     rest: RestFrames
     light: LightResult | None = None
     delay: DelayResult | None = None
+    panel: StepTiming | None = None
     presses: PressWarps | None = None
     values: dict[str, Any] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
@@ -112,6 +133,12 @@ def rest_observations(rig: Rig, found: RestMeasurement, known: tuple[Known, ...]
     """The rest map and what was measured by hand, as a fit takes them."""
     grid = grid_of(rig)
     return [RestPositions.of(grid, found.rest_map.warp(grid)), *known]
+
+
+def first_fit(rig: Rig, found: RestMeasurement, known: tuple[Known, ...]) -> Fit:
+    """Fit without presses: good enough to close the loop, and to know where to look for edges."""
+    rig, priors = with_intrinsics(rig, known)
+    return fit(priors, rest_observations(rig, found, known))
 
 
 def grid_of(rig: Rig) -> NodeGrid:
@@ -189,11 +216,14 @@ class _Session:
             found = decode(rig, frames)
             advance()
         refuse_empty(found)
+        for words in rest_notes(found):
+            self._note(words)
         self._begin("first fit")
         with tell.part("geometry from the rest map", 1) as advance:
-            fitted = fit(Priors.of(rig), rest_observations(rig, found, plan.known))
+            fitted = first_fit(rig, found, plan.known)
             advance()
-        delay = self._delay(fitted.rig)
+        panel = self._panel(fitted.rig)
+        delay = self._delay(with_values(fitted.rig, self._timing()), panel)
         presses = self._presses(fitted.rig)
         self._begin("")
         del self._seconds["opening"]
@@ -205,6 +235,7 @@ class _Session:
             frames,
             light,
             delay,
+            panel,
             presses,
             self._values,
             self._seconds,
@@ -233,7 +264,25 @@ class _Session:
         self._values |= light.rig_values()
         return light
 
-    def _delay(self, rig: Rig) -> DelayResult | None:
+    def _timing(self) -> dict[str, Any]:
+        """What is known of the panel's timing by now."""
+        return {key: value for key, value in self._values.items() if key in _TIMING}
+
+    def _panel(self, rig: Rig) -> StepTiming | None:
+        """Scan-out and rise; what cannot be told stays as the rig file has it."""
+        if not self._plan.delay:
+            return None
+        self._begin("panel")
+        with self._tell.part("scan-out and rise", FEWEST_CHANGES) as advance:
+            try:
+                panel = measure_panel_timing(rig, self._devices, 0.0, advance)
+            except MeasurementError as error:
+                self._note(f"{error}; the rig file's scan-out and rise stay")
+                return None
+        self._values |= panel.rig_values()
+        return panel
+
+    def _delay(self, rig: Rig, panel: StepTiming | None) -> DelayResult | None:
         if not self._plan.delay:
             return None
         self._begin("delay")
@@ -241,16 +290,20 @@ class _Session:
             try:
                 delay = measure_delay(rig, self._devices, self._plan.delay_s, advance)
             except MeasurementError as error:
-                self._note(f"{error}; the rig file's {1e3 * rig.display.latency_s:g} ms stay")
+                if panel is not None and panel.latency_sigma_s < USABLE_REFRESHES / rig.display.refresh_hz:
+                    self._values["display.latency_s"] = round(panel.latency_s, 6)
+                    self._note(f"{error}; {1e3 * panel.latency_s:.1f} ms by changes of the picture are taken")
+                else:
+                    self._note(f"{error}; the rig file's {1e3 * rig.display.latency_s:g} ms stay")
                 return None
         self._values["display.latency_s"] = round(delay.latency_s, 6)
         return delay
 
     def _presses(self, rig: Rig) -> PressWarps | None:
-        if not self._plan.press_depths_mm:
+        if not self._plan.presses:
             return None
         self._begin("presses")
-        timed = with_values(rig, {k: v for k, v in self._values.items() if k == "display.latency_s"})
+        timed = with_values(rig, self._timing())
         told = "strips" in rig.control.model_fields_set
         if not told and (isinstance(self._devices.clock, HostClock) or "display.latency_s" in self._values):
             timed = with_strips(timed)
@@ -263,11 +316,13 @@ class _Session:
                 plan.press_frames,
                 plan.patience_s,
                 self._tell,
+                ball_radius_mm=plan.ball_mm[0] if plan.ball_mm is not None else None,
             )
         except PressesEndedError as error:
             # What there is already took minutes and is sound.
             self._failure, self._interrupted = str(error), error.interrupted
             self._note(f"{error}; going on with what there is")
             count = len(error.warps.pressed) if error.warps is not None else 0
-            self._plan = replace(plan, press_depths_mm=plan.press_depths_mm[:count])
+            # The ball comes last: where something is missing, it is the ball at least.
+            self._plan = replace(plan, press_depths_mm=plan.press_depths_mm[:count], ball_mm=None)
             return error.warps if count else None

@@ -13,18 +13,17 @@ from zeromethod.errors import MeasurementError
 from zeromethod.optics import Optics
 from zeromethod.pattern import Response
 from zeromethod.phase_shifting.fringes import SHIFTS, FringeSequence, equal_shifts
+from zeromethod.phase_shifting.masks import Reason, plain_name
 from zeromethod.phase_shifting.measuring import RestMeasurement, measure_rest
+from zeromethod.phase_shifting.near_reflection import USUAL_SHARE
 from zeromethod.phase_shifting.periods import SHORTEST_PX, choose_periods
-from zeromethod.procedures.calibration.settling import thinned
+from zeromethod.procedures.even_pictures import AGREEMENT, apart, thinned
 from zeromethod.procedures.held_pictures import HeldPictures
 from zeromethod.rig.model import Rig
 
 SHORTEST_CAMERA_PX = 8
 """Shortest period as the camera sees it: a lens blur of 0.7 px then leaves 86 % of its contrast."""
 
-
-AGREEMENT = 1.3
-"""Mean square difference of frames of one picture, over what noise makes of it, within which they agree."""
 
 LEAD_FRAMES = 8
 """Frames of black before the first picture: more than any computer is late by."""
@@ -92,7 +91,7 @@ def capture(
     kind = np.uint16 if frames * (2**camera.bits - 1) < 2**16 else np.uint32
     sums = np.zeros((sequence.frames, camera.rows, camera.columns), kind)
     for number, light in enumerate(sequence.pictures(display.columns, display.rows)):
-        codes = np.rint(response.inverse(light)).astype(np.uint8)
+        codes = response.picture(light)
         taken = _standing(pictures, codes, frames, before, variance_grey2)
         for image in taken:
             sums[number] += image
@@ -114,10 +113,10 @@ def _standing(
     image = pictures.frames(codes, 1)[0].image
     for _ in range(MOST_FRAMES + count):
         now = thinned(image)
-        if _apart(now, before) <= noise2 < np.inf:
+        if apart(now, before) <= noise2 < np.inf:
             row.clear()  # still the picture before
         else:
-            if row and _apart(now, thinned(row[-1])) > noise2:
+            if row and apart(now, thinned(row[-1])) > noise2:
                 row.clear()
             row.append(image)
         if len(row) >= max(count, 2):
@@ -129,11 +128,6 @@ def _standing(
     )
 
 
-def _apart(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
-    """Mean square difference, grey^2."""
-    return float(np.mean((one - other) ** 2))
-
-
 def decode(rig: Rig, recorded: RestFrames) -> RestMeasurement:
     """Rest map of what was captured; the noise is found in the pictures' own scatter."""
     return measure_rest(
@@ -143,3 +137,54 @@ def decode(rig: Rig, recorded: RestFrames) -> RestMeasurement:
         # a mean this near to the ceiling holds frames that were cut off by it
         ceiling_grey=2**rig.camera.bits - 2.0,
     )
+
+
+NOTABLE_SHARE = 0.002
+"""Of the camera's pixels, from which what is left out for a reason is worth a word."""
+
+_TOLD = {
+    Reason.SECOND_REFLECTION: (
+        "see a second reflection of about {reflection:.0%} of the main one's light: shield or blacken the "
+        "face that makes it, or turn the LCD a little"
+    ),
+    Reason.DISTURBED: (
+        "changed while the fringes were shown: a hand in the light, a moved part or another lamp: take it "
+        "again"
+    ),
+    Reason.WRONG_ORDER: (
+        "lie whole fringe periods off their neighbours: a step or crease in the mirror, or much noise"
+    ),
+    Reason.DOUBTFUL_ORDER: (
+        "could lie whole fringe periods off: more light, or more frames per picture (--frames)"
+    ),
+    Reason.SATURATED: "are too bright for the camera: shorten the exposure",
+    Reason.OFF_DISPLAY: "look past the LCD's edge: move the LCD, or aim the camera",
+    Reason.INCONSISTENT: ("see the periods disagree, each by itself: glitches of the camera, or much noise"),
+}
+
+
+def rest_notes(found: RestMeasurement) -> tuple[str, ...]:
+    """What the person should see to in a rest map, the widest first; empty where all is well.
+
+    Dead pixels are told from the first one on; what shows no fringes is not mirror, and no fault.
+    """
+    size = found.rest_map.reason.size
+    told = []
+    for reason in sorted(_TOLD, key=found.count, reverse=True):
+        share = found.count(reason) / size
+        if share > NOTABLE_SHARE:
+            there = (found.rest_map.reason & int(reason)) != 0
+            reflection = float(np.median(found.reflection[there]))
+            told.append(
+                f"rest map: {plain_name(reason)}: {share:.1%} of the camera's pixels "
+                f"{_TOLD[reason].format(reflection=reflection)}; they are left out"
+            )
+    if found.near_px > 0:
+        told.append(
+            f"rest map: the periods disagree as if a second reflection of a tenth of the light lay "
+            f"{found.near_px:.1f} LCD px beside the main one (or the lens had coma): places may be off by "
+            f"{USUAL_SHARE * found.near_px:.2f} LCD px, alike over wide parts; they are kept"
+        )
+    if dead := found.count(Reason.DEAD):
+        told.append(f"rest map: dead: {dead} pixels of camera or LCD, or dust; they are left out")
+    return tuple(told)

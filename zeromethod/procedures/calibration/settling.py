@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.devices.opening import Devices
 from zeromethod.errors import MeasurementError
+from zeromethod.procedures.even_pictures import follow, thinned
 from zeromethod.procedures.held_pictures import HeldPictures
 from zeromethod.rig.model import Rig
 
@@ -29,8 +29,6 @@ MARGIN_REFRESHES = 2.0
 
 LEAST_SWING = 0.02
 """White less black, of full scale, below which the camera does not see the LCD."""
-
-_THIN = 4
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ def settle(rig: Rig, devices: Devices) -> Settling:
         picture = np.full((display.rows, display.columns), 255 * white, np.uint8)
         levels, over = [], 0.0
         images: deque[NDArray[np.float32]] = deque(maxlen=2)
-        for since_s, frame in pictures.following(picture, look_s):
+        for since_s, frame in follow(pictures, picture, look_s, LOOK_FRAMES - 1):
             start_s = since_s - 0.5e-9 * frame.exposure_ns
             images.append(thinned(frame.image))
             levels.append((start_s, float(images[-1].mean())))
@@ -93,11 +91,6 @@ def settle(rig: Rig, devices: Devices) -> Settling:
         )
     hold_s = settled + MARGIN_REFRESHES / display.refresh_hz
     return Settling(hold_s, black, bright, saturated, min(variances))
-
-
-def thinned(image: NDArray[Any]) -> NDArray[np.float32]:
-    """Every fourth pixel on both axes: plenty to compare pictures by."""
-    return image[::_THIN, ::_THIN].astype(np.float32)
 
 
 def _settled(levels: NDArray[np.float64], swing: float) -> float:

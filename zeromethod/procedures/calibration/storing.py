@@ -13,7 +13,7 @@ import numpy as np
 
 from zeromethod.calibration.fit import Fit
 from zeromethod.calibration.folder import GIVEN, Stored, load, load_arrays, store
-from zeromethod.calibration.observations import Direct, MirrorEdge
+from zeromethod.calibration.observations import Direct, Intrinsics, MirrorEdge
 from zeromethod.calibration.parameters import PARAMETERS, describe
 from zeromethod.phase_shifting.fringes import Axis, FringeSequence
 from zeromethod.procedures.calibration.evaluation import Calibration
@@ -28,7 +28,7 @@ from zeromethod.warp.warp import Warp
 _OFFERS = 6
 _DELAY = ("latency_s", "sigma_s", "jitter_s", "refresh_hz", "camera_rate_hz", "horizon_s", "frames", "used")
 _WARP = ("q", "sigma", "flags")
-_KEPT = ("light", "delay")
+_KEPT = ("light", "delay", "panel")
 """Tables of a document that evaluating anew does not change."""
 
 
@@ -70,14 +70,18 @@ def recall(folder: Path) -> tuple[Recorded, Stored]:
     axes_given: tuple[Axis, Axis] = ("columns", "rows") if str(axes[0]) == "columns" else ("rows", "columns")
     sequence = FringeSequence(tuple(map(float, periods)), tuple(map(float, shifts)), axes_given, int(repeats))
     presses = None
-    if "presses/pressed_q" in arrays:
-        q, sigma, flags = (arrays[f"presses/rest_{part}"] for part in _WARP)
-        rest = Warp(q, sigma, flags, 0)
-        q, sigma, flags = (arrays[f"presses/pressed_{part}"] for part in _WARP)
-        presses = PressWarps(rest, tuple(Warp(q[i], sigma[i], flags[i], 0) for i in range(len(q))))
+    if "presses/rest_q" in arrays:
+        pressed: tuple[Warp, ...] = ()
+        if "presses/pressed_q" in arrays:
+            q, sigma, flags = (arrays[f"presses/pressed_{part}"] for part in _WARP)
+            pressed = tuple(Warp(q[i], sigma[i], flags[i], 0) for i in range(len(q)))
+        ball = _warp_of(arrays, "ball") if "presses/ball_q" in arrays else None
+        presses = PressWarps(_warp_of(arrays, "rest"), pressed, ball)
     plan = Plan(
         press_depths_mm=tuple(raw.get("press_depths_mm", ())),
         press_sigma_mm=raw["press_sigma_mm"],
+        ball_mm=(raw["ball"]["radius_mm"], raw["ball"]["sigma_mm"]) if "ball" in raw else None,
+        edges=raw.get("edges", True),
         known=tuple(map(_known_of, raw.get("known", ()))),
         rest_frames=int(frames),
     )
@@ -120,7 +124,10 @@ def arrays_of(found: Calibration) -> dict[str, Any]:
         warps, rest_warp = recorded.presses.pressed, recorded.presses.rest
         for part in _WARP:
             arrays[f"presses/rest_{part}"] = getattr(rest_warp, part)
-            arrays[f"presses/pressed_{part}"] = np.stack([getattr(warp, part) for warp in warps])
+            if warps:
+                arrays[f"presses/pressed_{part}"] = np.stack([getattr(warp, part) for warp in warps])
+            if recorded.presses.ball is not None:
+                arrays[f"presses/ball_{part}"] = getattr(recorded.presses.ball, part)
     if recorded.light is not None:
         light = recorded.light
         arrays |= {
@@ -169,11 +176,14 @@ def document_of(found: Calibration) -> dict[str, Any]:
             {"words": one.words, "kept": one.kept, "depth_percent": one.depth_percent} for one in found.untold
         ],
         "measure_next": [{"what": one.what, "depth_percent": one.percent} for one in found.gains[:_OFFERS]],
+        "edge": [{"name": one.edge, "words": one.words} | _place(one.found) for one in found.edges],
         "rest_map": figures(found.rest),
         "settling": asdict(recorded.settling),
     }
     if recorded.delay is not None:
         document["delay"] = {key: getattr(recorded.delay, key) for key in _DELAY}
+    if recorded.panel is not None:
+        document["panel"] = asdict(recorded.panel)
     if recorded.light is not None:
         document["light"] = _light(recorded)
     if recorded.presses is not None:
@@ -187,24 +197,51 @@ def document_of(found: Calibration) -> dict[str, Any]:
     document["recorded"] = {
         "press_depths_mm": list(recorded.plan.press_depths_mm),
         "press_sigma_mm": recorded.plan.press_sigma_mm,
+        "edges": recorded.plan.edges,
         "known": list(map(_told_of, recorded.plan.known)),
         "notes": list(recorded.notes),
         "values": recorded.values,
         "seconds": recorded.seconds,
     }
+    if recorded.plan.ball_mm is not None:
+        radius, sigma = recorded.plan.ball_mm
+        document["recorded"]["ball"] = {"radius_mm": radius, "sigma_mm": sigma}
     return document
+
+
+def _place(edge: MirrorEdge | None) -> dict[str, Any]:
+    """An edge as found, as TOML holds it."""
+    return {} if edge is None else {"pixel": edge.pixel.tolist(), "sigma_px": edge.sigma_px}
+
+
+def _warp_of(arrays: Mapping[str, Any], name: str) -> Warp:
+    q, sigma, flags = (arrays[f"presses/{name}_{part}"] for part in _WARP)
+    return Warp(q, sigma, flags, 0)
 
 
 def _told_of(known: Known) -> dict[str, Any]:
     """What was known beside the procedure, as TOML holds it."""
     if isinstance(known, Direct):
         return {"parameter": known.parameter, "value": known.value, "sigma": known.sigma_value}
+    if isinstance(known, Intrinsics):
+        sigma = np.sqrt(np.diag(known.covariance))
+        correlation = known.covariance / np.outer(sigma, sigma)
+        return {
+            "camera": list(known.names),
+            "values": list(map(float, known.values)),
+            "sigma": sigma.tolist(),
+            "correlation": correlation.tolist(),
+        }
     return {"edge": known.edge, "pixel": known.pixel.tolist(), "sigma": known.sigma_px}
 
 
 def _known_of(told: Mapping[str, Any]) -> Known:
     if "edge" in told:
         return MirrorEdge(told["edge"], np.array(told["pixel"], dtype=np.float64), float(told["sigma"]))
+    if "camera" in told:
+        sigma = np.array(told["sigma"])
+        covariance = np.array(told["correlation"]) * np.outer(sigma, sigma)
+        return Intrinsics(told["camera"], np.array(told["values"]), covariance)
     return Direct(told["parameter"], told["value"], told["sigma"])
 
 

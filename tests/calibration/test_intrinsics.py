@@ -1,0 +1,192 @@
+"""A camera by itself: board drawn, found, and what its views tell, against a planted camera."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import charuco_pictures as boards
+import cv2
+import numpy as np
+import pytest
+
+from zeromethod.calibration import Fit, Intrinsics, Priors, RestPositions, fit
+from zeromethod.calibration.camera_file import load_camera, save_camera
+from zeromethod.calibration.charuco import Board, BoardNotFoundError, View, board_of, margined
+from zeromethod.calibration.intrinsics import CameraFit, fit_camera
+from zeromethod.errors import InputError, MeasurementError
+
+TRUE = dict(zip(("fx", "fy", "cx", "cy"), (*boards.FOCAL_PX, *boards.CENTRE_PX), strict=True))
+TRUE |= {"k1": boards.DISTORTION[0]}
+
+
+@pytest.fixture(scope="module")
+def views() -> list[View]:
+    rng = np.random.default_rng(0)
+    return [
+        boards.BOARD.find(f"{number}.png", boards.seen(pose, rng))
+        for number, pose in enumerate(boards.POSES_DEG)
+    ]
+
+
+@pytest.fixture(scope="module")
+def found(views: list[View]) -> CameraFit:
+    return fit_camera(views, boards.BOARD, boards.SHAPE)
+
+
+def test_camera_is_found_within_its_sigma(found: CameraFit) -> None:
+    one = found.intrinsics
+    # nothing asks for more than k1, which is all that was planted
+    assert tuple(one.names) == ("fx", "fy", "cx", "cy", "k1")
+    away = one.values - np.array([TRUE[name] for name in one.names])
+    sigma = np.sqrt(np.diag(one.covariance))
+    assert np.abs(away / sigma).max() < 3.5
+    # corners to 0.04 px in ten views: the focal length to a thousandth
+    assert found.rms_px < 0.08
+    assert sigma[0] < 1.5e-3 * boards.FOCAL_PX[0]
+    # and all together: chi-squared of five, once in a thousand
+    assert float(away @ np.linalg.solve(one.covariance, away)) < 20.5
+
+
+def test_exact_corners_give_the_exact_camera(views: list[View], found: CameraFit) -> None:
+    """Corners put where a known camera sees them, with noise: normalised errors over many draws."""
+    rng = np.random.default_rng(1)
+    away = []
+    for _ in range(12):
+        noisy = [replace(v, pixel=v.pixel + 0.2 * rng.standard_normal(v.pixel.shape)) for v in views]
+        again = fit_camera(noisy, boards.BOARD, boards.SHAPE)
+        count = len(found.intrinsics.names)
+        sigma = np.sqrt(np.diag(again.intrinsics.covariance)[:count])
+        away.append((again.intrinsics.values[:count] - found.intrinsics.values) / sigma)
+    # 60 numbers, correlated in their fives
+    assert 0.6 < np.sqrt(np.mean(np.square(away))) < 1.4
+
+
+def test_a_lens_with_more_terms_is_told_so() -> None:
+    rng = np.random.default_rng(3)
+    lens = (-0.25, 1.5, 0.002, -0.003, 0.0)
+    views = [boards.BOARD.find(str(p), boards.seen(p, rng, distortion=lens)) for p in boards.POSES_DEG[:8]]
+    one = fit_camera(views, boards.BOARD, boards.SHAPE).intrinsics
+    assert {"p1", "p2"} <= set(one.names)
+    values, sigma = dict(zip(one.names, one.values, strict=True)), np.sqrt(np.diag(one.covariance))
+    spread = dict(zip(one.names, sigma, strict=True))
+    for name, true in (("p1", 0.002), ("p2", -0.003)):
+        assert abs(values[name] - true) < 3.5 * spread[name]
+
+
+def test_stray_corners_do_no_harm(views: list[View], found: CameraFit) -> None:
+    strayed = views[0].pixel.copy()
+    strayed[5] += (12.0, -7.0)
+    again = fit_camera([replace(views[0], pixel=strayed), *views[1:]], boards.BOARD, boards.SHAPE)
+    assert again.stray == 1
+    sigma = np.sqrt(np.diag(found.intrinsics.covariance))
+    np.testing.assert_allclose(again.intrinsics.values, found.intrinsics.values, atol=0.5 * sigma.min() + 1.0)
+
+
+def test_views_flat_on_leave_the_focal_length_open() -> None:
+    rng = np.random.default_rng(2)
+    views = [boards.BOARD.find(str(n), boards.seen((0.1 * n, 0, 30 * n), rng)) for n in range(4)]
+    with pytest.raises(MeasurementError, match="tilt the board"):
+        fit_camera(views, boards.BOARD, boards.SHAPE)
+
+
+def test_too_few_views_and_another_board_are_refused(views: list[View]) -> None:
+    with pytest.raises(InputError, match="3 pictures with the board: at least 4"):
+        fit_camera(views[:3], boards.BOARD, boards.SHAPE)
+    wrong = Board(11, 6, 8.0, 6.0)
+    kept = [replace(v, ids=v.ids, pixel=v.pixel) for v in views]
+    with pytest.raises(InputError, match="another board"):
+        fit_camera(kept, wrong, boards.SHAPE)
+
+
+def test_pictures_without_the_board_say_why() -> None:
+    rng = np.random.default_rng(4)
+    image = boards.seen((30, 0, 0), rng)
+    with pytest.raises(BoardNotFoundError, match="no markers"):
+        boards.BOARD.find("a", np.full((200, 200), 90, np.uint8))
+    with pytest.raises(BoardNotFoundError, match="no markers of 7X7_50"):
+        Board(9, 7, 8.0, 6.0, "7X7_50").find("a", image)
+    with pytest.raises(BoardNotFoundError, match="of another board"):
+        Board(4, 3, 8.0, 6.0).find("a", image)
+    with pytest.raises(BoardNotFoundError, match="corners: at least 8"):
+        boards.BOARD.find("a", np.where(np.arange(512) < 190, image, 255).astype(np.uint8))
+
+
+def test_sixteen_bits_show_the_same_corners() -> None:
+    rng = np.random.default_rng(5)
+    image = boards.seen((20, 10, 0), rng)
+    eight, twelve = boards.BOARD.find("a", image), boards.BOARD.find("a", image.astype(np.uint16) * 16)
+    assert len(twelve.ids) == len(eight.ids)
+    np.testing.assert_allclose(twelve.pixel, eight.pixel, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("12x9", "COLUMNSxROWS"),
+        ("12:10", "COLUMNSxROWS"),
+        ("12x9:ten", "COLUMNSxROWS"),
+        ("2x9:10", "3 to 100"),
+        ("12x9:10:12", "the marker less"),
+        ("12x9:-1", "above 0"),
+        ("50x50:5", "need 1250 markers"),
+    ],
+)
+def test_boards_that_cannot_be_are_refused(text: str, words: str) -> None:
+    with pytest.raises(InputError, match=words) as refused:
+        board_of(text)
+    assert str(refused.value).startswith("--board: ")
+
+
+def test_corners_of_the_drawn_board_lie_where_it_says() -> None:
+    board, square_px = Board(6, 5, 10.0, 7.5), 60
+    # as sharp as a lens, not as a drawing: between px a step has no place
+    picture = cv2.GaussianBlur(margined(board.picture(square_px), square_px), (0, 0), 1.0)
+    view = board.find("flat", picture)
+    assert len(view.ids) == board.corners
+    # half a square of margin; the edge between two px lies half a px before the second
+    place = board.points_mm(view.ids)[:, :2] / board.square_mm * square_px + square_px / 2 - 0.5
+    np.testing.assert_allclose(view.pixel, place, atol=0.05)
+
+
+def test_file_keeps_values_and_covariance(found: CameraFit, tmp_path: Path) -> None:
+    path = tmp_path / "camera.toml"
+    save_camera(path, found, str(boards.BOARD))
+    loaded = load_camera(path)
+    assert loaded.shape == boards.SHAPE
+    assert tuple(loaded.intrinsics.names) == tuple(found.intrinsics.names)
+    np.testing.assert_allclose(loaded.intrinsics.values, found.intrinsics.values, rtol=1e-9)
+    np.testing.assert_allclose(loaded.intrinsics.covariance, found.intrinsics.covariance, rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("schema_version = 1", "schema_version = 9"), "schema_version"),
+        (("values = [", "valves = ["), "not complete"),
+        (('"fx"', '"fz"'), "fz"),
+        (("rms_px", "rms px"), "camera.toml"),
+    ],
+)
+def test_other_files_are_refused(
+    change: tuple[str, str], words: str, found: CameraFit, tmp_path: Path
+) -> None:
+    path = tmp_path / "camera.toml"
+    save_camera(path, found, "a board")
+    path.write_text(path.read_text().replace(*change))
+    with pytest.raises(InputError, match=words) as refused:
+        load_camera(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_fit_takes_the_camera_as_it_is_known(positions: RestPositions, rest_fit: Fit) -> None:
+    camera = rest_fit.rig.camera
+    assert camera.focal_px is not None
+    true = np.array([1.004 * camera.focal_px[0], 1.004 * camera.focal_px[1]])
+    lens = Intrinsics(("fx", "fy"), true, np.diag((5e-4 * true) ** 2))
+    known = fit(Priors.of(rest_fit.priors.rig), [positions, lens])
+    assert (
+        known.sigma["camera.scale"] < 0.1 * rest_fit.priors.sigma[rest_fit.priors.names.index("camera.scale")]
+    )
+    assert known.rig.camera.focal_px is not None
+    assert known.rig.camera.focal_px[0] == pytest.approx(true[0], rel=1.5e-3)

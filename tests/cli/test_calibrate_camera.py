@@ -1,0 +1,234 @@
+"""`zeromethod calibrate board` and `calibrate intrinsics` as a person meets them."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tomllib
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import charuco_pictures as pictures
+import cv2
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from zeromethod.calibration.camera_file import load_camera
+from zeromethod.calibration.charuco import board_of
+from zeromethod.cli.calibrate import calibrate_command
+from zeromethod.clock import Clock
+from zeromethod.devices.protocols import CameraTimeout, Frame
+from zeromethod.errors import InputError
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.save import save_values
+
+BOARD = "9x7:8:6"
+HELD, VIEWS = 3, 6
+"""Frames for which the board is held still; poses."""
+
+
+def told(*arguments: object) -> Result:
+    return CliRunner(env={"COLUMNS": "160"}).invoke(calibrate_command, [str(one) for one in arguments])
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder, rng = tmp_path_factory.mktemp("frames"), np.random.default_rng(11)
+    paths = []
+    for number, pose in enumerate(pictures.POSES_DEG[:VIEWS]):
+        paths.append(folder / f"board{number}.png")
+        cv2.imencode(".png", pictures.seen(pose, rng))[1].tofile(paths[-1])
+    return paths
+
+
+@pytest.fixture(scope="module")
+def bare(frames: list[Path]) -> Path:
+    """A picture without any board."""
+    path = frames[0].parent / "bare.png"
+    cv2.imencode(".png", np.full(pictures.SHAPE, 128, np.uint8))[1].tofile(path)
+    return path
+
+
+def test_pictures_give_a_file_with_the_camera(frames: list[Path], bare: Path, tmp_path: Path) -> None:
+    output, summary = tmp_path / "camera.toml", tmp_path / "camera.json"
+    result = told("intrinsics", *frames, bare, "--board", BOARD, "--output", output, "--summary", summary)
+    assert result.exit_code == 0, result.output
+    assert "bare.png: no markers" in result.output
+    assert f"zeromethod calibrate --intrinsics {output}" in result.output
+    loaded = load_camera(output)
+    assert loaded.shape == pictures.SHAPE
+    focal, sigma = loaded.intrinsics.values[0], np.sqrt(loaded.intrinsics.covariance[0, 0])
+    assert abs(focal - pictures.FOCAL_PX[0]) < 4 * sigma < 0.01 * focal
+    document, figures = tomllib.loads(output.read_text()), json.loads(summary.read_text())
+    assert document["values"][0] == pytest.approx(figures["values"]["fx"])
+    assert figures["refused"] == {"bare.png": "no markers of 5X5_250"}
+
+
+@pytest.mark.parametrize(
+    ("board", "words"),
+    [
+        ("9x7", "COLUMNSxROWS:SQUARE"),
+        (
+            "4x3:8:6",
+            "board0.png, board1.png, board2.png, board3.png, board4.png, board5.png: markers past number 5",
+        ),
+        ("11x6:8:6", "none of the board's corners: of another board"),
+    ],
+)
+def test_wrong_boards_are_refused_on_one_line(
+    board: str, words: str, frames: list[Path], tmp_path: Path
+) -> None:
+    result = told("intrinsics", *frames, "--board", board, "--output", tmp_path / "camera.toml")
+    assert isinstance(result.exception, InputError), result.output
+    assert words in str(result.exception)
+    assert "\n" not in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_cannot_be_is_refused_on_one_line(frames: list[Path], bare: Path, tmp_path: Path) -> None:
+    output = ("--board", BOARD, "--output", tmp_path / "camera.toml")
+    small = tmp_path / "small.png"
+    cv2.imencode(".png", np.zeros((20, 30), np.uint8))[1].tofile(small)
+    for arguments, words in (
+        ((*frames[:3], bare, *output), "3 of 4 show the board"),
+        ((*frames[:3], bare, *output), "bare.png: no markers"),
+        ((*frames, "nowhere.png", *output), "nowhere.png"),
+        ((*frames, small, *output), "small.png: 30 x 20 px"),
+        ((*frames, "--rig", "simulated", *output), "the rig's camera has 1280 x 1024"),
+        ((*frames, "--camera", 0, *output), "--camera: FRAMES are given"),
+        (output, "FRAMES: missing"),
+        (("--rig", "simulated", "--patience", 0, *output), "--patience"),
+        ((*frames, "--board", BOARD, "--output", tmp_path / "camera.txt"), ".toml"),
+    ):
+        result = told("intrinsics", *arguments)
+        assert isinstance(result.exception, InputError), result.output
+        assert words in str(result.exception)
+        assert "\n" not in str(result.exception)
+    assert list(tmp_path.iterdir()) == [small]
+
+
+class HandheldCamera:
+    """A camera before which somebody holds a board, each pose for a while, moving it in between."""
+
+    serial = "board"
+
+    def __init__(self, rows: int, columns: int, clock: Clock) -> None:
+        self.shape, self.bits = (rows, columns), 8
+        self._clock, self._read = clock, 0
+        rng = np.random.default_rng(12)
+        self._images = [pictures.seen(pose, rng) for pose in pictures.POSES_DEG[:VIEWS]]
+
+    def read(self, timeout_s: float) -> Frame:
+        pose, step = divmod(self._read, HELD + 1)
+        self._read += 1
+        self._clock.sleep_until_ns(self._clock.now_ns() + 20_000_000)
+        if step == HELD:  # between two poses the board is out of sight
+            return self._frame(np.full(self.shape, 60, np.uint8))
+        if pose == 1 and step == 0:
+            raise CameraTimeout("late")
+        return self._frame(self._images[min(pose, VIEWS - 1)])
+
+    def _frame(self, image: np.ndarray) -> Frame:
+        return Frame(image, self._clock.now_ns(), 1_000_000, self._read)
+
+    def close(self) -> None:
+        pass
+
+
+def handheld_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A rig file whose camera is the one above."""
+    module: Any = ModuleType("handheld")
+    module.HandheldCamera = HandheldCamera
+    monkeypatch.setitem(sys.modules, "handheld", module)
+    path = tmp_path / "mine.toml"
+    values = {
+        "camera.driver": "handheld:HandheldCamera",
+        "camera.columns": pictures.SHAPE[1],
+        "camera.rows": pictures.SHAPE[0],
+        "press": "none",
+    }
+    save_values(Path(__file__).parents[2] / "calibration" / "simulated.toml", values, path)
+    return path
+
+
+def test_live_views_are_taken_where_the_board_stands_still(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig, output = handheld_rig(tmp_path, monkeypatch), tmp_path / "camera.toml"
+    result = told("intrinsics", "--rig", rig, "--board", BOARD, "--views", VIEWS, "--output", output)
+    assert result.exit_code == 0, result.output
+    assert f"view 1 of {VIEWS} taken" in result.output
+    assert tomllib.loads(output.read_text())["views"] == VIEWS
+
+
+def test_live_views_that_do_not_come_are_not_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig, output = handheld_rig(tmp_path, monkeypatch), tmp_path / "camera.toml"
+    result = told(
+        *("intrinsics", "--rig", rig, "--board", BOARD, "--views", VIEWS + 1, "--patience", 0.5),
+        *("--output", output),
+    )
+    assert result.exit_code == 0, result.output
+    assert "no new view within 0.5 s" in result.output
+    assert tomllib.loads(output.read_text())["views"] == VIEWS
+
+
+def physical_px_per_m(path: Path) -> int:
+    data = path.read_bytes()
+    at = data.index(b"pHYs") + 4
+    assert data[at : at + 4] == data[at + 4 : at + 8]
+    assert data[at + 8] == 1  # metres
+    return int.from_bytes(data[at : at + 4], "big")
+
+
+def test_printed_board_has_its_true_size_and_is_found(tmp_path: Path) -> None:
+    output = tmp_path / "board.png"
+    result = told("board", "--board", "12x9:10", "--dpi", 300, "--output", output)
+    assert result.exit_code == 0, result.output
+    assert "12 squares should span 120 mm" in result.output
+    image = cv2.imread(str(output), cv2.IMREAD_GRAYSCALE)
+    view = board_of("12x9:10").find("board", image)
+    assert len(view.ids) == 11 * 8
+    width_px = np.ptp(view.pixel[:, 0])
+    # ten squares from the first inner corner to the last: 100 mm as programs print it
+    assert 1000.0 * width_px / physical_px_per_m(output) == pytest.approx(100.0, abs=0.02)
+
+
+def test_board_for_the_lcd_fills_it_in_whole_px(tmp_path: Path) -> None:
+    output, display = tmp_path / "board.png", load_rig("simulated").display
+    # 40 px of 0.063 mm
+    result = told(
+        "board", "--board", "40x20:2.52", "--dictionary", "5X5_1000", "--rig", "simulated", "--output", output
+    )
+    assert result.exit_code == 0, result.output
+    image = cv2.imread(str(output), cv2.IMREAD_GRAYSCALE)
+    assert image.shape == (display.rows, display.columns)
+    assert "squares of 40 px" in result.output
+    view = board_of("40x20:2.52", "5X5_1000").find("board", image)
+    assert len(view.ids) == 39 * 19
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--board", "12x9:10"), "--dpi, --rig: one of them"),
+        (("--board", "12x9:10", "--dpi", 300, "--rig", "simulated"), "--dpi, --rig: one of them"),
+        (("--board", "12x9:10", "--dpi", "nan"), "--dpi"),
+        (("--board", "12x9:10", "--dpi", 20), "at least 16"),
+        (("--board", "12x9:2.5", "--rig", "simulated"), "2.52 mm are"),
+        (
+            ("--board", "30x20:6.3", "--rig", "simulated", "--dictionary", "5X5_1000"),
+            "the LCD has 1920 x 1080",
+        ),
+    ],
+)
+def test_boards_that_cannot_be_drawn_are_refused(
+    arguments: tuple[object, ...], words: str, tmp_path: Path
+) -> None:
+    result = told("board", *arguments, "--output", tmp_path / "board.png")
+    assert isinstance(result.exception, InputError), result.output
+    assert words in str(result.exception)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,231 @@
+"""`zeromethod calibrate board` and `calibrate intrinsics`: the camera by itself, by a ChArUco board."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from zeromethod.calibration.camera_file import save_camera
+from zeromethod.calibration.charuco import (
+    DEFAULT_DICTIONARY,
+    DICTIONARIES,
+    Board,
+    board_of,
+    margined,
+    on_lcd,
+    px_per_mm,
+    write_png,
+)
+from zeromethod.calibration.intrinsics import LEAST_VIEWS, CameraFit, fit_camera
+from zeromethod.cli.bench_options import (
+    REAL_CAMERAS,
+    BenchOptions,
+    bench_options,
+    with_devices,
+    without_display,
+)
+from zeromethod.cli.output import check_file, write_summary
+from zeromethod.cli.telling import Telling
+from zeromethod.devices.opening import open_devices
+from zeromethod.errors import InputError
+from zeromethod.procedures.calibration.board_views import Views, board_for_lcd, live_views, views_in_files
+from zeromethod.rig.load import load_rig
+from zeromethod.threads import limit_threads
+from zeromethod.view.progress import progress
+
+_BOARD = click.option(
+    "--board",
+    "board_text",
+    required=True,
+    metavar="CxR:SQUARE[:MARKER]",
+    help="Squares across and down, sides of a square and a marker in mm: 12x9:10 or 12x9:10:7.5.",
+)
+_DICTIONARY = click.option(
+    "--dictionary",
+    type=click.Choice(DICTIONARIES),
+    default=DEFAULT_DICTIONARY,
+    show_default=True,
+    metavar="NAME",
+    help="ArUco dictionary of the markers.",
+)
+
+
+@click.command(
+    "board", epilog="Example: zeromethod calibrate board --board 12x9:10 --dpi 600 --output board.png"
+)
+@_BOARD
+@_DICTIONARY
+@click.option("--dpi", type=float, help="Of the printer: a picture that prints at its true size.")
+@click.option("--rig", "rig_name", help="Instead: a picture that fills this rig's LCD, pixel by pixel.")
+@click.option(
+    "--output", type=click.Path(path_type=Path, dir_okay=False), required=True, help="PNG to write."
+)
+def board_command(
+    board_text: str, dictionary: str, dpi: float | None, rig_name: str | None, output: Path
+) -> None:
+    """Draw a ChArUco board, to print or to show on the LCD."""
+    check_file("--output", output, suffix=".png")
+    board = board_of(board_text, dictionary)
+    if (dpi is None) == (rig_name is None):
+        raise InputError("--dpi, --rig: one of them: the board for a printer or for an LCD")
+    if rig_name is not None:
+        rig = load_rig(rig_name)
+        square_px = board_for_lcd(board, rig)
+        picture = on_lcd(margined(board.picture(square_px), square_px), rig.display.columns, rig.display.rows)
+        write_png(output, picture, 1.0 / rig.display.pitch_mm)
+        Console().print(f"show it full screen, unscaled: squares of {square_px} px", highlight=False)
+        return
+    assert dpi is not None
+    if not (math.isfinite(dpi) and 10 <= dpi <= 10_000):
+        raise InputError(f"--dpi: {dpi}: 10 to 10000")
+    square_px = round(board.square_mm * px_per_mm(dpi))
+    picture = margined(board.picture(square_px), square_px)
+    write_png(output, picture, square_px / board.square_mm)
+    Console().print(
+        "print it unscaled, glue it to something flat, and measure it: "
+        f"{board.columns} squares should span {board.columns * board.square_mm:g} mm",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+@click.command(
+    "intrinsics",
+    epilog="Example: zeromethod calibrate intrinsics board*.png --board 12x9:10 --output camera.toml",
+)
+@click.argument("frames", metavar="[FRAMES...]", nargs=-1, type=click.Path(path_type=Path))
+@_BOARD
+@_DICTIONARY
+@click.option("--rig", "rig_name", help="Rig file whose camera is meant; needed for live pictures.")
+@bench_options
+@click.option(
+    "--views",
+    "count",
+    type=click.IntRange(LEAST_VIEWS, 200),
+    default=15,
+    show_default=True,
+    help="Live: how many views to take.",
+)
+@click.option(
+    "--patience",
+    "patience_s",
+    type=float,
+    default=120.0,
+    show_default=True,
+    metavar="S",
+    help="Live: longest wait for a view.",
+)
+@click.option(
+    "--output", type=click.Path(path_type=Path, dir_okay=False), required=True, help="File (.toml)."
+)
+@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+def intrinsics_command(
+    frames: tuple[Path, ...],
+    board_text: str,
+    dictionary: str,
+    rig_name: str | None,
+    count: int,
+    patience_s: float,
+    output: Path,
+    summary: Path | None,
+    **devices: Any,
+) -> None:
+    """Focal length, principal point and distortion of the camera, from FRAMES that show a board, or live.
+
+    Focus, zoom and aperture must stay as they are at the bench. Tilt the board by 20 to 40 degrees, another
+    way in each picture, and let it reach the corners of the view. With --display the board is shown on the
+    LCD, and the camera is moved.
+    """
+    check_file("--output", output, suffix=".toml")
+    check_file("--summary", summary, suffix=".json")
+    board, options = board_of(board_text, dictionary), BenchOptions(**devices)
+    limit_threads()
+    if frames:
+        if options.given:
+            raise InputError(f"{options.given[0]}: FRAMES are given: either files or live pictures")
+        views = _from_files(frames, board, rig_name)
+    else:
+        views = _live(board, rig_name, options, count, patience_s)
+    for name, why in views.refused:
+        click.echo(f"! {name}: {why}", err=True)
+    found = fit_camera(views.views, board, views.shape)
+    save_camera(output, found, str(board))
+    if summary is not None:
+        write_summary(summary, _figures(found, views, output))
+    Console().print(_table(found))
+    Console().print(
+        f"use it: zeromethod calibrate --intrinsics {output} ...", highlight=False, soft_wrap=True
+    )
+
+
+def _from_files(frames: tuple[Path, ...], board: Board, rig_name: str | None) -> Views:
+    with progress(len(frames), "pictures") as advance:
+        views = views_in_files(frames, board, LEAST_VIEWS, lambda: advance("pictures"))
+    if rig_name is not None:
+        camera = load_rig(rig_name).camera
+        if views.shape != (camera.rows, camera.columns):
+            raise InputError(
+                f"{frames[0]}: {views.shape[1]} x {views.shape[0]} px: the rig's camera has "
+                f"{camera.columns} x {camera.rows}"
+            )
+    return views
+
+
+def _live(board: Board, rig_name: str | None, options: BenchOptions, count: int, patience_s: float) -> Views:
+    if rig_name is None:
+        raise InputError("FRAMES: missing: picture files, or --rig and --camera for live pictures")
+    if not (math.isfinite(patience_s) and patience_s > 0):
+        raise InputError(f"--patience: {patience_s}: a number of seconds above 0")
+    rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"press": "none"})
+    shown = options.monitor is not None
+    if not shown and rig.camera.driver in REAL_CAMERAS:
+        rig = without_display(rig)
+    if shown:
+        board_for_lcd(board, rig)
+    with open_devices(rig) as opened:
+        for warning in getattr(opened.display, "warnings", ()):
+            click.echo(f"! {warning}", err=True)
+        return live_views(opened, rig, board, count, patience_s, shown=shown, tell=Telling())
+
+
+def _figures(found: CameraFit, views: Views, output: Path) -> dict[str, Any]:
+    sigma = np.sqrt(np.diag(found.intrinsics.covariance))
+    return {
+        "output": str(output),
+        "views": list(found.views),
+        "refused": dict(views.refused),
+        "corners": found.corners,
+        "stray_corners": found.stray,
+        "rms_px": found.rms_px,
+        "values": dict(zip(found.intrinsics.names, map(float, found.intrinsics.values), strict=True)),
+        "sigma": dict(zip(found.intrinsics.names, map(float, sigma), strict=True)),
+    }
+
+
+_WORDS = {
+    "fx": "focal length along columns, px",
+    "fy": "focal length along rows, px",
+    "cx": "principal point, column",
+    "cy": "principal point, row",
+}
+
+
+def _table(found: CameraFit) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for name in ("camera", "found", "sigma"):
+        table.add_column(name, justify="left" if name == "camera" else "right")
+    sigma = np.sqrt(np.diag(found.intrinsics.covariance))
+    for name, value, spread in zip(found.intrinsics.names, found.intrinsics.values, sigma, strict=True):
+        digits = max(0, 1 - math.floor(math.log10(spread)))
+        table.add_row(_WORDS.get(name, f"distortion {name}"), f"{value:.{digits}f}", f"{spread:.2g}")
+    table.add_row("pictures, corners", f"{len(found.views)}, {found.corners}", "")
+    table.add_row("misfit of a corner, px", f"{found.rms_px:.3f}", "")
+    if found.stray:
+        table.add_row("stray corners left out", f"{found.stray}", "")
+    return table
