@@ -19,6 +19,8 @@ REAL_TIME = (
     "control/test_live_",
     "drivers/",
     "publishing/",
+    "recording/test_recorder",
+    "view/test_follow",
     "procedures/test_live_",
     "procedures/test_virtual_bench",
     "cli/test_stopping",

@@ -82,6 +82,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Keep these of every n-th frame.",
 )
+@click.option("--compress", is_flag=True, help="With --record: arrays a fifth smaller, for processor time.")
 @click.option("--force", is_flag=True, help="Run with a calibration that belongs to another bench.")
 @click.option("--simulate", is_flag=True, help="Simulate the rig's bench instead of opening its devices.")
 @click.option("--press", help="Simulated press: a packaged scenario (default, step, ...) or a .toml file.")
@@ -102,6 +103,7 @@ def run_command(
     recording: Path | None,
     keep: str | None,
     every: int,
+    compress: bool,
     force: bool,
     simulate: bool,
     press: str | None,
@@ -148,7 +150,7 @@ def run_command(
             _check_calibration(stored, rig_name, rig, opened, force)
         record = None
         if recording is not None:
-            record = partial(_recorder, recording, rig, kept, every, stored)
+            record = partial(_recorder, recording, rig, kept, every, compress, stored)
         session = Run(rig, opened, publisher, record)
         with stopped_by_signals(session.interrupt):
             _follow(session, frames, seconds)
@@ -180,7 +182,13 @@ def _kept(recording: Path | None, keep: str | None, every: int) -> tuple[str, ..
 
 
 def _recorder(
-    path: Path, rig: Rig, keep: tuple[str, ...], every: int, stored: Stored | None, loop: Loop
+    path: Path,
+    rig: Rig,
+    keep: tuple[str, ...],
+    every: int,
+    compress: bool,
+    stored: Stored | None,
+    loop: Loop,
 ) -> Recorder:
     from zeromethod.recording.recorder import Recorder  # noqa: PLC0415 - as above
 
@@ -190,6 +198,7 @@ def _recorder(
         loop.rest,
         keep=keep,
         every=every,
+        compress=compress,
         command_line=shlex.join(["zeromethod", *sys.argv[1:]]),
         live=loop.live,
         gl_renderer=loop.gl_renderer,

@@ -1,0 +1,109 @@
+"""Turns of a loop that are made up: noise everywhere, so that nothing is mistaken for anything else."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from recorded_run import small_rig
+
+from zeromethod.control import State, Step
+from zeromethod.control.presenting import Presented
+from zeromethod.control.rest import Rest
+from zeromethod.optics import Optics
+from zeromethod.recording.recorder import Recorder
+from zeromethod.rig.model import Rig
+from zeromethod.sensing.residual import Residual
+from zeromethod.surface import Anchor, Peak, Surface
+from zeromethod.warp.warp import Warp
+
+FRAME_NS = 16_666_667
+
+
+@cache
+def bench() -> tuple[Rig, Rest]:
+    rig = small_rig()
+    return rig, Rest.of(rig, Optics(rig))
+
+
+def recorder(path: Path, **more: Any) -> Recorder:
+    rig, rest = bench()
+    return Recorder(path, rig, rest, **more)
+
+
+def turn(number: int, **more: Any) -> Step:
+    """Turn `number`, all of whose arrays are its own."""
+    rig, rest = bench()
+    rng = np.random.default_rng(number)
+    nodes = rest.grid.shape
+    q = rest.q + rng.standard_normal(rest.q.shape)
+    sigma = rng.uniform(0.01, 0.02, q.shape)
+    time_ns = number * FRAME_NS
+    measured = Warp(q, sigma, rng.integers(0, 1024, nodes, dtype=np.uint16), time_ns)
+    residual = Residual(
+        0.1 * rng.standard_normal(q.shape),
+        sigma,
+        measured.flags,
+        np.ones(q.shape, np.float32),
+        rng.uniform(0, 255, nodes).astype(np.float32),
+    )
+    values: dict[str, Any] = {
+        "state": State.LOCKED,
+        "reason": "nulled",
+        "events": (),
+        "commanded_q": q + 0.25,
+        "filtered": measured,
+        "frame_number": number + 1000,
+        "exposure_ns": 8_000_000,
+        "sensed": True,
+        "presented": (Presented(time_ns - 5, q + 0.5, time_ns - FRAME_NS, number % 16, 1.5),),
+        "presented_before": 1,
+        "image": rng.integers(0, 256, (rig.camera.rows, rig.camera.columns), dtype=np.uint8),
+        "residual": residual,
+        "shown_q": q + 0.75,
+        "measured": measured,
+        "residual_rms_px": 0.01,
+        "valid_share": 1.0,
+    }
+    return Step(number=number, time_ns=time_ns, **(values | more))
+
+
+def reading(number: int) -> tuple[Surface, Peak]:
+    """A surface read from turn `number`."""
+    _, rest = bench()
+    rng = np.random.default_rng(number)
+    one = [rng.standard_normal(rest.grid.shape) for _ in range(4)]
+    two = [rng.standard_normal(rest.q.shape) for _ in range(2)]
+    masks = [rng.random(rest.grid.shape) < 0.5 for _ in range(3)]
+    anchor = Anchor("known", masks[0], 1e-4, 2e-4)
+    surface = Surface(
+        one[0], two[0], one[1], one[2], one[3], two[1], masks[1], masks[2], anchor, number * FRAME_NS, 5
+    )
+    return surface, Peak(0.2, 42.0, -1.0, 1e-4)
+
+
+@dataclass
+class Bytes:
+    """Sizes, for tests that fill memory or disks."""
+
+    turn: int
+    image: int
+
+
+def sizes() -> Bytes:
+    rig, rest = bench()
+    image = rig.camera.rows * rig.camera.columns
+    return Bytes(image + rest.q.size * (8 + 8 + 8 + 4 + 4 + 4 + 4) + rest.flags.size * (2 + 2 + 4), image)
+
+
+def wait_for(true: Callable[[], bool], seconds: float = 30.0) -> None:
+    """Until something is true; fails after a time that only a broken program takes."""
+    until_s = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < until_s
+        time.sleep(0.01)

@@ -1,0 +1,77 @@
+"""A short real recording of a simulated run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from zeromethod.control import Loop, Step
+from zeromethod.devices.opening import open_devices
+from zeromethod.optics import Optics
+from zeromethod.recording.recorder import Recorder
+from zeromethod.recording.schema import KEEP
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.surface import Peak, Surface, SurfaceReader, peak
+
+
+def small_rig(press: str = "step", seed: int = 0) -> Rig:
+    """The packaged bench at a quarter of the camera's pixels on each axis."""
+    rig = binned(load_rig("simulated"), 4)
+    simulation = rig.simulation.model_copy(update={"seed": seed})
+    return rig.model_copy(update={"press": press, "simulation": simulation})
+
+
+def recorded(
+    path: Path,
+    seconds: float = 0.5,
+    *,
+    rig: Rig | None = None,
+    keep: Sequence[str] = KEEP,
+    every: int = 1,
+    compress: bool = False,
+    on_step: Callable[[Loop, Step], None] | None = None,
+    on_reading: Callable[[Step, Surface, Peak], None] | None = None,
+) -> Path:
+    """Record a simulated run in `path`; every measured turn is read. Returns `path`.
+
+    rig: `small_rig()` without. on_step: called after every turn, on_reading: after every reading.
+    """
+    rig = rig or small_rig()
+    optics = Optics(rig)
+    with open_devices(rig) as devices:
+        scenario = getattr(devices.camera, "scenario", None)
+        loop = Loop(
+            rig,
+            devices.camera,
+            devices.display,
+            devices.clock,
+            reopen_camera=devices.reopen_camera,
+            optics=optics,
+        )
+        reader = SurfaceReader(rig, optics, loop.grid)
+        with Recorder(
+            path,
+            rig,
+            loop.rest,
+            keep=keep,
+            every=every,
+            compress=compress,
+            command_line="zeromethod run --record",
+            gl_renderer=loop.gl_renderer,
+        ) as recorder:
+            for step in loop.run(seconds=seconds):
+                phase = (scenario.phase_at(step.time_ns) if scenario is not None else None) or ""
+                recorder.turn(step, phase)
+                if on_step is not None:
+                    on_step(loop, step)
+                if step.measured is not None:
+                    surface = reader.read(step.measured)
+                    deepest = peak(surface)
+                    recorder.reading(step, surface, deepest, 0.0)
+                    if on_reading is not None:
+                        on_reading(step, surface, deepest)
+            if loop.ended is not None:
+                recorder.turn(loop.ended)
+    return path

@@ -1,0 +1,339 @@
+"""What becomes of a recording when the disk, the run or the one who writes does not go on."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from planted_turns import FRAME_NS, bench, reading, recorder, sizes, turn, wait_for
+
+from zeromethod.control import Event
+from zeromethod.recording.growing import TABLES_BYTES
+from zeromethod.recording.recorder import Recorder
+from zeromethod.recording.recording import Recording
+
+OLD_S = 0.5
+"""What is older than this is in the file."""
+
+RUN = """
+import sys, time
+from planted_turns import bench, reading, recorder, turn
+from pathlib import Path
+bench()
+recorder = recorder(Path(sys.argv[1]))
+print(recorder.writer_id, flush=True)
+for number in range(1, 100_000):
+    step = turn(number)
+    recorder.turn(step)
+    recorder.reading(step, *reading(number), 1.0)
+    print(number, time.monotonic_ns(), flush=True)
+    if number == int(sys.argv[2]):
+        {then}
+    time.sleep(0.005)
+"""
+
+
+@contextmanager
+def running(path: Path, turns: int, then: str = "time.sleep(1000)") -> Iterator[subprocess.Popen[str]]:
+    """A process that records so many turns, and then does something; it tells what it handed over."""
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent)}
+    command = [sys.executable, "-c", RUN.format(then=then), str(path), str(turns)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def _gone(number: int) -> bool:
+    try:
+        os.kill(number, 0)
+    except ProcessLookupError:
+        return True
+    # one that nobody waited for stays on as a name
+    return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+def test_killed_in_the_middle_all_but_the_newest_is_there(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    with running(path, 10**9) as process:
+        assert process.stdout is not None
+        writer = int(process.stdout.readline())
+        handed = {}
+        for line in process.stdout:
+            number, at_ns = (int(word) for word in line.split())
+            handed[number] = at_ns
+            if number == 150:
+                break
+        killed_ns = time.monotonic_ns()
+        os.kill(writer, signal.SIGKILL)
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+    # on a machine busy with other things, the process that writes gets its turn later
+    old = [number for number, at_ns in handed.items() if killed_ns - at_ns > 4e9 * OLD_S]
+    with Recording(path) as found:
+        assert not found.complete
+        newest = int(found.turns["number"][-1])
+        assert newest >= max(old, default=0)
+        for number in range(1, newest + 1):
+            image, warp = found.image(number), found.measured(number)
+            assert image is not None
+            assert warp is not None
+        step = turn(newest)
+        np.testing.assert_array_equal(image, step.image)
+        assert step.measured is not None
+        assert warp.q.tobytes() == step.measured.q.tobytes()
+    with h5py.File(path, "r", swmr=True) as file:
+        assert len(file["frames/image"]) >= newest
+
+
+def test_what_was_handed_over_is_soon_there_though_nothing_follows(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    with running(path, 20) as process:
+        assert process.stdout is not None
+        writer = int(process.stdout.readline())
+        for _ in range(20):
+            process.stdout.readline()
+        with Recording(path) as found:
+
+            def all_there() -> bool:
+                found.refresh()
+                return len(found.turns) == len(found.turns_kept("surface")) == 20
+
+            wait_for(all_there)
+        for number in (writer, process.pid):
+            os.kill(number, signal.SIGKILL)
+    with Recording(path) as found:
+        np.testing.assert_array_equal(found.image(20), turn(20).image)
+
+
+@pytest.mark.parametrize("then", ["raise SystemExit", "import os; os.kill(os.getpid(), 9)"])
+def test_without_an_end_the_recording_still_gets_one(tmp_path: Path, then: str) -> None:
+    path = tmp_path / "run.h5"
+    with running(path, 10, f"time.sleep(0.5); {then}") as process:
+        assert process.stdout is not None
+        writer = int(process.stdout.readline())
+        process.wait(60)
+        wait_for(lambda: _gone(writer))
+    # closed in order: the plain way of opening does
+    with h5py.File(path, "r") as file:
+        assert len(file["turns/table"]) == 10
+        assert not file["complete"][()]
+
+
+READER = """
+import sys, h5py, time
+with h5py.File(sys.argv[1], "r", swmr=True) as file:
+    frames, turns = file["frames/image"], file["turns/table"]
+    while len(turns) < int(sys.argv[2]):
+        time.sleep(0.01)
+        turns.refresh()
+    frames.refresh()
+    print(int(frames[-1].sum()), int(turns[-1]["number"]), bool(file["complete"][()]))
+"""
+
+
+def test_another_process_reads_along_with_h5py_alone(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    with recorder(path) as recording:
+        for number in range(1, 6):
+            recording.turn(turn(number))
+        command = [sys.executable, "-c", READER, str(path), "5"]
+        told = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+        for number in range(6, 9):
+            recording.turn(turn(number))
+    image = turn(5).image
+    assert image is not None
+    assert told.stdout.split() == [str(int(image.sum())), "5", "False"]
+    with Recording(path) as found:
+        assert found.complete
+        assert len(found.turns) == 8
+
+
+def test_a_disk_that_takes_nothing_holds_nobody_up(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    room = 10
+    # but for the numbers that go with the arrays
+    most = room * (sizes().turn + 100)
+    with recorder(path, waiting_bytes=most, live=True) as recording:
+        # as a write that does not return
+        os.kill(recording.writer_id, signal.SIGSTOP)
+        steps = [turn(number) for number in range(1, 61)]
+        began_s = time.thread_time()
+        for step in steps:
+            recording.turn(step)
+        spent_s = time.thread_time() - began_s
+        assert recording.waiting_bytes <= most
+        unkept = recording.unkept
+        # some were on their way already
+        assert 60 - 2 * room < unkept <= 60 - room
+        assert recording.state == f"disk too slow: {unkept} frames not kept"
+        # 0.03 ms each on a quiet machine
+        assert spent_s / 60 < 0.002
+        os.kill(recording.writer_id, signal.SIGCONT)
+    with Recording(path) as found:
+        assert found.complete
+        assert len(found.turns) == len(found.presentations) == 60
+        late = {int(row["turn"]) for row in found.drops}
+        assert len(found.drops) == unkept
+        assert late | set(found.turns_kept("frames").tolist()) == set(range(1, 61))
+        assert {found.words(row["why"]) for row in found.drops} == {"the disk is too slow"}
+        # pictures stand by their own rows
+        for index in range(60):
+            q, shown = found.presented_q(index), turn(index + 1).presented[0].q
+            assert (q is None) == (index + 1 in late)
+            if q is not None:
+                np.testing.assert_array_equal(q, shown)
+
+
+def test_in_simulated_time_the_disk_is_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    with recorder(path, waiting_bytes=2 * (sizes().turn + 100)) as recording:
+        for number in range(1, 41):
+            recording.turn(turn(number))
+        assert recording.state == ""
+    with Recording(path) as found:
+        assert len(found.turns_kept("frames")) == 40
+
+
+def fill_disk(recording: Recorder, size: int) -> None:
+    """Let what writes make its file no larger than that: to it, the disk is full there."""
+    resource.prlimit(recording.writer_id, resource.RLIMIT_FSIZE, (size, size))
+
+
+def test_a_full_disk_ends_the_arrays_and_not_the_tables(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    room = 8
+    with recorder(path) as recording:
+        fill_disk(recording, TABLES_BYTES + room * sizes().turn)
+        for number in range(1, 41):
+            recording.turn(turn(number))
+        wait_for(lambda: recording.waiting_bytes == 0 and recording.unkept > 0)
+        said = recording.state
+    first = 1e-9 * FRAME_NS * (40 - recording.unkept)
+    assert said.startswith(f"disk full: recording stopped at {first:.1f} s, ")
+    with Recording(path) as found:
+        assert found.complete
+        kept = found.turns_kept("frames")
+        assert 0 < len(kept) <= room
+        assert len(found.turns) == 40
+        lost = set(range(1, 41)) - set(kept.tolist())
+        assert {int(row["turn"]) for row in found.drops} == lost
+        assert {(row["what"], row["why"]) for row in found.drops} == {(b"recorder", b"the disk is full")}
+        for number in kept:
+            np.testing.assert_array_equal(found.image(number), turn(int(number)).image)
+    assert path.stat().st_size < TABLES_BYTES
+
+
+def test_where_even_tables_have_no_room_the_file_stays_readable(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    bare = {"image": None, "residual": None, "measured": None, "shown_q": None, "presented": ()}
+    with recorder(path, keep=()) as recording:
+        fill_disk(recording, 3 << 20)
+        number = 0
+        while not recording.state and number < 10_000:
+            number += 1
+            recording.turn(turn(number, notes=("x" * 240,) * 40, **bare))
+            time.sleep(0.002)
+        assert recording.state.startswith("recording stopped: the disk is full")
+        recording.turn(turn(number + 1))
+        assert recording.unkept == 1
+    with Recording(path) as found:
+        # all but what was on its way
+        assert len(found.turns) > 0.5 * number
+        assert len(found.newest("turns", 3)) == 3
+        assert found.newest("turns")[0]["number"] == found.turns[-1]["number"]
+
+
+def test_when_what_writes_is_killed_the_run_goes_on(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    with recorder(path) as recording:
+        recording.turn(turn(1))
+        os.kill(recording.writer_id, signal.SIGKILL)
+        wait_for(lambda: (recording.turn(turn(2)), recording.state != "")[1])
+        assert recording.state.startswith("recording stopped: the process that writes has ended")
+
+
+def test_a_disk_that_takes_nothing_does_not_keep_the_run_from_ending(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("zeromethod.recording.recorder.CLOSING_S", 0.3)
+    recording = recorder(tmp_path / "run.h5")
+    os.kill(recording.writer_id, signal.SIGSTOP)
+    for number in range(1, 31):
+        recording.turn(turn(number))
+    began_s = time.monotonic()
+    recording.close()
+    assert time.monotonic() - began_s < 10.0
+    assert recording.state.startswith("recording stopped: the disk took nothing for 0.3 s")
+    os.kill(recording.writer_id, signal.SIGCONT)
+    wait_for(lambda: _gone(recording.writer_id))
+    # what was handed over is written, should the disk come back
+    with Recording(tmp_path / "run.h5") as found:
+        assert len(found.turns) == 30
+
+
+def test_frames_that_the_camera_lost_are_records(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    wrong = np.zeros((4, 4), np.uint8)
+    with recorder(path) as recording:
+        recording.turn(turn(1))
+        recording.turn(turn(2, dropped=3, events=(Event.FRAMES_DROPPED,)))
+        recording.turn(turn(3, image=wrong, events=(Event.FRAME_WRONG,), reason="the frame is (4, 4) uint8"))
+    with Recording(path) as found:
+        rows = [(row["turn"], row["count"], row["what"], found.words(row["why"])) for row in found.drops]
+        assert rows == [
+            (2, 3, b"camera", "lost before frame 1002"),
+            (3, 1, b"camera", "the frame is (4, 4) uint8"),
+        ]
+        assert list(found.turns_kept("frames")) == [1, 2]
+        assert found.events_of(found.row(2)) == (Event.FRAMES_DROPPED,)
+
+
+def test_words_of_any_length_and_script_are_kept_as_far_as_they_fit(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    with recorder(path, keep=()) as recording:
+        recording.turn(turn(1, reason="µ" * 200, notes=("first", "zweite Ä")))
+    with Recording(path) as found:
+        # a field of 160 bytes, characters of two
+        assert found.words(found.turns[0]["reason"]) == "µ" * 80
+        assert [found.words(row["text"]) for row in found.notes] == ["first", "zweite Ä"]
+
+
+def test_a_zero_is_kept_once_and_tells_from_when(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    zero = np.full_like(bench()[1].q, 0.125)
+    with recorder(path) as recording:
+        for number in range(1, 6):
+            recording.turn(turn(number, zero=zero if number > 2 else None))
+    with Recording(path) as found:
+        assert list(found.turns_kept("zeros")) == [3]
+        assert found.zero(2) is None
+        for number in (3, 5):
+            np.testing.assert_array_equal(found.zero(number), zero)
+
+
+def test_readings_are_kept_with_their_turns(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    with recorder(path) as recording:
+        for number in range(1, 4):
+            recording.turn(turn(number))
+        surface, peak = reading(2)
+        recording.reading(turn(2), surface, peak, 3.5)
+    with Recording(path) as found:
+        assert list(found.turns_kept("surface")) == [2]
+        back = found.surface(2)
+        assert back is not None
+        np.testing.assert_array_equal(back.slope, surface.slope.astype(np.float32))
+        assert (back.anchor.sigma_mm, back.anchor.tail_mm) == (1e-4, 2e-4)
+        assert found.peaks[0]["read_ms"] == 3.5

@@ -1,0 +1,299 @@
+"""What was recorded is what was measured."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from recorded_run import recorded, small_rig
+
+from zeromethod.control import Loop, Step
+from zeromethod.errors import InputError
+from zeromethod.optics import Optics
+from zeromethod.recording.recording import Recording
+from zeromethod.recording.schema import KEEP
+from zeromethod.surface import Peak, Surface, SurfaceReader
+
+
+@dataclass
+class Truth:
+    """A recorded run, and what it was made of."""
+
+    path: Path
+    steps: list[Step] = field(default_factory=list)
+    readings: dict[int, tuple[Surface, Peak]] = field(default_factory=dict)
+
+    def take(self, _: Loop, step: Step) -> None:
+        self.steps.append(step)
+
+    def read(self, step: Step, surface: Surface, peak: Peak) -> None:
+        self.readings[step.number] = surface, peak
+
+
+@pytest.fixture(scope="module")
+def truth(tmp_path_factory: pytest.TempPathFactory) -> Truth:
+    truth = Truth(tmp_path_factory.mktemp("recorded") / "run.h5")
+    recorded(truth.path, 0.4, on_step=truth.take, on_reading=truth.read)
+    return truth
+
+
+@pytest.fixture
+def opened(truth: Truth) -> Iterator[Recording]:
+    with Recording(truth.path) as recording:
+        yield recording
+
+
+def test_what_replay_needs_is_there_bit_for_bit(truth: Truth, opened: Recording) -> None:
+    assert len(truth.steps) > 15
+    measured = 0
+    for step in truth.steps:
+        frame = opened.frame(step.number)
+        if step.image is None:
+            assert frame is None
+            continue
+        assert frame is not None
+        assert frame.image.dtype == step.image.dtype
+        np.testing.assert_array_equal(frame.image, step.image)
+        assert (frame.time_ns, frame.exposure_ns) == (step.time_ns, step.exposure_ns)
+        assert (frame.number, frame.dropped) == (step.frame_number, step.dropped)
+        warp = opened.measured(step.number)
+        if step.measured is None:
+            assert warp is None
+            continue
+        assert warp is not None
+        measured += 1
+        assert warp.q.tobytes() == step.measured.q.tobytes()
+        assert warp.sigma.tobytes() == step.measured.sigma.tobytes()
+        assert warp.flags.tobytes() == step.measured.flags.tobytes()
+        assert warp.time_ns == step.measured.time_ns
+    assert measured > 10
+
+
+def test_all_pictures_are_there_with_their_warps(truth: Truth, opened: Recording) -> None:
+    shown = [
+        (one, step.number - (index < step.presented_before))
+        for step in truth.steps
+        for index, one in enumerate(step.presented)
+    ]
+    assert len(shown) > 5
+    rows = opened.presentations[: len(shown)]
+    for index, ((one, after), row) in enumerate(zip(shown, rows, strict=True)):
+        assert (row["time_ns"], row["after_turn"]) == (one.time_ns, after)
+        assert row["seen_ns"] == (-1 if one.seen_ns is None else one.seen_ns)
+        q = opened.presented_q(index)
+        assert q is not None
+        assert q.tobytes() == one.q.tobytes()
+
+
+def test_the_rest_is_as_single_precision_has_it(truth: Truth, opened: Recording) -> None:
+    for step in truth.steps:
+        if step.residual is None or step.shown_q is None:
+            continue
+        residual = opened.residual(step.number)
+        assert residual is not None
+        np.testing.assert_array_equal(residual.d, step.residual.d.astype(np.float32))
+        np.testing.assert_array_equal(residual.sigma, step.residual.sigma.astype(np.float32))
+        np.testing.assert_array_equal(residual.flags, step.residual.flags)
+        np.testing.assert_array_equal(residual.mean, step.residual.mean)
+        np.testing.assert_array_equal(opened.shown(step.number), step.shown_q.astype(np.float32))
+        np.testing.assert_array_equal(opened.commanded(step.number), step.commanded_q.astype(np.float32))
+    for turn, (surface, _) in truth.readings.items():
+        found = opened.surface(turn)
+        assert found is not None
+        for name in ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(surface, name).astype(np.float32))
+        np.testing.assert_array_equal(found.valid, surface.valid)
+        np.testing.assert_array_equal(found.anchor.mask, surface.anchor.mask)
+        assert (found.anchor.mode, found.time_ns) == (surface.anchor.mode, surface.time_ns)
+
+
+def test_turns_keep_figures_states_and_words(truth: Truth, opened: Recording) -> None:
+    assert opened.complete
+    # and how it ended
+    assert len(opened.turns) == len(truth.steps) + 1
+    assert opened.state_of(opened.turns[-1]).value == "stopped"
+    for step, row in zip(truth.steps, opened.turns, strict=False):
+        assert row["number"] == step.number
+        assert opened.state_of(row) is step.state
+        assert set(opened.events_of(row)) == set(step.events)
+        assert opened.words(row["reason"]) == step.reason
+        np.testing.assert_equal(row["residual_rms_px"], step.residual_rms_px)
+    peaks = {int(row["turn"]): row for row in opened.peaks}
+    assert peaks.keys() == truth.readings.keys()
+    for turn, (_, peak) in truth.readings.items():
+        assert peaks[turn]["depth_mm"] == peak.depth_mm
+
+
+def test_rig_and_rest_are_those_of_the_run(opened: Recording) -> None:
+    rig = small_rig()
+    assert opened.rig == rig
+    assert opened.live is False
+    assert opened.seed == rig.simulation.seed
+    assert opened.versions.keys() >= {"python", "numpy", "h5py", "hdf5"}
+    reader = SurfaceReader(opened.rig, Optics(opened.rig), opened.grid)
+    turn = int(opened.turns_kept("surface")[-1])
+    warp = opened.measured(turn)
+    assert warp is not None
+    again, then = reader.read(warp), opened.surface(turn)
+    assert then is not None
+    # a reader of its own: the same but for the noise's weighting, which earlier frames settle
+    np.testing.assert_allclose(again.depth_mm, then.depth_mm, atol=1e-5)
+
+
+def test_every_dataset_tells_its_units_and_meaning(truth: Truth) -> None:
+    silent: list[str] = []
+    tables: list[str] = []
+
+    def look(name: str, one: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(one, h5py.Dataset):
+            if not one.attrs.get("meaning") or "units" not in one.attrs:
+                silent.append(name)
+            if one.dtype.names:
+                tables.append(name)
+                told = [words.split(" ")[0] for words in one.attrs["fields"]]
+                assert told == list(one.dtype.names)
+            if name.endswith(("/q", "_mm")):
+                assert one.attrs["units"] in {"LCD px", "mm"}
+
+    with h5py.File(truth.path, "r", swmr=True) as file:
+        file.visititems(look)
+        assert list(file["turns/table"].attrs["states"])[:2] == ["starting", "resting"]
+    assert not silent
+    assert len(tables) == 6
+
+
+def test_a_frame_is_one_chunk(truth: Truth) -> None:
+    with h5py.File(truth.path, "r", swmr=True) as file:
+        frames = file["frames/image"]
+        assert frames.chunks == (1, *frames.shape[1:])
+        assert frames.id.get_num_chunks() == len(frames)
+
+
+@pytest.mark.parametrize("keep", [("frames",), ("surface",), ()])
+def test_only_what_is_asked_for_is_kept(tmp_path: Path, keep: tuple[str, ...]) -> None:
+    path = recorded(tmp_path / "run.h5", 0.15, keep=keep)
+    with Recording(path) as found:
+        assert found.kept == set(keep)
+        turn = int(found.peaks["turn"][-1])
+        kept = (found.image(turn), found.surface(turn), found.residual(turn), found.measured(turn))
+        assert [array is not None for array in kept] == ["frames" in keep, "surface" in keep, False, False]
+        assert len(found.turns) > 5
+        assert found.presented_q(0) is None
+
+
+def test_arrays_of_every_third_turn(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "run.h5", 0.25, every=3)
+    with Recording(path) as found:
+        assert list(np.diff(found.turns["number"])) == [1] * (len(found.turns) - 1)
+        for group in ("frames", "surface"):
+            kept = found.turns_kept(group)
+            assert len(kept) > 2
+            assert set((kept - 1) % 3) == {0}
+        assert len(found.presentations) > 3
+        assert found.presented_q(0) is None
+
+
+def test_compressed_it_is_the_same(tmp_path: Path, truth: Truth) -> None:
+    path = recorded(tmp_path / "run.h5", 0.15, compress=True)
+    with Recording(path) as found, Recording(truth.path) as plain:
+        for turn in found.turns_kept("warps/measured"):
+            one, other = found.measured(turn), plain.measured(turn)
+            assert one is not None
+            assert other is not None
+            assert one.q.tobytes() == other.q.tobytes()
+            np.testing.assert_array_equal(found.image(turn), plain.image(turn))
+        count = len(found.turns_kept("frames"))
+        with h5py.File(path, "r", swmr=True) as file:
+            frames = file["frames/image"]
+            # shot noise leaves little to be had
+            assert frames.id.get_storage_size() < 0.97 * count * frames[0].nbytes
+
+
+def _changed(truth: Truth, path: Path, **attributes: object) -> Path:
+    shutil.copy(truth.path, path)
+    with h5py.File(path, "r+") as file:
+        for name, value in attributes.items():
+            file.attrs[name] = value
+    return path
+
+
+def test_another_schema_is_refused_with_a_clear_word(truth: Truth, tmp_path: Path) -> None:
+    path = _changed(truth, tmp_path / "later.h5", schema_version=2, zeromethod_version="9.9")
+    with pytest.raises(
+        InputError, match=r"schema_version: 2, written by zeromethod 9\.9: 1 is what"
+    ) as refused:
+        Recording(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_what_is_no_recording_is_refused(truth: Truth, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no recording of zeromethod"):
+        Recording(_changed(truth, tmp_path / "other.h5", schema="something else"))
+    text = tmp_path / "text.h5"
+    text.write_text("no HDF5")
+    with pytest.raises(InputError, match="cannot be read as a recording"):
+        Recording(text)
+    with pytest.raises(InputError, match="not there"):
+        Recording(tmp_path / "missing.h5")
+
+
+def test_a_file_that_the_rig_names_comes_along(tmp_path: Path) -> None:
+    press = tmp_path / "mine.toml"
+    press.write_text(
+        '[[press]]\nshape="gaussian"\nsigma_mm=5.0\npath=[{time_s=0.0,x_mm=42.0,y_mm=0.0,depth_mm=0.1}]\n'
+    )
+    path = recorded(tmp_path / "run.h5", 0.1, rig=small_rig(press=str(press)))
+    text = press.read_text()
+    press.unlink()
+    with Recording(path) as found:
+        assert Path(found.rig.press).read_text() == text
+        folder = Path(found.rig.press).parent
+    assert not folder.exists()
+
+
+def test_an_existing_file_is_never_replaced(truth: Truth) -> None:
+    before = truth.path.read_bytes()
+    with pytest.raises(InputError, match="is there already"):
+        recorded(truth.path, 0.1)
+    assert truth.path.read_bytes() == before
+
+
+def test_keep_names_are_checked(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"'warp': of {', '.join(KEEP)}"):
+        recorded(tmp_path / "run.h5", 0.1, keep=("warp",))
+    assert not (tmp_path / "run.h5").exists()
+
+
+def test_versions_are_json(truth: Truth) -> None:
+    with h5py.File(truth.path, "r", swmr=True) as file:
+        assert json.loads(file.attrs["versions"])["h5py"] == h5py.version.version
+
+
+def test_the_documented_examples_read_a_recording(truth: Truth, tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "recording.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(blocks) == 2
+    shutil.copy(truth.path, tmp_path / "session.h5")
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", block],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=60,
+        ).stdout
+        for block in blocks
+    ]
+    assert "simulated" in told[0]
+    assert "of (256, 320) grey levels" in told[1]
+    assert "first: starting" in told[1]

@@ -1,0 +1,123 @@
+"""The HDF5 file while it grows."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+AHEAD_BYTES = 64 << 20
+"""Room on the disk is claimed so far ahead. Nothing is begun that may not fit: a write that fails in the
+middle could leave the file unreadable."""
+
+TABLES_BYTES = 16 << 20
+"""Of that, what arrays leave for the tables, which go on for minutes when the disk is full."""
+
+LEAST_BYTES = 2 << 20
+"""And what tables leave for the file's own order."""
+
+
+class DiskFull(Exception):
+    """There is no room for what was to be added; the message says why."""
+
+
+class GrowingFile:
+    """Datasets that grow item by item; others may read along (SWMR).
+
+    What was flushed can be read whatever becomes of this process.
+    """
+
+    def __init__(self, path: Path, names: Sequence[str]) -> None:
+        """Open a file with datasets of these names. Raises OSError."""
+        self._path = path
+        # Without a lock: it was made by us alone, and whoever reads already must not keep us out.
+        self._file = h5py.File(path, "r+", libver="latest", locking=False)
+        self._sets = [self._file[name] for name in names]
+        self._lengths = [len(dataset) for dataset in self._sets]
+        self._gathered: list[list[bytes]] = [[] for _ in names]
+        self._shapes = [dataset.shape[1:] for dataset in self._sets]
+        self._handle = os.open(path, os.O_RDWR)
+        self._claimed = os.fstat(self._handle).st_size
+        self._used = self._claimed
+        self._flushed = [0, 0]
+        self._filtered = [dataset.id.get_create_plist().get_nfilters() > 0 for dataset in self._sets]
+        if any(self._filtered):
+            import hdf5plugin  # noqa: F401, PLC0415 - knows the filters
+        self._file.swmr_mode = True
+
+    def claim(self, wanted: int, arrays: bool) -> None:
+        """Make sure that so many bytes fit. arrays: and that the tables have room after them.
+
+        Raises DiskFull.
+        """
+        need = self._used + wanted + (TABLES_BYTES if arrays else LEAST_BYTES)
+        if need > self._claimed:
+            try:
+                self._extend(need + AHEAD_BYTES if arrays else need)
+            except OSError:
+                try:
+                    self._extend(need)
+                except OSError as error:
+                    raise DiskFull(error.strerror or str(error)) from None
+        self._used += wanted
+
+    def _extend(self, end: int) -> None:
+        os.posix_fallocate(self._handle, self._claimed, end - self._claimed)
+        self._claimed = end
+
+    def append(self, index: int, item: memoryview) -> None:
+        """Add an item to the dataset of that index; `item` may be used again afterwards.
+
+        Raises OSError, or RuntimeError by the HDF5 library.
+        """
+        shape = self._shapes[index]
+        if not shape:
+            self._gathered[index].append(bytes(item))
+            return
+        dataset, length = self._sets[index], self._lengths[index]
+        dataset.id.set_extent((length + 1, *shape))
+        if self._filtered[index]:
+            dataset[length] = np.frombuffer(item, dataset.dtype).reshape(shape)
+        else:
+            dataset.id.write_direct_chunk((length,) + (0,) * len(shape), item)
+        self._lengths[index] = length + 1
+
+    def flush(self) -> None:
+        """Let readers see all that was added; raises as `append`."""
+        for dataset, shape in zip(self._sets, self._shapes, strict=True):
+            if shape:
+                dataset.id.flush()
+        for index, items in enumerate(self._gathered):
+            if items:
+                dataset, length = self._sets[index], self._lengths[index]
+                values = np.frombuffer(b"".join(items), dataset.dtype)
+                dataset.id.set_extent((length + len(values),))
+                dataset[length:] = values
+                dataset.id.flush()
+                self._lengths[index] = length + len(values)
+                items.clear()
+        self._used = int(self._file.id.get_filesize())
+        self._write_back()
+
+    def _write_back(self) -> None:
+        """Let the system write now what was flushed, and forget what it has written.
+
+        Else it would gather much, take the memory from other programs, and then write for seconds.
+        """
+        before, last = self._flushed
+        os.posix_fadvise(self._handle, before, self._used - before, os.POSIX_FADV_DONTNEED)
+        self._flushed = [last, self._used]
+
+    def close(self, complete: bool) -> None:
+        """Flush, note whether the run ended in order, and give back the room that is not needed."""
+        self.flush()
+        if complete:
+            self._file["complete"][...] = True
+        self._file.flush()
+        end = int(self._file.id.get_filesize())
+        self._file.close()
+        os.ftruncate(self._handle, end)
+        os.close(self._handle)

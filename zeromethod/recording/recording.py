@@ -1,0 +1,383 @@
+"""Reading a recording, finished or not."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.control.events import Event
+from zeromethod.control.rest import Rest
+from zeromethod.control.state import State
+from zeromethod.devices.protocols import Frame
+from zeromethod.errors import InputError
+from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, number_name
+from zeromethod.rig.load import parse_rig
+from zeromethod.rig.model import Rig
+from zeromethod.sensing.residual import Residual
+from zeromethod.surface import Anchor, Surface
+from zeromethod.surface.rest_pixels import RestGrid
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.warp import Warp
+
+Array = NDArray[np.float64]
+
+ROOT = (
+    "zeromethod_version",
+    "versions",
+    "command_line",
+    "started_utc",
+    "seed",
+    "live",
+    "keep",
+    "every",
+    "gl_renderer",
+    "rig",
+    "calibration",
+    "compressed",
+)
+
+
+class Recording:
+    """One recording, open for reading; it may still be written by another process: `refresh`.
+
+    Tables are structured arrays, one row per turn, picture, reading or drop, with the fields of
+    `zeromethod.recording.schema`. Arrays are asked for by the number of their turn; None: there are none.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Open it. Raises InputError, one line: not there, not HDF5, no recording, of another version."""
+        self.path = Path(path)
+        self._file = _open(self.path)
+        try:
+            self._attributes = self._checked()
+            if self._attributes["compressed"]:
+                import hdf5plugin  # noqa: F401, PLC0415 - knows the filters
+            self._folder: tempfile.TemporaryDirectory[str] | None = None
+            self.refresh()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _checked(self) -> dict[str, Any]:
+        attributes = dict(self._file.attrs)
+        if attributes.get("schema") != SCHEMA:
+            raise InputError(f"{self.path}: an HDF5 file, but no recording of zeromethod")
+        found = attributes.get("schema_version")
+        if found != SCHEMA_VERSION:
+            by = attributes.get("zeromethod_version", "an unknown version")
+            raise InputError(
+                f"{self.path}: schema_version: {found}, written by zeromethod {by}: "
+                f"{SCHEMA_VERSION} is what this version of zeromethod reads"
+            )
+        missing = [name for name in ROOT if name not in attributes]
+        if missing or "rest" not in self._file or "turns/table" not in self._file:
+            raise InputError(
+                f"{self.path}: a recording that was cut off while it was begun: nothing is in it"
+            )
+        return attributes
+
+    def close(self) -> None:
+        """Close the file; may be called again."""
+        self._file.close()
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def refresh(self) -> None:
+        """Take in what was written since the file was opened, or since the last call."""
+        self._rows: dict[str, dict[int, int]] = {}
+        self._tables: dict[str, NDArray[Any]] = {}
+        for dataset in _datasets(self._file):
+            dataset.id.refresh()
+        self._lengths = {name: self._length(name) for name in self._groups}
+
+    @cached_property
+    def _groups(self) -> list[str]:
+        """Names of the groups whose items belong to turns, or pictures to rows of presentations."""
+        names: list[str] = []
+        self._file.visit(names.append)
+        groups = (name.rpartition("/")[0] for name in names)
+        return sorted({group for group in groups if group and number_name(group) in names})
+
+    def _length(self, group: str) -> int:
+        """Items that all datasets of a group have."""
+        return min(int(one.shape[0]) for one in self._file[group].values() if isinstance(one, h5py.Dataset))
+
+    def _table(self, name: str) -> NDArray[Any]:
+        if name not in self._tables:
+            self._tables[name] = self._file[name][()]
+        return self._tables[name]
+
+    def _at(self, group: str, turn: int) -> int | None:
+        """Index in a group of what belongs to a turn."""
+        if group not in self._lengths:
+            return None
+        if group not in self._rows:
+            self._rows[group] = {int(number): i for i, number in enumerate(self.turns_kept(group))}
+        return self._rows[group].get(int(turn))
+
+    def turns_kept(self, group: str) -> NDArray[np.int64]:
+        """Numbers of the turns that a group ("frames", "warps/measured", ...) has arrays of, rising."""
+        if group not in self._lengths:
+            return np.zeros(0, np.int64)
+        numbers: NDArray[np.int64] = self._table(number_name(group))[: self._lengths[group]]
+        return numbers
+
+    # About the recording
+
+    @property
+    def complete(self) -> bool:
+        """Whether it was ended in order; false while it goes on, or where it was cut off."""
+        return bool(self._file["complete"][()])
+
+    @property
+    def live(self) -> bool:
+        """Whether it ran in real time."""
+        return bool(self._attributes["live"])
+
+    @property
+    def kept(self) -> frozenset[str]:
+        """What was kept: names of `zeromethod.recording.schema.KEEP`."""
+        return frozenset(str(name) for name in self._attributes["keep"])
+
+    @property
+    def every(self) -> int:
+        """Arrays were kept of every so many-th frame."""
+        return int(self._attributes["every"])
+
+    @property
+    def seed(self) -> int:
+        """Seed of the simulated bench."""
+        return int(self._attributes["seed"])
+
+    @property
+    def command_line(self) -> str:
+        """How the run was started."""
+        return str(self._attributes["command_line"])
+
+    @property
+    def started_utc(self) -> str:
+        """When it began, ISO 8601."""
+        return str(self._attributes["started_utc"])
+
+    @property
+    def gl_renderer(self) -> str:
+        """Name of what drew the pattern."""
+        return str(self._attributes["gl_renderer"])
+
+    @property
+    def calibration(self) -> str:
+        """Text of the calibration's document; "" without."""
+        return str(self._attributes["calibration"])
+
+    @property
+    def zeromethod_version(self) -> str:
+        """Version that wrote it."""
+        return str(self._attributes["zeromethod_version"])
+
+    @property
+    def versions(self) -> dict[str, str]:
+        """Versions of Python, the machine's system and the libraries that it was made with."""
+        return dict(json.loads(self._attributes["versions"]))
+
+    @property
+    def rig_text(self) -> str:
+        """The rig as TOML, with all its values."""
+        return str(self._attributes["rig"])
+
+    @cached_property
+    def rig(self) -> Rig:
+        """The rig; files that it names lie in a folder that goes when the recording is closed."""
+        self._folder = tempfile.TemporaryDirectory(prefix="zeromethod-recording-")
+        folder = Path(self._folder.name)
+        for name, content in self._file["files"].items():
+            (folder / name).write_bytes(content[()].tobytes())
+        return parse_rig(self.rig_text, folder / "rig.toml")
+
+    @cached_property
+    def grid(self) -> NodeGrid:
+        """The nodes, on the rays that they had."""
+        camera = self.rig.camera
+        grid = NodeGrid((camera.rows, camera.columns), self.rig.target.period_px)
+        pixels = self._file["rest/pixels"][()]
+        if np.array_equal(pixels, np.stack(grid.mesh(), axis=-1)):
+            return grid
+        return RestGrid(image_shape=grid.image_shape, period_px=grid.period_px, pixels=pixels)
+
+    @cached_property
+    def rest(self) -> Rest:
+        """The warp of the untouched mirror that the run started from."""
+        rest, display = self._file["rest"], self.rig.display
+        size = display.columns, display.rows
+        return Rest(self.grid, rest["q"][()], rest["flags"][()], rest["seen"][()], size)
+
+    # Tables
+
+    @property
+    def turns(self) -> NDArray[Any]:
+        """One row per turn of the loop."""
+        return self._table("turns/table")
+
+    @property
+    def presentations(self) -> NDArray[Any]:
+        """One row per picture given to the panel."""
+        return self._table("presentations/table")
+
+    @property
+    def peaks(self) -> NDArray[Any]:
+        """The deepest point of every surface that was read."""
+        return self._table("peaks/table")
+
+    @property
+    def drops(self) -> NDArray[Any]:
+        """Frames that are not in the file, and why."""
+        return self._table("drops/table")
+
+    @property
+    def notes(self) -> NDArray[Any]:
+        """What the operator was told."""
+        return self._table("notes/table")
+
+    def newest(self, table: str, count: int = 1) -> NDArray[Any]:
+        """Last rows of a table ("turns", "peaks", ...), without reading the others."""
+        dataset = self._file[f"{table}/table"]
+        rows: NDArray[Any] = dataset[max(0, len(dataset) - count) :]
+        return rows
+
+    @property
+    def seconds(self) -> float:
+        """From the first turn to the last, s of the run's clock."""
+        turns = self.turns
+        return 1e-9 * float(turns["time_ns"][-1] - turns["time_ns"][0]) if len(turns) else 0.0
+
+    @staticmethod
+    def state_of(row: Any) -> State:
+        """State of a row of `turns`."""
+        return STATES[int(row["state"])]
+
+    @staticmethod
+    def events_of(row: Any) -> tuple[Event, ...]:
+        """Events of a row of `turns`."""
+        bits = int(row["events"])
+        return tuple(event for index, event in enumerate(EVENTS) if bits >> index & 1)
+
+    @staticmethod
+    def words(field: bytes) -> str:
+        """Text of a field: a reason, a note, why frames are missing."""
+        return bytes(field).decode("utf-8", "replace")
+
+    # Arrays of a turn
+
+    def row(self, turn: int) -> Any:
+        """Row of `turns`; None where there is none of that number."""
+        numbers = self.turns["number"]
+        index = int(np.searchsorted(numbers, turn))
+        return self.turns[index] if index < len(numbers) and numbers[index] == turn else None
+
+    def _arrays(self, group: str, turn: int, *names: str) -> list[Any] | None:
+        index = self._at(group, turn)
+        return None if index is None else [self._file[f"{group}/{name}"][index] for name in names]
+
+    def image(self, turn: int) -> NDArray[Any] | None:
+        """(rows, cols) frame as the camera gave it, uint8 or uint16."""
+        found = self._arrays("frames", turn, "image")
+        return None if found is None else found[0]
+
+    def frame(self, turn: int) -> Frame | None:
+        """The frame with its time, as the loop had it."""
+        image, row = self.image(turn), self.row(turn)
+        if image is None or row is None:
+            return None
+        times = (int(row[name]) for name in ("time_ns", "exposure_ns", "frame_number", "dropped"))
+        return Frame(image, *times)
+
+    def measured(self, turn: int) -> Warp | None:
+        """Warp by the turn's frame alone, from the zero that was taken last; bit for bit as it was."""
+        found, row = self._arrays("warps/measured", turn, "q", "sigma", "flags"), self.row(turn)
+        if found is None or row is None:
+            return None
+        q, sigma, flags = found
+        return Warp(q, sigma, flags, int(row["time_ns"]))
+
+    def commanded(self, turn: int) -> NDArray[np.float32] | None:
+        """(rows, cols, 2) warp to be shown next, LCD px."""
+        found = self._arrays("warps/commanded", turn, "q")
+        return None if found is None else found[0]
+
+    def shown(self, turn: int) -> NDArray[np.float32] | None:
+        """(rows, cols, 2) mix of warps that the turn's frame saw, LCD px."""
+        found = self._arrays("warps/shown", turn, "q")
+        return None if found is None else found[0]
+
+    def presented_q(self, index: int) -> Array | None:
+        """(rows, cols, 2) warp of the picture in row `index` of `presentations`, LCD px, bit for bit."""
+        found = self._arrays("pictures", index, "q")
+        return None if found is None else found[0]
+
+    def residual(self, turn: int) -> Residual | None:
+        """Residual as single precision kept it; the carrier's amplitude is not kept: NaN."""
+        found = self._arrays("residual", turn, "d", "sigma", "flags", "mean")
+        if found is None:
+            return None
+        d, sigma, flags, mean = found
+        unknown = np.full(d.shape, np.nan, np.float32)
+        return Residual(d.astype(np.float64), sigma.astype(np.float64), flags, unknown, mean)
+
+    def surface(self, turn: int) -> Surface | None:
+        """Slope and depth that were read from the turn, as single precision kept them."""
+        names = ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope")
+        found = self._arrays("surface", turn, *names, "valid", "contact", "anchor", "table")
+        if found is None:
+            return None
+        *floats, valid, contact, mask, about = found
+        values = {name: array.astype(np.float64) for name, array in zip(names, floats, strict=True)}
+        sigma_mm, tail_mm = float(about["anchor_sigma_mm"]), float(about["anchor_tail_mm"])
+        return Surface(
+            **values,
+            valid=valid,
+            contact=contact,
+            anchor=Anchor(ANCHORS[int(about["anchor"])], mask, sigma_mm, tail_mm),
+            time_ns=int(about["time_ns"]),
+            iterations=int(about["iterations"]),
+        )
+
+    def zero(self, turn: int) -> Array | None:
+        """(rows, cols, 2) LCD px, the zero that `measured` of this turn starts from; None for the rest's."""
+        turns = self.turns_kept("zeros")
+        index = int(np.searchsorted(turns, turn, side="right")) - 1
+        return self._file["zeros/q"][index] if index >= 0 else None
+
+
+def _open(path: Path) -> h5py.File:
+    if not path.is_file():
+        raise InputError(f"{path}: not there: a recording (HDF5)")
+    try:
+        # Also where it is being written, or the writer was killed: nothing else opens both. Without a lock,
+        # as a reader's would keep the writer out that is about to begin.
+        return h5py.File(path, "r", libver="latest", swmr=True, locking=False)
+    except OSError as error:
+        told = " ".join(str(error).split())
+        raise InputError(f"{path}: cannot be read as a recording (HDF5): {told}") from None
+
+
+def _datasets(file: h5py.File) -> Iterator[h5py.Dataset]:
+    found: list[h5py.Dataset] = []
+    file.visititems(lambda _, one: found.append(one) if isinstance(one, h5py.Dataset) else None)
+    yield from found
