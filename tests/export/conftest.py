@@ -1,0 +1,133 @@
+"""A recording of planted surfaces: what an export must say is known in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_run import small_rig
+
+from zeromethod.control import State, Step
+from zeromethod.control.rest import Rest
+from zeromethod.optics import Optics
+from zeromethod.recording.recorder import Recorder
+from zeromethod.recording.recording import Recording
+from zeromethod.sensing.residual import Residual
+from zeromethod.surface import Anchor, Peak, Surface
+from zeromethod.warp.warp import Warp
+
+FIRST_NS = 5_000_000_000
+STEP_NS = 20_000_000
+DENT_MM = (42.0, 3.0)
+WIDTH_MM = 6.0
+DEEPEST_MM = 0.2
+"""Of the last turn; depth grows evenly from the second."""
+SIGMA_MM = 1e-4
+
+
+@dataclass(frozen=True)
+class Planted:
+    """turns: numbers. time_s: since the first. depth_mm: peak of each, NaN where nothing was read."""
+
+    path: Path
+    turns: np.ndarray
+    time_s: np.ndarray
+    depth_mm: np.ndarray
+    image: np.ndarray
+
+    def depth_at(self, turn: int, x_mm: np.ndarray, y_mm: np.ndarray) -> np.ndarray:
+        away = (x_mm - DENT_MM[0]) ** 2 + (y_mm - DENT_MM[1]) ** 2
+        return self.depth_mm[turn - 1] * np.exp(-0.5 * away / WIDTH_MM**2)
+
+    def slope_at(self, turn: int, x_mm: np.ndarray, y_mm: np.ndarray) -> np.ndarray:
+        depth = self.depth_at(turn, x_mm, y_mm)
+        away = np.stack([x_mm - DENT_MM[0], y_mm - DENT_MM[1]], axis=-1)
+        return -depth[..., None] * away / WIDTH_MM**2
+
+
+HOLE = (slice(8, 11), slice(30, 34))
+"""Nodes that could not be read, far from the dent's middle."""
+
+
+def plant(path: Path, keep: tuple[str, ...] = ("frames", "residual", "warps", "surface")) -> Planted:
+    """Turn 1 without a frame, turns 2 to 9 a growing dent; between turns 6 and 7 three frames are missing."""
+    rig = small_rig()
+    optics = Optics(rig)
+    rest = Rest.of(rig, optics)
+    u, v = rest.grid.mesh()
+    origin, direction = optics.rubber_rays(u, v)
+    along = -origin[..., 2] / direction[..., 2]
+    x, y = origin[..., 0] + along * direction[..., 0], origin[..., 1] + along * direction[..., 1]
+    ticks = np.array([0, 1, 2, 3, 4, 5, 9, 10, 11])
+    depths = np.array([np.nan, *np.linspace(0.025, DEEPEST_MM, 8)])
+    image = np.arange(256 * 320, dtype=np.uint32).reshape(256, 320)
+    planted = Planted(path, np.arange(1, 10), 1e-9 * STEP_NS * ticks, depths, (image % 151).astype(np.uint8))
+    valid = np.zeros(x.shape, bool)
+    valid[rest.grid.inner] = True
+    valid[HOLE] = False
+    contact = np.zeros(x.shape, bool)
+    contact[HOLE] = True
+    # What is rubber at rest does not matter here: the mirror is flat.
+    with Recorder(path, rig, rest, keep=keep) as recorder:
+        for turn, tick in zip(planted.turns.tolist(), ticks, strict=True):
+            time_ns = FIRST_NS + int(tick) * STEP_NS
+            filtered = Warp(rest.q, np.ones_like(rest.q), rest.flags, time_ns)
+            step = Step(turn, time_ns, State.STARTING, "", (), rest.q, filtered)
+            if turn == 1:
+                recorder.turn(step)
+                continue
+            residual = Residual.empty(rest.grid)
+            residual.d[..., 0] = 0.02 * turn
+            residual.flags[rest.grid.inner] = 0
+            recorder.turn(
+                replace(
+                    step,
+                    state=State.LOCKED,
+                    frame_number=turn,
+                    exposure_ns=1_000_000,
+                    image=planted.image,
+                    residual=residual,
+                    measured=filtered,
+                    shown_q=rest.q,
+                    residual_rms_px=0.02 * turn,
+                )
+            )
+            depth, slope = planted.depth_at(turn, x, y), planted.slope_at(turn, x, y)
+            surface = Surface(
+                np.where(valid, depth, np.nan),
+                np.where(valid[..., None], slope, np.nan),
+                x,
+                y,
+                np.where(valid, SIGMA_MM, np.nan),
+                np.where(valid[..., None], 1e-5, np.nan) * np.ones(2),
+                valid,
+                contact,
+                Anchor("quiet", valid, 0.0),
+                time_ns,
+                3,
+            )
+            recorder.reading(step, surface, Peak(float(depths[turn - 1]), *DENT_MM, SIGMA_MM), 1.0)
+    return planted
+
+
+@pytest.fixture(scope="session")
+def planted(tmp_path_factory: pytest.TempPathFactory) -> Planted:
+    return plant(tmp_path_factory.mktemp("planted") / "session.h5")
+
+
+@pytest.fixture
+def recording(planted: Planted):
+    with Recording(planted.path) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="session")
+def without_frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return plant(tmp_path_factory.mktemp("no-frames") / "session.h5", ("surface",)).path
+
+
+@pytest.fixture(scope="session")
+def without_surface(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return plant(tmp_path_factory.mktemp("no-surface") / "session.h5", ("frames", "residual", "warps")).path

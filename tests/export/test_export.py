@@ -1,0 +1,106 @@
+"""What holds for every format: selection, refusals, whole files, memory."""
+
+import weakref
+from pathlib import Path
+
+import pytest
+
+from zeromethod.errors import InputError
+from zeromethod.export import SUFFIXES, Selection, prepare
+from zeromethod.export.whole_file import whole_file
+from zeromethod.recording.recording import Recording
+
+STREAMED = [suffix for suffix, form in SUFFIXES.items() if form in {"npz", "tiff", "mcap", "mp4"}]
+
+
+def refused(recording: Recording, name: str, selection: Selection | None = None) -> str:
+    with pytest.raises(InputError) as error:
+        prepare(recording, Path(name), selection=selection)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_what_keep_left_out_is_named(without_surface: Path, without_frames: Path) -> None:
+    with Recording(without_surface) as recording:
+        for name in ("a.npz", "a.tif", "a.ply", "a.stl", "a.mp4"):
+            assert "surface not kept (--keep left only frames, residual" in refused(recording, name)
+        # The peak's track is always there.
+        assert prepare(recording, Path("a.csv")).total == 9
+    with Recording(without_frames) as recording:
+        assert "a video needs frames, residual, surface: frames, residual not kept" in refused(
+            recording, "a.mp4"
+        )
+
+
+def test_a_time_with_nothing_in_it_is_refused(recording: Recording) -> None:
+    told = refused(recording, "a.npz", Selection(from_s=0.13, to_s=0.17))
+    assert "no surface recorded from 0.13 to 0.170 s; the recording is 0.220 s long" in told
+    assert "--at: 3: the recording ends at 0.220 s" in refused(recording, "a.ply", Selection(at_s=3.0))
+    for wrong in ({"from_s": -1.0}, {"to_s": float("nan")}, {"from_s": 2.0, "to_s": 1.0}):
+        with pytest.raises(InputError, match=r"^--(from|to): "):
+            Selection(**wrong)
+
+
+def test_an_unknown_suffix_and_a_missing_library_say_what_to_do(
+    recording: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert "must end in .npz, .tif" in refused(recording, "a.obj")
+    monkeypatch.setitem(__import__("sys").modules, "tifffile", None)
+    assert refused(recording, "a.tif") == (
+        "export: needs the library tifffile: pip install 'zeromethod[export]'"
+    )
+
+
+def test_writing_that_ends_early_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    path.write_text("old")
+    with pytest.raises(KeyboardInterrupt):
+        _write_half(path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+    with whole_file(path) as part:
+        part.write_text("new")
+    assert path.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def _write_half(path: Path) -> None:
+    with whole_file(path) as part:
+        part.write_text("half")
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("suffix", list(SUFFIXES))
+def test_no_format_leaves_half_a_file(suffix: str, recording: Recording, tmp_path: Path) -> None:
+    def stop() -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        prepare(recording, tmp_path / f"a{suffix}").write(stop)
+    # A mesh is of one time: it is whole by the first step.
+    assert [path.name for path in tmp_path.iterdir()] == (
+        [f"a{suffix}"] if suffix in {".ply", ".stl"} else []
+    )
+
+
+@pytest.mark.parametrize("suffix", STREAMED)
+def test_few_of_the_maps_are_in_memory_at_a_time(
+    suffix: str, recording: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alive: list[weakref.ref] = []
+    most = 0
+    read = recording.surface
+
+    def watched(turn: int):
+        nonlocal most
+        most = max(most, sum(one() is not None for one in alive))
+        surface = read(turn)
+        if surface is not None:
+            alive.append(weakref.ref(surface.depth_mm))
+        return surface
+
+    monkeypatch.setattr(recording, "surface", watched)
+    prepare(recording, tmp_path / f"a{suffix}").write()
+    assert len(alive) >= 8
+    # The one in use, and the one before while it is read; a TIFF and a video also looked at the first.
+    assert most <= 2

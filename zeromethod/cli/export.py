@@ -1,0 +1,146 @@
+"""`zeromethod export`: a recording as files that other programs open."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import click
+
+from zeromethod.cli.output import check_file, write_summary
+from zeromethod.cli.stopping import stopped_by_signals
+from zeromethod.errors import InputError
+from zeromethod.export import FORMATS, MESHES, Export, Selection, form_of, prepare
+from zeromethod.recording.recording import Recording
+from zeromethod.threads import limit_threads
+from zeromethod.view.progress import progress
+
+
+@click.command(
+    "export",
+    epilog="Example: zeromethod export session.h5 depth.tif peak.csv session.mp4 --from 1 --to 3",
+)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.argument(
+    "outputs", metavar="OUT...", nargs=-1, required=True, type=click.Path(path_type=Path, dir_okay=False)
+)
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(FORMATS),
+    help="Format of OUT, whatever its name; by its suffix when left out.",
+)
+@click.option("--from", "from_s", type=float, metavar="S", help="Start at this time of the recording.")
+@click.option("--to", "to_s", type=float, metavar="S", help="End at this time.")
+@click.option(
+    "--every", type=click.IntRange(min=1), default=1, show_default=True, help="Every so many-th frame only."
+)
+@click.option("--at", "at_s", type=float, metavar="S", help="Mesh at this time.  [default: the deepest]")
+@click.option(
+    "--pitch",
+    "pitch_mm",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="MM",
+    help="Pixels of a TIFF.  [default: the nodes' own distance]",
+)
+@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+def export_command(
+    file: Path,
+    outputs: tuple[Path, ...],
+    form: str | None,
+    from_s: float | None,
+    to_s: float | None,
+    every: int,
+    at_s: float | None,
+    pitch_mm: float | None,
+    summary: Path | None,
+) -> None:
+    """Write the recording FILE as OUT, by its suffix:
+
+    \b
+    .npz         slope and depth at the nodes, with their place in mm, over time
+    .tif         depth and slope on a regular lattice in mm, over time (float, OME-TIFF)
+    .ply .stl    the surface as a mesh in mm, at one time
+    .csv         the peak's track
+    .mcap        camera, depth image, point cloud, peak, state for robots (ROS 2 types)
+    .mp4         a video of camera, residual and depth
+
+    Times are seconds since the recording's first turn.
+    """  # noqa: D301, D400 - click's own mark for lines that stay as they are
+    check_file("--summary", summary, suffix=".json")
+    forms = _forms(outputs, form)
+    _check_options(forms, every, at_s, pitch_mm)
+    for path in outputs:
+        check_file("OUT", path, suffix=path.suffix.lower())
+        if path.resolve() == file.resolve():
+            raise InputError(f"OUT: {path}: is the recording itself")
+    limit_threads()
+    selection = Selection(from_s, to_s, every, at_s)
+    with stopped_by_signals(_interrupted), Recording(file) as recording:
+        exports = [
+            prepare(recording, path, one, selection, pitch_mm)
+            for path, one in zip(outputs, forms, strict=True)
+        ]
+        if not recording.complete:
+            click.echo(
+                f"! {file}: goes on, or was not ended in order: exported up to {recording.seconds:.3f} s",
+                err=True,
+            )
+        found = [_write(export) for export in exports]
+    if summary is not None:
+        write_summary(summary, {"recording": str(file), "files": found})
+
+
+def _interrupted() -> None:
+    """End in order: the file under way is taken back."""
+    raise KeyboardInterrupt
+
+
+def _forms(outputs: tuple[Path, ...], form: str | None) -> list[str]:
+    if form is not None and len(outputs) > 1:
+        raise InputError(f"--format: {form}: for one OUT only; several go by their suffixes")
+    if len({path.absolute() for path in outputs}) < len(outputs):
+        raise InputError("OUT: the same file is named twice")
+    return [form or form_of(path) for path in outputs]
+
+
+def _check_options(forms: list[str], every: int, at_s: float | None, pitch_mm: float | None) -> None:
+    """Refuse options that none of the files would heed."""
+    if at_s is not None and not set(forms) & set(MESHES):
+        raise InputError(f"--at: {at_s:g}: for a mesh (.ply, .stl) only; --from and --to for the others")
+    if pitch_mm is not None and "tiff" not in forms:
+        raise InputError(f"--pitch: {pitch_mm:g}: for a .tif only")
+    if every > 1 and set(forms) <= set(MESHES):
+        raise InputError(f"--every: {every}: a mesh is of one time; choose it by --at")
+
+
+def _write(export: Export) -> dict[str, Any]:
+    """Write one file and say what is in it."""
+    with ExitStack() as opened:
+        advance = opened.enter_context(progress(export.total, first=export.path.name))
+        figures = export.write(lambda: advance(export.path.name))
+    figures = {"file": str(export.path), "format": export.form, **figures}
+    figures["bytes"] = export.path.stat().st_size
+    click.echo(_line(export, figures))
+    return figures
+
+
+def _line(export: Export, figures: dict[str, Any]) -> str:
+    times = export.moments.time_s
+    when = (
+        f"{times[0]:.3f} s" if len(times) == 1 else f"{len(times)} times, {times[0]:.3f} to {times[-1]:.3f} s"
+    )
+    parts = [f"{export.path}: {when}"]
+    if export.form == "tiff":
+        parts.append(f"{figures['columns']} x {figures['rows']} px of {figures['pitch_mm']:g} mm")
+    elif export.form in MESHES:
+        parts.append(f"{figures['vertices']} vertices, deepest {figures['depth_largest_mm']:.5f} mm, in mm")
+    elif export.form == "csv":
+        parts.append(f"{figures['peaks']} peaks")
+    elif export.form == "mcap":
+        parts += [f"{topic} {count}" for topic, count in figures["messages"].items()]
+    elif export.form == "mp4":
+        parts.append(f"{figures['rate_hz']:.3f} frames/s, {figures['length_s']:.2f} s, {figures['codec']}")
+    parts.append(f"{figures['bytes'] / 1e6:.2f} MB")
+    return "; ".join(parts)

@@ -1,0 +1,125 @@
+"""What a recording can be exported as, by the file's suffix."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from zeromethod.errors import InputError
+from zeromethod.export.extras import needed
+from zeromethod.export.mcap import export_mcap
+from zeromethod.export.mesh import export_mesh
+from zeromethod.export.moments import Moments, Selection, require
+from zeromethod.export.npz import export_npz
+from zeromethod.export.tiff import export_tiff
+from zeromethod.export.track import export_track
+from zeromethod.recording.recording import Recording
+
+Advance = Callable[[], None]
+
+
+def _nothing() -> None:
+    """No progress to tell."""
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """One file to be written: `total` calls of `advance`, then what was written comes back."""
+
+    recording: Recording
+    form: str
+    path: Path
+    moments: Moments
+    pitch_mm: float | None = None
+
+    @property
+    def total(self) -> int:
+        """Moments to go through."""
+        return len(self.moments.turns)
+
+    def write(self, advance: Advance = _nothing) -> dict[str, Any]:
+        """Write the file, whole or not at all. Returns its figures, which depend on the format.
+
+        Raises MeasurementError where nothing was read that the file could hold.
+        """
+        common = (self.recording, self.moments, self.path, advance)
+        if self.form == "npz":
+            return export_npz(*common)
+        if self.form == "tiff":
+            return export_tiff(*common, pitch_mm=self.pitch_mm)
+        if self.form in MESHES:
+            return export_mesh(*common, form=self.form)
+        if self.form == "csv":
+            return export_track(*common)
+        if self.form == "mcap":
+            return export_mcap(*common)
+        from zeromethod.export.video import export_video  # noqa: PLC0415 - matplotlib loads slowly
+
+        return export_video(*common)
+
+
+SUFFIXES = {
+    ".npz": "npz",
+    ".tif": "tiff",
+    ".tiff": "tiff",
+    ".ply": "ply",
+    ".stl": "stl",
+    ".csv": "csv",
+    ".mcap": "mcap",
+    ".mp4": "mp4",
+}
+"""Format by suffix."""
+
+FORMATS = tuple(dict.fromkeys(SUFFIXES.values()))
+MESHES = ("ply", "stl")
+
+_LIBRARIES = {
+    "tiff": "tifffile",
+    "ply": "trimesh",
+    "stl": "trimesh",
+    "mcap": "mcap_ros2.writer",
+    "mp4": "av",
+}
+"""What a format needs of the extra `export`."""
+
+
+def form_of(path: Path) -> str:
+    """Format that a file's name asks for. Raises InputError for any other suffix."""
+    form = SUFFIXES.get(path.suffix.lower())
+    if form is None:
+        raise InputError(f"OUT: {path}: the file name must end in {', '.join(SUFFIXES)}, or give --format")
+    return form
+
+
+def prepare(
+    recording: Recording,
+    path: Path,
+    form: str | None = None,
+    selection: Selection | None = None,
+    pitch_mm: float | None = None,
+) -> Export:
+    """Look whether a recording has what a file needs; `Export.write` then writes it.
+
+    form: one of `FORMATS`, by the suffix without. pitch_mm: of a TIFF's lattice. Raises InputError where it
+    has not, or has nothing in the time selected, and where a library of the extra `export` is missing.
+    """
+    form = form or form_of(path)
+    if form in _LIBRARIES:
+        needed(_LIBRARIES[form])
+    selection = selection or Selection()
+    if form == "csv":
+        moments = selection.several(recording)
+    elif form == "mcap":
+        groups = [part for part in ("frames", "surface") if part in recording.kept]
+        if not groups:
+            require(recording, ("frames", "surface"), "an MCAP file")
+        moments = selection.several(recording, groups)
+    elif form == "mp4":
+        require(recording, ("frames", "residual", "surface"), "a video")
+        moments = selection.several(recording, ("frames",))
+    else:
+        require(recording, ("surface",), f"a {form} file")
+        moments = selection.one(recording) if form in MESHES else selection.several(recording, ("surface",))
+    return Export(recording, form, path, moments, pitch_mm)

@@ -1,0 +1,95 @@
+"""The surface at one time as a mesh in mm: PLY with depth and sigma at every vertex, STL."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.errors import MeasurementError
+from zeromethod.export.extras import needed
+from zeromethod.export.moments import Moments
+from zeromethod.export.surface_points import surface_points
+from zeromethod.export.whole_file import whole_file
+from zeromethod.optics.mirror import rest_surface
+from zeromethod.recording.recording import Recording
+from zeromethod.surface import Surface
+
+_HEADER = "zeromethod: mm; z = rest - depth out of the rubber, x along the mirror from the edge P0"
+
+
+def export_mesh(
+    recording: Recording, moments: Moments, path: Path, advance: Callable[[], None], *, form: str
+) -> dict[str, Any]:
+    """Write the surface of the one moment given; `form` is "ply" or "stl".
+
+    Returns what was written: time, vertices, faces, deepest point, mm. Raises MeasurementError where no three
+    neighbouring nodes were read.
+    """
+    trimesh = needed("trimesh")
+    surface = recording.surface(moments.turns[0])
+    assert surface is not None
+    vertices, faces, nodes = _triangles(recording, surface)
+    if not len(faces):
+        raise MeasurementError(f"at {moments.time_s[0]:.3f} s no part of the surface was read")
+    depth_mm = surface.depth_mm[nodes]
+    mesh = trimesh.Trimesh(vertices=vertices, faces=faces, process=False)
+    mesh.units = "mm"
+    if form == "ply":
+        mesh.vertex_attributes["depth_mm"] = depth_mm.astype(np.float32)
+        mesh.vertex_attributes["sigma_depth_mm"] = surface.sigma_depth_mm[nodes].astype(np.float32)
+        first, rest = mesh.export(file_type="ply").split(b"\nformat ", 1)
+        data = first + b"\nformat " + rest.replace(b"\n", b"\ncomment " + _HEADER.encode() + b"\n", 1)
+    else:
+        # A binary STL begins with 80 bytes of free text; the word "solid" there would make it a text file.
+        data = _HEADER.encode().ljust(80)[:80] + mesh.export(file_type="stl")[80:]
+    with whole_file(path) as part:
+        part.write_bytes(data)
+    advance()
+    return {
+        "time_s": float(moments.time_s[0]),
+        "vertices": len(vertices),
+        "faces": len(faces),
+        "depth_largest_mm": float(depth_mm.max()),
+    }
+
+
+def _triangles(
+    recording: Recording, surface: Surface
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Vertices (n, 3), faces (m, 3) that turn left seen from outside, and the mask of the vertices' nodes."""
+    points = surface_points(surface, rest_surface(recording.rig))
+    known = np.asarray(np.isfinite(points).all(axis=-1))
+    number = np.cumsum(known).reshape(known.shape) - 1
+    corners = [(slice(None, -1), slice(None, -1)), (slice(None, -1), slice(1, None))]
+    corners += [(slice(1, None), slice(1, None)), (slice(1, None), slice(None, -1))]
+    a, b, c, d = (number[corner] for corner in corners)
+    in_a, in_b, in_c, in_d = (known[corner] for corner in corners)
+    faces = np.concatenate(
+        [
+            np.stack([p, q, r], axis=-1)[has]
+            for p, q, r, has in (
+                (a, b, c, in_a & in_b & in_c),
+                (a, c, d, in_a & in_c & in_d),
+                # A cell with one corner missing, on the other diagonal, still has a triangle.
+                (a, b, d, in_a & in_b & in_d & ~in_c),
+                (b, c, d, in_b & in_c & in_d & ~in_a),
+            )
+        ]
+    )
+    vertices = points[known]
+    first, second, third = (vertices[faces[:, k], :2] for k in range(3))
+    area = _area(first, second, third)
+    faces[area < 0.0] = faces[area < 0.0][:, ::-1]
+    return vertices, faces, known
+
+
+def _area(
+    first: NDArray[np.float64], second: NDArray[np.float64], third: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Twice the area of triangles in (x, y), positive where they turn left."""
+    p, q = second - first, third - first
+    return np.asarray(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])

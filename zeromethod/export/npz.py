@@ -1,0 +1,107 @@
+"""Slope and depth at the nodes over time, as a .npz for NumPy."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import zipfile
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from zeromethod.export.moments import Moments
+from zeromethod.export.whole_file import whole_file
+from zeromethod.recording.recording import Recording
+
+_BLOCK = 1 << 22
+
+_MAPS = {
+    "depth_mm": ("<f4", "mm", "depth, positive into the rubber; NaN where not read"),
+    "slope": ("<f4", "rad", "(d depth / dx, d depth / dy) along the last axis"),
+    "sigma_depth_mm": ("<f4", "mm", "standard deviation of depth"),
+    "sigma_slope": ("<f4", "rad", "standard deviation of slope"),
+    "x_mm": ("<f4", "mm", "mirror point of the node, along the mirror from the edge P0"),
+    "y_mm": ("<f4", "mm", "mirror point of the node, along the prism"),
+    "valid": ("|b1", "1", "whether depth was read at the node"),
+    "contact": ("|b1", "1", "whether light was lost at the node"),
+}
+"""Type, unit and meaning of every map, (times, rows, columns[, 2])."""
+
+_REST = {
+    "time_s": ("s", "mid-exposure, since the recording's first turn"),
+    "time_ns": ("ns", "the same on the run's clock"),
+    "turn": ("1", "turn of the loop"),
+    "state": ("1", "the loop's state"),
+    "u_px": ("px", "camera column of every column of nodes"),
+    "v_px": ("px", "camera row of every row of nodes"),
+    "about": ("1", "this: unit and meaning of every array, the recording and its rig, as JSON"),
+}
+
+
+def export_npz(
+    recording: Recording, moments: Moments, path: Path, advance: Callable[[], None]
+) -> dict[str, Any]:
+    """Write the maps of every moment; one of them at a time is in memory.
+
+    Returns what was written: times, and rows and columns of the maps.
+    """
+    inner = recording.grid.inner
+    v_px, u_px = recording.grid.v_px[inner[0]], recording.grid.u_px[inner[1]]
+    with ExitStack() as opened:
+        part = opened.enter_context(whole_file(path))
+        scratch = {
+            name: opened.enter_context(tempfile.TemporaryFile(dir=path.absolute().parent)) for name in _MAPS
+        }
+        for turn in moments.turns:
+            surface = recording.surface(turn)
+            assert surface is not None
+            for name, (dtype, _, _) in _MAPS.items():
+                scratch[name].write(np.ascontiguousarray(getattr(surface, name)[inner], dtype).data)
+            advance()
+        archive = opened.enter_context(
+            zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED, allowZip64=True, compresslevel=1)
+        )
+        small = {
+            "time_s": moments.time_s,
+            "time_ns": moments.time_ns,
+            "turn": moments.turns,
+            "state": np.array(moments.states),
+            "u_px": u_px,
+            "v_px": v_px,
+            "about": np.array(json.dumps(_about(recording))),
+        }
+        for name, values in small.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asarray(values), allow_pickle=False)
+        for name, (dtype, _, _) in _MAPS.items():
+            pair = (2,) if "slope" in name else ()
+            _add(
+                archive,
+                name,
+                np.dtype(dtype),
+                (len(moments.turns), len(v_px), len(u_px), *pair),
+                scratch[name],
+            )
+        archive.close()
+    return {"times": len(moments.turns), "rows": len(v_px), "columns": len(u_px)}
+
+
+def _about(recording: Recording) -> dict[str, Any]:
+    arrays = {name: {"unit": unit, "meaning": meaning} for name, (_, unit, meaning) in _MAPS.items()}
+    arrays |= {name: {"unit": unit, "meaning": meaning} for name, (unit, meaning) in _REST.items()}
+    return {"arrays": arrays, "started_utc": recording.started_utc, "rig": recording.rig_text}
+
+
+def _add(
+    archive: zipfile.ZipFile, name: str, dtype: np.dtype[Any], shape: tuple[int, ...], raw: IO[bytes]
+) -> None:
+    """One array of the archive, its values copied from a file of raw ones."""
+    raw.seek(0)
+    with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+        header = {"descr": np.lib.format.dtype_to_descr(dtype), "fortran_order": False, "shape": shape}
+        np.lib.format.write_array_header_2_0(member, header)
+        while block := raw.read(_BLOCK):
+            member.write(block)

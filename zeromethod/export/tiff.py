@@ -1,0 +1,108 @@
+"""Depth and slope on a regular lattice in mm over time, as a float TIFF (OME: units, spacing, times)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.export.extras import needed
+from zeromethod.export.lattice import Lattice, Resampler
+from zeromethod.export.moments import Moments
+from zeromethod.export.whole_file import whole_file
+from zeromethod.recording.recording import Recording
+
+CHANNELS = ("depth, mm", "slope d depth / dx, rad", "slope d depth / dy, rad")
+
+_LARGEST_CLASSIC = 4_000_000_000
+"""Bytes above which the offsets of a classic TIFF no longer reach."""
+
+
+def export_tiff(
+    recording: Recording,
+    moments: Moments,
+    path: Path,
+    advance: Callable[[], None],
+    *,
+    pitch_mm: float | None = None,
+) -> dict[str, Any]:
+    """Write float32 pages (times, channels, rows, columns), one time after the other.
+
+    Row j grows with y, column i with x; NaN where not read. The lattice is that of the first moment.
+    Returns what was written: times, rows, columns, pitch and the first point, mm.
+    """
+    tifffile = needed("tifffile")
+    lattice = _lattice(recording, moments, pitch_mm)
+    rows, cols = lattice.shape
+    shape = (len(moments.turns), len(CHANNELS), rows, cols)
+    with (
+        whole_file(path) as part,
+        tifffile.TiffWriter(
+            part, ome=True, bigtiff=4 * np.prod(shape, dtype=float) > _LARGEST_CLASSIC
+        ) as file,
+    ):
+        file.write(
+            _pages(recording, moments, lattice, advance),
+            shape=shape,
+            dtype=np.float32,
+            photometric="minisblack",
+            resolution=(10.0 / lattice.pitch_mm, 10.0 / lattice.pitch_mm),
+            resolutionunit="CENTIMETER",
+            metadata=_metadata(moments, lattice),
+        )
+    return {
+        "times": shape[0],
+        "rows": rows,
+        "columns": cols,
+        "pitch_mm": lattice.pitch_mm,
+        "x0_mm": lattice.x0_mm,
+        "y0_mm": lattice.y0_mm,
+    }
+
+
+def _lattice(recording: Recording, moments: Moments, pitch_mm: float | None) -> Lattice:
+    surface = recording.surface(moments.turns[0])
+    assert surface is not None
+    inner = recording.grid.inner
+    return Lattice.covering(surface.x_mm[inner], surface.y_mm[inner], pitch_mm)
+
+
+def _pages(
+    recording: Recording, moments: Moments, lattice: Lattice, advance: Callable[[], None]
+) -> Iterator[NDArray[np.float32]]:
+    resampled = Resampler(lattice)
+    inner = recording.grid.inner
+    for turn in moments.turns:
+        surface = recording.surface(turn)
+        assert surface is not None
+        values = np.concatenate([surface.depth_mm[..., None], surface.slope], axis=-1)[inner]
+        maps = resampled(surface.x_mm[inner], surface.y_mm[inner], surface.valid[inner], values)
+        yield from np.moveaxis(maps, -1, 0).astype(np.float32)
+        advance()
+
+
+def _metadata(moments: Moments, lattice: Lattice) -> dict[str, Any]:
+    """What OME-XML can say: spacing, the first point's place, names and units, times."""
+    planes = len(moments.turns) * len(CHANNELS)
+    return {
+        "axes": "TCYX",
+        "PhysicalSizeX": lattice.pitch_mm,
+        "PhysicalSizeXUnit": "mm",
+        "PhysicalSizeY": lattice.pitch_mm,
+        "PhysicalSizeYUnit": "mm",
+        "TimeIncrement": moments.interval_s,
+        "TimeIncrementUnit": "s",
+        "Channel": {"Name": list(CHANNELS)},
+        "Plane": {
+            "DeltaT": np.repeat(moments.time_s, len(CHANNELS)).tolist(),
+            "DeltaTUnit": ["s"] * planes,
+            "PositionX": [lattice.x0_mm] * planes,
+            "PositionXUnit": ["mm"] * planes,
+            "PositionY": [lattice.y0_mm] * planes,
+            "PositionYUnit": ["mm"] * planes,
+        },
+        "Description": "zeromethod: depth positive into the rubber, mm; x along the mirror from the edge P0",
+    }

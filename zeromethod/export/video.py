@@ -1,0 +1,134 @@
+"""A video of camera, residual and depth side by side, at the pace of the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.errors import InputError
+from zeromethod.export.extras import needed
+from zeromethod.export.lattice import Lattice
+from zeromethod.export.moments import Moments
+from zeromethod.export.picture import Picture, Scales, as_the_camera_sees
+from zeromethod.export.whole_file import whole_file
+from zeromethod.recording.recording import Recording
+from zeromethod.surface import Surface
+
+CODECS = ("libx264", "mpeg4")
+"""The first that the library has."""
+
+_FASTEST_HZ = 240.0
+_LOOKED_AT = 9
+"""Frames that the camera's grey scale is taken from."""
+
+
+def export_video(
+    recording: Recording, moments: Moments, path: Path, advance: Callable[[], None]
+) -> dict[str, Any]:
+    """Write an MP4 of constant frame rate, one frame per median interval of the moments.
+
+    Each frame shows the newest moment until then: a pause of the recording is a pause of the video.
+    Returns what was written: times, frames, rate, length, size, codec.
+    """
+    av = needed("av")
+    rate = _rate(moments)
+    shown = _shown(moments, float(rate))
+    picture = _picture(recording, moments)
+    with whole_file(path) as part, av.open(str(part), "w", format="mp4") as file:
+        codec = next(name for name in CODECS if _has(av, name))
+        stream = file.add_stream(codec, rate=rate)
+        stream.height, stream.width = picture.shape
+        stream.pix_fmt = "yuv420p"
+        if codec == "libx264":
+            stream.options = {"crf": "18", "preset": "veryfast"}
+        else:
+            stream.bit_rate = 12_000_000
+        for number, image in enumerate(_pictures(recording, moments, picture, shown, advance)):
+            frame = av.VideoFrame.from_ndarray(image, format="rgb24")
+            frame.pts, frame.time_base = number, 1 / rate
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode(None))
+    return {
+        "times": len(moments.turns),
+        "frames": len(shown),
+        "rate_hz": float(rate),
+        "length_s": len(shown) / float(rate),
+        "columns": picture.shape[1],
+        "rows": picture.shape[0],
+        "codec": codec,
+    }
+
+
+def _has(av: Any, name: str) -> bool:
+    try:
+        av.codec.Codec(name, "w")
+    except ValueError:
+        return False
+    return True
+
+
+def _rate(moments: Moments) -> Fraction:
+    """Frames per second."""
+    hz = min(1.0 / moments.interval_s, _FASTEST_HZ) if moments.interval_s > 0.0 else 1.0
+    return Fraction(hz).limit_denominator(1001)
+
+
+def _shown(moments: Moments, rate_hz: float) -> NDArray[np.int64]:
+    """Which moment every frame of the video shows."""
+    since = moments.time_s - moments.time_s[0]
+    frames = round(float(since[-1]) * rate_hz) + 1
+    until = (np.arange(frames) + 0.5) / rate_hz
+    return np.maximum(np.searchsorted(since, until, side="right") - 1, 0)
+
+
+def _picture(recording: Recording, moments: Moments) -> Picture:
+    """The picture with its scales, which hold for all moments."""
+    within = np.isin(recording.turns["number"], moments.turns)
+    peaks = recording.peaks[np.isin(recording.peaks["turn"], moments.turns)]
+    some = moments.turns[np.linspace(0, len(moments.turns) - 1, _LOOKED_AT).astype(int)]
+    images = [image for image in map(recording.image, some) if image is not None]
+    surface = next((found for found in map(recording.surface, moments.turns) if found is not None), None)
+    if surface is None:
+        raise InputError(f"{recording.path}: no surface was read in this time: a video needs one")
+    inner = recording.grid.inner
+    x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
+    scales = Scales.of(images, recording.turns["residual_rms_px"][within], peaks["depth_mm"])
+    return Picture(recording.grid, Lattice.covering(x_mm, y_mm), scales, as_the_camera_sees(x_mm, y_mm))
+
+
+def _pictures(
+    recording: Recording,
+    moments: Moments,
+    picture: Picture,
+    shown: NDArray[np.int64],
+    advance: Callable[[], None],
+) -> Iterator[NDArray[np.uint8]]:
+    """Picture of every frame of the video: each moment drawn once, the last surface kept until the next."""
+    peaks = {int(row["turn"]): row for row in recording.peaks}
+    surface: Surface | None = None
+    rms_px = dict(
+        zip(recording.turns["number"].tolist(), recording.turns["residual_rms_px"].tolist(), strict=True)
+    )
+    peak_words = ""
+    image = np.zeros((*picture.shape, 3), np.uint8)
+    done = 0
+    for index in shown:
+        while done <= index:
+            turn = int(moments.turns[done])
+            surface = recording.surface(turn) or surface
+            if turn in peaks and np.isfinite(peaks[turn]["depth_mm"]):
+                peak_words = f"   peak {1e3 * float(peaks[turn]['depth_mm']):8.3f} um"
+            if done == index:
+                seen = recording.image(turn)
+                assert seen is not None
+                words = f"{moments.time_s[done]:8.3f} s   {moments.states[done]:<9}"
+                words += f"   residual rms {rms_px[turn]:7.4f} px{peak_words}"
+                image = picture.draw(seen, recording.residual(turn), surface, words)
+            advance()
+            done += 1
+        yield image
