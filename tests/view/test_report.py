@@ -1,0 +1,196 @@
+"""The page of a recording: true to the tables, whole in itself, whatever is missing."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import tomlkit
+from report_page import HOSTILE, Page, add_row
+
+from zeromethod.recording.recording import Recording
+from zeromethod.view.report import key_turns, write_report
+from zeromethod.view.report_summary import summarise_recording
+from zeromethod.view.report_words import peak_words
+
+Edited = Callable[[Callable[[h5py.File], object]], Path]
+
+
+def page_of(path: Path) -> Page:
+    output = path.with_suffix(".html")
+    with Recording(path) as recording:
+        write_report(recording, path, output)
+    return Page(output.read_text(encoding="utf-8"))
+
+
+def copy_of(edited: Edited) -> Path:
+    return edited(lambda file: None)
+
+
+def test_page_is_whole_in_itself(edited: Edited) -> None:
+    page = page_of(copy_of(edited))
+    assert {"h1", "table", "svg", "details"} <= set(page.tags)
+    assert not {"script", "link", "iframe", "object", "embed"} & set(page.tags)
+    assert page.refers
+    assert all(one.strip("'\"").startswith(("data:image/png;base64,", "#")) for one in page.refers)
+    assert "@import" not in page.source
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_every_text_from_the_recording_is_escaped(edited: Edited) -> None:
+    def fill(file: h5py.File) -> None:
+        file.attrs["command_line"] = f"zeromethod run {HOSTILE}"
+        file.attrs["gl_renderer"] = HOSTILE
+        time_ns = file["turns/table"]["time_ns"][5]
+        add_row(file, "notes", turn=6, time_ns=time_ns, text=f"note {HOSTILE}".encode())
+        add_row(
+            file, "drops", turn=6, time_ns=time_ns, count=2, what=b"camera", why=f"why {HOSTILE}".encode()
+        )
+
+    page = page_of(edited(fill))
+    assert "script" not in page.tags
+    for said in (f"{HOSTILE}: edited.h5", f"zeromethod run {HOSTILE}", f"note {HOSTILE}", f"why {HOSTILE}"):
+        assert said in page.text
+
+
+def test_figures_are_those_of_the_tables_and_of_the_planted_press(recording_path: Path) -> None:
+    with Recording(recording_path) as recording:
+        figures = summarise_recording(recording)
+        turns, peaks = recording.turns, recording.peaks
+        names = [str(recording.state_of(row)) for row in turns]
+    assert figures["complete"]
+    assert figures["frames"] == np.count_nonzero(turns["frame_number"] >= 0)
+    # a steady 60 per second, but for the jitter of a simulated clock
+    assert figures["rate_hz"] == pytest.approx(60.0, rel=0.01)
+    nulled = np.isin(names, ["locked", "resting"])
+    held_s = 1e-9 * np.diff(turns["time_ns"])
+    assert figures["locked_share"] == pytest.approx(held_s[nulled[:-1]].sum() / held_s.sum())
+    assert sum(figures["shares"].values()) == pytest.approx(1.0)
+    assert figures["residual_px_rms"]["median"] == np.median(turns["residual_rms_px"][nulled])
+    # the press is 0.2 mm deep; nodes four times as far apart as in full resolution cost up to 1 %
+    deepest = figures["deepest"]
+    assert deepest["depth_mm"] == pytest.approx(0.2, rel=0.01)
+    assert deepest["state"] == "locked"
+    assert deepest["depth_mm"] == peaks["depth_mm"][np.isin(peaks["turn"], turns["number"][nulled])].max()
+
+
+def test_depth_is_shown_when_first_locked_at_its_deepest_and_at_the_end(recording_path: Path) -> None:
+    with Recording(recording_path) as recording:
+        shown = key_turns(recording)
+        locked = [int(row["number"]) for row in recording.turns if str(recording.state_of(row)) == "locked"]
+        names = {name: turn for turn, names in shown.items() for name in names}
+        assert names["first locked"] == locked[0]
+        assert names["deepest"] == summarise_recording(recording)["deepest"]["turn"]
+        assert names["last"] == recording.turns_kept("surface")[-1]
+
+
+def test_peak_is_told_to_two_digits_of_its_sigma() -> None:
+    peak = {
+        "depth_mm": 0.2012345,
+        "sigma_mm": 0.000051,
+        "x_mm": 30.0,
+        "y_mm": -1e-9,
+        "time_s": 1.0,
+        "state": "locked",
+    }
+    assert peak_words(peak) == "201.234 ± 0.051 µm at x = 30.00, y = 0.00 mm, 1.00 s, locked"
+    assert peak_words(peak | {"depth_mm": 1.5, "sigma_mm": 0.02}).startswith("1.500 ± 0.020 mm")
+    assert peak_words(peak | {"sigma_mm": float("nan")}).startswith("201.234 ± nan µm")
+
+
+def test_parts_that_were_not_kept_are_told(edited: Edited) -> None:
+    def strip(file: h5py.File) -> None:
+        for name in ("surface", "frames", "residual"):
+            del file[name]
+        file.attrs["keep"] = ["warps"]
+
+    page = page_of(edited(strip))
+    assert "No depth maps: the surface was not kept" in page.text
+    assert "not kept frames, residual, surface" in page.text
+    assert page.tags.count("svg") == 1
+
+
+def test_recording_that_was_not_closed_says_so(edited: Edited) -> None:
+    path = edited(lambda file: file["complete"].write_direct(np.array(False)))
+    os.utime(path)
+    assert "still being written" in page_of(path).text
+    os.utime(path, (time.time() - 60,) * 2)
+    assert "was cut off" in page_of(path).text
+
+
+def test_recording_without_a_single_turn_still_makes_a_page(edited: Edited) -> None:
+    def empty(file: h5py.File) -> None:
+        for name in ("turns", "peaks", "notes", "drops", "presentations"):
+            file[f"{name}/table"].resize(0, axis=0)
+
+    page = page_of(edited(empty))
+    assert "No turn of the loop is in this recording." in page.text
+    assert "No depth maps: no surface was read." in page.text
+
+
+def test_peaks_and_surfaces_of_turns_that_were_not_flushed_do_no_harm(edited: Edited) -> None:
+    path = edited(lambda file: file["turns/table"].resize(20, axis=0))
+    page = page_of(path)
+    with Recording(path) as recording:
+        assert max(key_turns(recording)) <= recording.turns["number"][-1]
+        assert summarise_recording(recording)["last"]["turn"] <= recording.turns["number"][-1]
+    assert "20 turns of the loop" in page.text
+
+
+def document(made: datetime) -> str:
+    """calibration.toml with all that its tables are made of."""
+    rest = {"valid_share": 0.98, "sigma_column_median_px": 0.02, "sigma_row_median_px": 0.02}
+    parameter = {"value": 0.4567, "sigma": 0.042, "given": 0.0, "given_sigma": 0.6, "unit": "deg"}
+    return tomlkit.dumps(
+        {
+            "schema_version": 1,
+            "time": made,
+            "made_by": "zeromethod 0.1.0",
+            "verdict": {"level": "uncertain", "reason": HOSTILE, "findings": [HOSTILE, "the lamp ages"]},
+            "depth_error": {
+                "percent": 1.54,
+                "region": [{"name": "near P0", "x_mm": 9.0, "y_mm": 0.0, "percent": 2.14}],
+            },
+            "parameters": {"display.turn_deg": parameter | {"words": "the LCD's turn in its plane"}},
+            "fit": {"chi2_per_freedom": 0.96},
+            "rest_map": rest | {"reasons_px": {"dark": 0}},
+            "fingerprint": {"camera": {"serial": "0042"}},
+        }
+    )
+
+
+def test_calibration_is_told_with_sigma_verdict_and_age(edited: Edited) -> None:
+    def calibrate(file: h5py.File) -> None:
+        started = datetime.fromisoformat(file.attrs["started_utc"]).astimezone(UTC)
+        file.attrs["calibration"] = document((started - timedelta(days=40)).replace(microsecond=0))
+
+    page = page_of(edited(calibrate))
+    assert "script" not in page.tags
+    assert f"uncertain: {HOSTILE}. 40.0 days old at the run, more than 30." in page.text
+    assert "1.54 % (1 sigma, by geometry), 2.14 % at worst (near P0)" in page.text
+    assert "the LCD's turn in its plane 0.000 0.457 0.042 deg" in page.text
+    assert "also the lamp ages" in page.text
+
+
+@pytest.mark.parametrize("text", ["verdict = ", "schema_version = 9\n[parameters]\n"])
+def test_calibration_that_cannot_be_read_leaves_the_rest_of_the_page(edited: Edited, text: str) -> None:
+    page = page_of(edited(lambda file: file.attrs.__setitem__("calibration", text)))
+    assert "The calibration in this recording cannot be read." in page.text
+    assert "deepest peak" in page.text
+
+
+def test_an_interrupted_page_leaves_the_old_one(
+    recording_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    output = tmp_path / "page.html"
+    output.write_text("before")
+    monkeypatch.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    with Recording(recording_path) as recording, pytest.raises(KeyboardInterrupt):
+        write_report(recording, recording_path, output)
+    assert output.read_text() == "before"

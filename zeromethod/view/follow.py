@@ -1,0 +1,212 @@
+"""A recording followed while it grows: state, rate, residual and peak depth in another terminal."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from zeromethod.control import State
+from zeromethod.errors import InputError
+from zeromethod.recording.recording import Recording
+from zeromethod.view.report_history import STATE_COLOURS, TOLD, words
+
+PERIOD_S = 0.2
+"""How often is looked whether there is more."""
+
+STALLED_S = 3.0
+"""Silence of the writer that is told."""
+
+_BEGINNING_S = 10.0
+"""How long a file that has just been made may be no recording yet."""
+
+_REST = 9.0
+"""Times as long as a look takes nothing is done after it."""
+
+_RECENT_NS = 2_000_000_000
+"""Time over which the rate is told."""
+
+
+@dataclass(frozen=True)
+class Glance:
+    """How a recording stands. time_s from its start; rate_hz: frames per second lately; NaN unknown."""
+
+    time_s: float
+    state: str
+    reason: str
+    rate_hz: float
+    residual_rms_px: float
+    peak_mm: float
+    peak_sigma_mm: float
+    dropped: int
+
+    def words(self) -> str:
+        """In one line, but for the state."""
+        if self.state in TOLD:
+            return self.reason
+        parts = [
+            f"{self.rate_hz:.1f} frames/s",
+            f"residual {self.residual_rms_px:.3f} px",
+            f"peak {1e3 * self.peak_mm:.2f} um (sigma {1e3 * self.peak_sigma_mm:.2f})",
+        ]
+        known = (self.rate_hz, self.residual_rms_px, self.peak_mm)
+        told = [part for part, value in zip(parts, known, strict=True) if np.isfinite(value)]
+        return "  ".join([*told, *([f"dropped {self.dropped}"] if self.dropped else [])])
+
+
+class Tail:
+    """The end of a recording that is still being written; notes: (time in s, text) not yet handed out."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._turns = 0
+        self._notes = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether the writer has closed it in order."""
+        return bool(self._recording.complete)
+
+    def grown(self) -> bool:
+        """Look again; whether there are new turns."""
+        self._recording.refresh()
+        before, self._turns = self._turns, len(self._recording.turns)
+        return self._turns > before
+
+    def glance(self) -> Glance:
+        """How it stands."""
+        recording, nan = self._recording, float("nan")
+        turns, peaks = recording.turns, recording.peaks
+        if not len(turns):
+            return Glance(0.0, str(State.STARTING), "", nan, nan, nan, nan, 0)
+        last = turns[-1]
+        known = turns["residual_rms_px"][np.isfinite(turns["residual_rms_px"])]
+        times = turns["time_ns"][turns["frame_number"] >= 0]
+        recent = times[times > last["time_ns"] - _RECENT_NS]
+        span_ns = int(recent[-1] - recent[0]) if len(recent) > 1 else 0
+        return Glance(
+            time_s=1e-9 * int(last["time_ns"] - turns["time_ns"][0]),
+            state=str(recording.state_of(last)),
+            reason=words(last["reason"]),
+            rate_hz=1e9 * (len(recent) - 1) / span_ns if span_ns else nan,
+            residual_rms_px=float(known[-1]) if len(known) else nan,
+            peak_mm=float(peaks["depth_mm"][-1]) if len(peaks) else nan,
+            peak_sigma_mm=float(peaks["sigma_mm"][-1]) if len(peaks) else nan,
+            dropped=int(np.sum(recording.drops["count"])),
+        )
+
+    def notes(self) -> list[str]:
+        """Notes since the last call."""
+        notes = self._recording.notes
+        new, self._notes = notes[self._notes :], len(notes)
+        return [words(note["text"]) for note in new]
+
+
+class FollowDisplay:
+    """One line that changes, in a terminal; a line per second where none reads along."""
+
+    def __init__(self, console: Console, now: Callable[[], float] = time.monotonic) -> None:
+        self._console = console
+        self._now = now
+        self._live = Live(console=console, refresh_per_second=1 / PERIOD_S) if console.is_terminal else None
+        self._told_at = float("-inf")
+        self._stalled = False
+
+    def __enter__(self) -> FollowDisplay:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def say(self, text: str, style: str = "") -> None:
+        """A line that stays."""
+        self._console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
+
+    def show(self, glance: Glance, silent_s: float = 0.0, *, last: bool = False) -> None:
+        """How it stands now; silent_s: since when nothing has come."""
+        line = Text(no_wrap=True, overflow="ellipsis")
+        line.append(f"{glance.time_s:8.1f} s  ").append(
+            glance.state, style=STATE_COLOURS.get(glance.state, "")
+        )
+        line.append(f"  {glance.words()}")
+        stalled, before = silent_s >= STALLED_S, self._stalled
+        self._stalled = stalled
+        if self._live is not None:
+            self._live.update(line.append(f"  no new data for {silent_s:.0f} s", "red") if stalled else line)
+        elif stalled:
+            if not before:
+                self.say(f"no new data for {STALLED_S:.0f} s")
+        elif last or self._now() - self._told_at >= 1.0:
+            self._told_at = self._now()
+            self.say(line.plain)
+
+
+def follow(
+    path: Path,
+    console: Console,
+    *,
+    sleep: Callable[[float], None] = time.sleep,
+    now: Callable[[], float] = time.monotonic,
+) -> None:
+    """Tell how a recording goes on until its writer closes it. A file that is not there yet is waited for.
+
+    Raises InputError for a file that is not a recording.
+    """
+    with FollowDisplay(console, now) as display:
+        _await(path, display, sleep)
+        with _open(path, sleep) as recording:
+            _tell(Tail(recording), display, sleep, now)
+        display.say("recording ended")
+
+
+def _tell(
+    tail: Tail, display: FollowDisplay, sleep: Callable[[float], None], now: Callable[[], float]
+) -> None:
+    heard_at = now()
+    ended = False
+    while not ended:
+        began_at = now()
+        if tail.grown():
+            heard_at = now()
+        ended = tail.complete
+        if ended:
+            tail.grown()  # what came before the end, after the look
+        for note in tail.notes():
+            display.say(f"note: {note}", "yellow")
+        display.show(tail.glance(), 0.0 if ended else now() - heard_at, last=ended)
+        if not ended:
+            # tables grow: whoever records on this machine has the better part of it
+            sleep(max(PERIOD_S, _REST * (now() - began_at)))
+
+
+def _await(path: Path, display: FollowDisplay, sleep: Callable[[float], None]) -> None:
+    """Wait until the file is there."""
+    if not path.exists():
+        display.say(f"waiting for {path}")
+    while not path.exists():
+        sleep(PERIOD_S)
+
+
+def _open(path: Path, sleep: Callable[[float], None]) -> Recording:
+    """Open a recording; one that is being begun at this moment is given time to become one."""
+    patience_s = _BEGINNING_S
+    while True:
+        try:
+            return Recording(path)
+        except (InputError, OSError, KeyError, RuntimeError):  # half a file fails in many ways
+            patience_s -= PERIOD_S
+            if patience_s < 0 or time.time() - path.stat().st_mtime > _BEGINNING_S:
+                raise
+            sleep(PERIOD_S)

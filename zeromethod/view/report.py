@@ -1,0 +1,124 @@
+"""One recording as one HTML file that needs nothing else: figures, pictures, settings, how to do it again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import jinja2
+import numpy as np
+
+from zeromethod.control import State
+from zeromethod.recording.recording import Recording
+from zeromethod.surface import Peak
+from zeromethod.view.report_figures import depth_map, timeline
+from zeromethod.view.report_history import at_turns, happenings, states
+from zeromethod.view.report_summary import Figures, deepest_peak, peak_figures, summarise_recording
+from zeromethod.view.report_words import (
+    calibration_parts,
+    commands,
+    happening_row,
+    note_rows,
+    peak_words,
+    rig_rows,
+    settings_rows,
+    state_shares,
+    subtitle,
+    summary_rows,
+    version_rows,
+    warnings,
+)
+
+MOST_HAPPENINGS = 300
+"""Drops and faults that are listed; of more, it is told how many there are."""
+
+STEPS = ("figures", "curves", "depth maps", "page")
+
+_TEMPLATE = Path(__file__).with_name("report.html")
+
+
+def write_report(
+    recording: Recording, path: Path, output: Path, advance: Callable[[str], None] = lambda _: None
+) -> Figures:
+    """Write the page of the recording at `path`, in one move; returns the figures of its summary.
+
+    advance: called after each of the `STEPS` with the name of the next one.
+    """
+    figures = summarise_recording(recording)
+    advance("curves")
+    curves = timeline(recording) if figures["turns"] else ""
+    advance("depth maps")
+    maps = list(_maps(recording))
+    advance("page")
+    part = output.with_name(output.name + ".part")
+    part.write_text(_render(recording, path, figures, curves, maps), encoding="utf-8")
+    part.replace(output)
+    advance("")
+    return figures
+
+
+def _render(
+    recording: Recording, path: Path, figures: Figures, curves: str, maps: list[dict[str, str]]
+) -> str:
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    told = happenings(recording)
+    return environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
+        title=f"{recording.rig.name}: {path.name}",
+        subtitle=subtitle(recording, figures),
+        warnings=list(warnings(path, figures)),
+        shares=state_shares(figures),
+        summary=list(summary_rows(figures, recording.rig)),
+        timeline=curves,
+        maps=maps,
+        without_maps=list(_without_maps(recording, maps)),
+        happenings=[happening_row(one) for one in told[:MOST_HAPPENINGS]],
+        more_happenings=max(len(told) - MOST_HAPPENINGS, 0),
+        notes=note_rows(recording),
+        rig=list(rig_rows(recording.rig)),
+        **calibration_parts(recording),
+        reproduce=list(commands(recording, path)),
+        settings=list(settings_rows(recording)),
+        rig_text=recording.rig_text,
+        versions=list(version_rows(recording)),
+    )
+
+
+def _maps(recording: Recording) -> Iterator[dict[str, str]]:
+    """Depth when first locked, at its deepest and at the end, where surfaces were kept."""
+    for turn, names in key_turns(recording).items():
+        surface = recording.surface(turn)
+        assert surface is not None
+        rows = np.flatnonzero((recording.peaks["turn"] == turn) & np.isfinite(recording.peaks["depth_mm"]))
+        figures = peak_figures(recording, int(rows[0]) if len(rows) else None)
+        point = [figures[name] if figures else np.nan for name in ("depth_mm", "x_mm", "y_mm", "sigma_mm")]
+        words = f"turn {turn}" if figures is None else f"turn {turn}: {peak_words(figures)}"
+        yield {"name": ", ".join(names), "svg": depth_map(surface, Peak(*point)), "words": words}
+
+
+def key_turns(recording: Recording) -> dict[int, list[str]]:
+    """Turns whose depth is shown, and what each is: only those whose surface was kept."""
+    kept = recording.turns_kept("surface")
+    index, there = at_turns(recording, kept)
+    kept, names = kept[there], states(recording)[index[there]]
+    if not len(kept):
+        return {}
+    found: dict[int, list[str]] = {}
+    for state in (State.LOCKED, State.RESTING):
+        if (names == state).any():
+            found.setdefault(int(kept[np.argmax(names == state)]), []).append(f"first {state}")
+            break
+    row = deepest_peak(recording, np.isin(recording.peaks["turn"], kept))
+    if row is not None:
+        found.setdefault(int(recording.peaks["turn"][row]), []).append("deepest")
+    found.setdefault(int(kept[-1]), []).append("last")
+    return found
+
+
+def _without_maps(recording: Recording, maps: list[dict[str, str]]) -> Iterator[str]:
+    """Why depth maps are missing."""
+    if "surface" not in recording.kept:
+        yield "No depth maps: the surface was not kept (--keep without surface)."
+    elif not maps:
+        yield "No depth maps: no surface was read."
+    elif not any(one["name"].startswith("first") for one in maps):
+        yield "No surface was kept while the loop was locked."

@@ -1,0 +1,209 @@
+"""Pictures of a recording as SVG for a page: lines and letters take the page's own colour.
+
+Letters stay letters, in the page's font; maps of many cells are pixels inside the SVG.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from zeromethod.recording.recording import Recording
+from zeromethod.surface import Peak, Surface
+from zeromethod.view.report_history import STATE_COLOURS, Episode, at_turns, episodes, seconds, start_ns
+from zeromethod.warp.grid import PADDING
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 2000
+"""Points of a curve; of longer ones the least and the largest of each stretch are drawn."""
+
+_INK = "#010203"
+"""Stands for the page's colour of text while matplotlib draws."""
+_MANY = 300
+_RATE_FRAMES = 8
+_MAP_INCH = 4.2
+_GAP_S = 0.25
+"""Longest time between two readings that a line goes across."""
+_STYLE: Any = {
+    "svg.fonttype": "none",
+    "font.size": 9,
+    "font.family": "sans-serif",
+    "axes.titlesize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "savefig.facecolor": "none",
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "legend.frameon": False,
+    **dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), _INK),
+}
+
+
+@contextmanager
+def _page_style(name: str) -> Iterator[None]:
+    """name: makes the ids inside the SVG the figure's own."""
+    with mpl.rc_context(_STYLE | {"svg.hashsalt": name}):
+        yield
+
+
+def _svg(figure: Figure, words: str) -> str:
+    """The figure as an element of a page; words: what it shows, for those who cannot see it."""
+    buffer = io.StringIO()
+    figure.savefig(
+        buffer, format="svg", dpi=150, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    )
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :].replace(_INK, "currentColor")
+    text = re.sub(r'(<g\b[^>]*) id="[^"]*"', r"\1", text)  # of no use, and the same in every figure
+    return text.replace("<svg", f'<svg role="img" aria-label="{words}"', 1)
+
+
+def depth_map(surface: Surface, deepest: Peak) -> str:
+    """Map of depth over the mirror in mm, with its peak marked; white is the depth at rest."""
+    with _page_style(f"depth {surface.time_ns}"):
+        inner = (slice(PADDING, -PADDING),) * 2
+        x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
+        shape = np.ptp(y_mm[np.isfinite(y_mm)]) / np.ptp(x_mm[np.isfinite(x_mm)])
+        figure = Figure(figsize=(_MAP_INCH, 1.3 + 0.85 * _MAP_INCH * shape), layout="constrained")
+        axis = figure.subplots()
+        depth = np.where(surface.valid, surface.depth_mm, np.nan)[inner]
+        high = float(np.nanmax(np.abs(depth), initial=0.0))
+        factor, unit = (1.0, "mm") if high >= 1.0 else (1e3, "µm") if high >= 1e-3 else (1e6, "nm")
+        _cells(axis, surface, np.where(surface.contact, 1.0, np.nan)[inner], cmap="Greys", vmin=0.0, vmax=2.0)
+        mesh = _cells(
+            axis,
+            surface,
+            factor * depth,
+            cmap="RdBu_r",
+            vmin=-(factor * high or 1.0),
+            vmax=factor * high or 1.0,
+        )
+        if np.isfinite(deepest.x_mm):
+            for colour, width in (("white", 2.4), ("black", 0.8)):
+                axis.plot(deepest.x_mm, deepest.y_mm, "+", color=colour, markersize=10, markeredgewidth=width)
+        axis.set_aspect("equal")
+        axis.set_xlabel("x, mm")
+        axis.set_ylabel("y, mm")
+        bar = figure.colorbar(mesh, ax=axis, label=f"depth, {unit}", location="bottom", aspect=30)
+        assert bar.solids is not None
+        bar.solids.set_rasterized(True)
+        bar.outline.set_visible(False)
+        return _svg(figure, "depth over the mirror")
+
+
+def _cells(axis: Axes, surface: Surface, values: Array, **colours: Any) -> Any:
+    """One cell per node at its place on the mirror."""
+    inner = (slice(PADDING, -PADDING),) * 2
+    x_mm, y_mm = _filled(surface.x_mm[inner], axis=0), _filled(surface.y_mm[inner], axis=1)
+    return axis.pcolormesh(x_mm, y_mm, values, shading="nearest", rasterized=True, **colours)
+
+
+def _filled(values: Array, axis: int) -> Array:
+    """Coordinates with something harmless where a ray misses the mirror: the mean along `axis`."""
+    known = np.isfinite(values)
+    total = np.sum(np.where(known, values, 0.0), axis=axis, keepdims=True)
+    mean = total / np.maximum(known.sum(axis=axis, keepdims=True), 1)
+    return np.where(known, values, np.broadcast_to(mean, values.shape))
+
+
+def timeline(recording: Recording) -> str:
+    """Residual, peak depth and rate over time, with the states behind them and the drops marked."""
+    turns, peaks, drops = recording.turns, recording.peaks, recording.drops
+    start = start_ns(recording)
+    time_s = seconds(turns["time_ns"], start)
+    with _page_style("timeline"):
+        figure = Figure(figsize=(9.6, 6.2), layout="constrained")
+        residual, depth, rate = figure.subplots(3, 1, sharex=True)
+        told = episodes(recording)
+        for axis in (residual, depth, rate):
+            _shade(axis, told)
+        _curve(residual, time_s, np.where(turns["residual_rms_px"] > 0, turns["residual_rms_px"], np.nan))
+        residual.set_yscale("log")
+        residual.set_ylabel("residual rms, camera px")
+        index, there = at_turns(recording, peaks["turn"])
+        _depth(depth, time_s[index[there]], peaks["depth_mm"][there], peaks["sigma_mm"][there])
+        _rate(rate, time_s[turns["frame_number"] >= 0])
+        for at in np.unique(np.round(seconds(drops["time_ns"], start), 2)):
+            rate.axvline(at, ymax=0.08, color=STATE_COLOURS["fault"], linewidth=1)
+        rate.set_xlabel("time, s" + ("  (red ticks: frames dropped)" if len(drops) else ""))
+        if len(time_s) > 1:
+            rate.set_xlim(time_s[0], time_s[-1])
+        seen = dict.fromkeys(one.state for one in told if one.end_s > one.start_s)
+        handles = [Patch(color=STATE_COLOURS.get(state, "#808080"), alpha=0.4, label=state) for state in seen]
+        figure.legend(handles=handles, loc="outside upper left", ncols=max(len(handles), 1))
+        return _svg(figure, "residual, peak depth and rate over time")
+
+
+def _shade(axis: Axes, told: list[Episode]) -> None:
+    """Each state's times in its colour."""
+    for state in dict.fromkeys(one.state for one in told):
+        spans = [(one.start_s, one.end_s - one.start_s) for one in told if one.state == state]
+        axis.broken_barh(
+            spans,
+            (0, 1),
+            transform=axis.get_xaxis_transform(),
+            color=STATE_COLOURS.get(state, "#808080"),
+            alpha=0.25,
+            linewidth=0,
+            rasterized=len(spans) > _MANY,
+        )
+
+
+def _curve(axis: Axes, time_s: Array, values: Array) -> None:
+    axis.plot(*thinned(time_s, values), color=_INK, linewidth=0.8)
+    if not np.isfinite(values).any():
+        _say(axis, "nothing was measured")
+
+
+def _depth(axis: Axes, time_s: Array, depth_mm: Array, sigma_mm: Array) -> None:
+    gaps = 1 + np.flatnonzero(np.diff(time_s) > _GAP_S)
+    time_s, depth_mm, sigma_mm = (np.insert(one, gaps, np.nan) for one in (time_s, depth_mm, sigma_mm))
+    x, middle = thinned(time_s, depth_mm)
+    low, high = (thinned(time_s, depth_mm + sign * sigma_mm)[1] for sign in (-1, 1))
+    axis.fill_between(x, low, high, color=_INK, alpha=0.3, linewidth=0)
+    axis.plot(x, middle, color=_INK, linewidth=0.8)
+    axis.set_ylabel("peak depth, mm")
+    if not np.isfinite(depth_mm).any():
+        _say(axis, "depth was never read")
+
+
+def _rate(axis: Axes, time_s: Array) -> None:
+    """Frames per second, over the last `_RATE_FRAMES` frames each."""
+    axis.set_ylabel("frames per second")
+    span = time_s[_RATE_FRAMES:] - time_s[:-_RATE_FRAMES]
+    if not len(span):
+        _say(axis, "too few frames")
+        return
+    rate_hz = _RATE_FRAMES / np.where(span > 0, span, np.nan)
+    axis.plot(*thinned(time_s[_RATE_FRAMES:], rate_hz), color=_INK, linewidth=0.8)
+    axis.set_ylim(0, 1.15 * float(np.nanmax(rate_hz, initial=1.0)))
+
+
+def _say(axis: Axes, words: str) -> None:
+    axis.text(0.5, 0.5, words, ha="center", va="center", transform=axis.transAxes)
+
+
+def thinned(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
+    """The curve itself, or the least and the largest value of each of `most / 2` stretches, by x.
+
+    No spike is lost, however long the curve; a stretch without a number stays a gap.
+    """
+    if len(x) <= most:
+        return x, y
+    edges = np.linspace(0, len(x), most // 2 + 1).astype(int)[:-1]
+    known = np.isfinite(y)
+    low = np.minimum.reduceat(np.where(known, y, np.inf), edges)
+    high = np.maximum.reduceat(np.where(known, y, -np.inf), edges)
+    pairs = np.stack([low, high], axis=-1).ravel()
+    return np.repeat(x[edges], 2), np.where(np.isfinite(pairs), pairs, np.nan)

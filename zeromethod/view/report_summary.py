@@ -1,0 +1,107 @@
+"""The figures of a recording: what `--summary` writes and the page's first table says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.control import NULLED, State
+from zeromethod.recording.recording import Recording
+from zeromethod.view.report_history import at_turns, episodes, seconds, shares, start_ns, states, words
+
+Figures = dict[str, Any]
+
+
+def summarise_recording(recording: Recording) -> Figures:
+    """All figures; keys ending in a unit carry it, times are s from the first turn, None: unknown.
+
+    What is called nulled is that of the turns locked or resting; of all turns, where no turn was.
+    """
+    turns, peaks, drops = recording.turns, recording.peaks, recording.drops
+    told = episodes(recording)
+    told_of = shares(told)
+    ends = [one for one in told if one.state != State.STOPPED] or told
+    frames = turns["time_ns"][turns["frame_number"] >= 0]
+    span_s = 1e-9 * float(frames[-1] - frames[0]) if len(frames) > 1 else 0.0
+    nulled = nulled_turns(recording)
+    return {
+        "complete": bool(recording.complete),
+        "live": bool(recording.live),
+        "seconds": float(recording.seconds),
+        "turns": len(turns),
+        "frames": len(frames),
+        "rate_hz": (len(frames) - 1) / span_s if span_s > 0 else None,
+        "state": ends[-1].state if ends else None,
+        "reason": ends[-1].reason if ends else "",
+        "shares": told_of,
+        "locked_share": sum(told_of.get(str(state), 0.0) for state in NULLED),
+        "residual_px_rms": _spread(turns["residual_rms_px"], nulled),
+        "valid_share": _spread(turns["valid_share"], nulled)["median"],
+        "deepest": peak_figures(recording, deepest_peak(recording)),
+        "last": peak_figures(recording, last_peak(recording)),
+        "loop_ms": _spread(turns["loop_ms"]),
+        "draw_ms": _spread(turns["draw_ms"]),
+        "delay_ms": _spread(turns["delay_ms"]),
+        "read_ms": _spread(peaks["read_ms"]),
+        "dropped": {
+            words(what): int(drops["count"][drops["what"] == what].sum()) for what in set(drops["what"])
+        },
+        "notes": [words(text) for text in recording.notes["text"]],
+    }
+
+
+def nulled_turns(recording: Recording) -> NDArray[np.bool_]:
+    """(turns,) which were locked or resting."""
+    return np.isin(states(recording), [str(state) for state in NULLED])
+
+
+def deepest_peak(recording: Recording, among: NDArray[np.bool_] | None = None) -> int | None:
+    """Row of the peak with the largest |depth|; None where none was read.
+
+    among: (peaks,) rows to choose from. Those of nulled turns come before all others.
+    """
+    known = _known(recording) & (True if among is None else among)
+    index, _ = at_turns(recording, recording.peaks["turn"])
+    depth = np.abs(recording.peaks["depth_mm"])
+    if not known.any():
+        return None
+    nulled = known & nulled_turns(recording)[index]
+    return int(np.argmax(np.where(nulled if nulled.any() else known, depth, -1.0)))
+
+
+def last_peak(recording: Recording) -> int | None:
+    """Row of the last peak that was read; None without."""
+    rows = np.flatnonzero(_known(recording))
+    return int(rows[-1]) if len(rows) else None
+
+
+def _known(recording: Recording) -> NDArray[np.bool_]:
+    """(peaks,) which have a depth, and a turn in the recording."""
+    _, there = at_turns(recording, recording.peaks["turn"])
+    return np.asarray(there & np.isfinite(recording.peaks["depth_mm"]))
+
+
+def peak_figures(recording: Recording, row: int | None) -> Figures | None:
+    """One row of the peaks, whose turn is in the recording, with its time and state; None for None."""
+    if row is None:
+        return None
+    peak = recording.peaks[row]
+    turn = recording.row(int(peak["turn"]))
+    return {
+        "turn": int(peak["turn"]),
+        "time_s": float(seconds(turn["time_ns"], start_ns(recording))),
+        "state": str(recording.state_of(turn)),
+        **{name: float(peak[name]) for name in ("depth_mm", "sigma_mm", "x_mm", "y_mm")},
+    }
+
+
+def _spread(values: NDArray[np.float64], among: NDArray[np.bool_] | None = None) -> dict[str, float | None]:
+    """Median and 99th percentile of what is finite, among those wanted where there are any."""
+    finite = np.isfinite(values)
+    if among is not None and (finite & among).any():
+        finite &= among
+    if not finite.any():
+        return {"median": None, "p99": None}
+    return {"median": float(np.median(values[finite])), "p99": float(np.percentile(values[finite], 99))}

@@ -1,0 +1,222 @@
+"""What a recording's page says in words: rows of its tables, and what to know before they are believed."""
+
+from __future__ import annotations
+
+import shlex
+import time
+import tomllib
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from zeromethod.calibration.folder import OLD_DAYS, Stored
+from zeromethod.control import State
+from zeromethod.recording.recording import Recording
+from zeromethod.recording.schema import KEEP
+from zeromethod.rig.model import Rig
+from zeromethod.view import calibration_table
+from zeromethod.view.report_history import STATE_COLOURS, Happening, seconds, start_ns, words
+from zeromethod.view.report_summary import Figures
+
+_GROWING_S = 3.0
+"""A file that was written to so shortly ago is still being written."""
+
+Rows = list[tuple[str, ...]]
+
+
+def subtitle(recording: Recording, figures: Figures) -> str:
+    """When, how long, on what, and when the page was made."""
+    bench = "real devices" if recording.live else f"simulated, seed {recording.seed}"
+    return (
+        f"started {_started(recording):%Y-%m-%d %H:%M:%S} UTC, {figures['seconds']:.1f} s, {bench}; "
+        f"page made {datetime.now(UTC):%Y-%m-%d %H:%M} UTC"
+    )
+
+
+def _started(recording: Recording) -> datetime:
+    return datetime.fromisoformat(recording.started_utc).astimezone(UTC)
+
+
+def warnings(path: Path, figures: Figures) -> Iterator[str]:
+    """What to know before anything else is believed."""
+    if not figures["turns"]:
+        yield "No turn of the loop is in this recording."
+    if not figures["complete"] and time.time() - path.stat().st_mtime < _GROWING_S:
+        yield "The recording was still being written when this page was made: it tells of its beginning."
+    elif not figures["complete"]:
+        yield "The recording was cut off: its writer did not close it. What was written until then is here."
+    if figures["state"] in {State.FAULT, State.LOST}:
+        yield f"The run ended in {figures['state']}: {figures['reason']}"
+    if lost := figures["dropped"].get("recorder"):
+        yield f"{lost} frames were seen by the loop but their arrays are not in the recording."
+
+
+def state_shares(figures: Figures) -> list[dict[str, str]]:
+    """The states with their share of the time and their colour."""
+    return [
+        {
+            "name": name,
+            "percent": f"{100 * share:.3f}",
+            "words": f"{share:.1%}",
+            "colour": STATE_COLOURS.get(name, "#808080"),
+        }
+        for name, share in figures["shares"].items()
+    ]
+
+
+def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
+    """The figures of the summary that were measured."""
+    if figures["state"]:
+        yield "state at the end", f"{figures['state']}: {figures['reason']}"
+        yield "locked or resting", f"{figures['locked_share']:.1%} of the time"
+    for label, key in (("deepest peak", "deepest"), ("last peak", "last")):
+        if (peak := figures[key]) is not None:
+            yield label, peak_words(peak)
+    residual = figures["residual_px_rms"]
+    if residual["median"] is not None:
+        yield "residual while nulled", f"{residual['median']:.4f} camera px rms (99 %: {residual['p99']:.4f})"
+        yield "nodes valid while nulled", f"{figures['valid_share']:.1%} of those seen at rest"
+    rate = "" if figures["rate_hz"] is None else f", {figures['rate_hz']:.2f} per second"
+    yield "frames", f"{figures['frames']}{rate} (rig file: {rig.camera.rate_hz:g})"
+    dropped = [f"{what} {count}" for what, count in figures["dropped"].items()]
+    yield "frames dropped", ", ".join(dropped) or "none"
+    for label, key in (
+        ("loop, frame in to warp out", "loop_ms"),
+        ("drawing the pattern", "draw_ms"),
+        ("mid-exposure to new picture", "delay_ms"),
+        ("reading the surface", "read_ms"),
+    ):
+        if figures[key]["median"] is not None:
+            yield label, f"{figures[key]['median']:.2f} ms (99 %: {figures[key]['p99']:.2f})"
+    yield "duration", f"{figures['seconds']:.2f} s, {figures['turns']} turns of the loop"
+
+
+def peak_words(peak: Figures) -> str:
+    """Depth with sigma, place, time and state of a peak."""
+    depth, sigma, unit = peak["depth_mm"], peak["sigma_mm"], "mm"
+    if abs(depth) < 1.0:
+        depth, sigma, unit = 1e3 * depth, 1e3 * sigma, "µm"
+    digits = 3
+    if np.isfinite(sigma) and sigma > 0:
+        digits = int(np.clip(1 - np.floor(np.log10(sigma)), 0, 6))
+    place = f"x = {peak['x_mm']:z.2f}, y = {peak['y_mm']:z.2f} mm"
+    length = f"{depth:z.{digits}f} ± {sigma:.{digits}f} {unit}"
+    return f"{length} at {place}, {peak['time_s']:.2f} s, {peak['state']}"
+
+
+def happening_row(one: Happening) -> tuple[str, str, str, str, str]:
+    """Time, how long, what, how often, why."""
+    lasted = one.end_s - one.start_s
+    return f"{one.start_s:.3f}", f"{lasted:.3f}" if lasted else "", one.what, f"{one.count}", one.why
+
+
+def note_rows(recording: Recording) -> Rows:
+    """Time and text of what the operator was told."""
+    notes = recording.notes
+    time_s = seconds(notes["time_ns"], start_ns(recording))
+    return [(f"{at:.3f}", words(text)) for at, text in zip(time_s, notes["text"], strict=True)]
+
+
+def rig_rows(rig: Rig) -> Iterator[tuple[str, str]]:
+    """The bench in a few lines."""
+    prism, display, camera = rig.prism, rig.display, rig.camera
+    yield "name", rig.name
+    length = f"leg {prism.leg_mm:g}" if prism.leg_mm is not None else f"mirror {prism.mirror_length_mm:g}"
+    yield (
+        "prism",
+        f"{prism.pattern_angle_deg:g}° and {prism.captured_angle_deg:g}°, index {prism.index:g}, "
+        f"{length} mm, {prism.width_mm:g} mm wide, {prism.rest.shape} at rest",
+    )
+    for label, layers in (
+        ("layers to the LCD", rig.pattern_layers),
+        ("layers to the camera", rig.captured_layers),
+    ):
+        if layers:
+            yield label, ", ".join(f"{layer.thickness_mm:g} mm of index {layer.index:g}" for layer in layers)
+    yield (
+        "LCD",
+        f"{display.driver}: {display.columns} x {display.rows}, pitch {display.pitch_mm:g} mm, "
+        f"{display.refresh_hz:g} Hz, gamma {display.gamma:g}, latency {1e3 * display.latency_s:g} ms",
+    )
+    yield (
+        "camera",
+        f"{camera.driver}: {camera.columns} x {camera.rows}, {camera.bits} bits, "
+        f"{camera.rate_hz:g} per second, exposure {1e3 * camera.exposure_s:g} ms, {camera.projection}",
+    )
+    yield "target", f"{rig.target.kind}, period {rig.target.period_px} camera px"
+
+
+def calibration_parts(recording: Recording) -> dict[str, Any]:
+    """Parameters with sigma, verdict and age; or why there are none."""
+    if not recording.calibration:
+        return {"calibration": None, "uncalibrated": "None: the rig was run as its file has it."}
+    try:
+        return {"calibration": _calibrated(recording)}
+    except (KeyError, TypeError, ValueError):
+        # of another version, or written by hand; all else in the recording still counts
+        return {"calibration": None, "uncalibrated": "The calibration in this recording cannot be read."}
+
+
+def _calibrated(recording: Recording) -> dict[str, Any]:
+    stored = Stored(Path(), tomllib.loads(recording.calibration))
+    days = stored.age_days(_started(recording))
+    old = f", more than {OLD_DAYS:.0f}" if days > OLD_DAYS else ""
+    parameters = calibration_table.parameter_table(stored)
+    return {
+        "verdict": f"{calibration_table.verdict_line(stored).plain}. {days:.1f} days old at the run{old}.",
+        "depth": calibration_table.depth_line(stored),
+        "heads": [str(column.header) for column in parameters.columns],
+        "parameters": _cells(parameters),
+        "figures": _cells(calibration_table.figure_table(stored)),
+    }
+
+
+def _cells(table: Table) -> Rows:
+    """What a table says, row by row."""
+    return list(zip(*([str(cell) for cell in column.cells] for column in table.columns), strict=True))
+
+
+def commands(recording: Recording, path: Path) -> Iterator[tuple[str, str]]:
+    """What to type for what; `path`: of the recording, as its reader calls it."""
+    file = shlex.quote(str(path))
+    yield "Recorded by:", recording.command_line
+    yield "Read again from the recording, with the same settings or others:", f"zeromethod replay {file}"
+    yield "This page:", f"zeromethod report {file}"
+
+
+def settings_rows(recording: Recording) -> Iterator[tuple[str, str]]:
+    """How the loop was set, what the reading took as known, what was kept."""
+    rig = recording.rig
+    control = rig.control
+    yield "controller", f"{control.controller}, gain {control.gain:g}"
+    if control.controller == "integrator":
+        yield "leak", f"{control.leak:g} per frame"
+    yield "camera timeout", f"{control.timeout_s:g} s"
+    yield "coded strips", control.strips
+    if not recording.live:
+        yield "press", rig.press
+        yield "seed", str(recording.seed)
+    known = [
+        f"x {one.x_mm[0]:g} to {one.x_mm[1]:g}, y {one.y_mm[0]:g} to {one.y_mm[1]:g} mm"
+        for one in rig.surface.known_rest
+    ]
+    yield "known to be at rest", "; ".join(known) or "nothing: the quietest part of the view's border serves"
+    rows, columns = recording.grid.shape
+    yield "nodes", f"{rows} x {columns}, {recording.grid.spacing_px:g} camera px apart"
+    missing = [name for name in KEEP if name not in recording.kept]
+    yield "kept", ", ".join(name for name in KEEP if name in recording.kept) or "tables only"
+    if missing:
+        yield "not kept", ", ".join(missing)
+    if recording.every > 1:
+        yield "kept of", f"every {recording.every}. turn"
+
+
+def version_rows(recording: Recording) -> Iterator[tuple[str, str]]:
+    """What the recording was made with."""
+    yield "zeromethod", recording.zeromethod_version
+    yield from ((name, str(version)) for name, version in recording.versions.items())
+    yield "GL renderer", recording.gl_renderer or "unknown"
