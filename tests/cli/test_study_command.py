@@ -1,0 +1,127 @@
+"""`zeromethod study` at the terminal: what it writes, says and ends with."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+import pytest
+
+from zeromethod.cli.main import main
+
+OWN = Path(__file__).parents[1] / "study"
+QUICK = """schema_version = 1
+title = "squares"
+procedure = "own_procedures:SQUARE"
+[set]
+{settings}
+[grid]
+x = [0, 1, 2, 3]
+"""
+
+
+@pytest.fixture(autouse=True)
+def own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.syspath_prepend(str(OWN))
+    monkeypatch.setenv("PYTHONPATH", str(OWN))
+    monkeypatch.chdir(tmp_path)
+
+
+def study(*settings: str) -> None:
+    Path("mine.toml").write_text(QUICK.format(settings="\n".join(settings)))
+
+
+def code_of(*arguments: str) -> Any:
+    with pytest.raises(SystemExit) as ended:
+        main(["study", *arguments])
+    return ended.value.code
+
+
+def test_without_a_file_the_packaged_studies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert code_of() == 0
+    said = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in said] == [
+        "calibration-budget",
+        "fold-limit",
+        "gain-delay",
+        "noise-floor",
+    ]
+
+
+def test_table_picture_and_summary_are_written(capsys: pytest.CaptureFixture[str]) -> None:
+    study()
+    assert code_of("mine.toml", "--summary", "s.json", "--workers", "1") == 0
+    assert "squares: 4 runs, 0 failed" in capsys.readouterr().out
+    assert pyarrow.parquet.read_table("study-mine/table.parquet")["square"].to_pylist() == [0, 1, 4, 9]
+    assert Path("study-mine/figure.png").read_bytes().startswith(b"\x89PNG")
+    summary = json.loads(Path("s.json").read_text())
+    assert (summary["runs"], summary["failed"]) == (4, 0)
+    assert code_of("mine.toml") == 0
+    assert "4 runs, 4 of them from before" in capsys.readouterr().out
+
+
+def test_a_failed_run_is_told_with_settings_and_seed(capsys: pytest.CaptureFixture[str]) -> None:
+    study("fails_at = 2")
+    assert code_of("mine.toml", "--output", "out", "--workers", "1") == 1
+    said = capsys.readouterr().err
+    seed = pyarrow.parquet.read_table("out/table.parquet")["seed"].to_pylist()[2]
+    assert f"run 2, seed {seed}, x = 2: no 2" in said
+    assert "1 of 4 runs failed" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["none.toml"], "none.toml: cannot be read"),
+        (["nothing"], 'study: "nothing": a file, or one of the packaged'),
+        (
+            ["mine.toml", "--cluster", "tcp://127.0.0.1:9", "--workers", "2"],
+            "--workers: 2: not with --cluster",
+        ),
+        (["mine.toml", "--output", "mine.toml"], "--output"),
+        (["mine.toml", "--summary", "a.txt"], "--summary: a.txt: the file name must end in .json"),
+    ],
+)
+def test_bad_input_ends_with_one_line(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study()
+    assert code_of(*arguments) == 2
+    said = capsys.readouterr().err
+    assert told in said
+    assert len(said.splitlines()) == 1
+
+
+def test_other_settings_in_the_folder_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    study()
+    assert code_of("mine.toml", "--workers", "1") == 0
+    study("control.gain = 0.5")
+    assert code_of("mine.toml", "--workers", "1") == 2
+    assert "--anew to begin anew" in capsys.readouterr().err
+
+
+def test_a_stopped_study_ends_quickly_and_says_how_to_go_on() -> None:
+    study("waits_at = 3", "mark = 'waiting'")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "zeromethod", "study", "mine.toml", "--workers", "1"],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        until = time.monotonic() + 60
+        while not Path("waiting").exists() and time.monotonic() < until:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        started = time.monotonic()
+        said = process.communicate(timeout=30)[1]
+    finally:
+        process.kill()
+    # at once on a quiet machine; the waiting run itself takes a minute
+    assert time.monotonic() - started < 20
+    assert process.returncode == 130
+    assert "3 of 4 runs are kept in study-mine; the same command goes on from there" in said
+    assert len(Path("study-mine/runs.jsonl").read_text().splitlines()) == 4

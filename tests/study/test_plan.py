@@ -1,0 +1,120 @@
+"""What a study file may say, and what it is told when it says something else."""
+
+from pathlib import Path
+
+import pytest
+
+from zeromethod.errors import InputError
+from zeromethod.study import Study, load_study, packaged_studies, parse_study
+from zeromethod.study.tasks import tasks
+
+HEAD = 'schema_version = 1\ntitle = "t"\nframes = 4\n[rig]\nbinning = 8\n[set]\n"target.period_px" = 8\n'
+
+
+def study(text: str) -> Study:
+    return parse_study(HEAD + text, Path("s.toml"))
+
+
+def test_a_grid_holds_every_combination_with_its_own_seed() -> None:
+    found = tasks(study('[grid]\n"control.gain" = [0.5, 1.0]\n"camera.psf_px" = [0.5, 0.7, 0.9]\n'))
+    pairs = [(task.rig.control.gain, task.rig.camera.psf_px) for task in found]
+    assert pairs == [(0.5, 0.5), (0.5, 0.7), (0.5, 0.9), (1.0, 0.5), (1.0, 0.7), (1.0, 0.9)]
+    assert len({task.rig.simulation.seed for task in found}) == 6
+    assert {task.rig.simulation.seed == task.seed for task in found} == {True}
+    assert found[0].rig.camera.columns == 160
+
+
+def test_the_same_is_drawn_at_every_point_of_the_grid() -> None:
+    text = 'repeats = 3\n[grid]\n"control.gain" = [0.5, 1.0]\n'
+    head = HEAD.replace("frames = 4", "frames = 4\nrepeats = 3")
+    text = '[grid]\n"control.gain" = [0.5, 1.0]\n[random]\n"camera.psf_px" = { uniform = [0.2, 1.0] }\n'
+    blurs = [task.rig.camera.psf_px for task in tasks(parse_study(head + text, Path("s.toml")))]
+    assert blurs[:3] == blurs[3:]
+    assert len(set(blurs)) == 3
+
+
+def test_press_and_planted_settings_go_where_they_belong() -> None:
+    text = '"press.depth_mm" = 0.1\n"bench.prism.index" = 1.42\n[press]\nsize_mm = 3\n'
+    (task,) = tasks(study(text))
+    assert task.press is not None
+    assert (task.press.depth_mm, task.press.size_mm) == (0.1, 3.0)
+    assert task.rig.prism.index == 1.41
+    assert task.bench is not None
+    assert task.bench.prism.index == 1.42
+    assert task.bench.simulation == task.rig.simulation
+
+
+def test_dotted_keys_need_no_quotes() -> None:
+    (first, second) = tasks(study("[grid]\ncontrol.gain = [0.5, 1.0]\n"))
+    assert (first.rig.control.gain, second.rig.control.gain) == (0.5, 1.0)
+
+
+def test_a_task_survives_its_message() -> None:
+    (task,) = tasks(study('"bench.prism.index" = 1.42\n[press]\ndepth_mm = 0.1\n'))
+    assert type(task).of(task.message()) == task
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('[grid]\n"control.gian" = [1.0]\n', "s.toml: control.gian: unknown key: did you mean gain?"),
+        (
+            '[grid]\n"control.gain" = [1.0, 2.0]\n',
+            "s.toml: control.gain: 2.0: a number above 0 and at most 1",
+        ),
+        ('[grid]\n"camera.hue" = [1.0]\n', "s.toml: camera.hue: unknown key"),
+        (
+            '"control.gain" = 1.0\n[grid]\n"control.gain" = [1.0]\n',
+            "s.toml: grid.control.gain: also under [set]",
+        ),
+        ('"press.depth_mm" = 1.0\n', "s.toml: press.depth_mm: only with a table [press]"),
+        ("[press]\ndeep_mm = 1.0\n", "s.toml: press.deep_mm: unknown key"),
+        ("[press]\ndepth_mm = 'a'\n", "s.toml: press.depth_mm"),
+        ('"rig.binning" = 7\n', "s.toml: rig.binning: 7: a whole number that divides 1280 and 1024"),
+        ('"rig.file" = "mine.toml"\n', "s.toml: rig.file: mine.toml: cannot be read"),
+        ('press = "nothing"\n', "press: nothing: a readable press file"),
+        ("[figure]\nkind = 'map'\nvalue = 'state'\n", "s.toml: figure.x: missing"),
+        ("[figure]\nkind = 'curves'\nvalue = 'depth'\n", 's.toml: figure.value: "depth": one of'),
+        ("[figure]\nkind = 'pie'\nvalue = 'state'\n", 's.toml: figure.kind: "pie": one of'),
+        ("[gird]\na = 1\n", "s.toml: gird: unknown key: did you mean grid?"),
+        ("[random]\ngap = 3\n", "s.toml: random.gap: 3: one of { uniform"),
+        ('gap = "a"\n', "s.toml: could not convert"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line_by_file_and_key(text: str, told: str) -> None:
+    with pytest.raises(InputError) as caught:
+        tasks(study(text))
+    assert told in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("title = 't'", "schema_version: missing: 1 is"),
+        ("schema_version = 2\ntitle = 't'", "schema_version: 2: 1 is"),
+        ("schema_version = 1", "title: missing"),
+        ("schema_version = 1\ntitle = 't'\nprocedure = 'walk'", 'procedure: "walk": one of run, averaging'),
+        ("schema_version = 1\ntitle = 't'\nmetrics = ['loop_ms']", 'metrics: "loop_ms": of procedure'),
+        ("schema_version = 1\ntitle = 't'\nframes = 3\nseconds = 1.0", "seconds: 1: frames or seconds"),
+        ("schema_version = 1\ntitle = 't'\nrecordings = ['no*.h5']", 'recordings: "no*.h5": files below'),
+        ("schema_version = 1\ntitle = 't'\nprocedure = 'reread'", "recordings: needed by procedure"),
+        ("a =", "not TOML"),
+    ],
+)
+def test_a_file_that_is_no_study_is_refused(text: str, told: str) -> None:
+    with pytest.raises(InputError, match=r"^s\.toml: ") as caught:
+        tasks(parse_study(text, Path("s.toml")))
+    assert told in str(caught.value)
+
+
+def test_a_missing_study_names_the_packaged_ones() -> None:
+    with pytest.raises(InputError, match="packaged calibration-budget, fold-limit, gain-delay, noise-floor"):
+        load_study("fold")
+
+
+@pytest.mark.parametrize("name", packaged_studies())
+def test_packaged_studies_are_sound(name: str) -> None:
+    packaged = load_study(name)
+    assert len(tasks(packaged)) == packaged.count
+    assert packaged.table.figure is not None

@@ -1,0 +1,128 @@
+"""Runs that are done stay done, whatever ends the study."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+import pytest
+
+from zeromethod.errors import InputError
+from zeromethod.resources import resource
+from zeromethod.study import Study, conduct
+from zeromethod.study.conduct import TABLE
+from zeromethod.study.resume import JOURNAL
+from zeromethod.study.runs import carry_out
+
+Squares = Callable[..., Study]
+
+
+class Here:
+    """Carries out runs in this process, so many at most; notes which."""
+
+    def __init__(self, most: int = 1000) -> None:
+        self.most = most
+        self.runs: list[int] = []
+
+    def outcomes(self, tasks: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+        for task in tasks[: self.most]:
+            self.runs.append(task["run"])
+            yield carry_out(task)
+        if len(tasks) > self.most:
+            raise KeyboardInterrupt
+
+
+def test_an_interrupted_study_goes_on_where_it_stood(squares: Squares, tmp_path: Path) -> None:
+    whole = conduct(squares(), tmp_path / "whole", Here())
+    with pytest.raises(KeyboardInterrupt):
+        conduct(squares(), tmp_path / "cut", Here(most=2))
+    rest = Here()
+    results = conduct(squares(), tmp_path / "cut", rest)
+    assert rest.runs == [2, 3, 4, 5]
+    assert results.before == 2
+    assert results.rows == whole.rows
+    assert (tmp_path / "cut" / TABLE).read_bytes() == (tmp_path / "whole" / TABLE).read_bytes()
+
+
+def test_a_line_cut_off_by_a_crash_is_done_again(squares: Squares, tmp_path: Path) -> None:
+    conduct(squares(), tmp_path, Here())
+    journal = tmp_path / JOURNAL
+    journal.write_bytes(journal.read_bytes()[:-20])
+    last = Here()
+    conduct(squares(), tmp_path, last)
+    assert last.runs == [5]
+    assert [json.loads(line)["run"] for line in journal.read_text().splitlines()[1:]] == list(range(6))
+
+
+@pytest.mark.parametrize(
+    ("count", "setting", "seed", "told"),
+    [
+        (6, '"control.gain" = 0.5', 3, "with other settings, rig or seed"),
+        (6, "", 4, "with other settings, rig or seed"),
+        (7, "", 3, "is of 6 runs, the file now has 7"),
+    ],
+)
+def test_other_settings_do_not_get_mixed_in(
+    squares: Squares, tmp_path: Path, count: int, setting: str, seed: int, told: str
+) -> None:
+    conduct(squares(), tmp_path, Here())
+    changed = squares(count, setting, seed=seed)
+    with pytest.raises(InputError, match=told):
+        conduct(changed, tmp_path, Here())
+    anew = Here()
+    assert conduct(changed, tmp_path, anew, anew=True).before == 0
+    assert len(anew.runs) == count
+
+
+def test_a_changed_rig_file_counts_as_other_settings(squares: Squares, tmp_path: Path) -> None:
+    rig = tmp_path / "mine.toml"
+    text = resource("calibration", "simulated.toml").read_text()
+    rig.write_text(text)
+    assert "gain = 1.0" in text
+    conduct(squares(3, '"rig.file" = "mine.toml"'), tmp_path / "out", Here())
+    rig.write_text(text.replace("gain = 1.0", "gain = 0.9"))
+    with pytest.raises(InputError, match="with other settings, rig or seed"):
+        conduct(squares(3, '"rig.file" = "mine.toml"'), tmp_path / "out", Here())
+
+
+def test_another_versions_runs_are_refused(squares: Squares, tmp_path: Path) -> None:
+    conduct(squares(), tmp_path, Here())
+    journal = tmp_path / JOURNAL
+    head, *rest = journal.read_text().splitlines()
+    said = json.loads(head)
+    said["study"]["zeromethod"] = "0.0.1"
+    journal.write_text("\n".join([json.dumps(said), *rest]) + "\n")
+    with pytest.raises(InputError, match=r"was begun by zeromethod 0\.0\.1"):
+        conduct(squares(), tmp_path, Here())
+
+
+def test_two_studies_do_not_share_a_folder(squares: Squares, tmp_path: Path) -> None:
+    class Twice(Here):
+        def outcomes(self, tasks: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+            with pytest.raises(InputError, match="a study is being run there"):
+                conduct(squares(), tmp_path, Here())
+            return super().outcomes(tasks)
+
+    assert len(conduct(squares(), tmp_path, Twice()).rows) == 6
+
+
+def test_failed_runs_are_done_again_only_when_asked(squares: Squares, tmp_path: Path) -> None:
+    results = conduct(squares(6, "fails_at = 4"), tmp_path, Here())
+    assert [(row["run"], row["failure"]) for row in results.failures] == [(4, "no 4")]
+    kept, again = Here(), Here()
+    conduct(squares(6, "fails_at = 4"), tmp_path, kept)
+    conduct(squares(6, "fails_at = 4"), tmp_path, again, again=True)
+    assert kept.runs == []
+    assert again.runs == [4]
+
+
+def test_the_table_says_what_its_columns_mean(squares: Squares, tmp_path: Path) -> None:
+    study = squares(3, "fails_at = 1")
+    conduct(study, tmp_path, Here())
+    table = pyarrow.parquet.read_table(tmp_path / TABLE)
+    assert table.column_names == ["run", "repeat", "seed", "x", "square", "gain", "seed_of_bench", "failure"]
+    assert table["square"].to_pylist() == [0, None, 4]
+    assert table["failure"].to_pylist() == [None, "no 1", None]
+    assert table.schema.field("square").metadata == {b"meaning": b"x times x"}
+    assert table.schema.metadata[b"study"].decode() == study.text

@@ -1,0 +1,101 @@
+"""The procedure "averaging": what the mean of so many frames of a mirror at rest leaves of the noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.control import NULLED, Loop
+from zeromethod.errors import MeasurementError
+from zeromethod.optics import Optics
+from zeromethod.study.closed_loop import opened
+from zeromethod.study.task import Figures, Procedure, Task
+from zeromethod.surface import SurfaceReader
+from zeromethod.warp.warp import Warp
+
+Array = NDArray[np.float64]
+
+SETTLING_FRAMES = 8
+"""Nulled frames that pass before any is averaged."""
+
+_PATIENCE_FRAMES = 60
+
+
+def average(task: Task) -> Figures:
+    """Depth of the mean of `averaged_frames` measured warps, while the loop holds the null.
+
+    Raises MeasurementError where the loop does not null so many frames.
+    """
+    wanted = int(task.settings["averaged_frames"])
+    mean, filtered, settled = _Mean(), None, 0
+    with opened(task) as devices:
+        optics = Optics(task.rig)
+        loop = Loop(task.rig, devices.camera, devices.display, devices.clock, optics=optics)
+        reader = SurfaceReader(task.rig, optics, loop.grid)
+        for step in loop.run(frames=wanted + SETTLING_FRAMES + _PATIENCE_FRAMES):
+            if step.measured is None or step.state not in NULLED:
+                continue
+            settled += 1
+            if settled <= SETTLING_FRAMES:
+                continue
+            mean.add(step.measured)
+            filtered = step.filtered
+            if mean.frames == wanted:
+                break
+    if mean.frames < wanted or filtered is None:
+        raise MeasurementError(f"only {mean.frames} of {wanted} frames were nulled")
+    surface = reader.read(mean.warp)
+    by_filter = reader.read(filtered)
+    if not surface.valid.any():
+        raise MeasurementError("nothing of the mirror could be read")
+    return {
+        "depth_rms_nm": 1e6 * _rms(surface.depth_mm[surface.valid]),
+        "stated_depth_rms_nm": 1e6 * _rms(surface.sigma_depth_mm[surface.valid]),
+        "slope_rms_urad": 1e6 * _rms(surface.slope[surface.valid]),
+        "filtered_depth_rms_nm": 1e6 * _rms(by_filter.depth_mm[by_filter.valid]),
+        "averaged_s": wanted / task.rig.camera.rate_hz,
+    }
+
+
+class _Mean:
+    """Mean of warps, node by node over the frames in which it was measured."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self._sum: Array = np.zeros(())
+        self._variance: Array = np.zeros(())
+        self._count: Array = np.zeros(())
+        self._flags: NDArray[np.uint16] = np.zeros((), np.uint16)
+
+    def add(self, warp: Warp) -> None:
+        valid = warp.valid[..., None]
+        self._sum = self._sum + np.where(valid, warp.q, 0.0)
+        self._variance = self._variance + np.where(valid, warp.sigma, 0.0) ** 2
+        self._count = self._count + valid
+        self._flags = warp.flags
+        self.frames += 1
+
+    @property
+    def warp(self) -> Warp:
+        measured = self._count > 0
+        count = np.where(measured, self._count, 1.0)
+        q = np.where(measured, self._sum / count, np.nan)
+        flags = np.where(measured[..., 0], 0, np.maximum(self._flags, 1)).astype(np.uint16)
+        return Warp(q, np.sqrt(self._variance) / count, flags, 0)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+AVERAGING = Procedure(
+    average,
+    {
+        "depth_rms_nm": "depth read of a mirror at rest, rms over nodes, nm",
+        "stated_depth_rms_nm": "standard deviation stated for it, rms over nodes, nm",
+        "slope_rms_urad": "slope read of a mirror at rest, rms over nodes, microradian",
+        "filtered_depth_rms_nm": "depth rms of the controller's own filter at the end, nm",
+        "averaged_s": "time that so many frames take, s",
+    },
+    {"averaged_frames": 1},
+)

@@ -1,0 +1,101 @@
+"""What varies from run to run: lists of values for a grid, distributions for a Monte Carlo."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from zeromethod.errors import InputError
+from zeromethod.rig.refusal import shown
+
+Scalar = str | int | float | bool
+"""One setting's value, as TOML and JSON both have it (lists, such as a place in mm, are allowed as well)."""
+
+MOST_VALUES = 100_000
+
+_RANGE_KEYS = {"from", "to", "steps", "scale"}
+_RANGE = 'a list of values, or { from, to, steps, scale = "linear" or "log" }'
+_DRAW = (
+    "one of { uniform = [low, high] }, { log_uniform = [low, high] }, { normal = [mean, sigma] }, "
+    "{ choice = [values] }"
+)
+
+
+def axis_values(where: str, given: Any) -> list[Any]:
+    """Values of one axis of a grid, in order.
+
+    given: a list, or a table {from, to, steps, scale}. Raises InputError, one line that begins with `where`.
+    """
+    if isinstance(given, list):
+        if not given:
+            raise InputError(f"{where}: []: at least one value")
+        return given
+    if not isinstance(given, dict) or not {"from", "to", "steps"} <= set(given) <= _RANGE_KEYS:
+        raise InputError(f"{where}: {shown(given)}: {_RANGE}")
+    low, high, steps, scale = given["from"], given["to"], given["steps"], given.get("scale", "linear")
+    if not (_number(low) and _number(high)):
+        raise InputError(f"{where}: from {shown(low)} to {shown(high)}: two finite numbers")
+    if type(steps) is not int or not 2 <= steps <= MOST_VALUES:
+        raise InputError(f"{where}: steps: {shown(steps)}: a whole number from 2 to {MOST_VALUES}")
+    if scale == "linear":
+        values = np.linspace(low, high, steps)
+    elif scale == "log" and low > 0 and high > 0:
+        values = np.geomspace(low, high, steps)
+    else:
+        rule = "above 0 at both ends" if scale == "log" else 'scale "linear" or "log"'
+        raise InputError(f"{where}: from {shown(low)} to {shown(high)}, scale {shown(scale)}: {rule}")
+    # twelve digits: 0.3 and not 0.30000000000000004 in the table and on the axes
+    return [float(f"{value:.12g}") for value in values]
+
+
+def draw(where: str, given: Any, seed: int, key: str, number: int) -> Any:
+    """Value number `number` of a distribution.
+
+    It depends on the study's seed, the key and the number alone: neither on the order of runs nor on what
+    else is drawn. Raises InputError, one line that begins with `where`.
+    """
+    if not isinstance(given, dict) or len(given) != 1:
+        raise InputError(f"{where}: {shown(given)}: {_DRAW}")
+    ((kind, numbers),) = given.items()
+    if kind not in _DISTRIBUTIONS or not isinstance(numbers, list):
+        raise InputError(f"{where}: {kind} = {shown(numbers)}: {_DRAW}")
+    rng = np.random.default_rng(
+        np.random.SeedSequence(seed, spawn_key=(1, zlib.crc32(key.encode("utf-8")), number))
+    )
+    allowed, drawn = _DISTRIBUTIONS[kind]
+    if kind == "choice":
+        if not numbers:
+            raise InputError(f"{where}: choice = []: at least one value")
+        return numbers[int(rng.integers(len(numbers)))]
+    if len(numbers) != 2 or not all(map(_number, numbers)) or not _FITS[kind](*numbers):
+        raise InputError(f"{where}: {kind} = {shown(numbers)}: {allowed}")
+    return float(drawn(rng, float(numbers[0]), float(numbers[1])))
+
+
+def run_seed(seed: int, run: int) -> int:
+    """Seed of one run's simulated bench; of the study's seed and the run's number alone."""
+    return int(np.random.SeedSequence(seed, spawn_key=(0, run)).generate_state(1)[0])
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+_FITS: dict[str, Callable[[float, float], bool]] = {
+    "uniform": lambda low, high: low < high,
+    "log_uniform": lambda low, high: 0 < low < high,
+    "normal": lambda mean, sigma: sigma > 0,  # noqa: ARG005 - the signature of all
+}
+
+_DISTRIBUTIONS: dict[str, tuple[str, Callable[[np.random.Generator, float, float], float]]] = {
+    "uniform": ("[low, high] with low below high", lambda rng, low, high: rng.uniform(low, high)),
+    "log_uniform": (
+        "[low, high] with 0 below low below high",
+        lambda rng, low, high: float(np.exp(rng.uniform(np.log(low), np.log(high)))),
+    ),
+    "normal": ("[mean, sigma] with sigma above 0", lambda rng, mean, sigma: rng.normal(mean, sigma)),
+    "choice": ("", lambda rng, low, high: low),  # noqa: ARG005 - chosen without numbers
+}

@@ -1,0 +1,110 @@
+"""The procedure "depth_error": what not knowing the geometry costs in depth, by what was measured of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.calibration import DepthError, Direct, Observation, Priors, RestPositions, depth_error, fit
+from zeromethod.calibration.parameters import PARAMETERS
+from zeromethod.errors import InputError
+from zeromethod.optics import Optics, check_geometry
+from zeromethod.rig.model import Rig
+from zeromethod.rig.refusal import shown
+from zeromethod.study.task import Figures, Procedure, Task
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.warp import Warp
+
+Array = NDArray[np.float64]
+
+NOTHING = "nothing"
+
+GROUPS: dict[str, str | tuple[str, ...]] = {
+    "LCD's pose": "display.",
+    "gap": "gap_mm",
+    "camera's place": ("camera.x_mm", "camera.y_mm", "camera.z_mm"),
+    "camera's direction": ("camera.heading_deg", "camera.elevation_deg", "camera.roll_deg"),
+    "lens": ("camera.scale", "camera.aspect", "camera.centre", "camera.k", "camera.p1", "camera.p2"),
+    "index": "prism.index",
+    "prism's angles": ("prism.pattern_angle_deg", "prism.captured_less_pattern_deg"),
+    "prism's length": "prism.length_mm",
+}
+"""What may be taken as exact, by the beginnings of its parameters' names."""
+
+EVIDENCE = ("calipers", "rest map", "rest map, ruler", "rest map, press", "rest map, 3 presses")
+_PRESSES = {"rest map, press": (4,), "rest map, 3 presses": (1, 4, 7)}
+"""Regions of the known presses: the middle one, or all three along the mirror's middle."""
+
+
+def budget(task: Task) -> Figures:
+    """Depth's standard deviation owed to geometry, to first order, at the rig as its file has it."""
+    rig, settings = task.rig, task.settings
+    check_geometry(rig)
+    evidence = settings["evidence"]
+    if evidence not in EVIDENCE:
+        raise InputError(f"evidence: {shown(evidence)}: one of {', '.join(EVIDENCE)}")
+    priors = Priors.of(rig, dict.fromkeys(_exact(rig, settings["exact"]), 0.0))
+    grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+    observations: list[Observation] = []
+    if evidence.startswith("rest map"):
+        observations.append(RestPositions.of(grid, _rest(rig, grid, float(settings["rest_sigma_px"]))))
+    if evidence.endswith("ruler") and "display.along_mm" in priors.names:
+        value = float(priors.mean[priors.names.index("display.along_mm")])
+        observations.append(Direct("display.along_mm", value, float(settings["ruler_sigma_mm"])))
+    fitted = fit(priors, observations)
+    error = depth_error(fitted, grid)
+    rows = error.sensitivity[list(_PRESSES.get(evidence, ()))]
+    covariance = _with(error, rows * settings["press_depth_mm"] / settings["press_sigma_mm"])
+    percent = error.percent_with(covariance)
+    alone = np.sqrt(np.mean(error.sensitivity**2, axis=0) * np.diag(covariance))
+    return {
+        "depth_percent": float(np.sqrt(np.mean(percent**2))),
+        "depth_worst_percent": float(percent.max()),
+        "worst_region": error.names[int(percent.argmax())],
+        "largest_parameter": PARAMETERS[priors.names[int(alone.argmax())]].words,
+    }
+
+
+def _exact(rig: Rig, name: str) -> list[str]:
+    """Parameters of a group."""
+    if name == NOTHING:
+        return []
+    if name not in GROUPS:
+        raise InputError(f"exact: {shown(name)}: {NOTHING}, {', '.join(GROUPS)}")
+    known = set(Priors.of(rig).names)
+    return [
+        parameter for parameter in PARAMETERS if parameter.startswith(GROUPS[name]) and parameter in known
+    ]
+
+
+def _rest(rig: Rig, grid: NodeGrid, sigma_px: float) -> Warp:
+    """The rest map that a faultless measurement gives."""
+    q = Optics(rig).rest_map(*grid.mesh())
+    seen = np.isfinite(q).all(axis=-1)
+    return Warp(q, np.full(q.shape, sigma_px), np.where(seen, 0, 1).astype(np.uint16), 0)
+
+
+def _with(error: DepthError, rows: Array) -> Array:
+    """Covariance with rows (n, parameters) of sigma 1 more."""
+    if not len(rows):
+        return error.covariance
+    return np.asarray(np.linalg.inv(np.linalg.inv(error.covariance) + rows.T @ rows))
+
+
+DEPTH_ERROR = Procedure(
+    budget,
+    {
+        "depth_percent": "standard deviation of depth owed to geometry, rms over the view, percent",
+        "depth_worst_percent": "the same where it is largest, percent",
+        "worst_region": "where that is",
+        "largest_parameter": "the number of the geometry that matters most",
+    },
+    {
+        "evidence": "rest map",
+        "exact": NOTHING,
+        "rest_sigma_px": 0.02,
+        "ruler_sigma_mm": 0.25,
+        "press_depth_mm": 0.2,
+        "press_sigma_mm": 1e-3,
+    },
+)

@@ -1,0 +1,143 @@
+"""From a study's settings to its tasks: every value checked before the first run begins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from zeromethod.errors import InputError
+from zeromethod.rig.load import load_rig, packaged_rigs
+from zeromethod.rig.model import Rig
+from zeromethod.rig.refusal import shown
+from zeromethod.simulation.clone import simulated_clone
+from zeromethod.simulation.scenario import load_scenario
+from zeromethod.study.plan import Point, Study
+from zeromethod.study.procedures import procedure
+from zeromethod.study.settings import press_with, with_settings
+from zeromethod.study.task import Procedure, Task
+
+_FILE, _BINNING, _RECORDING = "rig.file", "rig.binning", "recording"
+
+
+def tasks(study: Study) -> list[Task]:
+    """Every run of a study, in order.
+
+    Raises InputError, one line "file: key: value: what is allowed", for the first setting that is wrong.
+    """
+    _loaded.cache_clear()
+    _scenario_exists.cache_clear()
+    try:
+        chosen = procedure(study.table.procedure)
+    except InputError as error:
+        raise InputError(f"{study.path}: {error}") from None
+    metrics = _metrics(study, chosen)
+    _check_figure(study, metrics)
+    if bool(study.table.recordings) != chosen.reads_recordings:
+        rule = "needed by" if chosen.reads_recordings else "not allowed with"
+        raise InputError(f"{study.path}: recordings: {rule} procedure {study.table.procedure!r}")
+    return [_task(study, chosen, metrics, point) for point in study.points()]
+
+
+def _metrics(study: Study, chosen: Procedure) -> tuple[str, ...]:
+    metrics = study.table.metrics if study.table.metrics is not None else tuple(chosen.figures)
+    for metric in metrics:
+        if metric not in chosen.figures:
+            raise InputError(
+                f"{study.path}: metrics: {shown(metric)}: of procedure {study.table.procedure!r} one of "
+                f"{', '.join(chosen.figures)}"
+            )
+    if not metrics:
+        raise InputError(f"{study.path}: metrics: []: at least one")
+    return metrics
+
+
+def _check_figure(study: Study, metrics: tuple[str, ...]) -> None:
+    figure = study.table.figure
+    if figure is None:
+        return
+    known = [*study.varied, *metrics]
+    for key, column in figure.columns:
+        if column not in known:
+            raise InputError(f"{study.path}: figure.{key}: {shown(column)}: one of {', '.join(known)}")
+    needed = {"map": ("x", "y"), "curves": ("x",), "bars": ("x",), "histogram": ()}[figure.kind]
+    for key in needed:
+        if getattr(figure, key) is None:
+            raise InputError(f"{study.path}: figure.{key}: missing: a column for kind {figure.kind!r}")
+
+
+def _task(study: Study, chosen: Procedure, metrics: tuple[str, ...], point: Point) -> Task:
+    path, table = study.path, study.table
+    settings = dict(point.settings)
+    name = settings.pop(_FILE, table.rig.file)
+    binning = settings.pop(_BINNING, table.rig.binning)
+    recording = settings.pop(_RECORDING, None)
+    own = {key: settings.pop(key, default) for key, default in chosen.settings.items()}
+    press, settings = _split("press.", settings)
+    planted, settings = _split("bench.", settings)
+    rig = bench = None
+    try:
+        if recording is None:
+            start = _load(study, name)
+            seed = {"simulation.seed": point.seed} if "simulation.seed" not in settings else {}
+            rig = _whole(with_settings(start, settings | seed, binning, path))
+            if planted:
+                bench = _whole(with_settings(start, settings | seed | planted, binning, path))
+        else:
+            rig = with_settings(load_rig("simulated"), settings, 1, path)
+        pressed = None if table.press is None else press_with(table.press, press, path)
+    except InputError as error:
+        raise InputError(f"{error} (run {point.run})" if study.count > 1 else str(error)) from None
+    return Task(
+        run=point.run,
+        seed=point.seed,
+        procedure=table.procedure,
+        rig=rig,
+        bench=bench,
+        press=pressed,
+        frames=table.frames,
+        seconds=table.seconds,
+        settings=own,
+        metrics=metrics,
+        recording=recording and str((path.parent / recording).absolute()),
+        rig_settings=settings if recording is not None else {},
+    )
+
+
+def _split(prefix: str, settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Settings below a prefix, which is taken off, and the others."""
+    below = {key.removeprefix(prefix): value for key, value in settings.items() if key.startswith(prefix)}
+    return below, {key: value for key, value in settings.items() if not key.startswith(prefix)}
+
+
+def _load(study: Study, name: str) -> Rig:
+    beside = study.path.parent / name
+    if not isinstance(name, str):
+        raise InputError(f"{study.path}: rig.file: {shown(name)}: a rig file, or a packaged name")
+    try:
+        return _loaded(name if name in packaged_rigs() else str(beside))
+    except InputError as error:
+        raise InputError(f"{study.path}: rig.file: {error}") from None
+
+
+@lru_cache(maxsize=32)
+def _loaded(name: str) -> Rig:
+    return simulated_clone(load_rig(name if name in packaged_rigs() else Path(name)))
+
+
+def _whole(rig: Rig) -> Rig:
+    """Rig whose files are named by whole paths, its press looked at."""
+    update: dict[str, Any] = {}
+    if rig.press.endswith(".toml"):
+        update["press"] = str(Path(rig.press).absolute())
+    if rig.prism.rest.file is not None:
+        rest = rig.prism.rest.model_copy(update={"file": rig.prism.rest.file.absolute()})
+        update["prism"] = rig.prism.model_copy(update={"rest": rest})
+    _scenario_exists(update.get("press", rig.press))
+    return rig.model_copy(update=update) if update else rig
+
+
+@lru_cache(maxsize=256)
+def _scenario_exists(name: str) -> None:
+    load_scenario(name)
