@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
-from zeromethod.phase_shifting.rest_map import RestMap
 from zeromethod.rig.model import Rig
 from zeromethod.surface.rest_pixels import RestGrid
 from zeromethod.warp.continuation import continue_smoothly
@@ -22,18 +22,20 @@ LEAST_NODES = 16
 
 
 def _measured(
-    grid: NodeGrid, model_q: NDArray[np.float64], rest_map: RestMap, optics: Optics
+    grid: NodeGrid, model_q: NDArray[np.float64], file: Path, optics: Optics
 ) -> tuple[RestGrid, NDArray[np.float64]]:
     """Nodes on the rays that a measured rest names, and its LCD positions, NaN where it has none.
 
     Beyond what was measured the difference from the geometry is continued: in the padding, which is drawn,
     and for the rays of nodes that the map leaves out.
     """
-    warp = rest_map.warp(grid)
+    from zeromethod.phase_shifting.rest_map import RestMap  # noqa: PLC0415 - loads slowly; few rigs have one
+
+    warp = RestMap.load(file).warp(grid)
     away = warp.q - model_q
     measured = warp.valid & np.isfinite(away).all(axis=-1)
     if np.count_nonzero(measured) < LEAST_NODES:
-        raise InputError(f"{optics.rig.camera.rest_map}: fewer than {LEAST_NODES} nodes see the display")
+        raise InputError(f"{file}: fewer than {LEAST_NODES} nodes see the display")
     away[~measured] = 0.0
     q = model_q + continue_smoothly(away, measured)
     rays = RestGrid.of(grid, optics, q)
@@ -72,7 +74,7 @@ class Rest:
         grid = NodeGrid((camera.rows, camera.columns), target.period_px)
         q = optics.trace(*grid.mesh(), optics.rest).q
         if camera.rest_map is not None:
-            grid, q = _measured(grid, q, RestMap.load(camera.rest_map), optics)
+            grid, q = _measured(grid, q, camera.rest_map, optics)
         return cls.from_map(grid, q, (rig.display.columns, rig.display.rows))
 
     @classmethod
