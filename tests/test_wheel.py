@@ -39,7 +39,16 @@ def test_the_wheel_carries_shaders_and_rigs_and_runs_elsewhere(tmp_path: Path) -
     assert Path(shaders.strip()).is_relative_to(tmp_path / "fresh")
     command = tmp_path / "fresh" / "bin" / "zeromethod"
     assert "zeromethod, version" in _run(command, "--version", cwd=elsewhere)
-    _run(command, "run", "--frames", "8", "--press", "none", "--summary", "run.json", cwd=elsewhere)
+    _run(
+        command, "run", "--frames", "8", "--press", "none", "--summary", "run.json", "--record", "run.h5",
+        cwd=elsewhere,
+    )  # fmt: skip
     assert (elsewhere / "run.json").is_file()
+    _run(command, "report", "run.h5", cwd=elsewhere)
+    assert (elsewhere / "run.html").is_file()
+    studies = (
+        "from zeromethod.resources import resource; print(len(list(resource('studies').glob('*.toml'))))"
+    )
+    assert int(_run(python, "-c", studies, cwd=elsewhere)) >= 4
     peer = "from zeromethod.procedures.bench.peers import peer; print(peer('phase_shifting').__file__)"
     assert Path(_run(python, "-c", peer, cwd=elsewhere).strip()).is_relative_to(tmp_path / "fresh")

@@ -226,6 +226,15 @@ def _changed(truth: Truth, path: Path, **attributes: object) -> Path:
     return path
 
 
+@pytest.mark.parametrize("share", [0.9999, 0.5, 0.001, 0.000005])
+def test_a_file_that_was_cut_short_is_refused_at_once(share: float, truth: Truth, tmp_path: Path) -> None:
+    whole = truth.path.read_bytes()
+    path = tmp_path / "cut.h5"
+    path.write_bytes(whole[: max(int(share * len(whole)), 20)])
+    with pytest.raises(InputError, match=r"cut short, \d+ bytes are missing"):
+        Recording(path)
+
+
 def test_another_schema_is_refused_with_a_clear_word(truth: Truth, tmp_path: Path) -> None:
     path = _changed(truth, tmp_path / "later.h5", schema_version=2, zeromethod_version="9.9")
     with pytest.raises(

@@ -53,7 +53,8 @@ def test_moving_tells_motion_from_rest_hold_and_jumps() -> None:
     assert not default.moving(ns(0.5), ns(1.0))
     assert default.moving(ns(1.2), ns(1.21))
     assert not step.moving(ns(0.0), ns(1.0))
-    assert step.breakpoints_ns == (ns(0.2),)
+    assert step.bends_ns(0, ns(1.0)) == (ns(0.2),)
+    assert step.bends_ns(ns(0.2), ns(1.0)) == ()  # at its border an exposure needs no cut
 
 
 def test_a_jump_is_complete_at_its_own_time() -> None:

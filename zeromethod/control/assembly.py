@@ -16,6 +16,7 @@ from zeromethod.control.strips import StripReader, find_strips
 from zeromethod.devices.protocols import Display
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target
+from zeromethod.pattern.strips import Strips
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.sensor import ResidualSensor
 
@@ -29,12 +30,39 @@ class Assembly:
     presenting: Presenting
 
 
+@dataclass(frozen=True)
+class CircleParts:
+    """The circle without what shows its pictures. rest: as in `Assembly`. strips: None without."""
+
+    rest: Rest
+    strips: Strips | None
+    circle: Circle
+
+
 def assemble(rig: Rig, display: Display, optics: Optics, sensor: Sensor | None, live: bool) -> Assembly:
     """Make the parts for one run. live: present in a thread of its own. sensor: in place of the rig's.
 
     Raises InputError for a rig that sees no display, or where nothing can draw.
     """
-    rest = Rest.of(rig, optics)
+    parts = make_circle(rig, optics, sensor)
+
+    def presenter() -> Presenter:
+        return Presenter(rig, display, parts.rest, parts.strips)
+
+    coded = parts.strips is not None
+    presenting = InThread(presenter, coded, rig.control.timeout_s) if live else InTurn(presenter, coded)
+    return Assembly(parts.rest, parts.circle, presenting)
+
+
+def make_circle(
+    rig: Rig, optics: Optics, sensor: Sensor | None = None, rest: Rest | None = None
+) -> CircleParts:
+    """Make the circle of a rig, rehearsed. sensor, rest: in place of the rig's.
+
+    What it makes of the same frames and presentations is the same in every process, bit for bit. Raises
+    InputError for a rig that sees no display.
+    """
+    rest = rest or Rest.of(rig, optics)
     strips = find_strips(rig, rest)
     covered = strips.covered(rest.grid) if strips else None
     if covered is not None:
@@ -60,10 +88,5 @@ def assemble(rig: Rig, display: Display, optics: Optics, sensor: Sensor | None, 
             watch,
         )
 
-    def presenter() -> Presenter:
-        return Presenter(rig, display, rest, strips)
-
     rehearse(circle(), target, rig.camera)
-    coded = strips is not None
-    presenting = InThread(presenter, coded, rig.control.timeout_s) if live else InTurn(presenter, coded)
-    return Assembly(rest, circle(), presenting)
+    return CircleParts(rest, strips, circle())

@@ -8,12 +8,24 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from zeromethod.control import Step
+from zeromethod.control.rest import Rest
 from zeromethod.procedures.truth import Comparison
 from zeromethod.surface import Peak, Surface
+from zeromethod.warp.warp import Warp
 
 CLOSING_S = 0.4
 """How long the end of a run waits for the reading under way."""
+
+
+def warm_up_warp(rest: Rest) -> Warp:
+    """A made-up warp to read before the first real one, which then waits for no code to be compiled.
+
+    It leaves its mark on the reader's weights: who reads a session again begins with it, too.
+    """
+    return Warp(rest.q, np.full_like(rest.q, 0.01), rest.flags, 0)
 
 
 class Publisher(Protocol):

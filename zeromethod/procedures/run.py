@@ -17,13 +17,19 @@ from zeromethod.control import NULLED, Loop, Step
 from zeromethod.control.margin import margin_words, stability_margin
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.optics import Optics
-from zeromethod.procedures.reading import Publisher, Reading, ReadInThread, ReadInTurn, timed
+from zeromethod.procedures.reading import (
+    Publisher,
+    Reading,
+    ReadInThread,
+    ReadInTurn,
+    timed,
+    warm_up_warp,
+)
 from zeromethod.procedures.result import FrameRecord, RunResult, Snapshot
 from zeromethod.procedures.truth import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
-from zeromethod.warp.warp import Warp
 
 if TYPE_CHECKING:  # what writes files loads slowly, and few runs are recorded
     from zeromethod.recording.recorder import Recorder
@@ -66,6 +72,8 @@ class Run:
         self._recorder = None if record is None else self._opened(record)
         self._recording = ""
         self._truth: TruthSource | None = getattr(devices.camera, "truth", None)
+        # apart from the one that reads, whose weights remember the warps before
+        self._filtered_reader = SurfaceReader(rig, self._optics, self._grid) if self._truth else self._reader
         self._scenario = getattr(devices.camera, "scenario", None)
         phases = self._scenario.phases if self._scenario is not None else ()
         self._has_hold = any(phase.name == "hold" for phase in phases)
@@ -94,7 +102,7 @@ class Run:
             stack.callback(self.loop.close)
             stack.callback(self._finish)
             if self.loop.live:
-                self._warm_up()
+                peak(self._reader.read(warm_up_warp(self.loop.rest)))
             reading = (ReadInThread if self.loop.live else ReadInTurn)(self._read, self._publisher)
             stack.callback(self._end_recording)
             stack.callback(self._take, reading)
@@ -116,12 +124,6 @@ class Run:
         """End the run as Ctrl-C does, with all that was measured; from a signal handler, or any thread."""
         self.result.interrupted = True
         self.loop.stop()
-
-    def _warm_up(self) -> None:
-        """Read a made-up warp, so that no real one waits for code to be compiled or loaded."""
-        rest = self.loop.rest
-        sigma = np.full_like(rest.q, 0.01)
-        peak(self._reader.read(Warp(rest.q, sigma, rest.flags, 0)))
 
     def _post_end(self, reading: ReadInTurn | ReadInThread) -> None:
         """Whoever follows the run learns how it ended."""
@@ -171,7 +173,7 @@ class Run:
         if self._truth is not None:
             phase = self._phase(step.time_ns)
             if phase == "untouched":
-                untouched = (_rms_nm(surface), _rms_nm(self._reader.read(step.filtered)))
+                untouched = (_rms_nm(surface), _rms_nm(self._filtered_reader.read(step.filtered)))
             elif phase in COMPARED_PHASES:
                 truth = compare(surface, self._truth(step.time_ns), self._optics, self._grid)
         return Reading(step, surface, deepest, read_ms, truth, untouched)

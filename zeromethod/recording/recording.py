@@ -19,6 +19,7 @@ from zeromethod.control.rest import Rest
 from zeromethod.control.state import State
 from zeromethod.devices.protocols import Frame
 from zeromethod.errors import InputError
+from zeromethod.recording.opening import open_along
 from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, number_name
 from zeromethod.rig.load import parse_rig
 from zeromethod.rig.model import Rig
@@ -56,7 +57,7 @@ class Recording:
     def __init__(self, path: str | Path) -> None:
         """Open it. Raises InputError, one line: not there, not HDF5, no recording, of another version."""
         self.path = Path(path)
-        self._file = _open(self.path)
+        self._file = open_along(self.path)
         try:
             self._attributes = self._checked()
             if self._attributes["compressed"]:
@@ -363,18 +364,6 @@ class Recording:
         turns = self.turns_kept("zeros")
         index = int(np.searchsorted(turns, turn, side="right")) - 1
         return self._file["zeros/q"][index] if index >= 0 else None
-
-
-def _open(path: Path) -> h5py.File:
-    if not path.is_file():
-        raise InputError(f"{path}: not there: a recording (HDF5)")
-    try:
-        # Also where it is being written, or the writer was killed: nothing else opens both. Without a lock,
-        # as a reader's would keep the writer out that is about to begin.
-        return h5py.File(path, "r", libver="latest", swmr=True, locking=False)
-    except OSError as error:
-        told = " ".join(str(error).split())
-        raise InputError(f"{path}: cannot be read as a recording (HDF5): {told}") from None
 
 
 def _datasets(file: h5py.File) -> Iterator[h5py.Dataset]:

@@ -28,7 +28,7 @@ def exposure_pieces(
     which it moves is two, with the mirror at the two Gauss-Legendre instants (exact for motion whose effect
     is cubic in time) and the panel's light of each half. `lit` False: the panel's light is off.
     """
-    cuts = [from_ns, *(t for t in scenario.breakpoints_ns if from_ns < t < to_ns), to_ns]
+    cuts = [from_ns, *scenario.bends_ns(from_ns, to_ns), to_ns]
     pieces = []
     for start, end in pairwise(cuts):
         middle, half = (start + end) // 2, (end - start) / 2

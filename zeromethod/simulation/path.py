@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from zeromethod.simulation.press import Dent, Shape, contact_radius_mm
 
@@ -21,6 +22,19 @@ class PathPoint:
     def place(self) -> tuple[float, float, float]:
         """(x, y, depth) mm."""
         return self.x_mm, self.y_mm, self.depth_mm
+
+
+class Press(Protocol):
+    """What moves the mirror: a dent that changes in time."""
+
+    def dent_at(self, time_ns: int) -> Dent | None:
+        """Return the dent at `time_ns`; None while there is none."""
+
+    def moving(self, from_ns: int, to_ns: int) -> bool:
+        """Whether the dent changes continuously anywhere inside (from, to); jumps do not count."""
+
+    def bends_ns(self, from_ns: int, to_ns: int) -> tuple[int, ...]:
+        """Times inside (from, to) at which it jumps or changes its velocity, rising."""
 
 
 @dataclass(frozen=True)
@@ -67,3 +81,7 @@ class PressPath:
             if overlaps and a.place != b.place and (a.depth_mm != 0 or b.depth_mm != 0):
                 return True
         return False
+
+    def bends_ns(self, from_ns: int, to_ns: int) -> tuple[int, ...]:
+        """Times of the points inside (from, to)."""
+        return tuple(point.time_ns for point in self.points if from_ns < point.time_ns < to_ns)

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 from zeromethod.resources import resource
-from zeromethod.simulation.path import PressPath
+from zeromethod.simulation.path import Press
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.press_file import Phase, read_press_file
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """Presses that follow their paths, and the names of the run's parts.
+    """Presses as they move, and the names of the run's parts.
 
     duration_s: how long a run of it lasts. phases: marks for a report ("hold", "slide"); they change
     nothing in the physics.
     """
 
     name: str
-    presses: tuple[PressPath, ...]
+    presses: tuple[Press, ...]
     duration_s: float
     phases: tuple[Phase, ...] = ()
 
@@ -30,10 +29,9 @@ class Scenario:
         dents = (press.dent_at(time_ns) for press in self.presses)
         return Mirror(tuple(dent for dent in dents if dent is not None))
 
-    @cached_property
-    def breakpoints_ns(self) -> tuple[int, ...]:
-        """Times at which any press jumps or changes its velocity, rising."""
-        return tuple(sorted({point.time_ns for press in self.presses for point in press.points}))
+    def bends_ns(self, from_ns: int, to_ns: int) -> tuple[int, ...]:
+        """Times inside (from, to) at which any press jumps or changes its velocity, rising."""
+        return tuple(sorted({time for press in self.presses for time in press.bends_ns(from_ns, to_ns)}))
 
     def moving(self, from_ns: int, to_ns: int) -> bool:
         """Whether the mirror changes continuously anywhere inside (from, to); jumps do not count."""

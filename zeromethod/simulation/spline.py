@@ -22,7 +22,7 @@ def spline_coefficients(samples: NDArray[np.floating]) -> Array:
     return np.asarray(spline_filter(padded, order=3, mode="mirror"), dtype=np.float64)
 
 
-def _weights(t: Array) -> tuple[Array, Array]:
+def spline_weights(t: Array) -> tuple[Array, Array]:
     """(values, derivatives), each (..., 4): B-spline weights of the four samples round a point."""
     s = 1.0 - t
     values = np.stack((s**3 / 6, 2 / 3 - t**2 * (2 - t) / 2, 2 / 3 - s**2 * (2 - s) / 2, t**3 / 6), axis=-1)
@@ -37,8 +37,8 @@ def evaluate_spline(coefficients: Array, row: Array, col: Array) -> tuple[Array,
     inside = (row >= 1) & (row < rows - 2) & (col >= 1) & (col < cols - 2)
     row, col = np.where(inside, row, 1.0), np.where(inside, col, 1.0)
     i, j = np.floor(row).astype(np.intp), np.floor(col).astype(np.intp)
-    by_row, by_row_slope = _weights(row - i)
-    by_col, by_col_slope = _weights(col - j)
+    by_row, by_row_slope = spline_weights(row - i)
+    by_col, by_col_slope = spline_weights(col - j)
     offsets = np.arange(-1, 3)
     patch = coefficients[(i[..., None] + offsets)[..., :, None], (j[..., None] + offsets)[..., None, :]]
     along = np.einsum("...ij,...j->...i", patch, by_col)

@@ -1,0 +1,125 @@
+"""`zeromethod replay` as a person meets it."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_run import recorded
+
+from zeromethod.cli.main import main
+from zeromethod.procedures.open_loop import coarser
+from zeromethod.recording.recording import Recording
+from zeromethod.rig.load import load_rig
+
+Outcome = tuple[int, str, str]
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Half a second of a small bench, pressed at once at 0.2 s."""
+    rig = coarser(load_rig("simulated"), 8).model_copy(update={"press": "step"})
+    return recorded(tmp_path_factory.mktemp("replay") / "session.h5", 0.45, rig=rig)
+
+
+@pytest.fixture
+def replay(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
+    def run(*arguments: object) -> Outcome:
+        with pytest.raises(SystemExit) as end:
+            main(["replay", *(str(argument) for argument in arguments)])
+        printed = capsys.readouterr()
+        return int(end.value.code or 0), printed.out, printed.err
+
+    return run
+
+
+def test_reading_again_tells_that_nothing_differs(session: Path, tmp_path: Path, replay) -> None:
+    summary, figure = tmp_path / "s.json", tmp_path / "f.png"
+    code, out, err = replay(session, "--summary", summary, "--figure", figure)
+    assert (code, err) == (0, "")
+    assert "equal bit for bit" in out
+    figures = json.loads(summary.read_text())
+    assert (figures["again"], figures["changed"], figures["equal"]) == ("read", False, True)
+    assert figures["readings"] == figures["readings_equal"] > 15
+    assert figures["depth_difference_nm"]["largest"] == 0.0
+    assert len(figures["peaks"]["time_s"]) == figures["readings"]
+    assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+def test_sensing_again_with_another_setting_tells_what_it_changes(
+    session: Path, tmp_path: Path, replay
+) -> None:
+    summary = tmp_path / "s.json"
+    arguments = ("--again", "sense", "--set", "camera.noise.read_grey=9", "--from", "0.1", "--to", "0.2")
+    code, out, err = replay(session, *arguments, "--summary", summary)
+    assert (code, err) == (0, "")
+    assert "sigma of a warp" in out
+    figures = json.loads(summary.read_text())
+    assert (figures["changed"], figures["equal"]) == (True, False)
+    assert figures["settings"] == ["camera.noise.read_grey=9"]
+    assert 5 <= figures["turns"] <= 7
+    assert figures["sigma_lcd_px"]["again"] > figures["sigma_lcd_px"]["recorded"]
+
+
+def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp_path: Path, replay) -> None:
+    summary, figure, record = (tmp_path / name for name in ("s.json", "f.png", "again.h5"))
+    files = ("--summary", summary, "--figure", figure, "--record", record)
+    code, out, _ = replay(session, "--again", "loop", "--controller", "integrator", "--gain", "0.2", *files)
+    assert code == 0
+    assert all(name in out for name in ("recorded", "relived", "changed", "picture behind the mirror"))
+    figures = json.loads(summary.read_text())
+    sessions = figures["sessions"]
+    assert list(sessions) == ["recorded", "relived", "changed"]
+    assert sessions["recorded"]["frames"] == sessions["relived"]["frames"] > 20
+    assert sessions["changed"]["residual_rms_px"] > sessions["relived"]["residual_rms_px"]
+    assert len(figures["curves"]["changed"]["residual_rms_px"]) == sessions["changed"]["frames"]
+    assert figures["settings"] == ["control.gain=0.2", "control.controller=integrator"]
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    with Recording(record) as again:
+        assert again.rig.control.controller == "integrator"
+        assert np.count_nonzero(again.turns["sensed"]) >= sessions["changed"]["frames"]
+    code, _, err = replay(session, "--again", "loop", "--record", record)
+    assert code == 2
+    assert "not overwritten" in err
+
+
+def test_the_loop_unchanged_stands_beside_the_recorded_session_alone(session: Path, replay) -> None:
+    code, out, _ = replay(session, "--again", "loop", "--to", "0.15")
+    assert code == 0
+    assert "relived" in out
+    assert "changed" not in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("nowhere.h5",), "not there"),
+        ((__file__,), "cannot be read as a recording"),
+        (("SESSION", "--gain", "0.5"), "only with --again loop"),
+        (("SESSION", "--record", "x.h5"), "only with --again loop"),
+        (("SESSION", "--set", "surface.rest=1"), "surface.rest: unknown key"),
+        (("SESSION", "--set", "target.period_px=20"), "cannot be changed"),
+        (("SESSION", "--from", "9"), "nothing is there"),
+        (("SESSION", "--rig", "nobench"), "rig: "),
+        (("SESSION", "--figure", "x.pdf"), "must end in .png"),
+        (("SESSION", "--speed", "inf"), "finite"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(
+    session: Path, replay, arguments: tuple[str, ...], word: str
+) -> None:
+    code, out, err = replay(*(session if one == "SESSION" else one for one in arguments))
+    assert (code, out) == (2, "")
+    assert word in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(("again", "word"), [("read", "warps"), ("sense", "frames"), ("loop", "surfaces")])
+def test_a_recording_that_lacks_what_is_needed_says_so(tmp_path: Path, replay, again: str, word: str) -> None:
+    rig = coarser(load_rig("simulated"), 8)
+    path = recorded(tmp_path / "r.h5", 0.1, rig=rig, keep=("residual",))
+    code, _, err = replay(path, "--again", again)
+    assert code == 2
+    assert f"recorded without {word}" in err
+    assert err.count("\n") == 1

@@ -1,0 +1,84 @@
+"""A replayed session beside the recorded one, as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_COLOURS = ("C7", "C0", "C3")
+_WIDTHS = (3.0, 1.5, 1.0)
+"""Curves that coincide are drawn the wider the earlier, so that each can be seen."""
+
+
+def draw_sessions(curves: dict[str, dict[str, Array]], title: str, path: Path) -> None:
+    """Write sessions as PNG: peak depth, residual, depth error over time, motion left over frequency.
+
+    curves: by session's name; each time_s, depth_peak_mm, residual_rms_px, depth_error_um, frequency_hz and
+    left, NaN where not known.
+    """
+    with mpl.rc_context({"font.size": 8, "axes.titlesize": 9}):
+        figure = Figure(figsize=(12, 7.5), layout="constrained")
+        axes = figure.subplots(2, 2)
+        over_time = (
+            (axes[0, 0], "depth_peak_mm", "deepest point read", "mm", "linear"),
+            (axes[0, 1], "residual_rms_px", "residual", "camera px rms", "log"),
+            (axes[1, 0], "depth_error_um", "depth error against the mirror relived", "um rms", "log"),
+        )
+        for axis, key, heading, unit, scale in over_time:
+            for number, (name, curve) in enumerate(curves.items()):
+                _plot(axis, curve["time_s"], curve[key], name, number)
+            _finish(axis, heading, "s", unit, scale)
+        axis = axes[1, 1]
+        for number, (name, curve) in enumerate(curves.items()):
+            _plot(axis, curve["frequency_hz"], curve["left"], name, number, marker=".")
+        axis.axhline(1.0, color="k", linewidth=0.8, linestyle=":")
+        _finish(axis, "motion of the mirror that is left in the picture", "Hz", "share", "log")
+        axis.set_xscale("log")
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        figure.suptitle(title, fontsize=11)
+        figure.savefig(path, dpi=110)
+
+
+def draw_differences(figures: dict[str, Any], title: str, path: Path) -> None:
+    """Write readings as PNG: peak depth recorded and again over time, and how far depth differs.
+
+    figures: as `zeromethod.procedures.replay.differences.DepthDifferences.figures` gives them.
+    """
+    peaks = {key: np.array(values, dtype=np.float64) for key, values in figures["peaks"].items()}
+    with mpl.rc_context({"font.size": 8, "axes.titlesize": 9}):
+        figure = Figure(figsize=(10, 6), layout="constrained")
+        above, below = figure.subplots(2, 1, sharex=True)
+        _plot(above, peaks["time_s"], peaks["recorded_mm"], "recorded", 0)
+        _plot(above, peaks["time_s"], peaks["again_mm"], "again", 1)
+        _finish(above, "deepest point read", "s", "mm", "linear")
+        above.legend()
+        nm = 1e6 * (peaks["again_mm"] - peaks["recorded_mm"])
+        _plot(below, peaks["time_s"], nm, "deepest point", 2)
+        _plot(below, peaks["time_s"], 1e3 * peaks["difference_um"], "all nodes, rms", 1)
+        _finish(below, "again less recorded", "s", "nm", "linear")
+        below.legend()
+        figure.suptitle(title, fontsize=11)
+        figure.savefig(path, dpi=110)
+
+
+def _plot(axis: Axes, x: Array, y: Array, name: str, number: int, marker: str = "") -> None:
+    number %= len(_COLOURS)
+    axis.plot(x, y, label=name, color=_COLOURS[number], linewidth=_WIDTHS[number], marker=marker)
+
+
+def _finish(axis: Axes, heading: str, unit_x: str, unit_y: str, scale: str) -> None:
+    drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=np.float64) for line in axis.get_lines()])
+    # nothing positive cannot be drawn to a logarithmic scale
+    axis.set_yscale(scale if np.any(drawn > 0) else "linear")
+    axis.set_title(heading)
+    axis.set_xlabel(unit_x)
+    axis.set_ylabel(unit_y)
+    axis.grid(alpha=0.3)
