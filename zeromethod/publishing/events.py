@@ -100,7 +100,7 @@ class ContactWatch:
         self._lit = surface.valid if self._lit is None else self._lit | surface.valid
         dark = surface.contact & self._lit & np.isfinite(surface.x_mm)
         # Comparisons with NaN, where nothing was read, are False.
-        if deepest.depth_mm >= share * max(TOUCH_SIGMAS * deepest.sigma_mm, TOUCH_MM):
+        if deepest.depth_mm >= share * max(TOUCH_SIGMAS * deepest.sigma_seen_mm, TOUCH_MM):
             return _Place(deepest.x_mm, deepest.y_mm, deepest.depth_mm)
         if np.count_nonzero(dark) < share * TOUCH_NODES:
             return None

@@ -86,7 +86,8 @@ class Rows:
 
     def peak(self, turn: int, peak: Peak, read_ms: float) -> Item:
         """Row of a surface's deepest point."""
-        return self._row("peaks/table", turn, peak.depth_mm, peak.sigma_mm, peak.x_mm, peak.y_mm, read_ms)
+        place = peak.x_mm, peak.y_mm
+        return self._row("peaks/table", turn, peak.depth_mm, peak.sigma_mm, peak.deeper_mm, *place, read_ms)
 
     def arrays(self, step: Step) -> list[Item]:
         """Arrays of a turn that are kept."""

@@ -90,6 +90,7 @@ PEAKS: Fields = {
     "turn": ("i8", "", "turn that the surface was read from"),
     "depth_mm": ("f8", "mm", "depth at the point of largest |depth|, positive into the rubber"),
     "sigma_mm": ("f8", "mm", "its standard deviation"),
+    "deeper_mm": ("f8", "mm", "part of it that only goes one way: how much deeper holes may be"),
     "x_mm": ("f8", "mm", "where: world x"),
     "y_mm": ("f8", "mm", "where: world y"),
     "read_ms": ("f8", "ms", "how long reading the surface took"),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.surface.holes import around_mm, deeper_inside_mm
 from zeromethod.surface.surface import Surface
 
 _REACH = 2
@@ -23,25 +25,54 @@ _NEAREST = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """Point of largest |depth|: signed depth, mirror position and depth's standard deviation, all in mm."""
+    """Point of largest |depth|: signed depth, mirror position and depth's standard deviation, all in mm.
+
+    deeper_mm: part of sigma that only goes one way: how much deeper the mirror may be inside holes.
+    """
 
     depth_mm: float
     x_mm: float
     y_mm: float
     sigma_mm: float
+    deeper_mm: float = 0.0
+
+    @property
+    def sigma_seen_mm(self) -> float:
+        """Standard deviation of the depth at this very point, whatever holes may hide."""
+        return math.sqrt(max(self.sigma_mm**2 - self.deeper_mm**2, 0.0))
 
 
 def peak(surface: Surface) -> Peak:
-    """Find the point of largest |depth| among the valid nodes by a local polynomial fit.
+    """Find the point of largest |depth| by a local polynomial fit.
 
     A quartic over 5x5 to 13x13 nodes, by the dent's width where it is narrowest (bias 0.02 % for a Gaussian
     of sigma 4 nodes, below 0.01 % from 6 on), about the node nearest to its own summit, which on a ridge is
     not the deepest; a quadratic over 5x5 where border or holes leave too few nodes; the deepest node itself
     where even these are missing or the summit lies outside the window. All NaN when nothing is valid.
+
+    What a closed fold cuts off counts with the valid nodes (`Surface.beyond`). Sigma is the node's, and what
+    holes leave open: the slope around the summit that folds have shut, and depth that goes on inside a hole
+    from the slopes at its rim, as much as it may be deeper than the peak (contact takes the light away, so
+    that a peak beside one is of what is seen, and its sigma nearly as large as the contact is deep).
     """
-    depth = np.where(surface.valid, surface.depth_mm, np.nan)
     if not surface.valid.any():
         return Peak(np.nan, np.nan, np.nan, np.nan)
+    found, fitted = _deepest(surface)
+    measured, sigma_mm = surface.valid, found.sigma_mm
+    gap_mm = around_mm(surface, fitted, found.x_mm, found.y_mm, found.depth_mm)
+    if surface.beyond is not None:
+        measured = measured | surface.beyond.valid
+        inside, fitted_inside = _deepest(surface.beyond)
+        if abs(inside.depth_mm) > abs(found.depth_mm):
+            found, fitted, gap_mm = inside, fitted_inside, 0.0
+            sigma_mm = found.sigma_mm
+    deeper_mm = deeper_inside_mm(surface, measured, fitted, found.depth_mm)
+    return replace(found, sigma_mm=math.hypot(sigma_mm, gap_mm, deeper_mm), deeper_mm=deeper_mm)
+
+
+def _deepest(surface: Surface) -> tuple[Peak, NDArray[np.bool_]]:
+    """Peak of the valid nodes alone, and the window (rows, cols) of the fit that told it."""
+    depth = np.where(surface.valid, surface.depth_mm, np.nan)
     row, col = (int(k) for k in np.unravel_index(int(np.nanargmax(np.abs(depth))), depth.shape))
     at_node = Peak(
         float(depth[row, col]),
@@ -49,20 +80,27 @@ def peak(surface: Surface) -> Peak:
         float(surface.y_mm[row, col]),
         float(surface.sigma_depth_mm[row, col]),
     )
+    window = np.zeros(depth.shape, bool)
     for _ in range(_MOVES):
         summit = _summit(surface, row, col)
         if summit is None:
-            return at_node
-        offset, value = summit
+            return at_node, window
+        offset, value, reach = summit
         if np.max(np.abs(offset)) <= _NEAREST:
             break
         row, col = row + round(float(offset[1])), col + round(float(offset[0]))
+    window[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1] = True
     depth_mm, x_mm, y_mm = (float(part) for part in value)
-    return Peak(depth_mm, x_mm, y_mm, at_node.sigma_mm)
+    return Peak(depth_mm, x_mm, y_mm, at_node.sigma_mm), window
 
 
-def _summit(surface: Surface, row: int, col: int) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Summit's (column, row) offset from a node, and depth, x and y there; None where there is none."""
+def _summit(
+    surface: Surface, row: int, col: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], int] | None:
+    """Summit's (column, row) offset from a node, depth, x and y there, and the window's half width.
+
+    None where there is no summit.
+    """
     fitted = _fit(surface, row, col, _REACH, 2)
     if fitted is None:
         return None
@@ -77,11 +115,13 @@ def _summit(surface: Surface, row: int, col: int) -> tuple[NDArray[np.float64], 
     finer = _fit(surface, row, col, reach, 4)
     if finer is not None:
         coefficients, powers = finer
-    offset = _stationary(coefficients[:, 0], powers, _REACH if finer is None else reach)
+    else:
+        reach = _REACH
+    offset = _stationary(coefficients[:, 0], powers, reach)
     if offset is None:
         return None
     value = (_terms(offset[:1], offset[1:], powers) @ coefficients)[0]
-    return offset, np.asarray(value, dtype=np.float64)
+    return offset, np.asarray(value, dtype=np.float64), reach
 
 
 def _fit(

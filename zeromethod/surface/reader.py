@@ -12,6 +12,7 @@ from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.surface.anchor import RestFit, fit_known, fit_quiet, known_nodes
+from zeromethod.surface.bridge import Lattice, bridge, cut_off_islands
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.far_field import fit_far_field
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
@@ -150,7 +151,8 @@ class SurfaceReader:
         tail_mm = 0.0 if previous is None else previous.anchor.tail_mm
         reading = self._settle(q, variance, usable, start, tail_mm)
         factor = self._lever.factor(reading.depth, reading.slope, bending, sigma_q)
-        return self._surface(warp, reading, SlopeNoise(factor, *self._overlap))
+        surface = self._surface(warp, reading, SlopeNoise(factor, *self._overlap))
+        return self._with_beyond(surface, reading, q, usable, factor)
 
     def covariance(self, surface: Surface) -> DepthCovariance:
         """Full covariance of the depths of the surface that this reader read last.
@@ -284,6 +286,40 @@ class SurfaceReader:
             x, y = reading.point[..., 0], reading.point[..., 1]
             self._last = _Last(surface, self._integrator.linear(x, y), noise, fit)
         return surface
+
+    def _with_beyond(
+        self,
+        surface: Surface,
+        reading: _Reading,
+        q: NDArray[np.float64],
+        usable: NDArray[np.bool_],
+        factor: NDArray[np.float64],
+    ) -> Surface:
+        """The surface with what is tied to it over gaps; the same one where there is nothing."""
+        island = self._integrator.island
+        others = cut_off_islands(usable, island) if island.any() else []
+        variance = (factor**2).sum(axis=-1)
+        read = Lattice(reading.depth, reading.slope, reading.point)
+        found = bridge(self._rays, q, variance, self._scale, island, others, read) if others else None
+        if found is None:
+            return surface
+        off = ~found.nodes
+        # Noise over a gap adds little to that of the nodes before it.
+        noise = float(np.nanmax(surface.sigma_depth_mm))
+        beyond = replace(
+            surface,
+            depth_mm=self._padded(np.where(off, np.nan, found.read.depth), np.nan),
+            slope=self._padded(np.where(off[..., None], np.nan, found.read.slope), np.nan),
+            x_mm=self._padded(found.read.point[..., 0], np.nan),
+            y_mm=self._padded(found.read.point[..., 1], np.nan),
+            sigma_depth_mm=self._padded(np.where(off, np.nan, np.hypot(noise, found.sigma_mm)), np.nan),
+            sigma_slope=self._padded(np.where(off[..., None], np.nan, np.sqrt(variance)), np.nan),
+            valid=self._padded(found.nodes, False),
+        )
+        whole = replace(surface, beyond=beyond)
+        if self._last is not None:
+            self._last = replace(self._last, surface=whole)
+        return whole
 
     def _padded(self, inner: NDArray[T], fill: float | bool) -> NDArray[T]:
         full = np.full((*self._grid.shape, *inner.shape[2:]), fill, dtype=inner.dtype)

@@ -40,6 +40,9 @@ class Surface:
         LCD, by P0, depth's own noise moves the point and takes up to 14 % off).
     valid: (rows, cols) nodes with a depth. contact: (rows, cols) light lost: TIR fails or something touches.
     time_ns: the warp's. iterations: ray-surface intersections taken until depth settled.
+    beyond: what closed gaps, folds above all, cut off from the valid nodes and slopes tie across them
+        (`zeromethod.surface.bridge`); its own valid nodes are no others than these, and their sigma holds
+        what the gap leaves open. None where there is no such thing.
 
     Convention: world frame of `zeromethod.optics`; depth d = h_rest(x, y) - z.
     """
@@ -55,3 +58,4 @@ class Surface:
     anchor: Anchor
     time_ns: int
     iterations: int
+    beyond: Surface | None = None

@@ -1,0 +1,386 @@
+"""Ten unknown benches calibrated by their own pictures, and what their loops then read: no exact warps.
+
+    python benchmarks/calibration_benches.py [--quick] [--benches N] [--jobs N] [--json FILE]
+
+Benches are drawn as in calibration_study.py, with a panel gamma of 1.8 to 2.4, refreshes of 59.8 to 60.2 Hz
+beside a camera of 60.0 Hz, a panel latency that makes 1 to 3 frames of delay, and two grey levels of noise in
+8 bits. The lens is shortened to 5600 px, so that both edges of the mirror are in view. To be quick, camera
+pixels are binned by 4, carriers are 8 of them long (nodes lie 1.2 mm apart on the mirror), and the LCD has
+half its columns and rows.
+
+The whole calibration (light, rest map, delay, presses) runs on the simulated devices in simulated time, from
+the packaged rig file and caliper-grade priors, and finds the mirror's edges in its own pictures. Presses of
+known depth: three along x, 0.2 mm, the height gauge off by up to 1 um. Then the loop runs on the calibrated
+rig and its measured rest, and is pressed elsewhere: pads of other widths, straight edges, twin pads, dry
+balls, 0.05 to 0.3 mm. Each is read in the last frames while it is held. For the other sets of data the same
+frames are read through the rig that those give.
+
+The simulated camera's pictures are ray traced by the simulation's shader or its numpy twin, never by the
+reader. "normalised": error over the sigma stated for it, geometry and reading together. "covered": presses
+within twice that.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from bench_report import Figure, Report, finish, progress
+from bench_rigs import Array, changed
+from calibration_study import (
+    CASES,
+    GAUGE_MM,
+    KNOWN_MM,
+    WIDE_FOCAL_PX,
+    Outcome,
+    details_of,
+    draw,
+    figures_of,
+    summarise,
+)
+
+from zeromethod.calibration.rays import UnboundedOptics, mirror_point
+from zeromethod.control.rest import Rest
+from zeromethod.control.state import NULLED
+from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.optics import Optics
+from zeromethod.procedures.calibration import Calibration, Plan, Recorded, evaluate, record
+from zeromethod.procedures.calibration.presses import PressWarps
+from zeromethod.procedures.run import Run
+from zeromethod.procedures.truth import true_peak_mm
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.simulation.camera import SimulatedCamera
+from zeromethod.simulation.path import PathPoint, PressPath
+from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.scenario import Scenario
+from zeromethod.surface import Peak, Surface, SurfaceReader, peak
+from zeromethod.threads import limit_threads
+from zeromethod.warp.warp import Warp
+
+BINNING, PERIOD_PX = 4, 8
+TESTS = 8
+KNOWN_SHARES = (0.25, 0.5, 0.75)
+KNOWN_SIGMA_MM = 5.0
+MOST_SLOPE = 0.025
+FRAMES = 12
+LEAD_S, MOVE_S, HOLD_S, PAUSE_S = 0.1, 0.15, 0.6, 0.2
+LOCK_S = 1.0
+
+
+def nominal() -> Rig:
+    """What every bench's rig file says."""
+    rig = load_rig("simulated")
+    coarser = {"columns": rig.display.columns // 2, "rows": rig.display.rows // 2}
+    rig = changed(
+        rig,
+        camera={"focal_px": (WIDE_FOCAL_PX, WIDE_FOCAL_PX)},
+        display={**coarser, "pitch_mm": 2 * rig.display.pitch_mm},
+        target={"period_px": PERIOD_PX},
+    )
+    return binned(rig, BINNING).model_copy(update={"press": "none"})
+
+
+def drawn(given: Rig, rng: np.random.Generator, seed: int) -> Rig:
+    """Draw a bench with its response, its clocks and its delay."""
+    rig = draw(given, rng)
+    frame_s = 1.0 / rig.camera.rate_hz
+    display = {"gamma": rng.uniform(1.8, 2.4), "latency_s": rng.uniform(0.0, 2.0) * frame_s}
+    clocks = {
+        "display_refresh_hz": rng.uniform(59.8, 60.2),
+        "camera_phase": rng.uniform(0.0, 1.0),
+        "seed": seed,
+    }
+    return changed(rig, display=display, simulation=clocks)
+
+
+class View:
+    """Where the drawn bench looks."""
+
+    def __init__(self, rig: Rig) -> None:
+        optics = UnboundedOptics(rig)
+        camera = rig.camera
+        u, v = np.meshgrid(np.linspace(16, camera.columns - 17, 120), np.linspace(16, camera.rows - 17, 90))
+        point = mirror_point(optics, u.ravel(), v.ravel())
+        inside = (point[:, 0] > 3.0) & (point[:, 0] < optics.length_mm - 3.0)
+        inside &= np.isfinite(Optics(rig).rest_map(u.ravel(), v.ravel())).all(axis=-1)
+        self.points = point[inside, :2]
+        self._low, self._high = self.points.min(axis=0), self.points.max(axis=0)
+
+    def place(self, share_x: float, share_y: float) -> tuple[float, float]:
+        """Mirror point (x, y) in mm at these shares of the view."""
+        x, y = self._low + (self._high - self._low) * np.array([share_x, share_y])
+        return float(x), float(y)
+
+
+def other_press(kind: int, view: View, rng: np.random.Generator) -> tuple[Dent, ...]:
+    """Draw a press that no calibration sees: pad, edge, twin pads, dry ball."""
+    x, y = view.place(rng.uniform(0.2, 0.8), rng.uniform(0.3, 0.7))
+    depth = rng.uniform(0.05, 0.3)
+    sigma = max(rng.uniform(3.5, 5.5), 0.607 * depth / MOST_SLOPE)
+    if kind == 1:
+        length, angle = rng.uniform(6.0, 10.0), rng.uniform(0.0, 180.0)
+        return (Dent(Shape.EDGE, x, y, depth, sigma, length, angle),)
+    if kind == 2:
+        second = Dent(Shape.GAUSSIAN, x + rng.uniform(1.5, 2.0) * sigma, y, depth / 2, sigma)
+        return Dent(Shape.GAUSSIAN, x, y, depth, sigma), second
+    if kind == 3:
+        depth, contact = rng.uniform(0.05, 0.12), rng.uniform(5.0, 8.0)
+        return (Dent(Shape.BALL, x, y, depth, contact**2 / depth),)
+    return (Dent(Shape.GAUSSIAN, x, y, depth, sigma),)
+
+
+def held(dent: Dent, down_ns: int) -> PressPath:
+    """A press that goes down from `down_ns` on, is held, and lifted."""
+    times_s = (0.0, MOVE_S, MOVE_S + HOLD_S, 2 * MOVE_S + HOLD_S)
+    depths = (0.0, dent.depth_mm, dent.depth_mm, 0.0)
+    points = (
+        PathPoint(down_ns + round(1e9 * t), dent.x_mm, dent.y_mm, d)
+        for t, d in zip(times_s, depths, strict=True)
+    )
+    return PressPath(dent, tuple(points))
+
+
+@dataclass
+class Hand:
+    """Presses when it is asked to, on the simulated mirror."""
+
+    devices: Devices
+    presses: Sequence[Dent]
+    lines: list[str] = field(default_factory=list)
+
+    def part(self, words: str, total: int) -> AbstractContextManager[Callable[[], object]]:
+        """Nothing is shown."""
+        del words, total
+        return nullcontext(lambda: None)
+
+    def say(self, words: str) -> None:
+        """Listen."""
+        self.lines.append(words)
+        if words.startswith("press") and "now" in words:
+            camera = self.devices.camera
+            assert isinstance(camera, SimulatedCamera)
+            dent = self.presses[int(words.split()[1]) - 1]
+            path = held(dent, self.devices.clock.now_ns() + round(1e9 * LEAD_S))
+            camera.scenario = Scenario("asked for", (path,), 1e9)
+
+
+@dataclass
+class Followed:
+    """What a run publishes: measured warps of nulled turns, and their peaks."""
+
+    warps: list[Warp] = field(default_factory=list)
+    peaks: list[Peak] = field(default_factory=list)
+
+    def publish(self, step: Any, reading: tuple[Surface, Peak] | None = None) -> None:
+        """Take one turn."""
+        if reading is not None and step.state in NULLED:
+            self.warps.append(step.measured)
+            self.peaks.append(reading[1])
+
+    def between(self, from_ns: int, to_ns: int) -> tuple[list[Warp], list[Peak]]:
+        """Last frames of an interval."""
+        rows = [k for k, warp in enumerate(self.warps) if from_ns <= warp.time_ns <= to_ns][-FRAMES:]
+        return [self.warps[k] for k in rows], [self.peaks[k] for k in rows]
+
+
+def followed(rig: Rig, bench: Rig, presses: Sequence[tuple[Dent, ...]]) -> tuple[Followed, list[int]]:
+    """Close the loop on a bench by a calibrated rig, pressed one after the other, each held from `times`."""
+    starts = [LOCK_S + k * (2 * MOVE_S + HOLD_S + PAUSE_S) for k in range(len(presses))]
+    downs = [round(1e9 * s) for s in starts]
+    paths = tuple(held(dent, down) for dents, down in zip(presses, downs, strict=True) for dent in dents)
+    seconds = LOCK_S + len(presses) * (2 * MOVE_S + HOLD_S + PAUSE_S)
+    taken = Followed()
+    with open_devices(bench) as devices:
+        camera = devices.camera
+        assert isinstance(camera, SimulatedCamera)
+        camera.scenario = Scenario("others", paths, seconds)
+        for _ in Run(rig, devices, taken).steps(seconds=seconds):
+            pass
+    return taken, [down + round(1e9 * MOVE_S) for down in downs]
+
+
+def cases_of(recorded: Recorded) -> dict[str, Recorded]:
+    """The same recording with less and less of it."""
+    plan, presses = recorded.plan, recorded.presses
+    assert presses is not None
+    one = replace(plan, edges=False, press_depths_mm=plan.press_depths_mm[1:2])
+    none = replace(plan, edges=False, press_depths_mm=())
+    return {
+        CASES[0]: recorded,
+        CASES[1]: replace(recorded, plan=one, presses=PressWarps(presses.rest, presses.pressed[1:2])),
+        CASES[2]: replace(recorded, plan=none, presses=None),
+    }
+
+
+@dataclass(frozen=True)
+class BenchResult:
+    """What one bench gave."""
+
+    outcomes: tuple[Outcome, ...]
+    facts: dict[str, Any]
+
+
+def study_bench(number: int, tests: int = TESTS, cases: Sequence[str] = CASES) -> BenchResult:
+    """Draw, calibrate, run and read one bench."""
+    started = time.process_time()
+    rng = np.random.default_rng([7, number])
+    given = nominal()
+    bench = drawn(given, rng, number)
+    view = View(bench)
+    known = [
+        Dent(Shape.GAUSSIAN, *view.place(share, rng.uniform(0.4, 0.6)), KNOWN_MM, KNOWN_SIGMA_MM)
+        for share in KNOWN_SHARES
+    ]
+    told = tuple(dent.depth_mm + rng.uniform(-GAUGE_MM, GAUGE_MM) for dent in known)
+    plan = Plan(told, GAUGE_MM / np.sqrt(3), delay_s=1.5, patience_s=6.0)
+    with open_devices(bench) as devices:
+        hand = Hand(devices, known)
+        recorded, found = record(given, devices, plan, hand)
+    if recorded.failure:
+        raise RuntimeError(f"bench {number}: {recorded.failure}: {hand.lines}")
+    recorded_s = time.process_time() - started
+    calibrated = {case: evaluate(one, found) for case, one in cases_of(recorded).items() if case in cases}
+    fitted_s = time.process_time() - started - recorded_s
+    kinds = tuple(k % 4 for k in range(tests))
+    presses = [other_press(kind, view, rng) for kind in kinds]
+    depths = np.array([true_peak_mm(Mirror(dents), *view.points.T) for dents in presses])
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "rest.npz"
+        found.rest_map.save(file)
+        rigs = {case: _on_rest(one.rig, file) for case, one in calibrated.items()}
+        taken, holds = followed(rigs[cases[0]], bench, presses)
+        held_frames = [taken.between(at, at + round(1e9 * HOLD_S)) for at in holds]
+        readings = [[peaks for _, peaks in held_frames]]
+        readings += [_read_again(rigs[case], [warps for warps, _ in held_frames]) for case in cases[1:]]
+    outcomes = [
+        _outcome(number, case, kinds, calibrated[case], read, depths)
+        for case, read in zip(cases, readings, strict=True)
+    ]
+    facts = {
+        "latency_ms": 1e3 * bench.display.latency_s,
+        "gamma": bench.display.gamma,
+        "values": recorded.values,
+        "frames": [len(peaks) for _, peaks in held_frames],
+        "edges": [one.words for one in calibrated[cases[0]].edges],
+        "depths_mm": depths.tolist(),
+        "frame_errors_percent": [
+            [round(100.0 * (one.depth_mm / depth - 1.0), 2) for one in peaks]
+            for (_, peaks), depth in zip(held_frames, depths, strict=True)
+        ],
+        "known_error_um": [
+            1e3 * (one.depth_mm - dent.depth_mm)
+            for one, dent in zip(calibrated[cases[0]].peaks, known, strict=True)
+        ],
+        "said": hand.lines,
+        "seconds": {"record": recorded_s, "fit": fitted_s, "whole": time.process_time() - started},
+        "steps": recorded.seconds,
+    }
+    return BenchResult(tuple(outcomes), facts)
+
+
+def _on_rest(rig: Rig, file: Path) -> Rig:
+    return rig.model_copy(update={"camera": rig.camera.model_copy(update={"rest_map": file})})
+
+
+def _outcome(
+    number: int,
+    case: str,
+    kinds: tuple[int, ...],
+    calibration: Calibration,
+    readings: Sequence[Sequence[Peak]],
+    depths: Array,
+) -> Outcome:
+    """Of the presses that the loop nulled for a frame at least."""
+    nulled = [k for k, one in enumerate(readings) if one]
+    kinds, depths = tuple(kinds[k] for k in nulled), depths[nulled]
+    peaks = [_together(readings[k]) for k in nulled]
+    read = np.array([one.depth_mm for one in peaks])
+    geometry = calibration.error.percent_at(
+        np.array([one.x_mm for one in peaks]), np.array([one.y_mm for one in peaks])
+    )
+    own = 100.0 * np.array([one.sigma_mm for one in peaks]) / read
+    sigmas = np.sqrt(geometry**2 + own**2 + 0.05**2)
+    errors = 100.0 * (read / depths - 1.0)
+    chi2, settled = calibration.fitted.chi2_per_freedom, calibration.fitted.settled
+    return Outcome(number, case, kinds, tuple(errors), tuple(sigmas), tuple(geometry), chi2, settled)
+
+
+def _together(peaks: Sequence[Peak]) -> Peak:
+    """Mean of frames of one press, weighted by their sigma, which counts as alike in all of them.
+
+    Frames in which the loop hunts for a fold have a large one.
+    """
+    values = np.array([(one.depth_mm, one.x_mm, one.y_mm, one.sigma_mm) for one in peaks])
+    weights = values[:, 3] ** -2.0
+    return Peak(*(float(column @ weights / weights.sum()) for column in values.T))
+
+
+def _read_again(rig: Rig, frames: Sequence[Sequence[Warp]]) -> list[list[Peak]]:
+    """Peaks of the same warps through another rig, as its run would read them."""
+    optics = Optics(rig)
+    reader = SurfaceReader(rig, optics, Rest.of(rig, optics).grid)
+    return [[peak(reader.read(warp)) for warp in one] for one in frames]
+
+
+def report(numbers: Sequence[int], jobs: int) -> Report:
+    """Study benches, `jobs` at a time."""
+    results: list[BenchResult] = []
+    with progress(len(numbers), "benches") as bar:
+        for result in _results(numbers, jobs):
+            results.append(result)
+            bar.step()
+    outcomes = [one for result in results for one in result.outcomes]
+    cases = {case: summarise(outcomes, case) for case in CASES}
+    frames = [count for result in results for count in result.facts["frames"]]
+    unread = Figure("presses that the loop never nulled", f"{frames.count(0)} of {len(frames)}")
+    return Report(
+        "Depth of other presses on benches calibrated by their own pictures",
+        [*figures_of(cases, len(numbers)), unread],
+        details_of(cases),
+        {
+            "outcomes": [asdict(one) for one in outcomes],
+            "cases": cases,
+            "benches": [result.facts for result in results],
+        },
+    )
+
+
+def _results(numbers: Sequence[int], jobs: int) -> Iterator[BenchResult]:
+    if jobs <= 1:
+        limit_threads()
+        yield from map(study_bench, numbers)
+        return
+    # GL contexts and threads do not survive a fork
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=limit_threads) as pool:
+        yield from pool.map(study_bench, numbers)
+
+
+def main() -> int:
+    """Run from the shell."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="three benches instead of ten")
+    parser.add_argument("--benches", type=int, default=None, metavar="N", help="how many benches")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="benches at a time")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
+    chosen = parser.parse_args()
+    count = chosen.benches or (3 if chosen.quick else 10)
+    return finish(report(range(count), chosen.jobs), chosen.json)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,169 @@
+"""Depth behind folds, and what holes leave open about the deepest point."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.surface import SurfaceReader, peak
+from zeromethod.warp.jacobian import warp_flags
+from zeromethod.warp.validity import Flag
+
+from .surface_bench import Bench, Gauss, Several, small_rig
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return Bench(small_rig())
+
+
+@pytest.fixture(scope="module")
+def finer():
+    return Bench(binned(load_rig("simulated"), 2))
+
+
+def flagged(warp, nodes, flag):
+    flags = warp.flags.copy()
+    flags[nodes] |= np.uint16(flag)
+    return replace(warp, flags=flags)
+
+
+def distance_nodes(bench, row, col):
+    i, j = np.indices(bench.grid.shape)
+    return np.hypot(i - row, j - col)
+
+
+def middle(bench):
+    rows, cols = bench.grid.shape
+    u, v = bench.grid.mesh()
+    point = bench.optics.trace(u, v, bench.optics.rest).point[rows // 2, cols // 2]
+    return rows // 2, cols // 2, float(point[0]), float(point[1])
+
+
+def ball_warp(bench, depth_mm, contact_mm, x_mm, y_mm):
+    """The exact warp with the flags of a run, and the ball."""
+    ball = Mirror((Dent(Shape.BALL, x_mm, y_mm, depth_mm, contact_mm**2 / depth_mm),))
+    warp = bench.warp(ball)
+    rest_q = bench.optics.rest_map(*bench.grid.mesh())
+    size = bench.rig.display.columns, bench.rig.display.rows
+    flags = warp.flags | warp_flags(warp.q, rest_q, bench.grid.period_px, size)
+    return replace(warp, flags=flags), ball
+
+
+@pytest.mark.parametrize("contact_mm", [3.5, 4.0])
+@pytest.mark.parametrize("aside_mm", [0.0, 0.3])
+def test_a_ball_whose_rim_folds_is_read_inside_the_fold(finer, contact_mm, aside_mm):
+    _, _, x, y = middle(finer)
+    warp, _ = ball_warp(finer, 0.15, contact_mm, x + aside_mm, y)
+    assert np.count_nonzero(warp.flags & Flag.FOLDED) > 20
+    surface = finer.reader.read(warp)
+    found = peak(surface)
+    # outside the fold it is 0.06 mm deep; nodes 0.7 mm apart do not resolve the rim, and sigma says so
+    assert found.depth_mm == pytest.approx(0.15, rel=0.02)
+    assert abs(found.depth_mm - 0.15) < 2 * found.sigma_mm
+    assert found.sigma_mm < 0.06 * 0.15
+
+
+def test_what_is_cut_off_counts_as_beyond_and_not_as_valid(finer):
+    row, col, x, y = middle(finer)
+    warp, ball = ball_warp(finer, 0.15, 3.5, x, y)
+    surface = finer.reader.read(warp)
+    assert surface.beyond is not None
+    inside = surface.beyond.valid
+    assert not (inside & surface.valid).any()
+    assert not surface.valid[row, col]
+    assert np.isnan(surface.depth_mm[inside]).all()
+    error = surface.beyond.depth_mm[inside] - finer.truth(ball)[inside]
+    assert (np.abs(error) < 2 * surface.beyond.sigma_depth_mm[inside]).all()
+    # the step over the gap is wrong alike for all of them: within the fold depth holds together
+    assert np.ptp(error) < 5e-4
+    # what was connected reads as before, and so does its covariance
+    assert finer.reader.covariance(surface).with_node(8, 8).total[8, 8] > 0
+
+
+def test_a_smooth_dent_behind_a_ring_of_lost_nodes_is_read_to_a_percent(bench):
+    row, col, x, y = middle(bench)
+    warp = bench.warp(Gauss(0.2, x, y, 6.0))
+    away = distance_nodes(bench, row, col)
+    surface = bench.reader.read(flagged(warp, (away > 3.2) & (away < 4.8), Flag.FOLDED))
+    assert surface.beyond is not None
+    found = peak(surface)
+    # slopes bend little over the two nodes of 1.5 mm each that are lost
+    assert found.depth_mm == pytest.approx(0.2, rel=0.01)
+    assert abs(found.depth_mm - 0.2) < 2 * found.sigma_mm
+    assert found.sigma_mm > peak(bench.reader.read(warp)).sigma_mm
+
+
+def test_across_a_wide_gap_nothing_is_tied_and_sigma_covers_what_may_be_inside(bench):
+    row, col, x, y = middle(bench)
+    warp = bench.warp(Gauss(0.2, x, y, 7.0))
+    away = distance_nodes(bench, row, col)
+    surface = bench.reader.read(flagged(warp, (away > 2.5) & (away < 8.5), Flag.FOLDED))
+    assert surface.beyond is None
+    found = peak(surface)
+    assert found.depth_mm < 0.1
+    assert 0.2 - found.depth_mm < 2 * found.sigma_mm
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_contact_without_light_leaves_open_what_is_inside(bench, sign):
+    row, col, x, y = middle(bench)
+    warp = bench.warp(Gauss(sign * 0.1, x, y, 6.0))
+    lost = distance_nodes(bench, row, col) < 4.5
+    found = peak(bench.reader.read(flagged(warp, lost, Flag.LIGHT_LOST)))
+    assert abs(found.depth_mm) < 0.08
+    assert abs(sign * 0.1 - found.depth_mm) < 2 * found.sigma_mm
+    # what was seen beside the contact is as well known as ever
+    assert found.sigma_seen_mm < 0.02 * abs(found.depth_mm)
+
+
+def test_an_opening_in_the_fold_leaves_most_of_its_sigma(finer):
+    _, _, x, y = middle(finer)
+    warp, _ = ball_warp(finer, 0.15, 4.3, x, y)
+    surface = finer.reader.read(warp)
+    assert np.count_nonzero(warp.flags & Flag.FOLDED) > 20
+    assert surface.beyond is None
+    found = peak(surface)
+    # off by 0.6 %, eight times what the noise alone would say
+    assert abs(found.depth_mm - 0.15) < 2 * found.sigma_mm
+    assert found.sigma_mm > 5 * np.nanmax(surface.sigma_depth_mm)
+
+
+def test_holes_aside_from_the_dent_change_nothing(bench):
+    row, col, x, y = middle(bench)
+    warp = bench.warp(Gauss(0.2, x, y, 4.0))
+    whole = peak(bench.reader.read(warp))
+    holed = bench.reader.read(flagged(warp, distance_nodes(bench, row + 4, col + 12) < 2.0, Flag.LIGHT_LOST))
+    assert peak(holed).sigma_mm == pytest.approx(whole.sigma_mm, rel=0.02)
+
+
+def test_a_dead_node_within_the_fit_changes_little(bench):
+    row, col, x, y = middle(bench)
+    warp = bench.warp(Gauss(0.2, x, y, 7.0))
+    found = peak(bench.reader.read(flagged(warp, (row, col + 1), Flag.MODULATION)))
+    assert found.depth_mm == pytest.approx(0.2, rel=5e-4)
+    # the quartic reaches over it
+    assert found.sigma_mm < 1.5 * peak(bench.reader.read(warp)).sigma_mm
+
+
+def test_the_deeper_of_two_dents_may_be_the_one_with_the_hole(bench):
+    row, col, x, y = middle(bench)
+    apart = 14 * bench.pitch_mm
+    dents = Several((Gauss(0.12, x - apart / 2, y, 4.0), Gauss(0.15, x + apart / 2, y, 4.0)))
+    lost = distance_nodes(bench, row, col + 7) < 2.6
+    found = peak(bench.reader.read(flagged(bench.warp(dents), lost, Flag.LIGHT_LOST)))
+    assert found.depth_mm < 0.14
+    assert abs(found.depth_mm - 0.15) < 2 * found.sigma_mm
+
+
+def test_a_reader_that_met_a_fold_reads_the_next_warp_as_a_new_one_does(finer):
+    _, _, x, y = middle(finer)
+    folded, _ = ball_warp(finer, 0.15, 3.5, x, y)
+    smooth = finer.warp(Gauss(0.1, x, y, 5.0))
+    finer.reader.read(folded)
+    after = peak(finer.reader.read(smooth)).depth_mm
+    fresh = SurfaceReader(finer.rig, finer.optics, finer.grid).read(smooth)
+    assert after == pytest.approx(peak(fresh).depth_mm, abs=1e-6)

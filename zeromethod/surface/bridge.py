@@ -1,0 +1,122 @@
+"""Depth of what a gap cuts off: islands of nodes behind a fold, tied by the slopes on either side.
+
+The rim of a ball's contact bends the rubber so much that the image folds back along a closed ring. No picture
+nulls a folded node, so that none is measured there; inside the ring all is, and its depth is told by the
+steps over the gap (`zeromethod.surface.gaps`). Their sigma counts as alike all around.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from zeromethod.surface.gaps import Gaps, gaps_between
+from zeromethod.surface.integrate import SlopeIntegrator
+from zeromethod.surface.rays import MirrorRays
+
+_LEAST_NODES = 12
+_MOST_ISLANDS = 3
+_LEAST_GAPS = 3
+_PASSES = 20
+_SETTLED_MM = 1e-7
+
+Float = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Lattice:
+    """Depth (rows, cols) in mm, slope (rows, cols, 2) and mirror points (rows, cols, 3) of all nodes."""
+
+    depth: Float
+    slope: Float
+    point: Float
+
+    def copy(self) -> Lattice:
+        """Arrays of its own."""
+        return Lattice(self.depth.copy(), self.slope.copy(), self.point.copy())
+
+
+@dataclass(frozen=True, slots=True)
+class CutOff:
+    """What lies beyond gaps: its nodes (rows, cols) and the lattice as read there.
+
+    sigma_mm: (rows, cols) what the gap leaves open; noise is not in it.
+    """
+
+    nodes: Mask
+    read: Lattice
+    sigma_mm: Float
+
+
+def cut_off_islands(usable: Mask, island: Mask) -> list[Mask]:
+    """Up to three largest sets of connected usable nodes (rows, cols) that are not on the island."""
+    labels, count = ndimage.label(usable & ~island)
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
+    largest = np.argsort(sizes)[::-1][:_MOST_ISLANDS]
+    return [labels == k + 1 for k in largest if sizes[k] >= _LEAST_NODES]
+
+
+def bridge(
+    rays: MirrorRays, q: Float, variance: Float, scale: Float, island: Mask, others: list[Mask], read: Lattice
+) -> CutOff | None:
+    """Depth of the `others`, tied over their gaps to the island as read; None where no gap is narrow enough.
+
+    q: (rows, cols, 2) LCD px. variance: (rows, cols, 2) of slope. scale: h (rows, cols).
+    """
+    read = read.copy()
+    nodes, sigma = np.zeros(island.shape, bool), np.zeros(island.shape)
+    for other in others:
+        sigma_mm = _tie(rays, q, variance, scale, other, gaps_between(island, other), read)
+        if sigma_mm is not None:
+            nodes |= other
+            sigma[other] = sigma_mm
+    return CutOff(nodes, read, sigma) if nodes.any() else None
+
+
+def _tie(
+    rays: MirrorRays,
+    q: Float,
+    variance: Float,
+    scale: Float,
+    other: Mask,
+    gaps: Gaps,
+    read: Lattice,
+) -> float | None:
+    """Fill in what one island reads; its sigma in mm, None where nothing ties it."""
+    box = ndimage.find_objects(other.astype(np.intp))[0]
+    if len(gaps) < _LEAST_GAPS or min(other[box].shape) < 2:
+        return None
+    depth, slope, point = read.depth, read.slope, read.point
+    integrator = SlopeIntegrator(point[box][..., 0], point[box][..., 1], scale[box])
+    integrator.prepare(other[box], variance[box])
+    depth[other] = float(np.mean(depth[gaps.near]))
+    sigma_mm = np.inf
+    for _ in range(_PASSES):
+        slopes, points = rays.slope(np.where(other, depth, 0.0), q)
+        slope[other], point[other] = slopes[other], points[other]
+        if not np.isfinite(slope[other]).all():
+            return None
+        inside = np.where(other, depth, 0.0)[box]
+        bent = integrator.integrate(slope[box], point[box][..., 0], point[box][..., 1], inside)
+        new = np.zeros_like(depth)
+        new[box] = scale[box] * bent
+        offset, sigma_mm = _offset(gaps, depth + new, scale, slope, point)
+        change = (new + scale * offset)[other]
+        depth[other] += change
+        if float(np.max(np.abs(change))) < _SETTLED_MM:
+            break
+    return sigma_mm
+
+
+def _offset(gaps: Gaps, depth: Float, scale: Float, slope: Float, point: Float) -> tuple[float, float]:
+    """Multiple of h by which the far nodes must move, and the standard deviation of their depth, mm."""
+    step, spread = gaps.steps(slope, point)
+    weight = 1.0 / spread**2
+    wanted = (depth[gaps.near] + step - depth[gaps.far]) / scale[gaps.far]
+    offset = float((weight * wanted).sum() / weight.sum())
+    scatter = float((weight * (wanted - offset) ** 2).sum() / weight.sum())
+    return offset, float(np.sqrt(len(weight) / weight.sum() + scatter))
