@@ -26,7 +26,8 @@ def test_a_recorded_run_is_the_run(tmp_path: Path, capsys: pytest.CaptureFixture
         "--rig", rig, "--press", "step", "--frames", 30, "--record", path, "--summary", summary, capsys=capsys
     )
     assert (code, err) == (0, "")
-    assert "recording" not in out
+    assert f"recorded in {path} (" in out
+    assert "not kept" not in out
     figures = json.loads(summary.read_text())
     assert figures["recording"] == ""
     with Recording(path) as recording:
@@ -58,11 +59,24 @@ def test_only_what_is_asked_for_is_kept(tmp_path: Path, capsys: pytest.CaptureFi
         assert all((turn - 1) % 3 == 0 for turn in read)
 
 
+def test_the_tables_alone_may_be_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rig, path = small_rig_file(tmp_path / "small.toml"), tmp_path / "run.h5"
+    code, _, _ = outcome(
+        "--rig", rig, "--press", "step", "--frames", 6, "--record", path, "--keep", "none", capsys=capsys
+    )
+    assert code == 0
+    with Recording(path) as recording:
+        assert set(recording.kept) == set()
+        assert len(recording.turns) >= 6
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
         (["--keep", "frames"], "--keep: of what? give --record FILE.h5, too"),
         (["--every", 2], "--every: of what? give --record FILE.h5, too"),
+        (["--compress"], "--compress: of what? give --record FILE.h5, too"),
+        (["--record", "run.h5", "--keep", ""], "--keep: '': of frames, "),
         (["--record", "run.mp4"], "run.mp4: a recording's name ends in .h5 or .hdf5"),
         (["--record", "none/run.h5"], "does not exist"),
         (["--record", "run.h5", "--keep", "frames,depth"], "--keep: 'depth': of frames, "),

@@ -201,12 +201,9 @@ class MirrorEdge:
         optics = UnboundedOptics(rig)
         u, v = self.pixel.T
         at_mm = 0.0 if self.edge == "P0" else optics.length_mm
-        by_u, by_v = (
-            (mirror_point(optics, u + du, v + dv) - mirror_point(optics, u - du, v - dv))[:, 0]
-            / (2 * _STEP_PX)
-            for du, dv in ((_STEP_PX, 0.0), (0.0, _STEP_PX))
-        )
-        return np.asarray((mirror_point(optics, u, v)[:, 0] - at_mm) / np.hypot(by_u, by_v))
+        du, dv = (_STEP_PX * np.array(way)[:, None] for way in ((0, 1, -1, 0, 0), (0, 0, 0, 1, -1)))
+        x = mirror_point(optics, u + du, v + dv)[..., 0]
+        return np.asarray((x[0] - at_mm) * (2 * _STEP_PX) / np.hypot(x[1] - x[2], x[3] - x[4]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -308,8 +308,9 @@ def spatial_dithering(
     for pair, code, step in zip(halves, codes, grey_per_code, strict=True):
         rest = np.empty_like(pair)
         for half in range(2):
-            light = _smooth(pair[half] - black[half], lit) / _smooth(swing[half], lit)
-            rest[half] = pair[half] - black[half] - light * swing[half]
+            with np.errstate(divide="ignore", invalid="ignore"):  # beside the lit part
+                light = _smooth(pair[half] - black[half], lit) / _smooth(swing[half], lit)
+                rest[half] = pair[half] - black[half] - light * swing[half]
         one, two = rest[0][inner], rest[1][inner]
         agreed = one * two
         variance = float(agreed.mean())

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-import shlex
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from rich.console import Console
 
 from zeromethod.calibration.fingerprint import check
-from zeromethod.calibration.folder import DOCUMENT, Stored, calibration_of
+from zeromethod.calibration.folder import Stored, calibration_of
 from zeromethod.cli.bench_options import (
     BenchOptions,
     bench_options,
@@ -25,8 +22,9 @@ from zeromethod.cli.bench_options import (
 )
 from zeromethod.cli.keys import HELP, Keys
 from zeromethod.cli.output import check_file, write_summary
+from zeromethod.cli.recording_options import RecordingOptions, recording_options
 from zeromethod.cli.stopping import stopped_by_signals
-from zeromethod.control import Loop, State
+from zeromethod.control import State
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
@@ -38,9 +36,6 @@ from zeromethod.simulation.clone import simulated_clone
 from zeromethod.threads import limit_threads
 from zeromethod.view.live import LiveStatus
 from zeromethod.view.table import summary_table
-
-if TYPE_CHECKING:
-    from zeromethod.recording.recorder import Recorder
 
 
 @click.command(
@@ -64,25 +59,7 @@ if TYPE_CHECKING:
     help="Delay of display and camera, as `devices --delay` measures it.",
 )
 @click.option("--publish", metavar="ADDRESS", help="Publish every reading: tcp://127.0.0.1:5556.")
-@click.option(
-    "--record",
-    "recording",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Keep the run in a file (.h5).",
-)
-@click.option(
-    "--keep",
-    metavar="PART,...",
-    help="What to keep of it, besides figures: frames, residual, warps, surface.  [default: all]",
-)
-@click.option(
-    "--every",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Keep these of every n-th frame.",
-)
-@click.option("--compress", is_flag=True, help="With --record: arrays a fifth smaller, for processor time.")
+@recording_options
 @click.option("--force", is_flag=True, help="Run with a calibration that belongs to another bench.")
 @click.option("--simulate", is_flag=True, help="Simulate the rig's bench instead of opening its devices.")
 @click.option("--press", help="Simulated press: a packaged scenario (default, step, ...) or a .toml file.")
@@ -100,10 +77,6 @@ def run_command(
     strips: bool | None,
     latency_s: float | None,
     publish: str | None,
-    recording: Path | None,
-    keep: str | None,
-    every: int,
-    compress: bool,
     force: bool,
     simulate: bool,
     press: str | None,
@@ -114,7 +87,7 @@ def run_command(
     controller: str | None,
     figure: Path | None,
     summary: Path | None,
-    **devices: Any,
+    **others: Any,
 ) -> None:
     """Close the loop: warp the LCD's pattern until the camera sees the target, read slope and depth.
 
@@ -127,10 +100,12 @@ def run_command(
             raise InputError(f"{option}: {value}: must be a finite number")
     check_file("--figure", figure, suffix=".png")
     check_file("--summary", summary, suffix=".json")
-    kept = _kept(recording, keep, every)
+    names = ("recording", "keep", "every", "compress")
+    recording = RecordingOptions(**{name: others.pop(name) for name in names})
+    recording.parts()
     if frames is not None and seconds is not None:
         raise InputError("--frames and --seconds: give one of them, not both")
-    options = BenchOptions(**devices)
+    options = BenchOptions(**others)
     rig = load_rig(rig_name)
     if simulate:
         if options.given:
@@ -148,62 +123,16 @@ def run_command(
         stored = calibration_of(rig_name)
         if stored is not None and not simulate:
             _check_calibration(stored, rig_name, rig, opened, force)
-        record = None
-        if recording is not None:
-            record = partial(_recorder, recording, rig, kept, every, compress, stored)
-        session = Run(rig, opened, publisher, record)
+        session = Run(rig, opened, publisher, recording.maker(rig, stored))
         with stopped_by_signals(session.interrupt):
             _follow(session, frames, seconds)
+        recording.tell(session.result.recording)
         _report(session.result, figure, summary)
 
 
 def _interrupted() -> None:
     """End what comes before the run and after it, devices closed: SIGTERM like Ctrl-C."""
     raise KeyboardInterrupt
-
-
-def _kept(recording: Path | None, keep: str | None, every: int) -> tuple[str, ...]:
-    """Parts that `--keep` names. Raises InputError."""
-    if recording is None:
-        if keep is not None or every != 1:
-            raise InputError(
-                f"{'--every' if keep is None else '--keep'}: of what? give --record FILE.h5, too"
-            )
-        return ()
-    from zeromethod.recording.file import check_new  # noqa: PLC0415 - only who records needs it
-    from zeromethod.recording.schema import KEEP  # noqa: PLC0415
-
-    check_new(recording)
-    names = tuple(KEEP) if keep is None else tuple(name.strip() for name in keep.split(",") if name.strip())
-    for name in names:
-        if name not in KEEP:
-            raise InputError(f"--keep: {name!r}: of {', '.join(KEEP)}, with commas between")
-    return names
-
-
-def _recorder(
-    path: Path,
-    rig: Rig,
-    keep: tuple[str, ...],
-    every: int,
-    compress: bool,
-    stored: Stored | None,
-    loop: Loop,
-) -> Recorder:
-    from zeromethod.recording.recorder import Recorder  # noqa: PLC0415 - as above
-
-    return Recorder(
-        path,
-        rig,
-        loop.rest,
-        keep=keep,
-        every=every,
-        compress=compress,
-        command_line=shlex.join(["zeromethod", *sys.argv[1:]]),
-        live=loop.live,
-        gl_renderer=loop.gl_renderer,
-        calibration="" if stored is None else (stored.folder / DOCUMENT).read_text(encoding="utf-8"),
-    )
 
 
 def _check_calibration(stored: Stored, rig_name: str, rig: Rig, devices: Devices, force: bool) -> None:

@@ -17,6 +17,7 @@ from zeromethod.devices.opening import Devices
 from zeromethod.errors import MeasurementError
 from zeromethod.procedures.calibration.telling import Silence, Teller
 from zeromethod.rig.model import Rig
+from zeromethod.warp.mean import mean_warp
 from zeromethod.warp.warp import Warp
 
 PRESSED_LCD_PX, LIFTED_LCD_PX = 0.8, 0.4
@@ -65,14 +66,6 @@ class PressesEndedError(MeasurementError):
         super().__init__(reason)
         self.warps = warps
         self.interrupted = interrupted
-
-
-def mean_warp(warps: Sequence[Warp]) -> Warp:
-    """Mean of measured warps; a node that one of them flags carries all their flags."""
-    flags = np.bitwise_or.reduce([warp.flags for warp in warps])
-    sigma = np.sqrt(np.mean([warp.sigma**2 for warp in warps], axis=0) / len(warps))
-    time_ns = int(np.mean([warp.time_ns for warp in warps]))
-    return Warp(np.mean([warp.q for warp in warps], axis=0), sigma, flags, time_ns)
 
 
 class PressWatch:

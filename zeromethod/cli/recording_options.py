@@ -1,0 +1,118 @@
+"""Options of `run` that ask for a recording, and the recorder that they ask for."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from zeromethod.calibration.folder import DOCUMENT, Stored
+from zeromethod.control import Loop
+from zeromethod.errors import InputError
+from zeromethod.rig.model import Rig
+
+if TYPE_CHECKING:
+    from zeromethod.recording.recorder import Recorder
+
+NOTHING = "none"
+
+_OPTIONS: tuple[Callable[[Any], Any], ...] = (
+    click.option(
+        "--record", "recording", type=click.Path(path_type=Path, dir_okay=False), help="Record the run (.h5)."
+    ),
+    click.option(
+        "--keep",
+        metavar="PART,...",
+        help="With --record, besides the tables: frames, residual, warps, surface; or none.  [default: all]",
+    ),
+    click.option(
+        "--every",
+        type=click.IntRange(min=1),
+        help="With --record: keep them of every n-th turn.  [default: 1]",
+    ),
+    click.option(
+        "--compress", is_flag=True, help="With --record: arrays a fifth smaller, for processor time."
+    ),
+)
+
+
+def recording_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options to a command."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+@dataclass(frozen=True)
+class RecordingOptions:
+    """What was asked for; `recording` None: no recording."""
+
+    recording: Path | None = None
+    keep: str | None = None
+    every: int | None = None
+    compress: bool = False
+
+    def parts(self) -> tuple[str, ...]:
+        """Parts to keep. Raises InputError for what cannot be, a file that cannot be made among it."""
+        if self.recording is None:
+            for option, given in (
+                ("--keep", self.keep),
+                ("--every", self.every),
+                ("--compress", self.compress),
+            ):
+                if given:
+                    raise InputError(f"{option}: of what? give --record FILE.h5, too")
+            return ()
+        from zeromethod.recording.file import check_new  # noqa: PLC0415 - only who records needs it
+        from zeromethod.recording.schema import KEEP  # noqa: PLC0415
+
+        check_new(self.recording)
+        if self.keep is None:
+            return tuple(KEEP)
+        names = tuple(name.strip() for name in self.keep.split(","))
+        if names == (NOTHING,):
+            return ()
+        for name in names:
+            if name not in KEEP:
+                allowed = ", ".join(KEEP)
+                raise InputError(f"--keep: {name!r}: of {allowed}, with commas between, or {NOTHING}")
+        return names
+
+    def maker(self, rig: Rig, calibration: Stored | None) -> Callable[[Loop], Recorder] | None:
+        """Make the recorder once there is a loop; None where none was asked for."""
+        path, parts = self.recording, self.parts()
+        if path is None:
+            return None
+
+        def make(loop: Loop) -> Recorder:
+            from zeromethod.recording.recorder import Recorder  # noqa: PLC0415 - as above
+
+            document = (
+                "" if calibration is None else (calibration.folder / DOCUMENT).read_text(encoding="utf-8")
+            )
+            return Recorder(
+                path,
+                rig,
+                loop.rest,
+                keep=parts,
+                every=self.every or 1,
+                compress=self.compress,
+                command_line=shlex.join(["zeromethod", *sys.argv[1:]]),
+                live=loop.live,
+                gl_renderer=loop.gl_renderer,
+                calibration=document,
+            )
+
+        return make
+
+    def tell(self, lost: str) -> None:
+        """Say what was recorded. lost: what went wrong with it, "" for nothing."""
+        if self.recording is not None and self.recording.exists():
+            size = self.recording.stat().st_size / 1e6
+            why = f"; {lost}" if lost else ""
+            click.echo(f"recorded in {self.recording} ({size:.1f} MB{why})")
