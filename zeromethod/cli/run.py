@@ -116,7 +116,7 @@ def run_command(
     check_geometry(rig)
     limit_threads()
     with (
-        stopped_by_signals(_interrupted),
+        stopped_by_signals(),
         open_devices(rig) as opened,
         _publishing(publish, opened) as publisher,
     ):
@@ -128,11 +128,6 @@ def run_command(
             _follow(session, frames, seconds)
         recording.tell(session.result.recording)
         _report(session.result, figure, summary)
-
-
-def _interrupted() -> None:
-    """End what comes before the run and after it, devices closed: SIGTERM like Ctrl-C."""
-    raise KeyboardInterrupt
 
 
 def _check_calibration(stored: Stored, rig_name: str, rig: Rig, devices: Devices, force: bool) -> None:

@@ -18,8 +18,10 @@ def leave_quickly() -> None:
 
 
 @contextmanager
-def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
+def stopped_by_signals(stop: Callable[[], None] | None = None) -> Iterator[None]:
     """Call `stop` at the first signal, which must not take long; raise KeyboardInterrupt at the next.
+
+    Without `stop`, KeyboardInterrupt at the first: SIGTERM ends things in order, as Ctrl-C does.
 
     The handlers from before are back in place at the end. To be used in the main thread.
     """
@@ -27,7 +29,7 @@ def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
 
     def handle(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature of a handler
         nonlocal asked
-        if asked:
+        if asked or stop is None:
             raise KeyboardInterrupt
         asked = True
         stop()

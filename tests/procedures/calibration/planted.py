@@ -11,17 +11,22 @@ import numpy as np
 from crooked_bench import crooked
 from numpy.typing import NDArray
 
+from zeromethod.calibration import KnownPress, Presses, RestReading
 from zeromethod.clock import Clock
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import Frame
+from zeromethod.optics import Dented, Optics
+from zeromethod.procedures.calibration import Calibration
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
 from zeromethod.simulation.path import PathPoint, PressPath
-from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.scenario import Scenario
+from zeromethod.warp.validity import Flag
+from zeromethod.warp.warp import Warp
 
 LATENCY_S = 0.02
 LEAD_S, MOVE_S, HOLD_S = 0.1, 0.05, 0.6
@@ -121,3 +126,23 @@ class Hand:
         points = tuple(PathPoint(now_ns + round(1e9 * t), x, y, d) for t, d in path)
         dent = PressPath(Dent(Shape.GAUSSIAN, x, y, depth, PRESS_MM), points)
         camera.scenario = Scenario("asked for", (dent,), 1e9)
+
+
+def read_elsewhere(calibration: Calibration, x_mm: float) -> tuple[float, float]:
+    """A press of another place, depth and width: depth as read through the calibration, and the true one, mm.
+
+    Its warp is by exact rays through the true bench.
+    """
+    rig, grid, depth_mm = truth(nominal()), calibration.grid, 0.1
+    optics = Optics(rig)
+    flags = np.full(grid.shape, int(Flag.OUTSIDE), np.uint16)
+    flags[grid.inner] = 0
+
+    def warp(mirror: Mirror) -> Warp:
+        q = optics.trace(*grid.mesh(), Dented(optics.rest, mirror)).q
+        return Warp(q, np.full(q.shape, 0.02), flags, 0)
+
+    other = KnownPress("other", warp(Mirror((Dent(Shape.GAUSSIAN, x_mm, -2.0, depth_mm, 4.0),))), 0.1, 0.1)
+    presses = Presses.of(RestReading.of(grid, warp(Mirror())), [other])
+    (peak,) = presses.prepared(calibration.rig).peaks(calibration.rig)
+    return peak.depth_mm, depth_mm

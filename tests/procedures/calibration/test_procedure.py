@@ -6,18 +6,15 @@ import numpy as np
 import pytest
 from crooked_bench import OFF
 
-from zeromethod.calibration import KnownPress, Presses, RestReading, describe
+from zeromethod.calibration import describe
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
-from zeromethod.optics import Dented, Optics
+from zeromethod.optics import Optics
 from zeromethod.procedures.calibration import Calibration, Plan, Recorded, record
 from zeromethod.procedures.calibration.procedure import with_values
-from zeromethod.simulation.press import Dent, Mirror, Shape
-from zeromethod.warp.validity import Flag
-from zeromethod.warp.warp import Warp
 
 from .conftest import DEPTHS_MM, PLACES_MM
-from .planted import LATENCY_S, Hand, nominal, truth
+from .planted import LATENCY_S, Hand, nominal, read_elsewhere, truth
 
 
 def test_the_person_is_told_what_to_do_in_order(hand: Hand) -> None:
@@ -87,19 +84,8 @@ def test_known_presses_are_read_as_known(calibration: Calibration) -> None:
 
 def test_another_press_is_read_in_millimetres(calibration: Calibration) -> None:
     """Elsewhere, of another depth and width, its warp by exact rays through the true bench."""
-    rig, grid = truth(nominal()), calibration.grid
-    optics = Optics(rig)
-    flags = np.full(grid.shape, int(Flag.OUTSIDE), np.uint16)
-    flags[grid.inner] = 0
-
-    def warp(mirror: Mirror) -> Warp:
-        q = optics.trace(*grid.mesh(), Dented(optics.rest, mirror)).q
-        return Warp(q, np.full(q.shape, 0.02), flags, 0)
-
-    other = Mirror((Dent(Shape.GAUSSIAN, 41.0, -2.0, 0.1, 4.0),))
-    presses = Presses.of(RestReading.of(grid, warp(Mirror())), [KnownPress("other", warp(other), 0.1, 0.1)])
-    (peak,) = presses.prepared(calibration.rig).peaks(calibration.rig)
-    assert peak.depth_mm == pytest.approx(0.1, rel=0.01)
+    read_mm, true_mm = read_elsewhere(calibration, 41.0)
+    assert read_mm == pytest.approx(true_mm, rel=0.01)
     # and what was believed before is worse than what is stated now
     assert calibration.depth_percent < 1.0
 
