@@ -10,7 +10,6 @@ from zeromethod.procedures.calibration.presses import (
     Phase,
     PressesEndedError,
     PressWatch,
-    mean_warp,
     record_presses,
 )
 from zeromethod.warp.warp import Warp
@@ -88,13 +87,6 @@ def test_press_that_goes_before_it_was_taken_is_waited_for_again() -> None:
     watch.take(warp(rng))
     assert watch.phase is Phase.COMING
     assert not watch.pressed
-
-
-def test_node_lost_once_is_flagged_in_the_mean() -> None:
-    rng = np.random.default_rng(6)
-    mean = mean_warp([warp(rng), warp(rng, lost=True), warp(rng)])
-    assert mean.flags[10, 12] == 8
-    assert np.count_nonzero(mean.flags) == 1
 
 
 def test_press_that_never_comes_is_told_and_rest_is_kept() -> None:
