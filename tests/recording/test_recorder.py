@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import resource
 import signal
@@ -11,6 +12,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -18,7 +20,8 @@ import pytest
 from planted_turns import FRAME_NS, bench, reading, recorder, sizes, turn, wait_for
 
 from zeromethod.control import Event
-from zeromethod.recording.growing import TABLES_BYTES
+from zeromethod.errors import InputError
+from zeromethod.recording.growing import TABLES_BYTES, DiskFull, GrowingFile
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
 
@@ -221,9 +224,13 @@ def test_a_full_disk_ends_the_arrays_and_not_the_tables(tmp_path: Path) -> None:
         wait_for(lambda: recording.waiting_bytes == 0 and recording.unkept > 0)
         said = recording.state
     first = 1e-9 * FRAME_NS * (40 - recording.unkept)
-    assert said.startswith(f"disk full: recording stopped at {first:.1f} s, ")
+    assert said.startswith(f"disk full: recording stopped at {first:.1f} s (File too large), ")
     with Recording(path) as found:
         assert found.complete
+        # when it was noticed, and with the count at the end
+        noted = [found.words(row["text"]) for row in found.notes]
+        assert noted[0].startswith(f"recording: disk full: recording stopped at {first:.1f} s")
+        assert noted[-1] == f"recording: {recording.state}"
         kept = found.turns_kept("frames")
         assert 0 < len(kept) <= room
         assert len(found.turns) == 40
@@ -247,21 +254,100 @@ def test_where_even_tables_have_no_room_the_file_stays_readable(tmp_path: Path) 
             time.sleep(0.002)
         assert recording.state.startswith("recording stopped: the disk is full")
         recording.turn(turn(number + 1))
-        assert recording.unkept == 1
+        unkept = recording.unkept
     with Recording(path) as found:
+        assert unkept == number + 1 - len(found.turns) > 0
         # all but what was on its way
         assert len(found.turns) > 0.5 * number
         assert len(found.newest("turns", 3)) == 3
         assert found.newest("turns")[0]["number"] == found.turns[-1]["number"]
 
 
-def test_when_what_writes_is_killed_the_run_goes_on(tmp_path: Path) -> None:
+def test_when_what_writes_is_killed_the_run_goes_on_and_every_frame_is_accounted_for(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "run.h5"
+    handed = 0
+    with recorder(path) as recording:
+
+        def hand_over() -> bool:
+            nonlocal handed
+            handed += 1
+            recording.turn(turn(handed))
+            return recording.state != ""
+
+        for _ in range(60):
+            hand_over()
+            time.sleep(0.01)
+        os.kill(recording.writer_id, signal.SIGKILL)
+        wait_for(hand_over)
+        assert recording.state.startswith("recording stopped: the process that writes has ended, ")
+        hand_over()
+    with Recording(path) as found:
+        assert not found.complete
+        kept = len(found.turns_kept("frames"))
+    assert kept > 0
+    assert recording.state.endswith(f", {handed - kept} frames not kept")
+
+
+def test_a_start_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "run.h5"
+
+    def no_memory(size: int) -> None:
+        raise OSError(errno.EFBIG, "File too large")
+
+    with monkeypatch.context() as short:
+        short.setattr("zeromethod.recording.line.Ring", no_memory)
+        with pytest.raises(InputError, match="no 64 MB of memory to record by"):
+            recorder(path)
+    assert not path.exists()
     with recorder(path) as recording:
         recording.turn(turn(1))
-        os.kill(recording.writer_id, signal.SIGKILL)
-        wait_for(lambda: (recording.turn(turn(2)), recording.state != "")[1])
-        assert recording.state.startswith("recording stopped: the process that writes has ended")
+    with Recording(path) as found:
+        assert len(found.turns) == 1
+
+
+@pytest.mark.parametrize(
+    ("disk_mb", "least"),
+    [(6, "less than 3 MB free"), (20, "less than 3 MB free"), (200, "less than 18 MB free")],
+)
+def test_the_room_left_for_tables_goes_with_that_of_the_disk(
+    disk_mb: int, least: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "run.h5"
+    with recorder(path) as recording:
+        parts = list(recording._parts)
+    size = path.stat().st_size
+    used = 0
+
+    def claim(_: int, start: int, length: int) -> None:
+        nonlocal used
+        if start + length - size > disk_mb << 20:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        used = start + length - size
+
+    def free(_: int) -> SimpleNamespace:
+        return SimpleNamespace(f_bavail=(disk_mb << 20) - used, f_frsize=1)
+
+    monkeypatch.setattr("zeromethod.recording.growing.os.posix_fallocate", claim)
+    monkeypatch.setattr("zeromethod.recording.growing.os.fstatvfs", free)
+    file = GrowingFile(path, parts)
+    taken = 0
+
+    def fill() -> None:
+        nonlocal taken
+        while True:
+            file.claim(sizes().turn, arrays=True)
+            taken += sizes().turn
+
+    with pytest.raises(DiskFull, match=least):
+        fill()
+    # an eighth, at most 16 MB, at least 2 MB
+    left = min(16 << 20, max(2 << 20, (disk_mb << 20) // 8))
+    assert 0 <= (disk_mb << 20) - left - taken < sizes().turn
+    for _ in range(10):
+        file.claim(1000, arrays=False)
+    file.close(complete=True)
 
 
 def test_a_disk_that_takes_nothing_does_not_keep_the_run_from_ending(

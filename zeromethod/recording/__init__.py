@@ -15,10 +15,17 @@ if TYPE_CHECKING:
     from zeromethod.recording.recorder import Recorder
     from zeromethod.recording.recording import Recording
     from zeromethod.recording.schema import KEEP
+    from zeromethod.recording.source import DamagedWarning
 
-_HOME = {"KEEP": "schema", "Recorder": "recorder", "Recording": "recording", "check_new": "file"}
+_HOME = {
+    "KEEP": "schema",
+    "DamagedWarning": "source",
+    "Recorder": "recorder",
+    "Recording": "recording",
+    "check_new": "file",
+}
 
-__all__ = ["KEEP", "Recorder", "Recording", "check_new"]
+__all__ = ["KEEP", "DamagedWarning", "Recorder", "Recording", "check_new"]
 
 
 def __getattr__(name: str) -> Any:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from zeromethod.errors import InputError
 from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, Part
+from zeromethod.recording.sums import sum_of
 from zeromethod.warp.validity import Flag
 
 CHUNK_BYTES = 16384
@@ -50,15 +51,32 @@ def create(
     """
     check_new(path)
     try:
-        with h5py.File(path, "x", libver="latest") as file:
+        file = h5py.File(path, "x", libver="latest")
+    except FileExistsError:
+        raise InputError(f"{path}: is there already: made just now by another") from None
+    except OSError as error:
+        discard(path)
+        raise InputError(f"{path}: a recording cannot be made here: {_words(error)}") from None
+    try:
+        with file:
             for part in parts.values():
                 _create(file, part, compress)
             _describe(file, about, rest, files)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            path.unlink()
-        told = " ".join(str(error).split())
-        raise InputError(f"{path}: a recording cannot be made here: {told}") from None
+    except BaseException as error:
+        discard(path)
+        if isinstance(error, OSError | RuntimeError):
+            raise InputError(f"{path}: a recording cannot be made here: {_words(error)}") from None
+        raise
+
+
+def discard(path: Path) -> None:
+    """Remove a file that was made in vain, so that the next attempt can have its name."""
+    with contextlib.suppress(OSError):
+        path.unlink()
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(str(error).split())
 
 
 def _create(file: h5py.File, part: Part, compress: bool) -> None:
@@ -102,15 +120,18 @@ def _describe(
 ) -> None:
     for name, value in about.items():
         file.attrs[name] = value
+    file.attrs["rig_sum"] = np.uint64(sum_of(str(about["rig"]).encode()))
     group = file.create_group("rest")
     for name, (values, units, meaning) in rest.items():
         dataset = group.create_dataset(name, data=values)
         dataset.attrs["units"], dataset.attrs["meaning"] = units, meaning
+        dataset.attrs["sum"] = np.uint64(sum_of(values))
     group["flags"].attrs["flags"] = _flags()
     group = file.create_group("files")
     for name, content in files.items():
         dataset = group.create_dataset(name, data=np.frombuffer(content, np.uint8))
         dataset.attrs["units"], dataset.attrs["meaning"] = "bytes", "file that the rig names, as it was"
+        dataset.attrs["sum"] = np.uint64(sum_of(content))
     dataset = file.create_dataset("complete", data=np.False_)
     dataset.attrs["units"] = ""
     dataset.attrs["meaning"] = (

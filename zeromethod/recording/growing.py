@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,19 +10,24 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from zeromethod.recording.sums import SUMS, Sums
+
 AHEAD_BYTES = 64 << 20
 """Room on the disk is claimed so far ahead. Nothing is begun that may not fit: a write that fails in the
 middle could leave the file unreadable."""
 
 TABLES_BYTES = 16 << 20
-"""Of that, what arrays leave for the tables, which go on for minutes when the disk is full."""
+"""What arrays leave for the tables, which go on for minutes when the disk is full."""
 
-LEAST_BYTES = 2 << 20
+LEAST_BYTES = 1 << 20
 """And what tables leave for the file's own order."""
+
+SHARE = 8
+"""Neither is more than the disk's free room over this; but twice the least is left for tables always."""
 
 
 class DiskFull(Exception):
-    """There is no room for what was to be added; the message says why."""
+    """There is no room for what was to be added; the message says how much would have been needed."""
 
 
 class GrowingFile:
@@ -42,10 +48,13 @@ class GrowingFile:
         self._handle = os.open(path, os.O_RDWR)
         self._claimed = os.fstat(self._handle).st_size
         self._used = self._claimed
+        self._for_tables = min(TABLES_BYTES, max(2 * LEAST_BYTES, self._free() // SHARE))
         self._flushed = [0, 0]
         self._filtered = [dataset.id.get_create_plist().get_nfilters() > 0 for dataset in self._sets]
         if any(self._filtered):
             import hdf5plugin  # noqa: F401, PLC0415 - knows the filters
+        kinds = {name: one.dtype.names for name, one in zip(names, self._sets, strict=True)}
+        self._sums = Sums(names, {name: kind for name, kind in kinds.items() if name.endswith(f"/{SUMS}")})
         self._file.swmr_mode = True
 
     def claim(self, wanted: int, arrays: bool) -> None:
@@ -53,16 +62,23 @@ class GrowingFile:
 
         Raises DiskFull.
         """
-        need = self._used + wanted + (TABLES_BYTES if arrays else LEAST_BYTES)
+        least = wanted + (self._for_tables if arrays else LEAST_BYTES)
+        need = self._used + least
         if need > self._claimed:
+            ahead = min(AHEAD_BYTES, self._free() // SHARE) if arrays else 0
             try:
-                self._extend(need + AHEAD_BYTES if arrays else need)
+                self._extend(need + ahead)
             except OSError:
                 try:
                     self._extend(need)
                 except OSError as error:
-                    raise DiskFull(error.strerror or str(error)) from None
+                    raise DiskFull(_why(error, least)) from None
         self._used += wanted
+
+    def _free(self) -> int:
+        """Bytes that are free on the disk, for us."""
+        disk = os.fstatvfs(self._handle)
+        return disk.f_bavail * disk.f_frsize
 
     def _extend(self, end: int) -> None:
         os.posix_fallocate(self._handle, self._claimed, end - self._claimed)
@@ -73,6 +89,10 @@ class GrowingFile:
 
         Raises OSError, or RuntimeError by the HDF5 library.
         """
+        summed = self._sums.add(index, item)
+        if summed is not None:
+            sums, row = summed
+            self._gathered[sums].append(row)
         shape = self._shapes[index]
         if not shape:
             self._gathered[index].append(bytes(item))
@@ -121,3 +141,10 @@ class GrowingFile:
         self._file.close()
         os.ftruncate(self._handle, end)
         os.close(self._handle)
+
+
+def _why(error: OSError, least: int) -> str:
+    """Why there is no room, in words."""
+    if error.errno == errno.ENOSPC:
+        return f"less than {-(-least // 1_000_000)} MB free"
+    return error.strerror or str(error)

@@ -75,6 +75,11 @@ class Line:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
             )
+        except OSError as error:
+            self.abandon()
+            raise InputError(
+                f"{path}: the process that writes recordings does not start: {error.strerror}"
+            ) from None
         finally:
             os.close(theirs_in)
             os.close(theirs_out)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 from pathlib import Path
 
 import h5py
@@ -10,30 +12,66 @@ from zeromethod.errors import InputError
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
+_HEAD_BYTES = 36
+"""Superblock of versions 2 and 3, up to the end of file's address (HDF5 file format specification, II.A)."""
+
+_WRITING = 0b101
+"""File consistency flags: open for writing, or for writing while others read."""
+
+ATTEMPTS = 27
+"""How often what is read along is tried again, where its checksum does not fit: it may just be written.
+
+The library waits 1 ns, then 2, 4, ... between: a quarter of a second in all, and with its own 100 for ever.
+"""
+
 
 def open_along(path: Path) -> h5py.File:
     """Open for reading, finished or not. Raises InputError, one line, for what is no whole HDF5 file."""
     if not path.is_file():
         raise InputError(f"{path}: not there: a recording (HDF5)")
-    if (missing := _missing_bytes(path)) > 0:
-        raise InputError(f"{path}: cut short, {missing} bytes are missing: a whole recording (HDF5)")
     try:
-        # Also where it is being written, or the writer was killed: nothing else opens both.
-        return h5py.File(path, "r", libver="latest", swmr=True)
-    except OSError as error:
+        if (missing := _missing_bytes(path)) > 0:
+            raise InputError(f"{path}: cut short, {missing} bytes are missing: a whole recording (HDF5)")
+        if not _is_written(path):
+            # it fails where somebody has begun to write since, or this process reads it along already
+            with contextlib.suppress(OSError):
+                return h5py.File(path, "r")
+        return _open_growing(path)
+    except (OSError, RuntimeError) as error:
         told = " ".join(str(error).split())
         raise InputError(f"{path}: cannot be read as a recording (HDF5): {told}") from None
 
 
-def _missing_bytes(path: Path) -> int:
-    """Bytes by which a file is shorter than its own superblock says; readers along would wait for them.
+def _open_growing(path: Path) -> h5py.File:
+    """Open a file that is being written, or whose writer was killed."""
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
+    access.set_libver_bounds(h5py.h5f.LIBVER_LATEST, h5py.h5f.LIBVER_LATEST)
+    # h5py does not have this function of the library that it is linked to; without it, damage takes long
+    with contextlib.suppress(OSError, AttributeError):
+        set_attempts = ctypes.CDLL(h5py.h5p.__file__).H5Pset_metadata_read_attempts
+        set_attempts.argtypes, set_attempts.restype = (ctypes.c_int64, ctypes.c_uint), ctypes.c_int
+        set_attempts(access.id, ATTEMPTS)
+    flags = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ
+    return h5py.File(h5py.h5f.open(str(path).encode(), flags, access))
 
-    Superblock of versions 2 and 3, which recordings have (HDF5 file format specification, II.A).
-    """
+
+def _head(path: Path) -> bytes:
     with path.open("rb") as file:
-        head = file.read(36)
-    if head[:8] == _SIGNATURE and len(head) < 36:
-        return 36 - len(head)
+        return file.read(_HEAD_BYTES)
+
+
+def _is_written(path: Path) -> bool:
+    """Whether the file says that it is open for writing; also where the writer was killed."""
+    head = _head(path)
+    return len(head) == _HEAD_BYTES and head[8] == 3 and bool(head[11] & _WRITING)
+
+
+def _missing_bytes(path: Path) -> int:
+    """Bytes by which a file is shorter than its own superblock says."""
+    head = _head(path)
+    if head[:8] == _SIGNATURE and len(head) < _HEAD_BYTES:
+        return _HEAD_BYTES - len(head)
     if head[:8] != _SIGNATURE or head[8] not in (2, 3) or head[9] != 8:
         return 0
     return int.from_bytes(head[28:36], "little") - path.stat().st_size

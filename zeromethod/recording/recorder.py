@@ -6,7 +6,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Collection
-from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 
@@ -16,12 +15,15 @@ from numpy.typing import NDArray
 from zeromethod.control.rest import Rest
 from zeromethod.control.step import Step
 from zeromethod.errors import InputError
-from zeromethod.recording.file import create
+from zeromethod.recording.counting import frames_in
+from zeromethod.recording.file import create, discard
 from zeromethod.recording.header import about, rest_arrays, rig_text
 from zeromethod.recording.line import Content, Line
 from zeromethod.recording.message import ALWAYS, WITH_ROOM, WITHOUT_ROOM
-from zeromethod.recording.rows import Added, Rows
+from zeromethod.recording.rows import Added, Item, Rows
 from zeromethod.recording.schema import KEEP, parts
+from zeromethod.recording.sums import SUMS
+from zeromethod.recording.waiting import Reading, Turn, without_arrays
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface
 
@@ -42,31 +44,6 @@ PATIENCE_S = 5.0
 
 TOO_SLOW = "the disk is too slow"
 FULL = "the disk is full"
-
-
-@dataclass(frozen=True, slots=True)
-class _Turn:
-    """What waits of a turn. bytes: of its arrays, 0 without. late: there was no room for them to wait.
-
-    lost: turns before it of which nothing at all was kept.
-    """
-
-    step: Step
-    phase: str
-    bytes: int
-    late: bool
-    lost: int
-
-
-@dataclass(frozen=True, slots=True)
-class _Reading:
-    """What waits of a reading. surface: None where its arrays are not kept."""
-
-    step: Step
-    surface: Surface | None
-    peak: Peak
-    read_ms: float
-    bytes: int
 
 
 class Recorder:
@@ -124,22 +101,32 @@ class Recorder:
         self._rows = Rows(self._parts)
         self._every = every
         self._live = live
-        surfaces = [part.bytes for part in self._parts.values() if part.kept == "surface"]
-        others = [part.bytes for part in self._parts.values() if part.kept not in {"", "surface"}]
-        self._reading_bytes, self._turn_bytes = sum(surfaces), sum(others)
-        self._line = Line(Path(path), list(self._parts), 2 * self._turn_bytes + self._reading_bytes)
+        arrays = [part for name, part in self._parts.items() if part.kept and not name.endswith(f"/{SUMS}")]
+        self._reading_bytes = sum(part.bytes for part in arrays if part.kept == "surface")
+        self._turn_bytes = sum(part.bytes for part in arrays if part.kept != "surface")
+        try:
+            self._line = Line(Path(path), list(self._parts), 2 * self._turn_bytes + self._reading_bytes)
+        except BaseException:
+            discard(Path(path))
+            raise
+        self._path = Path(path)
         self._most_waiting = waiting_bytes
         self._zero: NDArray[np.float64] | None = None
         self._pictures = 0
         self._start_ns: int | None = None
         self._changed = threading.Condition()
-        self._queue: deque[_Turn | _Reading] = deque()
+        self._queue: deque[Turn | Reading] = deque()
         self._bytes = 0
+        self._frames = 0
         self._unkept = 0
         self._lost = 0
         self._full_ns: int | None = None
-        self._was_full = False
+        self._full = ""
         self._failed = ""
+        self._failing = ""
+        self._in_file: int | None = None
+        self._noted = ""
+        self._last = 0, 0
         self._closing = False
         self._closed = False
         self._passed_s = time.monotonic()
@@ -150,21 +137,22 @@ class Recorder:
     def state(self) -> str:
         """What the operator should know; "" while all is well."""
         with self._changed:
-            frames = f"{self._unkept} frame{'' if self._unkept == 1 else 's'} not kept"
+            count = self.unkept
+            frames = f", {count} frame{'' if count == 1 else 's'} not kept" if count else ""
             if self._failed:
-                return f"recording stopped: {self._failed}, {frames}"
+                return f"recording stopped: {self._failed}{frames}"
             if self._full_ns is not None:
                 after_s = 1e-9 * (self._full_ns - (self._start_ns or 0))
-                return f"disk full: recording stopped at {after_s:.1f} s, {frames}"
-            if self._unkept:
-                return f"disk {'was full' if self._was_full else 'too slow'}: {frames}"
+                return f"disk full: recording stopped at {after_s:.1f} s ({self._full}){frames}"
+            if count:
+                return f"disk {'was full' if self._full else 'too slow'}: {frames[2:]}"
             return ""
 
     @property
     def unkept(self) -> int:
         """Frames whose arrays are not in the file though they were to be."""
         with self._changed:
-            return self._unkept
+            return self._unkept if self._in_file is None else self._frames - self._in_file
 
     @property
     def waiting_bytes(self) -> int:
@@ -183,6 +171,7 @@ class Recorder:
         with self._changed:
             if self._closing:
                 return
+            self._frames += frame
             if self._start_ns is None:
                 self._start_ns = step.time_ns
             if self._failed or len(self._queue) >= WAITING_TURNS:
@@ -194,9 +183,9 @@ class Recorder:
             late = self._bytes + size > self._most_waiting
             if late:
                 self._unkept += frame
-                step, size = _without_arrays(step), 0
+                step, size = without_arrays(step), 0
             self._bytes += size
-            self._queue.append(_Turn(step, phase, size, late, self._lost))
+            self._queue.append(Turn(step, phase, size, late, self._lost))
             self._lost = 0
             self._changed.notify_all()
 
@@ -210,7 +199,7 @@ class Recorder:
             if self._bytes + size > self._most_waiting:
                 size = 0
             self._bytes += size
-            self._queue.append(_Reading(step, surface if size else None, peak, read_ms, size))
+            self._queue.append(Reading(step, surface if size else None, peak, read_ms, size))
             self._changed.notify_all()
 
     def _await_room(self, size: int) -> None:
@@ -239,7 +228,7 @@ class Recorder:
         if self._thread.is_alive():
             with self._changed:
                 self._failed = f"the disk took nothing for {CLOSING_S:g} s; what waits for it may be lost"
-                waiting = [one.step for one in self._queue if isinstance(one, _Turn) and not one.late]
+                waiting = [one.step for one in self._queue if isinstance(one, Turn) and not one.late]
                 self._unkept += sum(step.frame_number is not None for step in waiting)
                 self._queue.clear()
 
@@ -257,22 +246,43 @@ class Recorder:
         try:
             while (one := self._next()) is not None:
                 self._pass_on(one)
+            self._pass_on_last_words()
             self._line.end()
             while not self._line.wait(0.2):
                 self._listen()
         except OSError:
             self._line.wait(1.0)  # it is gone; what it told is still there
         except Exception as error:
-            with self._changed:
-                self._failed = " ".join(str(error).split()) or type(error).__name__
+            self._failing = " ".join(str(error).split()) or type(error).__name__
         self._listen()
         self._line.abandon()
+        if not self._closed and not self._failing:
+            self._failing = "the process that writes has ended"
+        # what was on its way, or not yet flushed, is told by the file alone
+        in_file = self._count() if self._failing and self._line.wait(1.0) else None
         with self._changed:
-            if not (self._closed or self._failed):
-                self._failed = "the process that writes has ended"
+            self._in_file = in_file
+            self._failed = self._failed or self._failing
             self._queue.clear()
+            self._changed.notify_all()
 
-    def _next(self) -> _Turn | _Reading | None:
+    def _count(self) -> int | None:
+        """Frames that are in the file, with what of their arrays was to be kept; None: it cannot be read."""
+        try:
+            return frames_in(self._path, self._wants)
+        except InputError:
+            return None
+
+    def _pass_on_last_words(self) -> None:
+        """Note how it ended in the file, if not all is well; once all that was handed over is written."""
+        while self._line.busy and not self._line.wait(LOOK_S):
+            self._listen()
+        self._listen()
+        words = self.state
+        if words and words != self._noted:
+            self._send([(ALWAYS, *self._rows.note(*self._last, f"recording: {words}"))], self._last[1], 0)
+
+    def _next(self) -> Turn | Reading | None:
         """What has waited longest; None at the end."""
         while True:
             self._listen()
@@ -298,28 +308,41 @@ class Recorder:
                 if "full" in news:
                     self._unkept += int(news["frames"])
                     self._full_ns = news["time_ns"] if self._full_ns is None else self._full_ns
-                    self._was_full = True
+                    self._full = str(news["full"])
                 elif "room" in news:
                     self._full_ns = None
                 elif "failed" in news:
-                    self._failed = str(news["failed"])
+                    self._failing = str(news["failed"])
                 elif "closed" in news:
                     self._closed = True
 
-    def _pass_on(self, one: _Turn | _Reading) -> None:
-        added = self._of_turn(one) if isinstance(one, _Turn) else self._of_reading(one)
+    def _pass_on(self, one: Turn | Reading) -> None:
+        added = self._of_turn(one) if isinstance(one, Turn) else self._of_reading(one)
+        self._send(added, one.step.time_ns, one.bytes)
+
+    def _send(self, added: list[Added], time_ns: int, cost: int) -> None:
         contents = []
         for kind, name, array in added:
             part = self._parts[name]
             if array.shape != part.shape:
                 raise ValueError(f"{name}: an array of {array.shape}, not {part.shape}")
             contents.append(Content(self._index[name], kind, part.dtype, part.shape, array))
-        self._line.send(one.step.time_ns, contents, one.bytes)
+        self._line.send(time_ns, contents, cost)
 
-    def _of_turn(self, turn: _Turn) -> list[Added]:
+    def _own_note(self) -> list[Item]:
+        """Row of what the operator is told of the recording itself, when that changes."""
+        words = self.state
+        # counts that follow may change with every frame
+        if words.partition(":")[0] == self._noted.partition(":")[0]:
+            return []
+        self._noted = words
+        return [self._rows.note(*self._last, f"recording: {words or 'all is kept again'}")]
+
+    def _of_turn(self, turn: Turn) -> list[Added]:
         rows, step = self._rows, turn.step
         number, time_ns = step.number, step.time_ns
-        always = [rows.turn(step, turn.phase), *rows.notes(step)]
+        self._last = number, time_ns
+        always = [rows.turn(step, turn.phase), *rows.notes(step), *self._own_note()]
         arrays = rows.arrays(step) if turn.bytes else []
         if step.dropped:
             why = f"lost before frame {step.frame_number}"
@@ -352,14 +375,9 @@ class Recorder:
             *((ALWAYS, *item) for item in always),
         ]
 
-    def _of_reading(self, reading: _Reading) -> list[Added]:
+    def _of_reading(self, reading: Reading) -> list[Added]:
         number = reading.step.number
         added: list[Added] = []
         if reading.surface is not None:
             added += [(WITH_ROOM, *item) for item in self._rows.surface(number, reading.surface)]
         return [*added, (ALWAYS, *self._rows.peak(number, reading.peak, reading.read_ms))]
-
-
-def _without_arrays(step: Step) -> Step:
-    presented = tuple(replace(one, q=step.commanded_q) for one in step.presented)
-    return replace(step, image=None, residual=None, measured=None, shown_q=None, presented=presented)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,8 +17,9 @@ from zeromethod.control.rest import Rest
 from zeromethod.control.state import State
 from zeromethod.devices.protocols import Frame
 from zeromethod.errors import InputError
-from zeromethod.recording.opening import open_along
 from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, number_name
+from zeromethod.recording.source import Source
+from zeromethod.recording.sums import sum_of
 from zeromethod.rig.load import parse_rig
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -52,24 +51,27 @@ class Recording:
 
     Tables are structured arrays, one row per turn, picture, reading or drop, with the fields of
     `zeromethod.recording.schema`. Arrays are asked for by the number of their turn; None: there are none.
+
+    Whatever is read may raise InputError, one line: the file is damaged there. Arrays that are not what was
+    written are left out (None; a surface without a valid node), which is warned of once: DamagedWarning.
     """
 
     def __init__(self, path: str | Path) -> None:
         """Open it. Raises InputError, one line: not there, not HDF5, no recording, of another version."""
         self.path = Path(path)
-        self._file = open_along(self.path)
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._source = Source(self.path)
         try:
             self._attributes = self._checked()
             if self._attributes["compressed"]:
                 import hdf5plugin  # noqa: F401, PLC0415 - knows the filters
-            self._folder: tempfile.TemporaryDirectory[str] | None = None
-            self.refresh()
+            self._measure()
         except BaseException:
-            self._file.close()
+            self._source.close()
             raise
 
     def _checked(self) -> dict[str, Any]:
-        attributes = dict(self._file.attrs)
+        attributes = self._source.attributes()
         if attributes.get("schema") != SCHEMA:
             raise InputError(f"{self.path}: an HDF5 file, but no recording of zeromethod")
         found = attributes.get("schema_version")
@@ -80,15 +82,17 @@ class Recording:
                 f"{SCHEMA_VERSION} is what this version of zeromethod reads"
             )
         missing = [name for name in ROOT if name not in attributes]
-        if missing or "rest" not in self._file or "turns/table" not in self._file:
+        if missing or not {"rest", "turns/table"} <= self._source.names:
             raise InputError(
                 f"{self.path}: a recording that was cut off while it was begun: nothing is in it"
             )
+        if int(attributes.get("rig_sum", 0)) not in {0, sum_of(str(attributes["rig"]).encode())}:
+            raise InputError(f"{self.path}: rig: damaged: not what was written")
         return attributes
 
     def close(self) -> None:
         """Close the file; may be called again."""
-        self._file.close()
+        self._source.close()
         if self._folder is not None:
             self._folder.cleanup()
             self._folder = None
@@ -102,51 +106,54 @@ class Recording:
         self.close()
 
     def refresh(self) -> None:
-        """Take in what was written since the file was opened, or since the last call."""
+        """Take in what was written since the file was opened, or since the last call.
+
+        Raises InputError: it cannot be read any more.
+        """
+        self._source.refresh()
+        self._measure()
+
+    def _measure(self) -> None:
         self._rows: dict[str, dict[int, int]] = {}
-        self._tables: dict[str, NDArray[Any]] = {}
-        for dataset in _datasets(self._file):
-            dataset.id.refresh()
         self._lengths = {name: self._length(name) for name in self._groups}
 
     @cached_property
     def _groups(self) -> list[str]:
         """Names of the groups whose items belong to turns, or pictures to rows of presentations."""
-        names: list[str] = []
-        self._file.visit(names.append)
-        groups = (name.rpartition("/")[0] for name in names)
-        return sorted({group for group in groups if group and number_name(group) in names})
+        names = self._source.names
+        groups = {name.rpartition("/")[0] for name in names}
+        return sorted(group for group in groups if group and number_name(group) in names)
 
     def _length(self, group: str) -> int:
         """Items that all datasets of a group have."""
-        return min(int(one.shape[0]) for one in self._file[group].values() if isinstance(one, h5py.Dataset))
-
-    def _table(self, name: str) -> NDArray[Any]:
-        if name not in self._tables:
-            self._tables[name] = self._file[name][()]
-        return self._tables[name]
+        return min(self._source.length(name) for name in self._source.group(group))
 
     def _at(self, group: str, turn: int) -> int | None:
         """Index in a group of what belongs to a turn."""
         if group not in self._lengths:
             return None
         if group not in self._rows:
-            self._rows[group] = {int(number): i for i, number in enumerate(self.turns_kept(group))}
+            self._rows[group] = {int(number): i for i, number in enumerate(self._numbers(group))}
         return self._rows[group].get(int(turn))
 
     def turns_kept(self, group: str) -> NDArray[np.int64]:
         """Numbers of the turns that a group ("frames", "warps/measured", ...) has arrays of, rising."""
+        numbers = self._numbers(group)
+        return numbers[numbers >= 0]
+
+    def _numbers(self, group: str) -> NDArray[np.int64]:
+        """Numbers of a group's items; -1 where they are not known."""
         if group not in self._lengths:
             return np.zeros(0, np.int64)
-        numbers: NDArray[np.int64] = self._table(number_name(group))[: self._lengths[group]]
-        return numbers
+        name = number_name(group).rpartition("/")[2]
+        return self._source.numbers(group, name, self._lengths[group])
 
     # About the recording
 
     @property
     def complete(self) -> bool:
         """Whether it was ended in order; false while it goes on, or where it was cut off."""
-        return bool(self._file["complete"][()])
+        return bool(self._source.read("complete"))
 
     @property
     def live(self) -> bool:
@@ -208,8 +215,8 @@ class Recording:
         """The rig; files that it names lie in a folder that goes when the recording is closed."""
         self._folder = tempfile.TemporaryDirectory(prefix="zeromethod-recording-")
         folder = Path(self._folder.name)
-        for name, content in self._file["files"].items():
-            (folder / name).write_bytes(content[()].tobytes())
+        for name in self._source.group("files"):
+            (folder / Path(name).name).write_bytes(self._source.whole(name).tobytes())
         return parse_rig(self.rig_text, folder / "rig.toml")
 
     @cached_property
@@ -217,7 +224,7 @@ class Recording:
         """The nodes, on the rays that they had."""
         camera = self.rig.camera
         grid = NodeGrid((camera.rows, camera.columns), self.rig.target.period_px)
-        pixels = self._file["rest/pixels"][()]
+        pixels = self._source.whole("rest/pixels")
         if np.array_equal(pixels, np.stack(grid.mesh(), axis=-1)):
             return grid
         return RestGrid(image_shape=grid.image_shape, period_px=grid.period_px, pixels=pixels)
@@ -225,41 +232,41 @@ class Recording:
     @cached_property
     def rest(self) -> Rest:
         """The warp of the untouched mirror that the run started from."""
-        rest, display = self._file["rest"], self.rig.display
-        size = display.columns, display.rows
-        return Rest(self.grid, rest["q"][()], rest["flags"][()], rest["seen"][()], size)
+        q, flags, seen = (self._source.whole(f"rest/{name}") for name in ("q", "flags", "seen"))
+        display = self.rig.display
+        return Rest(self.grid, q, flags, seen, (display.columns, display.rows))
 
     # Tables
 
     @property
     def turns(self) -> NDArray[Any]:
         """One row per turn of the loop."""
-        return self._table("turns/table")
+        return self._source.table("turns/table")
 
     @property
     def presentations(self) -> NDArray[Any]:
         """One row per picture given to the panel."""
-        return self._table("presentations/table")
+        return self._source.table("presentations/table")
 
     @property
     def peaks(self) -> NDArray[Any]:
         """The deepest point of every surface that was read."""
-        return self._table("peaks/table")
+        return self._source.table("peaks/table")
 
     @property
     def drops(self) -> NDArray[Any]:
         """Frames that are not in the file, and why."""
-        return self._table("drops/table")
+        return self._source.table("drops/table")
 
     @property
     def notes(self) -> NDArray[Any]:
         """What the operator was told."""
-        return self._table("notes/table")
+        return self._source.table("notes/table")
 
     def newest(self, table: str, count: int = 1) -> NDArray[Any]:
         """Last rows of a table ("turns", "peaks", ...), without reading the others."""
-        dataset = self._file[f"{table}/table"]
-        rows: NDArray[Any] = dataset[max(0, len(dataset) - count) :]
+        name = f"{table}/table"
+        rows: NDArray[Any] = self._source.read(name, slice(max(0, self._source.length(name) - count), None))
         return rows
 
     @property
@@ -294,7 +301,10 @@ class Recording:
 
     def _arrays(self, group: str, turn: int, *names: str) -> list[Any] | None:
         index = self._at(group, turn)
-        return None if index is None else [self._file[f"{group}/{name}"][index] for name in names]
+        if index is None:
+            return None
+        found = self._source.items(group, index, names)
+        return [found[name] for name in names] if len(found) == len(names) else None
 
     def image(self, turn: int) -> NDArray[Any] | None:
         """(rows, cols) frame as the camera gave it, uint8 or uint16."""
@@ -346,7 +356,7 @@ class Recording:
         names = ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope")
         found = self._arrays("surface", turn, *names, "valid", "contact", "anchor", "table")
         if found is None:
-            return None
+            return None if self._at("surface", turn) is None else self._unknown(turn)
         *floats, valid, contact, mask, about = found
         values = {name: array.astype(np.float64) for name, array in zip(names, floats, strict=True)}
         sigma_mm, tail_mm = float(about["anchor_sigma_mm"]), float(about["anchor_tail_mm"])
@@ -359,14 +369,23 @@ class Recording:
             iterations=int(about["iterations"]),
         )
 
+    def _unknown(self, turn: int) -> Surface:
+        """In place of a surface that is damaged: no node is valid."""
+        row, shape = self.row(turn), self.grid.shape
+        one, two, none = np.full(shape, np.nan), np.full((*shape, 2), np.nan), np.zeros(shape, np.bool_)
+        anchor = Anchor("none", none, np.nan, np.nan)
+        time_ns = 0 if row is None else int(row["time_ns"])
+        return Surface(one, two, one, one, one, two, none, none, anchor, time_ns, 0)
+
     def zero(self, turn: int) -> Array | None:
         """(rows, cols, 2) LCD px, the zero that `measured` of this turn starts from; None for the rest's."""
-        turns = self.turns_kept("zeros")
-        index = int(np.searchsorted(turns, turn, side="right")) - 1
-        return self._file["zeros/q"][index] if index >= 0 else None
-
-
-def _datasets(file: h5py.File) -> Iterator[h5py.Dataset]:
-    found: list[h5py.Dataset] = []
-    file.visititems(lambda _, one: found.append(one) if isinstance(one, h5py.Dataset) else None)
-    yield from found
+        turns = self._numbers("zeros")
+        index = int(np.count_nonzero(turns <= turn)) - 1
+        if index < 0:
+            return None
+        found = self._source.items("zeros", index, ("q",))
+        if not found or turns.min() < 0:
+            raise InputError(
+                f"{self.path}: zeros/q: damaged: what turn {turn} was measured from is not known"
+            )
+        return np.asarray(found["q"])

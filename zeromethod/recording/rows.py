@@ -72,7 +72,11 @@ class Rows:
 
     def notes(self, step: Step) -> list[Item]:
         """Rows of what the operator was told."""
-        return [self._row("notes/table", step.number, step.time_ns, note) for note in step.notes]
+        return [self.note(step.number, step.time_ns, note) for note in step.notes]
+
+    def note(self, turn: int, time_ns: int, words: str) -> Item:
+        """Row of one of them."""
+        return self._row("notes/table", turn, time_ns, words)
 
     def drop(self, turn: int, time_ns: int, count: int, what: str, why: str) -> Item:
         """Row of frames that are not in the file."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from zeromethod.control.events import Event
 from zeromethod.control.state import State
+from zeromethod.recording.sums import SUMS
 
 SCHEMA = "zeromethod recording"
 SCHEMA_VERSION = 1
@@ -118,6 +119,11 @@ READINGS: Fields = {
     "anchor_tail_mm": ("f8", "mm", "depth that the anchor's nodes still have, over the reader's scale"),
 }
 
+SUM_MEANING = (
+    "by which damage is noticed: of item i of each dataset here its size in bytes plus its bytes as "
+    "little-endian 64-bit words, modulo 2**64"
+)
+
 
 def parts(
     image_shape: tuple[int, int],
@@ -190,12 +196,15 @@ def parts(
             found.append(Part(f"{group}/{name}", np.dtype(kind), shape, units, meaning, kept))
         if group == "surface":
             found.append(_table(group, READINGS, "what a reading is anchored to", kept))
+        own = [part.name.rpartition("/")[2] for part in found if part.group == group]
+        sums = {name: ("u8", "", f"sum of the item of {group}/{name}") for name in own}
+        found.append(_table(group, sums, SUM_MEANING, kept, SUMS))
     return {part.name: part for part in found}
 
 
-def _table(group: str, fields: Fields, meaning: str, kept: str = "") -> Part:
-    kind = np.dtype([(name, kind) for name, (kind, _, _) in fields.items()])
-    return Part(f"{group}/table", kind, (), "see the attribute `fields`", meaning, kept, fields)
+def _table(group: str, fields: Fields, meaning: str, kept: str = "", name: str = "table") -> Part:
+    kind = np.dtype([(field, kind) for field, (kind, _, _) in fields.items()])
+    return Part(f"{group}/{name}", kind, (), "see the attribute `fields`", meaning, kept, fields)
 
 
 def number_name(group: str) -> str:

@@ -1,0 +1,171 @@
+"""A recording that a disk or a copy has damaged: told, soon, and never taken for what was measured."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from planted_turns import reading, recorder, turn, wait_for
+
+from zeromethod.errors import InputError
+from zeromethod.recording import DamagedWarning
+from zeromethod.recording.recording import Recording
+
+TURNS = 8
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The same turns: ended in order, and as a killed writer leaves them."""
+    folder = tmp_path_factory.mktemp("damage")
+    ended, cut = folder / "ended.h5", folder / "cut.h5"
+    with recorder(ended) as recording:
+        for number in range(1, TURNS + 1):
+            recording.turn(turn(number))
+            recording.reading(turn(number), *reading(number), 1.0)
+        with Recording(ended) as along:
+
+            def all_there() -> bool:
+                along.refresh()
+                return len(along.turns_kept("surface")) == TURNS
+
+            wait_for(all_there)
+        shutil.copy(ended, cut)
+    return {"ended": ended, "cut": cut}
+
+
+def damaged(path: Path, to: Path, start: int, size: int) -> Path:
+    """A copy with so many bytes changed."""
+    content = bytearray(path.read_bytes())
+    content[start : start + size] = bytes(255 - byte for byte in content[start : start + size])
+    to.write_bytes(content)
+    return to
+
+
+def place(path: Path, name: str, item: int = 0) -> int:
+    """Where in a file an item of a dataset lies; of a table its first."""
+    with h5py.File(path, "r", swmr=True) as file:
+        dataset = file[name].id
+        place = dataset.get_offset()
+        return int(dataset.get_chunk_info(item).byte_offset if place is None else place)
+
+
+OPEN = """
+import sys
+from zeromethod.errors import InputError
+from zeromethod.recording.recording import Recording
+for path in sys.argv[1:]:
+    try:
+        with Recording(path) as found:
+            found.turns
+    except InputError as error:
+        print(error)
+"""
+
+
+@pytest.mark.parametrize("how", ["ended", "cut"])
+def test_where_the_order_of_the_file_is_damaged_it_is_refused_and_not_waited_for(
+    how: str, files: dict[str, Path], tmp_path: Path
+) -> None:
+    starts = (48, 600, 3000, 20000)
+    paths = [damaged(files[how], tmp_path / f"at-{start}.h5", start, 100) for start in starts]
+    # a process of its own: what hangs in the HDF5 library cannot be interrupted
+    command = [sys.executable, "-c", OPEN, *map(str, paths)]
+    told = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout.splitlines()
+    assert [line.partition(": ")[0] for line in told] == [str(path) for path in paths]
+    assert all("cannot be read" in line for line in told)
+
+
+def test_a_file_that_a_killed_writer_left_reads_as_the_same(files: dict[str, Path]) -> None:
+    with Recording(files["cut"]) as cut, Recording(files["ended"]) as ended:
+        assert (cut.complete, ended.complete) == (False, True)
+        assert len(cut.turns) == TURNS
+        for number in range(1, TURNS + 1):
+            np.testing.assert_array_equal(cut.image(number), ended.image(number))
+
+
+@pytest.mark.parametrize("how", ["ended", "cut"])
+def test_a_damaged_array_is_left_out_and_told_once(how: str, files: dict[str, Path], tmp_path: Path) -> None:
+    path = files[how]
+    # one bit of a frame, and eight bytes of a warp
+    start = place(path, "frames/image", 3)
+    content = bytearray(path.read_bytes())
+    content[start + 1000] ^= 1
+    start = place(path, "warps/measured/q", 4)
+    content[start : start + 8] = bytes(8)
+    path = tmp_path / "damaged.h5"
+    path.write_bytes(content)
+    with Recording(path) as found:
+        with pytest.warns(DamagedWarning, match=r"damaged\.h5: frames/image: damaged: "):
+            image = found.image(4)
+        # from now on in silence
+        assert image is found.frame(4) is found.measured(5) is None
+        np.testing.assert_array_equal(found.image(5), turn(5).image)
+        assert found.measured(4) is not None
+
+
+def test_a_damaged_surface_has_no_valid_node(files: dict[str, Path], tmp_path: Path) -> None:
+    path = files["ended"]
+    path = damaged(path, tmp_path / "damaged.h5", place(path, "surface/slope", 2) + 64, 8)
+    with Recording(path) as found:
+        with pytest.warns(DamagedWarning, match="surface/slope"):
+            surface = found.surface(3)
+        assert surface is not None
+        assert surface.time_ns == turn(3).time_ns
+        assert not surface.valid.any()
+        assert np.isnan(surface.depth_mm).all()
+        assert found.surface(4) is not None
+
+
+def test_arrays_are_never_given_for_another_turn(files: dict[str, Path], tmp_path: Path) -> None:
+    path = files["ended"]
+    path = damaged(path, tmp_path / "damaged.h5", place(path, "frames/turn") + 8, 1)
+    with Recording(path) as found:
+        with pytest.warns(DamagedWarning, match="frames/turn"):
+            kept = found.turns_kept("frames")
+        assert list(kept) == [1, *range(3, TURNS + 1)]
+        assert found.image(2) is None
+        np.testing.assert_array_equal(found.image(3), turn(3).image)
+
+
+def test_a_rest_that_is_damaged_is_refused(files: dict[str, Path], tmp_path: Path) -> None:
+    path = files["ended"]
+    path = damaged(path, tmp_path / "damaged.h5", place(path, "rest/q") + 800, 1)
+    with Recording(path) as found, pytest.raises(InputError, match=r"damaged\.h5: rest/q: damaged"):
+        _ = found.rest
+
+
+def test_where_warnings_are_errors_every_damaged_array_is_one(files: dict[str, Path], tmp_path: Path) -> None:
+    path = files["ended"]
+    path = damaged(path, tmp_path / "damaged.h5", place(path, "frames/image", 3), 4)
+    with Recording(path) as found, warnings.catch_warnings():
+        warnings.simplefilter("error", DamagedWarning)
+        for _ in range(2):
+            with pytest.raises(DamagedWarning):
+                found.image(4)
+
+
+ADD = """
+import sys, h5py
+with h5py.File(sys.argv[1], "r+", libver="latest", locking=False) as file:
+    turns = file["turns/table"]
+    turns.resize(len(turns) + 3, axis=0)
+"""
+
+
+def test_what_is_written_after_a_file_was_opened_whole_is_seen(
+    files: dict[str, Path], tmp_path: Path
+) -> None:
+    path = tmp_path / "more.h5"
+    shutil.copy(files["ended"], path)
+    with Recording(path) as found:
+        assert len(found.turns) == TURNS
+        subprocess.run([sys.executable, "-c", ADD, str(path)], timeout=60, check=True)
+        found.refresh()
+        assert len(found.turns) == TURNS + 3

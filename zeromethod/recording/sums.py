@@ -1,0 +1,60 @@
+"""Sums by which an array that was damaged on its disk is told from one that was not.
+
+The sum of an item: its size in bytes, plus its bytes taken as little-endian 64-bit words (what is left over
+as one more, filled up with zeros), modulo 2**64. That takes 0.1 ms for the 4 MB of a frame. That
+another content has the same sum by chance is a matter of 1 in 2**64; zeros, a lost block's usual content,
+have that of their size, which nothing else is likely to have.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+SUMS = "sums"
+"""Dataset of a group that has those of all its others: row i of it, those of item i."""
+
+_WORD = 8
+_MODULO = 1 << 64
+
+
+def sum_of(item: memoryview | bytes | NDArray[Any] | np.generic) -> int:
+    """Sum of an item; see the module."""
+    data = item.tobytes() if isinstance(item, np.ndarray | np.generic) else item
+    count = len(data) // _WORD
+    words = np.frombuffer(data, "<u8", count)
+    rest = int.from_bytes(data[count * _WORD :], "little")
+    return (len(data) + int(np.add.reduce(words)) + rest) % _MODULO
+
+
+class Sums:
+    """Rows of the datasets `sums`, made while the items of a group are added one by one."""
+
+    def __init__(self, names: Sequence[str], fields: dict[str, tuple[str, ...]]) -> None:
+        """names: of all datasets, in the order of their indices. fields: of every `sums`, by its name."""
+        index = {name: number for number, name in enumerate(names)}
+        self._places: dict[int, tuple[int, int, int]] = {}
+        for name, own in fields.items():
+            group = name.rpartition("/")[0]
+            for place, field in enumerate(own):
+                self._places[index[f"{group}/{field}"]] = index[name], place, len(own)
+        self._begun: dict[int, dict[int, int]] = {}
+
+    def add(self, index: int, item: memoryview) -> tuple[int, bytes] | None:
+        """Take in an item of the dataset of that index.
+
+        Returns the index of a dataset `sums` and its next row, once all items of a group are there.
+        """
+        if index not in self._places:
+            return None
+        sums, place, count = self._places[index]
+        begun = self._begun.setdefault(sums, {})
+        begun[place] = sum_of(item)
+        if len(begun) < count:
+            return None
+        del self._begun[sums]
+        return sums, struct.pack(f"<{count}Q", *(begun[one] for one in range(count)))
