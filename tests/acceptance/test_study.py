@@ -14,13 +14,13 @@ from zeromethod.study.conduct import TABLE
 
 RUNS = 200
 
-# 64 x 64 camera pixels and a small LCD: some 0.1 s for a run
+# 64 x 64 camera pixels, a small LCD, the frames before and after the touch: some 0.1 s for a run
 STUDY = f"""
 schema_version = 1
 title = "short runs"
 seed = 5
 repeats = {RUNS // 8}
-frames = 4
+frames = 3
 metrics = ["state", "residual_end_px", "valid_share", "untouched.depth_rms_nm"]
 
 [rig]

@@ -82,6 +82,11 @@ def test_format_names_the_file_whatever_its_suffix(
         (("a.npz", "--from", "5"), "no surface recorded from 5 to "),
         (("a.npz", "--from", "0.3", "--to", "0.2"), "--from: 0.3: must not be after --to (0.2)"),
         (("a.tif", "--pitch", "100"), "--pitch: 100 mm: gives "),
+        (("a.tif", "--pitch", "nan"), "--pitch: nan: a finite number of mm above 0"),
+        (("a.tif", "--pitch", "inf"), "--pitch: inf: a finite number of mm above 0"),
+        (("a.npz", "--from", "nan"), "--from: nan: seconds"),
+        (("a.npz", "--to", "inf"), "--to: inf: seconds"),
+        (("a.ply", "--at", "nan"), "--at: nan: seconds"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_in_one_line(
@@ -106,6 +111,8 @@ def test_neither_another_file_nor_the_recording_itself_is_touched(
     code, _, err = outcome(session, session, "--format", "npz", capsys=capsys)
     assert (code, err) == (2, f"zeromethod: OUT: {session}: is the recording itself\n")
     assert session.read_bytes() == before
+    code, _, err = outcome(tmp_path, tmp_path / "a.csv", capsys=capsys)
+    assert (code, err) == (2, f"zeromethod: {tmp_path}: is a folder: a recording (HDF5)\n")
     other = tmp_path / "other.h5"
     other.write_text("no recording")
     code, _, err = outcome(other, tmp_path / "a.csv", capsys=capsys)

@@ -58,6 +58,8 @@ def test_the_page_goes_where_it_is_asked_to(
     ("arguments", "words"),
     [
         (("missing.h5",), "missing.h5: not there"),
+        (("folder.h5",), "folder.h5: is a folder: a recording (HDF5)"),
+        (("folder.h5", "--follow"), "folder.h5: is a folder: a recording (HDF5)"),
         (("notes.h5",), "notes.h5: cannot be read as a recording"),
         (("notes.h5", "--output", "page.pdf"), "--output: page.pdf: the file name must end in .html"),
         (("notes.h5", "--follow", "--output", "a.html"), "--follow and --output"),
@@ -73,6 +75,7 @@ def test_bad_input_is_refused_in_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    Path("folder.h5").mkdir()
     Path("notes.h5").write_text("not HDF5")
     os.utime("notes.h5", (time.time() - 60,) * 2)
     code, out, err = outcome(*arguments, capsys=capsys)

@@ -76,7 +76,7 @@ def test_a_failed_run_is_told_with_settings_and_seed(capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["none.toml"], "none.toml: cannot be read"),
+        (["none.toml"], "none.toml: cannot be read: No such file or directory: a study file (TOML)"),
         (["nothing"], 'study: "nothing": a file, or one of the packaged'),
         (
             ["mine.toml", "--cluster", "tcp://127.0.0.1:9", "--workers", "2"],

@@ -129,5 +129,10 @@ def without_frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def tables_alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return plant(tmp_path_factory.mktemp("tables") / "session.h5", ()).path
+
+
+@pytest.fixture(scope="session")
 def without_surface(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return plant(tmp_path_factory.mktemp("no-surface") / "session.h5", ("frames", "residual", "warps")).path

@@ -1,8 +1,10 @@
 """What holds for every format: selection, refusals, whole files, memory."""
 
+import shutil
 import weakref
 from pathlib import Path
 
+import h5py
 import pytest
 
 from zeromethod.errors import InputError
@@ -23,12 +25,21 @@ def refused(recording: Recording, name: str, selection: Selection | None = None)
 def test_what_keep_left_out_is_named(without_surface: Path, without_frames: Path) -> None:
     with Recording(without_surface) as recording:
         for name in ("a.npz", "a.tif", "a.ply", "a.stl", "a.mp4"):
-            assert "surface not kept (--keep left only frames, residual" in refused(recording, name)
+            assert "surface not kept by the run's --keep (kept: frames, residual, warps)" in refused(
+                recording, name
+            )
         # The peak's track is always there.
         assert prepare(recording, Path("a.csv")).total == 9
     with Recording(without_frames) as recording:
         assert "a video needs frames, residual, surface: frames, residual not kept" in refused(
             recording, "a.mp4"
+        )
+
+
+def test_a_recording_of_tables_alone_says_so(tables_alone: Path) -> None:
+    with Recording(tables_alone) as recording:
+        assert refused(recording, "a.npz").endswith(
+            "surface not kept by the run's --keep (kept: the tables alone)"
         )
 
 
@@ -81,6 +92,40 @@ def test_no_format_leaves_half_a_file(suffix: str, recording: Recording, tmp_pat
     assert [path.name for path in tmp_path.iterdir()] == (
         [f"a{suffix}"] if suffix in {".ply", ".stl"} else []
     )
+
+
+@pytest.mark.parametrize("suffix", [suffix for suffix, form in SUFFIXES.items() if form != "csv"])
+def test_a_damaged_array_ends_the_export_in_one_line_without_half_a_file(
+    suffix: str, planted, tmp_path: Path
+) -> None:
+    path = tmp_path / "damaged.h5"
+    shutil.copy(planted.path, path)
+    with h5py.File(path, "r+", libver="latest") as file:
+        # one bit on the disk, in the reading that a mesh is made of
+        file["surface/depth_mm"][-1, 20, 20] += 1e-3
+    with Recording(path) as recording, pytest.raises(InputError, match="damaged") as caught:
+        prepare(recording, tmp_path / f"a{suffix}").write()
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_damaged_frame_ends_a_video_in_one_line(planted, tmp_path: Path) -> None:
+    path = tmp_path / "damaged.h5"
+    shutil.copy(planted.path, path)
+    with h5py.File(path, "r+", libver="latest") as file:
+        file["frames/image"][4, 20, 20] ^= 1
+    with Recording(path) as recording:
+        for _ in range(2):
+            with pytest.raises(InputError, match="damaged"):
+                prepare(recording, tmp_path / "a.mp4").write()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("pitch_mm", [float("nan"), float("inf"), 0.0, -1.0])
+def test_a_pitch_that_is_no_length_is_refused(pitch_mm: float, recording: Recording, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^--pitch: .*: a finite number of mm above 0$"):
+        prepare(recording, tmp_path / "a.tif", pitch_mm=pitch_mm).write()
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("suffix", STREAMED)

@@ -12,7 +12,7 @@ import pytest
 
 from zeromethod.export import Selection, prepare
 from zeromethod.export.lattice import Lattice
-from zeromethod.export.picture import Picture, Scales, as_the_camera_sees
+from zeromethod.export.picture import Picture, Scales
 from zeromethod.recording.recording import Recording
 
 GREY = 191
@@ -72,9 +72,7 @@ def test_panels_show_the_frame_the_residual_and_the_dent_in_its_place(planted, r
     surface, inner = recording.surface(9), recording.grid.inner
     x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
     lattice = Lattice.covering(x_mm, y_mm)
-    picture = Picture(
-        recording.grid, lattice, Scales(150.0, (0.01, 1.0), 0.2), as_the_camera_sees(x_mm, y_mm)
-    )
+    picture = Picture(recording.grid, lattice, Scales(150.0, (0.01, 1.0), 0.2))
     dark, bright = (np.full((256, 320), level, np.uint8) for level in (0, 150))
     camera, _, depth = picture.places
     nothing = picture.draw(dark, None, None, "")
@@ -88,17 +86,11 @@ def test_panels_show_the_frame_the_residual_and_the_dent_in_its_place(planted, r
     seen = red > 0.9 * red.max()
     j, i = (float(axis.mean()) for axis in np.nonzero(seen))
     x = lattice.x0_mm + lattice.pitch_mm * ((i + 0.5) / cols * lattice.shape[1] - 0.5)
-    y = lattice.y0_mm + lattice.pitch_mm * ((j + 0.5) / rows * lattice.shape[0] - 0.5)
+    # x grows to the right, y upwards
+    y = lattice.y0_mm + lattice.pitch_mm * ((1.0 - (j + 0.5) / rows) * lattice.shape[0] - 0.5)
     assert (x, y) == pytest.approx((42.0, 3.0), abs=0.5 * lattice.pitch_mm)
     # The unread nodes are grey on the map, the padding round the nodes is on the camera's.
     assert (shown[depth] == GREY).all(axis=-1).any()
-
-
-def test_the_depth_lies_as_the_camera_sees_it() -> None:
-    x, y = np.meshgrid(np.arange(5.0), np.arange(4.0))
-    assert as_the_camera_sees(x, y) == ()
-    assert as_the_camera_sees(x[:, ::-1], y) == (1,)
-    assert as_the_camera_sees(x[:, ::-1], y[::-1]) == (0, 1)
 
 
 def test_scales_hold_the_largest_peak_and_whole_decades_of_residual() -> None:

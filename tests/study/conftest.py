@@ -23,13 +23,14 @@ def own(monkeypatch: pytest.MonkeyPatch) -> None:
 def squares(own: None, tmp_path: Path) -> Callable[..., Study]:
     """Make a study of so many squares; further lines go into its table [set]."""
 
-    def make(count: int = 6, *settings: str, seed: int = 3) -> Study:
+    def make(count: int = 6, *settings: str, seed: int = 3, limit_s: float = 600.0) -> Study:
         text = "\n".join(
             [
                 "schema_version = 1",
                 'title = "squares"',
                 'procedure = "own_procedures:SQUARE"',
                 f"seed = {seed}",
+                f"limit_s = {limit_s}",
                 "[set]",
                 *settings,
                 "[grid]",

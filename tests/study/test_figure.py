@@ -84,3 +84,23 @@ def test_a_study_without_a_figure_gets_one_that_fits() -> None:
     without = parse_study('schema_version = 1\ntitle = "t"\n', Path("s.toml"))
     rows = [{key: value for key, value in row.items() if key != "control.gain"} for row in ROWS]
     assert default_figure(without, rows).kind == "histogram"
+
+
+def test_the_legend_of_curves_covers_none_of_them(drawn: list[Any], tmp_path: Path) -> None:
+    draw(
+        '[figure]\nkind = "curves"\nx = "run"\nvalue = "depth_peak_mm"\nlines = "control.gain"\n',
+        tmp_path / "a.png",
+    )
+    (axis,) = drawn[0].axes
+    (legend,) = drawn[0].legends
+    assert [text.get_text() for text in legend.get_texts()] == ["control.gain 0.5", "control.gain 1"]
+    assert not legend.get_window_extent().overlaps(axis.get_window_extent())
+
+
+def test_a_logarithmic_axis_of_less_than_a_decade_has_plain_numbers(drawn: list[Any], tmp_path: Path) -> None:
+    text = '[figure]\nkind = "curves"\nx = "run"\nvalue = "depth_peak_mm"\nvalue_scale = "log"\n'
+    rows = [row | {"depth_peak_mm": 0.0102 + 0.0003 * row["run"]} for row in ROWS[:3]]
+    draw_study(parse_study(HEAD + text, Path("s.toml")), rows, tmp_path / "a.png")
+    labels = [label.get_text() for label in drawn[0].axes[0].get_yticklabels()]
+    assert len(labels) >= 3
+    assert all(0.009 < float(label) < 0.012 for label in labels)

@@ -57,12 +57,25 @@ def test_a_task_survives_its_message() -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ('[grid]\n"control.gian" = [1.0]\n', "s.toml: control.gian: unknown key: did you mean gain?"),
+        (
+            '[grid]\n"control.gian" = [1.0]\n',
+            's.toml: grid: "control.gian": unknown key: did you mean control.gain?',
+        ),
         (
             '[grid]\n"control.gain" = [1.0, 2.0]\n',
             "s.toml: control.gain: 2.0: a number above 0 and at most 1",
         ),
-        ('[grid]\n"camera.hue" = [1.0]\n', "s.toml: camera.hue: unknown key"),
+        ('[grid]\n"camera.hue" = [1.0]\n', 's.toml: grid: "camera.hue": unknown key'),
+        (
+            "[grid]\ncontrol.gian = [1.0]\n[figure]\nkind = 'curves'\nvalue = 'state'\nx = 'control.gain'\n",
+            's.toml: grid: "control.gian": unknown key: did you mean control.gain?',
+        ),
+        (
+            '"bench.prism.indx" = 1.4\n',
+            's.toml: set: "bench.prism.indx": unknown key: did you mean bench.prism.index?',
+        ),
+        ("[press]\n[random]\npress.deep_mm = { uniform = [0.0, 1.0] }\n", "did you mean press.depth_mm?"),
+        ('[grid]\n"control.gain" = [nan]\n', "s.toml: control.gain: nan: a number above 0"),
         (
             '"control.gain" = 1.0\n[grid]\n"control.gain" = [1.0]\n',
             "s.toml: grid.control.gain: also under [set]",
@@ -97,7 +110,12 @@ def test_what_is_wrong_is_told_in_one_line_by_file_and_key(text: str, told: str)
         ("schema_version = 1\ntitle = 't'\nprocedure = 'walk'", 'procedure: "walk": one of run, averaging'),
         ("schema_version = 1\ntitle = 't'\nmetrics = ['loop_ms']", 'metrics: "loop_ms": of procedure'),
         ("schema_version = 1\ntitle = 't'\nframes = 3\nseconds = 1.0", "seconds: 1: frames or seconds"),
-        ("schema_version = 1\ntitle = 't'\nrecordings = ['no*.h5']", 'recordings: "no*.h5": files below'),
+        ("schema_version = 1\ntitle = 't'\nseconds = nan", "seconds: nan: a number above 0"),
+        ("schema_version = 1\ntitle = 't'\nlimit_s = inf", "limit_s: inf: a number above 0"),
+        (
+            "schema_version = 1\ntitle = 't'\nrecordings = ['no*.h5']",
+            'recordings: "no*.h5": no file matches below /',
+        ),
         ("schema_version = 1\ntitle = 't'\nprocedure = 'reread'", "recordings: needed by procedure"),
         ("a =", "not TOML"),
     ],

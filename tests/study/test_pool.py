@@ -29,6 +29,18 @@ def test_a_run_that_kills_its_worker_fails_alone(squares: Squares, tmp_path: Pat
     assert [row["square"] for row in results.rows if row["run"] != 3] == [0, 1, 4, 16, 25, 36, 49]
 
 
+def test_a_run_that_hangs_is_given_up_and_the_others_go_on(squares: Squares, tmp_path: Path) -> None:
+    study = squares(5, "waits_at = 1", f'mark = "{tmp_path / "waiting"}"', limit_s=4.0)
+    started = time.monotonic()
+    results = conduct(study, tmp_path, LocalPool(1))
+    # the run itself would take a minute
+    assert time.monotonic() - started < 40.0
+    assert [(row["run"], row["failure"]) for row in results.failures] == [
+        (1, "took longer than limit_s = 4 s, and was ended")
+    ]
+    assert [row["square"] for row in results.rows if row["run"] != 1] == [0, 4, 9, 16]
+
+
 def test_workers_end_at_once_when_the_study_does(squares: Squares, tmp_path: Path) -> None:
     mark = tmp_path / "waiting"
     study = squares(4, "waits_at = 3", f'mark = "{mark}"')

@@ -50,5 +50,7 @@ def test_what_is_no_recording_fails_its_run_alone(folder: Path) -> None:
 
 
 def test_settings_are_checked_before_a_recording_is_opened(folder: Path) -> None:
-    with pytest.raises(InputError, match=r"s\.toml: surface\.known: unknown key"):
+    with pytest.raises(
+        InputError, match=r's\.toml: grid: "surface\.known": unknown key: did you mean surface\.known_rest\?'
+    ):
         tasks(parse_study(STUDY.replace("known_rest", "known"), folder / "s.toml"))

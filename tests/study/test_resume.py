@@ -55,6 +55,49 @@ def test_a_line_cut_off_by_a_crash_is_done_again(squares: Squares, tmp_path: Pat
     assert [json.loads(line)["run"] for line in journal.read_text().splitlines()[1:]] == list(range(6))
 
 
+@pytest.mark.parametrize("damage", ['{"run": 3, "tr', '{"run": 3}', "[]", "\0\0\0"])
+def test_a_damaged_line_costs_only_its_own_run(squares: Squares, tmp_path: Path, damage: str) -> None:
+    whole = conduct(squares(), tmp_path / "whole", Here())
+    conduct(squares(), tmp_path / "a", Here())
+    journal = tmp_path / "a" / JOURNAL
+    lines = journal.read_text().splitlines()
+    journal.write_text("\n".join([*lines[:4], damage, *lines[5:]]) + "\n")
+    told: list[str] = []
+    again = Here()
+    results = conduct(squares(), tmp_path / "a", again, tell=told.append)
+    assert again.runs == [3]
+    assert told == [f"{journal}: damaged at line 5: left out; what is missing is done again"]
+    assert (results.before, results.rows) == (5, whole.rows)
+    # once is enough
+    conduct(squares(), tmp_path / "a", Here(), tell=told.append)
+    assert len(told) == 1
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == sorted(
+        path.name for path in (tmp_path / "whole").iterdir()
+    )
+
+
+def test_a_line_of_rubbish_at_the_end_costs_nothing(squares: Squares, tmp_path: Path) -> None:
+    conduct(squares(), tmp_path, Here())
+    with (tmp_path / JOURNAL).open("a") as journal:
+        journal.write('{"run": 3, "tr\n')
+    again = Here()
+    assert conduct(squares(), tmp_path, again).before == 6
+    assert again.runs == []
+
+
+def test_a_damaged_head_is_told(squares: Squares, tmp_path: Path) -> None:
+    conduct(squares(), tmp_path, Here())
+    journal = tmp_path / JOURNAL
+    journal.write_text("x" + journal.read_text())
+    with pytest.raises(InputError, match="line 1, which says what study it is of, is damaged"):
+        conduct(squares(), tmp_path, Here())
+
+
+def test_another_limit_does_not_make_another_study(squares: Squares, tmp_path: Path) -> None:
+    conduct(squares(), tmp_path, Here())
+    assert conduct(squares(limit_s=9.0), tmp_path, Here()).before == 6
+
+
 @pytest.mark.parametrize(
     ("count", "setting", "seed", "told"),
     [

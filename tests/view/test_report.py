@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
@@ -74,19 +75,19 @@ def test_figures_are_those_of_the_tables_and_of_the_planted_press(recording_path
     assert sum(figures["shares"].values()) == pytest.approx(1.0)
     assert figures["residual_px_rms"]["median"] == np.median(turns["residual_rms_px"][nulled])
     # the press is 0.2 mm deep; nodes four times as far apart as in full resolution cost up to 1 %
-    deepest = figures["deepest"]
-    assert deepest["depth_mm"] == pytest.approx(0.2, rel=0.01)
-    assert deepest["state"] == "locked"
-    assert deepest["depth_mm"] == peaks["depth_mm"][np.isin(peaks["turn"], turns["number"][nulled])].max()
+    largest = figures["largest"]
+    assert largest["depth_mm"] == pytest.approx(0.2, rel=0.01)
+    assert largest["state"] == "locked"
+    assert largest["depth_mm"] == peaks["depth_mm"][np.isin(peaks["turn"], turns["number"][nulled])].max()
 
 
-def test_depth_is_shown_when_first_locked_at_its_deepest_and_at_the_end(recording_path: Path) -> None:
+def test_depth_is_shown_when_first_locked_at_its_largest_and_at_the_end(recording_path: Path) -> None:
     with Recording(recording_path) as recording:
         shown = key_turns(recording)
         locked = [int(row["number"]) for row in recording.turns if str(recording.state_of(row)) == "locked"]
         names = {name: turn for turn, names in shown.items() for name in names}
         assert names["first locked"] == locked[0]
-        assert names["deepest"] == summarise_recording(recording)["deepest"]["turn"]
+        assert names["largest |depth|"] == summarise_recording(recording)["largest"]["turn"]
         assert names["last"] == recording.turns_kept("surface")[-1]
 
 
@@ -182,7 +183,7 @@ def test_calibration_is_told_with_sigma_verdict_and_age(edited: Edited) -> None:
 def test_calibration_that_cannot_be_read_leaves_the_rest_of_the_page(edited: Edited, text: str) -> None:
     page = page_of(edited(lambda file: file.attrs.__setitem__("calibration", text)))
     assert "The calibration in this recording cannot be read." in page.text
-    assert "deepest peak" in page.text
+    assert "peak of largest |depth|" in page.text
 
 
 def test_an_interrupted_page_leaves_the_old_one(
@@ -194,3 +195,98 @@ def test_an_interrupted_page_leaves_the_old_one(
     with Recording(recording_path) as recording, pytest.raises(KeyboardInterrupt):
         write_report(recording, recording_path, output)
     assert output.read_text() == "before"
+
+
+def without_sums(file: h5py.File) -> None:
+    """Let what is changed here pass for what was written."""
+    names: list[str] = []
+    file.visit(names.append)
+    for name in names:
+        if name.endswith("/sums"):
+            del file[name]
+
+
+def unread(file: h5py.File, rows: slice) -> None:
+    """Make the surfaces in these rows such as a view that sees nothing of the mirror gives."""
+    for name in ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope"):
+        file[f"surface/{name}"][rows] = np.nan
+    file["surface/valid"][rows] = False
+    without_sums(file)
+
+
+@pytest.mark.parametrize("rows", [slice(-1, None), slice(None)], ids=["the last", "all"])
+def test_surfaces_without_a_number_make_a_page(edited: Edited, rows: slice) -> None:
+    page = page_of(edited(lambda file: unread(file, rows)))
+    assert page.source.count(">nothing was read<") == (1 if rows.start else page.tags.count("svg") - 1)
+
+
+def test_a_surface_of_which_nothing_was_read_keeps_its_map(edited: Edited) -> None:
+    def strike(file: h5py.File) -> None:
+        file["surface/valid"][-1] = False
+        without_sums(file)
+
+    page = page_of(edited(strike))
+    assert page.source.count(">nothing was read<") == 1
+
+
+def test_coordinates_that_are_partly_unknown_make_a_map(edited: Edited) -> None:
+    def strike(file: h5py.File) -> None:
+        for name in ("x_mm", "y_mm", "depth_mm"):
+            values = file[f"surface/{name}"]
+            values[-1, :, : values.shape[2] // 2] = np.nan
+        without_sums(file)
+
+    assert page_of(edited(strike)).tags.count("svg") >= 3
+
+
+def test_tables_without_a_number_make_a_page(edited: Edited) -> None:
+    def strike(file: h5py.File) -> None:
+        peaks, turns = file["peaks/table"][()], file["turns/table"][()]
+        for name in ("depth_mm", "sigma_mm", "x_mm", "y_mm"):
+            peaks[name] = np.nan
+        turns["residual_rms_px"] = np.nan
+        file["peaks/table"][...], file["turns/table"][...] = peaks, turns
+
+    page = page_of(edited(strike))
+    assert "nothing was measured" in page.source
+    assert "depth was never read" in page.source
+
+
+@pytest.mark.parametrize("turns", [1, 2, 9, 10])
+def test_a_short_recording_has_no_empty_curve(edited: Edited, turns: int) -> None:
+    path = edited(lambda file: file["turns/table"].resize(turns, axis=0))
+    with Recording(path) as recording:
+        frames = np.count_nonzero(recording.turns["frame_number"] >= 0)
+    page = page_of(path)
+    told = f"No curve of frames per second: {frames} frames are too few for one (10 make it)."
+    assert (told in page.text) == ("frames per second" not in page.source.split("</svg>")[0]) == (frames < 10)
+
+
+def test_a_damaged_surface_leaves_the_rest_of_the_page(edited: Edited) -> None:
+    page = page_of(edited(lambda file: file["surface/depth_mm"].__setitem__((-1, 5, 5), 7.0)))
+    assert "last: no depth map: " in page.text
+    assert "surface/depth_mm: damaged" in page.text
+    assert "first locked, " in page.text
+    assert page.tags.count("svg") >= 2
+
+
+def test_frames_that_are_not_read_are_not_called_drops(recording_path: Path, edited: Edited) -> None:
+    with Recording(recording_path) as recording:
+        figures = summarise_recording(recording)
+    # the loop starts on a panel that is not lit yet
+    assert figures["without_reading"]["picture not lit yet"] > 0
+    assert figures["dropped"] == {}
+    page = page_of(copy_of(edited))
+    assert "no new reading: picture not lit yet" in page.text
+    assert "frames dropped none" in page.text
+
+
+def test_a_curve_within_a_decade_has_plain_numbers(edited: Edited) -> None:
+    def narrow(file: h5py.File) -> None:
+        turns = file["turns/table"][()]
+        turns["residual_rms_px"] = np.linspace(0.0102, 0.0118, len(turns))
+        file["turns/table"][...] = turns
+
+    svg = page_of(edited(narrow)).source.split("</svg>")[0]
+    assert "mathdefault" not in svg
+    assert re.search(r">0\.01\d\d?</text>", svg)

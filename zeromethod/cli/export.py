@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,13 @@ from zeromethod.view.progress import progress
 @click.option(
     "--every", type=click.IntRange(min=1), default=1, show_default=True, help="Every so many-th frame only."
 )
-@click.option("--at", "at_s", type=float, metavar="S", help="Mesh at this time.  [default: the deepest]")
+@click.option(
+    "--at",
+    "at_s",
+    type=float,
+    metavar="S",
+    help="Mesh at this time.  [default: where |depth| is largest while locked]",
+)
 @click.option(
     "--pitch",
     "pitch_mm",
@@ -62,13 +69,15 @@ def export_command(
     .npz         slope and depth at the nodes, with their place in mm, over time
     .tif         depth and slope on a regular lattice in mm, over time (float, OME-TIFF)
     .ply .stl    the surface as a mesh in mm, at one time
-    .csv         the peak's track
+    .csv         the track of the peak, the point of largest |depth|
     .mcap        camera, depth image, point cloud, peak, state for robots (ROS 2 types)
     .mp4         a video of camera, residual and depth
 
     Times are seconds since the recording's first turn.
     """  # noqa: D301, D400 - click's own mark for lines that stay as they are
     check_file("--summary", summary, suffix=".json")
+    if file.is_dir():
+        raise InputError(f"{file}: is a folder: a recording (HDF5)")
     forms = _forms(outputs, form)
     _check_options(forms, every, at_s, pitch_mm)
     for path in outputs:
@@ -109,6 +118,8 @@ def _check_options(forms: list[str], every: int, at_s: float | None, pitch_mm: f
     """Refuse options that none of the files would heed."""
     if at_s is not None and not set(forms) & set(MESHES):
         raise InputError(f"--at: {at_s:g}: for a mesh (.ply, .stl) only; --from and --to for the others")
+    if pitch_mm is not None and not math.isfinite(pitch_mm):
+        raise InputError(f"--pitch: {pitch_mm:g}: a finite number of mm above 0")
     if pitch_mm is not None and "tiff" not in forms:
         raise InputError(f"--pitch: {pitch_mm:g}: for a .tif only")
     if every > 1 and set(forms) <= set(MESHES):
@@ -135,7 +146,8 @@ def _line(export: Export, figures: dict[str, Any]) -> str:
     if export.form == "tiff":
         parts.append(f"{figures['columns']} x {figures['rows']} px of {figures['pitch_mm']:g} mm")
     elif export.form in MESHES:
-        parts.append(f"{figures['vertices']} vertices, deepest {figures['depth_largest_mm']:.5f} mm, in mm")
+        depth = f"largest depth {figures['depth_largest_mm']:.5f} mm"
+        parts.append(f"{figures['vertices']} vertices, {depth}, in mm")
     elif export.form == "csv":
         parts.append(f"{figures['peaks']} peaks")
     elif export.form == "mcap":

@@ -28,6 +28,8 @@ def report_command(file: Path, output: Path | None, following: bool, summary: Pa
     FILE may still be written, or have been cut off. --follow tells state, rate, residual and peak depth in
     the terminal instead, until the recording ends or Ctrl-C; a FILE that is not there yet is waited for.
     """
+    if file.is_dir():
+        raise InputError(f"{file}: is a folder: a recording (HDF5)")
     with stopped_by_signals(_interrupted):
         if following:
             for option, value in (("--output", output), ("--summary", summary)):

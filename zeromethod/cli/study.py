@@ -69,19 +69,23 @@ def study_command(
     study = load_study(file)
     folder = output or Path(f"study-{study.name}")
     check_folder("--output", folder)
-    executor = Cluster(cluster) if cluster is not None else LocalPool(workers)
+    executor = Cluster(cluster, _say) if cluster is not None else LocalPool(workers)
     started = time.monotonic()
     told = None
     try:
         with stopped_by_signals(_interrupted), progress(study.count, "runs") as advance:
             told = _Told(advance)
-            results = conduct(study, folder, executor, anew=anew, again=again, on_standing=told)
+            results = conduct(study, folder, executor, anew=anew, again=again, on_standing=told, tell=_say)
     except (KeyboardInterrupt, MeasurementError):
         kept = told.words if told is not None else "the runs done before"
         click.echo(f"{kept} are kept in {folder}; the same command goes on from there", err=True)
         raise
     seconds = time.monotonic() - started
     _report(study, results, folder, summary, seconds)
+
+
+def _say(line: str) -> None:
+    click.echo(f"! {line}", err=True)
 
 
 def _interrupted() -> None:

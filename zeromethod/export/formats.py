@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from zeromethod.export.npz import export_npz
 from zeromethod.export.tiff import export_tiff
 from zeromethod.export.track import export_track
 from zeromethod.recording.recording import Recording
+from zeromethod.recording.source import DamagedWarning
 
 Advance = Callable[[], None]
 
@@ -42,8 +44,17 @@ class Export:
     def write(self, advance: Advance = _nothing) -> dict[str, Any]:
         """Write the file, whole or not at all. Returns its figures, which depend on the format.
 
-        Raises MeasurementError where nothing was read that the file could hold.
+        Raises MeasurementError where nothing was read that the file could hold, InputError where the
+        recording is damaged.
         """
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DamagedWarning)
+            try:
+                return self._write(advance)
+            except DamagedWarning as warning:
+                raise InputError(str(warning)) from None
+
+    def _write(self, advance: Advance) -> dict[str, Any]:
         common = (self.recording, self.moments, self.path, advance)
         if self.form == "npz":
             return export_npz(*common)
@@ -120,6 +131,6 @@ def prepare(
         require(recording, ("frames", "residual", "surface"), "a video")
         moments = selection.several(recording, ("frames",))
     else:
-        require(recording, ("surface",), f"a {form} file")
+        require(recording, ("surface",), f"a .{form} file")
         moments = selection.one(recording) if form in MESHES else selection.several(recording, ("surface",))
     return Export(recording, form, path, moments, pitch_mm)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.errors import InputError
+from zeromethod.errors import InputError, MeasurementError
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.interpolant import sample
 
@@ -39,8 +39,13 @@ class Lattice:
         """Lattice over nodes (rows, cols), NaN where there are none.
 
         Without a pitch, it is the nodes' own distance on the axis where that is less, to two digits and not
-        above. Raises InputError where a lattice of this pitch would be empty or too large.
+        above. Raises InputError where the pitch is no length, or its lattice would be empty or too large;
+        MeasurementError where there is no node at all.
         """
+        if pitch_mm is not None and not (math.isfinite(pitch_mm) and pitch_mm > 0.0):
+            raise InputError(f"--pitch: {pitch_mm:g}: a finite number of mm above 0")
+        if not (np.isfinite(x_mm) & np.isfinite(y_mm)).any():
+            raise MeasurementError("no node looks at the mirror: there is no place to put a lattice")
         if pitch_mm is None:
             apart = (np.hypot(np.diff(x_mm, axis=a), np.diff(y_mm, axis=a)) for a in (0, 1))
             pitch_mm = _two_digits(min(float(np.nanmedian(distance)) for distance in apart))

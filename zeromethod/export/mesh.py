@@ -26,8 +26,8 @@ def export_mesh(
 ) -> dict[str, Any]:
     """Write the surface of the one moment given; `form` is "ply" or "stl".
 
-    Returns what was written: time, vertices, faces, deepest point, mm. Raises MeasurementError where no three
-    neighbouring nodes were read.
+    Returns what was written: time, vertices, faces, the depth (signed) where |depth| is largest, mm. Raises
+    MeasurementError where no three neighbouring nodes were read.
     """
     trimesh = needed("trimesh")
     surface = recording.surface(moments.turns[0])
@@ -53,7 +53,7 @@ def export_mesh(
         "time_s": float(moments.time_s[0]),
         "vertices": len(vertices),
         "faces": len(faces),
-        "depth_largest_mm": float(depth_mm.max()),
+        "depth_largest_mm": float(depth_mm[np.argmax(np.abs(depth_mm))]),
     }
 
 

@@ -58,7 +58,7 @@ class Selection:
         return _moments(recording, found)
 
     def one(self, recording: Recording) -> Moments:
-        """The turn with a surface next to `at_s`; without, the one with the deepest peak.
+        """The turn with a surface next to `at_s`; without, the one with the peak of largest |depth|.
 
         That is looked for where the loop was locked, if it ever was: a peak that is still being followed may
         lie in a hole. Raises InputError where there is no surface.
@@ -71,7 +71,7 @@ class Selection:
             return _moments(recording, found[[int(np.argmin(np.abs(times - self.at_s)))]])
         found = self._within(recording, ("surface",))
         depth = dict(zip(recording.peaks["turn"].tolist(), recording.peaks["depth_mm"].tolist(), strict=True))
-        depths = np.array([depth.get(turn, math.nan) for turn in found["number"].tolist()])
+        depths = np.abs([depth.get(turn, math.nan) for turn in found["number"].tolist()])
         locked = np.array([recording.state_of(row) is State.LOCKED for row in found])
         if np.isfinite(depths[locked]).any():
             depths[~locked] = math.nan
@@ -102,10 +102,10 @@ def require(recording: Recording, parts: Sequence[str], purpose: str) -> None:
     """Refuse a recording that was made without these parts."""
     missing = [part for part in parts if part not in recording.kept]
     if missing:
-        kept = ", ".join(sorted(recording.kept)) or "nothing"
+        kept = ", ".join(sorted(recording.kept)) or "the tables alone"
         raise InputError(
             f"{recording.path}: {purpose} needs {', '.join(parts)}: {', '.join(missing)} not kept "
-            f"(--keep left only {kept})"
+            f"by the run's --keep (kept: {kept})"
         )
 
 

@@ -27,6 +27,8 @@ Image = NDArray[np.uint8]
 
 WIDTH_PX = 1920
 _DPI = 100
+_ROWS = 0
+"""Axis of a lattice along y, which a picture has upwards."""
 _LEFT_PX, _RIGHT_PX, _ABOVE_PX, _BELOW_PX = 62, 96, 62, 46
 _TALLEST_PX = 900
 _UNKNOWN = 191
@@ -118,11 +120,8 @@ class _Panel:
 class Picture:
     """Draws moments of one recording; axes, colour bars and titles are drawn once."""
 
-    def __init__(self, grid: NodeGrid, lattice: Lattice, scales: Scales, flips: tuple[int, ...] = ()) -> None:
-        """Lay the picture out.
-
-        flips: axes (0 rows, 1 columns) of the lattice to turn round, so that it lies as the camera sees it.
-        """
+    def __init__(self, grid: NodeGrid, lattice: Lattice, scales: Scales) -> None:
+        """Lay the picture out: camera pixels with v downwards, mm with y upwards as in all pictures."""
         self._grid = grid
         self._resampled = Resampler(lattice)
         unit, self._per_mm = ("um", 1e3) if scales.depth_mm < 0.1 else ("mm", 1.0)
@@ -132,7 +131,7 @@ class Picture:
         looks = [
             _Look("camera", "grey levels", "px", camera, Normalize(0.0, scales.grey), "gray"),
             _Look("residual", "camera px", "px", camera, LogNorm(*scales.residual_px), "viridis"),
-            _Look("depth", unit, "mm", _extent(lattice, flips), Normalize(-limit, limit), "RdBu_r"),
+            _Look("depth", unit, "mm", _extent(lattice), Normalize(-limit, limit), "RdBu_r"),
         ]
         shares = [cols / rows, cols / rows, lattice.shape[1] / lattice.shape[0]]
         # All three equally high; even sides, as video wants them.
@@ -154,7 +153,7 @@ class Picture:
         self._canvas, self._empty = canvas, canvas.copy_from_bbox(self._figure.bbox)
         self._panels = [
             _Panel.over(image, look.norm, self.shape[0], turned)
-            for image, look, turned in zip(images, looks, ((), (), flips), strict=True)
+            for image, look, turned in zip(images, looks, ((), (), (_ROWS,)), strict=True)
         ]
 
     @property
@@ -198,19 +197,12 @@ class Picture:
         return self._resampled(surface.x_mm[inner], surface.y_mm[inner], surface.valid[inner], depth)[..., 0]
 
 
-def as_the_camera_sees(x_mm: Float, y_mm: Float) -> tuple[int, ...]:
-    """Axes of a lattice (rows along y, columns along x) to turn round, to lie as the camera sees it."""
-    along_x = float(np.nanmedian(np.diff(x_mm, axis=1)))
-    along_y = float(np.nanmedian(np.diff(y_mm, axis=0)))
-    return tuple(axis for axis, step in ((0, along_y), (1, along_x)) if step < 0.0)
-
-
-def _extent(lattice: Lattice, flips: tuple[int, ...]) -> tuple[float, float, float, float]:
-    """Borders (left, right, bottom, top) in mm of the lattice's pixels, row 0 on top unless turned round."""
+def _extent(lattice: Lattice) -> tuple[float, float, float, float]:
+    """Borders (left, right, bottom, top) in mm of the lattice's pixels: x to the right, y upwards."""
     rows, cols = lattice.shape
     half = 0.5 * lattice.pitch_mm
-    x = (lattice.x0_mm - half, lattice.x0_mm + (cols - 0.5) * lattice.pitch_mm)
-    y = (lattice.y0_mm - half, lattice.y0_mm + (rows - 0.5) * lattice.pitch_mm)
-    left, right = x[::-1] if 1 in flips else x
-    top, bottom = y[::-1] if 0 in flips else y
-    return left, right, bottom, top
+    right, top = (
+        start + (count - 0.5) * lattice.pitch_mm
+        for start, count in ((lattice.x0_mm, cols), (lattice.y0_mm, rows))
+    )
+    return lattice.x0_mm - half, right, lattice.y0_mm - half, top

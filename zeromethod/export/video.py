@@ -14,7 +14,7 @@ from zeromethod.errors import InputError
 from zeromethod.export.extras import needed
 from zeromethod.export.lattice import Lattice
 from zeromethod.export.moments import Moments
-from zeromethod.export.picture import Picture, Scales, as_the_camera_sees
+from zeromethod.export.picture import Picture, Scales
 from zeromethod.export.whole_file import whole_file
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
@@ -98,7 +98,7 @@ def _picture(recording: Recording, moments: Moments) -> Picture:
     inner = recording.grid.inner
     x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
     scales = Scales.of(images, recording.turns["residual_rms_px"][within], peaks["depth_mm"])
-    return Picture(recording.grid, Lattice.covering(x_mm, y_mm), scales, as_the_camera_sees(x_mm, y_mm))
+    return Picture(recording.grid, Lattice.covering(x_mm, y_mm), scales)
 
 
 def _pictures(
@@ -125,7 +125,8 @@ def _pictures(
                 peak_words = f"   peak {1e3 * float(peaks[turn]['depth_mm']):8.3f} um"
             if done == index:
                 seen = recording.image(turn)
-                assert seen is not None
+                if seen is None:
+                    raise InputError(f"{recording.path}: turn {turn}: its frame is damaged")
                 words = f"{moments.time_s[done]:8.3f} s   {moments.states[done]:<9}"
                 words += f"   residual rms {rms_px[turn]:7.4f} px{peak_words}"
                 image = picture.draw(seen, recording.residual(turn), surface, words)

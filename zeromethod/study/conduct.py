@@ -57,11 +57,12 @@ def conduct(
     again: bool = False,
     on_standing: Callable[[Standing], None] = lambda _: None,
     on_outcome: Callable[[Message], None] = lambda _: None,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> Results:
     """Carry out what is not yet done of a study, write table.parquet and the rest into `folder`.
 
     anew: forget what is there. again: do failed runs again. on_standing: called when the study is opened and
-    after each run; on_outcome: with each new outcome, once it is kept.
+    after each run; on_outcome: with each new outcome, once it is kept; tell: with a line for a person.
 
     Raises
     ------
@@ -75,6 +76,9 @@ def conduct(
     messages = [task.message() for task in planned]
     folder.mkdir(parents=True, exist_ok=True)
     with Journal(folder, fingerprint(messages), anew=anew) as journal:
+        if journal.damaged:
+            lines = ", ".join(map(str, journal.damaged))
+            tell(f"{journal.path}: damaged at line {lines}: left out; what is missing is done again")
         (folder / COPY).write_text(study.text, encoding="utf-8")
         kept = {run for run, one in journal.done.items() if not (again and one["failure"] is not None)}
         todo = [message for message in messages if message["run"] not in kept]

@@ -16,10 +16,10 @@ from pydantic import Field, ValidationError
 
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
-from zeromethod.rig.load import read_text
 from zeromethod.rig.model import Count, Positive, Table, Text
 from zeromethod.rig.refusal import first_refusal, shown
 from zeromethod.study.axes import axis_values, draw, run_seed
+from zeromethod.study.task import LIMIT_S
 
 SCHEMA_VERSION = 1
 MOST_RUNS = 1_000_000
@@ -76,6 +76,7 @@ class StudyTable(Table):
     repeats: Annotated[int, Field(ge=1, le=MOST_RUNS)] = 1
     frames: Annotated[int, Field(ge=1)] | None = None
     seconds: Positive | None = None
+    limit_s: Positive = LIMIT_S
     metrics: tuple[Text, ...] | None = None
     recordings: tuple[Text, ...] = ()
     rig: Start = Start()
@@ -125,7 +126,9 @@ class Study:
         for pattern in self.table.recordings:
             matches = {str(file.relative_to(folder)) for file in folder.glob(pattern)}
             if not matches:
-                raise InputError(f"{self.path}: recordings: {shown(pattern)}: files below {folder}")
+                raise InputError(
+                    f"{self.path}: recordings: {shown(pattern)}: no file matches below {folder.absolute()}"
+                )
             found |= matches
         return sorted(found)
 
@@ -174,7 +177,16 @@ def load_study(name: str | Path) -> Study:
             known = ", ".join(packaged_studies())
             raise InputError(f"study: {shown(str(name))}: a file, or one of the packaged {known}")
         path = resource("studies", f"{name}.toml")
-    return parse_study(read_text(path), path)
+    return parse_study(_text(path), path)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_bytes().decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: byte {error.start}: not UTF-8: a study file is UTF-8 text") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}: a study file (TOML)") from None
 
 
 def parse_study(text: str, path: Path) -> Study:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import selectors
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -78,7 +80,7 @@ class _Crew:
 
     def listen(self) -> Iterator[Message]:
         """Wait until a worker says something or dies; outcomes that came of it."""
-        for key, _ in self._selector.select():
+        for key, _ in self._selector.select(self._patience_s()):
             worker: _Worker = key.data
             said, alive = worker.heard()
             for outcome in said:
@@ -86,6 +88,21 @@ class _Crew:
                 yield outcome
             if not alive:
                 yield from self._bury(worker)
+        for worker in [one for one in self._workers if one.left_s <= 0.0]:
+            yield self._give_up(worker)
+
+    def _patience_s(self) -> float | None:
+        """Until the next run has taken too long; None: all have time without end."""
+        left_s = min((worker.left_s for worker in self._workers), default=math.inf)
+        return max(left_s, 0.0) if math.isfinite(left_s) else None
+
+    def _give_up(self, worker: _Worker) -> Message:
+        """End a worker whose run takes too long; the run's outcome."""
+        self._selector.unregister(worker.answers)
+        self._workers.remove(worker)
+        worker.end()
+        assert worker.task is not None
+        return overdue(worker.task)
 
     def _bury(self, worker: _Worker) -> Iterator[Message]:
         """Take a dead worker's run back, or give it up."""
@@ -124,6 +141,11 @@ def killed(task: Message, why: str) -> Message:
     }
 
 
+def overdue(task: Message) -> Message:
+    """Outcome of a run that took too long."""
+    return killed(task, f"took longer than limit_s = {task['limit_s']:g} s, and was ended")
+
+
 class _Worker:
     """One worker process, with the task that it is at."""
 
@@ -142,15 +164,24 @@ class _Worker:
         self.answers = self._process.stdout
         self.task: Message | None = None
         self.ready = False
+        self._given_s = 0.0
         self._unread = b""
 
     def give(self, task: Message) -> None:
         """Hand over a task. A worker that has just died is found out when it is listened to."""
         self.task = task
+        self._given_s = time.monotonic()
         assert self._process.stdin is not None
         with contextlib.suppress(BrokenPipeError):
             self._process.stdin.write(json.dumps(task).encode() + b"\n")
             self._process.stdin.flush()
+
+    @property
+    def left_s(self) -> float:
+        """Time left for its run, s; without end where it has none."""
+        if self.task is None:
+            return math.inf
+        return float(self.task["limit_s"]) - (time.monotonic() - self._given_s)
 
     def heard(self) -> tuple[list[Message], bool]:
         """Outcomes that came in, and whether more may come."""

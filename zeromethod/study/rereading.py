@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings as raised
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
+from zeromethod.recording.source import DamagedWarning
 from zeromethod.study.settings import with_settings
 from zeromethod.study.task import Figures, Procedure, Task
 from zeromethod.surface import SurfaceReader, peak
@@ -17,11 +19,13 @@ from zeromethod.surface import SurfaceReader, peak
 def reread(task: Task) -> Figures:
     """Figures of one recording, every `every`-th of its measured warps read again.
 
-    Raises InputError for a file that is no recording, MeasurementError where it holds no measured warp.
+    Raises InputError for a file that is no recording, DamagedWarning for one that is damaged,
+    MeasurementError where it holds no measured warp.
     """
     assert task.recording is not None
     path = Path(task.recording)
-    with Recording(path) as recording:
+    with raised.catch_warnings(), Recording(path) as recording:
+        raised.simplefilter("error", DamagedWarning)
         rig = with_settings(recording.rig, task.rig_settings, 1, path)
         reader = SurfaceReader(rig, Optics(rig), recording.grid)
         recorded = {int(row["turn"]): float(row["depth_mm"]) for row in recording.peaks}
@@ -66,7 +70,7 @@ REREAD = Procedure(
     {
         "frames": "warps that were read",
         "seconds": "time that the recording spans, s",
-        "deepest_mm": "deepest peak of all frames, mm",
+        "deepest_mm": "peak of largest |depth| over all frames, mm (a bulge is negative)",
         "deepest_sigma_mm": "standard deviation stated for it, mm",
         "depth_median_mm": "peak's depth, median over the frames, mm",
         "change_rms_um": "peak's depth against the recorded one, rms over the frames, um",

@@ -18,6 +18,9 @@ from zeromethod.study.task import Message
 JOURNAL = "runs.jsonl"
 
 _SCHEMA = 1
+_OUTCOME = frozenset({"run", "seed", "figures", "failure", "seconds", "worker"})
+_NOT_OF_FIGURES = "limit_s"
+"""Key of a task that no figure depends on."""
 
 
 def fingerprint(tasks: Sequence[Message]) -> dict[str, Any]:
@@ -27,7 +30,8 @@ def fingerprint(tasks: Sequence[Message]) -> dict[str, Any]:
     """
     digest = hashlib.sha256()
     for task in tasks:
-        digest.update(json.dumps(task, sort_keys=True).encode())
+        told = {key: value for key, value in task.items() if key != _NOT_OF_FIGURES}
+        digest.update(json.dumps(told, sort_keys=True).encode())
         for file in _files(task):
             digest.update(file.encode())
     return {
@@ -50,16 +54,27 @@ def _files(task: Message) -> list[str]:
     return told
 
 
+def _said(line: bytes) -> dict[str, Any] | None:
+    """What a line says; None where it is damaged."""
+    try:
+        found = json.loads(line)
+    except ValueError:
+        return None
+    return found if isinstance(found, dict) else None
+
+
 class Journal:
     """The outcomes in a folder, one JSON a line, each on the disk before the next is waited for.
 
-    `done`: outcome by run; where a run was done again, the last counts.
+    `done`: outcome by run; where a run was done again, the last counts. `damaged`: numbers of the lines
+    that could not be read when it was opened; they are gone, and their runs are not done.
     """
 
     def __init__(self, folder: Path, study: dict[str, Any], *, anew: bool = False) -> None:
         """Open or begin. Raises InputError: another study's, in use by another process, or not writable."""
         self.path = folder / JOURNAL
         self.done: dict[int, Message] = {}
+        self.damaged: list[int] = []
         try:
             self._file = self.path.open("r+b" if self.path.exists() else "x+b")
         except OSError as error:
@@ -70,6 +85,8 @@ class Journal:
                 self._file.truncate(0)
             if not self._read(study):
                 self._append({"study": study})
+            if self.damaged:
+                self._rewrite(study)
         except BaseException:
             self._file.close()
             raise
@@ -102,14 +119,16 @@ class Journal:
         for number, line in enumerate(self._file):
             if not line.endswith(b"\n"):
                 break
-            try:
-                said = json.loads(line)
-            except ValueError:
-                raise InputError(
-                    f"--output: {self.path}: line {number + 1} is damaged: --anew begins anew"
-                ) from None
+            said = _said(line)
             if number == 0:
+                if said is None:
+                    raise InputError(
+                        f"--output: {self.path}: line 1, which says what study it is of, is damaged: "
+                        "another folder, or --anew to begin anew"
+                    )
                 self._check(said.get("study"), study)
+            elif said is None or not said.keys() >= _OUTCOME:
+                self.damaged.append(number + 1)
             else:
                 self.done[said["run"]] = said
             whole += len(line)
@@ -132,7 +151,26 @@ class Journal:
             f"--output: {self.path.parent}: what is there {what}: another folder, or --anew to begin anew"
         )
 
+    def _rewrite(self, study: dict[str, Any]) -> None:
+        """Put the lines that were read into a file of their own, in one move."""
+        part = self.path.with_name(self.path.name + ".part")
+        before, self._file = self._file, part.open("w+b")
+        try:
+            self._lock()
+            for message in ({"study": study}, *self.done.values()):
+                self._write(message)
+            self._flush()
+            part.replace(self.path)
+        finally:
+            before.close()
+
     def _append(self, message: dict[str, Any]) -> None:
+        self._write(message)
+        self._flush()
+
+    def _write(self, message: dict[str, Any]) -> None:
         self._file.write(json.dumps(message).encode() + b"\n")
+
+    def _flush(self) -> None:
         self._file.flush()
         os.fsync(self._file.fileno())

@@ -14,12 +14,17 @@ Message = dict[str, Any]
 """A task or an outcome as JSON has it."""
 
 
+LIMIT_S = 3600.0
+"""How long a run may take unless its study says otherwise."""
+
+
 @dataclass(frozen=True)
 class Task:
     """What a run needs.
 
     rig: what is believed of the bench. bench: what it truly is, where that differs. press: in place of the
     rig's. settings: of the procedure itself. recording: path of the recording to read, where there is one.
+    limit_s: how long it may take in the host's time; whoever carries it out then gives it up.
     """
 
     run: int
@@ -34,11 +39,15 @@ class Task:
     metrics: tuple[str, ...] = ()
     recording: str | None = None
     rig_settings: Mapping[str, Any] = field(default_factory=dict)
+    limit_s: float = LIMIT_S
 
     def message(self) -> Message:
         """As JSON has it."""
         return {
-            **{name: getattr(self, name) for name in ("run", "seed", "procedure", "frames", "seconds")},
+            **{
+                name: getattr(self, name)
+                for name in ("run", "seed", "procedure", "frames", "seconds", "limit_s")
+            },
             "rig": _dumped(self.rig),
             "bench": self.bench and _dumped(self.bench),
             "press": self.press and self.press.model_dump(mode="json"),

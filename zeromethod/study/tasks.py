@@ -13,6 +13,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.rig.refusal import shown
 from zeromethod.simulation.clone import simulated_clone
 from zeromethod.simulation.scenario import load_scenario
+from zeromethod.study.keys import check_keys
 from zeromethod.study.plan import Point, Study
 from zeromethod.study.procedures import procedure
 from zeromethod.study.settings import press_with, with_settings
@@ -32,6 +33,7 @@ def tasks(study: Study) -> list[Task]:
         chosen = procedure(study.table.procedure)
     except InputError as error:
         raise InputError(f"{study.path}: {error}") from None
+    check_keys(study, chosen)
     metrics = _metrics(study, chosen)
     _check_figure(study, metrics)
     if bool(study.table.recordings) != chosen.reads_recordings:
@@ -102,6 +104,7 @@ def _task(study: Study, chosen: Procedure, metrics: tuple[str, ...], point: Poin
         metrics=metrics,
         recording=recording and str((path.parent / recording).absolute()),
         rig_settings=settings if recording is not None else {},
+        limit_s=table.limit_s,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings as raised
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -9,11 +10,13 @@ import jinja2
 import numpy as np
 
 from zeromethod.control import State
+from zeromethod.errors import InputError
 from zeromethod.recording.recording import Recording
-from zeromethod.surface import Peak
-from zeromethod.view.report_figures import depth_map, timeline
+from zeromethod.recording.source import DamagedWarning
+from zeromethod.surface import Peak, Surface
+from zeromethod.view.report_figures import LEAST_RATED, depth_map, timeline
 from zeromethod.view.report_history import at_turns, happenings, states
-from zeromethod.view.report_summary import Figures, deepest_peak, peak_figures, summarise_recording
+from zeromethod.view.report_summary import Figures, largest_peak, peak_figures, summarise_recording
 from zeromethod.view.report_words import (
     calibration_parts,
     commands,
@@ -48,17 +51,22 @@ def write_report(
     advance("curves")
     curves = timeline(recording) if figures["turns"] else ""
     advance("depth maps")
-    maps = list(_maps(recording))
+    maps, damaged = _maps(recording)
     advance("page")
     part = output.with_name(output.name + ".part")
-    part.write_text(_render(recording, path, figures, curves, maps), encoding="utf-8")
+    part.write_text(_render(recording, path, figures, curves, maps, damaged), encoding="utf-8")
     part.replace(output)
     advance("")
     return figures
 
 
 def _render(
-    recording: Recording, path: Path, figures: Figures, curves: str, maps: list[dict[str, str]]
+    recording: Recording,
+    path: Path,
+    figures: Figures,
+    curves: str,
+    maps: list[dict[str, str]],
+    damaged: list[str],
 ) -> str:
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
     told = happenings(recording)
@@ -69,8 +77,9 @@ def _render(
         shares=state_shares(figures),
         summary=list(summary_rows(figures, recording.rig)),
         timeline=curves,
+        without_rate=curves and figures["frames"] < LEAST_RATED and _without_rate(figures["frames"]),
         maps=maps,
-        without_maps=list(_without_maps(recording, maps)),
+        without_maps=damaged or list(_without_maps(recording, maps)),
         happenings=[happening_row(one) for one in told[:MOST_HAPPENINGS]],
         more_happenings=max(len(told) - MOST_HAPPENINGS, 0),
         notes=note_rows(recording),
@@ -83,16 +92,29 @@ def _render(
     )
 
 
-def _maps(recording: Recording) -> Iterator[dict[str, str]]:
-    """Depth when first locked, at its deepest and at the end, where surfaces were kept."""
+def _maps(recording: Recording) -> tuple[list[dict[str, str]], list[str]]:
+    """Depth when first locked, at its largest and at the end, where surfaces were kept; what is damaged."""
+    maps, damaged = [], []
     for turn, names in key_turns(recording).items():
-        surface = recording.surface(turn)
+        try:
+            surface = _undamaged(recording, turn)
+        except (InputError, DamagedWarning) as error:
+            damaged.append(f"{', '.join(names)}: no depth map: {error}")
+            continue
         assert surface is not None
         rows = np.flatnonzero((recording.peaks["turn"] == turn) & np.isfinite(recording.peaks["depth_mm"]))
         figures = peak_figures(recording, int(rows[0]) if len(rows) else None)
         point = [figures[name] if figures else np.nan for name in ("depth_mm", "x_mm", "y_mm", "sigma_mm")]
         words = f"turn {turn}" if figures is None else f"turn {turn}: {peak_words(figures)}"
-        yield {"name": ", ".join(names), "svg": depth_map(surface, Peak(*point)), "words": words}
+        maps.append({"name": ", ".join(names), "svg": depth_map(surface, Peak(*point)), "words": words})
+    return maps, damaged
+
+
+def _undamaged(recording: Recording, turn: int) -> Surface | None:
+    """The surface of a turn; raises DamagedWarning instead of giving one that is not what was written."""
+    with raised.catch_warnings():
+        raised.simplefilter("error", DamagedWarning)
+        return recording.surface(turn)
 
 
 def key_turns(recording: Recording) -> dict[int, list[str]]:
@@ -107,11 +129,15 @@ def key_turns(recording: Recording) -> dict[int, list[str]]:
         if (names == state).any():
             found.setdefault(int(kept[np.argmax(names == state)]), []).append(f"first {state}")
             break
-    row = deepest_peak(recording, np.isin(recording.peaks["turn"], kept))
+    row = largest_peak(recording, np.isin(recording.peaks["turn"], kept))
     if row is not None:
-        found.setdefault(int(recording.peaks["turn"][row]), []).append("deepest")
+        found.setdefault(int(recording.peaks["turn"][row]), []).append("largest |depth|")
     found.setdefault(int(kept[-1]), []).append("last")
     return found
+
+
+def _without_rate(frames: int) -> str:
+    return f"No curve of frames per second: {frames} frames are too few for one ({LEAST_RATED} make it)."
 
 
 def _without_maps(recording: Recording, maps: list[dict[str, str]]) -> Iterator[str]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Peak, Surface
+from zeromethod.view.log_ticks import plain_log_ticks
 from zeromethod.view.report_history import STATE_COLOURS, Episode, at_turns, episodes, seconds, start_ns
 from zeromethod.warp.grid import PADDING
 
@@ -31,7 +33,11 @@ MOST_POINTS = 2000
 _INK = "#010203"
 """Stands for the page's colour of text while matplotlib draws."""
 _MANY = 300
+_FEW = 50
+"""Of so few points each is marked: one alone makes no line."""
 _RATE_FRAMES = 8
+LEAST_RATED = _RATE_FRAMES + 2
+"""Frames below which there is no curve of their rate."""
 _MAP_INCH = 4.2
 _GAP_S = 0.25
 """Longest time between two readings that a line goes across."""
@@ -69,14 +75,22 @@ def _svg(figure: Figure, words: str) -> str:
     return text.replace("<svg", f'<svg role="img" aria-label="{words}"', 1)
 
 
-def depth_map(surface: Surface, deepest: Peak) -> str:
-    """Map of depth over the mirror in mm, with its peak marked; white is the depth at rest."""
+def depth_map(surface: Surface, marked: Peak) -> str:
+    """Map of depth over the mirror in mm, with its peak marked; white is the depth at rest.
+
+    Where the nodes have no place on the mirror, the picture says so.
+    """
     with _page_style(f"depth {surface.time_ns}"):
         inner = (slice(PADDING, -PADDING),) * 2
         x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
-        shape = np.ptp(y_mm[np.isfinite(y_mm)]) / np.ptp(x_mm[np.isfinite(x_mm)])
-        figure = Figure(figsize=(_MAP_INCH, 1.3 + 0.85 * _MAP_INCH * shape), layout="constrained")
+        shape = _shape(x_mm, y_mm)
+        figure = Figure(figsize=(_MAP_INCH, 1.3 + 0.85 * _MAP_INCH * (shape or 0.5)), layout="constrained")
         axis = figure.subplots()
+        axis.set_xlabel("x, mm")
+        axis.set_ylabel("y, mm")
+        if shape is None:
+            _say(axis, "nothing was read")
+            return _svg(figure, "depth over the mirror: nothing")
         depth = np.where(surface.valid, surface.depth_mm, np.nan)[inner]
         high = float(np.nanmax(np.abs(depth), initial=0.0))
         factor, unit = (1.0, "mm") if high >= 1.0 else (1e3, "µm") if high >= 1e-3 else (1e6, "nm")
@@ -89,12 +103,12 @@ def depth_map(surface: Surface, deepest: Peak) -> str:
             vmin=-(factor * high or 1.0),
             vmax=factor * high or 1.0,
         )
-        if np.isfinite(deepest.x_mm):
+        if not surface.valid.any():
+            _say(axis, "nothing was read")
+        if np.isfinite(marked.x_mm) and np.isfinite(marked.y_mm):
             for colour, width in (("white", 2.4), ("black", 0.8)):
-                axis.plot(deepest.x_mm, deepest.y_mm, "+", color=colour, markersize=10, markeredgewidth=width)
+                axis.plot(marked.x_mm, marked.y_mm, "+", color=colour, markersize=10, markeredgewidth=width)
         axis.set_aspect("equal")
-        axis.set_xlabel("x, mm")
-        axis.set_ylabel("y, mm")
         bar = figure.colorbar(mesh, ax=axis, label=f"depth, {unit}", location="bottom", aspect=30)
         assert bar.solids is not None
         bar.solids.set_rasterized(True)
@@ -105,44 +119,67 @@ def depth_map(surface: Surface, deepest: Peak) -> str:
 def _cells(axis: Axes, surface: Surface, values: Array, **colours: Any) -> Any:
     """One cell per node at its place on the mirror."""
     inner = (slice(PADDING, -PADDING),) * 2
-    x_mm, y_mm = _filled(surface.x_mm[inner], axis=0), _filled(surface.y_mm[inner], axis=1)
-    return axis.pcolormesh(x_mm, y_mm, values, shading="nearest", rasterized=True, **colours)
+    x_mm, y_mm = _filled(surface.x_mm[inner]), _filled(surface.y_mm[inner])
+    with warnings.catch_warnings():
+        # cells that are not drawn may lie across their neighbours
+        warnings.filterwarnings("ignore", message="The input coordinates to pcolormesh")
+        return axis.pcolormesh(x_mm, y_mm, values, shading="nearest", rasterized=True, **colours)
 
 
-def _filled(values: Array, axis: int) -> Array:
-    """Coordinates with something harmless where a ray misses the mirror: the mean along `axis`."""
+def _shape(x_mm: Array, y_mm: Array) -> float | None:
+    """Height over width of the picture that holds the nodes; None where they span nothing."""
+    known = np.isfinite(x_mm) & np.isfinite(y_mm)
+    if known.sum() < 3 or not np.ptp(x_mm[known]) > 0.0 or not np.ptp(y_mm[known]) > 0.0:
+        return None
+    return float(np.clip(np.ptp(y_mm[known]) / np.ptp(x_mm[known]), 0.1, 3.0))
+
+
+def _filled(values: Array) -> Array:
+    """Coordinates with something harmless where a ray misses the mirror: the plane through the others."""
     known = np.isfinite(values)
-    total = np.sum(np.where(known, values, 0.0), axis=axis, keepdims=True)
-    mean = total / np.maximum(known.sum(axis=axis, keepdims=True), 1)
-    return np.where(known, values, np.broadcast_to(mean, values.shape))
+    if known.all():
+        return values
+    rows, columns = np.indices(values.shape)
+    terms = np.stack([rows, columns, np.ones(values.shape)], axis=-1)
+    plane = np.linalg.lstsq(terms[known], values[known], rcond=None)[0]
+    return np.where(known, values, terms @ plane)
 
 
 def timeline(recording: Recording) -> str:
-    """Residual, peak depth and rate over time, with the states behind them and the drops marked."""
+    """Residual, peak depth and rate over time, with the states behind them and the drops marked.
+
+    Of fewer than `LEAST_RATED` frames there is no rate.
+    """
     turns, peaks, drops = recording.turns, recording.peaks, recording.drops
     start = start_ns(recording)
     time_s = seconds(turns["time_ns"], start)
     with _page_style("timeline"):
-        figure = Figure(figsize=(9.6, 6.2), layout="constrained")
-        residual, depth, rate = figure.subplots(3, 1, sharex=True)
+        arrived_s = time_s[turns["frame_number"] >= 0]
+        panels = 2 + (len(arrived_s) >= LEAST_RATED)
+        figure = Figure(figsize=(9.6, 0.5 + 1.9 * panels), layout="constrained")
+        axes = figure.subplots(panels, 1, sharex=True)
+        residual, depth, last = axes[0], axes[1], axes[-1]
         told = episodes(recording)
-        for axis in (residual, depth, rate):
+        for axis in axes:
             _shade(axis, told)
         _curve(residual, time_s, np.where(turns["residual_rms_px"] > 0, turns["residual_rms_px"], np.nan))
-        residual.set_yscale("log")
+        if (turns["residual_rms_px"] > 0).any():
+            residual.set_yscale("log")
+            plain_log_ticks(residual.yaxis)
         residual.set_ylabel("residual rms, camera px")
         index, there = at_turns(recording, peaks["turn"])
         _depth(depth, time_s[index[there]], peaks["depth_mm"][there], peaks["sigma_mm"][there])
-        _rate(rate, time_s[turns["frame_number"] >= 0])
+        if panels == 3:
+            _rate(last, arrived_s)
         for at in np.unique(np.round(seconds(drops["time_ns"], start), 2)):
-            rate.axvline(at, ymax=0.08, color=STATE_COLOURS["fault"], linewidth=1)
-        rate.set_xlabel("time, s" + ("  (red ticks: frames dropped)" if len(drops) else ""))
-        if len(time_s) > 1:
-            rate.set_xlim(time_s[0], time_s[-1])
+            last.axvline(at, ymax=0.08, color=STATE_COLOURS["fault"], linewidth=1)
+        last.set_xlabel("time, s" + ("  (red ticks: frames dropped)" if len(drops) else ""))
+        if time_s[-1] > time_s[0]:
+            last.set_xlim(time_s[0], time_s[-1])
         seen = dict.fromkeys(one.state for one in told if one.end_s > one.start_s)
         handles = [Patch(color=STATE_COLOURS.get(state, "#808080"), alpha=0.4, label=state) for state in seen]
         figure.legend(handles=handles, loc="outside upper left", ncols=max(len(handles), 1))
-        return _svg(figure, "residual, peak depth and rate over time")
+        return _svg(figure, "residual, peak depth" + (" and rate" if panels == 3 else "") + " over time")
 
 
 def _shade(axis: Axes, told: list[Episode]) -> None:
@@ -161,7 +198,7 @@ def _shade(axis: Axes, told: list[Episode]) -> None:
 
 
 def _curve(axis: Axes, time_s: Array, values: Array) -> None:
-    axis.plot(*thinned(time_s, values), color=_INK, linewidth=0.8)
+    axis.plot(*thinned(time_s, values), color=_INK, linewidth=0.8, marker=_marker(values))
     if not np.isfinite(values).any():
         _say(axis, "nothing was measured")
 
@@ -172,7 +209,7 @@ def _depth(axis: Axes, time_s: Array, depth_mm: Array, sigma_mm: Array) -> None:
     x, middle = thinned(time_s, depth_mm)
     low, high = (thinned(time_s, depth_mm + sign * sigma_mm)[1] for sign in (-1, 1))
     axis.fill_between(x, low, high, color=_INK, alpha=0.3, linewidth=0)
-    axis.plot(x, middle, color=_INK, linewidth=0.8)
+    axis.plot(x, middle, color=_INK, linewidth=0.8, marker=_marker(depth_mm))
     axis.set_ylabel("peak depth, mm")
     if not np.isfinite(depth_mm).any():
         _say(axis, "depth was never read")
@@ -182,12 +219,15 @@ def _rate(axis: Axes, time_s: Array) -> None:
     """Frames per second, over the last `_RATE_FRAMES` frames each."""
     axis.set_ylabel("frames per second")
     span = time_s[_RATE_FRAMES:] - time_s[:-_RATE_FRAMES]
-    if not len(span):
-        _say(axis, "too few frames")
-        return
     rate_hz = _RATE_FRAMES / np.where(span > 0, span, np.nan)
-    axis.plot(*thinned(time_s[_RATE_FRAMES:], rate_hz), color=_INK, linewidth=0.8)
+    x, y = thinned(time_s[_RATE_FRAMES:], rate_hz)
+    axis.plot(x, y, color=_INK, linewidth=0.8, marker=_marker(rate_hz))
     axis.set_ylim(0, 1.15 * float(np.nanmax(rate_hz, initial=1.0)))
+
+
+def _marker(values: Array) -> str:
+    """Of a curve: points where they are few."""
+    return "." if np.isfinite(values).sum() <= _FEW else ""
 
 
 def _say(axis: Axes, words: str) -> None:

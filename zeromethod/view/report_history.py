@@ -15,6 +15,9 @@ from zeromethod.recording.recording import Recording
 TOLD = frozenset({State.HOLDING, State.LOST, State.FAULT, State.PAUSED})
 """States that a person is told the reason of."""
 
+WITHOUT_READING = (Event.NOT_LIT, Event.PICTURES_MIXED)
+"""Frames that came and are no fault: what they show cannot be told, so nothing is read from them."""
+
 STATE_COLOURS = {
     "locked": "#2e9e5b",
     "resting": "#7cc7a0",
@@ -144,7 +147,7 @@ def _events(recording: Recording) -> list[Happening]:
         at = float(time_s[index])
         why = words(turns["reason"][index])
         found += [
-            Happening(at, at, str(name), 1, why)
+            Happening(at, at, f"no new reading: {name}" if name in WITHOUT_READING else str(name), 1, why)
             for name in recording.events_of(turns[index])
             if str(name) != Event.FRAMES_DROPPED
         ]

@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 
 from zeromethod.control import NULLED, State
 from zeromethod.recording.recording import Recording
-from zeromethod.view.report_history import at_turns, episodes, seconds, shares, start_ns, states, words
+from zeromethod.view.report_history import (
+    WITHOUT_READING,
+    at_turns,
+    episodes,
+    seconds,
+    shares,
+    start_ns,
+    states,
+    words,
+)
 
 Figures = dict[str, Any]
 
@@ -39,12 +48,16 @@ def summarise_recording(recording: Recording) -> Figures:
         "locked_share": sum(told_of.get(str(state), 0.0) for state in NULLED),
         "residual_px_rms": _spread(turns["residual_rms_px"], nulled),
         "valid_share": _spread(turns["valid_share"], nulled)["median"],
-        "deepest": peak_figures(recording, deepest_peak(recording)),
+        "largest": peak_figures(recording, largest_peak(recording)),
         "last": peak_figures(recording, last_peak(recording)),
         "loop_ms": _spread(turns["loop_ms"]),
         "draw_ms": _spread(turns["draw_ms"]),
         "delay_ms": _spread(turns["delay_ms"]),
         "read_ms": _spread(peaks["read_ms"]),
+        "without_reading": {
+            str(event): int(sum(event in recording.events_of(turn) for turn in turns[turns["events"] != 0]))
+            for event in WITHOUT_READING
+        },
         "dropped": {
             words(what): int(drops["count"][drops["what"] == what].sum()) for what in set(drops["what"])
         },
@@ -57,8 +70,8 @@ def nulled_turns(recording: Recording) -> NDArray[np.bool_]:
     return np.isin(states(recording), [str(state) for state in NULLED])
 
 
-def deepest_peak(recording: Recording, among: NDArray[np.bool_] | None = None) -> int | None:
-    """Row of the peak with the largest |depth|; None where none was read.
+def largest_peak(recording: Recording, among: NDArray[np.bool_] | None = None) -> int | None:
+    """Row of the peak with the largest |depth|, a dent or a bulge; None where none was read.
 
     among: (peaks,) rows to choose from. Those of nulled turns come before all others.
     """

@@ -73,7 +73,7 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     if figures["state"]:
         yield "state at the end", f"{figures['state']}: {figures['reason']}"
         yield "locked or resting", f"{figures['locked_share']:.1%} of the time"
-    for label, key in (("deepest peak", "deepest"), ("last peak", "last")):
+    for label, key in (("peak of largest |depth|", "largest"), ("last peak", "last")):
         if (peak := figures[key]) is not None:
             yield label, peak_words(peak)
     residual = figures["residual_px_rms"]
@@ -84,6 +84,9 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     yield "frames", f"{figures['frames']}{rate} (rig file: {rig.camera.rate_hz:g})"
     dropped = [f"{what} {count}" for what, count in figures["dropped"].items()]
     yield "frames dropped", ", ".join(dropped) or "none"
+    without = [f"{what} {count}" for what, count in figures["without_reading"].items() if count]
+    if without:
+        yield "frames seen but not read", ", ".join(without)
     for label, key in (
         ("loop, frame in to warp out", "loop_ms"),
         ("drawing the pattern", "draw_ms"),
@@ -105,7 +108,8 @@ def peak_words(peak: Figures) -> str:
         digits = int(np.clip(1 - np.floor(np.log10(sigma)), 0, 6))
     place = f"x = {peak['x_mm']:z.2f}, y = {peak['y_mm']:z.2f} mm"
     length = f"{depth:z.{digits}f} ± {sigma:.{digits}f} {unit}"
-    return f"{length} at {place}, {peak['time_s']:.2f} s, {peak['state']}"
+    noise = " (nothing presses: noise)" if peak["state"] == State.RESTING else ""
+    return f"{length} at {place}, {peak['time_s']:.2f} s, {peak['state']}{noise}"
 
 
 def happening_row(one: Happening) -> tuple[str, str, str, str, str]:

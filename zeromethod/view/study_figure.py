@@ -9,13 +9,12 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from zeromethod.study.plan import FigureTable, Study
+from zeromethod.view.log_ticks import plain_log_ticks
 
 Row = dict[str, Any]
 Array = NDArray[np.float64]
@@ -23,6 +22,7 @@ Array = NDArray[np.float64]
 _FAILED = "0.55"
 _LOW_PERCENT, _HIGH_PERCENT = 16, 84
 _MOST_LINES = 10
+_LEGEND_INCH = 2.4
 
 
 def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
@@ -32,7 +32,9 @@ def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
     columns = min(len(panels), 3)
     lines = -(-len(panels) // columns)
     with mpl.rc_context({"font.size": 9, "axes.titlesize": 10}):
-        figure = Figure(figsize=(1.8 + 5.2 * columns, 1.3 + 4.2 * lines), layout="constrained")
+        beside = table.kind == "curves" and bool(table.lines or table.reference)
+        width = 1.8 + 5.2 * columns + (_LEGEND_INCH if beside else 0.0)
+        figure = Figure(figsize=(width, 1.3 + 4.2 * lines), layout="constrained")
         axes = figure.subplots(lines, columns, squeeze=False, sharey=table.kind != "histogram").ravel()
         drawn: Any = None
         for axis, panel in zip(axes, panels, strict=False):
@@ -45,7 +47,9 @@ def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
         if table.kind == "map" and drawn is not None:
             bar = figure.colorbar(drawn, ax=list(axes[: len(panels)]), label=_label(table, table.value))
             if table.value_scale == "log":
-                _plain(bar.ax.yaxis)
+                plain_log_ticks(bar.ax.yaxis)
+        if beside:
+            _legend_beside(figure, list(axes[: len(panels)]))
         figure.suptitle(study.table.title, fontsize=12)
         if note := _note(table, rows):
             figure.supxlabel(note, fontsize=8, color="0.3")
@@ -152,8 +156,16 @@ def _curves(axis: Axes, table: FigureTable, rows: Sequence[Row], every: Sequence
     axis.set_xlabel(_label(table, x_key))
     axis.set_ylabel(_label(table, table.value))
     axis.grid(alpha=0.3, which="both")
-    if table.lines or table.reference:
-        axis.legend(fontsize=8)
+
+
+def _legend_beside(figure: Figure, axes: Sequence[Axes]) -> None:
+    """One legend of all panels' lines, where it covers none of them."""
+    named: dict[str, Any] = {}
+    for axis in axes:
+        handles, names = axis.get_legend_handles_labels()
+        named |= {name: handle for handle, name in zip(handles, names, strict=True) if name not in named}
+    if named:
+        figure.legend(list(named.values()), list(named), loc="outside right upper", fontsize=8)
 
 
 def _spread(rows: Sequence[Row], x: str, value: str) -> tuple[Array, Array, Array, Array]:
@@ -272,13 +284,7 @@ def _plain_ticks(axis: Axes, table: FigureTable) -> None:
     """Numbers, not powers of ten, on logarithmic axes."""
     for scale, one in ((table.x_scale, axis.xaxis), (table.value_scale, axis.yaxis)):
         if scale == "log":
-            _plain(one)
-
-
-def _plain(axis: Axis) -> None:
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
+            plain_log_ticks(one)
 
 
 def _note(table: FigureTable, rows: Sequence[Row]) -> str:
