@@ -86,7 +86,7 @@ def export_command(
             raise InputError(f"OUT: {path}: is the recording itself")
     limit_threads()
     selection = Selection(from_s, to_s, every, at_s)
-    with stopped_by_signals(_interrupted), Recording(file) as recording:
+    with stopped_by_signals(), Recording(file) as recording:
         exports = [
             prepare(recording, path, one, selection, pitch_mm)
             for path, one in zip(outputs, forms, strict=True)
@@ -99,11 +99,6 @@ def export_command(
         found = [_write(export) for export in exports]
     if summary is not None:
         write_summary(summary, {"recording": str(file), "files": found})
-
-
-def _interrupted() -> None:
-    """End in order: the file under way is taken back."""
-    raise KeyboardInterrupt
 
 
 def _forms(outputs: tuple[Path, ...], form: str | None) -> list[str]:

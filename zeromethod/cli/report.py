@@ -30,7 +30,7 @@ def report_command(file: Path, output: Path | None, following: bool, summary: Pa
     """
     if file.is_dir():
         raise InputError(f"{file}: is a folder: a recording (HDF5)")
-    with stopped_by_signals(_interrupted):
+    with stopped_by_signals():
         if following:
             for option, value in (("--output", output), ("--summary", summary)):
                 if value is not None:
@@ -38,10 +38,6 @@ def report_command(file: Path, output: Path | None, following: bool, summary: Pa
             _follow(file)
         else:
             _write(file, output or file.with_suffix(".html"), summary)
-
-
-def _interrupted() -> None:
-    raise KeyboardInterrupt
 
 
 def _follow(file: Path) -> None:

@@ -73,7 +73,7 @@ def study_command(
     started = time.monotonic()
     told = None
     try:
-        with stopped_by_signals(_interrupted), progress(study.count, "runs") as advance:
+        with stopped_by_signals(), progress(study.count, "runs") as advance:
             told = _Told(advance)
             results = conduct(study, folder, executor, anew=anew, again=again, on_standing=told, tell=_say)
     except (KeyboardInterrupt, MeasurementError):
@@ -86,10 +86,6 @@ def study_command(
 
 def _say(line: str) -> None:
     click.echo(f"! {line}", err=True)
-
-
-def _interrupted() -> None:
-    raise KeyboardInterrupt
 
 
 class _Told:

@@ -250,7 +250,7 @@ class Recording:
 
     @property
     def peaks(self) -> NDArray[Any]:
-        """The deepest point of every surface that was read."""
+        """Point of largest |depth| of every surface that was read."""
         return self._source.table("peaks/table")
 
     @property

@@ -89,7 +89,7 @@ class Rows:
         return self._row("presentations/table", after_turn, one.time_ns, seen_ns, code, one.draw_ms)
 
     def peak(self, turn: int, peak: Peak, read_ms: float) -> Item:
-        """Row of a surface's deepest point."""
+        """Row of a surface's point of largest |depth|."""
         place = peak.x_mm, peak.y_mm
         return self._row("peaks/table", turn, peak.depth_mm, peak.sigma_mm, peak.deeper_mm, *place, read_ms)
 

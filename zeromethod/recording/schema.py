@@ -143,7 +143,7 @@ def parts(
     tables = [
         _table("turns", TURNS, "one row per turn of the loop"),
         _table("presentations", PRESENTATIONS, "one row per picture given to the panel"),
-        _table("peaks", PEAKS, "deepest point of every surface that was read"),
+        _table("peaks", PEAKS, "point of largest |depth| of every surface that was read"),
         _table("drops", DROPS, "frames that are not in this file"),
         _table("notes", NOTES, "what the operator was told"),
     ]

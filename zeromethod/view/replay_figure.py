@@ -28,7 +28,7 @@ def draw_sessions(curves: dict[str, dict[str, Array]], title: str, path: Path) -
         figure = Figure(figsize=(12, 7.5), layout="constrained")
         axes = figure.subplots(2, 2)
         over_time = (
-            (axes[0, 0], "depth_peak_mm", "deepest point read", "mm", "linear"),
+            (axes[0, 0], "depth_peak_mm", "largest depth read", "mm", "linear"),
             (axes[0, 1], "residual_rms_px", "residual", "camera px rms", "log"),
             (axes[1, 0], "depth_error_um", "depth error against the mirror relived", "um rms", "log"),
         )
@@ -58,10 +58,10 @@ def draw_differences(figures: dict[str, Any], title: str, path: Path) -> None:
         above, below = figure.subplots(2, 1, sharex=True)
         _plot(above, peaks["time_s"], peaks["recorded_mm"], "recorded", 0)
         _plot(above, peaks["time_s"], peaks["again_mm"], "again", 1)
-        _finish(above, "deepest point read", "s", "mm", "linear")
+        _finish(above, "largest depth read", "s", "mm", "linear")
         above.legend()
         nm = 1e6 * (peaks["again_mm"] - peaks["recorded_mm"])
-        _plot(below, peaks["time_s"], nm, "deepest point", 2)
+        _plot(below, peaks["time_s"], nm, "peak", 2)
         _plot(below, peaks["time_s"], 1e3 * peaks["difference_um"], "all nodes, rms", 1)
         _finish(below, "again less recorded", "s", "nm", "linear")
         below.legend()

@@ -14,7 +14,7 @@ _SESSIONS: tuple[tuple[str, str, str], ...] = (
     ("residual, camera px rms", "residual_rms_px", "{:.4f}"),
     ("  of nulled frames", "residual_nulled_px", "{:.4f}"),
     ("picture behind the mirror, ms", "lag_ms", "{:+.1f}"),
-    ("deepest peak read, mm", "depth_peak_mm", "{:.5f}"),
+    ("largest peak read, mm", "depth_peak_mm", "{:.5f}"),
     ("depth error, um rms", "depth_error_um", "{:.3f}"),
     ("  of nulled frames", "depth_nulled_error_um", "{:.3f}"),
     ("  worst peak of these, %", "peak_error_percent", "{:+.3f}"),
