@@ -119,12 +119,26 @@ def test_nothing_is_overwritten_unless_forced(path: Path) -> None:
     assert load_rig(path).name == "my"
 
 
+@pytest.mark.parametrize("arguments", [("--index", "0.5"), ("--pixel", "-3"), ("--captured-angle", "90")])
+def test_a_value_out_of_range_is_refused_at_once(path: Path, arguments: tuple[str, str]) -> None:
+    result = told(path, *arguments)
+    assert result.exit_code == 2
+    assert arguments[0] in result.output
+    assert not path.exists()
+
+
+def test_an_answer_out_of_range_is_asked_for_again(path: Path) -> None:
+    answers = "-5\n51.5\n" + 20 * "\n"
+    result = CliRunner().invoke(init_command, [str(path), "--ask"], input=answers)
+    assert result.exit_code == 0
+    assert load_rig(path).prism.pattern_angle_deg == 51.5
+
+
 @pytest.mark.parametrize(
     ("name", "arguments", "words"),
     [
         ("my.txt", (), "must end in .toml"),
         ("no/my.toml", (), "does not exist"),
-        ("my.toml", ("--index", "0.5"), "prism.index"),
         ("my.toml", ("--lens", "900"), "--lens"),
         ("my.toml", ("--from", "nothing"), "nothing"),
     ],

@@ -13,7 +13,7 @@ from rich.table import Table
 from zeromethod.cli.calibrate_bench import calibrate_bench, calibrate_options
 from zeromethod.cli.calibrate_camera import board_command, intrinsics_command
 from zeromethod.cli.output import check_file, write_summary
-from zeromethod.errors import InputError
+from zeromethod.errors import InputError, MeasurementError
 from zeromethod.phase_shifting.fringes import FringeSequence, equal_shifts
 from zeromethod.phase_shifting.measuring import LIMIT_SHARE
 from zeromethod.phase_shifting.noise import NoiseModel
@@ -65,6 +65,8 @@ def _shifts(text: str) -> tuple[float, ...]:
 
 def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | None:
     if given is not None:
+        if not all(map(math.isfinite, given)):
+            raise InputError(f"--noise: {given[0]:g} {given[1]:g}: two numbers above 0")
         return NoiseModel.of_camera(given[0], given[1])
     if rig is None or (rig.camera.noise.read_grey == 0 and rig.camera.noise.electrons_per_grey is None):
         return None
@@ -173,7 +175,11 @@ def decode_command(
     if summary is not None:
         write_summary(summary, {"periods_px": sequence.periods_px, "output": str(output), **told})
     Console().print(_table(told))
-    refuse_empty(found)
+    try:
+        refuse_empty(found)
+    except MeasurementError as error:
+        hint = "do --periods, --shifts, --panel and the order of FRAMES fit what was shown?"
+        raise MeasurementError(f"{error}: {hint}") from None
 
 
 def _rare(share: float) -> str:

@@ -14,25 +14,31 @@ from zeromethod.errors import InputError
 from zeromethod.procedures.calibration.new_rig import Calipers, rig_text
 from zeromethod.rig.load import load_rig
 
+_ABOVE_ZERO = click.FloatRange(min=0, min_open=True)
+_FROM_ZERO = click.FloatRange(min=0)
+_ANGLE = click.FloatRange(5, 85, min_open=True, max_open=True)
+_INDEX = click.FloatRange(1, 4)
+_COUNT = click.IntRange(16, 16384)
+
 _QUESTIONS = (
-    ("pattern_angle_deg", "--pattern-angle", float, "angle between mirror and pattern face, degrees"),
-    ("captured_angle_deg", "--captured-angle", float, "angle between mirror and captured face, degrees"),
-    ("leg_mm", "--leg", float, "length of the pattern face, from P0 to its far edge, mm"),
-    ("width_mm", "--width", float, "width of the prism, mm"),
-    ("index", "--index", float, "refractive index of the rubber"),
-    ("gap_mm", "--gap", float, "gap between prism and LCD, its glass counted in, mm"),
-    ("lcd_columns", "--lcd-columns", int, "columns of the LCD"),
-    ("lcd_rows", "--lcd-rows", int, "rows of the LCD"),
-    ("pitch_mm", "--pitch", float, "pitch of the LCD's pixels, mm"),
+    ("pattern_angle_deg", "--pattern-angle", _ANGLE, "angle between mirror and pattern face, degrees"),
+    ("captured_angle_deg", "--captured-angle", _ANGLE, "angle between mirror and captured face, degrees"),
+    ("leg_mm", "--leg", _ABOVE_ZERO, "length of the pattern face, from P0 to its far edge, mm"),
+    ("width_mm", "--width", _ABOVE_ZERO, "width of the prism, mm"),
+    ("index", "--index", _INDEX, "refractive index of the rubber"),
+    ("gap_mm", "--gap", _FROM_ZERO, "gap between prism and LCD, its glass counted in, mm"),
+    ("lcd_columns", "--lcd-columns", _COUNT, "columns of the LCD"),
+    ("lcd_rows", "--lcd-rows", _COUNT, "rows of the LCD"),
+    ("pitch_mm", "--pitch", _ABOVE_ZERO, "pitch of the LCD's pixels, mm"),
     ("lcd_along_mm", "--lcd-along", float, "from P0 to the LCD's middle, along the pattern face, mm"),
-    ("refresh_hz", "--refresh", float, "refresh rate of the LCD, Hz"),
-    ("camera_columns", "--camera-columns", int, "columns of the camera's image"),
-    ("camera_rows", "--camera-rows", int, "rows of the camera's image"),
-    ("pixel_um", "--pixel", float, "pitch of the camera's pixels, micrometres"),
-    ("lens_mm", "--lens", float, "focal length of the lens, mm"),
-    ("distance_mm", "--distance", float, "from the lens to the captured face, mm"),
-    ("rate_hz", "--rate", float, "frame rate of the camera, frames per second"),
-    ("exposure_s", "--exposure", float, "exposure of the camera, s"),
+    ("refresh_hz", "--refresh", _ABOVE_ZERO, "refresh rate of the LCD, Hz"),
+    ("camera_columns", "--camera-columns", _COUNT, "columns of the camera's image"),
+    ("camera_rows", "--camera-rows", _COUNT, "rows of the camera's image"),
+    ("pixel_um", "--pixel", _ABOVE_ZERO, "pitch of the camera's pixels, micrometres"),
+    ("lens_mm", "--lens", _ABOVE_ZERO, "focal length of the lens, mm"),
+    ("distance_mm", "--distance", _ABOVE_ZERO, "from the lens to the captured face, mm"),
+    ("rate_hz", "--rate", _ABOVE_ZERO, "frame rate of the camera, frames per second"),
+    ("exposure_s", "--exposure", _ABOVE_ZERO, "exposure of the camera, s"),
 )
 
 
@@ -75,12 +81,15 @@ def init_command(path: Path, rig_name: str, ask: bool | None, force: bool, **giv
         calipers = _asked(calipers, {name for name, value in given.items() if value is not None})
     text = rig_text(calipers, path.stem, path)
     part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        raise InputError(f"FILE: {path}: cannot be written: {error.strerror}: a file of yours") from None
     click.echo(f"{path} written; next:")
-    click.echo(f"  zeromethod design --rig {path}                              is it a good bench?")
+    click.echo(f"  zeromethod design {path}                                    is it a good bench?")
     click.echo(f"  zeromethod devices --focus --rig {path} --display 1 --camera 0   aim and focus")
-    click.echo(f"  zeromethod calibrate --rig {path} --display 1 --camera 0")
+    click.echo(f"  zeromethod calibrate --rig {path} --display 1 --camera 0 --press-depths 0.2,0.15,0.2")
 
 
 def _asked(calipers: Calipers, known: set[str]) -> Calipers:

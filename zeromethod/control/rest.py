@@ -31,7 +31,14 @@ def _measured(
     """
     from zeromethod.phase_shifting.rest_map import RestMap  # noqa: PLC0415 - loads slowly; few rigs have one
 
-    warp = RestMap.load(file).warp(grid)
+    rest_map = RestMap.load(file)
+    if rest_map.valid.shape != grid.image_shape:
+        rows, cols = rest_map.valid.shape
+        raise InputError(
+            f"camera.rest_map: {file}: {cols} x {rows} px: the camera has "
+            f"{grid.image_shape[1]} x {grid.image_shape[0]}"
+        )
+    warp = rest_map.warp(grid)
     away = warp.q - model_q
     measured = warp.valid & np.isfinite(away).all(axis=-1)
     if np.count_nonzero(measured) < LEAST_NODES:

@@ -142,6 +142,8 @@ def decode_files(
 
     def told() -> Iterator[Frame]:
         for frame in frames:
+            if bits is not None and frame.max() >= 2**bits:
+                raise InputError(f"FRAMES: a grey level of {frame.max()}: more than {bits} bits hold")
             yield frame
             if advance is not None:
                 advance()
@@ -188,4 +190,5 @@ def refuse_empty(found: RestMeasurement) -> None:
     if not found.rest_map.valid.any():
         worst = max(Reason, key=found.count)
         share = found.count(worst) / found.rest_map.valid.size
-        raise MeasurementError(f"no camera pixel has a place on the LCD: {plain_name(worst)} at {share:.0%}")
+        why = f"{plain_name(worst)} at {share:.0%}" if share > 0 else "nothing could be told of any"
+        raise MeasurementError(f"no camera pixel has a place on the LCD: {why}")
