@@ -14,10 +14,14 @@ import pytest
 from zeromethod.calibration.folder import (
     ARRAYS,
     DOCUMENT,
+    RAW_SUMS,
+    REST_MAP,
     Stored,
+    arrays_fault,
     calibration_of,
     calibrations,
     home_of,
+    lacks_document,
     load,
     load_arrays,
     newest,
@@ -127,7 +131,8 @@ def test_failure_on_the_way_leaves_no_calibration(rig_file: Path) -> None:
     with pytest.raises(InputError, match="No space left"):
         store(rig_file, document(), {}, {}, pictures={"a.png": fail})
     assert calibrations(rig_file) == []
-    # and the next one is not hindered by what is left
+    assert list((rig_file.parent / "calibration" / "mine").iterdir()) == []
+    # and the next one is not hindered
     assert made(rig_file).folder.is_dir()
 
 
@@ -147,7 +152,7 @@ def test_other_files_are_refused(rig_file: Path, text: str, words: str) -> None:
 
 
 def test_folder_without_calibration_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"No such file.*a folder with a calibration\.toml"):
+    with pytest.raises(InputError, match=r"calibration\.toml: No such file.*zeromethod calibrate made"):
         load(tmp_path)
 
 
@@ -156,6 +161,26 @@ def test_damaged_arrays_are_refused(rig_file: Path) -> None:
     (folder / ARRAYS).write_bytes(b"not HDF5")
     with pytest.raises(InputError, match="cannot be read"):
         load_arrays(folder)
+    assert arrays_fault(folder) == "cannot be read"
+    (folder / ARRAYS).unlink()
+    assert arrays_fault(folder) == "missing"
+
+
+def test_whole_arrays_have_no_fault(rig_file: Path) -> None:
+    arrays = {REST_MAP: np.zeros((2, 3, 2)), RAW_SUMS: np.zeros((4, 2, 3))}
+    assert arrays_fault(store(rig_file, document(), {}, arrays).folder) == ""
+
+
+def test_rest_map_of_a_calibration_without_its_document_is_told(rig_file: Path, tmp_path: Path) -> None:
+    arrays = {REST_MAP: np.zeros((2, 3, 2)), RAW_SUMS: np.zeros((4, 2, 3))}
+    stored = store(rig_file, document(), {}, arrays)
+    named = load_rig(stored.rig_file).camera.rest_map
+    assert not lacks_document(stored.rig_file, named)
+    (stored.folder / DOCUMENT).unlink()
+    assert lacks_document(stored.rig_file, named)
+    # a rest map made by hand, or none, belongs to no calibration
+    assert not lacks_document(stored.rig_file, None)
+    assert not lacks_document(stored.rig_file, tmp_path / "rest.npz")
 
 
 def test_document_is_toml_that_people_can_read(rig_file: Path) -> None:

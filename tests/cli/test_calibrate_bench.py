@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
+import signal
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -12,11 +15,13 @@ from types import ModuleType
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from rich.console import Console
 
 from zeromethod.calibration import Intrinsics
 from zeromethod.calibration.camera_file import save_camera
-from zeromethod.calibration.folder import calibrations, load
+from zeromethod.calibration.folder import Stored, calibrations, load
 from zeromethod.calibration.intrinsics import CameraFit
+from zeromethod.cli import calibrate_bench
 from zeromethod.cli.calibrate import calibrate_command
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
@@ -178,6 +183,17 @@ def test_redo_adds_what_was_measured_later_and_diff_tells_the_change(
         (("--rig", "simulated", "--patience", "nan"), "--patience"),
         (("--rig", "simulated", "--known", "gap_mm=0.5"), "--known"),
         (("--rig", "simulated", "--known", "speed=0.5:0.1"), "not a parameter"),
+        (("--rig", "simulated", "--known", "gap_mm=nan:1"), "must be finite"),
+        (("--rig", "simulated", "--known", "gap_mm=0.5:inf"), "must be finite"),
+        (("--rig", "simulated", "--known", "gap_mm=-3:0.01"), "gap_mm=-3: a number at least 0"),
+        (
+            ("--rig", "simulated", "--known", "prism.captured_less_pattern_deg=80:1"),
+            "captured_angle_deg: 130",
+        ),
+        (("--rig", "simulated", "--known", "prism.pattern_angle_deg=90:1"), "at least 5 and at most 85"),
+        (("--rig", "paper", "--known", "camera.k1=0:0.1"), "this rig has none"),
+        (("--redo", "nowhere", "--known", "gap_mm=nan:1"), "must be finite"),
+        (("--rig", "simulated", "--press-depths", "0.2,1000"), "--press-depths: 1000: depths in mm, at most"),
         (("--rig", "simulated", "--edge", "Q0=1,2"), "--edge"),
         (("--rig", "simulated", "--edge", "P0=1"), "--edge"),
         (("--rig", "simulated", "--edge", "P0=1300,5"), "1280 x 1024"),
@@ -196,10 +212,47 @@ def test_bad_input_is_one_line(
     arguments: tuple[str, ...], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.delattr(calibrate_bench, "open_devices")  # nothing may come as far as that
     result = told(*arguments)
     assert isinstance(result.exception, InputError), result.output
     assert words in str(result.exception)
     assert "\n" not in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("level", "offered"), [("good", True), ("uncertain", True), ("bad", False)])
+def test_bad_calibration_is_not_offered_for_use(
+    level: str,
+    offered: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(calibrate_bench, "_report", lambda *_: None)
+    calibrate_bench._tell_stored(Console(width=300), Stored(tmp_path, {"verdict": {"level": level}}), None)
+    told_lines = capsys.readouterr().out
+    assert f"stored in {tmp_path}" in told_lines
+    assert ("use it" in told_lines) is offered
+
+
+def test_arrays_that_are_missing_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    calibrate_bench._tell_arrays(Stored(tmp_path, {}))
+    told_line = capsys.readouterr().err
+    assert told_line == f"! {tmp_path / 'arrays.h5'}: missing: run and --redo will refuse it\n"
+
+
+def test_interrupted_before_the_rest_map_nothing_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def terminated(*_: object) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(5.0)  # the signal's handler ends it at once
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(calibrate_bench, "record", terminated)
+    result = told("--rig", "simulated", "--press-depths", "0.2")
+    assert isinstance(result.exception, SystemExit | KeyboardInterrupt), result.output
+    assert "interrupted: nothing was stored" in result.output
     assert list(tmp_path.iterdir()) == []
 
 

@@ -31,7 +31,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 
 SCHEMA_VERSION = 1
-REST_MAP = "rest_map/lcd_px"
+REST_MAP, RAW_SUMS = "rest_map/lcd_px", "raw/sums"
 DOCUMENT, RIG, GIVEN, ARRAYS = "calibration.toml", "rig.toml", "given.toml", "arrays.h5"
 
 OLD_DAYS = 30.0
@@ -121,13 +121,24 @@ def calibration_of(rig_file: str | Path) -> Stored | None:
     return load(folder) if Path(rig_file).name == RIG and (folder / DOCUMENT).is_file() else None
 
 
+def lacks_document(rig_file: str | Path, rest_map: Path | None) -> bool:
+    """Whether a rig file takes the rest map of a calibration beside it whose calibration.toml is missing.
+
+    rest_map: the file that the rig names. `calibration_of` then has nothing to compare a bench with.
+    """
+    folder = Path(rig_file).absolute().parent
+    return (
+        rest_map is not None and rest_map.absolute() == folder / ARRAYS and not (folder / DOCUMENT).is_file()
+    )
+
+
 def load(folder: Path) -> Stored:
     """Read calibration.toml of a folder. Raises InputError for anything else."""
     path = folder / DOCUMENT
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"{folder}: {error.strerror}: a folder with a {DOCUMENT}") from None
+        raise InputError(f"{path}: {error.strerror}: a folder that zeromethod calibrate made") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: {error}: not a calibration") from None
     version = document.get("schema_version")
@@ -155,12 +166,23 @@ def load_arrays(folder: Path, *wanted: str) -> dict[str, NDArray[Any]]:
                     found[name] = item.asstr()[()] if item.dtype.kind == "O" else item[()]
 
             file.visititems(take)
-    except OSError:
+    except (OSError, RuntimeError, KeyError):  # what h5py makes of a damaged file
         raise InputError(f"{path}: cannot be read: arrays of a calibration (HDF5)") from None
     missing = [name for name in wanted if name not in found]
     if missing:
         raise InputError(f"{path}: {missing[0]}: missing: arrays of a calibration")
     return found
+
+
+def arrays_fault(folder: Path) -> str:
+    """Why `run` and evaluating anew cannot do with a folder's arrays; "" where they can."""
+    if not (folder / ARRAYS).is_file():
+        return "missing"
+    try:
+        load_arrays(folder, REST_MAP, RAW_SUMS)
+    except InputError:
+        return "cannot be read"
+    return ""
 
 
 def store(
@@ -189,16 +211,19 @@ def store(
         part = folder.with_name(folder.name + ".part")
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir()
-        moved = _moved_files(source, part)
-        save_values(source, moved | dict(settings or {}), part / GIVEN)
-        _write_arrays(part / ARRAYS, arrays)
-        measured = {"camera.rest_map": ARRAYS} if REST_MAP in arrays else {}
-        save_values(part / GIVEN, measured | dict(values), part / RIG)
-        for file, draw in (pictures or {}).items():
-            draw(part / file)
-        text = tomlkit.dumps(_document({"schema_version": SCHEMA_VERSION, **document}))
-        (part / DOCUMENT).write_text(f"# {_HEAD.format(rig=RIG)}\n{text}", encoding="utf-8")
-        part.rename(folder)
+        try:
+            moved = _moved_files(source, part)
+            save_values(source, moved | dict(settings or {}), part / GIVEN)
+            _write_arrays(part / ARRAYS, arrays)
+            measured = {"camera.rest_map": ARRAYS} if REST_MAP in arrays else {}
+            save_values(part / GIVEN, measured | dict(values), part / RIG)
+            for file, draw in (pictures or {}).items():
+                draw(part / file)
+            text = tomlkit.dumps(_document({"schema_version": SCHEMA_VERSION, **document}))
+            (part / DOCUMENT).write_text(f"# {_HEAD.format(rig=RIG)}\n{text}", encoding="utf-8")
+            part.rename(folder)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)  # where it did not come to that
     except OSError as error:
         raise InputError(f"{home}: cannot be written: {error.strerror}: a folder of yours") from None
     return load(folder)

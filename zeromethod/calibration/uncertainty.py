@@ -124,11 +124,11 @@ def gains(fitted: Fit, error: DepthError) -> list[Gain]:
     press = error.sensitivity * (PRESS_DEPTH_MM / PRESS_SIGMA_MM)
     middle = np.arange(1, len(error.names), 3)
     for index in middle:
-        place = f"x = {error.x_mm[index]:.0f} mm, y = {error.y_mm[index]:.0f} mm"
+        place = f"x = {error.x_mm[index]:z.0f} mm, y = {error.y_mm[index]:z.0f} mm"
         offers.append(
             (f"a press of {PRESS_DEPTH_MM:g} mm, known to 1 um, at {place}", press[index : index + 1])
         )
-    places = ", ".join(f"{error.x_mm[i]:.0f}" for i in middle)
+    places = ", ".join(f"{error.x_mm[i]:z.0f}" for i in middle)
     offers.append((f"presses of {PRESS_DEPTH_MM:g} mm, known to 1 um, at x = {places} mm", press[middle]))
     before = _rms(error.percent)
     found = [

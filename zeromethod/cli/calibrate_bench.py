@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 from rich.console import Console
 
-from zeromethod.calibration import Direct, MirrorEdge
 from zeromethod.calibration.camera_file import CameraFile, load_camera
 from zeromethod.calibration.fingerprint import check
-from zeromethod.calibration.folder import GIVEN, Stored, home_of, load, newest
+from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, home_of, load, newest
 from zeromethod.cli.bench_options import BenchOptions, bench_options, with_devices
+from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, depths_of, edge_of, known_of
 from zeromethod.cli.output import check_file, check_folder, write_summary
+from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.cli.telling import Telling
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
@@ -26,7 +27,7 @@ from zeromethod.procedures.calibration import (
     Calibration,
     Plan,
     Recorded,
-    evaluate,
+    evaluate_or_keep,
     recall,
     record,
     store_calibration,
@@ -44,9 +45,6 @@ from zeromethod.view.calibration_table import (
 )
 
 FIGURE = "calibration.png"
-
-EDGE_PX = 2.0
-"""How well an edge is seen, camera px, unless told."""
 
 _OPTIONS: tuple[Callable[[Any], Any], ...] = (
     click.option("--rig", "rig_name", help="Rig file (`zeromethod init` makes one), or a packaged name."),
@@ -152,26 +150,31 @@ def calibrate_bench(
     check_file("--summary", summary, suffix=".json")
     console = Console()
     if compared:
-        console.print(difference_table(load(compared[0]), load(compared[1])))
+        before, after = load(compared[0]), load(compared[1])
+        console.print(difference_table(before, after))
+        _tell_arrays(before)
+        _tell_arrays(after)
         return None
     if show_folder is not None:
         shown = _wanted(show_folder, rig_name)
         _report(console, shown, summary)
+        _tell_arrays(shown)
         return shown
     lens = load_camera(camera_file) if camera_file is not None else None
-    direct: tuple[Known, ...] = (*map(_known, known), *map(_edge, edges))
+    direct: tuple[Known, ...] = (*map(known_of, known), *map(edge_of, edges))
     direct += (lens.intrinsics,) if lens is not None else ()
-    ball_mm = _ball(ball_text) if ball_text is not None else None
+    ball_mm = ball_of(ball_text) if ball_text is not None else None
     limit_threads()
     if redo_folder is not None:
         stored = _redo(redo_folder, direct, lens, ball_mm, find, output)
-        return _finish(console, stored, summary)
+        _tell_stored(console, stored, summary)
+        return _refuse_bad(stored)
     if rig_name is None:
         raise InputError("--rig: missing: your rig file (zeromethod init my.toml makes one)")
     if not (math.isfinite(patience_s) and patience_s > 0):
         raise InputError(f"--patience: {patience_s}: a number of seconds above 0")
     plan = Plan(
-        press_depths_mm=_depths(depths),
+        press_depths_mm=depths_of(depths),
         press_sigma_mm=depth_sigma,
         known=direct,
         light=light,
@@ -184,18 +187,37 @@ def calibrate_bench(
     )
     options, home = BenchOptions(**devices), output or home_of(rig_name)
     rig = _bench(rig_name, options, plan, lens)
-    check_folder("--output", home)
-    with open_devices(rig) as opened:
-        for warning in getattr(opened.display, "warnings", ()):
-            click.echo(f"! {warning}", err=True)
-        recorded, found = record(rig, opened, plan, Telling())
-    stored = _store(evaluate_with(recorded, found, rig_name), rig_name, home, options.settings)
-    finished = _finish(console, stored, summary)
+    with _home(home), stopped_by_signals():
+        with open_devices(rig) as opened:
+            for warning in getattr(opened.display, "warnings", ()):
+                click.echo(f"! {warning}", err=True)
+            recorded, found = record(rig, opened, plan, Telling())
+        stored = _store(evaluate_with(recorded, found, rig_name), rig_name, home, options.settings)
+    _tell_stored(console, stored, summary)
     if recorded.interrupted:
         raise KeyboardInterrupt
+    _refuse_bad(stored)
     if recorded.failure:
         raise MeasurementError(f"{recorded.failure} (stored without it in {stored.folder})")
-    return finished
+    return stored
+
+
+@contextmanager
+def _home(home: Path) -> Iterator[None]:
+    """Make the folder that calibrations go into; what nothing was stored in is taken away again."""
+    made = [folder for folder in (home, *home.parents) if not folder.exists()]
+    check_folder("--output", home)
+    try:
+        yield
+    except KeyboardInterrupt:
+        click.echo("interrupted: nothing was stored", err=True)
+        raise
+    finally:
+        for folder in made:
+            try:
+                folder.rmdir()
+            except OSError:  # not empty: something was stored
+                break
 
 
 def evaluate_with(recorded: Recorded, found: Any, rig_name: str) -> Calibration:
@@ -205,7 +227,7 @@ def evaluate_with(recorded: Recorded, found: Any, rig_name: str) -> Calibration:
         last = before.parameters
         if load_rig(before.folder / GIVEN).camera.focal_px != recorded.rig.camera.focal_px:
             del last["camera.scale"]  # it is relative to the rig file's
-    return evaluate(recorded, found, last, Telling())
+    return evaluate_or_keep(recorded, found, last, Telling())
 
 
 def _bench(rig_name: str, options: BenchOptions, plan: Plan, lens: CameraFile | None) -> Rig:
@@ -214,7 +236,8 @@ def _bench(rig_name: str, options: BenchOptions, plan: Plan, lens: CameraFile | 
     if not plan.presses:
         rig = rig.model_copy(update={"press": "none"})
     check_geometry(rig)
-    _check_known(rig, plan.known, lens)
+    check_known(rig, plan.known, lens)
+    check_depths(rig, plan.press_depths_mm)
     return rig
 
 
@@ -246,7 +269,7 @@ def _redo(
     output: Path | None,
 ) -> Stored:
     recorded, stored = recall(folder)
-    _check_known(recorded.rig, known, lens)
+    check_known(recorded.rig, known, lens)
     plan = recorded.plan
     if ball_mm is not None and (recorded.presses is None or recorded.presses.ball is None):
         raise InputError(f"--ball: {folder}: no ball was pressed for this calibration")
@@ -257,7 +280,7 @@ def _redo(
         ball_mm=ball_mm or plan.ball_mm,
         edges=plan.edges if find is None else find,
     )
-    found = evaluate(replace(recorded, plan=plan), tell=Telling())
+    found = evaluate_or_keep(replace(recorded, plan=plan), tell=Telling())
     return _store(found, str(folder / GIVEN), output or folder.absolute().parent, {}, stored)
 
 
@@ -274,10 +297,20 @@ def _wanted(folder: str, rig_name: str | None) -> Stored:
     return found
 
 
-def _finish(console: Console, stored: Stored, summary: Path | None) -> Stored:
+def _tell_stored(console: Console, stored: Stored, summary: Path | None) -> None:
     _report(console, stored, summary)
     console.print(f"stored in {stored.folder}", soft_wrap=True, highlight=False)
-    console.print(f"use it: zeromethod run --rig {stored.rig_file}", soft_wrap=True, highlight=False)
+    if stored.document["verdict"]["level"] != "bad":
+        console.print(f"use it: zeromethod run --rig {stored.rig_file}", soft_wrap=True, highlight=False)
+
+
+def _tell_arrays(stored: Stored) -> None:
+    if fault := arrays_fault(stored.folder):
+        words = f"! {stored.folder / ARRAYS}: {fault}: run and --redo will refuse it"
+        click.echo(words, err=True)
+
+
+def _refuse_bad(stored: Stored) -> Stored:
     verdict = stored.document["verdict"]
     if verdict["level"] == "bad":
         raise MeasurementError(f"calibration: {verdict['reason']} (stored in {stored.folder})")
@@ -297,55 +330,3 @@ def _report(console: Console, stored: Stored, summary: Path | None) -> None:
 
 def _jsonable(document: dict[str, Any]) -> dict[str, Any]:
     return {**document, "time": document["time"].isoformat()}
-
-
-def _depths(text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(part) for part in text.split(",")) if text.strip() else ()
-    except ValueError:
-        raise InputError(f"--press-depths: {text}: depths in mm with commas between them") from None
-
-
-def _known(text: str) -> Direct:
-    name, _, numbers = text.partition("=")
-    value, _, sigma = numbers.partition(":")
-    try:
-        return Direct(name.strip(), float(value), float(sigma))
-    except ValueError as error:
-        told = str(error) if isinstance(error, InputError) else "NAME=VALUE:SIGMA, as gap_mm=0.48:0.01"
-        raise InputError(f"--known: {text}: {told}") from None
-
-
-def _ball(text: str) -> tuple[float, float]:
-    radius, _, sigma = text.partition(":")
-    try:
-        return float(radius), float(sigma)
-    except ValueError:
-        raise InputError(f"--ball: {text}: RADIUS:SIGMA in mm, as 10:0.01") from None
-
-
-def _check_known(rig: Rig, known: Sequence[Known], lens: CameraFile | None) -> None:
-    columns, rows = rig.camera.columns, rig.camera.rows
-    if lens is not None:
-        lens.check(rig)
-    for one in known:
-        if isinstance(one, MirrorEdge):
-            u, v = one.pixel[0]
-            if not (-0.5 <= u <= columns - 0.5 and -0.5 <= v <= rows - 0.5):
-                raise InputError(
-                    f"--edge: {one.edge}={u:g},{v:g}: a point of the image, {columns} x {rows} px"
-                )
-
-
-def _edge(text: str) -> MirrorEdge:
-    name, _, rest = text.partition("=")
-    place, _, sigma = rest.partition(":")
-    try:
-        u, v = (float(part) for part in place.split(","))
-        spread = float(sigma or EDGE_PX)
-    except ValueError:
-        u = v = spread = math.nan
-    name = name.strip()
-    if name not in ("P0", "R0") or not (math.isfinite(u + v + spread) and spread > 0):
-        raise InputError(f"--edge: {text}: P0=U,V:SIGMA or R0=U,V:SIGMA in camera px, as R0=1180.5,512:2")
-    return MirrorEdge("P0" if name == "P0" else "R0", np.array([[u, v]]), spread)

@@ -12,7 +12,7 @@ import click
 from rich.console import Console
 
 from zeromethod.calibration.fingerprint import check
-from zeromethod.calibration.folder import Stored, calibration_of
+from zeromethod.calibration.folder import DOCUMENT, Stored, calibration_of, lacks_document
 from zeromethod.cli.bench_options import (
     BenchOptions,
     bench_options,
@@ -123,6 +123,10 @@ def run_command(
         stored = calibration_of(rig_name)
         if stored is not None and not simulate:
             _check_calibration(stored, rig_name, rig, opened, force)
+        elif lacks_document(rig_name, rig.camera.rest_map):
+            click.echo(
+                f"! {rig_name}: no {DOCUMENT} beside it: whether it fits this bench is not checked", err=True
+            )
         session = Run(rig, opened, publisher, recording.maker(rig, stored))
         with stopped_by_signals(session.interrupt):
             _follow(session, frames, seconds)

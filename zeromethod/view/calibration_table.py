@@ -44,8 +44,8 @@ def parameter_table(stored: Stored) -> Table:
         digits = _digits(entry["sigma"])
         table.add_row(
             entry["words"],
-            f"{entry['given']:.{digits}f}",
-            f"{entry['value']:.{digits}f}",
+            f"{entry['given']:z.{digits}f}",
+            f"{entry['value']:z.{digits}f}",
             _sigma(entry["sigma"]),
             entry["unit"],
         )
@@ -90,7 +90,7 @@ def _figures(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for number, press in enumerate(document.get("press", ()), start=1):
         yield (
             f"press {number}",
-            f"{press['depth_mm']:g} mm at x = {press['x_mm']:.1f}, y = {press['y_mm']:.1f} mm, "
+            f"{press['depth_mm']:g} mm at x = {press['x_mm']:z.1f}, y = {press['y_mm']:z.1f} mm, "
             f"read {press['read_mm']:.4f} mm",
         )
     for one in document.get("not_told_apart", ())[:_OPEN]:
@@ -139,7 +139,7 @@ def _changes(before: Stored, after: Stored) -> Iterator[tuple[float, tuple[str, 
         digits = _digits(sigma)
         mark = " !" if size > NOTABLE else ""
         entry = after.document["parameters"][name]
-        numbers = (f"{old[name][0]:.{digits}f}", f"{value:.{digits}f}", f"{change:+.{digits}f}")
+        numbers = (f"{old[name][0]:z.{digits}f}", f"{value:z.{digits}f}", f"{change:+z.{digits}f}")
         yield size, (f"{entry['words']}, {entry['unit']}".rstrip(", "), *numbers, f"{size:.1f}{mark}")
 
 

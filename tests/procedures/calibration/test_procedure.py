@@ -10,7 +10,7 @@ from zeromethod.calibration import describe
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import Optics
-from zeromethod.procedures.calibration import Calibration, Plan, Recorded, record
+from zeromethod.procedures.calibration import Calibration, Plan, Recorded, procedure, record
 from zeromethod.procedures.calibration.procedure import with_values
 
 from .conftest import DEPTHS_MM, PLACES_MM
@@ -113,6 +113,20 @@ def test_what_was_measured_outlives_a_press_that_never_comes() -> None:
         recorded, rest = record(rig, devices, plan)
     assert "no press 1 of 1" in recorded.failure
     assert recorded.presses is None
+    assert recorded.plan.press_depths_mm == ()
+    assert rest.rest_map.valid.mean() > 0.9
+
+
+def test_rest_map_outlives_ctrl_c_in_a_later_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(procedure, "measure_panel_timing", interrupted)
+    rig = nominal()
+    with open_devices(rig) as devices:
+        recorded, rest = record(rig, devices, Plan((0.2,), light=False, rest_frames=1))
+    assert recorded.interrupted
+    assert recorded.failure == "panel: interrupted"
     assert recorded.plan.press_depths_mm == ()
     assert rest.rest_map.valid.mean() > 0.9
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zeromethod.calibration import Direct, MirrorEdge, describe
+from zeromethod.calibration import Direct, MirrorEdge, Presses, describe
 from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import (
     Stored,
@@ -18,7 +18,14 @@ from zeromethod.calibration.folder import (
     load_arrays,
     newest,
 )
-from zeromethod.procedures.calibration import Calibration, evaluate, recall, store_calibration
+from zeromethod.errors import MeasurementError
+from zeromethod.procedures.calibration import (
+    Calibration,
+    evaluate,
+    evaluate_or_keep,
+    recall,
+    store_calibration,
+)
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 from zeromethod.view.calibration_figure import draw_calibration
@@ -133,3 +140,21 @@ def test_what_was_recorded_evaluates_to_the_same_again(stored: Stored, calibrati
     for name, value in calibration.fitted.values.items():
         # the file has seven digits of the hold and ten of the delay; the fit stops within 3 % of a sigma
         assert again.fitted.values[name] == pytest.approx(value, abs=0.05 * calibration.fitted.sigma[name])
+
+
+def test_recording_outlives_an_evaluation_that_fails(
+    calibration: Calibration, rig_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unseen(*_: object) -> None:
+        raise MeasurementError("press 1: not seen")
+
+    monkeypatch.setattr(Presses, "peaks", unseen)
+    kept = evaluate_or_keep(calibration.recorded, calibration.rest)
+    assert kept.verdict.level == "bad"
+    assert kept.verdict.reason == "press 1: not seen: geometry from the rest map alone"
+    # what was recorded is there for another try: sums of the frames, presses and their depths
+    recorded, _ = recall(store_calibration(kept, rig_file, home=tmp_path).folder)
+    assert recorded.presses is not None
+    assert len(recorded.presses.pressed) == len(DEPTHS_MM)
+    assert recorded.plan.press_depths_mm == DEPTHS_MM
+    np.testing.assert_array_equal(recorded.rest.sums, calibration.recorded.rest.sums)

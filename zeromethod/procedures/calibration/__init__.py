@@ -5,7 +5,7 @@ calibration = evaluate(recorded, rest)
 stored = store_calibration(calibration, "my.toml")
 """
 
-from zeromethod.procedures.calibration.evaluation import Calibration, evaluate
+from zeromethod.procedures.calibration.evaluation import Calibration, evaluate, evaluate_or_keep
 from zeromethod.procedures.calibration.procedure import Plan, Recorded, record
 from zeromethod.procedures.calibration.storing import recall, store_calibration
 from zeromethod.procedures.calibration.telling import Silence, Teller
@@ -17,6 +17,7 @@ __all__ = [
     "Silence",
     "Teller",
     "evaluate",
+    "evaluate_or_keep",
     "recall",
     "record",
     "store_calibration",

@@ -158,6 +158,30 @@ def evaluate(
     )
 
 
+def evaluate_or_keep(
+    recorded: Recorded,
+    found: RestMeasurement | None = None,
+    last: Mapping[str, tuple[float, float]] | None = None,
+    tell: Teller | None = None,
+) -> Calibration:
+    """Evaluate; where that fails, the rest map alone, with a verdict of bad that says why.
+
+    Nothing that was recorded is left out of what it gives, so that it can be stored and evaluated anew.
+    Raises MeasurementError where not even the rest map agrees with the rig file.
+    """
+    try:
+        return evaluate(recorded, found, last, tell)
+    except MeasurementError as error:
+        plan = replace(recorded.plan, press_depths_mm=(), ball_mm=None, known=(), edges=False)
+        try:
+            alone = evaluate(replace(recorded, presses=None, plan=plan), found, last)
+        except MeasurementError:
+            raise error from None
+        findings = (f"{error}: geometry from the rest map alone", *alone.verdict.findings)
+        verdict = replace(alone.verdict, level="bad", findings=findings)
+        return replace(alone, recorded=recorded, verdict=verdict)
+
+
 def _edges(first: Fit, found: RestMeasurement, plan: Plan, tell: Teller) -> tuple[EdgeSearch, ...]:
     """Look for the edges that nobody gave."""
     given = {one.edge for one in plan.known if isinstance(one, MirrorEdge)}

@@ -158,7 +158,9 @@ def record(
     ------
     MeasurementError
         A step failed, or a device was lost; the message begins with the step. Presses that do not come are
-        no failure of the rest: see `Recorded.failure`.
+        no failure of the rest, nor is Ctrl-C once there is a rest map: see `Recorded.failure`.
+    KeyboardInterrupt
+        Ctrl-C before that.
     """
     # a rest measured before has no part in what is measured now
     camera = rig.camera.model_copy(update={"rest_map": None})
@@ -222,9 +224,14 @@ class _Session:
         with tell.part("geometry from the rest map", 1) as advance:
             fitted = first_fit(rig, found, plan.known)
             advance()
-        panel = self._panel(fitted.rig)
-        delay = self._delay(with_values(fitted.rig, self._timing()), panel)
-        presses = self._presses(fitted.rig)
+        panel, delay, presses = None, None, None
+        try:
+            panel = self._panel(fitted.rig)
+            delay = self._delay(with_values(fitted.rig, self._timing()), panel)
+            presses = self._presses(fitted.rig)
+        except KeyboardInterrupt:
+            # The rest map is sound. Ctrl-C between presses is theirs to take.
+            self._end_early(f"{self.step}: interrupted", 0, interrupted=True)
         self._begin("")
         del self._seconds["opening"]
         recorded = Recorded(
@@ -320,9 +327,14 @@ class _Session:
             )
         except PressesEndedError as error:
             # What there is already took minutes and is sound.
-            self._failure, self._interrupted = str(error), error.interrupted
-            self._note(f"{error}; going on with what there is")
             count = len(error.warps.pressed) if error.warps is not None else 0
-            # The ball comes last: where something is missing, it is the ball at least.
-            self._plan = replace(plan, press_depths_mm=plan.press_depths_mm[:count], ball_mm=None)
+            self._end_early(str(error), count, interrupted=error.interrupted)
             return error.warps if count else None
+
+    def _end_early(self, why: str, presses: int, *, interrupted: bool) -> None:
+        """Leave it at what there is, `presses` of known depth among it."""
+        self._failure, self._interrupted = why, interrupted
+        self._note(f"{why}; going on with what there is")
+        # The ball comes last: where something is missing, it is the ball at least.
+        depths_mm = self._plan.press_depths_mm[:presses]
+        self._plan = replace(self._plan, press_depths_mm=depths_mm, ball_mm=None)

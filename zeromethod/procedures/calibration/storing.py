@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from zeromethod.calibration.fit import Fit
-from zeromethod.calibration.folder import GIVEN, Stored, load, load_arrays, store
+from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, load, load_arrays, store
 from zeromethod.calibration.observations import Direct, Intrinsics, MirrorEdge
 from zeromethod.calibration.parameters import PARAMETERS, describe
+from zeromethod.errors import InputError
 from zeromethod.phase_shifting.fringes import Axis, FringeSequence
 from zeromethod.procedures.calibration.evaluation import Calibration
 from zeromethod.procedures.calibration.presses import PressWarps
@@ -66,6 +67,8 @@ def recall(folder: Path) -> tuple[Recorded, Stored]:
     raw = stored.document["recorded"]
     names = ("periods_px", "shifts_rad", "axes", "repeats", "frames", "sums")
     arrays = load_arrays(folder)
+    if missing := [f"raw/{name}" for name in names if f"raw/{name}" not in arrays]:
+        raise InputError(f"{folder / ARRAYS}: {missing[0]}: missing: arrays of a calibration")
     periods, shifts, axes, repeats, frames, sums = (arrays[f"raw/{name}"] for name in names)
     axes_given: tuple[Axis, Axis] = ("columns", "rows") if str(axes[0]) == "columns" else ("rows", "columns")
     sequence = FringeSequence(tuple(map(float, periods)), tuple(map(float, shifts)), axes_given, int(repeats))
@@ -186,7 +189,7 @@ def document_of(found: Calibration) -> dict[str, Any]:
         document["panel"] = asdict(recorded.panel)
     if recorded.light is not None:
         document["light"] = _light(recorded)
-    if recorded.presses is not None:
+    if recorded.presses is not None and found.peaks:
         document["press"] = [
             {"depth_mm": depth, "sigma_mm": recorded.plan.press_sigma_mm, "read_mm": one.depth_mm}
             | {"x_mm": one.x_mm, "y_mm": one.y_mm}
