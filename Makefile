@@ -1,7 +1,7 @@
 # make run   set up, then close the loop on the simulated bench
 # make rehearse  set up, then run the real bench's code in real time on monitors that exist only in memory
-# make test  set up, then run all tests but one
-# make test-long  that one: a whole calibration in real time, three minutes
+# make test  set up, then run the tests
+# make test-long  calibrations of whole benches, in real time and pixel by pixel, some six minutes
 # make lint  format, lint, types, import layers
 # make bench speed and accuracy against peers (ratios of the same run), sigma, steps, long holds, gains,
 #            faults, live path, calibration: ~35 minutes

@@ -32,12 +32,18 @@ REAL_TIME = (
 """Tests in which time passes for real, or that need a device of this machine to themselves."""
 
 
+SHARING = ("calibration/", "export/", "procedures/calibration/", "procedures/replay/", "view/")
+"""Folders whose tests share fixtures that take seconds."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """One of several workers runs these, one after the other."""
+    """Tests that share something are run by one of several workers, so that it is made only once."""
     for item in items:
         place = item.path.relative_to(Path(__file__).parent).as_posix()
+        group = next((folder for folder in SHARING if place.startswith(folder)), place)
         if place.startswith(REAL_TIME):
-            item.add_marker(pytest.mark.xdist_group("real time"))
+            group = "real time"
+        item.add_marker(pytest.mark.xdist_group(group))
 
 
 @pytest.fixture(params=BACKENDS, scope="session")

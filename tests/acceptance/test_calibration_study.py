@@ -10,6 +10,8 @@ import pytest
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def study(load_benchmark: Callable[[str], ModuleType]) -> Any:

@@ -18,7 +18,7 @@ Squares = Callable[..., Study]
 def empty(own: None) -> Iterator[Any]:
     """A scheduler without workers."""
     with distributed.LocalCluster(
-        n_workers=0, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        n_workers=0, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
     ) as running:
         yield running
 
