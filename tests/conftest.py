@@ -7,10 +7,11 @@ one entered, so objects always go to the context they belong to.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
+from typing import Any
 
 import moderngl
 import pytest
+from xdist.scheduler import LoadScopeScheduling
 
 from zeromethod.gl import collect, create_context
 from zeromethod.gl.context import BACKENDS, VARIABLE
@@ -36,14 +37,20 @@ SHARING = ("calibration/", "export/", "procedures/calibration/", "procedures/rep
 """Folders whose tests share fixtures that take seconds."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that share something are run by one of several workers, so that it is made only once."""
-    for item in items:
-        place = item.path.relative_to(Path(__file__).parent).as_posix()
-        group = next((folder for folder in SHARING if place.startswith(folder)), place)
+class _Together(LoadScopeScheduling):
+    """Tests of a file go to one worker, and so do those that share more: it is made only once."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = nodeid.partition("::")[0]
+        place = file.removeprefix("tests/")
         if place.startswith(REAL_TIME):
-            group = "real time"
-        item.add_marker(pytest.mark.xdist_group(group))
+            return "real time"
+        return next((folder for folder in SHARING if place.startswith(folder)), file)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> _Together:
+    """Of several workers, one runs all tests in real time, one after the other."""
+    return _Together(config, log)
 
 
 @pytest.fixture(params=BACKENDS, scope="session")
