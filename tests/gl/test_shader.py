@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import moderngl
-import numpy as np
 import pytest
 
 from zeromethod.gl import program, shader, shader_source
@@ -129,11 +128,3 @@ def test_link_errors_name_the_files(gl_context: moderngl.Context, folder: Path) 
     )
     with pytest.raises(RuntimeError, match=r"^main\.vert, main\.frag: .*type"):
         program(gl_context, "main.vert", "main.frag")
-
-
-def test_varyings_are_captured_without_a_fragment_stage(gl_context: moderngl.Context, folder: Path) -> None:
-    write(folder, main_vert=VERTEX)
-    captured = gl_context.buffer(reserve=4 * 4)
-    drawn = program(gl_context, "main.vert", varyings=["value"], SCALE=2.5)
-    gl_context.vertex_array(drawn, []).transform(captured, mode=gl_context.POINTS, vertices=4)
-    assert np.frombuffer(captured.read(), np.float32).tolist() == [0.0, 2.5, 5.0, 7.5]

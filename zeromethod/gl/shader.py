@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import moderngl
@@ -90,25 +89,16 @@ def _readable(log: str, stages: dict[str, list[_Line]]) -> str:
 def program(
     ctx: moderngl.Context,
     vertex: str,
-    fragment: str | None = None,
-    *,
-    varyings: Sequence[str] = (),
+    fragment: str,
     **defines: Define,
 ) -> moderngl.Program:
     """Program from packaged shader files, e.g. `program(ctx, "mesh.vert", "pattern.frag", PERIOD=16)`.
 
-    `defines` go to both stages; `varyings` are captured by transform feedback (fragment may be None).
-    Raises RuntimeError that names file and line of the first error.
+    `defines` go to both stages. Raises RuntimeError that names file and line of the first error.
     """
-    stages = {"vertex_shader": _lines(vertex, defines)}
-    if fragment is not None:
-        stages["fragment_shader"] = _lines(fragment, defines)
+    stages = {"vertex_shader": _lines(vertex, defines), "fragment_shader": _lines(fragment, defines)}
     sources = {stage: "\n".join(line.text for line in lines) + "\n" for stage, lines in stages.items()}
     try:
-        return ctx.program(
-            vertex_shader=sources["vertex_shader"],
-            fragment_shader=sources.get("fragment_shader"),
-            varyings=tuple(varyings),
-        )
+        return ctx.program(vertex_shader=sources["vertex_shader"], fragment_shader=sources["fragment_shader"])
     except moderngl.Error as error:
         raise RuntimeError(_readable(str(error), stages)) from error

@@ -14,6 +14,7 @@ from zeromethod.control.step_timing import PanelSteps, StepTiming, fit_steps
 from zeromethod.devices.opening import Devices
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import Optics
+from zeromethod.procedures.even_pictures import even_picture
 from zeromethod.procedures.held_pictures import HeldPictures
 from zeromethod.rig.model import Rig
 
@@ -76,9 +77,7 @@ def measure_panel_timing(
     bands = _Bands(rig, rest)
     pictures = HeldPictures(rig, devices, MARGIN_S)
     timing = PanelTiming.of(rig.display)
-    shape = rig.display.rows, rig.display.columns
-    black = np.zeros(shape, np.uint8)
-    bright = _bright(rig, pictures, bands, shape)
+    black, bright = even_picture(rig, 0), _bright(rig, pictures, bands)
     pictures.frames(black, 1)
     hold_s = pictures.hold_s + MARGIN_FRAMES / rig.camera.rate_hz
     start_ns = devices.clock.now_ns()
@@ -99,11 +98,11 @@ def measure_panel_timing(
     return fit_steps(steps, timing)
 
 
-def _bright(rig: Rig, pictures: HeldPictures, bands: _Bands, shape: tuple[int, int]) -> NDArray[np.uint8]:
+def _bright(rig: Rig, pictures: HeldPictures, bands: _Bands) -> NDArray[np.uint8]:
     """Even picture that does not blind the camera."""
     ceiling = 2**rig.camera.bits - 1
     for code in BRIGHT_CODES:
-        picture = np.full(shape, code, np.uint8)
+        picture = even_picture(rig, code)
         grey = bands.nodes(pictures.frames(picture, 1)[0].image)
         if np.mean(grey >= ceiling) < _BLINDED_SHARE:
             return picture

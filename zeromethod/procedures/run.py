@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,8 +73,6 @@ class Run:
         self._recorder = None if record is None else self._opened(record)
         self._recording = ""
         self._truth: TruthSource | None = getattr(devices.camera, "truth", None)
-        # apart from the one that reads, whose weights remember the warps before
-        self._filtered_reader = SurfaceReader(rig, self._optics, self._grid) if self._truth else self._reader
         self._scenario = getattr(devices.camera, "scenario", None)
         phases = self._scenario.phases if self._scenario is not None else ()
         self._has_hold = any(phase.name == "hold" for phase in phases)
@@ -83,6 +82,11 @@ class Run:
         self._deepest_mm = 0.0
         usable = usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]
         self.result = RunResult(rig, self.loop.gl_renderer, float(np.mean(usable)))
+
+    @cached_property
+    def _filtered_reader(self) -> SurfaceReader:
+        """Apart from the one that reads, whose weights remember the warps before."""
+        return SurfaceReader(self._rig, self._optics, self._grid)
 
     def length(self, frames: int | None = None, seconds: float | None = None) -> tuple[float | None, str]:
         """How long `steps` goes on (None: until it is stopped), and the unit: "frames" or "seconds"."""

@@ -17,7 +17,7 @@ from zeromethod.phase_shifting.masks import Reason, plain_name
 from zeromethod.phase_shifting.measuring import RestMeasurement, measure_rest
 from zeromethod.phase_shifting.near_reflection import USUAL_SHARE
 from zeromethod.phase_shifting.periods import SHORTEST_PX, choose_periods
-from zeromethod.procedures.even_pictures import AGREEMENT, apart, thinned
+from zeromethod.procedures.even_pictures import AGREEMENT, apart, even_picture, thinned
 from zeromethod.procedures.held_pictures import HeldPictures
 from zeromethod.rig.model import Rig
 
@@ -86,8 +86,7 @@ def capture(
     display, camera = rig.display, rig.camera
     response = Response.from_rig(rig.display)
     # From a picture that surely stands, each next one is known to have come when the view has changed.
-    black = np.zeros((display.rows, display.columns), np.uint8)
-    before = thinned(pictures.frames(black, LEAD_FRAMES)[-1].image)
+    before = thinned(pictures.frames(even_picture(rig, 0), LEAD_FRAMES)[-1].image)
     kind = np.uint16 if frames * (2**camera.bits - 1) < 2**16 else np.uint32
     sums = np.zeros((sequence.frames, camera.rows, camera.columns), kind)
     for number, light in enumerate(sequence.pictures(display.columns, display.rows)):

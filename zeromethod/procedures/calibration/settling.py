@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from zeromethod.devices.opening import Devices
 from zeromethod.errors import MeasurementError
-from zeromethod.procedures.even_pictures import follow, thinned
+from zeromethod.procedures.even_pictures import apart, even_picture, follow, thinned
 from zeromethod.procedures.held_pictures import HeldPictures
 from zeromethod.rig.model import Rig
 
@@ -58,7 +58,7 @@ def settle(rig: Rig, devices: Devices) -> Settling:
     series, saturated, variances = [], 0.0, []
     for toggle in range(TOGGLES + 1):
         white = toggle % 2 == 1
-        picture = np.full((display.rows, display.columns), 255 * white, np.uint8)
+        picture = even_picture(rig, 255 * white)
         levels, over = [], 0.0
         images: deque[NDArray[np.float32]] = deque(maxlen=2)
         for since_s, frame in follow(pictures, picture, look_s, LOOK_FRAMES - 1):
@@ -72,7 +72,7 @@ def settle(rig: Rig, devices: Devices) -> Settling:
             )
         if white:
             saturated = max(saturated, over)
-            variances.append(0.5 * float(np.mean((images[1] - images[0]) ** 2)))
+            variances.append(0.5 * apart(images[1], images[0]))
         if toggle:  # what was there before the first picture is not known
             series.append(np.array(levels))
     ends = np.array([np.median(one[2 * len(one) // 3 :, 1]) for one in series])
