@@ -32,9 +32,11 @@ REAL_TIME = (
 )
 """Tests in which time passes for real, or that need a device of this machine to themselves."""
 
-
 SHARING = ("calibration/", "export/", "procedures/calibration/", "procedures/replay/", "view/")
 """Folders whose tests share fixtures that take seconds."""
+
+LONGEST = ("tests/test_wheel", "tests/acceptance/test_study")
+"""Tests of a minute and more each."""
 
 
 class _Together(LoadScopeScheduling):
@@ -50,7 +52,13 @@ class _Together(LoadScopeScheduling):
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> _Together:
     """Of several workers, one runs all tests in real time, one after the other."""
+    config.option.loadscopereorder = False  # few tests in a file does not mean that they are short
     return _Together(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Longest first, so that no worker waits at the end for one that began it last."""
+    items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
 
 
 @pytest.fixture(params=BACKENDS, scope="session")
