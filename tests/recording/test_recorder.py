@@ -21,6 +21,7 @@ from planted_turns import FRAME_NS, bench, reading, recorder, sizes, turn, wait_
 
 from zeromethod.control import Event
 from zeromethod.errors import InputError
+from zeromethod.priority import BEHIND
 from zeromethod.recording.growing import TABLES_BYTES, DiskFull, GrowingFile
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
@@ -288,6 +289,16 @@ def test_when_what_writes_is_killed_the_run_goes_on_and_every_frame_is_accounted
         kept = len(found.turns_kept("frames"))
     assert kept > 0
     assert recording.state.endswith(f", {handed - kept} frames not kept")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="niceness is told by Linux")
+def test_what_writes_hears_no_ctrl_c_and_leaves_the_cores_to_the_loop(tmp_path: Path) -> None:
+    with recorder(tmp_path / "run.h5") as recording:
+        writer = recording.writer_id
+        assert os.getpgid(writer) != os.getpgid(0)
+        # within one session, or niceness would not count against the loop where the system groups by sessions
+        assert os.getsid(writer) == os.getsid(0)
+        assert os.getpriority(os.PRIO_PROCESS, writer) == max(BEHIND, os.getpriority(os.PRIO_PROCESS, 0))
 
 
 def test_a_start_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

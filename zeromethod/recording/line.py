@@ -66,11 +66,11 @@ class Line:
         handles = theirs_in, theirs_out, self._ring.handle
         arguments = [json.dumps(sys.path), str(path), json.dumps(list(names)), *map(str, handles)]
         try:
-            # in a session of its own: Ctrl-C in the terminal ends the run, which then ends the recording
+            # in a group of its own: Ctrl-C in the terminal ends the run, which then ends the recording
             self._process = subprocess.Popen(
                 [sys.executable, "-c", _PROGRAM, *arguments],
                 pass_fds=handles,
-                start_new_session=True,
+                process_group=0,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,

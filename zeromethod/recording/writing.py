@@ -15,6 +15,7 @@ import sys
 import time
 from pathlib import Path
 
+from zeromethod.priority import step_back
 from zeromethod.recording.growing import DiskFull, GrowingFile
 from zeromethod.recording.message import WITH_ROOM, WITHOUT_ROOM, Message, receive
 
@@ -107,7 +108,9 @@ def _follow(writing: Writing, messages: int) -> bool:
 
 def main() -> None:
     """Arguments: path, JSON list of the datasets' names, file descriptors: messages, news, memory."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    step_back()
     path, names, messages, news, shared = sys.argv[1:]
     try:
         serve(Path(path), json.loads(names), int(messages), int(news), int(shared))
