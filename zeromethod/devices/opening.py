@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from types import TracebackType
 from typing import Any, Literal, cast
@@ -46,6 +47,12 @@ _SETTINGS = frozenset({"gain", "pixel_format", "region_px", "trigger"})
 """Keys that a device must be set to: one that the driver does not name would go unheeded."""
 
 
+@cache
+def _installed(kind: Kind) -> Mapping[str, EntryPoint]:
+    """Entry points by name; looked up once, for every package of the environment is opened for it."""
+    return {entry.name: entry for entry in entry_points(group=f"zeromethod.{kind}s")}
+
+
 def load_driver(kind: Kind, name: str) -> Factory:
     """Find the factory of a driver, to be called as `factory(**options)`.
 
@@ -62,7 +69,7 @@ def load_driver(kind: Kind, name: str) -> Factory:
         except Exception as error:  # a driver is somebody else's code: whatever it raises is told, not traced
             raise InputError(f"{where}: cannot be imported: {_one_line(error)}") from error
     else:
-        known: Mapping[str, EntryPoint] = {e.name: e for e in entry_points(group=f"zeromethod.{kind}s")}
+        known = _installed(kind)
         if name not in known:
             listed = ", ".join(sorted(known)) or "none is installed"
             raise InputError(f"{where}: unknown; allowed: {listed}, or package.module:Name")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -18,6 +19,11 @@ _FOLLOWING = NULLED | {State.NULLING}
 """A moving press is never quite nulled; every frame that was measured counts."""
 
 _LIBRARIES = ("zeromethod", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "moderngl")
+
+
+@cache
+def _versions() -> Mapping[str, str]:
+    return {name: version(name) for name in _LIBRARIES}
 
 
 def lock_frames(records: list[FrameRecord], phase: str = "hold") -> int | None:
@@ -139,6 +145,6 @@ def summarise(result: RunResult) -> Figures:
         "untouched": _untouched(records),
         "gl_renderer": result.gl_renderer,
         "python": platform.python_version(),
-        "versions": {name: version(name) for name in _LIBRARIES},
+        "versions": dict(_versions()),
     }
     return {key: _finite(value) for key, value in figures.items()}
