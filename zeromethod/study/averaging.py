@@ -11,7 +11,7 @@ from zeromethod.optics import Optics
 from zeromethod.study.closed_loop import opened
 from zeromethod.study.task import Figures, Procedure, Task
 from zeromethod.surface import SurfaceReader
-from zeromethod.warp.warp import Warp
+from zeromethod.warp.mean import RunningMean
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ def average(task: Task) -> Figures:
     Raises MeasurementError where the loop does not null so many frames.
     """
     wanted = int(task.settings["averaged_frames"])
-    mean, filtered, settled = _Mean(), None, 0
+    mean, filtered, settled = RunningMean(), None, 0
     with opened(task) as devices:
         optics = Optics(task.rig)
         loop = Loop(task.rig, devices.camera, devices.display, devices.clock, optics=optics)
@@ -55,33 +55,6 @@ def average(task: Task) -> Figures:
         "filtered_depth_rms_nm": 1e6 * _rms(by_filter.depth_mm[by_filter.valid]),
         "averaged_s": wanted / task.rig.camera.rate_hz,
     }
-
-
-class _Mean:
-    """Mean of warps, node by node over the frames in which it was measured."""
-
-    def __init__(self) -> None:
-        self.frames = 0
-        self._sum: Array = np.zeros(())
-        self._variance: Array = np.zeros(())
-        self._count: Array = np.zeros(())
-        self._flags: NDArray[np.uint16] = np.zeros((), np.uint16)
-
-    def add(self, warp: Warp) -> None:
-        valid = warp.valid[..., None]
-        self._sum = self._sum + np.where(valid, warp.q, 0.0)
-        self._variance = self._variance + np.where(valid, warp.sigma, 0.0) ** 2
-        self._count = self._count + valid
-        self._flags = warp.flags
-        self.frames += 1
-
-    @property
-    def warp(self) -> Warp:
-        measured = self._count > 0
-        count = np.where(measured, self._count, 1.0)
-        q = np.where(measured, self._sum / count, np.nan)
-        flags = np.where(measured[..., 0], 0, np.maximum(self._flags, 1)).astype(np.uint16)
-        return Warp(q, np.sqrt(self._variance) / count, flags, 0)
 
 
 def _rms(values: Array) -> float:

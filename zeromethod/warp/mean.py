@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zeromethod.warp.warp import Warp
 
@@ -12,22 +13,64 @@ LEAST_SHARE = 0.5
 """Share of the warps in which a node must be valid for its mean to be."""
 
 
-def mean_warp(warps: Sequence[Warp]) -> Warp:
+class RunningMean:
     """Mean, node by node, over the warps in which the node is valid, with its sigma.
 
     Nodes valid in fewer than half of the warps carry all their flags and the mean of all. Beside a fold,
     nodes flicker between valid and not: leaving out every one that ever did would lose the flank.
     """
-    flags = np.bitwise_or.reduce([warp.flags for warp in warps])
-    valid = np.stack([warp.valid for warp in warps])
-    enough = valid.mean(axis=0) >= LEAST_SHARE
-    used = np.where(enough, valid, True)[..., None].astype(np.float64)
-    count = used.sum(axis=0)
 
-    def mean(values: list[np.ndarray]) -> np.ndarray:
-        return np.asarray(np.where(used > 0, np.stack(values), 0.0).sum(axis=0) / count)
+    def __init__(self) -> None:
+        self.frames = 0
+        self._valid = _Sums()
+        self._all = _Sums()
+        self._flags: NDArray[np.uint16] = np.zeros((), np.uint16)
+        self._time_ns = 0
 
-    q = mean([warp.q for warp in warps])
-    sigma = np.sqrt(mean([warp.sigma**2 for warp in warps]) / count)
-    flags = np.where(enough, np.uint16(0), flags)
-    return Warp(q, sigma, flags, int(np.mean([warp.time_ns for warp in warps])))
+    def add(self, warp: Warp) -> None:
+        """Take in a warp."""
+        self.frames += 1
+        self._valid.add(warp, warp.valid[..., None])
+        self._all.add(warp, np.True_)
+        self._flags = self._flags | warp.flags
+        self._time_ns += warp.time_ns
+
+    @property
+    def warp(self) -> Warp:
+        """Mean of the warps so far, of which there is at least one."""
+        enough = self._valid.count >= LEAST_SHARE * self.frames
+        (q, sigma), (q_all, sigma_all) = self._valid.mean(), self._all.mean()
+        flags = np.where(enough[..., 0], np.uint16(0), self._flags)
+        return Warp(
+            np.where(enough, q, q_all),
+            np.where(enough, sigma, sigma_all),
+            flags,
+            self._time_ns // self.frames,
+        )
+
+
+class _Sums:
+    """Sums over the warps in which a node is used."""
+
+    def __init__(self) -> None:
+        self.count: NDArray[np.float64] = np.zeros(())
+        self._q: NDArray[np.float64] = np.zeros(())
+        self._variance: NDArray[np.float64] = np.zeros(())
+
+    def add(self, warp: Warp, used: NDArray[np.bool_] | np.bool_) -> None:
+        self.count = self.count + used
+        self._q = self._q + np.where(used, warp.q, 0.0)
+        self._variance = self._variance + np.where(used, warp.sigma, 0.0) ** 2
+
+    def mean(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mean of q and its sigma; 0 where nothing was summed up."""
+        count = np.maximum(self.count, 1.0)
+        return self._q / count, np.sqrt(self._variance) / count
+
+
+def mean_warp(warps: Iterable[Warp]) -> Warp:
+    """Mean of these, at least one; see `RunningMean`."""
+    mean = RunningMean()
+    for warp in warps:
+        mean.add(warp)
+    return mean.warp
