@@ -10,6 +10,7 @@ from typing import Any
 import click
 from pydantic import ValidationError
 
+from zeromethod.cli.numbers import Whole
 from zeromethod.devices.addresses import with_camera
 from zeromethod.errors import InputError
 from zeromethod.procedures.delay import with_strips
@@ -27,7 +28,7 @@ _LATENCY_S = (-1.0, 10.0)
 
 _OPTIONS: tuple[Callable[[Any], Any], ...] = (
     click.option(
-        "--display", "monitor", type=click.IntRange(min=0), help="The LCD is this monitor: see `devices`."
+        "--display", "monitor", type=Whole(min=0), help="The LCD is this monitor: see `devices`."
     ),
     click.option(
         "--camera", "address", metavar="ADDRESS",
@@ -37,7 +38,7 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
     click.option("--camera-gain", "gain", type=float, metavar="G", help="Gain of the camera, its own units."),
     click.option("--pixel-format", metavar="F", help="Pixel format of the camera: Mono8, Mono12, ..."),
     click.option(
-        "--region", "region_px", type=click.IntRange(min=0), nargs=4, metavar="X Y W H",
+        "--region", "region_px", type=Whole(min=0), nargs=4, metavar="X Y W H",
         help="Part of the camera's sensor: first column, first row, columns, rows.",
     ),
     click.option(

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from zeromethod.cli.calibrate_bench import calibrate_bench, calibrate_options
 from zeromethod.cli.calibrate_camera import board_command, intrinsics_command
+from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.phase_shifting.fringes import FringeSequence, equal_shifts
@@ -92,7 +93,7 @@ def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | N
 @click.option("--rig", "rig_name", help="Rig file, or a packaged name: LCD size, camera bits and noise.")
 @click.option(
     "--panel",
-    type=click.IntRange(16, 16384),
+    type=Whole(16, 16384),
     nargs=2,
     metavar="C R",
     help="LCD columns and rows. When left out: as far as the periods reach.",
@@ -106,16 +107,16 @@ def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | N
 )
 @click.option(
     "--repeats",
-    type=click.IntRange(1, 1000),
+    type=Whole(1, 1000),
     default=1,
     show_default=True,
     help="How often the whole sequence was shown.",
 )
-@click.option("--bits", type=click.IntRange(1, 16), help="Bits of the camera: all set is saturated.")
+@click.option("--bits", type=Whole(1, 16), help="Bits of the camera: all set is saturated.")
 @click.option(
     "--noise",
     "noise_given",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Real(min=0, min_open=True),
     nargs=2,
     metavar="S E",
     help="Camera noise: read noise, grey levels; electrons per grey level. Else found in the frames.",
@@ -123,7 +124,7 @@ def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | N
 @click.option(
     "--second-reflection",
     "limit_share",
-    type=click.FloatRange(0, 1, min_open=True),
+    type=Real(0, 1, min_open=True),
     default=LIMIT_SHARE,
     show_default=True,
     help="Largest second reflection to accept, of the main one's light.",
@@ -172,9 +173,9 @@ def decode_command(
         )
     found.rest_map.save(output)
     told = figures(found)
+    Console().print(_table(told))
     if summary is not None:
         write_summary(summary, {"periods_px": sequence.periods_px, "output": str(output), **told})
-    Console().print(_table(told))
     try:
         refuse_empty(found)
     except MeasurementError as error:

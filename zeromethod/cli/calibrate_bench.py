@@ -17,6 +17,7 @@ from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, home_of, load, newest
 from zeromethod.cli.bench_options import BenchOptions, bench_options, with_devices
 from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, depths_of, edge_of, known_of
+from zeromethod.cli.numbers import Whole
 from zeromethod.cli.output import check_file, check_folder, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.cli.telling import Telling
@@ -81,11 +82,11 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
     click.option("--light/--no-light", default=True, help="Measure response and noise."),
     click.option("--delay/--no-delay", default=True, help="Measure the delay of display and camera."),
     click.option(
-        "--frames", "rest_frames", type=click.IntRange(1, 1000), default=Plan.rest_frames, show_default=True,
+        "--frames", "rest_frames", type=Whole(1, 1000), default=Plan.rest_frames, show_default=True,
         help="Camera frames averaged for each picture of the rest map.",
     ),
     click.option(
-        "--press-frames", type=click.IntRange(4, 1000), default=Plan.press_frames, show_default=True,
+        "--press-frames", type=Whole(4, 1000), default=Plan.press_frames, show_default=True,
         help="Camera frames averaged for each press.",
     ),
     click.option(

@@ -30,6 +30,7 @@ from zeromethod.cli.bench_options import (
     with_devices,
     without_display,
 )
+from zeromethod.cli.numbers import Whole
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.cli.telling import Telling
 from zeromethod.devices.opening import open_devices
@@ -107,7 +108,7 @@ def board_command(
 @click.option(
     "--views",
     "count",
-    type=click.IntRange(LEAST_VIEWS, 200),
+    type=Whole(LEAST_VIEWS, 200),
     default=15,
     show_default=True,
     help="Live: how many views to take.",

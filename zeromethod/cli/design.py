@@ -125,7 +125,14 @@ def _report(
     figure: Path | None,
     summary: Path | None,
 ) -> None:
-    """Write what was asked for and print the tables."""
+    """Print the tables and write what was asked for."""
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    console.print(design_table(figures, figures["warnings"]))
+    for _, curve in found:
+        console.print()
+        console.print(curves_table(curve))
+        for value, reason in curve["refused"].items():
+            console.print(f"{curve['key']} {value}: {reason}", highlight=False)
     if summary is not None:
         write_summary(summary, figures)
     if figure is not None:
@@ -135,10 +142,3 @@ def _report(
         draw_design(view, figures, figure)
         for run, curve in found:
             draw_curves(curve, run.label, figures["rig"], figure.with_name(f"{figure.stem}-{run.key}.png"))
-    console = Console(width=None if sys.stdout.isatty() else 120)
-    console.print(design_table(figures, figures["warnings"]))
-    for _, curve in found:
-        console.print()
-        console.print(curves_table(curve))
-        for value, reason in curve["refused"].items():
-            console.print(f"{curve['key']} {value}: {reason}", highlight=False)

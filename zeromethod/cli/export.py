@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
@@ -34,9 +35,7 @@ from zeromethod.view.progress import progress
 )
 @click.option("--from", "from_s", type=float, metavar="S", help="Start at this time of the recording.")
 @click.option("--to", "to_s", type=float, metavar="S", help="End at this time.")
-@click.option(
-    "--every", type=click.IntRange(min=1), default=1, show_default=True, help="Every so many-th frame only."
-)
+@click.option("--every", type=Whole(min=1), default=1, show_default=True, help="Every so many-th frame only.")
 @click.option(
     "--at",
     "at_s",
@@ -47,7 +46,7 @@ from zeromethod.view.progress import progress
 @click.option(
     "--pitch",
     "pitch_mm",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Real(min=0, min_open=True),
     metavar="MM",
     help="Pixels of a TIFF.  [default: the nodes' own distance]",
 )

@@ -3,40 +3,44 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import click
 
+from zeromethod.cli.numbers import Real, Whole
 from zeromethod.errors import InputError
 from zeromethod.procedures.calibration.new_rig import Calipers, rig_text
 from zeromethod.rig.load import load_rig
 
-_ABOVE_ZERO = click.FloatRange(min=0, min_open=True)
-_FROM_ZERO = click.FloatRange(min=0)
-_ANGLE = click.FloatRange(5, 85, min_open=True, max_open=True)
-_INDEX = click.FloatRange(1, 4)
-_COUNT = click.IntRange(16, 16384)
+_ABOVE_ZERO = Real(min=0, min_open=True)
+_ANGLE = Real(5, 85, min_open=True, max_open=True)
+_INDEX = Real(1, 4, min_open=True)
+_PIXEL = Real(0.1, 100)
+_LENGTH = Real(0.01, 10_000)
+_GAP = Real(0, 1000)
+_COUNT = Whole(16, 16384)
 
 _QUESTIONS = (
     ("pattern_angle_deg", "--pattern-angle", _ANGLE, "angle between mirror and pattern face, degrees"),
     ("captured_angle_deg", "--captured-angle", _ANGLE, "angle between mirror and captured face, degrees"),
-    ("leg_mm", "--leg", _ABOVE_ZERO, "length of the pattern face, from P0 to its far edge, mm"),
-    ("width_mm", "--width", _ABOVE_ZERO, "width of the prism, mm"),
+    ("leg_mm", "--leg", _LENGTH, "length of the pattern face, from P0 to its far edge, mm"),
+    ("width_mm", "--width", _LENGTH, "width of the prism, mm"),
     ("index", "--index", _INDEX, "refractive index of the rubber"),
-    ("gap_mm", "--gap", _FROM_ZERO, "gap between prism and LCD, its glass counted in, mm"),
+    ("gap_mm", "--gap", _GAP, "gap between prism and LCD, its glass counted in, mm"),
     ("lcd_columns", "--lcd-columns", _COUNT, "columns of the LCD"),
     ("lcd_rows", "--lcd-rows", _COUNT, "rows of the LCD"),
-    ("pitch_mm", "--pitch", _ABOVE_ZERO, "pitch of the LCD's pixels, mm"),
-    ("lcd_along_mm", "--lcd-along", float, "from P0 to the LCD's middle, along the pattern face, mm"),
+    ("pitch_mm", "--pitch", Real(1e-4, 100), "pitch of the LCD's pixels, mm"),
+    ("lcd_along_mm", "--lcd-along", Real(), "from P0 to the LCD's middle, along the pattern face, mm"),
     ("refresh_hz", "--refresh", _ABOVE_ZERO, "refresh rate of the LCD, Hz"),
     ("camera_columns", "--camera-columns", _COUNT, "columns of the camera's image"),
     ("camera_rows", "--camera-rows", _COUNT, "rows of the camera's image"),
-    ("pixel_um", "--pixel", _ABOVE_ZERO, "pitch of the camera's pixels, micrometres"),
-    ("lens_mm", "--lens", _ABOVE_ZERO, "focal length of the lens, mm"),
-    ("distance_mm", "--distance", _ABOVE_ZERO, "from the lens to the captured face, mm"),
+    ("pixel_um", "--pixel", _PIXEL, "pitch of the camera's pixels, micrometres"),
+    ("lens_mm", "--lens", _LENGTH, "focal length of the lens, mm"),
+    ("distance_mm", "--distance", _LENGTH, "from the lens to the captured face, mm"),
     ("rate_hz", "--rate", _ABOVE_ZERO, "frame rate of the camera, frames per second"),
     ("exposure_s", "--exposure", _ABOVE_ZERO, "exposure of the camera, s"),
 )
@@ -77,25 +81,47 @@ def init_command(path: Path, rig_name: str, ask: bool | None, force: bool, **giv
         raise InputError(f"FILE: {path}: not writable")
     calipers = Calipers.of(load_rig(rig_name))
     calipers = replace(calipers, **{name: value for name, value in given.items() if value is not None})
-    if sys.stdin.isatty() if ask is None else ask:
-        calipers = _asked(calipers, {name for name, value in given.items() if value is not None})
-    text = rig_text(calipers, path.stem, path)
+    known = {name for name, value in given.items() if value is not None}
+    if (sys.stdin.isatty() if ask is None else ask) and len(known) < len(_QUESTIONS):
+        text = _asked(calipers, known, path)
+    else:
+        text = rig_text(calipers, path.stem, path)
     part = path.with_name(path.name + ".part")
     try:
         part.write_text(text, encoding="utf-8")
         part.replace(path)
     except OSError as error:
         raise InputError(f"FILE: {path}: cannot be written: {error.strerror}: a file of yours") from None
+    name = shlex.quote(str(path))
     click.echo(f"{path} written; next:")
-    click.echo(f"  zeromethod design {path}                                    is it a good bench?")
-    click.echo(f"  zeromethod devices --focus --rig {path} --display 1 --camera 0   aim and focus")
-    click.echo(f"  zeromethod calibrate --rig {path} --display 1 --camera 0 --press-depths 0.2,0.15,0.2")
+    click.echo(f"  zeromethod design {name}                                    is it a good bench?")
+    click.echo(f"  zeromethod devices --focus --rig {name} --display 1 --camera 0   aim and focus")
+    click.echo(f"  zeromethod calibrate --rig {name} --display 1 --camera 0 --press-depths 0.2,0.15,0.2")
 
 
-def _asked(calipers: Calipers, known: set[str]) -> Calipers:
-    """The same with answers in place of what was not given as an option."""
-    answers = asdict(calipers)
-    for name, _, kind, words in _QUESTIONS:
-        if name not in known:
-            answers[name] = click.prompt(words, default=answers[name], type=cast(Any, kind))
-    return Calipers(**answers)
+def _asked(calipers: Calipers, known: set[str], path: Path) -> str:
+    """Text of the rig file, with answers in place of what was not given as an option.
+
+    Answers that do not make a bench are told why, and asked for again.
+    """
+    while True:
+        answers = asdict(calipers)
+        for name, _, kind, words in _QUESTIONS:
+            if name not in known:
+                answers[name] = _answer(words, answers[name], kind, path)
+        calipers = Calipers(**answers)
+        try:
+            return rig_text(calipers, path.stem, path)
+        except InputError as error:
+            click.echo(f"{error}: once more (Enter keeps what you said)", err=True)
+
+
+def _answer(words: str, default: Any, kind: Real | Whole, path: Path) -> Any:
+    try:
+        return click.prompt(words, default=default, type=kind)
+    except click.Abort as abort:
+        if isinstance(abort.__context__, EOFError):
+            told = f"the input ended at {words!r}; nothing is written; allowed: options, with --no-ask"
+            raise InputError(f"FILE: {path}: {told}") from None
+        click.echo("\ninterrupted: nothing is written", err=True)
+        raise

@@ -9,6 +9,7 @@ import click
 import numpy as np
 from rich.console import Console
 
+from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, check_folder, write_summary
 from zeromethod.correlation.correlate import LARGEST_SPACING_PX, NARROWEST_PX, SPACING_PX, WIDEST_PX
 from zeromethod.errors import InputError, MeasurementError
@@ -29,14 +30,14 @@ from zeromethod.view.progress import progress
 @click.option("--rig", "rig_name", help="Rig file, or a packaged name: read slope and depth as well.")
 @click.option(
     "--spacing",
-    type=click.IntRange(1, LARGEST_SPACING_PX),
+    type=Whole(1, LARGEST_SPACING_PX),
     default=SPACING_PX,
     show_default=True,
     help="Pixels between the points.",
 )
 @click.option(
     "--window",
-    type=click.FloatRange(NARROWEST_PX, WIDEST_PX),
+    type=Real(NARROWEST_PX, WIDEST_PX),
     help="Standard deviation in px of the Gaussian window; chosen per point when left out.",
 )
 @click.option(

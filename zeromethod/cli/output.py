@@ -38,10 +38,16 @@ def check_folder(option: str, path: Path | None) -> None:
 
 
 def write_summary(path: Path, figures: dict[str, Any]) -> None:
-    """Write figures as JSON, in one move, so that a reader never sees half of it; what is no number: null."""
+    """Write figures as JSON, in one move, so that a reader never sees half of it; what is no number: null.
+
+    Raises InputError where the disk does not take it.
+    """
     part = path.with_name(path.name + ".part")
-    part.write_text(json.dumps(_plain(figures), indent=2) + "\n")
-    part.replace(path)
+    try:
+        part.write_text(json.dumps(_plain(figures), indent=2) + "\n")
+        part.replace(path)
+    except OSError as error:
+        raise InputError(f"--summary: {path}: cannot be written: {error.strerror}") from None
 
 
 def _plain(value: Any) -> Any:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from zeromethod.calibration.folder import DOCUMENT, Stored
+from zeromethod.cli.numbers import Whole
 from zeromethod.control import Loop
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
@@ -32,7 +33,7 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
     ),
     click.option(
         "--every",
-        type=click.IntRange(min=1),
+        type=Whole(min=1),
         help="With --record: keep them of every n-th turn.  [default: 1]",
     ),
     click.option(

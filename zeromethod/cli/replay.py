@@ -13,6 +13,7 @@ import click
 import numpy as np
 from rich.console import Console
 
+from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
@@ -46,7 +47,7 @@ from zeromethod.view.replay_table import differences_table, sessions_table
 )
 @click.option("--set", "settings", metavar="KEY=VALUE", multiple=True, help="Another value of the rig's.")
 @click.option("--rig", "rig_name", help="Another rig file, or a packaged name, in place of the recorded one.")
-@click.option("--gain", type=click.FloatRange(0, 1, min_open=True), help="loop: share of each correction.")
+@click.option("--gain", type=Real(0, 1, min_open=True), help="loop: share of each correction.")
 @click.option(
     "--controller",
     type=click.Choice(["composition", "integrator"]),
@@ -57,7 +58,7 @@ from zeromethod.view.replay_table import differences_table, sessions_table
 @click.option("--to", "to_s", type=float, metavar="S", help="Seconds from the start of the recording.")
 @click.option(
     "--speed",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Real(min=0, min_open=True),
     help="At most so many times as fast as it was: 1 = real time.  [default: as fast as it goes]",
 )
 @click.option(

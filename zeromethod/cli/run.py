@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +20,7 @@ from zeromethod.cli.bench_options import (
     with_latency,
 )
 from zeromethod.cli.keys import HELP, Keys
+from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.cli.recording_options import RecordingOptions, recording_options
 from zeromethod.cli.stopping import stopped_by_signals
@@ -63,10 +63,12 @@ from zeromethod.view.table import summary_table
 @click.option("--force", is_flag=True, help="Run with a calibration that belongs to another bench.")
 @click.option("--simulate", is_flag=True, help="Simulate the rig's bench instead of opening its devices.")
 @click.option("--press", help="Simulated press: a packaged scenario (default, step, ...) or a .toml file.")
-@click.option("--frames", type=click.IntRange(min=1), help="Stop after this many frames.")
-@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after this time.")
-@click.option("--seed", type=click.IntRange(min=0), help="Seed of the simulated bench.")
-@click.option("--gain", type=click.FloatRange(0, 1, min_open=True), help="Share of each correction applied.")
+@click.option("--frames", type=Whole(min=1), help="Stop after this many frames.")
+@click.option("--seconds", type=Real(min=0, min_open=True), help="Stop after this time.")
+@click.option("--seed", type=Whole(min=0), help="Seed of the simulated bench.")
+@click.option(
+    "--gain", "loop_gain", type=Real(0, 1, min_open=True), help="Share of each correction applied."
+)
 @click.option(
     "--controller", type=click.Choice(["composition", "integrator"]), help="How corrections are applied."
 )
@@ -83,7 +85,7 @@ def run_command(
     frames: int | None,
     seconds: float | None,
     seed: int | None,
-    gain: float | None,
+    loop_gain: float | None,
     controller: str | None,
     figure: Path | None,
     summary: Path | None,
@@ -95,9 +97,6 @@ def run_command(
     --display and --camera it runs on real devices until q, Ctrl-C, or --seconds; then p pauses corrections
     and z takes the mirror as it is for the mirror at rest.
     """
-    for option, value in (("--gain", gain), ("--seconds", seconds)):
-        if value is not None and not math.isfinite(value):
-            raise InputError(f"{option}: {value}: must be a finite number")
     check_file("--figure", figure, suffix=".png")
     check_file("--summary", summary, suffix=".json")
     names = ("recording", "keep", "every", "compress")
@@ -112,7 +111,7 @@ def run_command(
             raise InputError(f"--simulate and {options.given[0]}: give one of them, not both")
         rig = simulated_clone(rig)
     rig = with_latency(with_devices(rig, options), latency_s)
-    rig = with_asked_strips(_with_overrides(rig, press, seed, gain, controller), strips, options.named)
+    rig = with_asked_strips(_with_overrides(rig, press, seed, loop_gain, controller), strips, options.named)
     check_geometry(rig)
     limit_threads()
     with (
@@ -182,15 +181,15 @@ def _with_overrides(
 
 
 def _report(result: RunResult, figure: Path | None, summary: Path | None) -> None:
-    """Write what was asked for, print the table, and turn the outcome into an exit code."""
+    """Print the table, write what was asked for, and turn the outcome into an exit code."""
     figures = summarise(result)
+    Console().print(summary_table(figures))
     if summary is not None:
         write_summary(summary, figures)
     if figure is not None and result.records:
         from zeromethod.view.figure import draw_figure  # noqa: PLC0415 - matplotlib loads slowly
 
         draw_figure(result, figures, figure)
-    Console().print(summary_table(figures))
     if result.interrupted:
         raise KeyboardInterrupt
     if result.state in {State.FAULT, State.LOST}:

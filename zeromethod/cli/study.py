@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from zeromethod.cli.numbers import Whole
 from zeromethod.cli.output import check_file, check_folder, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError, MeasurementError
@@ -39,7 +40,7 @@ _TOLD = 10
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder of the results.  [default: study-NAME]",
 )
-@click.option("--workers", type=click.IntRange(min=1), help="Processes.  [default: one per core]")
+@click.option("--workers", type=Whole(min=1), help="Processes.  [default: one per core]")
 @click.option("--cluster", metavar="ADDRESS", help="Run on a Dask cluster: its scheduler's tcp://host:8786.")
 @click.option("--again", is_flag=True, help="Do runs again that failed.")
 @click.option("--anew", is_flag=True, help="Begin anew: forget the runs in the folder.")

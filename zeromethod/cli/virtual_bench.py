@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from zeromethod.cli.numbers import Whole
 from zeromethod.cli.output import check_file
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
@@ -27,14 +28,14 @@ from zeromethod.threads import limit_threads
 @click.option("--press", help="Simulated press: a packaged scenario (rehearsal, step, ...) or a .toml file.")
 @click.option(
     "--monitor",
-    type=click.IntRange(min=0),
+    type=Whole(min=0),
     default=1,
     show_default=True,
     help="Which monitor plays the LCD, counted as `run --display` counts.",
 )
 @click.option(
     "--port",
-    type=click.IntRange(0, 65535),
+    type=Whole(0, 65535),
     default=5005,
     show_default=True,
     help="Where the camera's stream is served (0: any free port).",
@@ -43,8 +44,8 @@ from zeromethod.threads import limit_threads
 @click.option(
     "--truth", "truth_path", type=click.Path(path_type=Path, dir_okay=False), help="Write the truth (.jsonl)."
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor's noise.")
-@click.option("--loops", type=click.IntRange(min=1), help="Play the scenario this often. [default: 1]")
+@click.option("--seed", type=Whole(min=0), help="Seed of the sensor's noise.")
+@click.option("--loops", type=Whole(min=1), help="Play the scenario this often. [default: 1]")
 @click.option("--forever", is_flag=True, help="Play the scenario again and again.")
 @click.option(
     "--start-after",

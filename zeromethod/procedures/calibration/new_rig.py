@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
+from zeromethod.design import SampledView
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import parse_rig
@@ -124,10 +126,11 @@ def rig_text(calipers: Calipers, name: str, path: Path) -> str:
     """Text of the rig file, checked as `load_rig` and `check_geometry` would. Raises InputError."""
     c = calipers
     x, _, z = c.position_mm
+    file = shlex.quote(path.name)
     text = f"""\
 # The bench "{name}", as measured by hand. Lengths in mm, angles in degrees, times in s.
-#   zeromethod run --rig {path.name}                                    simulates it
-#   zeromethod calibrate --rig {path.name} --display 1 --camera 0       finds what calipers cannot
+#   zeromethod run --rig {file}                                    simulates it
+#   zeromethod calibrate --rig {file} --display 1 --camera 0       finds what calipers cannot
 # World: origin on the edge P0 where pattern face and mirror meet, x along the mirror towards the captured
 # face, z out of the rubber.
 schema_version = 1
@@ -191,4 +194,5 @@ contrast = 0.9
 """
     rig = parse_rig(text, path)
     check_geometry(rig)
+    SampledView(rig)  # refuses a bench of which nothing is seen
     return text

@@ -1,0 +1,50 @@
+"""Numbers of the command line: finite, and refused with the range that is allowed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+
+def _range(kind: click.FloatRange | click.IntRange, noun: str) -> str:
+    """The range in words: "a number above 0, at most 1"."""
+    words = [noun]
+    if kind.min is not None:
+        words.append(f"{'above' if kind.min_open else 'from'} {kind.min:g}")
+    if kind.max is not None:
+        joint = " to" if kind.min is not None and not kind.min_open and not kind.max_open else ","
+        words[-1] += joint
+        words.append(f"{'below ' if kind.max_open else '' if joint == ' to' else 'at most '}{kind.max:g}")
+    return " ".join(words)
+
+
+class Real(click.FloatRange):
+    """A finite number, between bounds where there are any."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Number of a text; fails with what is allowed."""
+        try:
+            number = float(value)
+            if math.isfinite(number):
+                return float(super().convert(number, param, ctx))
+        except (ValueError, click.BadParameter):
+            pass
+        raise click.BadParameter(f"{value}: {_range(self, 'a number')}", ctx, param)
+
+
+class Whole(click.IntRange):
+    """A whole number, between bounds where there are any."""
+
+    name = "integer"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Number of a text; fails with what is allowed."""
+        try:
+            return int(super().convert(int(str(value)), param, ctx))
+        except (ValueError, click.BadParameter):
+            pass
+        raise click.BadParameter(f"{value}: {_range(self, 'a whole number')}", ctx, param)
