@@ -24,6 +24,9 @@ from zeromethod.calibration.intrinsics import CameraFit
 from zeromethod.cli import calibrate_bench
 from zeromethod.cli.calibrate import calibrate_command
 from zeromethod.errors import InputError
+from zeromethod.procedures.calibration import recall
+from zeromethod.procedures.calibration.procedure import with_values
+from zeromethod.procedures.calibration.rest import decode
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 
@@ -206,6 +209,12 @@ def test_redo_adds_what_was_measured_later_and_diff_tells_the_change(
         (("--show", "nowhere"), "nowhere"),
         (("--diff", "nowhere", "nowhere"), "nowhere"),
         (("--redo", "nowhere"), "nowhere"),
+        (("--redo", "nowhere", "--display", "1"), "--display: not with --redo"),
+        (("--diff", "a", "b", "--summary", "d.json"), "--summary: not with --diff; allowed: none other"),
+        (
+            ("--show", "nowhere", "--known", "gap_mm=0.5:0.1"),
+            "--known: not with --show; allowed: --rig, --summary",
+        ),
     ],
 )
 def test_bad_input_is_one_line(
@@ -228,11 +237,13 @@ def test_bad_calibration_is_not_offered_for_use(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(calibrate_bench, "_report", lambda *_: None)
-    calibrate_bench._tell_stored(Console(width=300), Stored(tmp_path, {"verdict": {"level": level}}), None)
+    monkeypatch.setattr(calibrate_bench, "_print", lambda *_: None)
+    stored = Stored(tmp_path / "my bench", {"verdict": {"level": level}})
+    calibrate_bench._tell_stored(Console(width=300), stored, None, " --display 1 --camera 0")
     told_lines = capsys.readouterr().out
     assert f"stored in {tmp_path}" in told_lines
-    assert ("use it" in told_lines) is offered
+    use = f"use it: zeromethod run --rig '{tmp_path}/my bench/rig.toml' --display 1 --camera 0"
+    assert (use in told_lines) is offered
 
 
 def test_arrays_that_are_missing_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -254,6 +265,33 @@ def test_interrupted_before_the_rest_map_nothing_is_left(
     assert isinstance(result.exception, SystemExit | KeyboardInterrupt), result.output
     assert "interrupted: nothing was stored" in result.output
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("during", ["evaluate_or_keep", "_store"])
+def test_interrupted_later_what_was_recorded_is_stored(
+    during: str, made: Result, rig_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded, _ = recall(calibrations(rig_file)[0])
+    found = decode(with_values(recorded.rig, recorded.values), recorded.rest)
+    then = getattr(calibrate_bench, during)
+
+    def interrupted(*given: object) -> object:
+        os.kill(os.getpid(), signal.SIGINT)
+        return then(*given)
+
+    monkeypatch.setattr(calibrate_bench, "record", lambda *_: (recorded, found))
+    monkeypatch.setattr(calibrate_bench, during, interrupted)
+    result = told("--rig", rig_file, "--output", tmp_path / "out")
+    assert isinstance(result.exception, SystemExit | KeyboardInterrupt), result.output
+    (folder,) = (tmp_path / "out").iterdir()
+    assert f"stored in {folder}" in result.output.replace("\n", "")
+    stored = load(folder)
+    if during == "_store":  # it was whole by then
+        assert stored.document["verdict"]["level"] != "bad"
+    else:
+        assert stored.document["verdict"]["reason"].startswith("interrupted before the fit was done")
+        assert f"zeromethod calibrate --redo {folder}" in result.output.replace("\n", "")
+    assert recall(folder)[0].plan.press_depths_mm == recorded.plan.press_depths_mm
 
 
 def test_rig_without_calibration_has_none_to_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -151,3 +151,33 @@ def test_bad_input_is_one_line_and_no_file(
     assert words in str(result.exception)
     assert "\n" not in str(result.exception)
     assert not (tmp_path / name).exists()
+
+
+def test_input_that_ends_early_writes_nothing_and_says_so(path: Path) -> None:
+    result = told(path, "--ask", answers="50\n50\n")
+    assert isinstance(result.exception, InputError)
+    assert "the input ended at 'length of the pattern face" in str(result.exception)
+    assert not path.exists()
+
+
+def test_answers_that_make_no_bench_are_asked_for_again(path: Path) -> None:
+    # the last answer of the first round is an exposure longer than a frame
+    result = told(path, "--ask", answers="\n" * 17 + "1\n" + "\n" * 17 + "0.01\n")
+    assert result.exit_code == 0, result.output
+    assert "camera.exposure_s: 1.0: at most the frame time" in result.output
+    assert load_rig(path).camera.exposure_s == 0.01
+
+
+def test_a_name_with_blanks_is_quoted_in_what_to_type_next(tmp_path: Path) -> None:
+    path = tmp_path / "my bench.toml"
+    assert f"zeromethod design '{path}'" in told(path).output
+    assert "zeromethod run --rig 'my bench.toml'" in path.read_text()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("--gap", 999, "--lcd-along", 3000), ("--width", 0.01), ("--pixel", 1e-300), ("--lens", "nan")],
+)
+def test_a_bench_that_cannot_be_is_not_written(arguments: tuple[object, ...], path: Path) -> None:
+    assert told(path, *arguments).exit_code != 0
+    assert not path.exists()

@@ -103,7 +103,7 @@ def test_the_loop_unchanged_stands_beside_the_recorded_session_alone(session: Pa
         (("SESSION", "--from", "9"), "nothing is there"),
         (("SESSION", "--rig", "nobench"), "rig: "),
         (("SESSION", "--figure", "x.pdf"), "must end in .png"),
-        (("SESSION", "--speed", "inf"), "finite"),
+        (("SESSION", "--speed", "inf"), "inf: a number above 0"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_2(

@@ -41,6 +41,29 @@ def test_a_calibration_of_another_bench_is_refused_unless_forced(
     assert outcome("--rig", rig, "--force", capsys=capsys) == (0, "")
 
 
+def test_a_real_benchs_calibration_asks_for_its_devices(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = calibrated(tmp_path, 0.008, days_ago=0)
+    with (tmp_path / DOCUMENT).open("a") as document:
+        document.write('driver = "opencv"\n[fingerprint.display]\ndriver = "window"\n')
+    words = "calibrated with real devices: give --display N and --camera ADDRESS, or --simulate"
+    assert outcome("--rig", rig, capsys=capsys) == (2, f"zeromethod: --rig: {rig}: {words}\n")
+    assert outcome("--rig", rig, "--simulate", capsys=capsys) == (0, "")
+
+
+def test_the_simulated_twin_needs_no_measured_rest(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = resource("calibration/simulated.toml").read_text()
+    rig = tmp_path / "moved.toml"
+    rig.write_text(text.replace("[camera]\n", '[camera]\nrest_map = "arrays.h5"\n', 1))
+    code, told = outcome("--rig", str(rig), capsys=capsys)
+    assert code == 2
+    assert "camera.rest_map" in told
+    assert outcome("--rig", str(rig), "--simulate", capsys=capsys) == (0, "")
+
+
 def test_an_old_calibration_is_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, told = outcome("--rig", calibrated(tmp_path, 0.008, days_ago=400), capsys=capsys)
     assert code == 0

@@ -118,7 +118,7 @@ def newest(name: str | Path) -> Stored | None:
 def calibration_of(rig_file: str | Path) -> Stored | None:
     """The calibration that a rig file is part of; None for any other rig file."""
     folder = Path(rig_file).parent
-    return load(folder) if Path(rig_file).name == RIG and (folder / DOCUMENT).is_file() else None
+    return load(folder) if Path(rig_file).name == RIG and (folder / DOCUMENT).exists() else None
 
 
 def lacks_document(rig_file: str | Path, rest_map: Path | None) -> bool:
@@ -128,7 +128,7 @@ def lacks_document(rig_file: str | Path, rest_map: Path | None) -> bool:
     """
     folder = Path(rig_file).absolute().parent
     return (
-        rest_map is not None and rest_map.absolute() == folder / ARRAYS and not (folder / DOCUMENT).is_file()
+        rest_map is not None and rest_map.absolute() == folder / ARRAYS and not (folder / DOCUMENT).exists()
     )
 
 

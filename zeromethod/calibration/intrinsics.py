@@ -76,7 +76,8 @@ def fit_camera(views: Sequence[View], board: Board, shape: tuple[int, int]) -> C
     stray = sum(len(view.ids) for view in views) - sum(len(view.ids) for view in kept)
     if solution.rms_px > MOST_RMS_PX:
         raise InputError(
-            f"--board: the corners do not lie as on {board}: {solution.rms_px:.1f} px off: another board?"
+            f"--board: the corners do not lie as on {board}: {solution.rms_px:.1f} px off: another board, or "
+            "pictures that are all alike?"
         )
     covariance = _covariance(solution, len(kept))
     focal, sigma = float(solution.values[0]), float(np.sqrt(covariance[0, 0]))

@@ -10,7 +10,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from zeromethod.cli.calibrate_bench import calibrate_bench, calibrate_options
+from zeromethod.cli.calibrate_bench import calibrate_bench, calibrate_options, refuse_unheeded
 from zeromethod.cli.calibrate_camera import board_command, intrinsics_command
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, write_summary
@@ -41,6 +41,7 @@ def calibrate_command(context: click.Context, /, **given: Any) -> None:
     the rig file, with a rig file for `run`.
     """
     if context.invoked_subcommand is None:
+        refuse_unheeded(context)
         calibrate_bench(**given)
 
 

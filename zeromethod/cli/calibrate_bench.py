@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 from rich.console import Console
 
 from zeromethod.calibration.camera_file import CameraFile, load_camera
@@ -31,6 +33,7 @@ from zeromethod.procedures.calibration import (
     evaluate_or_keep,
     recall,
     record,
+    rest_alone,
     store_calibration,
 )
 from zeromethod.procedures.calibration.procedure import Known
@@ -67,9 +70,9 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
         help="A parameter measured by itself: gap_mm=0.48:0.01 by feeler gauge, display.along_mm=29.8:0.25.",
     ),
     click.option(
-        "--edge", "edges", multiple=True, metavar="P0=U,V:SIGMA",
-        help="A point of the mirror's edge P0 or R0 in the camera's image, px: R0=1180.5,512:2. It takes the "
-        "place of what is found there.",
+        "--edge", "edges", multiple=True, metavar="P0=U,V[:SIGMA]",
+        help="A point of the mirror's edge P0 or R0 in the camera's image, px: R0=1180.5,512:2 (sigma 2 px "
+        "unless told). It takes the place of what is found there.",
     ),
     click.option(
         "--edges/--no-edges", "find", default=None,
@@ -122,6 +125,30 @@ def calibrate_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+_INSTEAD = {
+    "compared": frozenset[str](),
+    "show_folder": frozenset({"rig_name", "summary"}),
+    "redo_folder": frozenset({"known", "edges", "find", "camera_file", "ball_text", "output", "summary"}),
+}
+"""What may be told beside the options that take the place of a calibration."""
+
+
+def refuse_unheeded(context: click.Context) -> None:
+    """Raise InputError for an option that was given and would go unheeded."""
+    typed = {option.name: option.opts[0] for option in context.command.params}
+    given = [
+        name
+        for name in typed
+        if name is not None and context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+    ]
+    for name, heeded in _INSTEAD.items():
+        if name in given:
+            for other in given:
+                if other != name and other not in heeded:
+                    allowed = ", ".join(sorted(typed[one] for one in heeded)) or "none other"
+                    raise InputError(f"{typed[other]}: not with {typed[name]}; allowed: {allowed}")
+
+
 def calibrate_bench(
     rig_name: str | None,
     *,
@@ -158,8 +185,9 @@ def calibrate_bench(
         return None
     if show_folder is not None:
         shown = _wanted(show_folder, rig_name)
-        _report(console, shown, summary)
+        _print(console, shown)
         _tell_arrays(shown)
+        _summarise(shown, summary)
         return shown
     lens = load_camera(camera_file) if camera_file is not None else None
     direct: tuple[Known, ...] = (*map(known_of, known), *map(edge_of, edges))
@@ -168,7 +196,7 @@ def calibrate_bench(
     limit_threads()
     if redo_folder is not None:
         stored = _redo(redo_folder, direct, lens, ball_mm, find, output)
-        _tell_stored(console, stored, summary)
+        _tell_stored(console, stored, summary, _devices_before(stored))
         return _refuse_bad(stored)
     if rig_name is None:
         raise InputError("--rig: missing: your rig file (zeromethod init my.toml makes one)")
@@ -188,14 +216,21 @@ def calibrate_bench(
     )
     options, home = BenchOptions(**devices), output or home_of(rig_name)
     rig = _bench(rig_name, options, plan, lens)
-    with _home(home), stopped_by_signals():
-        with open_devices(rig) as opened:
-            for warning in getattr(opened.display, "warnings", ()):
-                click.echo(f"! {warning}", err=True)
-            recorded, found = record(rig, opened, plan, Telling())
-        stored = _store(evaluate_with(recorded, found, rig_name), rig_name, home, options.settings)
-    _tell_stored(console, stored, summary)
-    if recorded.interrupted:
+    with _home(home):
+        with stopped_by_signals():
+            with open_devices(rig) as opened:
+                for warning in getattr(opened.display, "warnings", ()):
+                    click.echo(f"! {warning}", err=True)
+                recorded, found = record(rig, opened, plan, Telling())
+            calibrated = evaluate_with(recorded, found, rig_name)
+        late: list[bool] = []
+        with stopped_by_signals(lambda: late.append(True)):
+            stored = _store(calibrated, rig_name, home, options.settings)
+    _tell_stored(console, stored, summary, _devices_words(options))
+    if calibrated.recorded.interrupted:
+        again = f"evaluate it anew: zeromethod calibrate --redo {shlex.quote(str(stored.folder))}"
+        console.print(again, soft_wrap=True, highlight=False)
+    if late or calibrated.recorded.interrupted:
         raise KeyboardInterrupt
     _refuse_bad(stored)
     if recorded.failure:
@@ -228,7 +263,11 @@ def evaluate_with(recorded: Recorded, found: Any, rig_name: str) -> Calibration:
         last = before.parameters
         if load_rig(before.folder / GIVEN).camera.focal_px != recorded.rig.camera.focal_px:
             del last["camera.scale"]  # it is relative to the rig file's
-    return evaluate_or_keep(recorded, found, last, Telling())
+    try:
+        return evaluate_or_keep(recorded, found, last, Telling())
+    except KeyboardInterrupt:
+        click.echo("! interrupted: storing what was recorded (again: nothing is stored)", err=True)
+        return rest_alone(replace(recorded, interrupted=True), found, "interrupted before the fit was done")
 
 
 def _bench(rig_name: str, options: BenchOptions, plan: Plan, lens: CameraFile | None) -> Rig:
@@ -298,11 +337,27 @@ def _wanted(folder: str, rig_name: str | None) -> Stored:
     return found
 
 
-def _tell_stored(console: Console, stored: Stored, summary: Path | None) -> None:
-    _report(console, stored, summary)
+def _devices_words(options: BenchOptions) -> str:
+    """The same devices for another command, each with a blank before it."""
+    monitor = "" if options.monitor is None else f" --display {options.monitor}"
+    return monitor + ("" if options.address is None else f" --camera {shlex.quote(options.address)}")
+
+
+def _devices_before(stored: Stored) -> str:
+    """What stands for the devices of a calibration where its rig file does not name them."""
+    rig, before = load_rig(stored.rig_file), stored.fingerprint
+    words = " --display N" if before["display"].get("driver") != rig.display.driver else ""
+    return words + (" --camera ADDRESS" if before["camera"].get("driver") != rig.camera.driver else "")
+
+
+def _tell_stored(console: Console, stored: Stored, summary: Path | None, devices: str) -> None:
+    """Print the tables and where they are; then write the summary. devices: options of `run`."""
+    _print(console, stored)
     console.print(f"stored in {stored.folder}", soft_wrap=True, highlight=False)
     if stored.document["verdict"]["level"] != "bad":
-        console.print(f"use it: zeromethod run --rig {stored.rig_file}", soft_wrap=True, highlight=False)
+        command = f"zeromethod run --rig {shlex.quote(str(stored.rig_file))}{devices}"
+        console.print(f"use it: {command}", soft_wrap=True, highlight=False)
+    _summarise(stored, summary)
 
 
 def _tell_arrays(stored: Stored) -> None:
@@ -318,9 +373,12 @@ def _refuse_bad(stored: Stored) -> Stored:
     return stored
 
 
-def _report(console: Console, stored: Stored, summary: Path | None) -> None:
+def _summarise(stored: Stored, summary: Path | None) -> None:
     if summary is not None:
         write_summary(summary, {**_jsonable(stored.document), "folder": str(stored.folder)})
+
+
+def _print(console: Console, stored: Stored) -> None:
     console.print(parameter_table(stored))
     console.print(figure_table(stored))
     console.print(depth_line(stored), soft_wrap=True)

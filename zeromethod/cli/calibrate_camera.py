@@ -184,6 +184,10 @@ def _live(board: Board, rig_name: str | None, options: BenchOptions, count: int,
     if not (math.isfinite(patience_s) and patience_s > 0):
         raise InputError(f"--patience: {patience_s}: a number of seconds above 0")
     rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"press": "none"})
+    if rig.camera.driver == "simulated":
+        raise InputError(
+            "--camera: missing: the simulated camera never sees a board; allowed: a camera's address"
+        )
     shown = options.monitor is not None
     if not shown and rig.camera.driver in REAL_CAMERAS:
         rig = without_display(rig)

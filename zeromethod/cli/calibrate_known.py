@@ -65,7 +65,7 @@ def edge_of(text: str) -> MirrorEdge:
         u = v = spread = math.nan
     name = name.strip()
     if name not in ("P0", "R0") or not (math.isfinite(u + v + spread) and spread > 0):
-        raise InputError(f"--edge: {text}: P0=U,V:SIGMA or R0=U,V:SIGMA in camera px, as R0=1180.5,512:2")
+        raise InputError(f"--edge: {text}: P0=U,V[:SIGMA] or R0=U,V[:SIGMA] in camera px, as R0=1180.5,512:2")
     return MirrorEdge("P0" if name == "P0" else "R0", np.array([[u, v]]), spread)
 
 

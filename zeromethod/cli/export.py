@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -112,8 +111,6 @@ def _check_options(forms: list[str], every: int, at_s: float | None, pitch_mm: f
     """Refuse options that none of the files would heed."""
     if at_s is not None and not set(forms) & set(MESHES):
         raise InputError(f"--at: {at_s:g}: for a mesh (.ply, .stl) only; --from and --to for the others")
-    if pitch_mm is not None and not math.isfinite(pitch_mm):
-        raise InputError(f"--pitch: {pitch_mm:g}: a finite number of mm above 0")
     if pitch_mm is not None and "tiff" not in forms:
         raise InputError(f"--pitch: {pitch_mm:g}: for a .tif only")
     if every > 1 and set(forms) <= set(MESHES):

@@ -90,8 +90,6 @@ def replay_command(
     check_file("--figure", figure, suffix=".png")
     check_file("--summary", summary, suffix=".json")
     _check_record(record)
-    if speed is not None and not math.isfinite(speed):
-        raise InputError(f"--speed: {speed}: must be a finite number")
     if again != "loop":
         alone = {"--gain": gain, "--controller": controller, "--renderer": renderer, "--record": record}
         for option, value in alone.items():

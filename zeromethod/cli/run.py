@@ -66,9 +66,7 @@ from zeromethod.view.table import summary_table
 @click.option("--frames", type=Whole(min=1), help="Stop after this many frames.")
 @click.option("--seconds", type=Real(min=0, min_open=True), help="Stop after this time.")
 @click.option("--seed", type=Whole(min=0), help="Seed of the simulated bench.")
-@click.option(
-    "--gain", "loop_gain", type=Real(0, 1, min_open=True), help="Share of each correction applied."
-)
+@click.option("--gain", "loop_gain", type=Real(0, 1, min_open=True), help="Share of each correction applied.")
 @click.option(
     "--controller", type=click.Choice(["composition", "integrator"]), help="How corrections are applied."
 )
@@ -105,7 +103,7 @@ def run_command(
     if frames is not None and seconds is not None:
         raise InputError("--frames and --seconds: give one of them, not both")
     options = BenchOptions(**others)
-    rig = load_rig(rig_name)
+    rig = load_rig(rig_name, measured=not simulate)
     if simulate:
         if options.given:
             raise InputError(f"--simulate and {options.given[0]}: give one of them, not both")
@@ -137,9 +135,24 @@ def _check_calibration(stored: Stored, rig_name: str, rig: Rig, devices: Devices
     """Refuse a rig file that was calibrated on another bench; tell of an old calibration."""
     differences = check(stored.fingerprint, rig, devices.camera, devices.display)
     if differences and not force:
+        missing = _not_named(stored, rig)
+        if missing:
+            raise InputError(
+                f"--rig: {rig_name}: calibrated with real devices: give {missing}, or --simulate"
+            )
         raise InputError(f"--rig: {rig_name}: {'; '.join(differences)}: calibrate anew, or --force")
     if warning := stored.age_warning():
         click.echo(f"! {warning}", err=True)
+
+
+def _not_named(stored: Stored, rig: Rig) -> str:
+    """Options of the devices that a calibration was made with, where the simulated ones stand for them."""
+    pairs = (("display", "--display N", rig.display), ("camera", "--camera ADDRESS", rig.camera))
+    return " and ".join(
+        option
+        for name, option, spec in pairs
+        if spec.driver == "simulated" != stored.fingerprint.get(name, {}).get("driver", "simulated")
+    )
 
 
 @contextmanager

@@ -49,7 +49,9 @@ class PressKind:
             size_mm = np.nan
         if shape not in _KINDS or not 0.0 < size_mm < 1e4:
             allowed = "|".join(_KINDS)
-            raise InputError(f"--press: {text!r}: {allowed}, a colon, a size in mm above 0 (gaussian:2)")
+            raise InputError(
+                f"--press: {text!r}: {allowed}, a colon, a size in mm above 0, below 10000 (gaussian:2)"
+            )
         return cls(Shape(shape), size_mm)
 
     def __str__(self) -> str:

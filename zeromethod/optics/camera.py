@@ -73,12 +73,11 @@ class Camera:
 
     @classmethod
     def place(cls, spec: CameraSpec) -> Camera:
-        """Camera of a rig; the axes are NaN where it looks along y, which leaves its roll open."""
+        """Camera of a rig; the axes are NaN where it looks along y, its roll open, or nowhere."""
         position = np.array(spec.position_mm)
-        axis = unit(np.array(spec.look_at_mm) - position)
-        across = np.array([0.0, 1.0, 0.0]) - axis[1] * axis
         with np.errstate(invalid="ignore"):
-            v0 = unit(across)
+            axis = unit(np.array(spec.look_at_mm) - position)
+            v0 = unit(np.array([0.0, 1.0, 0.0]) - axis[1] * axis)
         u0 = np.cross(v0, axis)
         roll = np.radians(spec.roll_deg)
         return cls(

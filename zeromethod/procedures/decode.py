@@ -72,7 +72,7 @@ def _open(path: Path) -> _File:
         if pages > 1:
             return _File(path, pages, lambda: _pages(path))
     if not path.is_file():
-        raise InputError(f"{path}: no such file: {_FILES}")
+        raise InputError(f"{path}: {'a folder' if path.is_dir() else 'no such file'}: {_FILES}")
     return _File(path, 1, lambda: iter([read_grey(path)]))
 
 

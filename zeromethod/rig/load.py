@@ -70,9 +70,10 @@ def _check_simulated_options(data: dict[str, Any]) -> str | None:
     return None
 
 
-def parse_rig(text: str, path: Path) -> Rig:
+def parse_rig(text: str, path: Path, *, measured: bool = True) -> Rig:
     """Rig from the text of a rig file; `path` names it in messages and is where its files lie.
 
+    measured: see `load_rig`.
     Raises InputError, one line "file: key: value: what is allowed", for the first thing wrong.
     """
     try:
@@ -86,6 +87,8 @@ def parse_rig(text: str, path: Path) -> Rig:
         rig = Rig.model_validate_json(json.dumps(data, default=str), strict=True)
     except ValidationError as error:
         raise InputError(f"{path}: {first_refusal(error, Rig)}") from None
+    if not measured:
+        rig = rig.model_copy(update={"camera": rig.camera.model_copy(update={"rest_map": None})})
     return _resolved(rig, path)
 
 
@@ -112,12 +115,13 @@ def _resolved(rig: Rig, path: Path) -> Rig:
     return rig.model_copy(update=update) if update else rig
 
 
-def load_rig(name: str | Path) -> Rig:
+def load_rig(name: str | Path, *, measured: bool = True) -> Rig:
     """Rig from a file, or a packaged one by bare name ("simulated", "paper").
 
     Files that it names (`prism.rest.file`, `camera.rest_map`, a `press` that ends in .toml) lie relative to
-    the rig file.
+    the rig file. measured: with the rest as it was measured (`camera.rest_map`); without, its file need not
+    be there.
     Raises InputError, one line "file: key: value: what is allowed", for the first thing wrong.
     """
     path = _path(name)
-    return parse_rig(read_text(path), path)
+    return parse_rig(read_text(path), path, measured=measured)

@@ -24,6 +24,7 @@ Exponent = Annotated[float, Field(ge=0.2, le=5)]
 Angle = Annotated[float, Field(ge=-360, le=360)]
 Tilt = Annotated[float, Field(ge=-45, le=45)]
 Rate = Annotated[float, Field(gt=0, le=10000)]
+Focal = Annotated[float, Field(ge=1, le=1e7)]
 Lag = Annotated[float, Field(ge=0, le=10)]
 Delay = Annotated[float, Field(ge=-1, le=10)]
 Count = Annotated[int, Field(ge=0)]
@@ -197,7 +198,7 @@ class CameraSpec(Table):
     rows: Annotated[int, Field(ge=64, le=16384)]
     bits: Literal[8, 10, 12, 14, 16] = 8
     projection: Literal["perspective", "orthographic"]
-    focal_px: tuple[Positive, Positive] | None = None
+    focal_px: tuple[Focal, Focal] | None = None
     pixel_mm: Positive | None = None
     centre_px: Vector2
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)

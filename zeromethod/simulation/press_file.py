@@ -183,6 +183,10 @@ def read_press_file(path: Path, asked: str) -> tuple[tuple[PressPath, ...], floa
     except (OSError, UnicodeDecodeError) as error:
         names = ", ".join(sorted(p.stem for p in resource("calibration", "presses").glob("*.toml")))
         raise InputError(f"press: {asked}: a readable press file or one of {names}") from error
+    if not text.strip():
+        raise InputError(
+            f"{path}: empty: allowed: duration_s, [[press]], [[phase]] (the packaged none.toml: no press)"
+        )
     try:
         file = PressFile.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:

@@ -5,7 +5,7 @@ calibration = evaluate(recorded, rest)
 stored = store_calibration(calibration, "my.toml")
 """
 
-from zeromethod.procedures.calibration.evaluation import Calibration, evaluate, evaluate_or_keep
+from zeromethod.procedures.calibration.evaluation import Calibration, evaluate, evaluate_or_keep, rest_alone
 from zeromethod.procedures.calibration.procedure import Plan, Recorded, record
 from zeromethod.procedures.calibration.storing import recall, store_calibration
 from zeromethod.procedures.calibration.telling import Silence, Teller
@@ -20,5 +20,6 @@ __all__ = [
     "evaluate_or_keep",
     "recall",
     "record",
+    "rest_alone",
     "store_calibration",
 ]

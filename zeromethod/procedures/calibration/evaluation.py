@@ -172,14 +172,26 @@ def evaluate_or_keep(
     try:
         return evaluate(recorded, found, last, tell)
     except MeasurementError as error:
-        plan = replace(recorded.plan, press_depths_mm=(), ball_mm=None, known=(), edges=False)
         try:
-            alone = evaluate(replace(recorded, presses=None, plan=plan), found, last)
+            return rest_alone(recorded, found, str(error), last)
         except MeasurementError:
             raise error from None
-        findings = (f"{error}: geometry from the rest map alone", *alone.verdict.findings)
-        verdict = replace(alone.verdict, level="bad", findings=findings)
-        return replace(alone, recorded=recorded, verdict=verdict)
+
+
+def rest_alone(
+    recorded: Recorded,
+    found: RestMeasurement | None,
+    why: str,
+    last: Mapping[str, tuple[float, float]] | None = None,
+) -> Calibration:
+    """Evaluate the rest map only, to keep all that was recorded; the verdict is bad for that reason `why`.
+
+    Raises MeasurementError as `evaluate`.
+    """
+    plan = replace(recorded.plan, press_depths_mm=(), ball_mm=None, known=(), edges=False)
+    alone = evaluate(replace(recorded, presses=None, plan=plan), found, last)
+    findings = (f"{why}: geometry from the rest map alone", *alone.verdict.findings)
+    return replace(alone, recorded=recorded, verdict=replace(alone.verdict, level="bad", findings=findings))
 
 
 def _edges(first: Fit, found: RestMeasurement, plan: Plan, tell: Teller) -> tuple[EdgeSearch, ...]:

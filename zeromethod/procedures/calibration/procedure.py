@@ -215,17 +215,19 @@ class _Session:
             frames = capture(rig, pictures, sequence, plan.rest_frames, advance, settling.variance_grey2)
         self._begin("decoding")
         with tell.part("decoding", 1) as advance:
-            found = decode(rig, frames)
+            found = self._decoded(rig, frames)
             advance()
         refuse_empty(found)
         for words in rest_notes(found):
             self._note(words)
-        self._begin("first fit")
-        with tell.part("geometry from the rest map", 1) as advance:
-            fitted = first_fit(rig, found, plan.known)
-            advance()
         panel, delay, presses = None, None, None
         try:
+            if self._interrupted:
+                raise KeyboardInterrupt
+            self._begin("first fit")
+            with tell.part("geometry from the rest map", 1) as advance:
+                fitted = first_fit(rig, found, plan.known)
+                advance()
             panel = self._panel(fitted.rig)
             delay = self._delay(with_values(fitted.rig, self._timing()), panel)
             presses = self._presses(fitted.rig)
@@ -255,6 +257,15 @@ class _Session:
     def _note(self, words: str) -> None:
         self._notes.append(words)
         self._tell.say(f"! {words}")
+
+    def _decoded(self, rig: Rig, frames: RestFrames) -> RestMeasurement:
+        """Decode what was captured, also at the first Ctrl-C: without it nothing could be kept."""
+        try:
+            return decode(rig, frames)
+        except KeyboardInterrupt:
+            self._interrupted = True
+            self._tell.say("! interrupted: finishing the rest map, to keep it (again: keep nothing)")
+            return decode(rig, frames)
 
     def _light(self, hold_s: float) -> LightResult | None:
         if not self._plan.light:
