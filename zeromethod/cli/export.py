@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import check_file, write_summary
+from zeromethod.cli.output import check_file, write_summary, writing
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.export import FORMATS, MESHES, Export, Selection, form_of, prepare
@@ -121,6 +121,7 @@ def _write(export: Export) -> dict[str, Any]:
     """Write one file and say what is in it."""
     with ExitStack() as opened:
         advance = opened.enter_context(progress(export.total, first=export.path.name))
+        opened.enter_context(writing("OUT", export.path))
         figures = export.write(lambda: advance(export.path.name))
     figures = {"file": str(export.path), "format": export.form, **figures}
     figures["bytes"] = export.path.stat().st_size

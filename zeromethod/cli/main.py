@@ -8,11 +8,13 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import warnings
 from collections.abc import Sequence
+from typing import TextIO
 
 import click
 
-from zeromethod.cli.stopping import leave_quickly
+from zeromethod.cli.stopping import hear_ctrl_c, leave_quickly
 from zeromethod.errors import InputError, MeasurementError
 
 _COMMANDS = {
@@ -60,9 +62,26 @@ def commands() -> None:
     """Close the loop in deflectometry: null a deforming mirror's reflection, read its shape off the warp."""
 
 
+def _tell(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,  # noqa: ARG001 - the signature of warnings.showwarning
+    lineno: int,  # noqa: ARG001
+    file: TextIO | None = None,  # noqa: ARG001
+    line: str | None = None,  # noqa: ARG001
+) -> None:
+    """Say a warning in one line, as the commands do."""
+    words = " ".join(str(message).split())
+    click.echo(
+        f"! {words}" if issubclass(category, UserWarning) else f"! {category.__name__}: {words}", err=True
+    )
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its code."""
     leave_quickly()
+    hear_ctrl_c()
+    warnings.showwarning = _tell
     try:
         code = commands.main(args=arguments, prog_name="zeromethod", standalone_mode=False)
     except click.exceptions.Abort:

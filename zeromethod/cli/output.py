@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -37,17 +39,25 @@ def check_folder(option: str, path: Path | None) -> None:
         raise InputError(f"{option}: {path}: not writable")
 
 
+@contextmanager
+def writing(option: str, path: Path) -> Iterator[None]:
+    """Name the file, with InputError, that its disk does not take."""
+    try:
+        yield
+    except OSError as error:
+        why = error.strerror or " ".join(str(error).split())
+        raise InputError(f"{option}: {path}: cannot be written: {why}") from None
+
+
 def write_summary(path: Path, figures: dict[str, Any]) -> None:
     """Write figures as JSON, in one move, so that a reader never sees half of it; what is no number: null.
 
     Raises InputError where the disk does not take it.
     """
     part = path.with_name(path.name + ".part")
-    try:
+    with writing("--summary", path):
         part.write_text(json.dumps(_plain(figures), indent=2) + "\n")
         part.replace(path)
-    except OSError as error:
-        raise InputError(f"--summary: {path}: cannot be written: {error.strerror}") from None
 
 
 def _plain(value: Any) -> Any:

@@ -81,7 +81,7 @@ class RecordingOptions:
         for name in names:
             if name not in KEEP:
                 allowed = ", ".join(KEEP)
-                raise InputError(f"--keep: {name!r}: of {allowed}, with commas between, or {NOTHING}")
+                raise InputError(f"--keep: {name!r}: of {allowed}, with commas between, or {NOTHING} alone")
         return names
 
     def maker(self, rig: Rig, calibration: Stored | None) -> Callable[[Loop], Recorder] | None:

@@ -15,6 +15,7 @@ from rich.console import Console
 
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import check_file, write_summary
+from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
 from zeromethod.procedures.replay.comparison import figures_of, rejection
@@ -97,7 +98,7 @@ def replay_command(
                 raise InputError(f"{option}: {value}: only with --again loop, which closes the loop again")
     settings = (*settings, *_control(gain, controller))
     limit_threads()
-    with Recording(file) as recording:
+    with stopped_by_signals(), Recording(file) as recording:
         window = Window.of(recording, from_s, to_s)
         rig = recording.rig if rig_name is None else load_rig(rig_name)
         about: dict[str, Any] = {
@@ -195,7 +196,11 @@ def _relive(
             name, bench, mirror, record=record if last else None, command_line=told, speed=speed
         )
         with progress(math.ceil(mirror.duration_s * bench.camera.rate_hz), name) as advance:
-            tracks.append(session.run(lambda at_s, name=name: advance(f"{name}, {at_s:.2f} s")))  # type: ignore[misc]
+            try:
+                tracks.append(session.run(lambda at_s, name=name: advance(f"{name}, {at_s:.2f} s")))  # type: ignore[misc]
+            except KeyboardInterrupt:
+                _tell_interrupted(record)
+                raise
         about["gl_renderer"] = session.gl_renderer
         if session.recorder_state:
             click.echo(f"! {session.recorder_state}", err=True)
@@ -207,6 +212,16 @@ def _relive(
         from zeromethod.view.replay_figure import draw_sessions  # noqa: PLC0415 - matplotlib loads slowly
 
         draw_sessions(curves, f"zeromethod  {recording.path.name} relived", figure)
+
+
+def _tell_interrupted(record: Path | None) -> None:
+    """Say what is there of the sessions: their comparison is of whole ones."""
+    kept = (
+        f"{record} has the last one up to here"
+        if record is not None and record.exists()
+        else "nothing is kept"
+    )
+    click.echo(f"interrupted before all sessions were lived through: {kept}", err=True)
 
 
 def _curves(track: Track) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from zeromethod.cli.output import check_file, write_summary
+from zeromethod.cli.output import check_file, write_summary, writing
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.view.progress import progress
@@ -54,7 +54,11 @@ def _write(file: Path, output: Path, summary: Path | None) -> None:
     from zeromethod.recording.recording import Recording  # noqa: PLC0415
     from zeromethod.view.report import STEPS, write_report  # noqa: PLC0415 - matplotlib loads slowly
 
-    with Recording(file) as recording, progress(len(STEPS), first=STEPS[0]) as advance:
+    with (
+        Recording(file) as recording,
+        progress(len(STEPS), first=STEPS[0]) as advance,
+        writing("--output", output),
+    ):
         figures = write_report(recording, file, output, advance)
     if summary is not None:
         write_summary(summary, {"recording": str(file), "report": str(output), **figures})

@@ -209,4 +209,4 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
         raise MeasurementError(f"{result.state}: {figures['reason']}")
     if not figures["nulled_frames"]:
         when = " during the hold" if any(record.phase == "hold" for record in result.records) else ""
-        raise MeasurementError(f"the loop never nulled the picture{when}: {figures['reason']}")
+        raise MeasurementError(f"the null was never held{when}: {figures['reason']}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import gc
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -15,6 +16,15 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 def leave_quickly() -> None:
     """Let the interpreter end without looking through all that it holds for garbage: 0.3 s otherwise."""
     atexit.register(gc.freeze)
+
+
+def hear_ctrl_c() -> None:
+    """Let SIGINT end things also where a script has started them in the background, with it ignored."""
+    if (
+        signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        and threading.current_thread() is threading.main_thread()
+    ):
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @contextmanager
