@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pyarrow.parquet
 import pytest
 
 from zeromethod.cli.main import main
+from zeromethod.study import cluster
 
 OWN = Path(__file__).parents[1] / "study"
 QUICK = """schema_version = 1
@@ -77,7 +79,12 @@ def test_a_failed_run_is_told_with_settings_and_seed(capsys: pytest.CaptureFixtu
     ("arguments", "told"),
     [
         (["none.toml"], "none.toml: cannot be read: No such file or directory: a study file (TOML)"),
-        (["nothing"], 'study: "nothing": a file, or one of the packaged'),
+        (
+            ["nothing"],
+            "zeromethod: FILE: nothing: a study file (.toml), or one of the packaged calibration-budget, "
+            "fold-limit, gain-delay, noise-floor",
+        ),
+        (["mine.toml", "--again", "--anew"], "--again: not with --anew, which does every run"),
         (
             ["mine.toml", "--cluster", "tcp://127.0.0.1:9", "--workers", "2"],
             "--workers: 2: not with --cluster",
@@ -102,6 +109,62 @@ def test_other_settings_in_the_folder_are_refused(capsys: pytest.CaptureFixture[
     study("control.gain = 0.5")
     assert code_of("mine.toml", "--workers", "1") == 2
     assert "--anew to begin anew" in capsys.readouterr().err
+
+
+def test_help_says_that_the_file_may_be_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+    assert code_of("--help") == 0
+    assert capsys.readouterr().out.splitlines()[0].endswith("[OPTIONS] [FILE]")
+
+
+def test_a_wrong_address_begins_nothing_and_forgets_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster, "_CONNECT_S", 1)
+    study()
+    nowhere = ["mine.toml", "--cluster", "tcp://127.0.0.1:9"]
+    assert code_of(*nowhere) == 2
+    assert "--cluster: tcp://127.0.0.1:9: no Dask scheduler answers" in capsys.readouterr().err
+    assert not Path("study-mine").exists()
+    assert code_of("mine.toml", "--workers", "1") == 0
+    assert code_of(*nowhere, "--anew") == 2
+    # where nothing is left to do, the cluster of before is not needed
+    assert code_of(*nowhere) == 0
+    assert "4 runs, 4 of them from before" in capsys.readouterr().out
+
+
+def test_a_killed_study_leaves_no_worker_and_goes_on(capsys: pytest.CaptureFixture[str]) -> None:
+    study("waits_at = 2", "mark = 'waiting'")
+    process = subprocess.Popen([sys.executable, "-m", "zeromethod", "study", "mine.toml", "--workers", "1"])
+    try:
+        wait_until(Path("waiting").exists, 60)
+    finally:
+        process.kill()
+        process.wait()
+    done = [json.loads(line) for line in Path("study-mine/runs.jsonl").read_text().splitlines()[1:]]
+    assert [one["run"] for one in done] == [0, 1]
+    # the run that the worker is at takes a minute
+    wait_until(lambda: not alive(done[0]["worker"]["pid"]), 20)
+    Path("mine.toml").write_text(f"limit_s = 3.0\n{Path('mine.toml').read_text()}")
+    assert code_of("mine.toml", "--workers", "1") == 1
+    said = capsys.readouterr()
+    assert "4 runs, 2 of them from before, 1 failed" in said.out
+    assert "x = 2: took longer than limit_s = 3 s" in said.err
+
+
+def wait_until(there: Callable[[], bool], seconds: float) -> None:
+    until = time.monotonic() + seconds
+    while not there():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs; one that has ended may be left unburied where nobody waits for it."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
 
 
 def test_a_stopped_study_ends_quickly_and_says_how_to_go_on() -> None:

@@ -21,6 +21,7 @@ def test_a_range_ends_where_it_says() -> None:
         {"from": 0, "to": 1, "steps": 1},
         {"from": 0, "to": 1, "steps": 3, "scale": "log"},
         {"from": "a", "to": 1, "steps": 3},
+        {},
     ],
 )
 def test_axes_that_are_none_are_refused_by_their_key(given: object) -> None:
@@ -50,7 +51,7 @@ def test_draws_have_the_distribution_asked_for() -> None:
 
 
 @pytest.mark.parametrize(
-    "given", [1.0, {"normal": [1.0, 0.0]}, {"uniform": [2, 1]}, {"choice": []}, {"beta": [1, 2]}]
+    "given", [1.0, {"normal": [1.0, 0.0]}, {"uniform": [2, 1]}, {"choice": []}, {"beta": [1, 2]}, {}]
 )
 def test_distributions_that_are_none_are_refused(given: object) -> None:
     with pytest.raises(InputError, match=r"^random\.x: "):

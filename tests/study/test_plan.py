@@ -1,11 +1,14 @@
 """What a study file may say, and what it is told when it says something else."""
 
+import json
+import re
 from pathlib import Path
 
 import pytest
 
 from zeromethod.errors import InputError
 from zeromethod.study import Study, load_study, packaged_studies, parse_study
+from zeromethod.study.press import PressTable
 from zeromethod.study.tasks import tasks
 
 HEAD = 'schema_version = 1\ntitle = "t"\nframes = 4\n[rig]\nbinning = 8\n[set]\n"target.period_px" = 8\n'
@@ -92,6 +95,8 @@ def test_a_task_survives_its_message() -> None:
         ("[gird]\na = 1\n", "s.toml: gird: unknown key: did you mean grid?"),
         ("[random]\ngap = 3\n", "s.toml: random.gap: 3: one of { uniform"),
         ('gap = "a"\n', "s.toml: could not convert"),
+        ("[grid]\ncontrol.gain = {}\n", "s.toml: grid.control.gain: a table: a list of values, or {"),
+        ("[random]\ncontrol.gain = {}\n", "s.toml: random.control.gain: a table: one of { uniform"),
     ],
 )
 def test_what_is_wrong_is_told_in_one_line_by_file_and_key(text: str, told: str) -> None:
@@ -99,6 +104,42 @@ def test_what_is_wrong_is_told_in_one_line_by_file_and_key(text: str, told: str)
         tasks(study(text))
     assert told in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("random.camera.noise.read_grey = { unifrm = [0.5, 4.0] }", "random.camera.noise.read_grey: unifrm"),
+        ("random.gap = { norml = [50.0, 1.0] }", "random.gap: norml"),
+        ("random.gap = { uniform = [50.0, 60.0], beta = 1 }", "random.gap: beta"),
+        (
+            'random."pattern_layers[0].thickness_mm" = { chioce = [0.5, 4.0] }',
+            "random.pattern_layers[0].thickness_mm: chioce",
+        ),
+        ("grid.control.gain = { form = 0.1, to = 1.0, steps = 3 }", "grid.control.gain: form"),
+        ("grid.control.gain = { values = [0.1, 1.0] }", "grid.control.gain: values"),
+        ("grid.control.gain = { uniform = [0.1, 1.0] }", "grid.control.gain: uniform"),
+        (
+            'grid.control.gain = { from = 0.1, to = 1.0, steps = 3, scael = "log" }',
+            "grid.control.gain: scael",
+        ),
+    ],
+)
+def test_a_mistyped_word_of_a_table_of_values_is_told(given: str, told: str) -> None:
+    words = "from, to, steps, scale" if told.startswith("grid") else "uniform, log_uniform, normal, choice"
+    with pytest.raises(InputError) as caught:
+        tasks(parse_study(f"{given}\n{HEAD}", Path("s.toml")))
+    assert str(caught.value) == f"s.toml: {told}: one of {words}"
+
+
+def test_what_a_press_has_by_default_is_in_the_manual() -> None:
+    manual = (Path(__file__).parents[2] / "docs" / "study.md").read_text()
+    told: dict[str, str] = {}
+    for keys, defaults in re.findall(r"^\| (`[a-z_`, ]+`) \| (.+?) \|", manual, re.MULTILINE):
+        names = re.findall(r"\w+", keys)
+        told |= dict(zip(names, defaults.split(", ") if len(names) > 1 else [defaults], strict=True))
+    for name, value in PressTable().model_dump(mode="json").items():
+        assert told[name].strip("`") == json.dumps(value)
 
 
 @pytest.mark.parametrize(

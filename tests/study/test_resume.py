@@ -10,8 +10,8 @@ import pytest
 
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
-from zeromethod.study import Study, conduct
-from zeromethod.study.conduct import TABLE
+from zeromethod.study import Study, conduct, parse_study
+from zeromethod.study.conduct import COPY, TABLE
 from zeromethod.study.resume import JOURNAL
 from zeromethod.study.runs import carry_out
 
@@ -118,6 +118,28 @@ def test_other_settings_do_not_get_mixed_in(
     assert len(anew.runs) == count
 
 
+@pytest.mark.parametrize("rest", ["", '{"run": 0, "se'])
+def test_a_folder_without_a_finished_run_is_free(squares: Squares, tmp_path: Path, rest: str) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        conduct(squares(), tmp_path, Here(most=0))
+    with (tmp_path / JOURNAL).open("a") as journal:
+        journal.write(rest)
+    changed = squares(4, seed=9)
+    results = conduct(changed, tmp_path, Here())
+    assert (results.before, len(results.rows)) == (0, 4)
+    assert (tmp_path / COPY).read_text() == changed.text
+    again = Here()
+    assert conduct(changed, tmp_path, again).before == 4
+    assert again.runs == []
+
+
+def test_a_file_of_something_else_is_not_overwritten(squares: Squares, tmp_path: Path) -> None:
+    (tmp_path / JOURNAL).write_text('{"of": "another program"}\n')
+    with pytest.raises(InputError, match="was written by a version that kept its runs otherwise"):
+        conduct(squares(), tmp_path, Here())
+    assert (tmp_path / JOURNAL).read_text() == '{"of": "another program"}\n'
+
+
 def test_a_changed_rig_file_counts_as_other_settings(squares: Squares, tmp_path: Path) -> None:
     rig = tmp_path / "mine.toml"
     text = resource("calibration", "simulated.toml").read_text()
@@ -158,6 +180,16 @@ def test_failed_runs_are_done_again_only_when_asked(squares: Squares, tmp_path: 
     conduct(squares(6, "fails_at = 4"), tmp_path, again, again=True)
     assert kept.runs == []
     assert again.runs == [4]
+
+
+def test_whole_numbers_without_bound_do_not_lose_the_table(squares: Squares, tmp_path: Path) -> None:
+    big = 10**30
+    study = squares(2, f"fails_at = {big}")
+    study = parse_study(study.text.replace("x = [0, 1]", f"x = [2, {10**10}, {big}]"), study.path)
+    conduct(study, tmp_path, Here())
+    table = pyarrow.parquet.read_table(tmp_path / TABLE)
+    assert table["square"].to_pylist() == [4, 1e20, None]
+    assert table["x"].to_pylist() == ["2", str(10**10), str(big)]
 
 
 def test_the_table_says_what_its_columns_mean(squares: Squares, tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from zeromethod.study import (
 )
 from zeromethod.study.conduct import TABLE
 from zeromethod.study.pool import cores
+from zeromethod.study.resume import JOURNAL
 from zeromethod.view.progress import Advance, progress
 
 FIGURE = "figure.png"
@@ -34,7 +35,7 @@ _TOLD = 10
 @click.command(
     "study", epilog="Example: zeromethod study gain-delay, then zeromethod study my-study.toml --output runs"
 )
-@click.argument("file", metavar="FILE", required=False)
+@click.argument("file", metavar="[FILE]", required=False)
 @click.option(
     "--output",
     type=click.Path(path_type=Path, file_okay=False),
@@ -67,10 +68,12 @@ def study_command(
     check_file("--summary", summary, suffix=".json")
     if cluster is not None and workers is not None:
         raise InputError(f"--workers: {workers}: not with --cluster, which has its own")
+    if again and anew:
+        raise InputError("--again: not with --anew, which does every run")
     study = load_study(file)
     folder = output or Path(f"study-{study.name}")
+    executor = _executor(cluster, workers, begun=(folder / JOURNAL).exists() and not anew)
     check_folder("--output", folder)
-    executor = Cluster(cluster, _say) if cluster is not None else LocalPool(workers)
     started = time.monotonic()
     told = None
     try:
@@ -83,6 +86,17 @@ def study_command(
         raise
     seconds = time.monotonic() - started
     _report(study, results, folder, summary, seconds)
+
+
+def _executor(cluster: str | None, workers: int | None, *, begun: bool) -> Cluster | LocalPool:
+    """Whoever carries out the runs; begun: there may be nothing left to do, and no cluster any more."""
+    if cluster is None:
+        return LocalPool(workers)
+    executor = Cluster(cluster, _say)
+    if not begun:
+        # an address that is wrong makes no folder, and forgets no runs
+        executor.check()
+    return executor
 
 
 def _say(line: str) -> None:

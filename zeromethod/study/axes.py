@@ -16,7 +16,10 @@ Scalar = str | int | float | bool
 
 MOST_VALUES = 100_000
 
-_RANGE_KEYS = {"from", "to", "steps", "scale"}
+RANGE_WORDS = ("from", "to", "steps", "scale")
+DRAW_WORDS = ("uniform", "log_uniform", "normal", "choice")
+"""What a table under [grid] and one under [random] may hold."""
+
 _RANGE = 'a list of values, or { from, to, steps, scale = "linear" or "log" }'
 _DRAW = (
     "one of { uniform = [low, high] }, { log_uniform = [low, high] }, { normal = [mean, sigma] }, "
@@ -33,7 +36,8 @@ def axis_values(where: str, given: Any) -> list[Any]:
         if not given:
             raise InputError(f"{where}: []: at least one value")
         return given
-    if not isinstance(given, dict) or not {"from", "to", "steps"} <= set(given) <= _RANGE_KEYS:
+    _check_words(where, given, RANGE_WORDS)
+    if not isinstance(given, dict) or not {"from", "to", "steps"} <= set(given):
         raise InputError(f"{where}: {shown(given)}: {_RANGE}")
     low, high, steps, scale = given["from"], given["to"], given["steps"], given.get("scale", "linear")
     if not (_number(low) and _number(high)):
@@ -57,10 +61,11 @@ def draw(where: str, given: Any, seed: int, key: str, number: int) -> Any:
     It depends on the study's seed, the key and the number alone: neither on the order of runs nor on what
     else is drawn. Raises InputError, one line that begins with `where`.
     """
+    _check_words(where, given, DRAW_WORDS)
     if not isinstance(given, dict) or len(given) != 1:
         raise InputError(f"{where}: {shown(given)}: {_DRAW}")
     ((kind, numbers),) = given.items()
-    if kind not in _DISTRIBUTIONS or not isinstance(numbers, list):
+    if not isinstance(numbers, list):
         raise InputError(f"{where}: {kind} = {shown(numbers)}: {_DRAW}")
     rng = np.random.default_rng(
         np.random.SeedSequence(seed, spawn_key=(1, zlib.crc32(key.encode("utf-8")), number))
@@ -78,6 +83,17 @@ def draw(where: str, given: Any, seed: int, key: str, number: int) -> Any:
 def run_seed(seed: int, run: int) -> int:
     """Seed of one run's simulated bench; of the study's seed and the run's number alone."""
     return int(np.random.SeedSequence(seed, spawn_key=(0, run)).generate_state(1)[0])
+
+
+def not_a_word(where: str, word: str, words: tuple[str, ...]) -> InputError:
+    """Refusal of a word that a table of values cannot hold."""
+    return InputError(f"{where}: {word}: one of {', '.join(words)}")
+
+
+def _check_words(where: str, given: Any, words: tuple[str, ...]) -> None:
+    for word in given if isinstance(given, dict) else ():
+        if word not in words:
+            raise not_a_word(where, word, words)
 
 
 def _number(value: Any) -> bool:

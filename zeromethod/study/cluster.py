@@ -31,6 +31,11 @@ class Cluster:
         self.address = address
         self._tell = tell
 
+    def check(self) -> None:
+        """Raise InputError where the cluster cannot be reached."""
+        with self._client():
+            pass
+
     def outcomes(self, tasks: Sequence[Message]) -> Iterator[Message]:
         """Outcome of every task, as they come.
 

@@ -10,12 +10,14 @@ from pydantic import BaseModel
 from zeromethod.design.vary import NAMES
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
+from zeromethod.study.axes import DRAW_WORDS, RANGE_WORDS, not_a_word
 from zeromethod.study.plan import Study
 from zeromethod.study.press import PressTable
 from zeromethod.study.task import Procedure
 
 _OWN = ("rig.file", "rig.binning", "recording")
 _BENCH, _PRESS = "bench.", "press."
+_WORDS = {"grid": RANGE_WORDS, "random": DRAW_WORDS}
 
 
 def check_keys(study: Study, chosen: Procedure) -> None:
@@ -26,6 +28,7 @@ def check_keys(study: Study, chosen: Procedure) -> None:
     tables = {"set": study.table.settings, "grid": study.axes, "random": study.table.random}
     for table, keys in tables.items():
         for key in keys:
+            _check_word(study, table, key, known)
             if key in known or _may_be(key):
                 continue
             nearest = difflib.get_close_matches(key, known, n=1)
@@ -35,6 +38,17 @@ def check_keys(study: Study, chosen: Procedure) -> None:
                 else "a dotted key of a rig file, or of docs/study.md"
             )
             raise InputError(f'{study.path}: {table}: "{key}": unknown key: {hint}')
+
+
+def _check_word(study: Study, table: str, key: str, known: list[str]) -> None:
+    """Refuse { unifrm = [low, high] }, which reads as a further step of the key that it is given to."""
+    before, _, word = key.rpartition(".")
+    words = _WORDS.get(table, ())
+    value = before in known and not any(other.startswith(f"{before}.") for other in known)
+    # what lies in a list only the rig can tell, and "press" is a key of its own and a table as well
+    likely = (before in known or "[" in before) and difflib.get_close_matches(word, words, n=1)
+    if words and (value or likely):
+        raise not_a_word(f"{study.path}: {table}.{before}", word, words)
 
 
 def _may_be(key: str) -> bool:

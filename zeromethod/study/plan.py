@@ -18,7 +18,7 @@ from zeromethod.errors import InputError
 from zeromethod.resources import resource
 from zeromethod.rig.model import Count, Positive, Table, Text
 from zeromethod.rig.refusal import first_refusal, shown
-from zeromethod.study.axes import axis_values, draw, run_seed
+from zeromethod.study.axes import DRAW_WORDS, RANGE_WORDS, axis_values, draw, run_seed
 from zeromethod.study.task import LIMIT_S
 
 SCHEMA_VERSION = 1
@@ -175,7 +175,7 @@ def load_study(name: str | Path) -> Study:
     if not path.suffix and path.parent == Path() and not path.is_file():
         if str(name) not in packaged_studies():
             known = ", ".join(packaged_studies())
-            raise InputError(f"study: {shown(str(name))}: a file, or one of the packaged {known}")
+            raise InputError(f"FILE: {name}: a study file (.toml), or one of the packaged {known}")
         path = resource("studies", f"{name}.toml")
     return parse_study(_text(path), path)
 
@@ -217,13 +217,15 @@ def _flatten(data: dict[str, Any]) -> None:
             data[name] = dict(_leaves(table, name))
 
 
-_VALUES = {"from", "uniform", "log_uniform", "normal", "choice"}
+# with any of them a table holds values, and what else is in it is for those who read values
+_WORDS = {*RANGE_WORDS, *DRAW_WORDS}
 
 
 def _leaves(table: Mapping[str, Any], name: str, before: str = "") -> Iterator[tuple[str, Any]]:
     for key, value in table.items():
         dotted = f"{before}{key}"
-        if isinstance(value, dict) and (name == "set" or not _VALUES & set(value)):
+        values = name != "set" and isinstance(value, dict) and (not value or _WORDS & set(value))
+        if isinstance(value, dict) and not values:
             yield from _leaves(value, name, f"{dotted}.")
         else:
             yield dotted, value

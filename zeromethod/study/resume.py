@@ -113,8 +113,11 @@ class Journal:
             ) from None
 
     def _read(self, study: dict[str, Any]) -> bool:
-        """Take in what is there, drop a line cut off by a crash; whether a study was begun."""
-        whole = 0
+        """Take in what is there, drop a line cut off by a crash; whether there is a study to go on with.
+
+        One that was begun and has no line of a run is none: whatever its settings, nothing of it is lost.
+        """
+        whole, lines, begun = 0, 0, None
         self._file.seek(0)
         for number, line in enumerate(self._file):
             if not line.endswith(b"\n"):
@@ -126,12 +129,16 @@ class Journal:
                         f"--output: {self.path}: line 1, which says what study it is of, is damaged: "
                         "another folder, or --anew to begin anew"
                     )
-                self._check(said.get("study"), study)
+                begun = said.get("study")
             elif said is None or not said.keys() >= _OUTCOME:
                 self.damaged.append(number + 1)
             else:
                 self.done[said["run"]] = said
-            whole += len(line)
+            whole, lines = whole + len(line), lines + 1
+        if lines == 1 and isinstance(begun, dict):
+            whole = 0
+        elif lines:
+            self._check(begun, study)
         self._file.truncate(whole)
         self._file.seek(whole)
         return whole > 0

@@ -19,6 +19,8 @@ _ONE_AT_A_TIME = threading.Lock()
 """Threads of one process must not run side by side: OpenGL contexts and compiled code are one thread's."""
 
 _LONGEST = 300
+_WHOLE = 1 << 63
+"""Whole numbers from here on do not fit a table's column."""
 
 QUIET = {
     "OPENBLAS_NUM_THREADS": "1",
@@ -65,6 +67,8 @@ def plain(value: Any) -> Any:
     """Value as JSON and a table have it; None for what is not a finite number."""
     if isinstance(value, np.generic):
         value = value.item()
+    if isinstance(value, int) and abs(value) >= _WHOLE:
+        value = float(value)
     if value is None or isinstance(value, bool | int):
         return value
     if isinstance(value, float):

@@ -90,6 +90,9 @@ def _kind(values: Sequence[Any], name: str) -> str:
     """Type of a column: that of all its values, text where they differ in kind."""
     if name in LAST:
         return "string"
+    # TOML has whole numbers of any size, a column has not
+    if any(type(value) is int and abs(value) >= 1 << 63 for value in values):
+        return "string"
     kinds = {type(value) for value in values if value is not None}
     if kinds <= {bool} and kinds:
         return "bool_"
