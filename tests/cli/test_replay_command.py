@@ -44,6 +44,7 @@ def test_reading_again_tells_that_nothing_differs(session: Path, tmp_path: Path,
     assert figures["readings"] == figures["readings_equal"] > 15
     assert figures["depth_difference_nm"]["largest"] == 0.0
     assert len(figures["peaks"]["time_s"]) == figures["readings"]
+    assert figures["depth_difference_rms_nm"] == [0.0] * figures["readings"]
     assert figure.read_bytes().startswith(b"\x89PNG")
 
 

@@ -44,6 +44,7 @@ def test_the_page_lies_beside_the_recording(
     # 0.2 s at 60 frames per second
     assert figures["frames"] == pytest.approx(12, abs=1)
     assert figures["report"] == str(page)
+    assert figures["damaged"] == {}
 
 
 def test_the_page_goes_where_it_is_asked_to(

@@ -15,6 +15,7 @@ from planted_turns import reading, recorder, turn, wait_for
 
 from zeromethod.errors import InputError
 from zeromethod.recording import DamagedWarning
+from zeromethod.recording.damage import KINDS, damaged_words
 from zeromethod.recording.recording import Recording
 
 TURNS = 8
@@ -91,7 +92,20 @@ def test_a_file_that_a_killed_writer_left_reads_as_the_same(files: dict[str, Pat
 
 
 @pytest.mark.parametrize("how", ["ended", "cut"])
-def test_a_damaged_array_is_left_out_and_told_once(how: str, files: dict[str, Path], tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["turns/table", "surface", "warps/measured/q", "rest/flags"])
+def test_what_cannot_be_read_is_named(how: str, name: str, files: dict[str, Path], tmp_path: Path) -> None:
+    with h5py.File(files[how], "r", swmr=True) as file:
+        start = h5py.h5o.get_info(file[name].id).addr
+    path = damaged(files[how], tmp_path / "damaged.h5", start + 8, 4)
+    with pytest.raises(InputError) as caught:
+        Recording(path)
+    assert str(caught.value) == f"{path}: {name}: cannot be read: damaged"
+
+
+@pytest.mark.parametrize("how", ["ended", "cut"])
+def test_a_damaged_array_is_left_out_and_its_dataset_told_once(
+    how: str, files: dict[str, Path], tmp_path: Path
+) -> None:
     path = files[how]
     # one bit of a frame, and eight bytes of a warp
     start = place(path, "frames/image", 3)
@@ -104,10 +118,58 @@ def test_a_damaged_array_is_left_out_and_told_once(how: str, files: dict[str, Pa
     with Recording(path) as found:
         with pytest.warns(DamagedWarning, match=r"damaged\.h5: frames/image: damaged: "):
             image = found.image(4)
+        with pytest.warns(DamagedWarning, match=r"damaged\.h5: warps/measured/q: damaged: "):
+            warp = found.measured(5)
         # from now on in silence
-        assert image is found.frame(4) is found.measured(5) is None
+        assert image is warp is found.frame(4) is found.measured(5) is None
         np.testing.assert_array_equal(found.image(5), turn(5).image)
         assert found.measured(4) is not None
+
+
+@pytest.mark.parametrize("how", ["ended", "cut"])
+def test_all_that_is_damaged_is_counted_in_silence(how: str, files: dict[str, Path], tmp_path: Path) -> None:
+    path = tmp_path / "damaged.h5"
+    shutil.copy(files[how], path)
+    for name, item in (
+        ("frames/image", 3),
+        ("frames/image", 6),
+        # two arrays of one item are one that is damaged
+        ("surface/slope", 2),
+        ("surface/depth_mm", 2),
+        ("pictures/q", 1),
+    ):
+        damaged(path, path, place(path, name, item) + 40, 2)
+    # and a number, and a row of a table
+    damaged(path, path, place(path, "warps/shown/turn") + 8, 1)
+    damaged(path, path, place(path, "surface/table"), 1)
+    told: list[None] = []
+    with Recording(path) as found, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        counted = found.damaged(lambda: told.append(None))
+        assert found.is_damaged("frames", 4)
+        assert not found.is_damaged("frames", 5)
+        assert not found.is_damaged("frames", 1000)
+    assert counted == {"frames": 2, "warps/shown": 1, "surface": 2, "pictures": 1}
+    assert len(told) == len(KINDS)
+    words = "damaged: 2 frames, 1 shown warp, 2 surfaces, 1 picture's warp left out"
+    assert damaged_words(counted) == words
+
+
+def test_nothing_is_counted_where_nothing_is_damaged(files: dict[str, Path]) -> None:
+    for path in files.values():
+        with Recording(path) as found:
+            assert found.damaged() == {}
+    assert damaged_words({}) == ""
+
+
+def test_of_a_recording_that_goes_on_what_is_complete_is_checked(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    with recorder(path) as recording, Recording(path) as along:
+        for number in range(1, 30):
+            recording.turn(turn(number))
+            along.refresh()
+            assert along.damaged() == {}
+        wait_for(lambda: recording.waiting_bytes == 0)
 
 
 def test_a_damaged_surface_has_no_valid_node(files: dict[str, Path], tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -12,18 +11,15 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
-from planted_turns import FRAME_NS, bench, reading, recorder, sizes, turn, wait_for
+from planted_turns import bench, reading, recorder, sizes, turn, wait_for
 
 from zeromethod.control import Event
 from zeromethod.errors import InputError
 from zeromethod.priority import BEHIND
-from zeromethod.recording.growing import TABLES_BYTES, DiskFull, GrowingFile
-from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
 
 OLD_S = 0.5
@@ -210,60 +206,6 @@ def test_in_simulated_time_the_disk_is_waited_for(tmp_path: Path) -> None:
         assert len(found.turns_kept("frames")) == 40
 
 
-def fill_disk(recording: Recorder, size: int) -> None:
-    """Let what writes make its file no larger than that: to it, the disk is full there."""
-    resource.prlimit(recording.writer_id, resource.RLIMIT_FSIZE, (size, size))
-
-
-def test_a_full_disk_ends_the_arrays_and_not_the_tables(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
-    room = 8
-    with recorder(path) as recording:
-        fill_disk(recording, TABLES_BYTES + room * sizes().turn)
-        for number in range(1, 41):
-            recording.turn(turn(number))
-        wait_for(lambda: recording.waiting_bytes == 0 and recording.unkept > 0)
-        said = recording.state
-    first = 1e-9 * FRAME_NS * (40 - recording.unkept)
-    assert said.startswith(f"disk full: recording stopped at {first:.1f} s (File too large), ")
-    with Recording(path) as found:
-        assert found.complete
-        # when it was noticed, and with the count at the end
-        noted = [found.words(row["text"]) for row in found.notes]
-        assert noted[0].startswith(f"recording: disk full: recording stopped at {first:.1f} s")
-        assert noted[-1] == f"recording: {recording.state}"
-        kept = found.turns_kept("frames")
-        assert 0 < len(kept) <= room
-        assert len(found.turns) == 40
-        lost = set(range(1, 41)) - set(kept.tolist())
-        assert {int(row["turn"]) for row in found.drops} == lost
-        assert {(row["what"], row["why"]) for row in found.drops} == {(b"recorder", b"the disk is full")}
-        for number in kept:
-            np.testing.assert_array_equal(found.image(number), turn(int(number)).image)
-    assert path.stat().st_size < TABLES_BYTES
-
-
-def test_where_even_tables_have_no_room_the_file_stays_readable(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
-    bare = {"image": None, "residual": None, "measured": None, "shown_q": None, "presented": ()}
-    with recorder(path, keep=()) as recording:
-        fill_disk(recording, 3 << 20)
-        number = 0
-        while not recording.state and number < 10_000:
-            number += 1
-            recording.turn(turn(number, notes=("x" * 240,) * 40, **bare))
-            time.sleep(0.002)
-        assert recording.state.startswith("recording stopped: the disk is full")
-        recording.turn(turn(number + 1))
-        unkept = recording.unkept
-    with Recording(path) as found:
-        assert unkept == number + 1 - len(found.turns) > 0
-        # all but what was on its way
-        assert len(found.turns) > 0.5 * number
-        assert len(found.newest("turns", 3)) == 3
-        assert found.newest("turns")[0]["number"] == found.turns[-1]["number"]
-
-
 def test_when_what_writes_is_killed_the_run_goes_on_and_every_frame_is_accounted_for(
     tmp_path: Path,
 ) -> None:
@@ -316,49 +258,6 @@ def test_a_start_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: p
         recording.turn(turn(1))
     with Recording(path) as found:
         assert len(found.turns) == 1
-
-
-@pytest.mark.parametrize(
-    ("disk_mb", "least"),
-    [(6, "less than 3 MB free"), (20, "less than 3 MB free"), (200, "less than 18 MB free")],
-)
-def test_the_room_left_for_tables_goes_with_that_of_the_disk(
-    disk_mb: int, least: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "run.h5"
-    with recorder(path) as recording:
-        parts = list(recording._parts)
-    size = path.stat().st_size
-    used = 0
-
-    def claim(_: int, start: int, length: int) -> None:
-        nonlocal used
-        if start + length - size > disk_mb << 20:
-            raise OSError(errno.ENOSPC, "No space left on device")
-        used = start + length - size
-
-    def free(_: int) -> SimpleNamespace:
-        return SimpleNamespace(f_bavail=(disk_mb << 20) - used, f_frsize=1)
-
-    monkeypatch.setattr("zeromethod.recording.growing.os.posix_fallocate", claim)
-    monkeypatch.setattr("zeromethod.recording.growing.os.fstatvfs", free)
-    file = GrowingFile(path, parts)
-    taken = 0
-
-    def fill() -> None:
-        nonlocal taken
-        while True:
-            file.claim(sizes().turn, arrays=True)
-            taken += sizes().turn
-
-    with pytest.raises(DiskFull, match=least):
-        fill()
-    # an eighth, at most 16 MB, at least 2 MB
-    left = min(16 << 20, max(2 << 20, (disk_mb << 20) // 8))
-    assert 0 <= (disk_mb << 20) - left - taken < sizes().turn
-    for _ in range(10):
-        file.claim(1000, arrays=False)
-    file.close(complete=True)
 
 
 def test_a_disk_that_takes_nothing_does_not_keep_the_run_from_ending(

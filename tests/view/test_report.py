@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import time
+import warnings
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -16,7 +17,7 @@ import tomlkit
 from report_page import HOSTILE, Page, add_row
 
 from zeromethod.recording.recording import Recording
-from zeromethod.view.report import key_turns, write_report
+from zeromethod.view.report import STEPS, key_turns, write_report
 from zeromethod.view.report_summary import summarise_recording
 from zeromethod.view.report_words import peak_words
 
@@ -290,3 +291,39 @@ def test_a_curve_within_a_decade_has_plain_numbers(edited: Edited) -> None:
     svg = page_of(edited(narrow)).source.split("</svg>")[0]
     assert "mathdefault" not in svg
     assert re.search(r">0\.01\d\d?</text>", svg)
+
+
+def test_all_that_is_damaged_is_counted_though_no_map_shows_it(
+    recording_path: Path, edited: Edited, tmp_path: Path
+) -> None:
+    def strike(file: h5py.File) -> None:
+        with Recording(recording_path) as whole:
+            shown = key_turns(whole)
+        hidden = [i for i, turn in enumerate(file["surface/turn"]) if turn not in shown]
+        # one surface in two of its arrays, one in a row; two frames
+        file["surface/depth_mm"][hidden[0], 5, 5] = 7.0
+        file["surface/slope"][hidden[0], 5, 5, 0] = 7.0
+        table = file["surface/table"][hidden[1]]
+        table["iterations"] += 1
+        file["surface/table"][hidden[1]] = table
+        for index in (3, 8):
+            file["frames/image"][index, 0, 0] ^= 1
+
+    path, told = edited(strike), []
+    with Recording(path) as recording, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figures = write_report(recording, path, tmp_path / "page.html", told.append)
+    assert figures["damaged"] == {"frames": 2, "surface": 2}
+    assert told == [*STEPS[1:], ""]
+    page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
+    assert "damaged: 2 frames, 2 surfaces left out: these are not what was written." in page.text
+    assert "arrays damaged 2 frames, 2 surfaces left out" in page.text
+    assert "damaged: surfaces 2 not what was written: left out" in page.text
+    assert "no depth map" not in page.text
+
+
+def test_a_whole_recording_has_nothing_damaged(recording_path: Path, tmp_path: Path) -> None:
+    output = tmp_path / "page.html"
+    with Recording(recording_path) as recording:
+        assert write_report(recording, recording_path, output)["damaged"] == {}
+    assert "arrays damaged none" in Page(output.read_text(encoding="utf-8")).text

@@ -100,6 +100,10 @@ def replay_command(
     limit_threads()
     with stopped_by_signals(), Recording(file) as recording:
         window = Window.of(recording, from_s, to_s)
+        if not recording.complete:
+            click.echo(
+                f"! {file}: goes on, or was not ended in order: it holds {recording.seconds:.3f} s", err=True
+            )
         rig = recording.rig if rig_name is None else load_rig(rig_name)
         about: dict[str, Any] = {
             "recording": str(file),

@@ -51,6 +51,7 @@ def _follow(file: Path) -> None:
 def _write(file: Path, output: Path, summary: Path | None) -> None:
     check_file("--output", output, suffix=".html")
     check_file("--summary", summary, suffix=".json")
+    from zeromethod.recording.damage import damaged_words  # noqa: PLC0415
     from zeromethod.recording.recording import Recording  # noqa: PLC0415
     from zeromethod.view.report import STEPS, write_report  # noqa: PLC0415 - matplotlib loads slowly
 
@@ -62,4 +63,6 @@ def _write(file: Path, output: Path, summary: Path | None) -> None:
         figures = write_report(recording, file, output, advance)
     if summary is not None:
         write_summary(summary, {"recording": str(file), "report": str(output), **figures})
+    if words := damaged_words(figures["damaged"]):
+        click.echo(f"! {file}: {words}", err=True)
     click.echo(f"written: {output}")

@@ -76,7 +76,9 @@ def discard(path: Path) -> None:
 
 
 def _words(error: BaseException) -> str:
-    return " ".join(str(error).split())
+    """Why, in the system's words where it has any: HDF5 adds its flags."""
+    number = getattr(error, "errno", None)
+    return os.strerror(number) if number else " ".join(str(error).split())
 
 
 def _create(file: h5py.File, part: Part, compress: bool) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -17,6 +18,7 @@ from zeromethod.control.rest import Rest
 from zeromethod.control.state import State
 from zeromethod.devices.protocols import Frame
 from zeromethod.errors import InputError
+from zeromethod.recording.damage import damaged_items, unknown_surface
 from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, number_name
 from zeromethod.recording.source import Source
 from zeromethod.recording.sums import sum_of
@@ -53,7 +55,8 @@ class Recording:
     `zeromethod.recording.schema`. Arrays are asked for by the number of their turn; None: there are none.
 
     Whatever is read may raise InputError, one line: the file is damaged there. Arrays that are not what was
-    written are left out (None; a surface without a valid node), which is warned of once: DamagedWarning.
+    written are left out (None; a surface without a valid node), which each dataset warns of once:
+    DamagedWarning.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -147,6 +150,15 @@ class Recording:
             return np.zeros(0, np.int64)
         name = number_name(group).rpartition("/")[2]
         return self._source.numbers(group, name, self._lengths[group])
+
+    def is_damaged(self, group: str, number: int) -> bool:
+        """Whether a group has arrays of a turn (`pictures`: of a row) that are not what was written."""
+        index = self._at(group, number)
+        return index is not None and self._source.is_damaged(group, index)
+
+    def damaged(self, advance: Callable[[], None] = lambda: None) -> dict[str, int]:
+        """How many items of each group are left out as damaged, as `damaged_items` has it: reads all."""
+        return damaged_items(self._source, self._lengths, advance)
 
     # About the recording
 
@@ -370,12 +382,8 @@ class Recording:
         )
 
     def _unknown(self, turn: int) -> Surface:
-        """In place of a surface that is damaged: no node is valid."""
-        row, shape = self.row(turn), self.grid.shape
-        one, two, none = np.full(shape, np.nan), np.full((*shape, 2), np.nan), np.zeros(shape, np.bool_)
-        anchor = Anchor("none", none, np.nan, np.nan)
-        time_ns = 0 if row is None else int(row["time_ns"])
-        return Surface(one, two, one, one, one, two, none, none, anchor, time_ns, 0)
+        row = self.row(turn)
+        return unknown_surface(self.grid.shape, 0 if row is None else int(row["time_ns"]))
 
     def zero(self, turn: int) -> Array | None:
         """(rows, cols, 2) LCD px, the zero that `measured` of this turn starts from; None for the rest's."""

@@ -31,7 +31,7 @@ class Source:
     def __init__(self, path: Path) -> None:
         """Open it. Raises InputError."""
         self.path = path
-        self._warned = False
+        self._warned: set[str] = set()
         self._open()
 
     def _open(self) -> None:
@@ -53,9 +53,17 @@ class Source:
         return found.st_ino, found.st_size, found.st_mtime_ns
 
     def _visited(self) -> frozenset[str]:
+        """Names of all groups and datasets; each is opened, so that one that cannot be is named."""
         names: list[str] = []
         with self._guarded("its contents"):
-            self._file.visit(names.append)
+            left = list(self._file)
+        while left:
+            name = left.pop()
+            names.append(name)
+            with self._guarded(name):
+                one = self._file[name]
+                if isinstance(one, h5py.Group):
+                    left += [f"{name}/{inner}" for inner in one]
         return frozenset(names)
 
     @contextmanager
@@ -88,7 +96,12 @@ class Source:
     def attributes(self) -> dict[str, Any]:
         """Attributes of the root."""
         with self._guarded("its attributes"):
-            return dict(self._file.attrs)
+            names = list(self._file.attrs)
+        found = {}
+        for name in names:
+            with self._guarded(f"attribute {name}"):
+                found[name] = self._file.attrs[name]
+        return found
 
     def length(self, name: str) -> int:
         """Items of a dataset."""
@@ -116,20 +129,44 @@ class Source:
         return self._tables[name]
 
     def items(self, group: str, index: int, names: Sequence[str]) -> dict[str, Any]:
-        """Items of a group's datasets, without those that are damaged; that is warned of once."""
+        """Items of a group's datasets, without those that are damaged; each dataset warns of it once."""
         found: dict[str, Any] = {}
-        told = self.table(f"{group}/{SUMS}")[index] if f"{group}/{SUMS}" in self.names else None
+        told = self._told(group, index)
         for name in names:
-            try:
-                item = self.read(f"{group}/{name}", index)
-            except InputError:
+            item = self._sound(group, name, index, told)
+            if item is None:
                 self._warn(group, name)
-                continue
-            if told is not None and name in told.dtype.names and int(told[name]) != sum_of(item):
-                self._warn(group, name)
-                continue
-            found[name] = item
+            else:
+                found[name] = item
         return found
+
+    def is_table(self, name: str) -> bool:
+        """Whether the items of a dataset that grows are rows, not arrays."""
+        with self._guarded(name):
+            return len(self._file[name].shape) == 1
+
+    def is_damaged(self, group: str, index: int) -> bool:
+        """Whether any item of that index in a group is not what was written; without a warning."""
+        names = [name.rpartition("/")[2] for name in self.group(group) if not name.endswith(f"/{SUMS}")]
+        told = self._told(group, index)
+        return not all(self.is_sound(group, name, index, told) for name in names)
+
+    def is_sound(self, group: str, name: str, index: int, told: Any) -> bool:
+        """Whether an item can be read and is what was written. told: the sums of its group's; None: none."""
+        return self._sound(group, name, index, told) is not None
+
+    def _told(self, group: str, index: int) -> Any:
+        """Sums of a group's items; None where it has none."""
+        return self.table(f"{group}/{SUMS}")[index] if f"{group}/{SUMS}" in self.names else None
+
+    def _sound(self, group: str, name: str, index: int, told: Any) -> Any:
+        """An item; None where it is damaged."""
+        try:
+            item = self.read(f"{group}/{name}", index)
+        except InputError:
+            return None
+        summed = told is not None and name in told.dtype.names
+        return None if summed and int(told[name]) != sum_of(item) else item
 
     def numbers(self, group: str, name: str, length: int) -> NDArray[np.int64]:
         """What numbers the first items of a group, so many; -1 where that is damaged."""
@@ -147,9 +184,10 @@ class Source:
         return sorted(one for one in self.names if one.rpartition("/")[0] == name)
 
     def _warn(self, group: str, name: str) -> None:
-        if self._warned:
+        dataset = f"{group}/{name}"
+        if dataset in self._warned:
             return
-        words = f"{self.path}: {group}/{name}: damaged: what is not as it was written is left out"
+        words = f"{self.path}: {dataset}: damaged: what is not as it was written is left out"
         warnings.warn(words, DamagedWarning, stacklevel=5)
         # where warnings are errors, every one is
-        self._warned = True
+        self._warned.add(dataset)

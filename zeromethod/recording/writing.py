@@ -33,7 +33,7 @@ class Writing:
         self._news = news
         self._flushed_s = time.monotonic()
         self._dirty = False
-        self._full = False
+        self._lacking = 0
 
     def tell(self, **news: object) -> None:
         """Let the run's process know; it may be gone."""
@@ -51,10 +51,9 @@ class Writing:
                 lost = True
                 frames = sum(item.kind == WITHOUT_ROOM for item in message.items)
                 self.tell(full=str(error), time_ns=message.time_ns, frames=frames)
+                self._lacking = arrays
             else:
-                if self._full:
-                    self.tell(room=True)
-            self._full = lost
+                self._fitted(arrays)
         left_out = WITH_ROOM if lost else WITHOUT_ROOM
         items = [item for item in message.items if item.kind != left_out]
         self._file.claim(sum(item.size for item in items if item.kind != WITH_ROOM), arrays=False)
@@ -62,6 +61,14 @@ class Writing:
             self._file.append(item.dataset, self._memory[item.start : item.start + item.size])
         self._dirty = True
         self.tell(done=True)
+
+    def _fitted(self, size: int) -> None:
+        """Tell that there is room again: smaller arrays may find some while the disk is full."""
+        if self._lacking > 0:
+            # what lacked is more than was left then
+            self._lacking -= size
+            if self._lacking <= 0:
+                self.tell(room=True)
 
     def flush(self) -> None:
         """Flush if that is due."""

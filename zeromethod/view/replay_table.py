@@ -36,6 +36,13 @@ _PAIRS: tuple[tuple[str, str, str], ...] = (
 )
 
 
+_DAMAGED: tuple[tuple[str, str], ...] = (
+    ("readings", "readings_damaged"),
+    ("surfaces", "surfaces_damaged"),
+    ("warps", "warps_damaged"),
+)
+
+
 def _cell(pattern: str, value: Any) -> str:
     return "-" if value is None else pattern.format(value)
 
@@ -79,6 +86,9 @@ def differences_table(figures: Figures) -> Table:
     for name in ("turns", "readings"):
         if name in figures:
             table.add_row(f"{name}, equal bit for bit", str(figures[name]), str(figures[f"{name}_equal"]))
+    for name, key in _DAMAGED:
+        if figures.get(key):
+            table.add_row(f"left out as damaged: {name}", str(figures[key]))
     for label, key, pattern in _PAIRS:
         if figures.get(key) is not None:
             pair = figures[key]

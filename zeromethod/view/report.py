@@ -11,6 +11,7 @@ import numpy as np
 
 from zeromethod.control import State
 from zeromethod.errors import InputError
+from zeromethod.recording.damage import KINDS
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.source import DamagedWarning
 from zeromethod.surface import Peak, Surface
@@ -20,6 +21,7 @@ from zeromethod.view.report_summary import Figures, largest_peak, peak_figures, 
 from zeromethod.view.report_words import (
     calibration_parts,
     commands,
+    damage_rows,
     happening_row,
     note_rows,
     peak_words,
@@ -35,7 +37,7 @@ from zeromethod.view.report_words import (
 MOST_HAPPENINGS = 300
 """Drops and faults that are listed; of more, it is told how many there are."""
 
-STEPS = ("figures", "curves", "depth maps", "page")
+STEPS = ("figures", *(f"checking {several}" for _, several in KINDS.values()), "curves", "depth maps", "page")
 
 _TEMPLATE = Path(__file__).with_name("report.html")
 
@@ -45,10 +47,13 @@ def write_report(
 ) -> Figures:
     """Write the page of the recording at `path`, in one move; returns the figures of its summary.
 
+    All arrays are read once, to tell how many are damaged: of a recording that goes on, what is there by now.
     advance: called after each of the `STEPS` with the name of the next one.
     """
+    following = iter(STEPS[1:])
     figures = summarise_recording(recording)
-    advance("curves")
+    advance(next(following))
+    figures["damaged"] = recording.damaged(lambda: advance(next(following)))
     curves = timeline(recording) if figures["turns"] else ""
     advance("depth maps")
     maps, damaged = _maps(recording)
@@ -80,7 +85,7 @@ def _render(
         without_rate=curves and figures["frames"] < LEAST_RATED and _without_rate(figures["frames"]),
         maps=maps,
         without_maps=damaged or list(_without_maps(recording, maps)),
-        happenings=[happening_row(one) for one in told[:MOST_HAPPENINGS]],
+        happenings=[*damage_rows(figures), *(happening_row(one) for one in told[:MOST_HAPPENINGS])],
         more_happenings=max(len(told) - MOST_HAPPENINGS, 0),
         notes=note_rows(recording),
         rig=list(rig_rows(recording.rig)),

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from zeromethod.calibration.folder import OLD_DAYS, Stored
 from zeromethod.control import State
+from zeromethod.recording.damage import KINDS, damaged_words
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
 from zeromethod.rig.model import Rig
@@ -53,6 +54,8 @@ def warnings(path: Path, figures: Figures) -> Iterator[str]:
         yield f"The run ended in {figures['state']}: {figures['reason']}"
     if lost := figures["dropped"].get("recorder"):
         yield f"{lost} frames were seen by the loop but their arrays are not in the recording."
+    if damaged := damaged_words(figures["damaged"]):
+        yield f"{damaged}: these are not what was written."
 
 
 def state_shares(figures: Figures) -> list[dict[str, str]]:
@@ -84,6 +87,7 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     yield "frames", f"{figures['frames']}{rate} (rig file: {rig.camera.rate_hz:g})"
     dropped = [f"{what} {count}" for what, count in figures["dropped"].items()]
     yield "frames dropped", ", ".join(dropped) or "none"
+    yield "arrays damaged", damaged_words(figures["damaged"]).removeprefix("damaged: ") or "none"
     without = [f"{what} {count}" for what, count in figures["without_reading"].items() if count]
     if without:
         yield "frames seen but not read", ", ".join(without)
@@ -110,6 +114,12 @@ def peak_words(peak: Figures) -> str:
     length = f"{depth:z.{digits}f} ± {sigma:.{digits}f} {unit}"
     noise = " (nothing presses: noise)" if peak["state"] == State.RESTING else ""
     return f"{length} at {place}, {peak['time_s']:.2f} s, {peak['state']}{noise}"
+
+
+def damage_rows(figures: Figures) -> Iterator[tuple[str, str, str, str, str]]:
+    """As `happening_row`, what is damaged in the file: at no time of the run."""
+    for group, count in figures["damaged"].items():
+        yield "", "", f"damaged: {KINDS[group][1]}", f"{count}", "not what was written: left out"
 
 
 def happening_row(one: Happening) -> tuple[str, str, str, str, str]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import shutil
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import h5py
 import pytest
 from recorded_run import recorded
 
@@ -71,3 +73,23 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
 def recording(session: Session) -> Iterator[Recording]:
     with Recording(session.path) as opened:
         yield opened
+
+
+@pytest.fixture
+def damaged(session: Session, tmp_path: Path) -> Callable[..., Path]:
+    """Make a copy in which an array of each of these turns (`pictures`: rows) is not what was written."""
+
+    def damage(name: str, *numbers: int) -> Path:
+        path = tmp_path / "damaged.h5"
+        if not path.exists():
+            shutil.copy(session.path, path)
+        group = name.rpartition("/")[0]
+        with h5py.File(path, "r+", libver="latest") as file:
+            known = file[f"{group}/{'row' if group == 'pictures' else 'turn'}"][()].tolist()
+            for number in numbers:
+                item = file[name][known.index(number)]
+                item.reshape(-1).view("u1")[100] ^= 1
+                file[name][known.index(number)] = item
+        return path
+
+    return damage

@@ -1,6 +1,6 @@
 """Reading again what was recorded."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +13,10 @@ from zeromethod.procedures.replay.differences import DepthDifferences
 from zeromethod.procedures.replay.reread import reread
 from zeromethod.procedures.replay.settings import with_settings
 from zeromethod.procedures.replay.window import Window
+from zeromethod.recording import DamagedWarning
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import SurfaceReader, peak
+from zeromethod.view.replay_table import differences_table
 
 KNOWN_REST = "surface.known_rest=[{x_mm=[8.0, 20.0], y_mm=[-18.0, 18.0]}]"
 
@@ -94,3 +96,56 @@ def test_other_geometry_gives_other_rays(recording) -> None:
     rig = with_settings(recording.rig, ["display.centre_mm=[30.0, 0.5]"])
     again = reread(recording, rig, Window.of(recording, 0.4, 0.5))
     assert len(again.different) == again.turns
+
+
+def cells(figures: dict) -> dict[str, list[str]]:
+    """Rows of the table by their label."""
+    columns = [[str(cell) for cell in column.cells] for column in differences_table(figures).columns]
+    return {label: rest for label, *rest in zip(*columns, strict=True)}
+
+
+def test_what_is_damaged_is_counted_and_kept_out_of_the_shares(
+    session, whole: DepthDifferences, damaged: Callable[..., Path]
+) -> None:
+    turns = list(session.readings)
+    # the newest, so that all readings before are those of a reader that saw all
+    path = damaged("warps/measured/q", *turns[-2:])
+    damaged("surface/slope", *turns[3:6])
+    damaged("surface/depth_mm", turns[5])
+    with Recording(path) as opened:
+        with pytest.warns(DamagedWarning):
+            again = reread(opened, opened.rig, Window.of(opened))
+        early = reread(opened, opened.rig, Window.of(opened, None, 0.5))
+    figures, undamaged = again.figures, whole.figures
+    assert (figures["readings_damaged"], figures["surfaces_damaged"]) == (2, 3)
+    assert figures["readings"] == undamaged["readings"] - 2
+    assert again.different == []
+    assert figures["read_share"]["recorded"] == figures["read_share"]["again"] > 0.9
+    # a part tells of its own
+    assert (early.readings_damaged, early.surfaces_damaged) == (0, 3)
+    told = cells(figures)
+    assert told["left out as damaged: readings"][0] == "2"
+    assert told["left out as damaged: surfaces"][0] == "3"
+    assert not any("damaged" in label for label in cells(undamaged))
+
+
+def test_where_all_warps_are_damaged_it_is_told(session, damaged: Callable[..., Path]) -> None:
+    path = damaged("warps/measured/sigma", *session.readings)
+    told = f"all {len(session.readings)} warps are damaged"
+    with (
+        Recording(path) as opened,
+        pytest.warns(DamagedWarning),
+        pytest.raises(InputError, match=told),
+    ):
+        reread(opened, opened.rig, Window.of(opened))
+
+
+def test_differences_over_all_nodes_are_not_the_peaks(session, recording) -> None:
+    again = DepthDifferences(recording, 0)
+    turn, (surface, deepest) = next(iter(session.readings.items()))
+    surface.depth_mm[surface.valid] += 1e-5
+    again.add(turn, surface, deepest)
+    surface.depth_mm[surface.valid] -= 1e-5
+    figures = again.figures
+    assert figures["depth_difference_rms_nm"] == pytest.approx([10.0], rel=1e-2)
+    assert set(figures["peaks"]) == {"time_s", "recorded_mm", "again_mm"}

@@ -1,7 +1,10 @@
 """Recorded frames through the loop's own circle again."""
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from recorded_run import recorded
 
@@ -13,6 +16,7 @@ from zeromethod.optics import Optics
 from zeromethod.procedures.replay.resense import resense
 from zeromethod.procedures.replay.settings import with_settings
 from zeromethod.procedures.replay.window import Window
+from zeromethod.recording import DamagedWarning
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.binning import binned
@@ -122,4 +126,47 @@ def test_a_frame_that_was_not_kept_ends_what_can_be_sensed(session, tmp_path: Pa
             resense(opened, opened.rig, Window.of(opened))
         before_s = 1e-9 * float(opened.turns["time_ns"][19] - opened.turns["time_ns"][0])
         warps, _ = resense(opened, opened.rig, Window.of(opened, None, before_s + 1e-6))
+    assert warps.different == []
+
+
+@pytest.mark.parametrize("name", ["pictures/q", "frames/image"])
+def test_what_is_damaged_ends_what_can_be_sensed_and_is_not_called_unkept(
+    session, damaged: Callable[..., Path], name: str
+) -> None:
+    turn = session.steps[25].number
+    with Recording(session.path) as opened:
+        after = opened.presentations["after_turn"]
+    pictures = name == "pictures/q"
+    path = damaged(name, int(np.flatnonzero(after == turn - 1)[0]) if pictures else turn)
+    words = f"what was shown before turn {turn}" if pictures else f"the frame of turn {turn} "
+    with (
+        Recording(path) as opened,
+        pytest.warns(DamagedWarning),
+        pytest.raises(InputError, match=f"{re.escape(words)}.* is damaged: .*--to") as caught,
+    ):
+        resense(opened, opened.rig, Window.of(opened))
+    assert "not kept" not in str(caught.value)
+    # up to where it says, it can
+    found = re.search(r"--to ([0-9.]+)", str(caught.value))
+    assert found is not None
+    with Recording(path) as opened:
+        warps, _ = resense(opened, opened.rig, Window.of(opened, None, float(found[1])))
+    assert warps.turns > 15
+    assert warps.different == []
+
+
+def test_where_the_first_picture_is_damaged_nothing_can_be_sensed(damaged: Callable[..., Path]) -> None:
+    with (
+        Recording(damaged("pictures/q", 0)) as opened,
+        pytest.warns(DamagedWarning),
+        pytest.raises(InputError, match=r"is damaged: frames cannot be sensed again$"),
+    ):
+        resense(opened, opened.rig, Window.of(opened))
+
+
+def test_recorded_warps_that_are_damaged_are_no_difference(session, damaged: Callable[..., Path]) -> None:
+    turn = list(session.readings)[4]
+    with Recording(damaged("warps/measured/q", turn)) as opened, pytest.warns(DamagedWarning):
+        warps, _ = resense(opened, opened.rig, Window.of(opened, None, 0.4))
+    assert warps.figures["warps_damaged"] == 1
     assert warps.different == []

@@ -34,6 +34,17 @@ def test_times_outside_the_recording_are_refused(recording, from_s, to_s, word: 
         Window.of(recording, from_s, to_s)
 
 
+def test_where_a_recording_ends_is_told_as_everywhere(recording) -> None:
+    turns = recording.turns
+    # the turn that ended it has no frame
+    assert turns["frame_number"][-1] < 0
+    last_s = 1e-9 * float(turns["time_ns"][turns["frame_number"] >= 0][-1] - turns["time_ns"][0])
+    assert last_s < recording.seconds
+    words = f"the last frame came at {last_s:.3f} s, the recording lasts {recording.seconds:.3f} s"
+    with pytest.raises(InputError, match=words):
+        Window.of(recording, 5.0)
+
+
 def test_a_pace_holds_to_its_speed_and_no_pace_to_none(monkeypatch: pytest.MonkeyPatch) -> None:
     slept: list[float] = []
     clock = iter([100.0, 100.01, 100.2])

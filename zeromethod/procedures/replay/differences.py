@@ -56,16 +56,22 @@ class Spread:
 
 @dataclass
 class DepthDifferences:
-    """Readings again against those recorded, turn by turn. Times in s from the recording's first turn."""
+    """Readings again against those recorded, turn by turn. Times in s from the recording's first frame.
+
+    readings_damaged: those that cannot be read again. surfaces_damaged: recorded ones that cannot be held
+    against what was read again; of these the peak alone is.
+    """
 
     recording: Recording
     start_ns: int
     turns: int = 0
+    readings_damaged: int = 0
+    surfaces_damaged: int = 0
     different: list[int] = field(default_factory=list)
     time_s: list[float] = field(default_factory=list)
     recorded_mm: list[float] = field(default_factory=list)
     again_mm: list[float] = field(default_factory=list)
-    difference_um: list[float] = field(default_factory=list)
+    rms_nm: list[float | None] = field(default_factory=list)
     depth: Spread = field(default_factory=lambda: Spread(1e6))
     peak: Spread = field(default_factory=lambda: Spread(1e6))
     valid: list[tuple[float, float]] = field(default_factory=list)
@@ -74,9 +80,9 @@ class DepthDifferences:
         """Take in one reading."""
         row = self.recording.peaks[self.recording.peaks["turn"] == turn][0]
         known = Peak(*(float(row[one.name]) for one in fields(Peak)))
-        recorded = self.recording.surface(turn)
+        recorded = self._recorded(turn)
         equal = same(_numbers(known), _numbers(peak))
-        spread = Spread(1e3)
+        spread = Spread(1e6)
         if recorded is not None:
             equal = equal and same_surface(recorded, surface)
             difference = surface.depth_mm.astype(np.float32) - recorded.depth_mm
@@ -91,25 +97,34 @@ class DepthDifferences:
         self.time_s.append(1e-9 * (surface.time_ns - self.start_ns))
         self.recorded_mm.append(known.depth_mm)
         self.again_mm.append(peak.depth_mm)
-        rms_um = spread.figures["rms"]
-        self.difference_um.append(float("nan") if rms_um is None else rms_um)
+        self.rms_nm.append(spread.figures["rms"])
+
+    def _recorded(self, turn: int) -> Surface | None:
+        """The recorded surface; None where there is none, or one that is damaged, which is counted."""
+        found = self.recording.surface(turn)
+        if found is not None and not found.valid.any() and self.recording.is_damaged("surface", turn):
+            self.surfaces_damaged += 1
+            return None
+        return found
 
     @property
     def figures(self) -> Figures:
-        """JSON-ready. Differences of depth in nm."""
+        """JSON-ready. Differences of depth in nm; `depth_difference_rms_nm`: over all nodes, by reading."""
         valid = np.mean(self.valid, axis=0).tolist() if self.valid else (None, None)
         return {
             "readings": self.turns,
             "readings_equal": self.turns - len(self.different),
+            "readings_damaged": self.readings_damaged,
+            "surfaces_damaged": self.surfaces_damaged,
             "first_different_turn": self.different[0] if self.different else None,
             "depth_difference_nm": self.depth.figures,
+            "depth_difference_rms_nm": self.rms_nm,
             "peak_difference_nm": self.peak.figures,
             "read_share": {"recorded": valid[0], "again": valid[1]},
             "peaks": {
                 "time_s": self.time_s,
                 "recorded_mm": self.recorded_mm,
                 "again_mm": self.again_mm,
-                "difference_um": self.difference_um,
             },
         }
 

@@ -81,7 +81,7 @@ def reread(
 
     Warps before the window are read as well, but not told of: what the reader knows by then is part of the
     result. on_turn gets the seconds since the recording's start. Raises InputError for a recording without
-    warps or readings, and a rig whose camera or target is another one.
+    warps or readings, and a rig whose camera or target is another one. Warps that are damaged are left out.
     """
     if "warps" not in recording.kept:
         raise InputError(f"{recording.path}: recorded without warps: nothing to read depth from")
@@ -90,6 +90,7 @@ def reread(
     for turn in recording.peaks["turn"].tolist():
         warp = recording.measured(turn)
         if warp is None:
+            _leave_out(recording, turn, window, differences)
             continue
         if warp.time_ns > window.to_ns:
             break
@@ -101,5 +102,14 @@ def reread(
         if on_turn is not None:
             on_turn(1e-9 * (warp.time_ns - window.start_ns))
     if not differences.turns:
-        raise InputError(f"{recording.path}: no surface was read in this part: nothing to read again")
+        damaged = differences.readings_damaged
+        why = f"all {damaged} warps are damaged" if damaged else "no surface was read"
+        raise InputError(f"{recording.path}: {why} in this part: nothing to read again")
     return differences
+
+
+def _leave_out(recording: Recording, turn: int, window: Window, differences: DepthDifferences) -> None:
+    """Count a reading whose warp is not there, if that is because it is damaged."""
+    row = recording.row(turn)
+    if row is not None and int(row["time_ns"]) in window and recording.is_damaged("warps/measured", turn):
+        differences.readings_damaged += 1

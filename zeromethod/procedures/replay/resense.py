@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -25,7 +26,10 @@ from zeromethod.warp.warp import Warp
 
 @dataclass
 class WarpDifferences:
-    """Frames sensed again against what the session made of them."""
+    """Frames sensed again against what the session made of them.
+
+    warps_damaged: recorded ones that nothing can be held against.
+    """
 
     recording: Recording
     turns: int = 0
@@ -36,11 +40,12 @@ class WarpDifferences:
     sigma: list[tuple[float, float]] = field(default_factory=list)
     rms: list[tuple[float, float]] = field(default_factory=list)
     valid: list[tuple[float, float]] = field(default_factory=list)
+    warps_damaged: int = 0
 
     def add(self, row: Any, taken: Taken, measured: Warp | None, circle: Circle) -> None:
         """Take in one turn. measured: from the session's zero; None where the frame is not believed."""
         turn = int(row["number"])
-        equal = self._same_measured(self.recording.measured(turn), measured)
+        equal = self._same_measured(turn, measured)
         commanded = self.recording.commanded(turn)
         if commanded is not None:
             equal &= same(commanded, circle.controller.commanded)
@@ -54,7 +59,11 @@ class WarpDifferences:
         if not equal:
             self.different.append(turn)
 
-    def _same_measured(self, recorded: Warp | None, again: Warp | None) -> bool:
+    def _same_measured(self, turn: int, again: Warp | None) -> bool:
+        recorded = self.recording.measured(turn)
+        if recorded is None and self.recording.is_damaged("warps/measured", turn):
+            self.warps_damaged += 1
+            return again is not None
         if recorded is None or again is None:
             return recorded is None and again is None
         both = recorded.valid & again.valid
@@ -86,6 +95,7 @@ class WarpDifferences:
         return {
             "turns": self.turns,
             "turns_equal": self.turns - len(self.different),
+            "warps_damaged": self.warps_damaged,
             "first_different_turn": self.different[0] if self.different else None,
             "measured_difference_lcd_px": self.warp.figures,
             "commanded_difference_lcd_px": self.commanded.figures,
@@ -159,8 +169,7 @@ def resense(
 
 def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tuple[Any, Taken]]:
     """Rows of the turns that reached the circle up to the window's end, and what it makes of them."""
-    pictures = _pictures(recording)
-    following = next(pictures, None)
+    presentations, shown = recording.presentations, 0
     referenced = False
     for row in recording.turns:
         if int(row["time_ns"]) > window.to_ns:
@@ -168,18 +177,17 @@ def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tup
         if row["frame_number"] < 0:
             continue
         turn = int(row["number"])
-        while following is not None and following[0] < turn:
-            circle.presented(*following[1:4], seen_ns=following[4])
-            following = next(pictures, None)
+        while shown < len(presentations) and int(presentations["after_turn"][shown]) < turn:
+            _present(recording, window, shown, circle)
+            shown += 1
         taken = None
         if row["sensed"]:
             frame = recording.frame(turn)
             if frame is None:
+                why = "is damaged" if recording.is_damaged("frames", turn) else "was not kept"
                 at_s = 1e-9 * (int(row["time_ns"]) - window.start_ns)
-                raise InputError(
-                    f"{recording.path}: the frame of turn {turn} ({at_s:.3f} s) was not kept: "
-                    "frames can be sensed again up to there (--to)"
-                )
+                told = f"the frame of turn {turn} ({at_s:.3f} s) {why}"
+                raise InputError(_ends_at(recording, window, turn, told))
             taken = circle.take(own(frame), bool(row["held"]))
         if not referenced and recording.state_of(row) in NULLED:
             referenced = True
@@ -189,17 +197,28 @@ def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tup
             yield row, taken
 
 
-def _pictures(recording: Recording) -> Iterator[tuple[int, int, Any, int | None, int | None]]:
-    """(after turn, time ns, warp, code, seen ns) of every picture, in order."""
-    for index, row in enumerate(recording.presentations):
-        q = recording.presented_q(index)
-        if q is None:
-            raise InputError(f"{recording.path}: what was shown was not kept: frames cannot be sensed again")
-        code, seen_ns = int(row["code"]), int(row["seen_ns"])
-        yield (
-            int(row["after_turn"]),
-            int(row["time_ns"]),
-            q,
-            None if code < 0 else code,
-            None if seen_ns < 0 else seen_ns,
-        )
+def _present(recording: Recording, window: Window, index: int, circle: Circle) -> None:
+    """Hand the circle a picture: row `index` of the presentations."""
+    row, q = recording.presentations[index], recording.presented_q(index)
+    if q is None:
+        why = "is damaged" if recording.is_damaged("pictures", index) else "was not kept"
+        turn = int(row["after_turn"]) + 1
+        raise InputError(_ends_at(recording, window, turn, f"what was shown before turn {turn} {why}"))
+    code, seen_ns = int(row["code"]), int(row["seen_ns"])
+    circle.presented(
+        int(row["time_ns"]),
+        q,
+        None if code < 0 else code,
+        seen_ns=None if seen_ns < 0 else seen_ns,
+    )
+
+
+def _ends_at(recording: Recording, window: Window, turn: int, why: str) -> str:
+    """Why frames cannot be sensed again from a turn on, and up to where they can."""
+    turns = recording.turns
+    before = turns["time_ns"][turns["sensed"] & (turns["number"] < turn)]
+    if not before.size:
+        return f"{recording.path}: {why}: frames cannot be sensed again"
+    # rounded up, so that the last of them is within
+    last_s = 1e-3 * math.ceil(1e-6 * (int(before[-1]) - window.start_ns))
+    return f"{recording.path}: {why}: frames can be sensed again up to there (--to {last_s:.3f})"

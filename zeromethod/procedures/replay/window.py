@@ -43,9 +43,11 @@ class Window:
         to_ns = end_ns if to_s is None else start_ns + round(1e9 * to_s)
         inside = (times >= from_ns) & (times <= to_ns)
         if not np.any(inside):
-            length = 1e-9 * (end_ns - start_ns)
+            last_s = 1e-9 * (end_ns - start_ns)
             asked = f"from {from_s or 0:g} s to {'the end' if to_s is None else f'{to_s:g} s'}"
-            raise InputError(f"--from, --to: {asked}: nothing is there; the recording lasts {length:.3f} s")
+            # the turn that ended it came later
+            told = f"the last frame came at {last_s:.3f} s, the recording lasts {recording.seconds:.3f} s"
+            raise InputError(f"--from, --to: {asked}: nothing is there; {told}")
         return cls(start_ns, from_ns, to_ns, not from_s)
 
     def __contains__(self, time_ns: int) -> bool:
