@@ -7,15 +7,16 @@ import os
 import sys
 import threading
 
-BEHIND = 10
-"""Niceness of what must not take a core from the loop."""
+READING, RECORDING = 10, 5
+"""Niceness of what must not take a core from the loop. Reading may fall behind, and then reads the newest;
+recording has a third of the loop's share, so that it goes on where other programs take all that there is."""
 
 
-def step_back() -> None:
-    """Let the calling thread have a core only where those of the loop leave one.
+def step_back(niceness: int) -> None:
+    """Let the calling thread have less of a core, where those of the loop want it.
 
     Linux counts niceness per thread (and, with autogroup, within a session); elsewhere nothing changes.
     """
     if sys.platform == "linux":
         with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), BEHIND)
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), niceness)

@@ -19,7 +19,7 @@ from planted_turns import bench, reading, recorder, sizes, turn, wait_for
 
 from zeromethod.control import Event
 from zeromethod.errors import InputError
-from zeromethod.priority import BEHIND
+from zeromethod.priority import RECORDING
 from zeromethod.recording.recording import Recording
 
 OLD_S = 0.5
@@ -219,9 +219,12 @@ def test_when_what_writes_is_killed_the_run_goes_on_and_every_frame_is_accounted
             recording.turn(turn(handed))
             return recording.state != ""
 
-        for _ in range(60):
+        def some_kept() -> bool:
             hand_over()
-            time.sleep(0.01)
+            with Recording(path) as found:
+                return len(found.turns_kept("frames")) > 0
+
+        wait_for(some_kept)
         os.kill(recording.writer_id, signal.SIGKILL)
         wait_for(hand_over)
         assert recording.state.startswith("recording stopped: the process that writes has ended, ")
@@ -240,7 +243,7 @@ def test_what_writes_hears_no_ctrl_c_and_leaves_the_cores_to_the_loop(tmp_path: 
         assert os.getpgid(writer) != os.getpgid(0)
         # within one session, or niceness would not count against the loop where the system groups by sessions
         assert os.getsid(writer) == os.getsid(0)
-        assert os.getpriority(os.PRIO_PROCESS, writer) == max(BEHIND, os.getpriority(os.PRIO_PROCESS, 0))
+        assert os.getpriority(os.PRIO_PROCESS, writer) == max(RECORDING, os.getpriority(os.PRIO_PROCESS, 0))
 
 
 def test_a_start_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
