@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import time
 from pathlib import Path
 
 import h5py
@@ -15,8 +16,11 @@ _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _HEAD_BYTES = 36
 """Superblock of versions 2 and 3, up to the end of file's address (HDF5 file format specification, II.A)."""
 
-_WRITING = 0b101
-"""File consistency flags: open for writing, or for writing while others read."""
+_BEGUN, _WRITING = 0b001, 0b101
+"""File consistency flags: open for writing; and for writing while others read, which comes a moment later."""
+
+BEGINNING_S = 5.0
+"""How long a writer may have a file for itself."""
 
 ATTEMPTS = 27
 """How often what is read along is tried again, where its checksum does not fit: it may just be written.
@@ -29,17 +33,27 @@ def open_along(path: Path) -> h5py.File:
     """Open for reading, finished or not. Raises InputError, one line, for what is no whole HDF5 file."""
     if not path.is_file():
         raise InputError(f"{path}: not there: a recording (HDF5)")
-    try:
-        if (missing := _missing_bytes(path)) > 0:
-            raise InputError(f"{path}: cut short, {missing} bytes are missing: a whole recording (HDF5)")
-        if not _is_written(path):
-            # it fails where somebody has begun to write since, or this process reads it along already
-            with contextlib.suppress(OSError):
-                return h5py.File(path, "r")
-        return _open_growing(path)
-    except (OSError, RuntimeError) as error:
-        told = " ".join(str(error).split())
-        raise InputError(f"{path}: cannot be read as a recording (HDF5): {told}") from None
+    until_s = time.monotonic() + BEGINNING_S
+    while True:
+        flags = _flags(path)
+        try:
+            return _open(path, flags)
+        except (OSError, RuntimeError) as error:
+            begins = flags == _BEGUN or _flags(path) not in (flags, 0)
+            if not begins or time.monotonic() > until_s:
+                told = " ".join(str(error).split())
+                raise InputError(f"{path}: cannot be read as a recording (HDF5): {told}") from None
+        time.sleep(0.02)
+
+
+def _open(path: Path, flags: int) -> h5py.File:
+    if (missing := _missing_bytes(path)) > 0:
+        raise InputError(f"{path}: cut short, {missing} bytes are missing: a whole recording (HDF5)")
+    if not flags:
+        # it fails where somebody has begun to write since, or this process reads it along already
+        with contextlib.suppress(OSError):
+            return h5py.File(path, "r")
+    return _open_growing(path)
 
 
 def _open_growing(path: Path) -> h5py.File:
@@ -61,10 +75,13 @@ def _head(path: Path) -> bytes:
         return file.read(_HEAD_BYTES)
 
 
-def _is_written(path: Path) -> bool:
-    """Whether the file says that it is open for writing; also where the writer was killed."""
-    head = _head(path)
-    return len(head) == _HEAD_BYTES and head[8] == 3 and bool(head[11] & _WRITING)
+def _flags(path: Path) -> int:
+    """How the file says that it is open for writing, 0 for not; also where the writer was killed."""
+    try:
+        head = _head(path)
+    except OSError:
+        return 0
+    return head[11] & _WRITING if len(head) == _HEAD_BYTES and head[8] == 3 else 0
 
 
 def _missing_bytes(path: Path) -> int:
