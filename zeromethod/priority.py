@@ -9,8 +9,7 @@ import threading
 
 READING = RECORDING = 10
 """Niceness of what must not take a core from the loop. Reading may fall behind, and then reads the newest;
-recording has seconds' worth of memory to wait in. Measured by `benchmarks/recording_cost.py`: with 5 for
-recording, two minutes of it cost 6 % of the loop's rate, with 10 they cost 4 %."""
+recording has seconds' worth of memory to wait in."""
 
 
 def step_back(niceness: int) -> None:
