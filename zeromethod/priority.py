@@ -7,16 +7,16 @@ import os
 import sys
 import threading
 
-READING = RECORDING = 10
+BEHIND = 10
 """Niceness of what must not take a core from the loop. Reading may fall behind, and then reads the newest;
 recording has seconds' worth of memory to wait in."""
 
 
-def step_back(niceness: int) -> None:
+def step_back() -> None:
     """Let the calling thread have less of a core, where those of the loop want it.
 
     Linux counts niceness per thread (and, with autogroup, within a session); elsewhere nothing changes.
     """
     if sys.platform == "linux":
         with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), niceness)
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), BEHIND)

@@ -19,7 +19,7 @@ from planted_turns import bench, reading, recorder, sizes, turn, wait_for
 
 from zeromethod.control import Event
 from zeromethod.errors import InputError
-from zeromethod.priority import RECORDING
+from zeromethod.priority import BEHIND
 from zeromethod.recording.recording import Recording
 
 OLD_S = 0.5
@@ -243,7 +243,7 @@ def test_what_writes_hears_no_ctrl_c_and_leaves_the_cores_to_the_loop(tmp_path: 
         assert os.getpgid(writer) != os.getpgid(0)
         # within one session, or niceness would not count against the loop where the system groups by sessions
         assert os.getsid(writer) == os.getsid(0)
-        assert os.getpriority(os.PRIO_PROCESS, writer) == max(RECORDING, os.getpriority(os.PRIO_PROCESS, 0))
+        assert os.getpriority(os.PRIO_PROCESS, writer) == max(BEHIND, os.getpriority(os.PRIO_PROCESS, 0))
 
 
 def test_a_start_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -16,8 +16,8 @@ from zeromethod.errors import InputError
 from zeromethod.procedures.delay import with_strips
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
 from zeromethod.rig.refusal import first_refusal
+from zeromethod.simulation.clone import SIMULATED
 
-_SIMULATED = "simulated"
 REAL_CAMERAS = frozenset({"opencv", "pylon", "aravis"})
 """Drivers that look at the world, and at nothing simulated."""
 
@@ -105,12 +105,12 @@ def with_devices(rig: Rig, options: BenchOptions, camera_alone: bool = False) ->
     if options.monitor is not None:
         rig = _with_monitor(rig, options.monitor)
     camera, display = rig.camera.driver, rig.display.driver
-    if options.monitor is not None and camera == _SIMULATED:
+    if options.monitor is not None and camera == SIMULATED:
         raise InputError(
             f"--display: {options.monitor}: the simulated camera does not see monitors; allowed: with "
             "--camera, or a rig file with a camera of its own"
         )
-    if camera in REAL_CAMERAS and display == _SIMULATED and not camera_alone:
+    if camera in REAL_CAMERAS and display == SIMULATED and not camera_alone:
         address = options.address
         where = f"camera.driver: {camera!r}" if address is None else f"--camera: {address!r}"
         raise InputError(
@@ -118,6 +118,18 @@ def with_devices(rig: Rig, options: BenchOptions, camera_alone: bool = False) ->
             "with a display of its own"
         )
     return rig
+
+
+def other_devices(
+    fingerprint: Mapping[str, Mapping[str, Any]], rig: Rig
+) -> list[tuple[str, CameraSpec | DisplaySpec]]:
+    """What the rig has where a calibration was made with devices of other drivers, with their options."""
+    pairs = (("--display N", "display", rig.display), ("--camera ADDRESS", "camera", rig.camera))
+    return [
+        (option, spec)
+        for option, table, spec in pairs
+        if fingerprint.get(table, {}).get("driver", spec.driver) != spec.driver
+    ]
 
 
 def without_display(rig: Rig) -> Rig:
@@ -128,7 +140,7 @@ def without_display(rig: Rig) -> Rig:
 
 def tell_simulated(rig: Rig) -> None:
     """Say so where no real device has a part in what follows."""
-    if rig.camera.driver == _SIMULATED:
+    if rig.camera.driver == SIMULATED:
         click.echo(f"rig {rig.name!r} is simulated: real devices are named by --display and --camera")
 
 
@@ -171,7 +183,7 @@ def _with_camera(rig: Rig, options: BenchOptions) -> Rig:
             raise
         raise InputError(f"{_NAMES[key]}:{rest}") from None
     unheeded = [key for key in given if key != "exposure_s"]
-    if rig.camera.driver == _SIMULATED and unheeded:
+    if rig.camera.driver == SIMULATED and unheeded:
         raise InputError(f"{_NAMES[unheeded[0]]}: the simulated camera has none; allowed: with --camera")
     return rig
 

@@ -17,7 +17,7 @@ from rich.console import Console
 from zeromethod.calibration.camera_file import CameraFile, load_camera
 from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, home_of, load, newest
-from zeromethod.cli.bench_options import BenchOptions, bench_options, with_devices
+from zeromethod.cli.bench_options import BenchOptions, bench_options, other_devices, with_devices
 from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, depths_of, edge_of, known_of
 from zeromethod.cli.numbers import Whole
 from zeromethod.cli.output import check_file, check_folder, write_summary
@@ -196,7 +196,8 @@ def calibrate_bench(
     limit_threads()
     if redo_folder is not None:
         stored = _redo(redo_folder, direct, lens, ball_mm, find, output)
-        _tell_stored(console, stored, summary, _devices_before(stored))
+        others = other_devices(stored.fingerprint, load_rig(stored.rig_file))
+        _tell_stored(console, stored, summary, "".join(f" {option}" for option, _ in others))
         return _refuse_bad(stored)
     if rig_name is None:
         raise InputError("--rig: missing: your rig file (zeromethod init my.toml makes one)")
@@ -341,13 +342,6 @@ def _devices_words(options: BenchOptions) -> str:
     """The same devices for another command, each with a blank before it."""
     monitor = "" if options.monitor is None else f" --display {options.monitor}"
     return monitor + ("" if options.address is None else f" --camera {shlex.quote(options.address)}")
-
-
-def _devices_before(stored: Stored) -> str:
-    """What stands for the devices of a calibration where its rig file does not name them."""
-    rig, before = load_rig(stored.rig_file), stored.fingerprint
-    words = " --display N" if before["display"].get("driver") != rig.display.driver else ""
-    return words + (" --camera ADDRESS" if before["camera"].get("driver") != rig.camera.driver else "")
 
 
 def _tell_stored(console: Console, stored: Stored, summary: Path | None, devices: str) -> None:

@@ -37,6 +37,7 @@ from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError
 from zeromethod.procedures.calibration.board_views import Views, board_for_lcd, live_views, views_in_files
 from zeromethod.rig.load import load_rig
+from zeromethod.simulation.clone import SIMULATED
 from zeromethod.threads import limit_threads
 from zeromethod.view.progress import progress
 
@@ -184,7 +185,7 @@ def _live(board: Board, rig_name: str | None, options: BenchOptions, count: int,
     if not (math.isfinite(patience_s) and patience_s > 0):
         raise InputError(f"--patience: {patience_s}: a number of seconds above 0")
     rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"press": "none"})
-    if rig.camera.driver == "simulated":
+    if rig.camera.driver == SIMULATED:
         raise InputError(
             "--camera: missing: the simulated camera never sees a board; allowed: a camera's address"
         )

@@ -79,11 +79,10 @@ def init_command(path: Path, rig_name: str, ask: bool | None, force: bool, **giv
         raise InputError(f"FILE: {path}: is there already; --force overwrites it")
     if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
         raise InputError(f"FILE: {path}: not writable")
-    calipers = Calipers.of(load_rig(rig_name))
-    calipers = replace(calipers, **{name: value for name, value in given.items() if value is not None})
-    known = {name for name, value in given.items() if value is not None}
+    known = {name: value for name, value in given.items() if value is not None}
+    calipers = replace(Calipers.of(load_rig(rig_name)), **known)
     if (sys.stdin.isatty() if ask is None else ask) and len(known) < len(_QUESTIONS):
-        text = _asked(calipers, known, path)
+        text = _asked(calipers, set(known), path)
     else:
         text = rig_text(calipers, path.stem, path)
     part = path.with_name(path.name + ".part")

@@ -10,14 +10,14 @@ import click
 
 def _range(kind: click.FloatRange | click.IntRange, noun: str) -> str:
     """The range in words: "a number above 0, at most 1"."""
-    words = [noun]
+    if kind.min is not None and kind.max is not None and not (kind.min_open or kind.max_open):
+        return f"{noun} from {kind.min:g} to {kind.max:g}"
+    bounds = []
     if kind.min is not None:
-        words.append(f"{'above' if kind.min_open else 'from'} {kind.min:g}")
+        bounds.append(f" {'above' if kind.min_open else 'from'} {kind.min:g}")
     if kind.max is not None:
-        joint = " to" if kind.min is not None and not kind.min_open and not kind.max_open else ","
-        words[-1] += joint
-        words.append(f"{'below ' if kind.max_open else '' if joint == ' to' else 'at most '}{kind.max:g}")
-    return " ".join(words)
+        bounds.append(f" {'below' if kind.max_open else 'at most'} {kind.max:g}")
+    return noun + ",".join(bounds)
 
 
 class Real(click.FloatRange):

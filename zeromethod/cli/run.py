@@ -15,6 +15,7 @@ from zeromethod.calibration.folder import DOCUMENT, Stored, calibration_of, lack
 from zeromethod.cli.bench_options import (
     BenchOptions,
     bench_options,
+    other_devices,
     with_asked_strips,
     with_devices,
     with_latency,
@@ -32,7 +33,7 @@ from zeromethod.procedures import Run, RunResult, summarise
 from zeromethod.procedures.reading import Publisher
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.simulation.clone import simulated_clone
+from zeromethod.simulation.clone import SIMULATED, simulated_clone
 from zeromethod.threads import limit_threads
 from zeromethod.view.live import LiveStatus
 from zeromethod.view.table import summary_table
@@ -135,24 +136,14 @@ def _check_calibration(stored: Stored, rig_name: str, rig: Rig, devices: Devices
     """Refuse a rig file that was calibrated on another bench; tell of an old calibration."""
     differences = check(stored.fingerprint, rig, devices.camera, devices.display)
     if differences and not force:
-        missing = _not_named(stored, rig)
-        if missing:
+        others = other_devices(stored.fingerprint, rig)
+        if missing := " and ".join(option for option, spec in others if spec.driver == SIMULATED):
             raise InputError(
                 f"--rig: {rig_name}: calibrated with real devices: give {missing}, or --simulate"
             )
         raise InputError(f"--rig: {rig_name}: {'; '.join(differences)}: calibrate anew, or --force")
     if warning := stored.age_warning():
         click.echo(f"! {warning}", err=True)
-
-
-def _not_named(stored: Stored, rig: Rig) -> str:
-    """Options of the devices that a calibration was made with, where the simulated ones stand for them."""
-    pairs = (("display", "--display N", rig.display), ("camera", "--camera ADDRESS", rig.camera))
-    return " and ".join(
-        option
-        for name, option, spec in pairs
-        if spec.driver == "simulated" != stored.fingerprint.get(name, {}).get("driver", "simulated")
-    )
 
 
 @contextmanager

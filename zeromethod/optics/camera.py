@@ -73,7 +73,7 @@ class Camera:
 
     @classmethod
     def place(cls, spec: CameraSpec) -> Camera:
-        """Camera of a rig; the axes are NaN where it looks along y, its roll open, or nowhere."""
+        """Camera of a rig; axes are NaN where it looks nowhere, or along y, which leaves its roll open."""
         position = np.array(spec.position_mm)
         with np.errstate(invalid="ignore"):
             axis = unit(np.array(spec.look_at_mm) - position)

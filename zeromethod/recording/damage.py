@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from zeromethod.errors import InputError
 from zeromethod.recording.source import Source
-from zeromethod.recording.sums import SUMS, sum_of
+from zeromethod.recording.sums import sum_of
 from zeromethod.surface import Anchor, Surface
 
 KINDS = {
@@ -40,15 +40,15 @@ def damaged_items(source: Source, lengths: Mapping[str, int], advance: Callable[
 
 
 def _damaged_in(source: Source, group: str, length: int) -> int:
-    names = [name.rpartition("/")[2] for name in source.group(group) if not name.endswith(f"/{SUMS}")]
     try:
-        sums = source.table(f"{group}/{SUMS}")[:length] if f"{group}/{SUMS}" in source.names else None
+        sums = source.sums(group)
     except InputError:
         # nothing in it can be told from what was written
         return length
+    sums = None if sums is None else sums[:length]
     damaged = np.zeros(length, np.bool_)
     arrays = []
-    for name in names:
+    for name in source.summed(group):
         if source.is_table(f"{group}/{name}"):
             told = sums[name] if sums is not None and name in (sums.dtype.names or ()) else None
             damaged |= _damaged_rows(source, f"{group}/{name}", told)

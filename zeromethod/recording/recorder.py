@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from zeromethod.control.rest import Rest
 from zeromethod.control.step import Step
 from zeromethod.errors import InputError
-from zeromethod.priority import RECORDING, step_back
+from zeromethod.priority import step_back
 from zeromethod.recording.counting import frames_in
 from zeromethod.recording.file import create, discard
 from zeromethod.recording.header import about, rest_arrays, rig_text
@@ -245,7 +245,7 @@ class Recorder:
 
     def _serve(self) -> None:
         if self._live:
-            step_back(RECORDING)
+            step_back()
         try:
             while (one := self._next()) is not None:
                 self._pass_on(one)

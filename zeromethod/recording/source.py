@@ -147,17 +147,24 @@ class Source:
 
     def is_damaged(self, group: str, index: int) -> bool:
         """Whether any item of that index in a group is not what was written; without a warning."""
-        names = [name.rpartition("/")[2] for name in self.group(group) if not name.endswith(f"/{SUMS}")]
         told = self._told(group, index)
-        return not all(self.is_sound(group, name, index, told) for name in names)
+        return not all(self.is_sound(group, name, index, told) for name in self.summed(group))
 
     def is_sound(self, group: str, name: str, index: int, told: Any) -> bool:
         """Whether an item can be read and is what was written. told: the sums of its group's; None: none."""
         return self._sound(group, name, index, told) is not None
 
+    def summed(self, group: str) -> list[str]:
+        """Names within a group of the datasets that it has sums of, or would have."""
+        return [name.rpartition("/")[2] for name in self.group(group) if not name.endswith(f"/{SUMS}")]
+
+    def sums(self, group: str) -> NDArray[Any] | None:
+        """Sums of a group's items, a row for each; None where it has none."""
+        return self.table(f"{group}/{SUMS}") if f"{group}/{SUMS}" in self.names else None
+
     def _told(self, group: str, index: int) -> Any:
-        """Sums of a group's items; None where it has none."""
-        return self.table(f"{group}/{SUMS}")[index] if f"{group}/{SUMS}" in self.names else None
+        sums = self.sums(group)
+        return None if sums is None else sums[index]
 
     def _sound(self, group: str, name: str, index: int, told: Any) -> Any:
         """An item; None where it is damaged."""
@@ -171,10 +178,11 @@ class Source:
     def numbers(self, group: str, name: str, length: int) -> NDArray[np.int64]:
         """What numbers the first items of a group, so many; -1 where that is damaged."""
         values: NDArray[np.int64] = self.table(f"{group}/{name}")[:length]
-        if f"{group}/{SUMS}" not in self.names:
+        sums = self.sums(group)
+        if sums is None:
             return values
         # an item of one word: its size, and itself
-        sound = self.table(f"{group}/{SUMS}")[name][:length] == values.astype(np.uint64) + np.uint64(8)
+        sound = sums[name][:length] == values.astype(np.uint64) + np.uint64(8)
         if not sound.all():
             self._warn(group, name)
         return np.where(sound, values, -1)

@@ -15,7 +15,7 @@ import sys
 import time
 from pathlib import Path
 
-from zeromethod.priority import RECORDING, step_back
+from zeromethod.priority import step_back
 from zeromethod.recording.growing import DiskFull, GrowingFile
 from zeromethod.recording.message import WITH_ROOM, WITHOUT_ROOM, Message, receive
 
@@ -88,7 +88,7 @@ def serve(path: Path, names: list[str], messages: int, news: int, shared: int) -
     """Write until the sender says that the run is over (a message without items), or is gone."""
     file = GrowingFile(path, names)
     writing = Writing(file, memoryview(mmap.mmap(shared, 0, prot=mmap.PROT_READ)), news)
-    step_back(RECORDING)  # not before: the run waits for it to start
+    step_back()  # not before: the run waits for it to start
     writing.tell(ready=True)
     complete = False
     try:

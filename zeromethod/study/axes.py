@@ -16,8 +16,24 @@ Scalar = str | int | float | bool
 
 MOST_VALUES = 100_000
 
+_FITS: dict[str, Callable[[float, float], bool]] = {
+    "uniform": lambda low, high: low < high,
+    "log_uniform": lambda low, high: 0 < low < high,
+    "normal": lambda mean, sigma: sigma > 0,  # noqa: ARG005 - the signature of all
+}
+
+_DISTRIBUTIONS: dict[str, tuple[str, Callable[[np.random.Generator, float, float], float]]] = {
+    "uniform": ("[low, high] with low below high", lambda rng, low, high: rng.uniform(low, high)),
+    "log_uniform": (
+        "[low, high] with 0 below low below high",
+        lambda rng, low, high: float(np.exp(rng.uniform(np.log(low), np.log(high)))),
+    ),
+    "normal": ("[mean, sigma] with sigma above 0", lambda rng, mean, sigma: rng.normal(mean, sigma)),
+    "choice": ("", lambda rng, low, high: low),  # noqa: ARG005 - chosen without numbers
+}
+
 RANGE_WORDS = ("from", "to", "steps", "scale")
-DRAW_WORDS = ("uniform", "log_uniform", "normal", "choice")
+DRAW_WORDS = tuple(_DISTRIBUTIONS)
 """What a table under [grid] and one under [random] may hold."""
 
 _RANGE = 'a list of values, or { from, to, steps, scale = "linear" or "log" }'
@@ -98,20 +114,3 @@ def _check_words(where: str, given: Any, words: tuple[str, ...]) -> None:
 
 def _number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
-
-
-_FITS: dict[str, Callable[[float, float], bool]] = {
-    "uniform": lambda low, high: low < high,
-    "log_uniform": lambda low, high: 0 < low < high,
-    "normal": lambda mean, sigma: sigma > 0,  # noqa: ARG005 - the signature of all
-}
-
-_DISTRIBUTIONS: dict[str, tuple[str, Callable[[np.random.Generator, float, float], float]]] = {
-    "uniform": ("[low, high] with low below high", lambda rng, low, high: rng.uniform(low, high)),
-    "log_uniform": (
-        "[low, high] with 0 below low below high",
-        lambda rng, low, high: float(np.exp(rng.uniform(np.log(low), np.log(high)))),
-    ),
-    "normal": ("[mean, sigma] with sigma above 0", lambda rng, mean, sigma: rng.normal(mean, sigma)),
-    "choice": ("", lambda rng, low, high: low),  # noqa: ARG005 - chosen without numbers
-}

@@ -12,15 +12,13 @@ import numpy as np
 
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.study.procedures import procedure
-from zeromethod.study.task import Message, Task
+from zeromethod.study.task import WHOLE_LIMIT, Message, Task
 from zeromethod.threads import limit_threads
 
 _ONE_AT_A_TIME = threading.Lock()
 """Threads of one process must not run side by side: OpenGL contexts and compiled code are one thread's."""
 
 _LONGEST = 300
-_WHOLE = 1 << 63
-"""Whole numbers from here on do not fit a table's column."""
 
 QUIET = {
     "OPENBLAS_NUM_THREADS": "1",
@@ -67,7 +65,7 @@ def plain(value: Any) -> Any:
     """Value as JSON and a table have it; None for what is not a finite number."""
     if isinstance(value, np.generic):
         value = value.item()
-    if isinstance(value, int) and abs(value) >= _WHOLE:
+    if isinstance(value, int) and abs(value) >= WHOLE_LIMIT:
         value = float(value)
     if value is None or isinstance(value, bool | int):
         return value

@@ -10,7 +10,7 @@ from typing import Any
 
 from zeromethod.errors import InputError
 from zeromethod.study.plan import Point, Study
-from zeromethod.study.task import Message, Procedure
+from zeromethod.study.task import WHOLE_LIMIT, Message, Procedure
 
 Row = dict[str, Any]
 
@@ -91,7 +91,7 @@ def _kind(values: Sequence[Any], name: str) -> str:
     if name in LAST:
         return "string"
     # TOML has whole numbers of any size, a column has not
-    if any(type(value) is int and abs(value) >= 1 << 63 for value in values):
+    if any(type(value) is int and abs(value) >= WHOLE_LIMIT for value in values):
         return "string"
     kinds = {type(value) for value in values if value is not None}
     if kinds <= {bool} and kinds:

@@ -17,6 +17,9 @@ Message = dict[str, Any]
 LIMIT_S = 3600.0
 """How long a run may take unless its study says otherwise."""
 
+WHOLE_LIMIT = 1 << 63
+"""Whole numbers from here on do not fit a column of the results."""
+
 
 @dataclass(frozen=True)
 class Task:

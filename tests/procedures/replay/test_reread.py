@@ -36,12 +36,18 @@ def test_unchanged_readings_are_the_recorded_ones_bit_for_bit(session, whole: De
     assert again.again_mm == [peak.depth_mm for _, peak in session.readings.values()]
 
 
-def test_a_reading_that_differs_is_told(session, recording) -> None:
+def deeper_by(depth_mm: float, session, recording) -> tuple[int, DepthDifferences]:
+    """First turn that was read, and its reading held against one that much deeper."""
     again = DepthDifferences(recording, 0)
     turn, (surface, deepest) = next(iter(session.readings.items()))
-    surface.depth_mm[surface.valid] += 1e-6
+    surface.depth_mm[surface.valid] += depth_mm
     again.add(turn, surface, deepest)
-    surface.depth_mm[surface.valid] -= 1e-6
+    surface.depth_mm[surface.valid] -= depth_mm
+    return turn, again
+
+
+def test_a_reading_that_differs_is_told(session, recording) -> None:
+    turn, again = deeper_by(1e-6, session, recording)
     assert again.different == [turn]
     assert again.depth.largest == pytest.approx(1e-6, rel=1e-3)
 
@@ -141,11 +147,7 @@ def test_where_all_warps_are_damaged_it_is_told(session, damaged: Callable[..., 
 
 
 def test_differences_over_all_nodes_are_not_the_peaks(session, recording) -> None:
-    again = DepthDifferences(recording, 0)
-    turn, (surface, deepest) = next(iter(session.readings.items()))
-    surface.depth_mm[surface.valid] += 1e-5
-    again.add(turn, surface, deepest)
-    surface.depth_mm[surface.valid] -= 1e-5
+    _, again = deeper_by(1e-5, session, recording)
     figures = again.figures
     assert figures["depth_difference_rms_nm"] == pytest.approx([10.0], rel=1e-2)
     assert set(figures["peaks"]) == {"time_s", "recorded_mm", "again_mm"}
