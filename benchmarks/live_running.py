@@ -27,10 +27,9 @@ from memory_bench import (
 
 from zeromethod.clock import Clock
 from zeromethod.control import NULLED, Loop, Step
-from zeromethod.procedures.reading import Reading, ReadInThread, timed
+from zeromethod.procedures.reading import Reading, ReadInThread, timed, warm_up_warp
+from zeromethod.procedures.surfaces import Surfaces
 from zeromethod.publishing import Publisher
-from zeromethod.rig.model import Rig
-from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.threads import limit_threads
 from zeromethod.warp.warp import Warp
 
@@ -55,7 +54,7 @@ class Variant:
     """One way to run the loop.
 
     steady: as `Loop.run` does, without Python's own garbage collection. pools: libraries take every core.
-    reads: surfaces are read in a thread. subscriber: None (nothing is published), none, reading, stopped.
+    reads: surfaces are read beside it. subscriber: None (nothing is published), none, reading, stopped.
     """
 
     name: str
@@ -131,9 +130,10 @@ class Running:
         self._stack.enter_context(patch("zeromethod.control.presenter.PatternRenderer", renderer))
         self.loop = self._stack.enter_context(loop)
         if variant.reads:
-            read = _reader(rig, prepared, loop)
+            surfaces = Surfaces(rig, prepared.optics, loop.grid)
+            self._stack.enter_context(surfaces.beside(warm_up_warp(loop.rest)))
             publisher = self._stack.enter_context(_published(loop, clock, variant.subscriber))
-            self._reading = ReadInThread(read, publisher)
+            self._reading = ReadInThread(_reading(surfaces), publisher)
             self._stack.callback(self._reading.close)
         self._steps = loop.run(frames=frames) if variant.steady else _steps(loop, frames)
 
@@ -186,19 +186,12 @@ class Running:
         return found[LEFT_OUT:]
 
 
-def _reader(rig: Rig, prepared: Prepared, loop: Loop) -> Callable[[Step], Reading]:
-    reader = SurfaceReader(rig, prepared.optics, loop.grid)
-
+def _reading(surfaces: Surfaces) -> Callable[[Step], Reading]:
     def read(step: Step) -> Reading:
-        def surface_and_peak() -> tuple[Surface, Peak]:
-            surface = reader.read(step.measured)
-            return surface, peak(surface)
+        measured = step.measured
+        assert measured is not None
+        return Reading(step, *timed(lambda: surfaces.read(measured)))
 
-        return Reading(step, *timed(surface_and_peak))
-
-    # so that no real one waits for code to be loaded
-    blank = _blank(loop, 0)
-    read(replace(blank, measured=blank.filtered))
     return read
 
 

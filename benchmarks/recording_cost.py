@@ -2,11 +2,11 @@
 
     python benchmarks/recording_cost.py [--quick] [--keep NAMES] [--folder FOLDER] [--json FILE]
 
-The live loop (camera, drawing and reading of surfaces in threads of their own, coded strips) runs over frames
-of 1280x1024 in 8 bits from memory, noise and all, at 60 per second of the host's clock: not recording, then
-recording for two minutes (--quick: 15 s), then not recording again. Every frame is an array of its own, as a
-camera's driver hands it over; pictures are taken at once. Everything that `run --record` keeps is recorded,
-if --keep does not say otherwise: some 4 MB per frame, up to 30 GB in FOLDER, removed at the end.
+The live loop (camera and drawing in threads, reading of surfaces in a process of its own, coded strips) runs
+over frames of 1280x1024 in 8 bits from memory, noise and all, at 60 per second of the host's clock: not
+recording, recording for two minutes (--quick: 15 s), not recording again. Every frame is an array of its own,
+as a camera's driver hands it over; pictures are taken at once. Everything that `run --record` keeps is
+recorded, if --keep does not say otherwise: some 4 MB per frame, up to 30 GB in FOLDER, removed at the end.
 
 Other programs on the machine change the loop's rate as well: so it then records and does not record by turns,
 block by block, and each block is held against the mean of its neighbours.
@@ -45,13 +45,13 @@ from memory_bench import FastLiveClock, MemoryCamera, MemoryDisplay, Noted, Prep
 
 from zeromethod.control import Loop, Step
 from zeromethod.devices.protocols import Frame
-from zeromethod.procedures.reading import Reading, ReadInThread, timed
+from zeromethod.procedures.reading import Reading, ReadInThread, timed, warm_up_warp
+from zeromethod.procedures.surfaces import Surfaces
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.threads import limit_threads
 
 SECONDS, QUICK_S = 120.0, 15.0
@@ -113,16 +113,14 @@ class Bench:
         self._stack.enter_context(patch("zeromethod.control.presenter.PatternRenderer", Noted))
         camera = OwnFrames(prepared, display, clock)
         self.loop = self._stack.enter_context(Loop(rig, camera, display, clock, optics=prepared.optics))
-        reader = SurfaceReader(rig, prepared.optics, self.loop.grid)
+        surfaces = Surfaces(rig, prepared.optics, self.loop.grid)
+        self._stack.enter_context(surfaces.beside(warm_up_warp(self.loop.rest)))
         self.recorder: Recorder | None = None
 
         def read(step: Step) -> Reading:
-            def surface_and_peak() -> tuple[Surface, Peak]:
-                assert step.measured is not None
-                surface = reader.read(step.measured)
-                return surface, peak(surface)
-
-            surface, deepest, read_ms = timed(surface_and_peak)
+            measured = step.measured
+            assert measured is not None
+            surface, deepest, read_ms = timed(lambda: surfaces.read(measured))
             if self.recorder is not None:
                 self.recorder.reading(step, surface, deepest, read_ms)
             return Reading(step, surface, deepest, read_ms)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,8 +20,9 @@ from rich.console import Console
 from zeromethod.control import NULLED, State
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
-from zeromethod.procedures import Run, summarise
+from zeromethod.procedures import FrameRecord, Run, summarise
 from zeromethod.procedures.reading import CLOSING_S, ReadInThread, ReadInTurn
+from zeromethod.surface import process
 from zeromethod.view.live import LiveStatus
 
 PATIENCE_S = 10.0
@@ -159,6 +163,10 @@ def session(real: bool = True, window: bool = False) -> Iterator[tuple[Run, Publ
         yield run, published
 
 
+def read(run: Run) -> list[FrameRecord]:
+    return [record for record in run.result.records if np.isfinite(record.depth_peak_mm)]
+
+
 @pytest.mark.parametrize("real", [False, True], ids=["simulated", "real"])
 def test_a_run_reads_depth_and_publishes_to_the_end(real: bool) -> None:
     with session(real) as (run, published):
@@ -174,10 +182,9 @@ def test_a_run_reads_depth_and_publishes_to_the_end(real: bool) -> None:
             if count == 15:
                 eye.away_px = dent
         result = run.result
-    read = [record for record in result.records if np.isfinite(record.depth_peak_mm)]
-    assert len(read) >= (5 if real else 30)
-    pressed = [abs(record.depth_peak_mm) for record in read[-2:]]
-    assert min(pressed) > 5 * abs(read[0].depth_peak_mm)
+    assert len(read(run)) >= (5 if real else 30)
+    pressed = [abs(record.depth_peak_mm) for record in read(run)[-2:]]
+    assert min(pressed) > 5 * abs(read(run)[0].depth_peak_mm)
     assert np.isfinite(newest[-1])
     assert result.records[-1].state in NULLED
     numbers = published.numbers
@@ -186,7 +193,7 @@ def test_a_run_reads_depth_and_publishes_to_the_end(real: bool) -> None:
     step, reading = published.turns[-1]
     assert (step.state, reading) == (State.STOPPED, None)
     assert step.number == result.records[-1].number + 1
-    assert sum(one is not None for _, one in published.turns) == len(read)
+    assert sum(one is not None for _, one in published.turns) == len(read(run))
     eventually(lambda: not running("read surface", "present"))
 
 
@@ -255,10 +262,40 @@ def test_an_error_in_reading_ends_the_run_with_it(monkeypatch: pytest.MonkeyPatc
     with session() as (run, _):
         steps = run.steps(frames=200)
         next(steps)
-        monkeypatch.setattr(run._reader, "read", broken)
+        monkeypatch.setattr(run._surfaces, "read", broken)
         with pytest.raises(FloatingPointError, match="surface"):
             list(steps)
         assert run.loop.status.state is State.STOPPED
+
+
+def test_a_run_whose_reading_process_is_killed_tells_it_and_reads_on() -> None:
+    with session() as (run, _):
+        killed, before = False, 0
+        for record in run.steps(seconds=20):
+            reader = run._surfaces._process
+            if not killed and reader is not None and np.isfinite(record.newest_peak_mm):
+                os.kill(reader.process_id, signal.SIGKILL)
+                killed, before = True, len(read(run))
+            elif killed and len(read(run)) > before + 5:
+                break
+    told = [note for note in run.result.notes if "reads surfaces" in note]
+    assert told == [
+        "the process that reads surfaces is lost (signal 9): the run's own does, and is slower",
+    ]
+
+
+def test_a_run_reads_though_no_process_can_be_started_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_arguments: object, **_streams: object) -> Any:
+        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    monkeypatch.setattr(process, "start_beside", refuse)
+    with session() as (run, _):
+        records = run.steps(seconds=20)
+        while len(read(run)) < 3:
+            next(records)
+        records.close()  # type: ignore[attr-defined]
+    [told] = [note for note in run.result.notes if "reads surfaces" in note]
+    assert "lost (it does not start: Resource temporarily unavailable)" in told
 
 
 def lose(_reads: int) -> None:

@@ -27,9 +27,10 @@ from zeromethod.procedures.reading import (
     warm_up_warp,
 )
 from zeromethod.procedures.result import FrameRecord, RunResult, Snapshot
+from zeromethod.procedures.surfaces import Surfaces
 from zeromethod.procedures.truth import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.rig.model import Rig
-from zeromethod.surface import Peak, Surface, SurfaceReader, peak
+from zeromethod.surface import Surface, SurfaceReader
 from zeromethod.warp.grid import NodeGrid
 
 if TYPE_CHECKING:  # what writes files loads slowly, and few runs are recorded
@@ -68,7 +69,7 @@ class Run:
             optics=self._optics,
         )
         self._grid: NodeGrid = self.loop.grid
-        self._reader = SurfaceReader(rig, self._optics, self._grid)
+        self._surfaces = Surfaces(rig, self._optics, self._grid)
         self._publisher = publisher
         self._recorder = None if record is None else self._opened(record)
         self._recording = ""
@@ -106,7 +107,7 @@ class Run:
             stack.callback(self.loop.close)
             stack.callback(self._finish)
             if self.loop.live:
-                peak(self._reader.read(warm_up_warp(self.loop.rest)))
+                stack.enter_context(self._surfaces.beside(warm_up_warp(self.loop.rest)))
             reading = (ReadInThread if self.loop.live else ReadInTurn)(self._read, self._publisher)
             stack.callback(self._end_recording)
             stack.callback(self._take, reading)
@@ -167,12 +168,7 @@ class Run:
         """Read one step; in real time in a thread of its own."""
         measured = step.measured
         assert measured is not None
-
-        def read() -> tuple[Surface, Peak]:
-            surface = self._reader.read(measured)
-            return surface, peak(surface)
-
-        surface, deepest, read_ms = timed(read)
+        surface, deepest, read_ms = timed(lambda: self._surfaces.read(measured))
         truth, untouched = None, None
         if self._truth is not None:
             phase = self._phase(step.time_ns)
@@ -193,7 +189,7 @@ class Run:
             state=step.state,
             reason=step.reason,
             events=step.events,
-            notes=step.notes + self._delay_note() + self._recording_note(),
+            notes=step.notes + self._delay_note() + self._recording_note() + self._surfaces.notes(),
             dropped=step.dropped,
             residual_rms_px=step.residual_rms_px,
             valid_share=step.valid_share,

@@ -8,7 +8,6 @@ import math
 import os
 import select
 import subprocess
-import sys
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -18,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.beside import start_beside
 from zeromethod.errors import InputError
 from zeromethod.recording.message import Item, send
 from zeromethod.recording.ring import Ring, aligned
@@ -30,10 +30,6 @@ LOOK_S = 0.2
 
 RING_BYTES = 64 << 20
 """Memory that both share, if a message is not so large that it takes more for four of them."""
-
-_PROGRAM = "import sys, json; sys.path[:] = json.loads(sys.argv.pop(1)); from {} import main; main()".format(
-    "zeromethod.recording.writing"
-)
 
 
 class Content(NamedTuple):
@@ -64,13 +60,12 @@ class Line:
         self._told = b""
         self._unread: list[dict[str, Any]] = []
         handles = theirs_in, theirs_out, self._ring.handle
-        arguments = [json.dumps(sys.path), str(path), json.dumps(list(names)), *map(str, handles)]
+        arguments = str(path), json.dumps(list(names)), *map(str, handles)
         try:
-            # in a group of its own: Ctrl-C in the terminal ends the run, which then ends the recording
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", _PROGRAM, *arguments],
+            self._process = start_beside(
+                "zeromethod.recording.writing",
+                *arguments,
                 pass_fds=handles,
-                process_group=0,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,

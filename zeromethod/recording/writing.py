@@ -10,11 +10,11 @@ import json
 import mmap
 import os
 import select
-import signal
 import sys
 import time
 from pathlib import Path
 
+from zeromethod.beside import heed_run_only
 from zeromethod.priority import step_back
 from zeromethod.recording.growing import DiskFull, GrowingFile
 from zeromethod.recording.message import WITH_ROOM, WITHOUT_ROOM, Message, receive
@@ -116,8 +116,7 @@ def _follow(writing: Writing, messages: int) -> bool:
 
 def main() -> None:
     """Arguments: path, JSON list of the datasets' names, file descriptors: messages, news, memory."""
-    for number in (signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)
+    heed_run_only()
     path, names, messages, news, shared = sys.argv[1:]
     try:
         serve(Path(path), json.loads(names), int(messages), int(news), int(shared))

@@ -1,0 +1,27 @@
+"""Python processes of one's own beside the run's."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from typing import Any
+
+_PROGRAM = "import sys, json; sys.path[:] = json.loads(sys.argv.pop(1)); from {} import main; main()"
+
+
+def start_beside(module: str, *arguments: str, **streams: Any) -> subprocess.Popen[bytes]:
+    """Start `module.main()` in a process that imports what this one would. Raises OSError.
+
+    arguments: its `sys.argv[1:]`. streams: as of `subprocess.Popen`. It stands in a group of its own: Ctrl-C
+    in the terminal ends the run, which then ends what works for it.
+    """
+    program = [sys.executable, "-c", _PROGRAM.format(module), json.dumps(sys.path), *arguments]
+    return subprocess.Popen(program, process_group=0, **streams)
+
+
+def heed_run_only() -> None:
+    """Let nothing but the end of the run's process end this one; to be called in it."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
