@@ -9,8 +9,8 @@ import pytest
 
 from zeromethod.errors import InputError
 from zeromethod.export import SUFFIXES, Selection, prepare
-from zeromethod.export.whole_file import whole_file
 from zeromethod.recording.recording import Recording
+from zeromethod.whole_file import whole_file
 
 STREAMED = [suffix for suffix, form in SUFFIXES.items() if form in {"npz", "tiff", "mcap", "mp4"}]
 

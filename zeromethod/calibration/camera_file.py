@@ -13,6 +13,7 @@ from zeromethod.calibration.intrinsics import CameraFit
 from zeromethod.calibration.observations import Intrinsics
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
+from zeromethod.whole_file import whole_file
 
 SCHEMA_VERSION = 1
 _HEAD = "A camera, by `zeromethod calibrate intrinsics`; for `zeromethod calibrate --intrinsics`."
@@ -63,9 +64,8 @@ def save_camera(path: Path, found: CameraFit, board: str) -> None:
     for row in correlation:
         rows.append([_short(value) for value in row])
     document["correlation"] = rows.multiline(True)
-    part = path.with_name(path.name + ".part")
-    part.write_text(tomlkit.dumps(document), encoding="utf-8")
-    part.replace(path)
+    with whole_file(path) as part:
+        part.write_text(tomlkit.dumps(document), encoding="utf-8")
 
 
 def load_camera(path: Path) -> CameraFile:

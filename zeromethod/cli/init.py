@@ -15,6 +15,7 @@ from zeromethod.cli.numbers import Real, Whole
 from zeromethod.errors import InputError
 from zeromethod.procedures.calibration.new_rig import Calipers, rig_text
 from zeromethod.rig.load import load_rig
+from zeromethod.whole_file import whole_file
 
 _ABOVE_ZERO = Real(min=0, min_open=True)
 _ANGLE = Real(5, 85, min_open=True, max_open=True)
@@ -85,10 +86,9 @@ def init_command(path: Path, rig_name: str, ask: bool | None, force: bool, **giv
         text = _asked(calipers, set(known), path)
     else:
         text = rig_text(calipers, path.stem, path)
-    part = path.with_name(path.name + ".part")
     try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
+        with whole_file(path) as part:
+            part.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"FILE: {path}: cannot be written: {error.strerror}: a file of yours") from None
     name = shlex.quote(str(path))

@@ -19,6 +19,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.threads import limit_threads
 from zeromethod.view.measure_table import measure_table
 from zeromethod.view.progress import progress
+from zeromethod.whole_file import whole_file
 
 
 @click.command(
@@ -96,11 +97,8 @@ def _check_names(images: tuple[Path, ...]) -> None:
 def _write(reading: StillReading, measurement: Measurement, folder: Path) -> None:
     from zeromethod.view.displacement_figure import draw_displacement  # noqa: PLC0415 - matplotlib loads slowly
 
-    final = folder / f"{reading.name}.npz"
-    part = folder / f"{reading.name}.npz.part"
-    with part.open("wb") as file:
+    with whole_file(folder / f"{reading.name}.npz") as part, part.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays(reading))
-    part.replace(final)
     draw_displacement(reading, measurement.reference, folder / f"{reading.name}.png")
 
 

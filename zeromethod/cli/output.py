@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.errors import InputError
+from zeromethod.whole_file import whole_file
 
 
 def check_file(option: str, path: Path | None, suffix: str) -> None:
@@ -54,10 +55,8 @@ def write_summary(path: Path, figures: dict[str, Any]) -> None:
 
     Raises InputError where the disk does not take it.
     """
-    part = path.with_name(path.name + ".part")
-    with writing("--summary", path):
+    with writing("--summary", path), whole_file(path) as part:
         part.write_text(json.dumps(_plain(figures), indent=2) + "\n")
-        part.replace(path)
 
 
 def _plain(value: Any) -> Any:

@@ -13,10 +13,10 @@ from zeromethod.export.extras import needed
 from zeromethod.export.moments import Moments
 from zeromethod.export.ros2_types import DEFINITIONS
 from zeromethod.export.surface_points import surface_points
-from zeromethod.export.whole_file import whole_file
 from zeromethod.optics.mirror import HeightField, rest_surface
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
+from zeromethod.whole_file import whole_file
 
 FRAME = "zeromethod/P0"
 CAMERA_FRAME = "zeromethod/camera"

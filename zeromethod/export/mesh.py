@@ -13,10 +13,10 @@ from zeromethod.errors import MeasurementError
 from zeromethod.export.extras import needed
 from zeromethod.export.moments import Moments
 from zeromethod.export.surface_points import surface_points
-from zeromethod.export.whole_file import whole_file
 from zeromethod.optics.mirror import rest_surface
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
+from zeromethod.whole_file import whole_file
 
 _HEADER = "zeromethod: mm; z = rest - depth out of the rubber, x along the mirror from the edge P0"
 

@@ -13,8 +13,8 @@ from typing import IO, Any
 import numpy as np
 
 from zeromethod.export.moments import Moments
-from zeromethod.export.whole_file import whole_file
 from zeromethod.recording.recording import Recording
+from zeromethod.whole_file import whole_file
 
 _BLOCK = 1 << 22
 

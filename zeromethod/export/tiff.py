@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from zeromethod.export.extras import needed
 from zeromethod.export.lattice import Lattice, Resampler
 from zeromethod.export.moments import Moments
-from zeromethod.export.whole_file import whole_file
 from zeromethod.recording.recording import Recording
+from zeromethod.whole_file import whole_file
 
 CHANNELS = ("depth, mm", "slope d depth / dx, rad", "slope d depth / dy, rad")
 

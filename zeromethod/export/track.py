@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from zeromethod.export.moments import Moments
-from zeromethod.export.whole_file import whole_file
 from zeromethod.recording.recording import Recording
+from zeromethod.whole_file import whole_file
 
 COLUMNS = ("time_s", "depth_mm", "sigma_mm", "x_mm", "y_mm", "state")
 

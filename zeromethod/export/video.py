@@ -15,9 +15,9 @@ from zeromethod.export.extras import needed
 from zeromethod.export.lattice import Lattice
 from zeromethod.export.moments import Moments
 from zeromethod.export.picture import Picture, Scales
-from zeromethod.export.whole_file import whole_file
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
+from zeromethod.whole_file import whole_file
 
 CODECS = ("libx264", "mpeg4")
 """The first that the library has."""

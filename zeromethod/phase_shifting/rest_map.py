@@ -15,6 +15,7 @@ from zeromethod.phase_shifting.masks import Reason
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
+from zeromethod.whole_file import whole_file
 
 Float = NDArray[np.float64]
 
@@ -55,8 +56,7 @@ class RestMap:
 
     def save(self, path: Path) -> None:
         """Write `path` (.npz), whole or not at all: column, row, sigma, valid, reason."""
-        part = path.with_name(path.name + ".part")
-        with part.open("wb") as file:
+        with whole_file(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file,
                 allow_pickle=False,
@@ -66,7 +66,6 @@ class RestMap:
                 valid=self.valid,
                 reason=self.reason,
             )
-        part.replace(path)
 
     @classmethod
     def load(cls, path: Path) -> RestMap:

@@ -11,6 +11,7 @@ from typing import Any
 from zeromethod.errors import InputError
 from zeromethod.study.plan import Point, Study
 from zeromethod.study.task import WHOLE_LIMIT, Message, Procedure
+from zeromethod.whole_file import whole_file
 
 Row = dict[str, Any]
 
@@ -56,9 +57,8 @@ def write_table(path: Path, study: Study, chosen: Procedure, table: Sequence[Row
         columns.append(pa.array([_as(kind, value) for value in values], getattr(pa, kind)()))
     about = {"title": study.table.title, "study": study.text}
     written = pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata=about))
-    part = path.with_name(path.name + ".part")
-    parquet.write_table(written, part)
-    part.replace(path)
+    with whole_file(path) as part:
+        parquet.write_table(written, part)
 
 
 def write_seconds(path: Path, done: Mapping[int, Message]) -> None:

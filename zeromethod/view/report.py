@@ -33,6 +33,7 @@ from zeromethod.view.report_words import (
     version_rows,
     warnings,
 )
+from zeromethod.whole_file import whole_file
 
 MOST_HAPPENINGS = 300
 """Drops and faults that are listed; of more, it is told how many there are."""
@@ -58,9 +59,8 @@ def write_report(
     advance("depth maps")
     maps, damaged = _maps(recording)
     advance("page")
-    part = output.with_name(output.name + ".part")
-    part.write_text(_render(recording, path, figures, curves, maps, damaged), encoding="utf-8")
-    part.replace(output)
+    with whole_file(output) as part:
+        part.write_text(_render(recording, path, figures, curves, maps, damaged), encoding="utf-8")
     advance("")
     return figures
 
