@@ -47,15 +47,11 @@ def bench_command(parts: tuple[str, ...], quick: bool, figure: Path | None, summ
 
 
 def _report(figures: dict[str, Any], figure: Path | None, summary: Path | None) -> None:
-    """Write what was asked for and print the tables, of whatever is measured by now."""
-    figures["bars"] = bars(figures)
-    if summary is not None:
-        write_summary(summary, figures)
-    why = figures.get("why")
-    if figure is not None:
-        from zeromethod.view.bench_figure import draw_bench  # noqa: PLC0415 - matplotlib loads slowly
+    """Print the tables and write what was asked for, of whatever is measured by now."""
+    from zeromethod.view.bench_figure import draw_bench  # noqa: PLC0415 - matplotlib loads slowly
+    from zeromethod.view.open_loop_figure import draw_open_loop, open_loop_table  # noqa: PLC0415
 
-        draw_bench(figures, figure)
+    figures["bars"] = bars(figures)
     console = Console(width=None if sys.stdout.isatty() else 120)
     host = figures["host"]
     console.print(
@@ -64,10 +60,13 @@ def _report(figures: dict[str, Any], figure: Path | None, summary: Path | None) 
         highlight=False,
     )
     console.print(bench_table(figures, figures["bars"]))
+    why = figures.get("why")
     if why:
-        from zeromethod.view.open_loop_figure import draw_open_loop, open_loop_table  # noqa: PLC0415 - matplotlib
-
         console.print()
         console.print(open_loop_table(why))
-        if figure is not None:
+    if summary is not None:
+        write_summary(summary, figures)
+    if figure is not None:
+        draw_bench(figures, figure)
+        if why:
             draw_open_loop(why, figure.with_name(f"{figure.stem}-open-loop.png"))

@@ -158,12 +158,12 @@ def intrinsics_command(
         click.echo(f"! {name}: {why}", err=True)
     found = fit_camera(views.views, board, views.shape)
     save_camera(output, found, str(board))
-    if summary is not None:
-        write_summary(summary, _figures(found, views, output))
     Console().print(_table(found))
     Console().print(
         f"use it: zeromethod calibrate --intrinsics {output} ...", highlight=False, soft_wrap=True
     )
+    if summary is not None:
+        write_summary(summary, _figures(found, views, output))
 
 
 def _from_files(frames: tuple[Path, ...], board: Board, rig_name: str | None) -> Views:

@@ -76,11 +76,11 @@ def measure_command(
                 _write(reading, measurement, output)
             found.append(figures(reading))
             advance(following)
+    Console().print(measure_table(found))
     if summary is not None:
         write_summary(
             summary, {"reference": str(reference), "rig": rig.name if rig else None, "images": found}
         )
-    Console().print(measure_table(found))
     _refuse_empty(found)
 
 

@@ -41,14 +41,14 @@ def reproduce_command(output: Path, summary: Path | None, quick: bool) -> None:
         pictures = _draw(found, output)
         advance("")
     figures = found.figures()
-    if summary is not None:
-        write_summary(summary, figures)
     console = Console()
     console.print(needle_table(figures["needle"]))
     console.print(press_table(figures))
     for note in press_notes(figures):
         console.print(note, soft_wrap=True, highlight=False)
     console.print(f"pictures: {output} ({', '.join(path.name for path in pictures)})", soft_wrap=True)
+    if summary is not None:
+        write_summary(summary, figures)
     for name in ("whole_image", "zero_method"):
         reason = figures["press"][name]["reason"]
         if reason:
