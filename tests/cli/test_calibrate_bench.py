@@ -183,7 +183,6 @@ def test_redo_adds_what_was_measured_later_and_diff_tells_the_change(
         (("--rig", "simulated", "--press-depths", "0.2,x"), "--press-depths"),
         (("--rig", "simulated", "--press-depths", "-0.2"), "--press-depths"),
         (("--rig", "simulated", "--depth-sigma", "0"), "--depth-sigma"),
-        (("--rig", "simulated", "--patience", "nan"), "--patience"),
         (("--rig", "simulated", "--known", "gap_mm=0.5"), "--known"),
         (("--rig", "simulated", "--known", "speed=0.5:0.1"), "not a parameter"),
         (("--rig", "simulated", "--known", "gap_mm=nan:1"), "must be finite"),

@@ -104,7 +104,7 @@ def test_without_a_screen_the_cameras_are_listed_all_the_same(
         (["--identify", "--exposure", "0.1"], "--exposure: only with --focus or --delay"),
         (["--rig", "paper"], "--rig: only with --identify, --focus or --delay"),
         (["--seconds", "3"], "--seconds: only with --identify, --focus or --delay"),
-        (["--delay", "--seconds", "0"], "--seconds: 0.0: a number above 0"),
+        (["--delay", "--seconds", "0"], "--seconds: 0: a number above 0"),
         (["--delay", "--seconds", "nan"], "--seconds: nan: a number above 0"),
         (["--delay", "--write"], "--write: 'simulated': with --rig and a rig file of your own"),
         (["--delay", "--write", "--rig", "paper"], "--write: 'paper': with --rig and a rig file of your own"),

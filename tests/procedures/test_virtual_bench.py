@@ -415,7 +415,7 @@ def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_told(
         (["--monitor", "2"], {}, "--monitor: 2: allowed: 0 (DUMMY0, 640 x 480"),
         (["--monitor", "0"], {}, "--monitor: 0: set to 640 x 480; the rig's display is 1280 x 800 px"),
         (["--monitor", "1"], {"DISPLAY": ""}, "no screen: DISPLAY is not set"),
-        (["--start-after", "-1"], {}, "--start-after: -1.0: a number of seconds from 0 on"),
+        (["--start-after", "-1"], {}, "--start-after: -1: a number from 0"),
         (["--rate", "1000"], {}, "--rate: 1000: above 0 and at most 1 / camera.exposure_s = 125 Hz"),
         (["--forever", "--loops", "2"], {}, "--loops and --forever: give one of them, not both"),
     ],

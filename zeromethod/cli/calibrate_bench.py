@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,7 +18,7 @@ from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, home_of, load, newest
 from zeromethod.cli.bench_options import BenchOptions, bench_options, other_devices, with_devices
 from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, depths_of, edge_of, known_of
-from zeromethod.cli.numbers import Whole
+from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, check_folder, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.cli.telling import Telling
@@ -93,8 +92,8 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
         help="Camera frames averaged for each press.",
     ),
     click.option(
-        "--patience", "patience_s", type=float, default=Plan.patience_s, show_default=True, metavar="S",
-        help="Longest wait for a press.",
+        "--patience", "patience_s", type=Real(min=0, min_open=True), default=Plan.patience_s,
+        show_default=True, metavar="S", help="Longest wait for a press.",
     ),
     click.option(
         "--output", type=click.Path(path_type=Path, file_okay=False),
@@ -201,8 +200,6 @@ def calibrate_bench(
         return _refuse_bad(stored)
     if rig_name is None:
         raise InputError("--rig: missing: your rig file (zeromethod init my.toml makes one)")
-    if not (math.isfinite(patience_s) and patience_s > 0):
-        raise InputError(f"--patience: {patience_s}: a number of seconds above 0")
     plan = Plan(
         press_depths_mm=depths_of(depths),
         press_sigma_mm=depth_sigma,

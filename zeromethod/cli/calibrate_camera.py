@@ -30,7 +30,7 @@ from zeromethod.cli.bench_options import (
     with_devices,
     without_display,
 )
-from zeromethod.cli.numbers import Whole
+from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.cli.telling import Telling
 from zeromethod.devices.opening import open_devices
@@ -63,7 +63,7 @@ _DICTIONARY = click.option(
 )
 @_BOARD
 @_DICTIONARY
-@click.option("--dpi", type=float, help="Of the printer: a picture that prints at its true size.")
+@click.option("--dpi", type=Real(10, 10_000), help="Of the printer: a picture that prints at its true size.")
 @click.option("--rig", "rig_name", help="Instead: a picture that fills this rig's LCD, pixel by pixel.")
 @click.option(
     "--output", type=click.Path(path_type=Path, dir_okay=False), required=True, help="PNG to write."
@@ -84,8 +84,6 @@ def board_command(
         Console().print(f"show it full screen, unscaled: squares of {square_px} px", highlight=False)
         return
     assert dpi is not None
-    if not (math.isfinite(dpi) and 10 <= dpi <= 10_000):
-        raise InputError(f"--dpi: {dpi}: 10 to 10000")
     square_px = round(board.square_mm * px_per_mm(dpi))
     picture = margined(board.picture(square_px), square_px)
     write_png(output, picture, square_px / board.square_mm)
@@ -117,7 +115,7 @@ def board_command(
 @click.option(
     "--patience",
     "patience_s",
-    type=float,
+    type=Real(min=0, min_open=True),
     default=120.0,
     show_default=True,
     metavar="S",
@@ -182,8 +180,6 @@ def _from_files(frames: tuple[Path, ...], board: Board, rig_name: str | None) ->
 def _live(board: Board, rig_name: str | None, options: BenchOptions, count: int, patience_s: float) -> Views:
     if rig_name is None:
         raise InputError("FRAMES: missing: picture files, or --rig and --camera for live pictures")
-    if not (math.isfinite(patience_s) and patience_s > 0):
-        raise InputError(f"--patience: {patience_s}: a number of seconds above 0")
     rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"press": "none"})
     if rig.camera.driver == SIMULATED:
         raise InputError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from pathlib import Path
 from typing import Any, get_args
@@ -10,6 +9,7 @@ from typing import Any, get_args
 import click
 from rich.console import Console
 
+from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.control.margin import stability_margin
 from zeromethod.design import (
@@ -23,7 +23,6 @@ from zeromethod.design import (
 )
 from zeromethod.design.delay_budget import ASSUMED_COMPUTING_S
 from zeromethod.design.resolution import ASSUMED_PUPIL_MM
-from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import ControlSpec, Rig
@@ -57,13 +56,13 @@ _CONTROLLERS = get_args(ControlSpec.model_fields["controller"].annotation)
 @click.option(
     "--pupil",
     "pupil_mm",
-    type=float,
+    type=Real(0, _MOST_PUPIL_MM, min_open=True),
     metavar="MM",
     help=f"Diameter of the lens's entrance pupil, focal length / f-number.  [default: {ASSUMED_PUPIL_MM:g}]",
 )
 @click.option(
-    "--computing", "computing_s", type=float, default=ASSUMED_COMPUTING_S, show_default=True, metavar="S",
-    help="Time to read a frame and to draw the next picture, s.",
+    "--computing", "computing_s", type=Real(0, _MOST_COMPUTING_S), default=ASSUMED_COMPUTING_S,
+    show_default=True, metavar="S", help="Time to read a frame and to draw the next picture, s.",
 )  # fmt: skip
 def design_command(
     rig_name: str,
@@ -81,8 +80,6 @@ def design_command(
     """
     check_file("--figure", figure, suffix=".png")
     check_file("--summary", summary, suffix=".json")
-    _check_number("--pupil", pupil_mm, _MOST_PUPIL_MM, lowest_in=False)
-    _check_number("--computing", computing_s, _MOST_COMPUTING_S, lowest_in=True)
     presses = [PressKind.parse(text) for text in kinds] or list(DEFAULT_KINDS)
     runs = [Variation.parse(text) for text in variations]
     rig = load_rig(rig_name)
@@ -99,14 +96,6 @@ def design_command(
     figures["warnings"] = design_warnings(view, figures)
     figures["vary"] = [curve for _, curve in found]
     _report(view, figures, found, figure, summary)
-
-
-def _check_number(option: str, value: float | None, most: float, *, lowest_in: bool) -> None:
-    if value is None:
-        return
-    if not (math.isfinite(value) and (value > 0 or (lowest_in and value == 0)) and value <= most):
-        least = "from 0" if lowest_in else "above 0"
-        raise InputError(f"{option}: {value}: a number {least}, at most {most:g}")
 
 
 def _stability(rig: Rig, delay_frames: float) -> dict[str, Any]:

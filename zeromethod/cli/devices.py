@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import signal
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import click
 from rich.console import Console
 
 from zeromethod.cli.bench_options import WINDOW, BenchOptions, bench_options
+from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.errors import InputError
 from zeromethod.threads import limit_threads
@@ -48,7 +48,7 @@ class _Task:
 @click.option("--focus", is_flag=True, help="Set up by eye: focus, exposure, view, with advice. q ends it.")
 @click.option("--rig", "rig_name", help="Rig file, or a packaged name.  [default: simulated]")
 @bench_options
-@click.option("--seconds", type=float, help="How long to measure, look or show.")
+@click.option("--seconds", type=Real(min=0, min_open=True), help="How long to measure, look or show.")
 @click.option("--write", is_flag=True, help="Store the measured delay in the rig file.")
 @click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
 def devices_command(
@@ -70,8 +70,6 @@ def devices_command(
     asked = [name for name, given in names if given]
     if len(asked) > 1:
         raise InputError(f"{' and '.join(asked)}: give one of them")
-    if seconds is not None and not (math.isfinite(seconds) and seconds > 0):
-        raise InputError(f"--seconds: {seconds}: a number above 0")
     task = _Task(asked[0] if asked else "", rig_name, BenchOptions(**options), seconds, write)
     _check_options(task)
     signal.signal(signal.SIGTERM, signal.default_int_handler)

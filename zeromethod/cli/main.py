@@ -77,6 +77,13 @@ def _tell(
     )
 
 
+def _told(error: click.UsageError) -> str:
+    """As this program's own refusals: the option first, then what is wrong with it."""
+    if type(error) is click.BadParameter and error.param is not None:
+        return f"{max(error.param.opts, key=len)}: {error.message}"
+    return error.format_message()
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its code."""
     leave_quickly()
@@ -90,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         click.echo(error.format_message())
         code = 0
     except click.UsageError as error:
-        click.echo(f"zeromethod: {error.format_message()}".replace("\n", " "), err=True)
+        click.echo(f"zeromethod: {_told(error)}".replace("\n", " "), err=True)
         code = 2
     except InputError as error:
         click.echo(f"zeromethod: {error}", err=True)

@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from zeromethod.cli.numbers import Whole
+from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
@@ -50,7 +50,7 @@ from zeromethod.threads import limit_threads
 @click.option(
     "--start-after",
     "start_after_s",
-    type=float,
+    type=Real(min=0),
     default=0.0,
     show_default=True,
     help="Seconds from the first client to the scenario's start.",
@@ -72,8 +72,6 @@ def virtual_bench_command(
     The scenario starts when the first client connects. The bench ends on Ctrl-C, and once the scenario is
     over and the client has gone.
     """
-    if not (math.isfinite(start_after_s) and start_after_s >= 0):
-        raise InputError(f"--start-after: {start_after_s}: a number of seconds from 0 on")
     if loops is not None and forever:
         raise InputError("--loops and --forever: give one of them, not both")
     check_file("--truth", truth_path, suffix=".jsonl")
