@@ -106,10 +106,10 @@ class Run:
         with ExitStack() as stack:
             stack.callback(self.loop.close)
             stack.callback(self._finish)
+            stack.callback(self._end_recording)
             if self.loop.live:
                 stack.enter_context(self._surfaces.beside(warm_up_warp(self.loop.rest)))
             reading = (ReadInThread if self.loop.live else ReadInTurn)(self._read, self._publisher)
-            stack.callback(self._end_recording)
             stack.callback(self._take, reading)
             stack.callback(reading.close)
             stack.callback(self._post_end, reading)
