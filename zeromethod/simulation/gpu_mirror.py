@@ -104,7 +104,7 @@ def rest_code(rest: RestSurface) -> int:
 
 
 def rest_values(rest: RestSurface, middle_mm: Vector) -> Values:
-    """Uniforms of the rest surface."""
+    """Constants of the rest surface."""
     if rest.shape == "sphere":
         centre = [rest.centre_mm[0] - middle_mm[0], rest.centre_mm[1] - middle_mm[1]]
         return {"rest_sphere": np.array([*centre, rest.radius_mm])}
