@@ -1,13 +1,13 @@
 #version 330 core
 // Footprint of each camera pixel on the LCD: (dq/du, dq/dv) in LCD px, by differences of the ray map.
+#include "bench_texel.glsl"
 uniform sampler2D rays;
 
 layout(location = 0) out vec4 footprint;
 
-vec2 difference(ivec2 pixel, vec4 here, ivec2 step_by) {
-    ivec2 last = textureSize(rays, 0) - 1;
-    vec4 after = texelFetch(rays, min(pixel + step_by, last), 0);
-    vec4 before = texelFetch(rays, max(pixel - step_by, ivec2(0)), 0);
+vec2 difference(ivec2 pixel, vec4 here, ivec2 step_by, ivec2 last, vec2 pitch) {
+    vec4 after = texel(rays, pixel + step_by, pitch);
+    vec4 before = texel(rays, pixel - step_by, pitch);
     // a lost neighbour (w = 0) leaves the one-sided difference
     vec2 ahead = after.w * (after.xy - here.xy), behind = before.w * (here.xy - before.xy);
     float sides = after.w * float(all(lessThanEqual(pixel + step_by, last)))
@@ -17,6 +17,9 @@ vec2 difference(ivec2 pixel, vec4 here, ivec2 step_by) {
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec4 here = texelFetch(rays, pixel, 0);
-    footprint = vec4(difference(pixel, here, ivec2(1, 0)), difference(pixel, here, ivec2(0, 1)));
+    ivec2 last = textureSize(rays, 0) - 1;
+    vec2 pitch = pitch_of(rays);
+    vec4 here = texel(rays, pixel, pitch);
+    footprint = vec4(
+        difference(pixel, here, ivec2(1, 0), last, pitch), difference(pixel, here, ivec2(0, 1), last, pitch));
 }

@@ -6,13 +6,15 @@
 // lies along the LCD's axes it is a product of both axes, and the integral over each aperture is exact.
 // A turned or sheared footprint is replaced by such products with the same second moments: two with a lens,
 // apart along the shear (one if only turned); without a lens 2 x 2 boxes, each a quarter of the pixel.
+#include "bench_texel.glsl"
 uniform sampler2D rays, footprints;
-uniform sampler2D panel;    // light of four columns from here on
-uniform vec2 fill;          // lit share of the pitch, columns and rows
-uniform float scale;        // share of the ray map / (fill.x fill.y)
+uniform usampler2D panel;   // five columns from here on, see bench_five.frag
+uniform float scale;        // light relative to the main ray map
 
 layout(location = 0) out float light;
 
+const vec2 FILL = vec2(FILL_X, FILL_Y);  // lit share of the pitch, columns and rows
+const float UNIT = 1.0 / (8388608.0 * FILL_X * FILL_Y);
 const int MOST = 256;       // LCD px under one footprint and axis; more belongs to no usable node
 #if LENS
 const float SHEAR = 0.01;   // correlation of the axes that is left out
@@ -31,47 +33,52 @@ float before(float x) {
 #endif
 }
 
-// Response to a strip of `width` LCD px around `at` (LCD px from the footprint's middle).
-float strip(float at, float width, float per_px) {
-    return before((at + 0.5 * width) * per_px) - before((at - 0.5 * width) * per_px);
+// Response to a strip of half width `half_px` around `at` (camera px from the footprint's middle).
+float strip(float at, float half_px) {
+    return before(at + half_px) - before(at - half_px);
 }
 
 float column_weight(float at, float per_px) {
+    at *= per_px;
 #if RGB
-    float width = fill.x / 3.0;
-    return strip(at - 1.0 / 3.0, width, per_px) + strip(at, width, per_px) + strip(at + 1.0 / 3.0, width, per_px);
+    float third = per_px / 3.0, half_px = FILL.x / 6.0 * per_px;
+    return strip(at - third, half_px) + strip(at, half_px) + strip(at + third, half_px);
 #else
-    return strip(at, fill.x, per_px);
+    return strip(at, 0.5 * FILL.x * per_px);
 #endif
 }
 
 // Light of the panel under a response of `size` LCD px per camera px; outside the panel it is dark.
-float gathered(vec2 middle, vec2 size, ivec2 last) {
+float gathered(vec2 middle, vec2 size, ivec2 last, vec2 pitch) {
     vec2 reach = REACH * size, per_px = 1.0 / size;
     ivec2 first = max(ivec2(floor(middle - reach + 0.5)), ivec2(0));
     ivec2 end = min(min(ivec2(floor(middle + reach + 0.5)), last), first + MOST);
+    float half_row = 0.5 * FILL.y * per_px.y;
     float sum = 0.0;
-    // five columns at once: on a CPU a fetch costs as much as ten multiplications
     for (int i = first.x; i <= end.x; i += 5) {
         float at = float(i) - middle.x;
         vec4 four = vec4(
             column_weight(at, per_px.x), column_weight(at + 1.0, per_px.x),
             column_weight(at + 2.0, per_px.x), column_weight(at + 3.0, per_px.x));
-        float fifth = i + 4 <= last.x ? column_weight(at + 4.0, per_px.x) : 0.0;
+        float fifth = column_weight(at + 4.0, per_px.x);
         for (int j = first.y; j <= end.y; ++j) {
-            float row = dot(four, texelFetch(panel, ivec2(i, j), 0))
-                + fifth * texelFetch(panel, ivec2(min(i + 4, last.x), j), 0).r;
-            sum += row * strip(float(j) - middle.y, fill.y, per_px.y);
+            uvec4 five = textureLod(panel, (vec2(i, j) + 0.5) * pitch, 0.0);
+            uvec3 high = five.rgb >> 24u;
+            // by way of int: on a CPU unsigned numbers are dear to convert
+            float row = dot(four, vec4(ivec4(five & 0xffffffu)))
+                + fifth * float(int(high.r | (high.g << 8u) | (high.b << 16u)));
+            sum += row * strip((float(j) - middle.y) * per_px.y, half_row);
         }
     }
-    return sum;
+    return UNIT * sum;
 }
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec4 ray = texelFetch(rays, pixel, 0);
-    vec4 foot = texelFetch(footprints, pixel, 0);
+    vec2 ray_pitch = pitch_of(rays);
+    vec4 ray = texel(rays, pixel, ray_pitch), foot = texel(footprints, pixel, ray_pitch);
     ivec2 last = textureSize(panel, 0) - 1;
+    vec2 pitch = 1.0 / vec2(last + 1);
     // where rays cross a footprint vanishes
     vec2 size = max(sqrt(foot.xy * foot.xy + foot.zw * foot.zw), 2e-2);
     float sum = 0.0;
@@ -82,7 +89,7 @@ void main() {
     vec2 apart = rounds < 2 ? vec2(0.0) : SPREAD * sqrt(abs(shear)) * size * vec2(1.0, sign(shear));
     size *= rounds < 2 ? 1.0 : sqrt(1.0 - abs(shear));
     for (int k = 0; k < rounds; ++k) {
-        sum += gathered(ray.xy + float(1 - 2 * k) * apart, size, last);
+        sum += gathered(ray.xy + float(1 - 2 * k) * apart, size, last, pitch);
     }
     sum /= float(max(rounds, 1));
 #else
@@ -92,7 +99,7 @@ void main() {
     float part = 1.0 / float(max(parts, 1));
     for (int k = 0; k < parts * parts; ++k) {
         vec2 at = (vec2(k & 1, k >> 1) + 0.5) * part - 0.5;
-        sum += gathered(ray.xy + at.x * foot.xy + at.y * foot.zw, part * size, last);
+        sum += gathered(ray.xy + at.x * foot.xy + at.y * foot.zw, part * size, last, pitch);
     }
     sum *= part * part;
 #endif

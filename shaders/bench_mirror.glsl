@@ -1,5 +1,5 @@
 // The mirror's surface z(x, y): the rest surface less the dents. x, y in mm from the mirror's middle.
-// The CPU writes the calls of the dents that there are: EACH_DENT (field) and EACH_TOUCH (factor).
+// rest_sphere and rest_grid are among the rig's constants. The CPU writes the calls of the dents that there are: EACH_DENT (field) and EACH_TOUCH (factor).
 #include "bench_dents.glsl"
 
 // The program is made for the shapes of one mirror: DENTS of them (at least 1), REST 0 flat, 1 sphere, 2 map.
@@ -8,11 +8,8 @@ uniform vec4 dent_shape[DENTS];
 uniform vec4 dent_more[DENTS];  // contact mm, touch reflectance, first row of the map
 uniform sampler2D dent_maps;
 
-#if REST == 1
-uniform vec3 rest_sphere;  // centre x, y, radius (> 0 bulges out of the rubber)
-#elif REST == 2
+#if REST == 2
 uniform sampler2D rest_map;
-uniform vec3 rest_grid;    // x, y of the first coefficient, pitch
 #endif
 
 // (z, dz/dx, dz/dy) of the rest surface.

@@ -5,6 +5,17 @@
 // LCD. Lengths in mm from the mirror's middle, which keeps float32 to a few 1e-6 mm.
 // GHOST 0: the main ray. 1: reflected once more by the LCD's glass and the near side of its gap. 2: reflected
 // inside at the pattern face and at the captured face, so that it meets the mirror three times.
+// The rig's numbers are constants that the CPU writes, RIG: as uniforms they would be looked up for each pixel, and
+// on a CPU that costs more than all rays.
+//   captured_..., pattern_...: edge, along, normal, length of the faces
+//   half_mirror: half length along x, half width along y; rubber_index
+//   camera_axis, camera_u, camera_v; camera_centre px; camera_scale: 1 / focal px, or mm per px; k1, k2, p1, p2, k3
+//   entry: where the optical axis meets the outermost captured plane; entry_way: mm from the camera to there
+//   captured_layers, inner_layers: (index, mm) each; captured_stack, inner_stack: mm of them all
+//   last_index, last_mm: the last slab in front of the LCD is apart: its thickness may vary
+//   lcd_centre, lcd_column, lcd_row, lcd_normal, lcd_field, lcd_middle px, lcd_pitch
+//   rest_sphere: centre x, y, radius (> 0 bulges out of the rubber); rest_grid: x, y of the first coefficient, pitch
+RIG
 #include "bench_mirror.glsl"
 
 struct Face {
@@ -13,28 +24,8 @@ struct Face {
     vec3 normal;    // out of the rubber
     float length;
 };
-uniform Face captured, pattern;
-uniform vec2 half_mirror;   // half length along x, half width along y
-uniform float rubber_index;
-
-uniform vec3 camera_axis, camera_u, camera_v;
-uniform vec2 camera_centre, camera_scale;  // px; 1 / focal px, or mm per px
-uniform float k1, k2, p1, p2, k3;
-uniform vec3 entry;         // where the optical axis meets the outermost captured plane
-uniform float entry_way;    // mm from the camera to there
-uniform float captured_stack;
-#if CAPTURED_LAYERS > 0
-uniform vec2 captured_layers[CAPTURED_LAYERS];  // index, mm
-#endif
-
-// The last slab in front of the LCD is apart: its thickness may vary.
-#if INNER_LAYERS > 0
-uniform vec2 inner_layers[INNER_LAYERS];
-#endif
-uniform float last_index, inner_stack, last_mm;
-uniform vec3 lcd_centre, lcd_column, lcd_row, lcd_normal, lcd_field;
-uniform vec2 lcd_middle;
-uniform float lcd_pitch;
+const Face captured = Face(captured_edge, captured_along, captured_normal, captured_length);
+const Face pattern = Face(pattern_edge, pattern_along, pattern_normal, pattern_length);
 
 layout(location = 0) out vec4 ray;
 

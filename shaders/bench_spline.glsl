@@ -1,4 +1,5 @@
 // Cubic B-spline of coefficients in a texture: twice differentiable, 16 fetches.
+#include "bench_texel.glsl"
 
 vec4 spline_values(float t) {
     float s = 1.0 - t;
@@ -20,13 +21,14 @@ vec3 spline(sampler2D coefficients, int first_row, vec2 cell, vec2 within) {
     vec4 column_values = spline_values(within.x), column_slopes = spline_slopes(within.x);
     vec4 row_values = spline_values(within.y), row_slopes = spline_slopes(within.y);
     ivec2 corner = ivec2(cell) + ivec2(-1, first_row - 1);
+    vec2 pitch = pitch_of(coefficients);
     vec3 sum = vec3(0.0);
     for (int j = 0; j < 4; ++j) {
         vec4 c = vec4(
-            texelFetch(coefficients, corner + ivec2(0, j), 0).r,
-            texelFetch(coefficients, corner + ivec2(1, j), 0).r,
-            texelFetch(coefficients, corner + ivec2(2, j), 0).r,
-            texelFetch(coefficients, corner + ivec2(3, j), 0).r);
+            texel(coefficients, corner + ivec2(0, j), pitch).r,
+            texel(coefficients, corner + ivec2(1, j), pitch).r,
+            texel(coefficients, corner + ivec2(2, j), pitch).r,
+            texel(coefficients, corner + ivec2(3, j), pitch).r);
         float value = dot(c, column_values);
         sum += vec3(value * row_values[j], dot(c, column_slopes) * row_values[j], value * row_slopes[j]);
     }

@@ -32,7 +32,7 @@ def test_shaders_polynomial_is_box_times_gaussian(psf_px: float) -> None:
     reach = float(defines["REACH"])
     x = np.linspace(-reach, reach, 1001).astype(np.float32)
     t = np.float32(2) * (x / np.float32(reach)) ** 2 - np.float32(1)
-    got = x * eval(str(defines["RESPONSE"]), {"t": t})  # Horner's form in GLSL is Python as well
+    got = x * eval(str(defines["RESPONSE"]), {"t": t})  # a polynomial in GLSL is Python as well
     box = (np.arange(4000) + 0.5) / 4000 - 0.5
     expected = np.array([ndtr((at - box) / psf_px).mean() for at in x.astype(float)]) - 0.5
     np.testing.assert_allclose(before(x.astype(float), psf_px) - 0.5, expected, atol=1e-6)

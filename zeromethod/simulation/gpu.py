@@ -14,6 +14,7 @@ from zeromethod.gl import create_context
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_light import CameraLight, PanelLight
 from zeromethod.simulation.gpu_rays import RayTracer
+from zeromethod.simulation.gpu_target import unfiltered
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Handle, Piece
 
@@ -52,8 +53,7 @@ class GpuRenderer:
             if self._spare:
                 framebuffer = self._spare.pop()
             else:
-                texture = self.context.texture(self._lcd, 1, dtype="f1")
-                texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+                texture = unfiltered(self.context.texture(self._lcd, 1, dtype="f1"))
                 framebuffer = self.context.framebuffer(color_attachments=[texture])
         handle = next(self._names)
         self._pictures[handle] = framebuffer

@@ -1,4 +1,4 @@
-"""A rig in the numbers that the ray shader takes: planes, layers, camera and LCD axes.
+"""A rig in the constants that the ray shader takes: planes, layers, camera and LCD axes.
 
 Worked out from the rig file alone and not with `zeromethod.optics`, so that the drawn bench and the reading
 side's ray model check each other.
@@ -46,10 +46,10 @@ class _Face:
 
     def values(self, name: str) -> Values:
         return {
-            f"{name}.edge": self.edge,
-            f"{name}.along": self.along,
-            f"{name}.normal": self.normal,
-            f"{name}.length": self.length_mm,
+            f"{name}_edge": self.edge,
+            f"{name}_along": self.along,
+            f"{name}_normal": self.normal,
+            f"{name}_length": self.length_mm,
         }
 
 
@@ -126,7 +126,7 @@ def _display_values(display: DisplaySpec, pattern: _Face, stack_mm: float) -> Va
 
 
 def bench_values(rig: Rig) -> Values:
-    """Uniforms of bench_rays.frag that belong to the rig."""
+    """Constants of bench_rays.frag that belong to the rig."""
     prism, layers = rig.prism, rig.pattern_layers
     pattern, captured = _faces(prism)
     captured_stack = sum(layer.thickness_mm for layer in rig.captured_layers)

@@ -51,11 +51,16 @@ def lens_defines(psf_px: float) -> dict[str, Any]:
     support = _support_px(psf_px)
     if psf_px < LEAST_PSF_PX:
         return {"LENS": 0, "REACH": support}
-    terms = _odd_polynomial(psf_px, support)
-    horner = f"{terms[-1]:.9e}"
-    for term in terms[-2::-1]:
-        horner = f"({horner} * t + {term:.9e})"
-    return {"LENS": 1, "REACH": support, "SPREAD": _spread_px(psf_px), "RESPONSE": horner}
+    terms = [f"{term:.9e}" for term in _odd_polynomial(psf_px, support)]
+    return {"LENS": 1, "REACH": support, "SPREAD": _spread_px(psf_px), "RESPONSE": _in_pairs(terms, "t")}
+
+
+def _in_pairs(terms: list[str], power: str) -> str:
+    """Polynomial in t by Estrin's scheme: many short chains keep a CPU busier than Horner's long one."""
+    if len(terms) == 1:
+        return terms[0]
+    sums = [f"({low} + {power} * {high})" for low, high in zip(terms[::2], terms[1::2], strict=False)]
+    return _in_pairs(sums + terms[len(terms) & ~1 :], f"({power} * {power})")
 
 
 def _odd_polynomial(psf_px: float, support: float) -> Array:

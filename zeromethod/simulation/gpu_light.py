@@ -25,10 +25,13 @@ class PanelLight:
 
     def __init__(self, context: moderngl.Context, rig: Rig) -> None:
         self._context = context
-        self._target = Target(context, (rig.display.columns, rig.display.rows), 4)
+        size = rig.display.columns, rig.display.rows
+        self._sum = Target(context, size, 1)
+        self._five = Target(context, size, 4, "u4")
         regions = rig.display.response_exponent is not None
         shader = program(context, "bench_screen.vert", "bench_panel.frag", REGIONS=int(regions))
         self._pass = Pass(context, shader)
+        self._packing = Pass(context, program(context, "bench_screen.vert", "bench_five.frag"))
         self._fixed = {"response": float_texture(context, light_of_codes(rig.display)[None])}
         if regions:
             self._fixed["exponents"] = float_texture(context, exponents(rig.display))
@@ -37,23 +40,24 @@ class PanelLight:
         self._region = Region(0, 0, 0, 0)
 
     def draw(self, names: Sequence[int], lit: Lit, region: Region) -> moderngl.Texture:
-        """RGBA32F texture with the light of `lit` in `region`.
+        """Texture with the light of `lit` in `region`, as bench_five.frag packs it.
 
-        Texel (i, j) holds columns i to i + 3 of row j; beyond the panel they are dark. `names` tell
+        Texel (i, j) holds columns i to i + 4 of row j; beyond the panel they are dark. `names` tell
         pictures apart for good.
         """
         if self._shows(names, lit) and region == self._region.joined(region):
-            return self._target.texture
+            return self._five.texture
         box = (region.left, region.top, region.right - region.left, region.bottom - region.top)
         for number, (picture, share) in enumerate(lit):
             self._shares.write(np.ascontiguousarray(share, dtype=np.float32).tobytes())
             textures = {"picture": picture, "row_share": self._shares, **self._fixed}
-            self._pass.draw(self._target, textures, add=number > 0, box=box)
+            self._pass.draw(self._sum, textures, add=number > 0, box=box)
         if not lit:
-            self._target.clear()
+            self._sum.clear()
+        self._packing.draw(self._five, {"light": self._sum.texture}, box=box)
         self._shown = [(name, share.copy()) for name, (_, share) in zip(names, lit, strict=True)]
         self._region = region
-        return self._target.texture
+        return self._five.texture
 
     def _shows(self, names: Sequence[int], lit: Lit) -> bool:
         if len(names) != len(self._shown):
@@ -63,7 +67,7 @@ class PanelLight:
 
     def release(self) -> None:
         """Free everything."""
-        for each in (self._target, self._pass):
+        for each in (self._sum, self._five, self._pass, self._packing):
             each.release()
         for texture in (self._shares, *self._fixed.values()):
             texture.release()
@@ -77,13 +81,17 @@ class CameraLight:
     """
 
     def __init__(self, context: moderngl.Context, rig: Rig) -> None:
-        fill = np.maximum(rig.display.fill, 1e-3)
-        self._lit = 1.0 / float(fill[0] * fill[1])
+        fill = [max(float(share), 1e-3) for share in rig.display.fill]
         self._ambient = rig.simulation.ambient
         self._sum = Target(context, (rig.camera.columns, rig.camera.rows), 1)
-        defines = {"RGB": int(rig.display.stripes == "rgb"), **lens_defines(rig.camera.psf_px)}
+        defines = {
+            "RGB": int(rig.display.stripes == "rgb"),
+            "FILL_X": fill[0],
+            "FILL_Y": fill[1],
+            **lens_defines(rig.camera.psf_px),
+        }
         light = program(context, "bench_screen.vert", "bench_light.frag", **defines)
-        self._light = Pass(context, light, {"fill": fill})
+        self._light = Pass(context, light)
 
     def start(self) -> None:
         """Forget the last exposure; only the ambient light is there."""
@@ -92,7 +100,7 @@ class CameraLight:
     def add(self, ray_map: RayMap, panel: moderngl.Texture) -> None:
         """Add what the panel gives by way of one ray map."""
         textures = {"rays": ray_map.rays.texture, "footprints": ray_map.footprints.texture, "panel": panel}
-        self._light.draw(self._sum, textures, {"scale": ray_map.share * self._lit}, add=True)
+        self._light.draw(self._sum, textures, {"scale": ray_map.share}, add=True)
 
     def read(self) -> NDArray[np.float32]:
         """(rows, cols) float32; the array is used again by the next call."""

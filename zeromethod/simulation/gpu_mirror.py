@@ -13,6 +13,7 @@ from scipy.sparse.linalg import splu
 from zeromethod.errors import InputError
 from zeromethod.rig.model import RestSurface
 from zeromethod.simulation.gpu_bench import Values, Vector
+from zeromethod.simulation.gpu_target import unfiltered
 from zeromethod.simulation.press import Dent, Mirror, Shape
 
 _FIELD = {
@@ -94,9 +95,7 @@ def float_texture(context: moderngl.Context, values: NDArray[np.floating]) -> mo
     """(rows, cols) as one float32 channel, row 0 at texel row 0, not filtered."""
     rows, cols = values.shape
     data = np.ascontiguousarray(values, dtype=np.float32)
-    texture = context.texture((cols, rows), 1, data.tobytes(), dtype="f4")
-    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return texture
+    return unfiltered(context.texture((cols, rows), 1, data.tobytes(), dtype="f4"))
 
 
 def rest_code(rest: RestSurface) -> int:
@@ -105,7 +104,7 @@ def rest_code(rest: RestSurface) -> int:
 
 
 def rest_values(rest: RestSurface, middle_mm: Vector) -> Values:
-    """Uniforms of the rest surface."""
+    """Constants of the rest surface."""
     if rest.shape == "sphere":
         centre = [rest.centre_mm[0] - middle_mm[0], rest.centre_mm[1] - middle_mm[1]]
         return {"rest_sphere": np.array([*centre, rest.radius_mm])}

@@ -23,6 +23,7 @@ from zeromethod.simulation.gpu_mirror import (
     rest_values,
 )
 from zeromethod.simulation.gpu_target import Pass, Target
+from zeromethod.simulation.gpu_uniforms import constants
 from zeromethod.simulation.press import Dent, Mirror
 
 KEPT = 3
@@ -76,11 +77,7 @@ class RayTracer:
         self._context = context
         self._rig = rig
         self._middle_mm = mirror_middle_mm(rig.prism)
-        self._values = {
-            **bench_values(rig),
-            **rest_values(rig.prism.rest, self._middle_mm),
-            "newton_steps": NEWTON_STEPS,
-        }
+        self._constants = constants(bench_values(rig) | rest_values(rig.prism.rest, self._middle_mm))
         self._rest = rest_texture(context, rig.prism.rest)
         self._passes: dict[tuple[object, ...], Pass] = {}
         self._footprint = Pass(context, program(context, "bench_screen.vert", "bench_footprint.frag"))
@@ -142,13 +139,14 @@ class RayTracer:
         key = (way, *(dent.shape for dent in dents))
         if key not in self._passes:
             defines: dict[str, Any] = {
+                "RIG": self._constants,
                 "GHOST": way,
                 "REST": rest_code(self._rig.prism.rest),
                 **bench_defines(self._rig),
                 **mirror_defines(dents),
             }
             made = program(self._context, "bench_screen.vert", "bench_rays.frag", **defines)
-            self._passes[key] = Pass(self._context, made, self._values)
+            self._passes[key] = Pass(self._context, made, {"newton_steps": NEWTON_STEPS})
         return self._passes[key]
 
     def _region(self, ray_map: RayMap) -> Region:

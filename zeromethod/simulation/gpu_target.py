@@ -1,4 +1,4 @@
-"""Float32 render targets and full-screen passes into them."""
+"""Render targets and full-screen passes into them."""
 
 from __future__ import annotations
 
@@ -13,12 +13,23 @@ from zeromethod.simulation.gpu_uniforms import Uniforms, set_uniforms
 Box = tuple[int, int, int, int]
 
 
-class Target:
-    """A float32 texture of `channels` that can be drawn to; texel row 0 = array row 0."""
+def unfiltered(texture: moderngl.Texture) -> moderngl.Texture:
+    """`texture`, set to give single texels, those of its border beyond it."""
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    texture.repeat_x = texture.repeat_y = False
+    return texture
 
-    def __init__(self, context: moderngl.Context, size: tuple[int, int], channels: int) -> None:
-        self.texture = context.texture(size, channels, dtype="f4")
-        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+
+class Target:
+    """A texture of `channels` that can be drawn to; texel row 0 = array row 0.
+
+    dtype: float32 as moderngl names it, or "u4" for unsigned integers, which can only be drawn.
+    """
+
+    def __init__(
+        self, context: moderngl.Context, size: tuple[int, int], channels: int, dtype: str = "f4"
+    ) -> None:
+        self.texture = unfiltered(context.texture(size, channels, dtype=dtype))
         self.framebuffer = context.framebuffer(color_attachments=[self.texture])
         self.whole: Box = (0, 0, *size)
         self._channels = channels

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import moderngl
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 Uniforms = Mapping[str, ArrayLike]
 
@@ -25,3 +25,20 @@ def set_uniforms(program: moderngl.Program, values: Uniforms) -> None:
         kind = np.int32 if np.issubdtype(numbers.dtype, np.integer) else np.float32
         wanted = uniform.dimension * uniform.array_length
         uniform.write(np.ascontiguousarray(numbers.ravel()[:wanted], dtype=kind).tobytes())
+
+
+def constants(values: Uniforms) -> str:
+    """GLSL of float constants, on one line: name -> number, vector (2 to 4) or vectors (n, 2 to 4)."""
+    return " ".join(_constant(name, np.asarray(value, dtype=np.float64)) for name, value in values.items())
+
+
+def _constant(name: str, value: NDArray[np.float64]) -> str:
+    kind = f"vec{value.shape[-1]}" if value.ndim else "float"
+    if value.ndim < 2:
+        return f"const {kind} {name} = {kind}({_listed(value)});"
+    vectors = ", ".join(f"{kind}({_listed(vector)})" for vector in value)
+    return f"const {kind} {name}[{len(value)}] = {kind}[]({vectors});"
+
+
+def _listed(numbers: NDArray[np.float64]) -> str:
+    return ", ".join(f"{number:.9e}" for number in numbers.ravel())
