@@ -44,6 +44,13 @@ def nominal() -> Rig:
     return binned(rig, 8).model_copy(update={"display": lcd, "press": "none", "target": target})
 
 
+def quarter() -> Rig:
+    """The same bench by a quarter of the pixels: for what does not depend on how well it is measured."""
+    rig = nominal()
+    lcd = rig.display.model_copy(update={"columns": 480, "rows": 270, "pitch_mm": 2 * rig.display.pitch_mm})
+    return binned(rig, 2).model_copy(update={"display": lcd})
+
+
 def truth(given: Rig) -> Rig:
     """The bench as it is."""
     rig = crooked(given)
