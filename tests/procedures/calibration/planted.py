@@ -58,21 +58,21 @@ def truth(given: Rig) -> Rig:
 
 
 class PlantedDisplay(SimulatedDisplay):
-    """The true bench's display, whatever the rig file says."""
+    """Display of the true bench by a quarter of the pixels, whatever the rig file says."""
 
     name = "Planted 5.5"
 
     def __init__(self, rig: Rig, clock: Clock) -> None:
-        super().__init__(truth(nominal()), clock)
+        super().__init__(truth(quarter()), clock)
 
 
 class PlantedCamera(SimulatedCamera):
-    """The true bench's camera, whatever the rig file says."""
+    """Camera of the true bench by a quarter of the pixels, whatever the rig file says."""
 
     serial = "0042"
 
     def __init__(self, rig: Rig, clock: Clock, display: object) -> None:
-        super().__init__(truth(nominal()), clock, display)
+        super().__init__(truth(quarter()), clock, display)
 
 
 @dataclass
