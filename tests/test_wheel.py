@@ -23,7 +23,7 @@ def _run(*command: str | Path, cwd: Path) -> str:
 
 
 def _take_compiled_code(package: Path) -> None:
-    """Numba's, as far as it is there for these sources: compiling all that a run needs takes half a minute."""
+    """Numba's, as far as it is there for these sources: compiling all of a run's takes half a minute."""
     for source in (ROOT / "zeromethod").rglob("*.py"):
         copy = package / source.relative_to(ROOT / "zeromethod")
         assert copy.read_bytes() == source.read_bytes()
