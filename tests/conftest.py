@@ -6,8 +6,14 @@ one entered, so objects always go to the context they belong to.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from typing import Any
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    # Workers share the cores out already: threads of libraries would only wait for each other. These are read
+    # when a library is loaded.
+    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "LP_NUM_THREADS": "0"}
 
 import moderngl
 import pytest

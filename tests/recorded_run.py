@@ -8,17 +8,17 @@ from pathlib import Path
 from zeromethod.control import Loop, Step
 from zeromethod.devices.opening import open_devices
 from zeromethod.optics import Optics
+from zeromethod.procedures.open_loop import coarser
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.schema import KEEP
-from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 
 
 def small_rig(press: str = "step", seed: int = 0) -> Rig:
-    """The packaged bench at a quarter of the camera's pixels on each axis."""
-    rig = binned(load_rig("simulated"), 4)
+    """The packaged bench at a quarter of the pixels on each axis, of camera and LCD."""
+    rig = coarser(load_rig("simulated"), 4)
     simulation = rig.simulation.model_copy(update={"seed": seed})
     return rig.model_copy(update={"press": press, "simulation": simulation})
 

@@ -1,4 +1,4 @@
-"""The packaged bench seen by cameras of fewer pixels, as values of a rig file: quick to simulate."""
+"""The packaged bench with fewer pixels of camera and LCD, as values of a rig file: quick to simulate."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from typing import Any
 from zeromethod.resources import resource
 from zeromethod.rig.save import save_values
 
-CAMERA_320: Mapping[str, Any] = {
+BENCH_320: Mapping[str, Any] = {
     "camera.columns": 320,
     "camera.rows": 256,
     "camera.focal_px": [2250.0, 2250.0],
     "camera.centre_px": [159.5, 127.5],
+    "display.columns": 480,
+    "display.rows": 270,
+    "display.pitch_mm": 0.252,
 }
-"""The packaged view by a quarter of the pixels on each axis."""
+"""A quarter of the pixels on each axis, of camera and LCD."""
 
 BENCH_160: Mapping[str, Any] = {
     "camera.columns": 160,
@@ -29,7 +32,7 @@ BENCH_160: Mapping[str, Any] = {
 """An eighth of the camera's pixels on each axis, a quarter of the LCD's."""
 
 
-def small_rig_file(path: Path, values: Mapping[str, Any] = CAMERA_320) -> Path:
+def small_rig_file(path: Path, values: Mapping[str, Any] = BENCH_320) -> Path:
     """Write the packaged rig with `values` in place of its own."""
     save_values(resource("calibration", "simulated.toml"), values, path)
     return path

@@ -53,7 +53,7 @@ def planted() -> Iterator[ModuleType]:
 
 @pytest.fixture(scope="module")
 def rig_file(planted: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    rig, path = planted.nominal(), tmp_path_factory.mktemp("bench") / "mine.toml"
+    rig, path = planted.quarter(), tmp_path_factory.mktemp("bench") / "mine.toml"
     values = {
         "display.driver": "planted_bench:PlantedDisplay",
         "display.columns": rig.display.columns,
@@ -76,7 +76,7 @@ def made(rig_file: Path) -> Result:
     summary = rig_file.parent / "found.json"
     return told(
         *("--rig", rig_file, "--no-light", "--no-delay", "--frames", 2),
-        *("--known", "display.along_mm=31.1:0.25", "--summary", summary),
+        *("--known", "display.along_mm=31.1:0.5", "--summary", summary),
     )
 
 

@@ -6,22 +6,21 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+from small_rigs import BENCH_160, small_rig_file
 
 from zeromethod.calibration.folder import DOCUMENT, RIG, SCHEMA_VERSION
 from zeromethod.cli.main import main
-from zeromethod.resources import resource
 
 
 def calibrated(folder: Path, exposure_s: float, days_ago: float) -> str:
     """Rig file of a calibration made at this exposure."""
-    text = resource("calibration/simulated.toml").read_text()
-    (folder / RIG).write_text(text)
+    rig = small_rig_file(folder / RIG, BENCH_160)
     time = (datetime.now(UTC) - timedelta(days=days_ago)).isoformat()
     (folder / DOCUMENT).write_text(
         f"schema_version = {SCHEMA_VERSION!r}\ntime = {time}\n"
         f"[parameters]\n[verdict]\n[fingerprint.camera]\nexposure_s = {exposure_s}\n"
     )
-    return str(folder / RIG)
+    return str(rig)
 
 
 def outcome(*arguments: str, capsys: pytest.CaptureFixture[str]) -> tuple[int | str | None, str]:
@@ -55,9 +54,8 @@ def test_a_real_benchs_calibration_asks_for_its_devices(
 def test_the_simulated_twin_needs_no_measured_rest(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    text = resource("calibration/simulated.toml").read_text()
-    rig = tmp_path / "moved.toml"
-    rig.write_text(text.replace("[camera]\n", '[camera]\nrest_map = "arrays.h5"\n', 1))
+    rig = small_rig_file(tmp_path / "moved.toml", BENCH_160)
+    rig.write_text(rig.read_text().replace("[camera]\n", '[camera]\nrest_map = "arrays.h5"\n', 1))
     code, told = outcome("--rig", str(rig), capsys=capsys)
     assert code == 2
     assert "camera.rest_map" in told

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
@@ -69,12 +70,19 @@ def _strip_light(strip: Strip, levels: np.ndarray, u: np.ndarray) -> np.ndarray:
     return np.where(inner, 1 - level, level).mean(axis=1)
 
 
+@cache
+def _target_light() -> np.ndarray:
+    """Share of white (rows, cols) where there is no strip."""
+    v, u = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    return (TARGET.light(u, v) / TARGET.mean - (1 - TARGET.contrast)) / (2 * TARGET.contrast)
+
+
 def picture(first: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Grey levels (rows, cols) without noise: (5,) levels of both strips, the target between."""
-    v, u = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
-    share = (TARGET.light(u, v) / TARGET.mean - (1 - TARGET.contrast)) / (2 * TARGET.contrast)
-    share[v[:, 0] < STRIPS.first.edge_px] = _strip_light(STRIPS.first, first, u[0])
-    share[v[:, 0] > STRIPS.last.edge_px] = _strip_light(STRIPS.last, last, u[0])
+    v, u = np.arange(SHAPE[0], dtype=float), np.arange(SHAPE[1], dtype=float)
+    share = _target_light().copy()
+    share[v < STRIPS.first.edge_px] = _strip_light(STRIPS.first, first, u)
+    share[v > STRIPS.last.edge_px] = _strip_light(STRIPS.last, last, u)
     return BLACK + (WHITE - BLACK) * share
 
 

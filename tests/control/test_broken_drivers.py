@@ -10,10 +10,10 @@ import pytest
 from zeromethod.control import Event, Loop, State
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
-from zeromethod.rig.binning import binned
+from zeromethod.procedures.open_loop import coarser
 from zeromethod.rig.load import load_rig
 
-RIG = binned(load_rig("simulated"), 4).model_copy(update={"press": "none"})
+RIG = coarser(load_rig("simulated"), 4).model_copy(update={"press": "none"})
 
 
 def raising(error: BaseException) -> Callable[..., Any]:

@@ -12,6 +12,7 @@ from zeromethod.control import loop as loop_module
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost, Frame
 from zeromethod.pattern import Target
+from zeromethod.procedures.open_loop import coarser
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Faults, Rig
@@ -209,7 +210,7 @@ def test_stopping_and_interrupting_leave_the_loop_stopped(monkeypatch: pytest.Mo
 
 
 def bench(press: str, factor: int = 4, **simulation: Any) -> Rig:
-    rig = binned(load_rig("simulated"), factor)
+    rig = coarser(load_rig("simulated"), factor)
     changed = rig.simulation.model_copy(update=simulation)
     return rig.model_copy(update={"press": press, "simulation": changed})
 
@@ -260,8 +261,8 @@ def test_planted_faults_are_named_survived_and_never_measured_wrong(
     for step in steps:
         if step.measured is not None:
             wrong = (step.measured.q - rest)[step.measured.valid]
-            # 0.84 x 4 LCD px per binned camera px; noise 0.01 camera px, the LCD's grid 0.01, no outlier
-            assert np.abs(wrong).max() < 0.25
+            # 0.84 LCD px per camera px; noise 0.01 camera px, the LCD's grid 0.01, no outlier
+            assert np.abs(wrong).max() < 0.0625
 
 
 def test_a_lost_simulated_display_ends_the_run() -> None:

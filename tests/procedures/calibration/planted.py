@@ -44,6 +44,13 @@ def nominal() -> Rig:
     return binned(rig, 8).model_copy(update={"display": lcd, "press": "none", "target": target})
 
 
+def quarter() -> Rig:
+    """The same bench by a quarter of the pixels: for what does not depend on how well it is measured."""
+    rig = nominal()
+    lcd = rig.display.model_copy(update={"columns": 480, "rows": 270, "pitch_mm": 2 * rig.display.pitch_mm})
+    return binned(rig, 2).model_copy(update={"display": lcd})
+
+
 def truth(given: Rig) -> Rig:
     """The bench as it is."""
     rig = crooked(given)
@@ -51,21 +58,21 @@ def truth(given: Rig) -> Rig:
 
 
 class PlantedDisplay(SimulatedDisplay):
-    """The true bench's display, whatever the rig file says."""
+    """Display of the true bench by a quarter of the pixels, whatever the rig file says."""
 
     name = "Planted 5.5"
 
     def __init__(self, rig: Rig, clock: Clock) -> None:
-        super().__init__(truth(nominal()), clock)
+        super().__init__(truth(quarter()), clock)
 
 
 class PlantedCamera(SimulatedCamera):
-    """The true bench's camera, whatever the rig file says."""
+    """Camera of the true bench by a quarter of the pixels, whatever the rig file says."""
 
     serial = "0042"
 
     def __init__(self, rig: Rig, clock: Clock, display: object) -> None:
-        super().__init__(truth(nominal()), clock, display)
+        super().__init__(truth(quarter()), clock, display)
 
 
 @dataclass

@@ -16,7 +16,7 @@ from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 from zeromethod.simulation.scenario import Scenario
 
-from .planted import HOLD_S, LEAD_S, MOVE_S, Hand, nominal, truth
+from .planted import HOLD_S, LEAD_S, MOVE_S, Hand, quarter, truth
 
 RADIUS_MM, SIGMA_MM, DEPTH_MM = 800.0, 4.0, 0.15
 PLAN = Plan(
@@ -45,7 +45,7 @@ class BallHand(Hand):
 
 def bench() -> Rig:
     """The true bench with the latency that the rig file states."""
-    rig = truth(nominal())
+    rig = truth(quarter())
     return rig.model_copy(update={"display": rig.display.model_copy(update={"latency_s": 0.0})})
 
 
@@ -53,7 +53,7 @@ def bench() -> Rig:
 def pressed() -> tuple[Recorded, list[str]]:
     with open_devices(bench()) as devices:
         hand = BallHand(devices)
-        recorded, _ = record(nominal(), devices, PLAN, hand)
+        recorded, _ = record(quarter(), devices, PLAN, hand)
     return recorded, hand.lines
 
 

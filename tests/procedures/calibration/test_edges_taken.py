@@ -14,7 +14,7 @@ from zeromethod.procedures.calibration import Plan, Recorded, evaluate, record
 from zeromethod.procedures.calibration.telling import Silence
 from zeromethod.rig.model import Rig
 
-from .planted import nominal, truth
+from .planted import quarter, truth
 
 PLAN = Plan(light=False, delay=False, rest_frames=1)
 
@@ -31,8 +31,8 @@ class Listener(Silence):
 
 def wide() -> Rig:
     """The rig file, with a lens that sees both edges."""
-    rig = nominal()
-    camera = rig.camera.model_copy(update={"focal_px": (680.0, 680.0)})
+    rig = quarter()
+    camera = rig.camera.model_copy(update={"focal_px": (340.0, 340.0)})
     return rig.model_copy(update={"camera": camera})
 
 
@@ -62,7 +62,7 @@ def test_edges_in_view_are_found_told_and_taken(seen: tuple[Recorded, RestMeasur
 def test_an_edge_by_hand_takes_the_place_of_the_one_found(
     seen: tuple[Recorded, RestMeasurement],
 ) -> None:
-    given = MirrorEdge("R0", np.array([[140.0, 64.0]]), 3.0)
+    given = MirrorEdge("R0", np.array([[70.0, 32.0]]), 3.0)
     found = evaluate(replace(seen[0], plan=replace(PLAN, known=(given,))), seen[1])
     (edge,) = (term.observation for term in found.fitted.terms if term.observation.name == "edge R0")
     assert edge is not None

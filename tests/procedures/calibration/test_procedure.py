@@ -14,7 +14,7 @@ from zeromethod.procedures.calibration import Calibration, Plan, Recorded, proce
 from zeromethod.procedures.calibration.procedure import with_values
 
 from .conftest import DEPTHS_MM, PLACES_MM
-from .planted import LATENCY_S, Hand, nominal, read_elsewhere, truth
+from .planted import LATENCY_S, Hand, nominal, quarter, read_elsewhere, truth
 
 
 def test_the_person_is_told_what_to_do_in_order(hand: Hand) -> None:
@@ -97,7 +97,7 @@ def test_verdict_is_good_and_the_picture_stood_still(calibration: Calibration) -
 
 
 def test_lcd_that_is_not_seen_is_said() -> None:
-    rig = nominal()
+    rig = quarter()
     dark = rig.simulation.model_copy(update={"peak_grey_share": 0.02})
     with (
         open_devices(rig.model_copy(update={"simulation": dark})) as devices,
@@ -107,7 +107,7 @@ def test_lcd_that_is_not_seen_is_said() -> None:
 
 
 def test_what_was_measured_outlives_a_press_that_never_comes() -> None:
-    rig = nominal()
+    rig = quarter()
     plan = Plan((0.2,), light=False, delay=False, rest_frames=1, press_frames=4, patience_s=0.3)
     with open_devices(rig) as devices:
         recorded, rest = record(rig, devices, plan)
@@ -122,7 +122,7 @@ def test_rest_map_outlives_ctrl_c_in_a_later_step(monkeypatch: pytest.MonkeyPatc
         raise KeyboardInterrupt
 
     monkeypatch.setattr(procedure, "measure_panel_timing", interrupted)
-    rig = nominal()
+    rig = quarter()
     with open_devices(rig) as devices:
         recorded, rest = record(rig, devices, Plan((0.2,), light=False, rest_frames=1))
     assert recorded.interrupted
@@ -132,7 +132,7 @@ def test_rest_map_outlives_ctrl_c_in_a_later_step(monkeypatch: pytest.MonkeyPatc
 
 
 def test_camera_lost_on_the_way_names_the_step() -> None:
-    rig = nominal()
+    rig = quarter()
     faults = rig.simulation.faults.model_copy(update={"camera_lost_at_frame": 20})
     simulation = rig.simulation.model_copy(update={"faults": faults})
     with (

@@ -13,13 +13,13 @@ from zeromethod.control import Loop
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
+from zeromethod.procedures.open_loop import coarser
 from zeromethod.procedures.replay.resense import resense
 from zeromethod.procedures.replay.settings import with_settings
 from zeromethod.procedures.replay.window import Window
 from zeromethod.recording import DamagedWarning
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
-from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 
 
@@ -63,7 +63,7 @@ def test_frames_that_were_faulty_and_a_new_zero_are_gone_through_alike(session, 
 
 
 def test_coded_strips_are_read_again(tmp_path: Path) -> None:
-    rig = with_settings(binned(load_rig("simulated"), 4), ["control.strips=edges", "press=step"])
+    rig = with_settings(coarser(load_rig("simulated"), 4), ["control.strips=edges", "press=step"])
     path = recorded(tmp_path / "r.h5", 0.25, rig=rig)
     with Recording(path) as opened:
         assert opened.presentations["code"].max() > 0
