@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from zeromethod.errors import InputError
+from zeromethod.priority import BEHIND
 from zeromethod.surface import ReadingLost, SurfaceProcess, SurfaceReader, peak
 from zeromethod.surface import process as process_module
 
@@ -70,6 +71,17 @@ def test_the_same_warps_give_the_same_surfaces_bit_for_bit(bench, warp):
                     assert mine.dtype == theirs.dtype
                     assert mine.tobytes() == theirs.tobytes(), field.name
             assert np.isfinite(there.depth_mm).sum() > 100
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="niceness is told by Linux")
+def test_it_leaves_the_cores_to_the_loop_once_it_has_started(bench, warp):
+    with beside(bench) as process:
+        process.read(warp)
+        process.read(warp)  # it steps back after its first answer
+        own = os.getpriority(os.PRIO_PROCESS, 0)
+        assert os.getpriority(os.PRIO_PROCESS, process.process_id) == max(BEHIND, own)
+        # within one session, or niceness would not count against the loop where the system groups by sessions
+        assert os.getsid(process.process_id) == os.getsid(0)
 
 
 def test_what_reading_raises_is_raised_and_the_next_is_read(bench, warp):

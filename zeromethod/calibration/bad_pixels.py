@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from zeromethod.calibration.photon_transfer import QUANTISATION, PhotonTransfer, Still
 
@@ -104,7 +104,7 @@ def find_bad_pixels(
     still_ones = [white, black, *stills]
     degrees = sum(one.degrees for one in still_ones)
     relative = np.sum([one.degrees * one.variance / noise.variance(one.mean) for one in still_ones], axis=0)
-    limit = max(NOISY_RATIO, float(chi2.isf(_CHANCE, degrees)) / degrees)
+    limit = max(NOISY_RATIO, float(chdtri(degrees, _CHANCE)) / degrees)
     reason[relative / degrees > limit] |= int(BadPixel.NOISY)
 
     # which also makes it seem hot or dead

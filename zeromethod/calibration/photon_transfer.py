@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 from scipy.optimize import least_squares
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from zeromethod.calibration.black_level import BlackLevel
 from zeromethod.errors import InputError, MeasurementError
@@ -48,8 +48,9 @@ _FINE_SD = 0.35
 """Noise, grey levels, below which rounding is no noise of its own, and means are good to some tenths only."""
 
 _Z = np.linspace(-3.0, 8.0, 1101)
-_MEAN = _Z * norm.cdf(_Z) + norm.pdf(_Z)
-_SD = np.sqrt((_Z**2 + 1) * norm.cdf(_Z) + _Z * norm.pdf(_Z) - _MEAN**2)
+_DENSITY = np.exp(-0.5 * _Z**2) / np.sqrt(2.0 * np.pi)
+_MEAN = _Z * ndtr(_Z) + _DENSITY
+_SD = np.sqrt((_Z**2 + 1) * ndtr(_Z) + _Z * _DENSITY - _MEAN**2)
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ def unclipped(mean: float, variance: float) -> tuple[float, float]:
 def _rounded_and_cut(mean: float, sd: float) -> tuple[float, float]:
     """Mean and variance of normal noise that is rounded to whole grey levels, those below 0 to 0."""
     level = np.arange(1.0, max(mean, 0.0) + 9.0 * sd + 3.0)
-    above = norm.sf((level - 0.5 - mean) / sd)
+    above = ndtr((mean - level + 0.5) / sd)
     first = float(above.sum())
     return first, float((2.0 * level - 1.0) @ above) - first**2
 

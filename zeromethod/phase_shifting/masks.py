@@ -20,7 +20,7 @@ import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from zeromethod.phase_shifting.decoding import Phasors, fit_matrices
 from zeromethod.phase_shifting.noise import NoiseModel
@@ -156,7 +156,7 @@ def disturbed(
     found = (change > SIGMAS * mean_noise) & (change > MEAN_SHARE * mean)
     if phasors.set_degrees > 0:
         misfit = np.sqrt(phasors.worst_scatter)
-        limit = np.sqrt(chi2.isf(1e-9, phasors.set_degrees) / phasors.set_degrees)
+        limit = np.sqrt(chdtri(phasors.set_degrees, 1e-9) / phasors.set_degrees)
         relative = misfit / np.maximum(mean, 1e-9)
         # Harmonics that too few shifts cannot fit are everywhere; a hand is not.
         usual = 4.0 * float(np.median(relative[rms_amplitude >= np.median(rms_amplitude)]))
@@ -207,7 +207,7 @@ def second_reflection(places: Places, usable: Mask, degrees: int, limit_share: f
     stiffness = np.maximum(pooled(places.stiffness) / count, 1e-6)
     excess = 2.0 * (pooled(places.chi2) / count - degrees) / stiffness
     unsure = 2.0 * np.sqrt(2.0 * degrees / (count * POOL_PX**2)) / stiffness
-    common = pooled((places.chi2 > chi2.median(degrees)).astype(np.float32)) / count
+    common = pooled((places.chi2 > chdtri(degrees, 0.5)).astype(np.float32)) / count
     real = (excess > 2.0 * unsure) & (count * POOL_PX**2 >= 4)
     share = np.sqrt(np.where(real, np.maximum(excess, 0.0), 0.0)).astype(np.float32)
     proven = (excess > SIGMAS * unsure) & (common > POOL_AGREES) & usable
@@ -234,5 +234,5 @@ def inconsistent(places: Places, degrees: int, largest_share: float = 0.1) -> Ma
     """Single pixels whose periods disagree beyond noise, as much as a reflection of `largest_share` does."""
     if degrees < 1:
         return np.zeros(places.chi2.shape, dtype=np.bool_)
-    far = places.chi2 > chi2.isf(1e-8, degrees)
+    far = places.chi2 > chdtri(degrees, 1e-8)
     return np.asarray(far & (2.0 * (places.chi2 - degrees) > largest_share**2 * places.stiffness))

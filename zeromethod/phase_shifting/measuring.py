@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from zeromethod.errors import InputError
 from zeromethod.phase_shifting.consistency import departures, jumped_patches
@@ -133,7 +133,7 @@ def _noise(
     if phasors.degrees == 0 or not bright.any():
         return given, float("nan")
     relative = phasors.scatter[bright] / given.variance(mean[bright])
-    ratio = float(np.median(relative)) / float(chi2.ppf(0.5, phasors.degrees) / phasors.degrees)
+    ratio = float(np.median(relative)) / float(chdtri(phasors.degrees, 0.5) / phasors.degrees)
     if ratio <= 1.0:
         return given, float(np.sqrt(ratio))
     return NoiseModel(given.constant_grey2 * ratio, given.slope_grey * ratio), float(np.sqrt(ratio))
@@ -147,7 +147,7 @@ def _agreed(
     squares = squares[np.isfinite(squares)]
     if len(squares) == 0:
         return model
-    ratio = min(float(np.median(squares)) / float(chi2.median(degrees)), 1.0)
+    ratio = min(float(np.median(squares)) / float(chdtri(degrees, 0.5)), 1.0)
     if given is not None:
         ratio = max(ratio, given.constant_grey2 / model.constant_grey2 if model.constant_grey2 > 0 else 1.0)
     return NoiseModel(model.constant_grey2 * ratio, model.slope_grey * ratio)

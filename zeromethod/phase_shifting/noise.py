@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 QUANTISATION = 1.0 / 12.0
 """Variance of rounding to whole grey levels."""
@@ -47,7 +47,7 @@ def fit_noise(mean: NDArray[Any], scatter: NDArray[Any], degrees: int) -> NoiseM
     mean, scatter = mean[known].astype(np.float64), scatter[known].astype(np.float64)
     if degrees < 1 or len(mean) < _LEAST_PIXELS:
         return None
-    median_share = chi2.ppf(0.5, degrees) / degrees
+    median_share = chdtri(degrees, 0.5) / degrees
     edges = np.quantile(mean, np.linspace(0, 1, _CLASSES + 1))
     number = np.clip(np.searchsorted(edges, mean, side="right") - 1, 0, _CLASSES - 1)
     classes = [number == n for n in range(_CLASSES) if np.any(number == n)]

@@ -12,7 +12,6 @@ import numpy as np
 
 from zeromethod.control import Step
 from zeromethod.control.rest import Rest
-from zeromethod.priority import step_back
 from zeromethod.procedures.truth import Comparison
 from zeromethod.surface import Peak, Surface
 from zeromethod.warp.warp import Warp
@@ -123,7 +122,6 @@ class ReadInThread:
             raise error
 
     def _serve(self) -> None:
-        step_back()
         try:
             while steps := self._await():
                 for step in steps:

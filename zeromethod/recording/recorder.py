@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from zeromethod.control.rest import Rest
 from zeromethod.control.step import Step
 from zeromethod.errors import InputError
-from zeromethod.priority import step_back
 from zeromethod.recording.counting import frames_in
 from zeromethod.recording.file import create, discard
 from zeromethod.recording.header import about, rest_arrays, rig_text
@@ -244,8 +243,6 @@ class Recorder:
     # In the thread
 
     def _serve(self) -> None:
-        if self._live:
-            step_back()
         try:
             while (one := self._next()) is not None:
                 self._pass_on(one)
