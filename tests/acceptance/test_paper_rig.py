@@ -86,7 +86,7 @@ def test_what_touches_is_marked_and_the_dim_flank_beside_it_is_not(tmp_path: Pat
         session = Run(rig, devices)
         step = list(session.loop.run(frames=32))[-1]
         assert step.measured is not None
-        surface = session._reader.read(step.measured)
+        surface, _ = session._surfaces.read(step.measured)
         mirror = devices.camera.truth(step.time_ns)  # type: ignore[attr-defined]
     assert step.state is State.LOCKED
     x, y = session._optics.trace(*session.loop.grid.mesh(), session._optics.rest).point[..., :2].T
