@@ -41,8 +41,9 @@ REAL_TIME = (
 SHARING = ("calibration/", "export/", "procedures/calibration/", "procedures/replay/", "view/")
 """Folders whose tests share fixtures that take seconds."""
 
-LONGEST = ("tests/test_wheel", "tests/acceptance/test_study")
-"""Tests of a minute and more each."""
+ORDER = ("tests/acceptance/", "tests/test_wheel")
+"""What begins: tests of many seconds each, so that no worker waits at the end for one that began them last.
+The wheel, which is the longest, comes after those that compile what it takes along."""
 
 
 class _Together(LoadScopeScheduling):
@@ -63,8 +64,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> _Together:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Longest first, so that no worker waits at the end for one that began it last."""
-    items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
+    """In `ORDER`, then the others as they come."""
+    items.sort(key=lambda item: [not item.nodeid.startswith(first) for first in ORDER])
 
 
 @pytest.fixture(params=BACKENDS, scope="session")
