@@ -1,12 +1,13 @@
-"""Python processes of one's own beside the run's."""
+"""Python processes that work beside the one that starts them, and what they need at their start."""
 
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
-from typing import Any
+from typing import Any, BinaryIO
 
 _PROGRAM = "import sys, json; sys.path[:] = json.loads(sys.argv.pop(1)); from {} import main; main()"
 
@@ -25,3 +26,10 @@ def heed_run_only() -> None:
     """Let nothing but the end of the run's process end this one; to be called in it."""
     for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
+
+
+def take_output() -> BinaryIO:
+    """Take standard output for answers alone: what a library prints goes to standard error from now on."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    return answers

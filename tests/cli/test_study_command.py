@@ -11,6 +11,7 @@ from typing import Any
 
 import pyarrow.parquet
 import pytest
+from processes import has_ended
 
 from zeromethod.cli.main import main
 from zeromethod.study import cluster
@@ -144,7 +145,7 @@ def test_a_killed_study_leaves_no_worker_and_goes_on(capsys: pytest.CaptureFixtu
     done = [json.loads(line) for line in Path("study-mine/runs.jsonl").read_text().splitlines()[1:]]
     assert [one["run"] for one in done] == [0, 1]
     # the run that the worker is at takes a minute
-    wait_until(lambda: not alive(done[0]["worker"]["pid"]), 20)
+    wait_until(lambda: has_ended(done[0]["worker"]["pid"]), 20)
     Path("mine.toml").write_text(f"limit_s = 3.0\n{Path('mine.toml').read_text()}")
     assert code_of("mine.toml", "--workers", "1") == 1
     said = capsys.readouterr()
@@ -157,14 +158,6 @@ def wait_until(there: Callable[[], bool], seconds: float) -> None:
     while not there():
         assert time.monotonic() < until
         time.sleep(0.05)
-
-
-def alive(pid: int) -> bool:
-    """Whether a process runs; one that has ended may be left unburied where nobody waits for it."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return False
 
 
 def test_a_stopped_study_ends_quickly_and_says_how_to_go_on() -> None:

@@ -7,13 +7,14 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from io import StringIO
 from typing import Any
 
 import numpy as np
 import pytest
+from hanging import PATIENCE_S, eventually
 from live_devices import Eye, small_rig
 from rich.console import Console
 
@@ -24,8 +25,6 @@ from zeromethod.procedures import FrameRecord, Run, summarise
 from zeromethod.procedures.reading import CLOSING_S, ReadInThread, ReadInTurn
 from zeromethod.surface import process
 from zeromethod.view.live import LiveStatus
-
-PATIENCE_S = 10.0
 
 
 class Turn:
@@ -67,13 +66,6 @@ class Published:
     @property
     def numbers(self) -> list[int]:
         return [step.number for step, _ in self.turns]
-
-
-def eventually(condition: Callable[[], bool]) -> None:
-    end_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end_s
-        time.sleep(0.002)
 
 
 def running(*names: str) -> list[str]:

@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 import pytest
 from planted_turns import bench, reading, recorder, sizes, turn, wait_for
+from processes import has_ended
 
 from zeromethod.control import Event
 from zeromethod.errors import InputError
@@ -53,15 +54,6 @@ def running(path: Path, turns: int, then: str = "time.sleep(1000)") -> Iterator[
             yield process
         finally:
             process.kill()
-
-
-def _gone(number: int) -> bool:
-    try:
-        os.kill(number, 0)
-    except ProcessLookupError:
-        return True
-    # one that nobody waited for stays on as a name
-    return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
 
 
 def test_killed_in_the_middle_all_but_the_newest_is_there(tmp_path: Path) -> None:
@@ -124,7 +116,7 @@ def test_without_an_end_the_recording_still_gets_one(tmp_path: Path, then: str) 
         assert process.stdout is not None
         writer = int(process.stdout.readline())
         process.wait(60)
-        wait_for(lambda: _gone(writer))
+        wait_for(lambda: has_ended(writer))
     # closed in order: the plain way of opening does
     with h5py.File(path, "r") as file:
         assert len(file["turns/table"]) == 10
@@ -276,7 +268,7 @@ def test_a_disk_that_takes_nothing_does_not_keep_the_run_from_ending(
     assert time.monotonic() - began_s < 10.0
     assert recording.state.startswith("recording stopped: the disk took nothing for 0.3 s")
     os.kill(recording.writer_id, signal.SIGCONT)
-    wait_for(lambda: _gone(recording.writer_id))
+    wait_for(lambda: has_ended(recording.writer_id))
     # what was handed over is written, should the disk come back
     with Recording(tmp_path / "run.h5") as found:
         assert len(found.turns) == 30

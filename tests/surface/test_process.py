@@ -11,6 +11,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from hanging import eventually
+from processes import has_ended
 
 from zeromethod.errors import InputError
 from zeromethod.priority import BEHIND
@@ -37,22 +39,6 @@ def beside(bench):
         yield process
     finally:
         process.close()
-
-
-def gone(process_id):
-    """Whether a process that is not a child of this one has ended."""
-    try:
-        with open(f"/proc/{process_id}/stat") as stat:
-            return stat.read().rpartition(")")[2].split()[0] in "ZX"
-    except FileNotFoundError:
-        return True
-
-
-def eventually(condition):
-    end_s = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
 
 
 def test_the_same_warps_give_the_same_surfaces_bit_for_bit(bench, warp):
@@ -168,7 +154,7 @@ def test_it_heeds_no_ctrl_c_and_ends_when_its_parent_was_killed():
         process_id = int(parent.stdout.readline())
         os.kill(process_id, signal.SIGINT)
         time.sleep(0.1)
-        assert not gone(process_id)
+        assert not has_ended(process_id)
         assert os.getpgid(process_id) != os.getpgid(parent.pid)
         parent.kill()
-    eventually(lambda: gone(process_id))
+    eventually(lambda: has_ended(process_id))

@@ -48,9 +48,6 @@ def bench_command(parts: tuple[str, ...], quick: bool, figure: Path | None, summ
 
 def _report(figures: dict[str, Any], figure: Path | None, summary: Path | None) -> None:
     """Print the tables and write what was asked for, of whatever is measured by now."""
-    from zeromethod.view.bench_figure import draw_bench  # noqa: PLC0415 - matplotlib loads slowly
-    from zeromethod.view.open_loop_figure import draw_open_loop, open_loop_table  # noqa: PLC0415
-
     figures["bars"] = bars(figures)
     console = Console(width=None if sys.stdout.isatty() else 120)
     host = figures["host"]
@@ -62,11 +59,15 @@ def _report(figures: dict[str, Any], figure: Path | None, summary: Path | None) 
     console.print(bench_table(figures, figures["bars"]))
     why = figures.get("why")
     if why:
+        from zeromethod.view.open_loop_figure import draw_open_loop, open_loop_table  # noqa: PLC0415 - matplotlib
+
         console.print()
         console.print(open_loop_table(why))
     if summary is not None:
         write_summary(summary, figures)
     if figure is not None:
+        from zeromethod.view.bench_figure import draw_bench  # noqa: PLC0415 - matplotlib loads slowly
+
         draw_bench(figures, figure)
         if why:
             draw_open_loop(why, figure.with_name(f"{figure.stem}-open-loop.png"))

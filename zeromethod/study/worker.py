@@ -10,6 +10,7 @@ import os
 from queue import SimpleQueue
 from threading import Thread
 
+from zeromethod.beside import take_output
 from zeromethod.study.runs import carry_out
 from zeromethod.study.task import Message
 
@@ -18,12 +19,10 @@ def main() -> None:
     """Serve until standard input ends."""
     tasks: SimpleQueue[bytes] = SimpleQueue()
     Thread(target=_take_in, args=(tasks,), daemon=True).start()
-    # what a library prints must not get among the outcomes
-    with os.fdopen(os.dup(1), "w", encoding="utf-8") as answers:
-        os.dup2(2, 1)
+    with take_output() as answers:
 
         def answer(message: Message) -> None:
-            answers.write(json.dumps(message) + "\n")
+            answers.write(json.dumps(message).encode() + b"\n")
             answers.flush()
 
         answer({"ready": os.getpid()})

@@ -12,7 +12,7 @@ import time
 import traceback
 from typing import Any
 
-from zeromethod.beside import heed_run_only, start_beside
+from zeromethod.beside import heed_run_only, start_beside, take_output
 from zeromethod.optics import Optics
 from zeromethod.priority import step_back
 from zeromethod.rig.model import Rig
@@ -106,9 +106,7 @@ class SurfaceProcess:
 
 def _serve() -> None:
     requests = sys.stdin.buffer
-    # what a library prints must not get among the answers
-    with os.fdopen(os.dup(1), "wb") as answers:
-        os.dup2(2, 1)
+    with take_output() as answers:
         rig, grid = pickle.load(requests)
         reader: SurfaceReader | None = None
         while True:
