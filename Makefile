@@ -35,15 +35,15 @@ lint: $(VENV)/.dev-ready
 
 bench: $(VENV)/.run-ready
 	@mkdir -p out
-	$(BIN)/zeromethod bench --figure out/bench.png --summary out/bench.json
-	$(BIN)/python benchmarks/sigma.py
-	$(BIN)/python benchmarks/press_suite.py
-	$(BIN)/python benchmarks/step_response.py
-	$(BIN)/python benchmarks/wavelength_gain.py
-	$(BIN)/python benchmarks/long_hold.py
-	$(BIN)/python benchmarks/fault_tour.py
-	$(BIN)/python benchmarks/live_cost.py --quick
-	$(BIN)/python benchmarks/calibration_study.py
+	$(BIN)/python -m benchmarks.against_peers --figure out/bench.png --summary out/bench.json
+	$(BIN)/python -m benchmarks.sigma
+	$(BIN)/python -m benchmarks.press_suite
+	$(BIN)/python -m benchmarks.step_response
+	$(BIN)/python -m benchmarks.wavelength_gain
+	$(BIN)/python -m benchmarks.long_hold
+	$(BIN)/python -m benchmarks.fault_tour
+	$(BIN)/python -m benchmarks.live_cost --quick
+	$(BIN)/python -m benchmarks.calibration_study
 
 $(BIN)/python:
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh

@@ -1,6 +1,6 @@
 """Ten unknown benches calibrated by their own pictures, and what their loops then read: no exact warps.
 
-    python benchmarks/calibration_benches.py [--quick] [--benches N] [--jobs N] [--json FILE]
+    python -m benchmarks.calibration_benches [--quick] [--benches N] [--jobs N] [--json FILE]
 
 Benches are drawn as in calibration_study.py, with a panel gamma of 1.8 to 2.4, refreshes of 59.8 to 60.2 Hz
 beside a camera of 60.0 Hz, a panel latency that makes 1 to 3 frames of delay, and two grey levels of noise in
@@ -35,9 +35,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bench_report import Figure, Report, finish, progress
-from bench_rigs import Array, changed
-from calibration_study import (
+
+from benchmarks.bench_report import Figure, Report, finish, progress
+from benchmarks.bench_rigs import Array, changed
+from benchmarks.calibration_study import (
     CASES,
     GAUGE_MM,
     KNOWN_MM,
@@ -48,25 +49,24 @@ from calibration_study import (
     figures_of,
     summarise,
 )
-
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
-from zeromethod.control.rest import Rest
-from zeromethod.control.state import NULLED
+from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, evaluate, record
+from zeromethod.commissioning.calibration.presses import PressWarps
 from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.loop.state import NULLED
 from zeromethod.optics import Optics
-from zeromethod.procedures.calibration import Calibration, Plan, Recorded, evaluate, record
-from zeromethod.procedures.calibration.presses import PressWarps
-from zeromethod.procedures.run import Run
-from zeromethod.procedures.truth import true_peak_mm
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.session.run import Run
+from zeromethod.session.truth import true_peak_mm
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
+from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
 
 BINNING, PERIOD_PX = 4, 8

@@ -1,6 +1,6 @@
 """What a calibration makes of ten unknown benches: depth of other presses, and whether its sigma is true.
 
-    python benchmarks/calibration_study.py [--quick] [--wide] [--json FILE]
+    python -m benchmarks.calibration_study [--quick] [--wide] [--json FILE]
 
 Ten benches drawn at random around the packaged one (binned by 2): LCD shifted by up to 2 mm and turned by up
 to 1 degree, camera off by 5 mm and 1 degree, focal length by 2 %, distortion k1 by 0.5, index by 0.01, prism
@@ -27,9 +27,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from bench_report import Figure, Report, finish, progress
-from bench_rigs import Array, changed
 
+from benchmarks.bench_report import Figure, Report, finish, progress
+from benchmarks.bench_rigs import Array, changed
 from zeromethod.calibration import (
     DepthError,
     Direct,
@@ -48,12 +48,12 @@ from zeromethod.calibration import (
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
 from zeromethod.errors import InputError
 from zeromethod.optics import Dented, Optics, check_geometry
-from zeromethod.procedures.truth import true_peak_mm, usable_nodes
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.session.truth import true_peak_mm, usable_nodes
 from zeromethod.simulation.press import Dent, Mirror, Shape
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.validity import Flag

@@ -1,6 +1,6 @@
 """Every fault that the simulated bench can plant, one at a time: named, survived, never read wrong.
 
-    python benchmarks/fault_tour.py [--quick] [--json FILE]
+    python -m benchmarks.fault_tour [--quick] [--json FILE]
 
 Camera and LCD binned by 4, a press of 0.2 mm (sigma 5 mm). Every fault is planted twice: while the press is
 held, and while it jumps from 0.2 to 0.12 mm behind the fault's back. Named: the event that the run gave it.
@@ -18,13 +18,14 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from bench_report import Figure, Report, finish, options, progress
-from bench_rigs import changed, opened, pressed, small_rig
 
-from zeromethod.control import Event, State
-from zeromethod.procedures.truth import TrueMirror, true_peak_mm
+from benchmarks.bench_report import Figure, Report, finish, options, progress
+from benchmarks.bench_rigs import changed, opened, pressed, small_rig
+from zeromethod.loop.events import Event
+from zeromethod.loop.state import State
+from zeromethod.session.truth import TrueMirror, true_peak_mm
 from zeromethod.surface import SurfaceReader, peak
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 
 PRESS_S = 0.15
 FAULT_FRAME = 40

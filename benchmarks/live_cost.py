@@ -1,6 +1,6 @@
 """What the live path costs a frame: threads, strips, pacing; reading and publishing beside the loop.
 
-    python benchmarks/live_cost.py [--quick] [--json FILE]
+    python -m benchmarks.live_cost [--quick] [--json FILE]
 
 The bare loop does everything in turn. The live one, over the same devices, reads the camera and draws in
 threads of their own, numbers its pictures by coded strips and reads when they were lit, and decides how long
@@ -26,18 +26,18 @@ import sys
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from bench_report import Figure, Report, finish, options, progress
-from bench_rigs import changed
-from live_running import Timed, Variant, run_together
-from memory_bench import (
+
+from benchmarks.bench_report import Figure, Report, finish, options, progress
+from benchmarks.bench_rigs import changed
+from benchmarks.live_running import Timed, Variant, run_together
+from benchmarks.memory_bench import (
     PATH,
     Array,
     Prepared,
 )
-
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 
 ADDED_MS = 2.0
 """Most that the live path may add to a frame, in the median over frames."""

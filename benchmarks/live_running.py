@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 from unittest.mock import patch
 
 import numpy as np
-from bench_rigs import changed
-from memory_bench import (
+
+from benchmarks.bench_rigs import changed
+from benchmarks.memory_bench import (
     Drawn,
     FastClock,
     FastLiveClock,
@@ -24,13 +25,14 @@ from memory_bench import (
     Prepared,
     fingerprint,
 )
-
 from zeromethod.clock import Clock
-from zeromethod.control import NULLED, Loop, Step
-from zeromethod.procedures.reading import Reading, ReadInThread, timed, warm_up_warp
-from zeromethod.procedures.surfaces import Surfaces
+from zeromethod.loop.loop import Loop
+from zeromethod.loop.state import NULLED
+from zeromethod.loop.step import Step
 from zeromethod.publishing import Publisher
-from zeromethod.threads import limit_threads
+from zeromethod.session.reading import Reading, ReadInThread, timed, warm_up_warp
+from zeromethod.session.surfaces import Surfaces
+from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.warp import Warp
 
 LEFT_OUT = 6
@@ -124,10 +126,10 @@ class Running:
         self._reading: ReadInThread | None = None
         self._stack = ExitStack()
         renderer = Drawn if variant.drawn else Noted
-        with patch("zeromethod.control.presenter.PatternRenderer", renderer):
+        with patch("zeromethod.loop.drawer.PatternRenderer", renderer):
             loop = Loop(rig, self._camera, self._display, clock, optics=prepared.optics)
         # the first picture is drawn in the first turn
-        self._stack.enter_context(patch("zeromethod.control.presenter.PatternRenderer", renderer))
+        self._stack.enter_context(patch("zeromethod.loop.drawer.PatternRenderer", renderer))
         self.loop = self._stack.enter_context(loop)
         if variant.reads:
             surfaces = Surfaces(rig, prepared.optics, loop.grid)

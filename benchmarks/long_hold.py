@@ -1,6 +1,6 @@
 """Whether anything drifts over ten thousand frames at rest and ten thousand with a press held.
 
-    python benchmarks/long_hold.py [--quick] [--json FILE]
+    python -m benchmarks.long_hold [--quick] [--json FILE]
 
 Camera and LCD binned by 4 (drawn on the GPU), noise, jitter and free-running clocks on. The warp measured
 and the warp commanded are held against the true one over usable, valid nodes; depth is read in windows of
@@ -19,13 +19,14 @@ import sys
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
-from bench_report import Bar, Figure, Report, finish, options, progress
-from bench_rigs import Array, Bench, opened, pressed, small_rig, step_path
 from numpy.typing import NDArray
 
-from zeromethod.control import State, Step
+from benchmarks.bench_report import Bar, Figure, Report, finish, options, progress
+from benchmarks.bench_rigs import Array, Bench, opened, pressed, small_rig, step_path
+from zeromethod.loop.state import State
+from zeromethod.loop.step import Step
 from zeromethod.surface import SurfaceReader, peak
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 
 FRAMES = 10_000
 SETTLED_FRAMES = 100

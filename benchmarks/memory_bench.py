@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.clock import Clock, HostClock
-from zeromethod.control.pairing import PanelTiming, entry_weights
-from zeromethod.control.rest import Rest
-from zeromethod.control.strips import find_strips
 from zeromethod.devices.protocols import Frame
+from zeromethod.exposure.pairing import PanelTiming, entry_weights
+from zeromethod.exposure.strip_reading import find_strips
 from zeromethod.gl import create_context
 from zeromethod.optics import Dented, Optics
 from zeromethod.pattern import PatternRenderer, Response, Target
@@ -34,6 +33,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu import GpuRenderer
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import Piece
+from zeromethod.warp.rest import Rest
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """What the reading itself costs: depth from noise-free warps of many presses, against the planted surface.
 
-    python benchmarks/press_suite.py [--quick] [--json FILE]
+    python -m benchmarks.press_suite [--quick] [--json FILE]
 
 The packaged bench at full size (nodes every 8 px, 0.41 mm on the mirror). Pads of sigma 2 to 8 mm at nine
 tenths of the depth at which they fold, and at that depth for which total reflection lasts all round (slopes
@@ -20,15 +20,15 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from bench_report import Figure, Report, finish, options, progress
-from bench_rigs import VIEW_MIDDLE_MM, Array
 
+from benchmarks.bench_report import Figure, Report, finish, options, progress
+from benchmarks.bench_rigs import VIEW_MIDDLE_MM, Array
 from zeromethod.optics import Dented, Optics
-from zeromethod.procedures.truth import true_peak_mm, usable_nodes
 from zeromethod.rig.load import load_rig
+from zeromethod.session.truth import true_peak_mm, usable_nodes
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface import SurfaceReader, peak
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.validity import Flag

@@ -1,6 +1,6 @@
 """What recording costs the loop, and what a kill leaves of a recording.
 
-    python benchmarks/recording_cost.py [--quick] [--keep NAMES] [--folder FOLDER] [--json FILE]
+    python -m benchmarks.recording_cost [--quick] [--keep NAMES] [--folder FOLDER] [--json FILE]
 
 The live loop (camera and drawing in threads, reading of surfaces in a process of its own, coded strips) runs
 over frames of 1280x1024 in 8 bits from memory, noise and all, at 60 per second of the host's clock: not
@@ -39,20 +39,21 @@ from unittest.mock import patch
 
 import h5py
 import numpy as np
-from bench_report import Figure, Report, finish, progress
-from bench_rigs import changed
-from memory_bench import FastLiveClock, MemoryCamera, MemoryDisplay, Noted, Prepared
 
-from zeromethod.control import Loop, Step
+from benchmarks.bench_report import Figure, Report, finish, progress
+from benchmarks.bench_rigs import changed
+from benchmarks.memory_bench import FastLiveClock, MemoryCamera, MemoryDisplay, Noted, Prepared
 from zeromethod.devices.protocols import Frame
-from zeromethod.procedures.reading import Reading, ReadInThread, timed, warm_up_warp
-from zeromethod.procedures.surfaces import Surfaces
+from zeromethod.loop.loop import Loop
+from zeromethod.loop.step import Step
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.threads import limit_threads
+from zeromethod.session.reading import Reading, ReadInThread, timed, warm_up_warp
+from zeromethod.session.surfaces import Surfaces
+from zeromethod.thread_limits import limit_threads
 
 SECONDS, QUICK_S = 120.0, 15.0
 BEFORE = 0.25
@@ -110,7 +111,7 @@ class Bench:
         display = MemoryDisplay(prepared, False, clock)
         self.clock = clock
         self._stack = ExitStack()
-        self._stack.enter_context(patch("zeromethod.control.presenter.PatternRenderer", Noted))
+        self._stack.enter_context(patch("zeromethod.loop.drawer.PatternRenderer", Noted))
         camera = OwnFrames(prepared, display, clock)
         self.loop = self._stack.enter_context(Loop(rig, camera, display, clock, optics=prepared.optics))
         surfaces = Surfaces(rig, prepared.optics, self.loop.grid)

@@ -1,6 +1,6 @@
 """Whether the stated sigma is true: residual, warp, slope and depth against Monte Carlo, pixel by pixel.
 
-    python benchmarks/sigma.py [--quick] [--json FILE]
+    python -m benchmarks.sigma [--quick] [--json FILE]
 
 The packaged bench binned by 4 under its default press of 0.2 mm, pictures drawn by the real renderer for the
 warp that almost nulls it. The light at the pixels is rendered once per case; then the camera's noise is drawn
@@ -20,27 +20,27 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from bench_report import Bar, Figure, Report, finish, options, progress
-from bench_rigs import VIEW_MIDDLE_MM, Array, changed, small_rig
 
-from zeromethod.control.observation import Observation, expected_residual, measure, unmixed
-from zeromethod.control.pairing import PanelTiming, Shown, pair
-from zeromethod.control.presentation import PresentationLog
-from zeromethod.control.rest import Rest
+from benchmarks.bench_report import Bar, Figure, Report, finish, options, progress
+from benchmarks.bench_rigs import VIEW_MIDDLE_MM, Array, changed, small_rig
 from zeromethod.devices.protocols import Frame
+from zeromethod.exposure.pairing import PanelTiming, Shown, pair
+from zeromethod.exposure.presentation_log import PresentationLog
 from zeromethod.gl import create_context
+from zeromethod.loop.measured_warp import Observation, expected_residual, measure, unmixed
 from zeromethod.optics import Dented, Optics
 from zeromethod.pattern import PatternRenderer, Response, Target
-from zeromethod.procedures.truth import usable_nodes
 from zeromethod.rig.model import Rig
 from zeromethod.sensing import ResidualSensor
+from zeromethod.session.truth import usable_nodes
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.panel import Panel, Presentation
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
 from zeromethod.surface import DepthCovariance, SurfaceReader
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
+from zeromethod.warp.rest import Rest
 
 DRAWS = 400
 WORDS = ("residual", "warp", "slope", "depth")

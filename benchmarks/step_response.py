@@ -1,6 +1,6 @@
 """Frames from a sudden press to lock, and whether any timing starves or destabilises the loop.
 
-    python benchmarks/step_response.py [--quick] [--json FILE]
+    python -m benchmarks.step_response [--quick] [--json FILE]
 
 A step of 0.2 mm (sigma 5 mm) at full size, twenty seeds; the seed also draws when in a frame the press
 comes. Counted from the first frame whose exposure saw the press to the first of three frames running with a
@@ -23,13 +23,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from bench_report import Bar, Figure, Report, finish, options, progress
-from bench_rigs import changed, opened, pressed, small_rig, step_path, usable_residual_px
 
-from zeromethod.control import LOCK_FRAMES, LOCK_RESIDUAL_PX
+from benchmarks.bench_report import Bar, Figure, Report, finish, options, progress
+from benchmarks.bench_rigs import changed, opened, pressed, small_rig, step_path, usable_residual_px
+from zeromethod.loop.state import LOCK_FRAMES, LOCK_RESIDUAL_PX
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 
 PRESS_S = 0.15
 CORRECTIONS, EXTRA_FRAMES = 2, 4

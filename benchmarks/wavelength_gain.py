@@ -1,6 +1,6 @@
 """Whether the peak of a dent comes back whole, whatever its width.
 
-    python benchmarks/wavelength_gain.py [--quick] [--json FILE]
+    python -m benchmarks.wavelength_gain [--quick] [--json FILE]
 
 Gaussian dents of sigma 4 to 64 nodes at full size, half a node off the middle. "reading": depth read from the
 exact warp. "loop": the press stands before the loop starts, noise and clocks as in the packaged rig; the mean
@@ -20,16 +20,16 @@ import sys
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-from bench_report import Bar, Figure, Report, finish, options, progress
-from bench_rigs import VIEW_MIDDLE_MM, Array, opened, pressed
 
-from zeromethod.control import State
+from benchmarks.bench_report import Bar, Figure, Report, finish, options, progress
+from benchmarks.bench_rigs import VIEW_MIDDLE_MM, Array, opened, pressed
+from zeromethod.loop.state import State
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface import Surface, SurfaceReader, peak
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp

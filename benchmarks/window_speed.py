@@ -1,6 +1,6 @@
 """Cost of the LCD as a window: drawing and swapping at full size, and how well swaps keep the refreshes.
 
-    python benchmarks/window_speed.py [--monitor 1] [--pictures 300]
+    python -m benchmarks.window_speed [--monitor 1] [--pictures 300]
 
 Needs a screen. On software OpenGL the figures are the processor's, not a graphics card's.
 """

@@ -23,13 +23,13 @@ from zeromethod.gl import collect, create_context
 from zeromethod.gl.context import BACKENDS, VARIABLE
 
 REAL_TIME = (
-    "control/test_live_",
+    "loop/test_live_",
     "drivers/",
     "publishing/",
     "recording/test_recorder",
     "view/test_follow",
-    "procedures/test_live_",
-    "procedures/test_virtual_bench",
+    "session/test_live_",
+    "simulation/test_virtual_bench",
     "cli/test_stopping",
     "cli/test_keys",
     "cli/test_devices",
@@ -38,7 +38,7 @@ REAL_TIME = (
 )
 """Tests in which time passes for real, or that need a device of this machine to themselves."""
 
-SHARING = ("calibration/", "export/", "procedures/calibration/", "procedures/replay/", "view/")
+SHARING = ("calibration/", "export/", "commissioning/calibration/", "session/replay/", "view/")
 """Folders whose tests share fixtures that take seconds."""
 
 ORDER = ("tests/acceptance/", "tests/test_wheel")

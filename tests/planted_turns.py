@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 from recorded_run import small_rig
 
-from zeromethod.control import State, Step
-from zeromethod.control.presenting import Presented
-from zeromethod.control.rest import Rest
+from zeromethod.loop.drawing import Presented
+from zeromethod.loop.state import State
+from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
 from zeromethod.recording.recorder import Recorder
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Anchor, Peak, Surface
+from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
 
 FRAME_NS = 16_666_667

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from zeromethod.control import Loop, Step
+from benchmarks.against_peers.open_loop import coarser
 from zeromethod.devices.opening import open_devices
+from zeromethod.loop.loop import Loop
+from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
-from zeromethod.procedures.open_loop import coarser
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.schema import KEEP
 from zeromethod.rig.load import load_rig

@@ -34,5 +34,5 @@ BENCH_160: Mapping[str, Any] = {
 
 def small_rig_file(path: Path, values: Mapping[str, Any] = BENCH_320) -> Path:
     """Write the packaged rig with `values` in place of its own."""
-    save_values(resource("calibration", "simulated.toml"), values, path)
+    save_values(resource("calibration", "rigs", "simulated.toml"), values, path)
     return path

@@ -9,8 +9,8 @@ import pytest
 
 from zeromethod.cli.devices import devices_command
 from zeromethod.cli.run import run_command
-from zeromethod.control.events import Event
-from zeromethod.control.state import State
+from zeromethod.loop.events import Event
+from zeromethod.loop.state import State
 
 ROOT = Path(__file__).parent.parent
 GUIDE = (ROOT / "docs" / "bench.md").read_text()

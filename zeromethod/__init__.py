@@ -20,40 +20,44 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from zeromethod.control import Loop, State, Step
     from zeromethod.devices.opening import Devices, open_devices
     from zeromethod.errors import InputError, MeasurementError
+    from zeromethod.loop.loop import Loop
+    from zeromethod.loop.state import State
+    from zeromethod.loop.step import Step
     from zeromethod.optics import Optics
-    from zeromethod.procedures import RunResult, run, summarise
     from zeromethod.rig.binning import binned
     from zeromethod.rig.load import load_rig
     from zeromethod.rig.model import Rig
+    from zeromethod.session.result import RunResult
+    from zeromethod.session.run import run
+    from zeromethod.session.summary import summarise
     from zeromethod.surface import Surface, SurfaceReader, peak
-    from zeromethod.threads import limit_threads
+    from zeromethod.thread_limits import limit_threads
     from zeromethod.warp.grid import NodeGrid
     from zeromethod.warp.warp import Warp
 
 _HOME = {
     "Devices": "zeromethod.devices.opening",
     "InputError": "zeromethod.errors",
-    "Loop": "zeromethod.control",
+    "Loop": "zeromethod.loop",
     "MeasurementError": "zeromethod.errors",
     "NodeGrid": "zeromethod.warp.grid",
     "Optics": "zeromethod.optics",
     "Rig": "zeromethod.rig.model",
-    "RunResult": "zeromethod.procedures",
-    "State": "zeromethod.control",
-    "Step": "zeromethod.control",
+    "RunResult": "zeromethod.session",
+    "State": "zeromethod.loop",
+    "Step": "zeromethod.loop",
     "Surface": "zeromethod.surface",
     "SurfaceReader": "zeromethod.surface",
     "Warp": "zeromethod.warp.warp",
     "binned": "zeromethod.rig.binning",
-    "limit_threads": "zeromethod.threads",
+    "limit_threads": "zeromethod.thread_limits",
     "load_rig": "zeromethod.rig.load",
     "open_devices": "zeromethod.devices.opening",
     "peak": "zeromethod.surface",
-    "run": "zeromethod.procedures",
-    "summarise": "zeromethod.procedures",
+    "run": "zeromethod.session",
+    "summarise": "zeromethod.session",
 }
 
 __version__ = version("zeromethod")

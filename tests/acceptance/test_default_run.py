@@ -10,7 +10,8 @@ from types import ModuleType
 import pytest
 
 import zeromethod as zm
-from zeromethod.procedures import RunResult, summarise
+from zeromethod.session.result import RunResult
+from zeromethod.session.summary import summarise
 
 PROMISED = {
     "frames", "state", "lock_frames", "residual_px_rms", "usable_share", "valid_share", "depth_peak_mm",

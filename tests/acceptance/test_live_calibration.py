@@ -19,9 +19,9 @@ from two_monitors import TwoMonitors, missing, start
 
 from zeromethod.calibration import KnownPress, Presses, RestReading, describe
 from zeromethod.calibration.folder import Stored, newest
+from zeromethod.commissioning.calibration.evaluation import geometry_values
+from zeromethod.commissioning.calibration.procedure import grid_of
 from zeromethod.optics import Dented, Optics
-from zeromethod.procedures.calibration.evaluation import geometry_values
-from zeromethod.procedures.calibration.procedure import grid_of
 from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
@@ -46,7 +46,7 @@ def true_rig(tmp_path_factory: pytest.TempPathFactory) -> tuple[Rig, Path]:
     rig = crooked(load_rig("virtual"))
     path = tmp_path_factory.mktemp("truth") / "true.toml"
     save_values(
-        resource("calibration", "virtual.toml"),
+        resource("calibration", "rigs", "virtual.toml"),
         geometry_values(rig) | {"display.gamma": rig.display.gamma},
         path,
     )
@@ -65,7 +65,7 @@ def calibrated(
 ) -> tuple[Stored, float, str]:
     """What was stored, its processor time, and what was said."""
     mine = tmp_path_factory.mktemp("bench") / "mine.toml"
-    mine.write_bytes(resource("calibration", "virtual.toml").read_bytes())
+    mine.write_bytes(resource("calibration", "rigs", "virtual.toml").read_bytes())
     environment = desktop.environment | {"OPENBLAS_NUM_THREADS": "1"}
     hand = Path(__file__).with_name("asked_bench.py")
     with subprocess.Popen(

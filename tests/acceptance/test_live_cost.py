@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from zeromethod.control import NULLED
+from zeromethod.loop.state import NULLED
 
 pytest.importorskip("zmq")
 

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zeromethod.control import State
 from zeromethod.devices.opening import open_devices
+from zeromethod.loop.state import State
 from zeromethod.optics import Dented, Optics
-from zeromethod.procedures import Run, RunResult, run
-from zeromethod.procedures.truth import AT_REST, usable_nodes
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.session.result import RunResult
+from zeromethod.session.run import Run, run
+from zeromethod.session.truth import AT_REST, usable_nodes
 from zeromethod.warp.grid import NodeGrid
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 
 
 @pytest.fixture(scope="module")

@@ -12,11 +12,11 @@ from scipy.ndimage import gaussian_filter
 from zeromethod.calibration import Fit, MirrorEdge, Priors, RestPositions, fit
 from zeromethod.calibration.edges import EdgeSearch, find_edges
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
+from zeromethod.decoding import Reason
+from zeromethod.decoding.fringes import FringeSequence, equal_shifts
+from zeromethod.decoding.measuring import RestMeasurement, measure_rest
+from zeromethod.decoding.noise import NoiseModel
 from zeromethod.optics import Optics
-from zeromethod.phase_shifting import Reason, RestMap
-from zeromethod.phase_shifting.fringes import FringeSequence, equal_shifts
-from zeromethod.phase_shifting.measuring import RestMeasurement, measure_rest
-from zeromethod.phase_shifting.noise import NoiseModel
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
@@ -25,6 +25,7 @@ from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.rest_map import RestMap
 
 WIDE_FOCAL_PX, BINNING = 5600.0, 8
 LCD_NOISE_PX, LIGHT = 0.05, 50.0

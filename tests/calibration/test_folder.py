@@ -32,7 +32,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 
 TIME = datetime(2025, 3, 1, 12, 30, 5, tzinfo=UTC)
-PACKAGED = Path(__file__).parents[2] / "calibration" / "simulated.toml"
+PACKAGED = Path(__file__).parents[2] / "calibration" / "rigs" / "simulated.toml"
 
 
 def document(**more: Any) -> dict[str, Any]:
@@ -59,7 +59,7 @@ def made(rig_file: Path, when: datetime = TIME, **more: Any) -> Stored:
 
 
 def test_folder_is_named_by_rig_and_time(rig_file: Path) -> None:
-    assert made(rig_file).folder == rig_file.parent / "calibration" / "mine" / "2025-03-01T12-30-05"
+    assert made(rig_file).folder == rig_file.parent / "calibrations" / "mine" / "2025-03-01T12-30-05"
 
 
 def test_two_in_one_second_are_both_kept(rig_file: Path) -> None:
@@ -106,7 +106,7 @@ def test_calibration_of_a_calibrated_rig_goes_into_the_same_home(rig_file: Path)
 
 
 def test_packaged_rig_is_calibrated_where_one_stands() -> None:
-    assert home_of("simulated") == Path("calibration", "simulated")
+    assert home_of("simulated") == Path("calibrations", "simulated")
 
 
 def test_what_is_no_number_is_left_out_of_the_document(rig_file: Path) -> None:
@@ -131,7 +131,7 @@ def test_failure_on_the_way_leaves_no_calibration(rig_file: Path) -> None:
     with pytest.raises(InputError, match="No space left"):
         store(rig_file, document(), {}, {}, pictures={"a.png": fail})
     assert calibrations(rig_file) == []
-    assert list((rig_file.parent / "calibration" / "mine").iterdir()) == []
+    assert list((rig_file.parent / "calibrations" / "mine").iterdir()) == []
     # and the next one is not hindered
     assert made(rig_file).folder.is_dir()
 

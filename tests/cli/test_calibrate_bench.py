@@ -23,10 +23,10 @@ from zeromethod.calibration.folder import Stored, calibrations, load
 from zeromethod.calibration.intrinsics import CameraFit
 from zeromethod.cli import calibrate_bench
 from zeromethod.cli.calibrate import calibrate_command
+from zeromethod.commissioning.calibration import recall
+from zeromethod.commissioning.calibration.procedure import with_values
+from zeromethod.commissioning.calibration.rest import decode
 from zeromethod.errors import InputError
-from zeromethod.procedures.calibration import recall
-from zeromethod.procedures.calibration.procedure import with_values
-from zeromethod.procedures.calibration.rest import decode
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 
@@ -40,7 +40,7 @@ def told(*arguments: object) -> Result:
 @pytest.fixture(scope="module")
 def planted() -> Iterator[ModuleType]:
     """The simulated bench that stands otherwise than its rig file says, importable as a driver."""
-    path = REPOSITORY / "tests" / "procedures" / "calibration" / "planted.py"
+    path = REPOSITORY / "tests" / "commissioning" / "calibration" / "planted.py"
     spec = importlib.util.spec_from_file_location("planted_bench", path)
     assert spec is not None
     assert spec.loader is not None
@@ -67,7 +67,7 @@ def rig_file(planted: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> P
         "target.period_px": rig.target.period_px,
         "press": "none",
     }
-    save_values(REPOSITORY / "calibration" / "simulated.toml", values, path)
+    save_values(REPOSITORY / "calibration" / "rigs" / "simulated.toml", values, path)
     return path
 
 

@@ -148,7 +148,7 @@ def handheld_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "camera.rows": pictures.SHAPE[0],
         "press": "none",
     }
-    save_values(Path(__file__).parents[2] / "calibration" / "simulated.toml", values, path)
+    save_values(Path(__file__).parents[2] / "calibration" / "rigs" / "simulated.toml", values, path)
     return path
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from zeromethod.cli import main as command_line
-from zeromethod.phase_shifting import Reason, RestMap
-from zeromethod.phase_shifting.fringes import FringeSequence, equal_shifts
+from zeromethod.decoding import Reason
+from zeromethod.decoding.fringes import FringeSequence, equal_shifts
+from zeromethod.warp.rest_map import RestMap
 
 PERIODS = (16.0, 18.0, 19.0, 23.0)
 SHAPE = (48, 64)

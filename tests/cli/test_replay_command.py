@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from recorded_run import recorded
 
+from benchmarks.against_peers.open_loop import coarser
 from zeromethod.cli.main import main
-from zeromethod.procedures.open_loop import coarser
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.load import load_rig
 

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from recorded_run import small_rig
 
-from zeromethod.control import State, Step
-from zeromethod.control.rest import Rest
+from zeromethod.loop.state import State
+from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Anchor, Peak, Surface
+from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
 
 FIRST_NS = 5_000_000_000

@@ -7,10 +7,10 @@ from pathlib import Path
 import h5py
 import pytest
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 from zeromethod.export import SUFFIXES, Selection, prepare
 from zeromethod.recording.recording import Recording
-from zeromethod.whole_file import whole_file
 
 STREAMED = [suffix for suffix, form in SUFFIXES.items() if form in {"npz", "tiff", "mcap", "mp4"}]
 
@@ -69,14 +69,14 @@ def test_writing_that_ends_early_leaves_the_old_file_and_nothing_else(tmp_path: 
         _write_half(path)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
-    with whole_file(path) as part:
+    with atomic_write(path) as part:
         part.write_text("new")
     assert path.read_text() == "new"
     assert list(tmp_path.iterdir()) == [path]
 
 
 def _write_half(path: Path) -> None:
-    with whole_file(path) as part:
+    with atomic_write(path) as part:
         part.write_text("half")
         raise KeyboardInterrupt
 

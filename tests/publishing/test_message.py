@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from zeromethod.control import State
+from zeromethod.loop.state import State
 from zeromethod.publishing import ContactEvent
 from zeromethod.publishing.message import encode
 from zeromethod.surface import Peak

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from zeromethod.clock import HostClock, SimulatedClock
-from zeromethod.control import State
 from zeromethod.errors import InputError
+from zeromethod.loop.state import State
 from zeromethod.publishing import Publisher
 from zeromethod.warp.grid import NodeGrid
 

@@ -18,8 +18,8 @@ import pytest
 from planted_turns import bench, reading, recorder, sizes, turn, wait_for
 from processes import has_ended
 
-from zeromethod.control import Event
 from zeromethod.errors import InputError
+from zeromethod.loop.events import Event
 from zeromethod.priority import BEHIND
 from zeromethod.recording.recording import Recording
 

@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 from recorded_run import recorded, small_rig
 
-from zeromethod.control import Loop, Step
 from zeromethod.errors import InputError
+from zeromethod.loop.loop import Loop
+from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP

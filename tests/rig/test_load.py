@@ -12,7 +12,7 @@ from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig, packaged_rigs
 from zeromethod.rig.model import Rig
 
-SIMULATED = resource("calibration", "simulated.toml").read_text()
+SIMULATED = resource("calibration", "rigs", "simulated.toml").read_text()
 
 
 def refusal(tmp_path: Path, text: str | bytes) -> str:
@@ -37,7 +37,7 @@ def changed(old: str, new: str) -> str:
 
 @pytest.mark.parametrize("name", packaged_rigs())
 def test_packaged_rigs_load_by_bare_name_and_by_path(name: str) -> None:
-    assert load_rig(name) == load_rig(resource("calibration", f"{name}.toml"))
+    assert load_rig(name) == load_rig(resource("calibration", "rigs", f"{name}.toml"))
     assert load_rig(name).name == name
 
 

@@ -13,7 +13,7 @@ from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 
-SIMULATED = resource("calibration", "simulated.toml")
+SIMULATED = resource("calibration", "rigs", "simulated.toml")
 
 
 @pytest.fixture

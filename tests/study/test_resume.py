@@ -142,7 +142,7 @@ def test_a_file_of_something_else_is_not_overwritten(squares: Squares, tmp_path:
 
 def test_a_changed_rig_file_counts_as_other_settings(squares: Squares, tmp_path: Path) -> None:
     rig = tmp_path / "mine.toml"
-    text = resource("calibration", "simulated.toml").read_text()
+    text = resource("calibration", "rigs", "simulated.toml").read_text()
     rig.write_text(text)
     assert "gain = 1.0" in text
     conduct(squares(3, '"rig.file" = "mine.toml"'), tmp_path / "out", Here())

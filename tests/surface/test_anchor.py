@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
+from surface_bench import Bench, Gauss, Several, Tail, small_rig
 
 from zeromethod.rig.model import KnownRest
 from zeromethod.surface.anchor import mean_noise_gain
-
-from .surface_bench import Bench, Gauss, Several, Tail, small_rig
 
 
 @pytest.fixture(scope="module")

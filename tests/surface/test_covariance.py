@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from surface_bench import Bench, Gauss, Tail, small_rig
 
 from zeromethod.errors import InputError
 from zeromethod.rig.model import KnownRest
-
-from .surface_bench import Bench, Gauss, Tail, small_rig
 
 DRAWS = 400
 RIM = KnownRest(x_mm=(62.0, 77.0), y_mm=(-30.0, 30.0))

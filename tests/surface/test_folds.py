@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from surface_bench import Bench, Gauss, Several, small_rig
 
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
@@ -11,8 +12,6 @@ from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface import SurfaceReader, peak
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.validity import Flag
-
-from .surface_bench import Bench, Gauss, Several, small_rig
 
 
 @pytest.fixture(scope="module")

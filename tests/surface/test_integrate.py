@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
+from surface_bench import Gauss
 
 from zeromethod.surface.integrate import SlopeIntegrator, largest_island
-
-from .surface_bench import Gauss
 
 SHAPE = (90, 110)
 PITCH = 0.35

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
+from surface_bench import Bench, Gauss, small_rig
 
 from zeromethod.surface.lever import Lever
 from zeromethod.surface.rays import MirrorRays
-
-from .surface_bench import Bench, Gauss, small_rig
 
 
 @pytest.fixture(scope="module")

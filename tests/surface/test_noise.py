@@ -2,14 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from surface_bench import Bench, Gauss, small_rig
 
 from zeromethod.rig.load import load_rig
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.noise import SlopeNoise, sample_nodes
 from zeromethod.warp.overlap import component_correlation
 from zeromethod.warp.validity import Flag
-
-from .surface_bench import Bench, Gauss, small_rig
 
 
 @pytest.fixture(scope="module")

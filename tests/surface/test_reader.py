@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from surface_bench import Bench, Gauss, Several, Waves, small_rig
 
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
@@ -9,8 +10,6 @@ from zeromethod.rig.model import RestSurface
 from zeromethod.surface import peak
 from zeromethod.surface import reader as reader_module
 from zeromethod.warp.validity import Flag
-
-from .surface_bench import Bench, Gauss, Several, Waves, small_rig
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,9 @@ import pytest
 from recorded_run import recorded
 from rich.console import Console
 
-from zeromethod.control import Loop, Step
 from zeromethod.errors import InputError
+from zeromethod.loop.loop import Loop
+from zeromethod.loop.step import Step
 from zeromethod.recording.recording import Recording
 from zeromethod.view.follow import PERIOD_S, FollowDisplay, Glance, Tail, follow
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import tomlkit
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.calibration.intrinsics import CameraFit
 from zeromethod.calibration.observations import Intrinsics
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
-from zeromethod.whole_file import whole_file
 
 SCHEMA_VERSION = 1
 _HEAD = "A camera, by `zeromethod calibrate intrinsics`; for `zeromethod calibrate --intrinsics`."
@@ -64,7 +64,7 @@ def save_camera(path: Path, found: CameraFit, board: str) -> None:
     for row in correlation:
         rows.append([_short(value) for value in row])
     document["correlation"] = rows.multiline(True)
-    with whole_file(path) as part:
+    with atomic_write(path) as part:
         part.write_text(tomlkit.dumps(document), encoding="utf-8")
 
 

@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
-from zeromethod.whole_file import whole_file
 
 Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]
@@ -208,7 +208,7 @@ def write_png(path: Path, picture: Grey, px_per_mm: float) -> None:
     body = b"pHYs" + struct.pack(">IIB", per_m, per_m, 1)
     chunk = struct.pack(">I", 9) + body + struct.pack(">I", zlib.crc32(body))
     header = 8 + 25  # signature, IHDR
-    with whole_file(path) as part:
+    with atomic_write(path) as part:
         part.write_bytes(data[:header] + chunk + data[header:])
 
 

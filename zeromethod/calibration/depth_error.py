@@ -17,8 +17,8 @@ from zeromethod.calibration.presses import KnownPress, Presses, RestReading
 from zeromethod.calibration.rays import UnboundedOptics
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import Dented
-from zeromethod.surface.rest_pixels import rest_pixels
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.rest_pixels import rest_pixels
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 

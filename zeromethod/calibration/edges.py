@@ -20,9 +20,9 @@ from zeromethod.calibration.fit import Fit, jacobian
 from zeromethod.calibration.observations import MirrorEdge
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
 from zeromethod.calibration.steps import steps_down
+from zeromethod.decoding.measuring import RestMeasurement
 from zeromethod.optics import Optics
 from zeromethod.optics.trace import Lost
-from zeromethod.phase_shifting.measuring import RestMeasurement
 from zeromethod.rig.model import Rig
 
 Array = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """A calibration on disk: a dated folder beside the rig file.
 
-    calibration/<rig>/<time>/
+    calibrations/<rig>/<time>/
         calibration.toml   parameters with sigma, verdict, fingerprint, what to measure next: for people
         rig.toml           the rig file with everything that was found: what `run --rig` takes
         given.toml         the rig file as it was
@@ -85,7 +85,7 @@ class Stored:
 def rig_source(name: str | Path) -> Path:
     """File of a rig as `--rig` takes it: the file itself, or the packaged one of that name."""
     path = Path(name)
-    return path if path.is_file() else resource("calibration", f"{name}.toml")
+    return path if path.is_file() else resource("calibration", "rigs", f"{name}.toml")
 
 
 def home_of(name: str | Path) -> Path:
@@ -95,10 +95,10 @@ def home_of(name: str | Path) -> Path:
     """
     path = Path(name)
     if not path.is_file():
-        return Path("calibration", str(name))
+        return Path("calibrations", str(name))
     if path.name == RIG and (path.parent / DOCUMENT).is_file():
         return path.absolute().parent.parent
-    return path.parent / "calibration" / path.stem
+    return path.parent / "calibrations" / path.stem
 
 
 def calibrations(name: str | Path) -> list[Path]:

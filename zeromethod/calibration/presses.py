@@ -14,8 +14,8 @@ from zeromethod.calibration.rays import UnboundedOptics
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
-from zeromethod.surface.rest_pixels import RestGrid, rest_pixels
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.rest_pixels import RestGrid, rest_pixels
 from zeromethod.warp.warp import Warp
 
 Array = NDArray[np.float64]

@@ -14,14 +14,14 @@ from zeromethod.cli.calibrate_bench import calibrate_bench, calibrate_options, r
 from zeromethod.cli.calibrate_camera import board_command, intrinsics_command
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, write_summary
+from zeromethod.commissioning.decode import decode_files, figures, refuse_empty
+from zeromethod.decoding.fringes import FringeSequence, equal_shifts
+from zeromethod.decoding.measuring import LIMIT_SHARE
+from zeromethod.decoding.noise import NoiseModel
 from zeromethod.errors import InputError, MeasurementError
-from zeromethod.phase_shifting.fringes import FringeSequence, equal_shifts
-from zeromethod.phase_shifting.measuring import LIMIT_SHARE
-from zeromethod.phase_shifting.noise import NoiseModel
-from zeromethod.procedures.decode import decode_files, figures, refuse_empty
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
 
 _SIGMAS = ("sigma_column_median_px", "sigma_row_median_px")

@@ -16,16 +16,13 @@ from rich.console import Console
 from zeromethod.calibration.camera_file import CameraFile, load_camera
 from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, home_of, load, newest
-from zeromethod.cli.bench_options import BenchOptions, bench_options, other_devices, with_devices
 from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, depths_of, edge_of, known_of
+from zeromethod.cli.device_options import BenchOptions, bench_options, other_devices, with_devices
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, check_folder, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.cli.telling import Telling
-from zeromethod.devices.opening import open_devices
-from zeromethod.errors import InputError, MeasurementError
-from zeromethod.optics import check_geometry
-from zeromethod.procedures.calibration import (
+from zeromethod.commissioning.calibration import (
     Calibration,
     Plan,
     Recorded,
@@ -35,10 +32,13 @@ from zeromethod.procedures.calibration import (
     rest_alone,
     store_calibration,
 )
-from zeromethod.procedures.calibration.procedure import Known
+from zeromethod.commissioning.calibration.procedure import Known
+from zeromethod.devices.opening import open_devices
+from zeromethod.errors import InputError, MeasurementError
+from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 from zeromethod.view.calibration_table import (
     depth_line,
     difference_table,
@@ -97,7 +97,7 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
     ),
     click.option(
         "--output", type=click.Path(path_type=Path, file_okay=False),
-        help="Folder for the dated folder.  [default: calibration/<rig> beside the rig file]",
+        help="Folder for the dated folder.  [default: calibrations/<rig> beside the rig file]",
     ),
     click.option(
         "--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json)."

@@ -23,7 +23,7 @@ from zeromethod.calibration.charuco import (
     write_png,
 )
 from zeromethod.calibration.intrinsics import LEAST_VIEWS, CameraFit, fit_camera
-from zeromethod.cli.bench_options import (
+from zeromethod.cli.device_options import (
     REAL_CAMERAS,
     BenchOptions,
     bench_options,
@@ -33,12 +33,12 @@ from zeromethod.cli.bench_options import (
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.cli.telling import Telling
+from zeromethod.commissioning.calibration.board_views import Views, board_for_lcd, live_views, views_in_files
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError
-from zeromethod.procedures.calibration.board_views import Views, board_for_lcd, live_views, views_in_files
 from zeromethod.rig.load import load_rig
 from zeromethod.simulation.clone import SIMULATED
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
 
 _BOARD = click.option(

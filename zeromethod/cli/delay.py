@@ -8,15 +8,15 @@ from typing import Any
 
 import click
 
-from zeromethod.cli.bench_options import BenchOptions, tell_simulated, with_devices
-from zeromethod.control.margin import Margin, margin_words, stability_margin
-from zeromethod.control.step_timing import StepTiming
+from zeromethod.calibration.panel_timing import StepTiming
+from zeromethod.cli.device_options import BenchOptions, tell_simulated, with_devices
+from zeromethod.commissioning.delay import DEFAULT_SECONDS, DelayResult, measure_delay, store_timing
+from zeromethod.commissioning.panel_timing import measure_panel_timing
+from zeromethod.control.stability_margin import Margin, margin_words, stability_margin
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
-from zeromethod.procedures.delay import DEFAULT_SECONDS, DelayResult, measure_delay, store_timing
-from zeromethod.procedures.panel_timing import measure_panel_timing
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.view.progress import progress

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import check_file, write_summary
-from zeromethod.control.margin import stability_margin
+from zeromethod.control.stability_margin import stability_margin
 from zeromethod.design import (
     DEFAULT_KINDS,
     PressKind,
@@ -26,7 +26,7 @@ from zeromethod.design.resolution import ASSUMED_PUPIL_MM
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import ControlSpec, Rig
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 from zeromethod.view.design_table import curves_table, design_table
 from zeromethod.view.progress import progress
 

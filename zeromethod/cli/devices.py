@@ -10,11 +10,11 @@ from typing import Any
 import click
 from rich.console import Console
 
-from zeromethod.cli.bench_options import WINDOW, BenchOptions, bench_options
+from zeromethod.cli.device_options import WINDOW, BenchOptions, bench_options
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.errors import InputError
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 
 _ALL = "all"
 _IDENTIFY_S = 10.0

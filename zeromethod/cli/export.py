@@ -14,7 +14,7 @@ from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.export import FORMATS, MESHES, Export, Selection, form_of, prepare
 from zeromethod.recording.recording import Recording
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
 
 

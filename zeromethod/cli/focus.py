@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from zeromethod.cli.bench_options import (
+from zeromethod.cli.device_options import (
     REAL_CAMERAS,
     BenchOptions,
     tell_simulated,
@@ -16,10 +16,10 @@ from zeromethod.cli.bench_options import (
 from zeromethod.cli.keys import Keys
 from zeromethod.cli.output import write_summary
 from zeromethod.clock import SimulatedClock
+from zeromethod.commissioning.setting_up import SettingUp, Sight
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import check_geometry
-from zeromethod.procedures.setting_up import SettingUp, Sight
 from zeromethod.rig.load import load_rig
 from zeromethod.view.focus import FocusView, sight_figures, sight_table
 

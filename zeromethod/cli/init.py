@@ -11,11 +11,11 @@ from typing import Any
 
 import click
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.cli.numbers import Real, Whole
+from zeromethod.commissioning.calibration.new_rig import Calipers, rig_text
 from zeromethod.errors import InputError
-from zeromethod.procedures.calibration.new_rig import Calipers, rig_text
 from zeromethod.rig.load import load_rig
-from zeromethod.whole_file import whole_file
 
 _ABOVE_ZERO = Real(min=0, min_open=True)
 _ANGLE = Real(5, 85, min_open=True, max_open=True)
@@ -87,7 +87,7 @@ def init_command(path: Path, rig_name: str, ask: bool | None, force: bool, **giv
     else:
         text = rig_text(calipers, path.stem, path)
     try:
-        with whole_file(path) as part:
+        with atomic_write(path) as part:
             part.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"FILE: {path}: cannot be written: {error.strerror}: a file of yours") from None

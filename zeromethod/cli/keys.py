@@ -9,7 +9,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, TextIO
 
-from zeromethod.control import Loop
+from zeromethod.loop.loop import Loop
 
 try:
     import termios

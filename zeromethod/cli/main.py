@@ -30,7 +30,6 @@ _COMMANDS = {
     "design": "What a bench can do, from its rig file; curves, a drawing.",
     "measure": "Still images: displacement, and with --rig slope and depth.",
     "reproduce": "The seed paper's figures and tables, beside this system's.",
-    "bench": "Speed and accuracy beside the peers, and the bounds.",
 }
 """Name and one line of help; `name` is `name_command` in `zeromethod/cli/name.py`."""
 
@@ -84,13 +83,15 @@ def _told(error: click.UsageError) -> str:
     return error.format_message()
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit with its code."""
+def main(
+    arguments: Sequence[str] | None = None, command: click.Command = commands, name: str = "zeromethod"
+) -> None:
+    """Run a command called `name` and exit with its code; every failure is one line on standard error."""
     leave_quickly()
     hear_ctrl_c()
     warnings.showwarning = _tell
     try:
-        code = commands.main(args=arguments, prog_name="zeromethod", standalone_mode=False)
+        code = command.main(args=arguments, prog_name=name, standalone_mode=False)
     except click.exceptions.Abort:
         code = 130
     except click.exceptions.NoArgsIsHelpError as error:

@@ -9,17 +9,17 @@ import click
 import numpy as np
 from rich.console import Console
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, check_folder, write_summary
-from zeromethod.correlation.correlate import LARGEST_SPACING_PX, NARROWEST_PX, SPACING_PX, WIDEST_PX
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
-from zeromethod.procedures.measure import Measurement, StillReading, arrays, figures, measure_all
+from zeromethod.passive.correlate import LARGEST_SPACING_PX, NARROWEST_PX, SPACING_PX, WIDEST_PX
+from zeromethod.passive.measure import Measurement, StillReading, arrays, figures, measure_all
 from zeromethod.rig.load import load_rig
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 from zeromethod.view.measure_table import measure_table
 from zeromethod.view.progress import progress
-from zeromethod.whole_file import whole_file
 
 
 @click.command(
@@ -97,7 +97,7 @@ def _check_names(images: tuple[Path, ...]) -> None:
 def _write(reading: StillReading, measurement: Measurement, folder: Path) -> None:
     from zeromethod.view.displacement_figure import draw_displacement  # noqa: PLC0415 - matplotlib loads slowly
 
-    with whole_file(folder / f"{reading.name}.npz") as part, part.open("wb") as file:
+    with atomic_write(folder / f"{reading.name}.npz") as part, part.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays(reading))
     draw_displacement(reading, measurement.reference, folder / f"{reading.name}.png")
 

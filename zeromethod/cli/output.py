@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
-from zeromethod.whole_file import whole_file
 
 
 def check_file(option: str, path: Path | None, suffix: str) -> None:
@@ -55,7 +55,7 @@ def write_summary(path: Path, figures: dict[str, Any]) -> None:
 
     Raises InputError where the disk does not take it.
     """
-    with writing("--summary", path), whole_file(path) as part:
+    with writing("--summary", path), atomic_write(path) as part:
         part.write_text(json.dumps(_plain(figures), indent=2) + "\n")
 
 

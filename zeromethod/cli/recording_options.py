@@ -13,8 +13,8 @@ import click
 
 from zeromethod.calibration.folder import DOCUMENT, Stored
 from zeromethod.cli.numbers import Whole
-from zeromethod.control import Loop
 from zeromethod.errors import InputError
+from zeromethod.loop.loop import Loop
 from zeromethod.rig.model import Rig
 
 if TYPE_CHECKING:

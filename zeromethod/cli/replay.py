@@ -18,18 +18,18 @@ from zeromethod.cli.output import check_file, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
-from zeromethod.procedures.replay.comparison import figures_of, rejection
-from zeromethod.procedures.replay.mirror import RecordedMirror
-from zeromethod.procedures.replay.relive import Reliving, bench_of, recorded_track
-from zeromethod.procedures.replay.reread import reread
-from zeromethod.procedures.replay.resense import resense
-from zeromethod.procedures.replay.settings import with_settings
-from zeromethod.procedures.replay.track import Track
-from zeromethod.procedures.replay.window import Window
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.threads import limit_threads
+from zeromethod.session.replay.comparison import figures_of, rejection
+from zeromethod.session.replay.mirror import RecordedMirror
+from zeromethod.session.replay.relive import Reliving, bench_of, recorded_track
+from zeromethod.session.replay.reread import reread
+from zeromethod.session.replay.resense import resense
+from zeromethod.session.replay.settings import with_settings
+from zeromethod.session.replay.track import Track
+from zeromethod.session.replay.window import Window
+from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
 from zeromethod.view.replay_table import differences_table, sessions_table
 

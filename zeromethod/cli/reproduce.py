@@ -9,8 +9,8 @@ from rich.console import Console
 
 from zeromethod.cli.output import check_file, check_folder, write_summary
 from zeromethod.errors import MeasurementError
-from zeromethod.procedures.reproduce import STEPS, Reproduction, reproduce
-from zeromethod.threads import limit_threads
+from zeromethod.paper.reproduce import STEPS, Reproduction, reproduce
+from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
 from zeromethod.view.reproduce_table import needle_table, press_notes, press_table
 

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import DOCUMENT, Stored, calibration_of, lacks_document
-from zeromethod.cli.bench_options import (
+from zeromethod.cli.device_options import (
     BenchOptions,
     bench_options,
     other_devices,
@@ -25,16 +25,18 @@ from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.cli.recording_options import RecordingOptions, recording_options
 from zeromethod.cli.stopping import stopped_by_signals
-from zeromethod.control import State
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
+from zeromethod.loop.state import State
 from zeromethod.optics import check_geometry
-from zeromethod.procedures import Run, RunResult, summarise
-from zeromethod.procedures.reading import Publisher
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.session.reading import Publisher
+from zeromethod.session.result import RunResult
+from zeromethod.session.run import Run
+from zeromethod.session.summary import summarise
 from zeromethod.simulation.clone import SIMULATED, simulated_clone
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 from zeromethod.view.live import LiveStatus
 from zeromethod.view.table import summary_table
 

@@ -17,7 +17,7 @@ from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 
 
 @click.command(
@@ -106,11 +106,11 @@ def _play(
     loops: float,
     start_after_s: float,
 ) -> None:
-    from zeromethod.procedures.virtual_bench.bench import Bender, VirtualBench  # noqa: PLC0415 - loads slowly
-    from zeromethod.procedures.virtual_bench.grab import MonitorGrabber, find_monitor  # noqa: PLC0415
-    from zeromethod.procedures.virtual_bench.stream import FrameServer, stream_header  # noqa: PLC0415
-    from zeromethod.procedures.virtual_bench.truth import TruthFile  # noqa: PLC0415
     from zeromethod.simulation.scenario import load_scenario  # noqa: PLC0415
+    from zeromethod.simulation.virtual_bench.bench import Bender, VirtualBench  # noqa: PLC0415 - loads slowly
+    from zeromethod.simulation.virtual_bench.grab import MonitorGrabber, find_monitor  # noqa: PLC0415
+    from zeromethod.simulation.virtual_bench.stream import FrameServer, stream_header  # noqa: PLC0415
+    from zeromethod.simulation.virtual_bench.truth import TruthFile  # noqa: PLC0415
 
     scenario = load_scenario(rig.press)
     found = find_monitor(monitor, (rig.display.columns, rig.display.rows))

@@ -10,7 +10,7 @@ x displacement from rest, z the measured one, S the mean of innovation^2 / expec
 nodes around (innovation-based adaptive Kalman filter; Mehra 1970, doi:10.1109/TAC.1970.1099422). At rest
 S is near 1 and K at its least, which passes sqrt(K / (2 - K)) = 0.33 of a frame's noise; a press drives S
 up and K to `gain` within the frame that shows it. Where the mirror moves steadily the command leads x by
-the loop's delay (`zeromethod.control.lead`); x itself does not.
+the loop's delay (`zeromethod.control.velocity`); x itself does not.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.control.box import box_sum
-from zeromethod.control.lead import Lead
-from zeromethod.control.rest import Rest
+from zeromethod.control.velocity import Lead
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.continuation import continue_smoothly
+from zeromethod.warp.rest import Rest
 from zeromethod.warp.unseen import filter_unseen
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.export.extras import needed
 from zeromethod.export.moments import Moments
 from zeromethod.export.ros2_types import DEFINITIONS
@@ -16,7 +17,6 @@ from zeromethod.export.surface_points import surface_points
 from zeromethod.optics.mirror import HeightField, rest_surface
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
-from zeromethod.whole_file import whole_file
 
 FRAME = "zeromethod/P0"
 CAMERA_FRAME = "zeromethod/camera"
@@ -38,7 +38,7 @@ def export_mcap(
     rest = rest_surface(recording.rig)
     inner = recording.grid.inner
     peaks = {int(row["turn"]): row for row in recording.peaks}
-    with whole_file(path) as part, part.open("wb") as file, writer_of(file) as writer:
+    with atomic_write(path) as part, part.open("wb") as file, writer_of(file) as writer:
         topics = _Topics(writer)
         writer.add_metadata("zeromethod", {"started_utc": recording.started_utc, "rig": recording.rig_text})
         for turn, unix_ns, state in zip(moments.turns, moments.unix_ns, moments.states, strict=True):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import MeasurementError
 from zeromethod.export.extras import needed
 from zeromethod.export.moments import Moments
@@ -16,7 +17,6 @@ from zeromethod.export.surface_points import surface_points
 from zeromethod.optics.mirror import rest_surface
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
-from zeromethod.whole_file import whole_file
 
 _HEADER = "zeromethod: mm; z = rest - depth out of the rubber, x along the mirror from the edge P0"
 
@@ -46,7 +46,7 @@ def export_mesh(
     else:
         # A binary STL begins with 80 bytes of free text; the word "solid" there would make it a text file.
         data = _HEADER.encode().ljust(80)[:80] + mesh.export(file_type="stl")[80:]
-    with whole_file(path) as part:
+    with atomic_write(path) as part:
         part.write_bytes(data)
     advance()
     return {

@@ -10,8 +10,8 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.control import State
 from zeromethod.errors import InputError
+from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
 
 

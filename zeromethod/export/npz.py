@@ -12,9 +12,9 @@ from typing import IO, Any
 
 import numpy as np
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.export.moments import Moments
 from zeromethod.recording.recording import Recording
-from zeromethod.whole_file import whole_file
 
 _BLOCK = 1 << 22
 
@@ -51,7 +51,7 @@ def export_npz(
     inner = recording.grid.inner
     v_px, u_px = recording.grid.v_px[inner[0]], recording.grid.u_px[inner[1]]
     with ExitStack() as opened:
-        part = opened.enter_context(whole_file(path))
+        part = opened.enter_context(atomic_write(path))
         scratch = {
             name: opened.enter_context(tempfile.TemporaryFile(dir=path.absolute().parent)) for name in _MAPS
         }

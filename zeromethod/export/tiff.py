@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.export.extras import needed
 from zeromethod.export.lattice import Lattice, Resampler
 from zeromethod.export.moments import Moments
 from zeromethod.recording.recording import Recording
-from zeromethod.whole_file import whole_file
 
 CHANNELS = ("depth, mm", "slope d depth / dx, rad", "slope d depth / dy, rad")
 
@@ -39,7 +39,7 @@ def export_tiff(
     rows, cols = lattice.shape
     shape = (len(moments.turns), len(CHANNELS), rows, cols)
     with (
-        whole_file(path) as part,
+        atomic_write(path) as part,
         tifffile.TiffWriter(
             part, ome=True, bigtiff=4 * np.prod(shape, dtype=float) > _LARGEST_CLASSIC
         ) as file,

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.export.moments import Moments
 from zeromethod.recording.recording import Recording
-from zeromethod.whole_file import whole_file
 
 COLUMNS = ("time_s", "depth_mm", "sigma_mm", "x_mm", "y_mm", "state")
 
@@ -24,7 +24,7 @@ def export_track(
     """
     peaks = {int(row["turn"]): row for row in recording.peaks}
     read = 0
-    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(COLUMNS)
         for turn, time_s, state in zip(moments.turns, moments.time_s, moments.states, strict=True):

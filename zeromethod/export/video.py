@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 from zeromethod.export.extras import needed
 from zeromethod.export.lattice import Lattice
@@ -17,7 +18,6 @@ from zeromethod.export.moments import Moments
 from zeromethod.export.picture import Picture, Scales
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
-from zeromethod.whole_file import whole_file
 
 CODECS = ("libx264", "mpeg4")
 """The first that the library has."""
@@ -39,7 +39,7 @@ def export_video(
     rate = _rate(moments)
     shown = _shown(moments, float(rate))
     picture = _picture(recording, moments)
-    with whole_file(path) as part, av.open(str(part), "w", format="mp4") as file:
+    with atomic_write(path) as part, av.open(str(part), "w", format="mp4") as file:
         codec = next(name for name in CODECS if _has(av, name))
         stream = file.add_stream(codec, rate=rate)
         stream.height, stream.width = picture.shape

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.control import Step
+from zeromethod.loop.step import Step
 from zeromethod.publishing.events import ContactEvent
 from zeromethod.surface import Peak, Surface
 

@@ -11,8 +11,8 @@ from types import TracebackType
 from typing import Any
 
 from zeromethod.clock import Clock
-from zeromethod.control import Step
 from zeromethod.errors import InputError
+from zeromethod.loop.step import Step
 from zeromethod.publishing.events import ContactEvent, ContactWatch
 from zeromethod.publishing.message import Reading, encode
 

@@ -15,8 +15,8 @@ import numpy as np
 import tomlkit
 from numpy.typing import NDArray
 
-from zeromethod.control.rest import Rest
 from zeromethod.rig.model import Rig
+from zeromethod.warp.rest import Rest
 
 LIBRARIES = ("numpy", "scipy", "numba", "h5py", "moderngl", "opencv-contrib-python-headless")
 

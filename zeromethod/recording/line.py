@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.beside import start_beside
+from zeromethod.child_process import start_beside
 from zeromethod.errors import InputError
 from zeromethod.recording.message import Item, send
 from zeromethod.recording.ring import Ring, aligned

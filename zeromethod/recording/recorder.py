@@ -12,9 +12,8 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.control.rest import Rest
-from zeromethod.control.step import Step
 from zeromethod.errors import InputError
+from zeromethod.loop.step import Step
 from zeromethod.recording.counting import frames_in
 from zeromethod.recording.file import create, discard
 from zeromethod.recording.header import about, rest_arrays, rig_text
@@ -26,6 +25,7 @@ from zeromethod.recording.sums import SUMS
 from zeromethod.recording.waiting import Reading, Turn, without_arrays
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface
+from zeromethod.warp.rest import Rest
 
 WAITING_BYTES = 512 << 20
 """Arrays that may wait for the disk: two seconds of everything at 1280x1024 and 60 frames per second."""

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.control.events import Event
-from zeromethod.control.rest import Rest
-from zeromethod.control.state import State
 from zeromethod.devices.protocols import Frame
 from zeromethod.errors import InputError
+from zeromethod.loop.events import Event
+from zeromethod.loop.state import State
 from zeromethod.recording.damage import damaged_items, unknown_surface
 from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, number_name
 from zeromethod.recording.source import Source
@@ -26,8 +25,9 @@ from zeromethod.rig.load import parse_rig
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Anchor, Surface
-from zeromethod.surface.rest_pixels import RestGrid
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.rest import Rest
+from zeromethod.warp.rest_pixels import RestGrid
 from zeromethod.warp.warp import Warp
 
 Array = NDArray[np.float64]

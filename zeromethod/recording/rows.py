@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.control.presenting import Presented
-from zeromethod.control.step import Step
+from zeromethod.loop.drawing import Presented
+from zeromethod.loop.step import Step
 from zeromethod.recording.schema import ANCHORS, EVENTS, STATES, Part, number_name
 from zeromethod.surface import Peak, Surface
 

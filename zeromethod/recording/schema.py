@@ -13,8 +13,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from zeromethod.control.events import Event
-from zeromethod.control.state import State
+from zeromethod.loop.events import Event
+from zeromethod.loop.state import State
 from zeromethod.recording.sums import SUMS
 
 SCHEMA = "zeromethod recording"

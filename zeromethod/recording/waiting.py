@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from zeromethod.control.step import Step
+from zeromethod.loop.step import Step
 from zeromethod.surface import Peak, Surface
 
 

@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from zeromethod.beside import heed_run_only
+from zeromethod.child_process import heed_run_only
 from zeromethod.priority import step_back
 from zeromethod.recording.growing import DiskFull, GrowingFile
 from zeromethod.recording.message import WITH_ROOM, WITHOUT_ROOM, Message, receive

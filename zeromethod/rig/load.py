@@ -25,7 +25,7 @@ REST_MAP_SUFFIXES = (".npz", ".h5")
 
 def packaged_rigs() -> list[str]:
     """Names of the rigs that come with the package, sorted."""
-    return sorted(path.stem for path in resource("calibration").glob("*.toml"))
+    return sorted(path.stem for path in resource("calibration", "rigs").glob("*.toml"))
 
 
 def _path(name: str | Path) -> Path:
@@ -36,7 +36,7 @@ def _path(name: str | Path) -> Path:
     if str(name) not in packaged_rigs():
         known = ", ".join(packaged_rigs())
         raise InputError(f"rig: {shown(str(name))}: a file, or one of the packaged {known}")
-    return resource("calibration", f"{name}.toml")
+    return resource("calibration", "rigs", f"{name}.toml")
 
 
 def read_text(path: Path) -> str:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.control import NULLED, Loop
 from zeromethod.errors import MeasurementError
+from zeromethod.loop.loop import Loop
+from zeromethod.loop.state import NULLED
 from zeromethod.optics import Optics
 from zeromethod.study.closed_loop import opened
 from zeromethod.study.task import Figures, Procedure, Task

@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.control import NULLED
-from zeromethod.control.margin import stability_margin
+from zeromethod.control.stability_margin import stability_margin
 from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.loop.state import NULLED
 from zeromethod.optics import check_geometry
-from zeromethod.procedures import Run, RunResult, summarise
+from zeromethod.session.result import RunResult
+from zeromethod.session.run import Run
+from zeromethod.session.summary import summarise
 from zeromethod.study.task import Figures, Procedure, Task
 
 DEFAULT_SECONDS = 1.0

@@ -13,7 +13,7 @@ import numpy as np
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.study.procedures import procedure
 from zeromethod.study.task import WHOLE_LIMIT, Message, Task
-from zeromethod.threads import limit_threads
+from zeromethod.thread_limits import limit_threads
 
 _ONE_AT_A_TIME = threading.Lock()
 """Threads of one process must not run side by side: OpenGL contexts and compiled code are one thread's."""

@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 from zeromethod.study.plan import Point, Study
 from zeromethod.study.task import WHOLE_LIMIT, Message, Procedure
-from zeromethod.whole_file import whole_file
 
 Row = dict[str, Any]
 
@@ -57,7 +57,7 @@ def write_table(path: Path, study: Study, chosen: Procedure, table: Sequence[Row
         columns.append(pa.array([_as(kind, value) for value in values], getattr(pa, kind)()))
     about = {"title": study.table.title, "study": study.text}
     written = pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata=about))
-    with whole_file(path) as part:
+    with atomic_write(path) as part:
         parquet.write_table(written, part)
 
 

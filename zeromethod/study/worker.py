@@ -10,7 +10,7 @@ import os
 from queue import SimpleQueue
 from threading import Thread
 
-from zeromethod.beside import take_output
+from zeromethod.child_process import take_output
 from zeromethod.study.runs import carry_out
 from zeromethod.study.task import Message
 

@@ -2,7 +2,6 @@
 
 from zeromethod.surface.covariance import Covariances, DepthCovariance, Variance
 from zeromethod.surface.peak import Peak, peak
-from zeromethod.surface.process import ReadingLost, SurfaceProcess
 from zeromethod.surface.reader import SurfaceReader
 from zeromethod.surface.surface import Anchor, Surface
 
@@ -11,9 +10,7 @@ __all__ = [
     "Covariances",
     "DepthCovariance",
     "Peak",
-    "ReadingLost",
     "Surface",
-    "SurfaceProcess",
     "SurfaceReader",
     "Variance",
     "peak",

@@ -11,8 +11,8 @@ import numpy as np
 mpl.use("Agg")
 from matplotlib.figure import Figure
 
-from zeromethod.phase_shifting.masks import Reason, plain_name
-from zeromethod.procedures.calibration.evaluation import Calibration, rest_residuals
+from zeromethod.commissioning.calibration.evaluation import Calibration, rest_residuals
+from zeromethod.warp.rest_map import Reason, plain_name
 
 
 def draw_calibration(found: Calibration, path: Path) -> None:

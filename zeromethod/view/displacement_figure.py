@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from zeromethod.procedures.measure import StillReading
+from zeromethod.passive.measure import StillReading
 
 Float = NDArray[np.float64]
 

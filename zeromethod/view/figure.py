@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from zeromethod.procedures import RunResult, Snapshot
+from zeromethod.session.result import RunResult, Snapshot
 from zeromethod.surface import Surface
 from zeromethod.warp.grid import PADDING, NodeGrid
 

@@ -14,9 +14,9 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from zeromethod.procedures.advice import GOOD
-from zeromethod.procedures.orientation import Orientation
-from zeromethod.procedures.setting_up import Sight
+from zeromethod.commissioning.advice import GOOD
+from zeromethod.commissioning.orientation import Orientation
+from zeromethod.commissioning.setting_up import Sight
 
 _BARS = " ▁▂▃▄▅▆▇█"
 _UPDATES_HZ = 4

@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from zeromethod.control import State
 from zeromethod.errors import InputError
+from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
 from zeromethod.view.report_history import STATE_COLOURS, TOLD, words
 

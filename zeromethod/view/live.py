@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Column
 
-from zeromethod.procedures import FrameRecord
+from zeromethod.session.result import FrameRecord
 
 _COLOURS = {
     "locked": "green",

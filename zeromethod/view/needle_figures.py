@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from zeromethod.lattice.needle import PAPER_DEPTH_ERROR_PX, PAPER_THETA_ERROR_RAD
-from zeromethod.procedures.needle_reading import NeedleResult
+from zeromethod.paper.needle import PAPER_DEPTH_ERROR_PX, PAPER_THETA_ERROR_RAD
+from zeromethod.paper.needle_reading import NeedleResult
 
 Array = NDArray[np.float64]
 

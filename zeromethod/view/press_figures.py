@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from zeromethod.lattice.series import Series
-from zeromethod.procedures.lattice_reading import LatticeReading
+from zeromethod.paper.lattice_reading import LatticeReading
+from zeromethod.paper.series import Series
 
 Array = NDArray[np.float64]
 

@@ -50,7 +50,7 @@ def draw_sessions(curves: dict[str, dict[str, Array]], title: str, path: Path) -
 def draw_differences(figures: dict[str, Any], title: str, path: Path) -> None:
     """Write readings as PNG: peak depth recorded and again over time, and how far depth differs.
 
-    figures: as `zeromethod.procedures.replay.differences.DepthDifferences.figures` gives them.
+    figures: as `zeromethod.session.replay.differences.DepthDifferences.figures` gives them.
     """
     peaks = {key: np.array(values, dtype=np.float64) for key, values in figures["peaks"].items()}
     with mpl.rc_context({"font.size": 8, "axes.titlesize": 9}):

@@ -54,7 +54,7 @@ def _percent(share: float | None) -> float | None:
 def sessions_table(sessions: dict[str, Figures]) -> Table:
     """One column per session: recorded, relived, changed.
 
-    sessions: by name, as `zeromethod.procedures.replay.comparison.figures_of` gives them.
+    sessions: by name, as `zeromethod.session.replay.comparison.figures_of` gives them.
     """
     table = Table(box=None, pad_edge=False)
     table.add_column(style="dim")
@@ -77,7 +77,7 @@ def sessions_table(sessions: dict[str, Figures]) -> Table:
 def differences_table(figures: Figures) -> Table:
     """What reading or sensing again came to.
 
-    figures: as `DepthDifferences.figures` and `WarpDifferences.figures` of `zeromethod.procedures.replay`.
+    figures: as `DepthDifferences.figures` and `WarpDifferences.figures` of `zeromethod.session.replay`.
     """
     table = Table(box=None, pad_edge=False)
     table.add_column(style="dim")

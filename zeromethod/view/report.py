@@ -9,8 +9,9 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from zeromethod.control import State
+from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
+from zeromethod.loop.state import State
 from zeromethod.recording.damage import KINDS
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.source import DamagedWarning
@@ -33,7 +34,6 @@ from zeromethod.view.report_words import (
     version_rows,
     warnings,
 )
-from zeromethod.whole_file import whole_file
 
 MOST_HAPPENINGS = 300
 """Drops and faults that are listed; of more, it is told how many there are."""
@@ -59,7 +59,7 @@ def write_report(
     advance("depth maps")
     maps, damaged = _maps(recording)
     advance("page")
-    with whole_file(output) as part:
+    with atomic_write(output) as part:
         part.write_text(_render(recording, path, figures, curves, maps, damaged), encoding="utf-8")
     advance("")
     return figures

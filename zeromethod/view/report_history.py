@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.control import State
-from zeromethod.control.events import Event
+from zeromethod.loop.events import Event
+from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
 
 TOLD = frozenset({State.HOLDING, State.LOST, State.FAULT, State.PAUSED})

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.control import NULLED, State
+from zeromethod.loop.state import NULLED, State
 from zeromethod.recording.recording import Recording
 from zeromethod.view.report_history import (
     WITHOUT_READING,

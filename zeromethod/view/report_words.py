@@ -14,7 +14,7 @@ import numpy as np
 from rich.table import Table
 
 from zeromethod.calibration.folder import OLD_DAYS, Stored
-from zeromethod.control import State
+from zeromethod.loop.state import State
 from zeromethod.recording.damage import KINDS, damaged_words
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP

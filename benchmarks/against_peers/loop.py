@@ -1,0 +1,108 @@
+"""The whole loop on the simulated bench: frame in hand to command, drawing, reading; noise of the depth.
+
+The run is the one of `zeromethod run`: untouched, then a sudden press of 0.2 mm held. DIS fast reads the
+same frames in turn with the loop, on the same thread. Drawing is that of the machine's OpenGL, which may be
+software; simulating the bench itself is in no figure.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.against_peers.methods import dis_solver
+from zeromethod.devices.opening import open_devices
+from zeromethod.devices.protocols import Frame
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.session.run import Run
+from zeromethod.session.summary import summarise
+
+Figures = dict[str, Any]
+OnStep = Callable[[str], None]
+
+PRESS = "step"
+WARM_UP_FRAMES = 5
+
+
+def steps(quick: bool) -> int:
+    """How often `measure` reports a step."""
+    return 1 + _frames(quick)
+
+
+def _frames(quick: bool) -> int:
+    """Of the press's 60 frames; untouched are the first 12."""
+    return 30 if quick else 60
+
+
+class _Watched:
+    """A camera that keeps the frame it last gave; all else is the camera's own."""
+
+    def __init__(self, camera: Any) -> None:
+        self._camera = camera
+        self.image: NDArray[Any] | None = None
+
+    def read(self, timeout_s: float) -> Frame:
+        frame: Frame = self._camera.read(timeout_s)
+        self.image = frame.image
+        return frame
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._camera, name)
+
+
+def measure(figures: Figures, on_step: OnStep, quick: bool) -> None:
+    """Fill `figures`: ms with percentiles, frames per second, depth noise; errors against the truth."""
+    rig = binned(load_rig("simulated").model_copy(update={"press": PRESS}), 2 if quick else 1)
+    flow = dis_solver("FAST")
+    dis_ms: list[float] = []
+    with open_devices(rig) as devices:
+        camera = _Watched(devices.camera)
+        devices.camera = camera
+        session = Run(rig, devices)
+        on_step("loop")
+        before = None
+        result = session.result
+        try:
+            for record in session.steps(frames=_frames(quick)):
+                image = camera.image
+                if before is not None and image is not None and record.number > WARM_UP_FRAMES:
+                    started = time.perf_counter()
+                    flow(before, image)
+                    dis_ms.append(1e3 * (time.perf_counter() - started))
+                before = image
+                on_step("loop")
+        except KeyboardInterrupt:
+            result.interrupted = True
+    figures.update(
+        frame_px=[rig.camera.columns, rig.camera.rows], press=PRESS, gl_renderer=result.gl_renderer
+    )
+    records = [r for r in result.records if r.number > WARM_UP_FRAMES and np.isfinite(r.read_ms)]
+    figures["frames"] = len(records)
+    figures["loop"] = percentiles(r.loop_ms for r in records)
+    figures["draw"] = percentiles(r.draw_ms for r in records)
+    figures["read"] = percentiles(r.read_ms for r in records)
+    figures["loop_and_draw"] = percentiles(r.loop_ms + r.draw_ms for r in records)
+    figures["dis_fast"] = percentiles(dis_ms)
+    for name in ("loop", "loop_and_draw"):
+        # the rate that a frame of this percentile would allow
+        figures[f"{name}_fps"] = {key: 1e3 / ms for key, ms in figures[name].items() if ms}
+    if dis_ms and figures["loop"]["median"]:
+        figures["loop_of_dis_fast"] = figures["loop"]["median"] / figures["dis_fast"]["median"]
+    summary = summarise(result)
+    figures["depth_noise"] = summary["untouched"]
+    figures["truth"] = summary["truth"]
+    if result.interrupted:
+        raise KeyboardInterrupt
+
+
+def percentiles(values: Iterable[float]) -> dict[str, float | None]:
+    """Median, p90 and p99 of the finite values; None where there are none."""
+    finite = [value for value in values if np.isfinite(value)]
+    if not finite:
+        return dict.fromkeys(("median", "p90", "p99"))
+    return {key: float(np.percentile(finite, at)) for key, at in (("median", 50), ("p90", 90), ("p99", 99))}

@@ -1,0 +1,1 @@
+"""The peers' own methods, written as plain functions for comparison."""

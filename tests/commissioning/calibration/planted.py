@@ -1,0 +1,155 @@
+"""A small simulated bench that stands otherwise than its rig file says, pressed when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from crooked_bench import crooked
+from numpy.typing import NDArray
+
+from zeromethod.calibration import KnownPress, Presses, RestReading
+from zeromethod.clock import Clock
+from zeromethod.commissioning.calibration import Calibration
+from zeromethod.devices.opening import Devices
+from zeromethod.devices.protocols import Frame
+from zeromethod.optics import Dented, Optics
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.simulation.camera import SimulatedCamera
+from zeromethod.simulation.display import SimulatedDisplay
+from zeromethod.simulation.path import PathPoint, PressPath
+from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.simulation.scenario import Scenario
+from zeromethod.warp.validity import Flag
+from zeromethod.warp.warp import Warp
+
+LATENCY_S = 0.02
+LEAD_S, MOVE_S, HOLD_S = 0.1, 0.05, 0.6
+"""From being asked to the press, its way down and up, and how long it is held."""
+
+PRESS_MM = 5.0
+"""Sigma of the pad."""
+
+
+def nominal() -> Rig:
+    """What the rig file says: 160 x 128 camera px on an LCD of half the resolution, nodes 4 px apart."""
+    rig = load_rig("simulated")
+    lcd = rig.display.model_copy(update={"columns": 960, "rows": 540, "pitch_mm": 2 * rig.display.pitch_mm})
+    target = rig.target.model_copy(update={"period_px": 8})
+    return binned(rig, 8).model_copy(update={"display": lcd, "press": "none", "target": target})
+
+
+def quarter() -> Rig:
+    """The same bench by a quarter of the pixels: for what does not depend on how well it is measured."""
+    rig = nominal()
+    lcd = rig.display.model_copy(update={"columns": 480, "rows": 270, "pitch_mm": 2 * rig.display.pitch_mm})
+    return binned(rig, 2).model_copy(update={"display": lcd})
+
+
+def truth(given: Rig) -> Rig:
+    """The bench as it is."""
+    rig = crooked(given)
+    return rig.model_copy(update={"display": rig.display.model_copy(update={"latency_s": LATENCY_S})})
+
+
+class PlantedDisplay(SimulatedDisplay):
+    """Display of the true bench by a quarter of the pixels, whatever the rig file says."""
+
+    name = "Planted 5.5"
+
+    def __init__(self, rig: Rig, clock: Clock) -> None:
+        super().__init__(truth(quarter()), clock)
+
+
+class PlantedCamera(SimulatedCamera):
+    """Camera of the true bench by a quarter of the pixels, whatever the rig file says."""
+
+    serial = "0042"
+
+    def __init__(self, rig: Rig, clock: Clock, display: object) -> None:
+        super().__init__(truth(quarter()), clock, display)
+
+
+@dataclass
+class FaultyCamera:
+    """The simulated camera, with something done to every frame's light: (rows, cols), grey above black."""
+
+    camera: SimulatedCamera
+    black_grey: float
+    faults: tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], ...]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.camera, name)
+
+    def read(self, timeout_s: float) -> Frame:
+        frame = self.camera.read(timeout_s)
+        light = frame.image - self.black_grey
+        for fault in self.faults:
+            light = fault(light)
+        grey = np.clip(np.rint(light + self.black_grey), 0, 2**self.camera.bits - 1)
+        return replace(frame, image=grey.astype(frame.image.dtype))
+
+    def close(self) -> None:
+        self.camera.close()
+
+
+@dataclass
+class Hand:
+    """Listens to a calibration, and presses when it is told to. parts, lines: what it heard."""
+
+    devices: Devices
+    depths_mm: Sequence[float] = ()
+    places_mm: Sequence[tuple[float, float]] = ()
+    lines: list[str] = field(default_factory=list)
+    counts: dict[str, tuple[int, int]] = field(default_factory=dict)
+
+    def part(self, words: str, total: int) -> AbstractContextManager[Callable[[], object]]:
+        self.counts[words] = 0, total
+
+        def advance() -> None:
+            self.counts[words] = self.counts[words][0] + 1, total
+
+        return nullcontext(advance)
+
+    def say(self, words: str) -> None:
+        self.lines.append(words)
+        if words.startswith("press") and "now" in words:
+            self.press(int(words.split()[1]) - 1)
+
+    def press(self, number: int) -> None:
+        camera = self.devices.camera
+        if isinstance(camera, FaultyCamera):
+            camera = camera.camera
+        assert isinstance(camera, SimulatedCamera)
+        depth, (x, y) = self.depths_mm[number], self.places_mm[number]
+        lifted_s = LEAD_S + MOVE_S + HOLD_S
+        path = ((LEAD_S, 0.0), (LEAD_S + MOVE_S, depth), (lifted_s, depth), (lifted_s + MOVE_S, 0.0))
+        now_ns = self.devices.clock.now_ns()
+        points = tuple(PathPoint(now_ns + round(1e9 * t), x, y, d) for t, d in path)
+        dent = PressPath(Dent(Shape.GAUSSIAN, x, y, depth, PRESS_MM), points)
+        camera.scenario = Scenario("asked for", (dent,), 1e9)
+
+
+def read_elsewhere(calibration: Calibration, x_mm: float) -> tuple[float, float]:
+    """A press of another place, depth and width: depth as read through the calibration, and the true one, mm.
+
+    Its warp is by exact rays through the true bench.
+    """
+    rig, grid, depth_mm = truth(nominal()), calibration.grid, 0.1
+    optics = Optics(rig)
+    flags = np.full(grid.shape, int(Flag.OUTSIDE), np.uint16)
+    flags[grid.inner] = 0
+
+    def warp(mirror: Mirror) -> Warp:
+        q = optics.trace(*grid.mesh(), Dented(optics.rest, mirror)).q
+        return Warp(q, np.full(q.shape, 0.02), flags, 0)
+
+    other = KnownPress("other", warp(Mirror((Dent(Shape.GAUSSIAN, x_mm, -2.0, depth_mm, 4.0),))), 0.1, 0.1)
+    presses = Presses.of(RestReading.of(grid, warp(Mirror())), [other])
+    (peak,) = presses.prepared(calibration.rig).peaks(calibration.rig)
+    return peak.depth_mm, depth_mm

@@ -1,0 +1,89 @@
+"""A ball of known radius, asked for after the presses, kept, and taken in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from zeromethod.commissioning.calibration import Plan, Recorded, evaluate, recall, record, store_calibration
+from zeromethod.devices.opening import open_devices
+from zeromethod.rig.model import Rig
+from zeromethod.simulation.camera import SimulatedCamera
+from zeromethod.simulation.path import PathPoint, PressPath
+from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.scenario import Scenario
+
+from .planted import HOLD_S, LEAD_S, MOVE_S, Hand, quarter, truth
+
+RADIUS_MM, SIGMA_MM, DEPTH_MM = 800.0, 4.0, 0.15
+PLAN = Plan(
+    light=False, delay=False, rest_frames=1, press_frames=6, patience_s=3.0, ball_mm=(RADIUS_MM, SIGMA_MM)
+)
+
+
+class BallHand(Hand):
+    """Presses a ball in the middle of the view when a ball is asked for."""
+
+    def press(self, number: int) -> None:
+        camera = self.devices.camera
+        assert isinstance(camera, SimulatedCamera)
+        lifted_s = LEAD_S + MOVE_S + HOLD_S
+        depths = (
+            (LEAD_S, 0.0),
+            (LEAD_S + MOVE_S, DEPTH_MM),
+            (lifted_s, DEPTH_MM),
+            (lifted_s + MOVE_S, 0.0),
+        )
+        now_ns = self.devices.clock.now_ns()
+        points = tuple(PathPoint(now_ns + round(1e9 * t), 40.0, 0.0, depth) for t, depth in depths)
+        dent = PressPath(Dent(Shape.BALL, 40.0, 0.0, DEPTH_MM, RADIUS_MM), points)
+        camera.scenario = Scenario("ball", (dent,), 1e9)
+
+
+def bench() -> Rig:
+    """The true bench with the latency that the rig file states."""
+    rig = truth(quarter())
+    return rig.model_copy(update={"display": rig.display.model_copy(update={"latency_s": 0.0})})
+
+
+@pytest.fixture(scope="module")
+def pressed() -> tuple[Recorded, list[str]]:
+    with open_devices(bench()) as devices:
+        hand = BallHand(devices)
+        recorded, _ = record(quarter(), devices, PLAN, hand)
+    return recorded, hand.lines
+
+
+def test_ball_is_asked_for_and_taken(pressed: tuple[Recorded, list[str]]) -> None:
+    recorded, lines = pressed
+    assert "press 1 of 1: press the ball of 800 mm radius in now, and hold still" in lines
+    assert recorded.failure == ""
+    assert recorded.presses is not None
+    assert recorded.presses.pressed == ()
+    assert recorded.presses.ball is not None
+
+
+def test_ball_tells_depth_and_survives_the_disk(pressed: tuple[Recorded, list[str]], tmp_path: Path) -> None:
+    recorded, _ = pressed
+    found = evaluate(recorded)
+    (term,) = (term for term in found.fitted.terms if term.observation.name == "ball")
+    # The radius as read fits the one that is known, within what noise and the rim leave.
+    assert abs(float(term.residual[0])) < 3.0
+    without = evaluate(replace(recorded, plan=replace(PLAN, ball_mm=None)), found.rest)
+    assert found.depth_percent < 0.7 * without.depth_percent
+    again, _ = recall(store_calibration(found, "simulated", home=tmp_path).folder)
+    assert again.plan.ball_mm == (RADIUS_MM, SIGMA_MM)
+    assert again.presses is not None
+    assert again.presses.ball is not None
+    np.testing.assert_array_equal(again.presses.ball.q, recorded.presses.ball.q)  # type: ignore[union-attr]
+
+
+def test_ball_that_shows_too_little_is_left_out_and_said(pressed: tuple[Recorded, list[str]]) -> None:
+    recorded, _ = pressed
+    # a ball of a tenth of the radius would have a contact of a third: too few nodes
+    found = evaluate(replace(recorded, plan=replace(PLAN, ball_mm=(20.0, 0.1))))
+    assert any("ball: the contact shows too few nodes" in words for words in found.verdict.findings)
+    assert "ball" not in {term.observation.name for term in found.fitted.terms}

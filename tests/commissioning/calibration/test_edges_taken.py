@@ -1,0 +1,70 @@
+"""The mirror's edges, found while a bench is calibrated, and what they bring."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from zeromethod.calibration import MirrorEdge
+from zeromethod.commissioning.calibration import Plan, Recorded, evaluate, record
+from zeromethod.commissioning.calibration.prompts import Silence
+from zeromethod.decoding.measuring import RestMeasurement
+from zeromethod.devices.opening import open_devices
+from zeromethod.rig.model import Rig
+
+from .planted import quarter, truth
+
+PLAN = Plan(light=False, delay=False, rest_frames=1)
+
+
+class Listener(Silence):
+    """Keeps what is said."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def say(self, words: str) -> None:
+        self.lines.append(words)
+
+
+def wide() -> Rig:
+    """The rig file, with a lens that sees both edges."""
+    rig = quarter()
+    camera = rig.camera.model_copy(update={"focal_px": (340.0, 340.0)})
+    return rig.model_copy(update={"camera": camera})
+
+
+@pytest.fixture(scope="module")
+def seen() -> tuple[Recorded, RestMeasurement]:
+    with open_devices(truth(wide())) as devices:
+        return record(wide(), devices, PLAN)
+
+
+def test_edges_in_view_are_found_told_and_taken(seen: tuple[Recorded, RestMeasurement]) -> None:
+    hand = Listener()
+    found = evaluate(*seen, tell=hand)
+    edges = [term.observation for term in found.fitted.terms if isinstance(term.observation, MirrorEdge)]
+    assert [one.edge for one in edges] == ["P0", "R0"]
+    for one in edges:
+        # within three sigma of where they are
+        assert np.abs(one.predict(truth(wide())) / one.sigma).max() < 3.0
+    assert [line.split(" (")[0].rsplit(" ", 1)[0] for line in hand.lines] == [
+        "edge P0: seen at column",
+        "edge R0: seen at column",
+    ]
+    without = evaluate(replace(seen[0], plan=replace(PLAN, edges=False)), seen[1])
+    assert not without.edges
+    assert found.depth_percent < 0.6 * without.depth_percent
+
+
+def test_an_edge_by_hand_takes_the_place_of_the_one_found(
+    seen: tuple[Recorded, RestMeasurement],
+) -> None:
+    given = MirrorEdge("R0", np.array([[70.0, 32.0]]), 3.0)
+    found = evaluate(replace(seen[0], plan=replace(PLAN, known=(given,))), seen[1])
+    (edge,) = (term.observation for term in found.fitted.terms if term.observation.name == "edge R0")
+    assert edge is not None
+    assert edge.sigma.tolist() == [3.0]
+    assert [one.edge for one in found.edges] == ["P0"]

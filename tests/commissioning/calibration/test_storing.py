@@ -1,0 +1,154 @@
+"""A calibration as a folder, and back: nothing that matters is lost."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from zeromethod.calibration import Direct, MirrorEdge, Presses, describe
+from zeromethod.calibration.fingerprint import check
+from zeromethod.calibration.folder import Stored, calibration_of, calibrations, load_arrays, newest
+from zeromethod.commissioning.calibration import (
+    Calibration,
+    evaluate,
+    evaluate_or_keep,
+    recall,
+    store_calibration,
+)
+from zeromethod.errors import MeasurementError
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.save import save_values
+from zeromethod.view.calibration_figure import draw_calibration
+
+from .conftest import DEPTHS_MM
+from .planted import nominal
+
+
+@pytest.fixture(scope="module")
+def rig_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small bench as a file of its own, with a comment of its owner's."""
+    rig, path = nominal(), tmp_path_factory.mktemp("bench") / "mine.toml"
+    camera, display = rig.camera, rig.display
+    source = Path(__file__).parents[3] / "calibration" / "rigs" / "simulated.toml"
+    values = {
+        "display.columns": display.columns,
+        "display.rows": display.rows,
+        "display.pitch_mm": display.pitch_mm,
+        "camera.columns": camera.columns,
+        "camera.rows": camera.rows,
+        "camera.focal_px": camera.focal_px,
+        "camera.centre_px": camera.centre_px,
+        "target.period_px": 8,
+        "press": "none",
+    }
+    save_values(source, values, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def stored(calibration: Calibration, rig_file: Path) -> Stored:
+    pictures = {"calibration.png": lambda path: draw_calibration(calibration, path)}
+    return store_calibration(calibration, rig_file, pictures=pictures)
+
+
+def test_folder_lies_beside_the_rig_and_is_whole(stored: Stored, rig_file: Path) -> None:
+    assert stored.folder.parent == rig_file.parent / "calibrations" / "mine"
+    names = {path.name for path in stored.folder.iterdir()}
+    assert names == {"calibration.toml", "rig.toml", "given.toml", "arrays.h5", "calibration.png"}
+    assert calibrations(rig_file) == [stored.folder]
+    assert (stored.folder / "calibration.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_calibrated_rig_file_is_the_fitted_rig(stored: Stored, calibration: Calibration) -> None:
+    kept, fitted = describe(load_rig(stored.rig_file)), describe(calibration.rig)
+    # ten digits; directions are taken back out of positions
+    assert kept == pytest.approx(fitted, rel=1e-8, abs=1e-7)
+    assert load_rig(stored.rig_file).display.latency_s == calibration.recorded.values["display.latency_s"]
+    assert "# silicone rubber" in stored.rig_file.read_text()
+
+
+def test_rig_as_given_is_kept(stored: Stored) -> None:
+    assert describe(load_rig(stored.folder / "given.toml")) == pytest.approx(describe(nominal()))
+
+
+def test_document_tells_parameters_presses_and_verdict(stored: Stored, calibration: Calibration) -> None:
+    document = stored.document
+    for name, (value, sigma) in stored.parameters.items():
+        assert value == pytest.approx(calibration.fitted.values[name], rel=1e-6, abs=1e-9)
+        assert sigma == pytest.approx(calibration.fitted.sigma[name], rel=1e-6)
+    assert document["verdict"]["level"] == calibration.verdict.level
+    assert [press["depth_mm"] for press in document["press"]] == list(DEPTHS_MM)
+    assert document["depth_error"]["percent"] == pytest.approx(calibration.depth_percent, rel=1e-6)
+
+
+def test_newest_and_own_calibration_are_found(stored: Stored, rig_file: Path) -> None:
+    found = newest(rig_file)
+    assert found is not None
+    assert found.folder == stored.folder
+    of_rig = calibration_of(stored.rig_file)
+    assert of_rig is not None
+    assert of_rig.document == stored.document
+    assert calibration_of(rig_file) is None
+
+
+def test_fingerprint_fits_the_bench_and_no_other(stored: Stored) -> None:
+    rig = nominal()
+    assert check(stored.fingerprint, rig) == []
+    longer = rig.model_copy(update={"camera": rig.camera.model_copy(update={"exposure_s": 0.004})})
+    assert check(stored.fingerprint, longer) == ["exposure, s: calibrated with 0.008, now 0.004"]
+
+
+def test_age_is_warned_of_after_a_month(stored: Stored) -> None:
+    made = stored.document["time"]
+    assert stored.age_warning(made + timedelta(days=29)) == ""
+    assert "40 days old" in stored.age_warning(made + timedelta(days=40))
+
+
+def test_rest_map_and_covariance_are_in_the_arrays(stored: Stored, calibration: Calibration) -> None:
+    arrays = load_arrays(stored.folder, "rest_map/lcd_px", "rest_map/valid", "fit/covariance")
+    np.testing.assert_array_equal(arrays["rest_map/lcd_px"], calibration.rest.rest_map.lcd_px)
+    np.testing.assert_array_equal(arrays["rest_map/valid"], calibration.rest.rest_map.valid)
+    np.testing.assert_array_equal(arrays["fit/covariance"], calibration.fitted.covariance)
+
+
+def test_what_was_known_by_hand_comes_back(calibration: Calibration, rig_file: Path, tmp_path: Path) -> None:
+    known = (Direct("gap_mm", 0.6, 0.01), MirrorEdge("R0", np.array([[120.5, 64.0]]), 2.0))
+    plan = replace(calibration.recorded.plan, known=known)
+    told = replace(calibration, recorded=replace(calibration.recorded, plan=plan))
+    recorded, _ = recall(store_calibration(told, rig_file, home=tmp_path).folder)
+    gap, edge = recorded.plan.known
+    assert isinstance(gap, Direct)
+    assert (gap.parameter, gap.value, gap.sigma_value) == ("gap_mm", 0.6, 0.01)
+    assert isinstance(edge, MirrorEdge)
+    assert (edge.edge, edge.pixel.tolist(), edge.sigma_px) == ("R0", [[120.5, 64.0]], 2.0)
+
+
+def test_what_was_recorded_evaluates_to_the_same_again(stored: Stored, calibration: Calibration) -> None:
+    recorded, _ = recall(stored.folder)
+    np.testing.assert_array_equal(recorded.rest.sums, calibration.recorded.rest.sums)
+    again = evaluate(recorded)
+    for name, value in calibration.fitted.values.items():
+        # the file has seven digits of the hold and ten of the delay; the fit stops within 3 % of a sigma
+        assert again.fitted.values[name] == pytest.approx(value, abs=0.05 * calibration.fitted.sigma[name])
+
+
+def test_recording_outlives_an_evaluation_that_fails(
+    calibration: Calibration, rig_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unseen(*_: object) -> None:
+        raise MeasurementError("press 1: not seen")
+
+    monkeypatch.setattr(Presses, "peaks", unseen)
+    kept = evaluate_or_keep(calibration.recorded, calibration.rest)
+    assert kept.verdict.level == "bad"
+    assert kept.verdict.reason == "press 1: not seen: geometry from the rest map alone"
+    # what was recorded is there for another try: sums of the frames, presses and their depths
+    recorded, _ = recall(store_calibration(kept, rig_file, home=tmp_path).folder)
+    assert recorded.presses is not None
+    assert len(recorded.presses.pressed) == len(DEPTHS_MM)
+    assert recorded.plan.press_depths_mm == DEPTHS_MM
+    np.testing.assert_array_equal(recorded.rest.sums, calibration.recorded.rest.sums)

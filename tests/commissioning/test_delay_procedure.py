@@ -1,0 +1,166 @@
+"""Measuring the delay on the simulated bench: planted ones come back; bad benches are told, not measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from zeromethod.commissioning.delay import LEAST_FRAMES, DelayResult, measure_delay, store_timing
+from zeromethod.devices.opening import open_devices
+from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost, Frame
+from zeromethod.errors import InputError, MeasurementError
+from zeromethod.resources import resource
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+
+from .setting_up_benches import RIG, planted
+
+FRAME_S = 1 / RIG.camera.rate_hz
+
+
+class _Camera:
+    """The simulated camera with something done to its frames."""
+
+    def __init__(
+        self, camera: Any, stamp_s: float = 0.0, dark: bool = False, raises: Exception | None = None
+    ):
+        self._camera, self._stamp_s, self._dark, self._raises = camera, stamp_s, dark, raises
+
+    def read(self, timeout_s: float) -> Frame:
+        if self._raises is not None:
+            raise self._raises
+        frame = self._camera.read(timeout_s)
+        image = np.zeros_like(frame.image) if self._dark else frame.image
+        return replace(frame, image=image, time_ns=frame.time_ns + round(1e9 * self._stamp_s))
+
+    def close(self) -> None:
+        self._camera.close()
+
+
+def measured(truth: Rig, seconds: float = 0.4, believed: Rig = RIG, **camera: Any) -> DelayResult:
+    """What is measured of a bench that truly stands as `truth`, by one who believes `believed`."""
+    with open_devices(truth) as devices:
+        devices.camera = _Camera(devices.camera, **camera)  # type: ignore[assignment]
+        return measure_delay(believed, devices, seconds)
+
+
+@pytest.mark.parametrize("frames", [0.0, 0.3, 0.75, 1.0, 2.4, 4.0])
+def test_a_planted_delay_comes_back_within_a_tenth_of_a_frame(frames: float) -> None:
+    result = measured(planted(display={"latency_s": frames * FRAME_S}))
+    # bar: 0.1 frame. Noise of the strips is some 10 us; what is left is the clocks' jitter, 0.1 ms a frame.
+    assert result.latency_s == pytest.approx(frames * FRAME_S, abs=0.01 * FRAME_S)
+    assert result.sigma_s < 0.01 * FRAME_S
+    assert result.used >= LEAST_FRAMES
+
+
+@pytest.mark.parametrize("stamp_s", [-0.011, 0.004])
+def test_wrong_stamps_of_the_camera_are_part_of_the_delay(stamp_s: float) -> None:
+    result = measured(planted(display={"latency_s": 0.006}), stamp_s=stamp_s)
+    assert result.latency_s == pytest.approx(0.006 + stamp_s, abs=0.01 * FRAME_S)
+
+
+def test_what_the_rig_file_said_before_does_not_matter() -> None:
+    truth = planted(display={"latency_s": 0.02})
+    for believed_s in (0.0, 0.02, 0.09):
+        believed = planted(display={"latency_s": believed_s})
+        assert measured(truth, believed=believed).latency_s == pytest.approx(0.02, abs=0.01 * FRAME_S)
+
+
+def in_step(phase: float, exposure_s: float) -> Rig:
+    """Equal rates without jitter and a panel that changes at once: every exposure sees the same."""
+    return planted(
+        display={"rise_s": 0.0, "scanout_s": 0.0},
+        camera={"exposure_s": exposure_s},
+        simulation={"display_refresh_hz": 60.0, "camera_jitter_s": 0.0, "camera_phase": phase},
+    )
+
+
+@pytest.mark.parametrize("phase", [0.05, 0.12, 0.3, 0.6])
+def test_a_panel_in_step_with_the_camera_is_told_as_well_as_its_exposures_allow(phase: float) -> None:
+    """Exposures of 13.5 of 16.7 ms that see one picture alone leave 3.2 ms open, 1.6 to either side."""
+    bench = in_step(phase, 0.0135)
+    result = measured(bench, believed=bench)
+    assert abs(result.latency_s) < 0.1 * FRAME_S
+    assert abs(result.latency_s) < 3 * result.sigma_s + 1e-4
+
+
+def test_exposures_that_all_see_one_picture_alone_leave_the_delay_open() -> None:
+    bench = in_step(phase=0.1, exposure_s=0.008)  # 8.7 ms of delays are as good
+    with pytest.raises(
+        MeasurementError, match=r"^delay: the codes only tell that it lies from .* to .* ms: a l"
+    ):
+        measured(bench, believed=bench)
+
+
+def test_the_rates_and_the_loops_delay_are_measured_with_it() -> None:
+    result = measured(RIG, seconds=1.0)
+    # RIG's clocks: a refresh of 59.94 Hz is a thousandth off what the rig file says
+    assert result.refresh_hz == pytest.approx(59.94, abs=0.01)
+    assert result.camera_rate_hz == pytest.approx(60.0, abs=0.01)
+    # exposure 8 ms, arrival 4 ms after its end, to the next refresh, scan-out and rise, and exposed again
+    assert 1.5 < result.delay_frames < 4
+    assert result.frames >= result.read >= result.used > 0
+
+
+def test_a_delay_that_comes_and_goes_is_not_measured() -> None:
+    """Stamps that are off by 0 to 40 ms: as on a computer that is too busy."""
+    with open_devices(RIG) as devices:
+        camera = _Camera(devices.camera)
+        noise = np.random.default_rng(3)
+        read = camera.read
+
+        def late(timeout_s: float) -> Frame:
+            camera._stamp_s = -float(noise.uniform(0, 0.04))
+            return read(timeout_s)
+
+        camera.read = late  # type: ignore[method-assign]
+        devices.camera = camera  # type: ignore[assignment]
+        with pytest.raises(MeasurementError, match=r"^delay: it is not steady: .* computer too busy\?$"):
+            measure_delay(RIG, devices, 1.0)
+
+
+def test_codes_that_are_not_seen_are_told() -> None:
+    with pytest.raises(MeasurementError, match=r"^delay: the codes of 0 of \d+ frames could be read, 8 are"):
+        measured(RIG, dark=True)
+
+
+def test_a_view_without_room_for_codes_is_told() -> None:
+    with pytest.raises(MeasurementError, match=r"^delay: .* no room for codes$"):
+        measured(RIG, believed=planted(display={"centre_mm": (30.0, 34.0)}))
+
+
+def test_a_silent_camera_is_told() -> None:
+    with pytest.raises(MeasurementError, match=r"^delay: the camera gave no frame for 3 s$"):
+        measured(RIG, raises=CameraTimeout("none"), seconds=5)
+
+
+@pytest.mark.parametrize("lost", [CameraLost("gone"), DisplayLost("gone")])
+def test_a_lost_device_passes(lost: Exception) -> None:
+    with pytest.raises(type(lost)):
+        measured(RIG, raises=lost)
+
+
+def test_frames_are_counted_and_windows_polled(monkeypatch: pytest.MonkeyPatch) -> None:
+    counted: list[int] = []
+    polled: list[int] = []
+    with open_devices(RIG) as devices:
+        monkeypatch.setattr(devices.display, "poll", lambda: polled.append(1), raising=False)
+        result = measure_delay(RIG, devices, 0.5, lambda: counted.append(1))
+    assert len(counted) == result.frames
+    # a picture at every refresh, with the window looked after in between
+    assert len(polled) == pytest.approx(0.5 * RIG.display.refresh_hz, abs=2)
+
+
+def test_the_delay_is_stored_with_all_else_kept(tmp_path: Path) -> None:
+    path = tmp_path / "my.toml"
+    text = resource("calibration", "rigs", "simulated.toml").read_text()
+    path.write_text(text)
+    store_timing(path, 0.0123456789)
+    assert path.read_text() == text.replace("latency_s = 0.0\nscan =", "latency_s = 0.012346\nscan =")
+    assert load_rig(path).display.latency_s == 0.012346
+    with pytest.raises(InputError, match=r"display\.latency_s"):
+        store_timing(path, 11.0)

@@ -1,0 +1,280 @@
+"""Measuring the light on the simulated bench: its gamma, its noise and what is wrong with it come back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from zeromethod.calibration.panel_faults import Fault
+from zeromethod.commissioning.calibration.procedure import with_values
+from zeromethod.commissioning.response import PICTURES, SERIES_CODES, LightResult, measure_light
+from zeromethod.commissioning.standing_patterns import HeldPictures
+from zeromethod.commissioning.uniform_patterns import take_dark, take_exposures
+from zeromethod.devices.opening import open_devices
+from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
+from zeromethod.errors import MeasurementError
+from zeromethod.optics import Optics
+from zeromethod.pattern import PatternRenderer, Response, Target
+from zeromethod.resources import resource
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.rig.save import save_values
+from zeromethod.warp.rest import Rest
+
+Float = NDArray[np.float64]
+
+GAMMA = 1.9
+BLACK = 9.0
+
+
+def small(rig: Rig) -> Rig:
+    """The same bench with 80 x 64 camera px and an eighth of the LCD's on each axis: quick."""
+    lcd = rig.display.model_copy(update={"columns": 240, "rows": 135, "pitch_mm": 8 * rig.display.pitch_mm})
+    return binned(rig, 16).model_copy(update={"display": lcd, "press": "none"})
+
+
+def changed(rig: Rig, **tables: dict[str, Any]) -> Rig:
+    return rig.model_copy(
+        update={name: getattr(rig, name).model_copy(update=values) for name, values in tables.items()}
+    )
+
+
+BELIEVED = small(load_rig("simulated"))
+"""What the one who measures has been told: gamma 2.2, noise of 2, black of 4 grey levels."""
+
+NOISE = BELIEVED.camera.noise.model_copy(
+    update={"read_grey": 1.6, "electrons_per_grey": 25.0, "black_grey": BLACK}
+)
+TRUTH = changed(BELIEVED, display={"gamma": GAMMA, "latency_s": 0.02}, camera={"noise": NOISE})
+RIG = changed(BELIEVED, display={"latency_s": 0.02})
+
+
+def dark_frames() -> NDArray[Any]:
+    """As with the lens capped."""
+    faults = TRUTH.simulation.faults.model_copy(update={"light_off_frames": (0, 10_000)})
+    with open_devices(changed(TRUTH, simulation={"faults": faults})) as devices:
+        return take_dark(RIG, devices)
+
+
+@pytest.fixture(scope="module")
+def shown() -> list[int]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def result(shown: list[int]) -> LightResult:
+    with open_devices(TRUTH) as devices:
+        return measure_light(RIG, devices, lambda: shown.append(1), dark_frames())
+
+
+def test_planted_gamma_comes_back_with_its_sigma(result: LightResult) -> None:
+    whole = result.response.whole
+    assert abs(whole.gamma - GAMMA) < 4 * whole.gamma_sigma
+    assert whole.gamma_sigma < 0.002
+    z = (whole.light - (result.response.codes / 255) ** GAMMA)[1:-1] / whole.sigma[1:-1]
+    # 50 numbers that share the errors of black and white
+    assert 0.4 < np.sqrt(np.mean(z**2)) < 1.7
+    assert result.response.follows_power_law
+    assert result.response.falling == ()
+    assert result.response.spread().max() < 0.005
+
+
+def test_a_response_that_differs_over_the_panel_is_measured_and_drawn_away() -> None:
+    planted = ((0.8, 1.0), (1.0, 1.2))
+    truth = changed(TRUTH, display={"response_exponent": planted})
+    with open_devices(truth) as devices:
+        found = measure_light(RIG, devices)
+    assert found.exponent is not None
+    # all relative to the whole of the view, and to some percent at the panel's corners, which are not in it
+    ratio = np.array(found.exponent) / planted
+    assert np.ptp(ratio) < 0.1
+    assert found.response.spread().max() > 0.015
+    assert found.response.spread(found.exponents).max() < 0.005
+    assert not any("over the view" in words for words in found.advice)
+    display = with_values(RIG, found.rig_values()).display
+    assert np.array(display.response_exponent) == pytest.approx(np.array(found.exponent), abs=1e-4)
+
+
+def test_planted_noise_and_black_level_come_back_with_their_sigma(result: LightResult) -> None:
+    noise = result.noise
+    assert noise.black.source == "dark"
+    # the panel's light at code 0 is none, so the black pictures hold nothing but the camera's black
+    assert abs(noise.black.grey - BLACK) < 4 * noise.black.sigma
+    assert abs(noise.read_grey - 1.6) < 4 * noise.read_sigma
+    assert noise.electrons_per_grey is not None
+    assert abs(noise.electrons_per_grey - 25.0) < 4 * noise.electrons_sigma
+    assert max(noise.read_sigma, noise.black.sigma) < 0.02
+    assert noise.electrons_sigma < 1.0
+    assert abs(result.leak) < 1e-3
+    assert not result.bad_pixels.mask.any()
+
+
+def test_a_sound_bench_is_not_accused(result: LightResult) -> None:
+    assert {finding.fault for finding in result.findings} == set(Fault)
+    assert [finding.told for finding in result.findings if finding.found] == []
+    assert result.advice == ()
+    assert result.falloff.darkest > 0.9
+
+
+def test_every_picture_is_counted_and_held(result: LightResult, shown: list[int]) -> None:
+    assert len(shown) == PICTURES
+    # latency, scan-out and twelve time constants of a rise of 4 ms
+    assert result.hold_s > 0.02 + 1 / 60 + 0.021
+
+
+def test_the_values_go_into_the_rig_file(result: LightResult, tmp_path: Any) -> None:
+    path = tmp_path / "my.toml"
+    path.write_text(resource("calibration", "rigs", "simulated.toml").read_text())
+    save_values(path, result.rig_values())
+    rig = load_rig(path)
+    assert rig.camera.noise.black_grey == pytest.approx(BLACK, abs=0.1)
+    assert rig.display.response_light is not None
+    assert rig.display.response_light[0] == 0
+    assert rig.display.response_light[-1] == 1
+    assert "# The bench" in path.read_text()
+
+
+def second_harmonic(display: Any, gl_context: Any) -> float:
+    """Of the light that the true panel makes of the drawn cosines, over the first, on a line across them."""
+    rest = Rest.of(BELIEVED, Optics(BELIEVED))
+    flat = np.stack(np.meshgrid(*(np.arange(n) * 16.0 + 20.0 for n in rest.q.shape[1::-1])), axis=-1)
+    target = Target.from_spec(BELIEVED.target)
+    renderer = PatternRenderer(gl_context, rest.grid, flat, (240, 135), target, Response.from_rig(display))
+    light = (renderer.image(flat) / 255.0) ** GAMMA
+    # two nodes, 32 LCD px, to the period: whole periods inside the mesh
+    spectrum = np.abs(np.fft.rfft2(light[60 : 60 + 64, 60 : 60 + 128]))
+    first = spectrum[2, 0] + spectrum[0, 4]
+    # doubled on each axis, and what both make together
+    return float(max(spectrum[4, 0], spectrum[0, 8], spectrum[2, 4]) / first)
+
+
+def test_fed_back_into_the_rig_it_makes_the_drawn_picture_linear(
+    result: LightResult, gl_context: Any
+) -> None:
+    measured = BELIEVED.display.model_copy(update={"response_light": result.response.table()})
+    # 8-bit codes leave some 1e-3
+    assert second_harmonic(measured, gl_context) < 0.004
+    assert second_harmonic(BELIEVED.display.model_copy(update={"gamma": 1.0}), gl_context) > 0.05
+    assert second_harmonic(BELIEVED.display, gl_context) > 0.01
+
+
+class _Screen:
+    """The simulated display that dims its backlight in dark pictures."""
+
+    def __init__(self, display: Any, dims: float) -> None:
+        self._display, self._dims = display, dims
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._display, name)
+
+    def show(self, image: NDArray[np.uint8]) -> int:
+        light = (image / 255.0) ** GAMMA
+        light *= 1 - self._dims * (1 - light.mean())
+        return int(self._display.show(np.rint(255 * light ** (1 / GAMMA)).astype(np.uint8)))
+
+
+class _Camera:
+    """The simulated camera under a flickering backlight; or one that gives nothing."""
+
+    def __init__(self, camera: Any, flickers: float = 0.0, raises: Exception | None = None) -> None:
+        self._camera, self._flickers, self._raises = camera, flickers, raises
+        self._rng = np.random.default_rng(5)
+
+    def read(self, timeout_s: float) -> Frame:
+        if self._raises is not None:
+            raise self._raises
+        frame = self._camera.read(timeout_s)
+        gain = 1 + self._flickers * self._rng.standard_normal()
+        return replace(
+            frame, image=np.clip(np.rint(BLACK + gain * (frame.image - BLACK)), 0, 255).astype(np.uint8)
+        )
+
+    def close(self) -> None:
+        self._camera.close()
+
+
+def test_a_dimming_and_flickering_backlight_is_named_with_what_to_do() -> None:
+    with open_devices(TRUTH) as devices:
+        devices.display = _Screen(devices.display, 0.15)  # type: ignore[assignment]
+        devices.camera = _Camera(devices.camera, 0.01)  # type: ignore[assignment]
+        found = measure_light(RIG, devices)
+    sizes = {finding.fault: finding for finding in found.findings if finding.found}
+    assert {Fault.DYNAMIC_CONTRAST, Fault.BACKLIGHT_FLICKER} <= set(sizes)
+    assert Fault.TEMPORAL_DITHERING not in sizes
+    # in codes of 8 bits the patch comes as near as half a code, and flicker adds 1 %
+    assert sizes[Fault.DYNAMIC_CONTRAST].size == pytest.approx(-0.14, abs=0.03)
+    assert sizes[Fault.BACKLIGHT_FLICKER].size == pytest.approx(
+        0.01, abs=4 * sizes[Fault.BACKLIGHT_FLICKER].sigma
+    )
+    assert any("switch off dynamic contrast" in line for line in found.advice)
+    assert any("full brightness" in line for line in found.advice)
+    assert any("lens capped" in line for line in found.advice)
+    # flicker is no noise of the camera
+    assert abs(found.noise.read_grey - 1.6) < 4 * found.noise.read_sigma
+
+
+def test_a_panel_far_slower_than_its_rig_file_says_is_waited_for() -> None:
+    with open_devices(changed(TRUTH, display={"rise_s": 0.1})) as devices:
+        found = measure_light(RIG, devices)
+    assert found.hold_s > 0.4  # 4.6 time constants of 46 ms, twice, and latency
+    assert abs(found.response.whole.gamma - GAMMA) < 4 * found.response.whole.gamma_sigma
+    assert not any(finding.found for finding in found.findings)
+
+
+@pytest.mark.parametrize("latency_s", [0.0, 0.05, 0.2])
+def test_frames_that_could_have_seen_the_picture_before_are_never_used(latency_s: float) -> None:
+    bench = changed(TRUTH, display={"latency_s": latency_s})
+    with open_devices(bench) as devices:
+        pictures = HeldPictures(bench, devices, 0.0)
+        means = []
+        for code in (0, 255, 0, 128, 255, 0):
+            picture = np.full((135, 240), code, np.uint8)
+            means.append([float(frame.image.mean()) for frame in pictures.frames(picture, 2)])
+    light = np.array(means) - BLACK
+    whole = light[1].mean()
+    expected = (np.array([0, 255, 0, 128, 255, 0]) / 255) ** GAMMA
+    # noise of a mean over 5120 px is 0.05 of 195 grey levels at most
+    assert np.max(np.abs(light / whole - expected[:, None])) < 0.002
+
+
+def test_a_rig_file_that_knows_nothing_of_the_latency_is_saved_by_the_margin() -> None:
+    with open_devices(changed(TRUTH, display={"latency_s": 0.08})) as devices:
+        pictures = HeldPictures(BELIEVED, devices, 0.1)
+        for code in (0, 255):
+            frames = pictures.frames(np.full((135, 240), code, np.uint8), 1)
+            assert abs(frames[0].image.mean() - (BLACK if code == 0 else 204)) < 2
+
+
+def test_exposures_open_the_camera_anew_and_one_that_sets_itself_is_told() -> None:
+    taken = take_exposures(TRUTH, (0.002, 0.004, 0.008), frames=2)
+    assert taken.grey.shape == (3, 64, 80)
+    # the simulated camera's white is as bright at any exposure: as with automatic exposure
+    with open_devices(TRUTH) as devices, pytest.raises(MeasurementError, match="automatic exposure"):
+        measure_light(RIG, devices, exposures=taken)
+
+
+def test_a_camera_that_does_not_see_the_lcd_is_told() -> None:
+    faults = TRUTH.simulation.faults.model_copy(update={"light_off_frames": (0, 10_000)})
+    with (
+        open_devices(changed(TRUTH, simulation={"faults": faults})) as devices,
+        pytest.raises(MeasurementError, match=r"^response: the white LCD is .* brighter than the black one"),
+    ):
+        measure_light(RIG, devices)
+
+
+def test_a_silent_camera_is_told_and_a_lost_one_passes() -> None:
+    for raised, expected in ((CameraTimeout("none"), MeasurementError), (CameraLost("gone"), CameraLost)):
+        with open_devices(TRUTH) as devices:
+            devices.camera = _Camera(devices.camera, raises=raised)  # type: ignore[assignment]
+            with pytest.raises(expected):
+                measure_light(RIG, devices)
+
+
+def test_codes_looked_at_for_long_hold_both_ends() -> None:
+    assert SERIES_CODES[0] == 0
+    assert SERIES_CODES[-1] == 255

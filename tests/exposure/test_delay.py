@@ -1,0 +1,152 @@
+"""The delay between display and camera from coded strips, against planted ones."""
+
+import numpy as np
+import pytest
+from coded_frames import CodedBench, panel, reader
+
+from zeromethod.exposure.delay import DelayWatch
+from zeromethod.exposure.strip_matching import match
+
+MS = 1e6
+FRAME_NS = 1e9 / 60
+WIDE = (-3 * FRAME_NS, 9 * FRAME_NS)
+
+
+def _follow(bench: CodedBench, frames: int) -> tuple[DelayWatch, list[bool]]:
+    """Watch after some frames, and whether each frame could be used."""
+    watch = DelayWatch(reader(), bench.timing, bench.display.refresh_hz)
+    used = [watch.timing_of(frame.image, frame, bench.log) is not None for frame in bench.frames(frames)]
+    return watch, used
+
+
+@pytest.mark.parametrize("tenths", range(0, 41))
+def test_planted_delay_of_0_to_4_frames_comes_back_within_a_hundredth_of_a_frame(tenths: int) -> None:
+    # half of it in the display, half in the camera's stamps, which say too late when a frame was taken
+    planted_s = tenths / 10 / 60
+    bench = CodedBench(refresh_hz=59.94, phase=0.37, delay_s=planted_s / 2, stamp_s=planted_s / 2)
+    watch, used = _follow(bench, 24)
+    assert watch.estimator.settled
+    # levels are read to 0.2 %, of 8 ms of exposure: 16 us a frame; the panel's timing is known exactly
+    assert watch.estimator.value_ns == pytest.approx(1e9 * planted_s, abs=0.01 * FRAME_NS)
+    assert watch.estimator.sigma_ns < 0.01 * FRAME_NS
+    assert all(used)
+
+
+def test_stamps_that_come_early_make_the_delay_negative() -> None:
+    watch, _ = _follow(CodedBench(refresh_hz=59.94, stamp_s=-0.012), 20)
+    assert watch.estimator.value_ns == pytest.approx(-12 * MS, abs=0.01 * FRAME_NS)
+
+
+@pytest.mark.parametrize("rates", [(59.94, 60), (60, 60), (60, 50), (60, 30), (120, 60), (60, 59.94)])
+@pytest.mark.parametrize("phase", np.arange(0, 1, 0.2).round(1).tolist())
+def test_no_rate_or_phase_hides_the_delay(rates: tuple[float, float], phase: float) -> None:
+    refresh, camera = rates
+    bench = CodedBench(
+        display=panel(refresh), refresh_hz=refresh, camera_hz=camera, phase=phase, delay_s=0.009
+    )
+    watch, used = _follow(bench, 20)
+    # Where clocks run in step, every exposure may see one picture alone: the delay is then only bounded, by
+    # refresh - exposure - the visible part of the rise, and the frames are used all the same.
+    timing = watch.timing
+    assert timing.latency_ns == pytest.approx(
+        9 * MS, abs=(0.05 if watch.estimator.settled else 0.55) * 1e9 / refresh
+    )
+    assert all(used)
+
+
+@pytest.mark.parametrize("scan", ["down", "up"])
+@pytest.mark.parametrize(("exposure_s", "rise_s"), [(0.002, 0.0), (0.004, 0.006), (0.016, 0.006)])
+def test_exposure_rise_and_scan_direction_are_taken_in(scan: str, exposure_s: float, rise_s: float) -> None:
+    bench = CodedBench(
+        display=panel(rise_s=rise_s, scan=scan),
+        refresh_hz=59.0,
+        exposure_s=exposure_s,
+        delay_s=0.021,
+        late_s=0.0005,
+    )
+    watch, used = _follow(bench, 40)
+    assert watch.estimator.value_ns == pytest.approx(21 * MS, abs=0.02 * FRAME_NS)
+    assert all(used)
+
+
+def test_frame_that_saw_one_picture_alone_only_bounds_the_delay() -> None:
+    bench = CodedBench(camera_hz=15, exposure_s=0.004, phase=0.0, display=panel(rise_s=0.0))
+    frames = [(frame, match(reader().read(frame.image), bench.log, frame, bench.timing, WIDE))
+              for frame in bench.frames(6)]  # fmt: skip
+    found = frames[-1][1]
+    assert found is not None
+    assert found.fits
+    assert found.low_ns < 0 < found.high_ns
+    # the one before stood for 67 ms, and any delay at which it has ended before the exposure will do
+    assert found.high_ns - found.low_ns > 20 * MS
+
+
+def test_single_wrong_bit_or_a_code_that_was_not_shown_is_never_used() -> None:
+    for wrong in range(16):
+        bench = CodedBench(refresh_hz=59.94, delay_s=0.011, wrong={30: wrong})
+        watch, used = _follow(bench, 40)
+        after = [n for n in range(40) if not used[n]]
+        if wrong == 30 % 16:
+            assert not after
+            continue
+        # The picture is in one or two exposures. One or two codes off it passes for a picture that came a
+        # refresh or two too early or late, unless the check or the pictures beside it tell.
+        assert after or wrong in {12, 13, 15, 0}
+        assert set(after) <= set(range(30, 35))
+        assert watch.estimator.value_ns == pytest.approx(11 * MS, abs=0.05 * FRAME_NS)
+
+
+def test_flipped_cell_is_a_contradiction() -> None:
+    bench = CodedBench(refresh_hz=59.94, delay_s=0.011)
+    frames = [(frame, reader().read(frame.image)) for frame in bench.frames(20)]
+    frame, readings = frames[-1]
+    span = (11 * MS - 2.5 * FRAME_NS, 11 * MS + 2.5 * FRAME_NS)
+    good = match(readings, bench.log, frame, bench.timing, span)
+    assert good is not None
+    assert good.fits
+    for bit in range(5):
+        levels = readings[0].levels.copy()
+        if abs(levels[bit] - 0.5) < 0.3:
+            continue  # a grey bit turned over is another weight, which the check contradicts less loudly
+        levels[bit] = 1 - levels[bit]
+        turned = (type(readings[0])(levels, 0.001, readings[0].panel_rows), readings[1])
+        bad = match(turned, bench.log, frame, bench.timing, span)
+        assert bad is not None
+        assert not bad.fits
+
+
+def test_bit_and_check_that_disagree_are_not_used() -> None:
+    bench = CodedBench(refresh_hz=59.94, delay_s=0.011)
+    frames = [(frame, reader().read(frame.image)) for frame in bench.frames(20)]
+    frame, readings = frames[-1]
+    mixed = next(one for one in readings if one.code is None)
+    levels = mixed.levels.copy()
+    levels[-1] += 0.5 if levels[-1] < 0.5 else -0.5
+    other = type(mixed)(levels, 0.001, mixed.panel_rows)
+    bad = match((other,), bench.log, frame, bench.timing, WIDE)
+    assert bad is not None
+    assert not bad.fits
+
+
+def test_strips_that_cannot_be_read_leave_the_rigs_then_the_running_delay() -> None:
+    bench = CodedBench(refresh_hz=59.94, delay_s=0.02)
+    watch = DelayWatch(reader(), bench.timing, 60.0)
+    dark = np.zeros((192, 320), np.uint8)
+    for n, frame in enumerate(bench.frames(24)):
+        hidden = n < 6 or n > 20
+        timing = watch.timing_of(dark if hidden else frame.image, frame, bench.log)
+        assert timing is not None
+        if n < 6:
+            assert timing.latency_ns == 0.0
+        if n > 20:
+            assert timing.latency_ns == pytest.approx(20 * MS, abs=0.01 * FRAME_NS)
+
+
+def test_delay_that_changes_for_good_is_found_again() -> None:
+    bench = CodedBench(refresh_hz=59.94, delay_s=0.0)
+    watch = DelayWatch(reader(), bench.timing, 60.0)
+    for n, frame in enumerate(bench.frames(120)):
+        if n == 20:
+            bench.delay_s = 0.07  # beyond the delays searched round the running one
+        watch.timing_of(frame.image, frame, bench.log)
+    assert watch.estimator.value_ns == pytest.approx(70 * MS, abs=0.01 * FRAME_NS)

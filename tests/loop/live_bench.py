@@ -1,0 +1,102 @@
+"""A loop over a screen and an eye of somebody's own, at rest: where faults are planted."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from live_devices import Eye, Window, small_rig
+
+from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.loop.loop import Loop
+from zeromethod.loop.state import State
+from zeromethod.loop.step import Step
+
+GOOD = {State.LOCKED, State.RESTING}
+TOLD_HOLDING = {State.HOLDING, State.FAULT, State.LOST}
+TIMEOUT_S = small_rig().control.timeout_s
+
+both_times = pytest.mark.parametrize("real", [False, True], ids=["simulated", "real"])
+
+
+@dataclass
+class Bench:
+    """A loop over a screen and an eye, at rest since a few frames."""
+
+    loop: Loop
+    devices: Devices
+    hung: threading.Event
+    """Set at the end: whatever hangs in a test waits for it."""
+
+    @property
+    def eye(self) -> Eye:
+        return self.devices.camera  # type: ignore[return-value]
+
+    @property
+    def screen(self) -> Window:
+        return self.devices.display  # type: ignore[return-value]
+
+    def until(self, condition: Callable[[Step], bool], turns: int = 400) -> list[Step]:
+        """Steps up to the first that meets the condition."""
+        steps: list[Step] = []
+        while not self.loop.over:
+            steps.append(self.loop.step())
+            if condition(steps[-1]):
+                return steps
+            assert len(steps) < turns, [(s.state, s.reason) for s in steps[-5:]]
+        pytest.fail(f"the loop is over: {self.loop.status.reason}")
+
+    def settle(self) -> list[Step]:
+        return self.until(lambda step: step.state in GOOD)
+
+    def to_end(self) -> list[Step]:
+        steps: list[Step] = []
+        while not self.loop.over:
+            steps.append(self.loop.step())
+            assert len(steps) < 400
+        return steps
+
+    def hang(self, *_: object) -> None:
+        self.hung.wait(60)
+
+
+@contextmanager
+def bench(
+    real: bool,
+    display: str = "",
+    reopen: Callable[[Devices], Callable[[], Any] | None] = lambda devices: devices.reopen_camera,
+) -> Iterator[Bench]:
+    kind = ("RealEye", display or "Window") if real else ("Eye", display or "Screen")
+    rig = small_rig(*(f"live_devices:{name}" for name in kind))
+    hung = threading.Event()
+    with (
+        open_devices(rig) as devices,
+        Loop(rig, devices.camera, devices.display, devices.clock, reopen_camera=reopen(devices)) as loop,
+    ):
+        bench = Bench(loop, devices, hung)
+        try:
+            bench.settle()
+            yield bench
+        finally:
+            hung.set()
+
+
+def held(steps: list[Step], before: Step) -> bool:
+    """Whether the command stayed as it was, bit for bit."""
+    return all(np.array_equal(step.commanded_q, before.commanded_q) for step in steps)
+
+
+def notes(steps: list[Step]) -> str:
+    return "\n".join(note for step in steps for note in step.notes)
+
+
+def raising(error: BaseException) -> Callable[..., None]:
+    def call(*_: object) -> None:
+        raise error
+
+    return call

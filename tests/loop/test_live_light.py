@@ -1,0 +1,113 @@
+"""Beats in the light of frames, against planted ones: found, and not found where there are none."""
+
+import numpy as np
+import pytest
+
+from zeromethod.loop.events import Event
+from zeromethod.loop.light_quality import EVERY_FRAMES, FEWEST_FRAMES, FLICKER_FRAMES, LightQuality, beat
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.validity import Flag
+
+RATE_HZ = 60.0
+SEEN = np.ones((6, 8), bool)
+
+
+def frames(count: int = FLICKER_FRAMES) -> np.ndarray:
+    return np.arange(count) / RATE_HZ
+
+
+def noise(count: int, size: float = 0.002) -> np.ndarray:
+    return size * np.random.default_rng(3).standard_normal(count)
+
+
+# from three cycles in the window to half the frame rate, where every other frame is brighter
+@pytest.mark.parametrize("hz", [1.6, 3.0, 7.3, 17.0, 29.0, 30.0])
+@pytest.mark.parametrize("size", [0.02, 0.2])
+def test_a_planted_beat_is_found_with_its_frequency_and_size(hz: float, size: float) -> None:
+    t = frames()
+    # at half the frame rate a sine is sampled at its zeros, a cosine at its peaks
+    light = 100 * (1 + size * np.cos(2 * np.pi * hz * t) + noise(len(t)))
+    found_hz, found = beat(t, light)
+    # frequencies are tried a quarter of a cycle in the window apart, the last one just above half the rate
+    assert found_hz == pytest.approx(hz, abs=0.26 * RATE_HZ / (FLICKER_FRAMES - 1))
+    # where every frame is a peak, the swing is that of a sine of the same rms, whose peaks are higher
+    assert found == pytest.approx(size * (2**0.5 if hz == RATE_HZ / 2 else 1), rel=0.15)
+
+
+def test_a_beat_is_found_across_gaps_and_on_top_of_drift() -> None:
+    t = np.delete(frames(), [5, 6, 7, 40, 41, 77])
+    light = 80 * (1 + 0.3 * t + 0.05 * np.sin(2 * np.pi * 5.2 * t))
+    found_hz, found = beat(t, light)
+    assert found_hz == pytest.approx(5.2, abs=0.2)
+    # relative to the mean, which the drift has raised by 0.3 s of it
+    assert found == pytest.approx(0.05 / (1 + 0.3 * t.mean()), rel=0.1)
+
+
+QUIET = {
+    "steady": np.zeros_like,
+    "noise": lambda t: noise(len(t), 0.02),
+    "drift": lambda t: -0.4 * t / t[-1],
+    "warming up": lambda t: -0.3 * np.exp(-t / 0.5),
+    "press and hold": lambda t: -0.1 * np.clip((t - 0.5) / 0.3, 0, 1),
+    "press and release": lambda t: -0.1 * np.exp(-(((t - 1.0) / 0.3) ** 2)),
+    "switched once": lambda t: 0.2 * (t > 0.7),
+    "one dark frame": lambda t: -1.0 * (np.abs(t - 1.0) < 1e-6),
+    "weak beat": lambda t: 0.005 * np.sin(2 * np.pi * 5 * t),
+}
+
+
+@pytest.mark.parametrize("kind", QUIET)
+@pytest.mark.parametrize("count", [FEWEST_FRAMES, FLICKER_FRAMES])
+def test_what_is_no_beat_is_not_called_one(kind: str, count: int) -> None:
+    t = frames(count)
+    hz, size = beat(t, 100 * (1 + QUIET[kind](t) + noise(count, 1e-4)))
+    assert size == 0
+    assert np.isnan(hz)
+
+
+@pytest.mark.parametrize(
+    ("times", "light"),
+    [
+        (np.zeros(50), np.ones(50)),
+        (np.arange(50.0), np.zeros(50)),
+        (np.arange(50.0), np.ones(50)),
+        (np.arange(3.0), np.array([1.0, 2.0, 1.0])),
+    ],
+)
+def test_light_that_says_nothing_has_no_beat(times: np.ndarray, light: np.ndarray) -> None:
+    assert beat(times, light)[1] == 0
+
+
+def residual(mean_grey: float, saturated: int = 0) -> Residual:
+    flags = np.zeros(SEEN.shape, np.uint16)
+    flags.ravel()[:saturated] = Flag.SATURATED
+    d = np.zeros((*SEEN.shape, 2))
+    return Residual(
+        d, d, flags, np.ones_like(d, dtype=np.float32), np.full(SEEN.shape, mean_grey, np.float32)
+    )
+
+
+def test_a_beat_is_told_once_enough_frames_show_it_and_no_more_once_it_is_gone() -> None:
+    quality = LightQuality(SEEN, black_grey=4)
+    told = []
+    for k in range(4 * FLICKER_FRAMES):
+        swing = 0.1 * np.sin(2 * np.pi * 4 * k / RATE_HZ) if k < 2 * FLICKER_FRAMES else 0.0
+        told.append(quality.look(residual(4 + 90 * (1 + swing)), round(1e9 * k / RATE_HZ)))
+    first = next(k for k, one in enumerate(told) if one)
+    assert FEWEST_FRAMES <= first + 1 <= FEWEST_FRAMES + EVERY_FRAMES
+    assert {event for one in told for event, _ in one} == {Event.FLICKER}
+    assert told[2 * FLICKER_FRAMES - 1]
+    assert not any(told[3 * FLICKER_FRAMES :])
+    assert "4 Hz" in told[2 * FLICKER_FRAMES - 1][0][1]
+
+
+def test_saturation_is_told_above_a_twentieth_of_the_view() -> None:
+    quality = LightQuality(SEEN, black_grey=4)
+    assert quality.look(residual(100, saturated=2), 0) == []
+    ((event, words),) = quality.look(residual(100, saturated=12), 1)
+    assert event is Event.SATURATED
+    assert words.startswith("25 % of the view is too bright")
+
+
+def test_where_nothing_is_seen_nothing_is_told() -> None:
+    assert LightQuality(np.zeros_like(SEEN), 4).look(residual(100, saturated=48), 0) == []

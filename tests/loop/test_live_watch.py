@@ -1,0 +1,161 @@
+"""What is looked after beside the frames, and what the operator is told; Python's housekeeping."""
+
+from __future__ import annotations
+
+import gc
+import sys
+import time
+
+import pytest
+
+from zeromethod.loop.display_watch import ASLEEP, RESYNC_S, Watch
+from zeromethod.loop.events import Event
+from zeromethod.loop.live.clock_watch import STOOD_STILL_S, ClockWatch, slept_ns
+from zeromethod.loop.live.paused_gc import COLLECTED_ABOVE, SWITCH_S, Steady
+from zeromethod.loop.notices import QUIET_TURNS, Notices
+
+# Watch, clock, notices, steady
+
+
+class Lcd:
+    def __init__(self) -> None:
+        self.asleep = False
+        self.warnings: tuple[str, ...] = ()
+        self.polls = 0
+
+    def poll(self) -> None:
+        self.polls += 1
+
+
+def test_a_watch_tells_what_the_display_tells() -> None:
+    lcd = Lcd()
+    watch = Watch(lcd, None)  # type: ignore[arg-type]
+    watch.poll()
+    assert lcd.polls == 1
+    assert watch.look(0) == []
+    lcd.asleep, lcd.warnings = True, ("mirrored",)
+    watch.poll()
+    assert watch.stale(0) == ASLEEP
+    assert watch.look(0) == [(Event.DISPLAY_ASLEEP, ASLEEP), (Event.DISPLAY_WARNING, "mirrored")]
+    assert watch.look(0) == [(Event.DISPLAY_ASLEEP, ASLEEP)]
+    lcd.asleep, lcd.warnings = False, ("mirrored", "night mode")
+    watch.poll()
+    assert watch.stale(0) == ""
+    assert watch.look(0) == [(Event.DISPLAY_WARNING, "night mode")]
+
+
+def test_displays_without_such_members_are_as_good() -> None:
+    watch = Watch(object(), None)  # type: ignore[arg-type]
+    watch.poll()
+    assert watch.look(0) == []
+    # simulated time does not stand still by itself, however long a turn is
+    assert watch.stale(10**12) == ""
+
+
+def test_frames_are_stale_for_a_while_after_time_stood_still() -> None:
+    watch = Watch(object(), 0.5)  # type: ignore[arg-type]
+    second = 10**9
+    assert watch.stale(0) == ""
+    assert watch.look(second) == []
+    assert "waiting for fresh frames" in watch.stale(11 * second)
+    assert watch.look(11 * second) == [(Event.CLOCK_JUMPED, "the program stood still for 10.0 s")]
+    assert watch.look(11 * second) == []
+    assert watch.stale(11 * second + round(0.9e9 * RESYNC_S))
+    assert watch.stale(11 * second + round(1.1e9 * RESYNC_S)) == ""
+
+
+def test_a_clock_watch_knows_standing_still_from_waiting_and_from_suspension(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    slept = [3 * 10**9]
+    monkeypatch.setattr("zeromethod.loop.live.clock_watch.slept_ns", lambda: slept[0])
+    watch = ClockWatch(longest_wait_s=1.0)
+    longest_ns = round(1e9 * (1.0 + STOOD_STILL_S))
+    assert watch.look(0) == ""
+    assert watch.look(longest_ns) == ""
+    assert watch.look(2 * longest_ns + 10**6) == "the program stood still for 2.5 s"
+    assert watch.look(2 * longest_ns + 2 * 10**6) == ""
+    slept[0] += 7 * 10**9
+    assert watch.look(2 * longest_ns + 3 * 10**6) == "the host was suspended for 7.0 s"
+    assert watch.look(2 * longest_ns + 4 * 10**6) == ""
+
+
+def test_a_host_that_did_not_sleep_says_so() -> None:
+    first = slept_ns()
+    time.sleep(0.01)
+    # two clocks read one after the other: microseconds, or a turn of the scheduler
+    assert abs(slept_ns() - first) < 50_000_000
+
+
+def test_notices_tell_what_begins_and_not_what_goes_on() -> None:
+    notices = Notices()
+    told = []
+    for _ in range(5):
+        notices.tell(Event.FLICKER, "it beats")
+        told.append(notices.take())
+    assert told == [("it beats",), (), (), (), ()]
+    for _ in range(QUIET_TURNS - 2):
+        assert notices.take() == ()
+    notices.tell(Event.FLICKER, "it beats")
+    assert notices.take() == ()
+    for _ in range(QUIET_TURNS - 1):
+        notices.take()
+    notices.tell(Event.FLICKER, "it beats again")
+    assert notices.take() == ("it beats again",)
+
+
+def test_notices_keep_warnings_apart_by_their_words_and_pass_on_what_is_said() -> None:
+    notices = Notices()
+    notices.tell(Event.DISPLAY_WARNING, "mirrored")
+    notices.tell(Event.DISPLAY_WARNING, "night mode")
+    notices.tell(Event.DISPLAY_WARNING, "mirrored")
+    notices.say("a new zero")
+    notices.say("a new zero")
+    notices.tell_all((Event.CAMERA_LOST, Event.FRAMES_DROPPED), "gone")
+    assert notices.take() == ("mirrored", "night mode", "a new zero", "a new zero", "gone")
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_steady_puts_everything_back(enabled: bool) -> None:
+    was_enabled, switch_s = gc.isenabled(), sys.getswitchinterval()
+    try:
+        (gc.enable if enabled else gc.disable)()
+        sys.setswitchinterval(0.004)
+
+        def fail() -> None:
+            assert not gc.isenabled()
+            assert gc.get_freeze_count() > 0
+            assert sys.getswitchinterval() == pytest.approx(SWITCH_S)
+            raise ZeroDivisionError
+
+        with pytest.raises(ZeroDivisionError), Steady():
+            fail()
+        assert gc.isenabled() == enabled
+        assert gc.get_freeze_count() == 0
+        assert sys.getswitchinterval() == pytest.approx(0.004)
+    finally:
+        (gc.enable if was_enabled else gc.disable)()
+        sys.setswitchinterval(switch_s)
+
+
+def test_garbage_is_collected_when_idle_and_only_then() -> None:
+    class Knot:
+        alive = 0
+
+        def __init__(self) -> None:
+            self.me = self
+            Knot.alive += 1
+
+        def __del__(self) -> None:
+            Knot.alive -= 1
+
+    with Steady() as steady:
+        for _ in range(10):
+            Knot()
+        steady.idle()
+        assert Knot.alive == 10  # not due yet
+        kept = [[k] for k in range(COLLECTED_ABOVE + 1)]
+        assert Knot.alive == 10
+        steady.idle()
+        assert Knot.alive == 0
+        del kept

@@ -1,0 +1,143 @@
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from zeromethod.paper.equations import (
+    angle_change,
+    captured_distance,
+    depth_step,
+    elevation,
+    expanded_angle_change,
+    lean_between,
+    mirror_distance,
+    next_depth_step,
+    pattern_angle,
+    pattern_distance,
+    reflected_angle,
+    sine_rule_sides,
+)
+
+from .plane_rays import traced
+
+LENGTH = 80.0
+BENCHES = [(np.pi / 4, np.pi / 4), (0.9, 0.7), (0.6, 0.8)]
+
+
+def _depth(at):
+    return 0.8 * np.exp(-(((at - 45.0) / 12.0) ** 2))
+
+
+def _slope(at):
+    return -2 * (at - 45.0) / 144.0 * _depth(at)
+
+
+def _rays(alpha0, beta0, w=np.linspace(12.0, 40.0, 9)):  # noqa: B008
+    bench = {"alpha0": alpha0, "beta0": beta0, "length": LENGTH}
+    found = np.array([traced(float(at), _depth, _slope, **bench) for at in w])
+    return w, *found.T
+
+
+@pytest.mark.parametrize(("alpha0", "beta0"), BENCHES)
+def test_equations_8_to_14_are_exact_on_traced_rays(alpha0, beta0):
+    w, at, m, alpha = _rays(alpha0, beta0)
+    d, theta = _depth(at), np.arctan(_slope(at))
+    # rounding only: the tracing's root is good to 1e-13 of 80
+    np.testing.assert_allclose(reflected_angle(beta0, -theta), alpha, atol=1e-12)
+    np.testing.assert_allclose(lean_between(alpha, beta0), -theta, atol=1e-12)
+    np.testing.assert_allclose(np.tan(elevation(d, at)), d / at, atol=1e-14)
+    left, right = sine_rule_sides(at, d, m, alpha, alpha0)
+    np.testing.assert_allclose(left, right, rtol=1e-11)
+    np.testing.assert_allclose(pattern_distance(at, d, alpha, alpha0), m, rtol=1e-11)
+    np.testing.assert_allclose(captured_distance(LENGTH - at, d, beta0, beta0), w, rtol=1e-11)
+    np.testing.assert_allclose(mirror_distance(w, d, beta0), LENGTH - at, rtol=1e-11)
+    np.testing.assert_allclose(pattern_angle(m, at, d, alpha0), alpha, atol=1e-11)
+
+
+def test_equation_14_without_gamma_is_undone_by_its_own_inverse():
+    l_prime, d = np.array([5.0, 40.0]), np.array([0.4, -1.0])
+    w = captured_distance(l_prime, d, 0.7, 0.7, gamma=0.0)
+    np.testing.assert_allclose(mirror_distance(w, d, 0.7, keep_gamma=False), l_prime, rtol=1e-13)
+
+
+@pytest.mark.parametrize("theta", [-0.3, 0.0, 0.2])
+@pytest.mark.parametrize("turn", [-0.1, 1e-7, 0.0, 0.15])
+@pytest.mark.parametrize("length", [3.0, -3.0])
+def test_equation_5_is_the_integral_of_an_evenly_turning_slope(theta, turn, length):
+    # equation 4, by quadrature
+    expected, _ = quad(lambda at: np.tan(theta + turn * at / length), 0.0, length)
+    assert depth_step(length, theta, turn) == pytest.approx(expected, abs=1e-12)
+
+
+def test_equation_5_errs_by_the_third_power_of_the_interval():
+    def error(h):
+        a, b = np.arctan(_slope(40.0)), np.arctan(_slope(40.0 + h))
+        return abs(float(depth_step(h, a, b - a)) - (_depth(40.0 + h) - _depth(40.0)))
+
+    # slope is not linear in l: the remainder is h^3 d'''/12, so 8 per halving (next order: a few percent)
+    assert error(1.0) / error(0.5) == pytest.approx(8.0, rel=0.1)
+
+
+def test_equation_19_lags_by_one_interval_so_errs_by_the_second_power():
+    def error(h):
+        a, b = np.arctan(_slope(40.0 - h)), np.arctan(_slope(40.0))
+        return abs(float(next_depth_step(h, a, b - a)) - (_depth(40.0 + h) - _depth(40.0)))
+
+    # h^2 d'' per interval: 4 per halving
+    assert error(0.5) / error(0.25) == pytest.approx(4.0, rel=0.1)
+
+
+def test_equation_15_is_zero_for_the_ray_normal_to_the_pattern():
+    _, m, alpha = traced(20.0, lambda _: 0.0, lambda _: 0.0, alpha0=0.7, beta0=0.7, length=LENGTH)
+    assert angle_change(alpha, 0.7) == pytest.approx(0.0, abs=1e-13)
+    assert m == pytest.approx((LENGTH - 20.0 / np.cos(0.7)) * np.cos(0.7), rel=1e-13)
+
+
+@pytest.mark.parametrize("alpha0", [np.pi / 4, 0.6, 0.9])
+def test_equation_17_is_a_root_of_the_second_order_expansion_and_zero_at_rest(alpha0):
+    at, d = 30.0, 0.5
+    r2 = at * at + d * d
+    c, s = np.cos(alpha0), np.sin(alpha0)
+    assert expanded_angle_change(np.sqrt(r2) * c, at, d, alpha0) == pytest.approx(0.0, abs=1e-15)
+    m = 1.05 * np.sqrt(r2) * c
+    x = float(expanded_angle_change(m, at, d, alpha0))
+    # equation 16 with cos^2(x) -> 1 - x^2, cos^2(alpha0 + x) -> c^2 - 2 c s x - (c^2 - s^2) x^2
+    expansion = m * m * (1 - x * x) - r2 * (c * c - 2 * c * s * x - (c * c - s * s) * x * x)
+    assert expansion == pytest.approx(0.0, abs=1e-10 * r2)
+    # and the printed form, one root over the product, with the plus sign
+    a, b = -m * m + r2 * (c * c - s * s), r2 * c * s
+    printed = (-b + np.sqrt(b * b - (m * m - r2 * c * c) * a)) / a
+    assert x == pytest.approx(printed, abs=1e-14)
+
+
+@pytest.mark.parametrize(("alpha0", "lead"), [(np.pi / 4, 2.0 / 3.0), (0.6, None)])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_equation_17_errs_by_the_third_power_of_the_angle(alpha0, lead, sign):
+    def error(x):
+        # a point that has not left the mirror's plane: gamma = 0 is exact, m traced from the bare triangle
+        alpha = alpha0 + x
+        m = 50.0 * np.sin(np.pi / 2 - alpha) / np.sin(np.pi / 2 + alpha - alpha0)
+        return x - float(expanded_angle_change(m, 50.0, 0.0, alpha0))
+
+    big, small = error(sign * 0.02), error(sign * 0.01)
+    assert big / small == pytest.approx(8.0, rel=0.1)  # the next order is x = 2 % of this one, times a few
+    if lead is not None:
+        assert small == pytest.approx(lead * (sign * 0.01) ** 3, rel=0.05)
+
+
+def test_gamma_zero_makes_the_angle_too_small_by_d_over_l():
+    def shortfall(scale):
+        bench = {"alpha0": np.pi / 4, "beta0": np.pi / 4, "length": LENGTH}
+        at, m, alpha = traced(30.0, lambda at: scale * _depth(at), lambda at: scale * _slope(at), **bench)
+        missed = alpha - np.pi / 4 - float(expanded_angle_change(m, at, scale * _depth(at), np.pi / 4))
+        return missed, scale * _depth(at) / at
+
+    missed, gamma = shortfall(0.01)
+    assert missed == pytest.approx(gamma, rel=0.02)
+    # first order in depth: halving the press halves it
+    assert shortfall(0.02)[0] / missed == pytest.approx(2.0, rel=0.02)
+
+
+def test_equation_17_is_real_for_every_m():
+    m = np.geomspace(1e-3, 1e3, 301)
+    for alpha0 in np.linspace(0.1, 1.5, 29):
+        assert np.isfinite(expanded_angle_change(m, 1.0, 0.1, alpha0)).all()

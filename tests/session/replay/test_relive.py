@@ -1,0 +1,146 @@
+"""The loop closed again over the mirror of a recording."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_run import recorded
+
+from zeromethod.errors import InputError
+from zeromethod.recording.recording import Recording
+from zeromethod.rig.load import load_rig
+from zeromethod.session.replay.comparison import figures_of
+from zeromethod.session.replay.mirror import RecordedMirror
+from zeromethod.session.replay.relive import Reliving, bench_of, recorded_track
+from zeromethod.session.replay.resense import resense
+from zeromethod.session.replay.settings import with_settings
+from zeromethod.session.replay.track import Track
+from zeromethod.session.replay.window import Window
+
+
+def relived(recording: Recording, settings: list[str], window: Window | None = None, **more: object) -> Track:
+    mirror = RecordedMirror(recording, window or Window.of(recording))
+    rig = with_settings(bench_of(recording.rig), settings)
+    return Reliving("relived", rig, mirror, **more).run()
+
+
+@pytest.fixture(scope="module")
+def unchanged(session) -> Track:
+    with Recording(session.path) as recording:
+        return relived(recording, [])
+
+
+@pytest.fixture(scope="module")
+def was(session) -> Track:
+    with Recording(session.path) as recording:
+        return recorded_track(recording, Window.of(recording))
+
+
+def test_the_mirror_is_where_it_was_read(session, recording) -> None:
+    window = Window.of(recording)
+    mirror = RecordedMirror(recording, window)
+    scenario = mirror.scenario("again")
+    for turn in recording.turns_kept("surface")[[5, 20, 35, 45]]:
+        surface = recording.surface(int(turn))
+        there = scenario.mirror_at(surface.time_ns - mirror.shift_ns)
+        off = there.depth(surface.x_mm, surface.y_mm)[surface.valid] - surface.depth_mm[surface.valid]
+        # 0.3 um is what the noise of one frame is on these few nodes; a sixteenth of it is averaged away
+        assert np.sqrt(np.mean(off**2)) < 5e-4
+
+
+def test_at_rest_the_noise_of_single_readings_does_not_move_it(session, recording) -> None:
+    mirror = RecordedMirror(recording, Window.of(recording))
+    scenario = mirror.scenario("again")
+    turns = [int(turn) for turn in recording.turns_kept("surface")]
+    surfaces = [recording.surface(turn) for turn in turns]
+    still = [surface for surface in surfaces if surface.time_ns < 0.13e9]
+    assert len(still) >= 5
+    valid = np.logical_and.reduce([surface.valid for surface in still])
+    x_mm, y_mm = still[0].x_mm[valid], still[0].y_mm[valid]
+    read = np.std([surface.depth_mm[valid] for surface in still], axis=0)
+    moved = np.std([scenario.mirror_at(s.time_ns - mirror.shift_ns).depth(x_mm, y_mm) for s in still], axis=0)
+    assert np.mean(moved) < 0.5 * np.mean(read)
+
+
+def test_relived_unchanged_it_does_what_the_session_did(was: Track, unchanged: Track) -> None:
+    recorded_figures, again = figures_of(was), figures_of(unchanged)
+    assert again["frames"] == recorded_figures["frames"]
+    assert again["depth_peak_mm"] == pytest.approx(0.1, rel=0.03)
+    # the mirror has the noise of its readings on top while it moves
+    assert again["residual_rms_px"] == pytest.approx(recorded_figures["residual_rms_px"], rel=0.25)
+    assert again["lag_ms"] == pytest.approx(recorded_figures["lag_ms"], abs=6.0)
+    # of what was pressed, half a micrometre is noise of readings that hundred nodes see in the slide
+    assert again["depth_error_um"] < 1.0
+
+
+def test_the_same_seed_is_the_same_session_bit_for_bit(session, recording, unchanged: Track) -> None:
+    again = relived(recording, [])
+    assert len(again.moments) == len(unchanged.moments)
+    assert np.array_equal(again.moved, unchanged.moved, equal_nan=True)
+    assert np.array_equal(again.behind, unchanged.behind, equal_nan=True)
+    for name in ("residual_rms_px", "depth_peak_mm", "depth_error_um"):
+        assert np.array_equal(again.values(name), unchanged.values(name), equal_nan=True)
+
+
+def test_a_later_panel_lags_more_and_rejects_less(recording, unchanged: Track) -> None:
+    slow = figures_of(relived(recording, ["display.latency_s=0.03"]))
+    known = figures_of(unchanged)
+    # a quarter is left of 30 ms by the command's lead, which a press of 0.2 s cannot use in full
+    assert 8.0 < slow["lag_ms"] - known["lag_ms"] < 40.0
+    assert slow["left_by_hz"]["2-4"] > 1.2 * known["left_by_hz"]["2-4"]
+
+
+def test_a_timid_integrator_nulls_the_same_mirror_worse(recording, unchanged: Track) -> None:
+    timid = figures_of(relived(recording, ["control.controller=integrator", "control.gain=0.1"]))
+    assert timid["residual_rms_px"] > 1.5 * figures_of(unchanged)["residual_rms_px"]
+    assert timid["nulled_share"] < figures_of(unchanged)["nulled_share"]
+
+
+def test_a_part_begins_locked_though_the_mirror_is_pressed(recording) -> None:
+    # pressed down at 0.35 s, held until 0.55 s
+    track = relived(recording, [], Window.of(recording, 0.46, 0.54))
+    assert len(track.moments) >= 4
+    assert all(moment.nulled for moment in track.moments)
+    assert track.values("depth_peak_mm") == pytest.approx(0.1, rel=0.03)
+    assert 0 <= track.time_s[0] < 0.02
+
+
+def test_it_can_be_recorded_and_that_sensed_again(recording, tmp_path: Path, unchanged: Track) -> None:
+    path = tmp_path / "again.h5"
+    relived(recording, [], Window.of(recording, None, 0.3), record=path, command_line="replay")
+    with Recording(path) as again:
+        assert again.complete
+        assert again.rig.press == "none"
+        warps, depths = resense(again, again.rig, Window.of(again))
+        assert warps.turns > 10
+        assert warps.different == depths.different == []
+        assert recorded_track(again, Window.of(again)).values("residual_rms_px")[3:15] == pytest.approx(
+            unchanged.values("residual_rms_px")[3:15]
+        )
+
+
+def test_a_recording_without_surfaces_moves_no_mirror(session, tmp_path: Path) -> None:
+    path = recorded(tmp_path / "r.h5", 0.15, rig=session.rig, keep=("warps",))
+    with Recording(path) as opened, pytest.raises(InputError, match="recorded without surfaces"):
+        RecordedMirror(opened, Window.of(opened))
+
+
+def test_a_real_bench_becomes_a_simulated_one_with_its_delays() -> None:
+    rig = with_settings(
+        load_rig("simulated"),
+        [
+            "display.driver=window",
+            "display.monitor=1",
+            "display.latency_s=0.02",
+            "camera.driver=aravis",
+            "camera.latency_s=0.011",
+            "simulation.camera_latency_s=0.004",
+            "press=step",
+        ],
+    )
+    bench = bench_of(rig)
+    assert (bench.display.driver, bench.camera.driver) == ("simulated", "simulated")
+    assert bench.display.latency_s == 0.02
+    assert bench.simulation.camera_latency_s == 0.011
+    assert bench.press == "none"
+    assert bench.control == rig.control

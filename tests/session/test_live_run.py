@@ -1,0 +1,315 @@
+"""A run in real time: read beside the loop, published to the end, ended in order."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import StringIO
+from typing import Any
+
+import numpy as np
+import pytest
+from hanging import PATIENCE_S, eventually
+from live_devices import Eye, small_rig
+from rich.console import Console
+
+from zeromethod.devices.opening import open_devices
+from zeromethod.devices.protocols import CameraLost, DisplayLost
+from zeromethod.loop.state import NULLED, State
+from zeromethod.session import surface_process as process
+from zeromethod.session.reading import CLOSING_S, ReadInThread, ReadInTurn
+from zeromethod.session.result import FrameRecord
+from zeromethod.session.run import Run
+from zeromethod.session.summary import summarise
+from zeromethod.view.live import LiveStatus
+
+
+class Turn:
+    """As much of a step as reading looks at."""
+
+    def __init__(self, number: int, measured: bool = True) -> None:
+        self.number = number
+        self.measured = object() if measured else None
+
+
+class Reading:
+    def __init__(self, step: Turn) -> None:
+        self.step, self.surface, self.peak = step, f"surface {step.number}", f"peak {step.number}"
+
+
+class Reader:
+    """Reads as slowly as `go` tells."""
+
+    def __init__(self) -> None:
+        self.go = threading.Event()
+        self.begun: list[int] = []
+        self.error: Exception | None = None
+
+    def __call__(self, step: Any) -> Any:
+        self.begun.append(step.number)
+        self.go.wait(PATIENCE_S)
+        if self.error is not None:
+            raise self.error
+        return Reading(step)
+
+
+class Published:
+    def __init__(self) -> None:
+        self.turns: list[tuple[Any, Any]] = []
+
+    def publish(self, step: Any, reading: Any = None) -> None:
+        self.turns.append((step, reading))
+
+    @property
+    def numbers(self) -> list[int]:
+        return [step.number for step, _ in self.turns]
+
+
+def running(*names: str) -> list[str]:
+    return [thread.name for thread in threading.enumerate() if thread.name in names]
+
+
+def test_reading_takes_the_newest_only_and_never_waits() -> None:
+    reader, published = Reader(), Published()
+    reading = ReadInThread(reader, published)
+    started = time.monotonic()
+    reading.post(Turn(0))  # type: ignore[arg-type]
+    eventually(lambda: reader.begun == [0])
+    for number in range(1, 40):
+        reading.post(Turn(number))  # type: ignore[arg-type]
+    assert time.monotonic() - started < 5
+    assert reading.collect() == []
+    reader.go.set()
+    reading.close()
+    assert [one.step.number for one in reading.collect()] == [0, 39]
+    assert reader.begun == published.numbers == [0, 39]
+    assert published.turns[1][1] == ("surface 39", "peak 39")
+
+
+def test_turns_without_a_measurement_are_published_in_their_place() -> None:
+    reader, published = Reader(), Published()
+    reading = ReadInThread(reader, published)
+    reading.post(Turn(0))  # type: ignore[arg-type]
+    eventually(lambda: reader.begun == [0])
+    reading.post(Turn(1))  # type: ignore[arg-type]
+    for number in (2, 3):
+        reading.post(Turn(number, measured=False))  # type: ignore[arg-type]
+    reader.go.set()
+    reading.close()
+    # the newest measured one, then the newest without: what has gone wrong since
+    assert published.numbers == [0, 1, 3]
+    assert published.turns[-1][1] is None
+    eventually(lambda: not running("read surface"))
+
+
+@pytest.mark.parametrize("when", ["post", "close"])
+def test_what_reading_raises_surfaces_once(when: str) -> None:
+    reader = Reader()
+    reader.error = ZeroDivisionError("in the reader")
+    reader.go.set()
+    reading = ReadInThread(reader, None)
+    reading.post(Turn(0))  # type: ignore[arg-type]
+    if when == "post":
+        eventually(lambda: reading._error is not None)
+        with pytest.raises(ZeroDivisionError, match="in the reader"):
+            reading.post(Turn(1))  # type: ignore[arg-type]
+    else:
+        with pytest.raises(ZeroDivisionError, match="in the reader"):
+            reading.close()
+    reading.close()
+
+
+def test_a_reading_that_takes_for_ever_does_not_keep_a_run_from_ending() -> None:
+    reader = Reader()
+    reading = ReadInThread(reader, None)
+    reading.post(Turn(0))  # type: ignore[arg-type]
+    eventually(lambda: reader.begun == [0])
+    started = time.monotonic()
+    reading.close()
+    assert CLOSING_S * 0.9 < time.monotonic() - started < 1
+    reader.go.set()
+
+
+def test_reading_in_turn_reads_all() -> None:
+    reader, published = Reader(), Published()
+    reader.go.set()
+    reading = ReadInTurn(reader, published)
+    for number in range(3):
+        reading.post(Turn(number, measured=number != 1))  # type: ignore[arg-type]
+    assert [one.step.number for one in reading.collect()] == [0, 2]
+    assert published.numbers == [0, 1, 2]
+    reading.close()
+
+
+@contextmanager
+def session(real: bool = True, window: bool = False) -> Iterator[tuple[Run, Published]]:
+    camera, display = ("RealEye", "Window" if window else "RealScreen") if real else ("Eye", "Screen")
+    published = Published()
+    rig = small_rig(f"live_devices:{camera}", f"live_devices:{display}")
+    with open_devices(rig) as devices:
+        run = Run(rig, devices, published)
+        run.devices = devices  # type: ignore[attr-defined]
+        yield run, published
+
+
+def read(run: Run) -> list[FrameRecord]:
+    return [record for record in run.result.records if np.isfinite(record.depth_peak_mm)]
+
+
+@pytest.mark.parametrize("real", [False, True], ids=["simulated", "real"])
+def test_a_run_reads_depth_and_publishes_to_the_end(real: bool) -> None:
+    with session(real) as (run, published):
+        eye: Eye = run.devices.camera  # type: ignore[attr-defined]
+        rows, columns = eye.shape
+        y, x = np.mgrid[:rows, :columns].astype(float)
+        away = np.stack([x - columns / 2, y - rows / 2], axis=-1) / 20
+        dent = 2.0 * away * np.exp(-0.5 * np.sum(away**2, axis=-1, keepdims=True))
+
+        newest = []
+        for count, record in enumerate(run.steps(frames=40)):
+            newest.append(record.newest_peak_mm)
+            if count == 15:
+                eye.away_px = dent
+        result = run.result
+    assert len(read(run)) >= (5 if real else 30)
+    pressed = [abs(record.depth_peak_mm) for record in read(run)[-2:]]
+    assert min(pressed) > 5 * abs(read(run)[0].depth_peak_mm)
+    assert np.isfinite(newest[-1])
+    assert result.records[-1].state in NULLED
+    numbers = published.numbers
+    assert numbers == sorted(set(numbers))
+    # the last word is how it ended, and the last but one that was read is not after it
+    step, reading = published.turns[-1]
+    assert (step.state, reading) == (State.STOPPED, None)
+    assert step.number == result.records[-1].number + 1
+    assert sum(one is not None for _, one in published.turns) == len(read(run))
+    eventually(lambda: not running("read surface", "present"))
+
+
+def test_an_interrupted_run_keeps_what_it_has_and_ends_within_a_second_though_the_camera_hangs() -> None:
+    with session() as (run, published):
+        eye: Eye = run.devices.camera  # type: ignore[attr-defined]
+        hung, hangs = threading.Event(), threading.Event()
+
+        def hang(reads: int) -> None:
+            if reads > 15:
+                hangs.set()
+                hung.wait(PATIENCE_S)
+
+        eye.before_read = hang
+        run.loop._source._timeout_s = 30.0
+        asked: list[float] = []
+
+        def ask() -> None:
+            hangs.wait(PATIENCE_S)
+            time.sleep(0.05)
+            asked.append(time.monotonic())
+            run.interrupt()
+
+        threading.Thread(target=ask).start()
+        records = list(run.steps())
+        assert time.monotonic() - asked[0] < 1
+        hung.set()
+    assert run.result.interrupted
+    assert len(records) >= 10
+    assert records[-1].state is State.STOPPED
+    assert published.turns[-1][0].state is State.STOPPED
+    assert summarise(run.result)["nulled_frames"] > 0
+
+
+def test_a_window_that_is_closed_ends_the_run_with_its_reason() -> None:
+    with session(window=True) as (run, published):
+        window = run.devices.display  # type: ignore[attr-defined]
+
+        def close() -> None:
+            raise DisplayLost("its window was closed")
+
+        for count, _ in enumerate(run.steps()):
+            if count == 10:
+                window.on_poll = close
+    assert run.result.state is State.FAULT
+    assert run.result.records[-1].reason == "the display is lost: its window was closed"
+    assert published.turns[-1][0].state is State.FAULT
+    assert published.turns[-1][0].reason == "the display is lost: its window was closed"
+
+
+def test_a_run_left_half_way_ends_its_threads() -> None:
+    with session() as (run, published):
+        steps = run.steps()
+        for _ in range(8):
+            next(steps)
+        steps.close()  # type: ignore[attr-defined]
+        assert run.loop.status.state is State.STOPPED
+        eventually(lambda: not running("read surface", "present"))
+        assert published.turns[-1][0].state is State.STOPPED
+
+
+def test_an_error_in_reading_ends_the_run_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(_read: object) -> Any:
+        raise FloatingPointError("surface")
+
+    with session() as (run, _):
+        steps = run.steps(frames=200)
+        next(steps)
+        monkeypatch.setattr(run._surfaces, "read", broken)
+        with pytest.raises(FloatingPointError, match="surface"):
+            list(steps)
+        assert run.loop.status.state is State.STOPPED
+
+
+def test_a_run_whose_reading_process_is_killed_tells_it_and_reads_on() -> None:
+    with session() as (run, _):
+        killed, before = False, 0
+        for record in run.steps(seconds=20):
+            reader = run._surfaces._process
+            if not killed and reader is not None and np.isfinite(record.newest_peak_mm):
+                os.kill(reader.process_id, signal.SIGKILL)
+                killed, before = True, len(read(run))
+            elif killed and len(read(run)) > before + 5:
+                break
+    told = [note for note in run.result.notes if "reads surfaces" in note]
+    assert told == [
+        "the process that reads surfaces is lost (signal 9): the run's own does, and is slower",
+    ]
+
+
+def test_a_run_reads_though_no_process_can_be_started_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_arguments: object, **_streams: object) -> Any:
+        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    monkeypatch.setattr(process, "start_beside", refuse)
+    with session() as (run, _):
+        records = run.steps(seconds=20)
+        while len(read(run)) < 3:
+            next(records)
+        records.close()  # type: ignore[attr-defined]
+    [told] = [note for note in run.result.notes if "reads surfaces" in note]
+    assert "lost (it does not start: Resource temporarily unavailable)" in told
+
+
+def lose(_reads: int) -> None:
+    raise CameraLost("cable [1/2] is out")
+
+
+def test_the_operator_sees_the_state_and_why_and_every_note() -> None:
+    with session(real=False) as (run, _):
+        eye: Eye = run.devices.camera  # type: ignore[attr-defined]
+        out = StringIO()
+        console = Console(file=out, width=160, force_terminal=True, color_system=None)
+        with LiveStatus(console, None, "seconds", "p pause  q stop") as live:
+            for count, record in enumerate(run.steps(frames=12)):
+                live.update(record, count)
+                live._progress.refresh()
+                if count == 6:
+                    eye.before_read = lose
+    shown = out.getvalue()
+    for words in ("resting", "fault", "the camera is lost: cable [1/2] is out", "p pause  q stop"):
+        assert words in shown
+    assert "note: the camera is lost: cable [1/2] is out\n" in shown
+    assert "note: the camera was opened again\n" in shown
+    assert run.result.notes == ["the camera is lost: cable [1/2] is out", "the camera was opened again"]

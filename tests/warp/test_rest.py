@@ -1,0 +1,115 @@
+"""The warp at rest: by the geometry, or as a rest map measured it, with the rays that see it so."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from zeromethod.calibration import build, describe
+from zeromethod.errors import InputError
+from zeromethod.optics import Dented, Optics
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig, parse_rig, read_text
+from zeromethod.rig.model import Rig
+from zeromethod.rig.save import save_values
+from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.surface import SurfaceReader, peak
+from zeromethod.warp.rest import Rest
+from zeromethod.warp.rest_map import Reason, RestMap
+from zeromethod.warp.rest_pixels import RestGrid
+from zeromethod.warp.warp import Warp
+
+NOISE_PX = 0.03
+DEPTH_MM = 0.2
+
+
+@pytest.fixture(scope="module")
+def believed() -> Rig:
+    return binned(load_rig("simulated"), 4)
+
+
+@pytest.fixture(scope="module")
+def bench(believed: Rig) -> Optics:
+    """What the rig file does not know: a lens with 0.4 camera px of distortion, and a shifted LCD."""
+    across_mm = describe(believed)["display.across_mm"] + 0.5
+    return Optics(build(believed, {"camera.k1": 0.3, "display.across_mm": across_mm}))
+
+
+@pytest.fixture(scope="module")
+def rest_map(bench: Optics) -> RestMap:
+    camera = bench.rig.camera
+    v, u = np.indices((camera.rows, camera.columns), dtype=np.float64)
+    lcd = bench.rest_map(u, v) + NOISE_PX * np.random.default_rng(1).standard_normal((*u.shape, 2))
+    valid = np.isfinite(lcd).all(axis=-1)
+    return RestMap(lcd, np.full(lcd.shape, NOISE_PX), valid, np.zeros(valid.shape, np.uint16))
+
+
+def with_map(rig: Rig, rest_map: RestMap, path: Path) -> Rig:
+    rest_map.save(path)
+    return rig.model_copy(update={"camera": rig.camera.model_copy(update={"rest_map": path})})
+
+
+def test_the_measured_rest_is_the_rest_of_the_loop(
+    believed: Rig, bench: Optics, rest_map: RestMap, tmp_path: Path
+) -> None:
+    rig = with_map(believed, rest_map, tmp_path / "rest.npz")
+    rest = Rest.of(rig, Optics(rig))
+    by_geometry = Rest.of(believed, Optics(believed))
+    truth = bench.rest_map(*by_geometry.grid.mesh())
+    seen = rest.seen
+    assert seen.sum() > 0.95 * by_geometry.seen.sum()
+    # the quadratic of a node's window of 9 x 9 px takes the noise down to a quarter
+    np.testing.assert_allclose(rest.q[seen], truth[seen], atol=4 * NOISE_PX / 4)
+    assert np.abs(by_geometry.q[seen] - truth[seen]).max() > 1.0
+
+
+def test_a_press_is_read_on_the_rays_that_the_measured_rest_names(
+    believed: Rig, bench: Optics, rest_map: RestMap, tmp_path: Path
+) -> None:
+    rig = with_map(believed, rest_map, tmp_path / "rest.npz")
+    optics = Optics(rig)
+    rest = Rest.of(rig, optics)
+    pixels = Rest.of(believed, optics).grid.mesh()
+    point = bench.trace(*pixels, bench.rest).point[rest.seen]
+    x, y = (float(np.median(point[:, axis])) for axis in (0, 1))
+    mirror = Mirror((Dent(Shape.GAUSSIAN, x, y, DEPTH_MM, 5.0),))
+    q = bench.trace(*pixels, Dented(bench.rest, mirror)).q
+    flags = np.where(rest.seen, 0, 1).astype(np.uint16)
+    warp = Warp(q, np.full(q.shape, NOISE_PX / 4), flags, 0)
+    assert isinstance(rest.grid, RestGrid)
+    found = peak(SurfaceReader(rig, optics, rest.grid).read(warp))
+    # what is left: the LCD's half millimetre across, which costs no depth, and noise of 0.1 %
+    assert found.depth_mm == pytest.approx(DEPTH_MM, rel=3e-3)
+
+
+def test_nodes_that_the_rest_map_leaves_out_are_drawn_and_not_seen(
+    believed: Rig, bench: Optics, rest_map: RestMap, tmp_path: Path
+) -> None:
+    valid, reason, lcd = rest_map.valid.copy(), rest_map.reason.copy(), rest_map.lcd_px.copy()
+    hole = slice(100, 140), slice(120, 180)
+    valid[hole], reason[hole], lcd[hole] = False, int(Reason.SECOND_REFLECTION), np.nan
+    holed = replace(rest_map, lcd_px=lcd, valid=valid, reason=reason)
+    rig = with_map(believed, holed, tmp_path / "rest.npz")
+    rest = Rest.of(rig, Optics(rig))
+    u, v = np.meshgrid(rest.grid.u_px, rest.grid.v_px)
+    inside = (v > 104) & (v < 136) & (u > 124) & (u < 176)
+    assert not rest.seen[inside].any()
+    # continued from around: the lens bends by less than a pixel over the hole
+    np.testing.assert_allclose(rest.q[inside], bench.rest_map(u, v)[inside], atol=0.2)
+
+
+def test_a_rest_map_of_another_camera_is_refused(believed: Rig, rest_map: RestMap, tmp_path: Path) -> None:
+    rig = with_map(load_rig("simulated"), rest_map, tmp_path / "rest.npz")
+    with pytest.raises(InputError, match=r"320 x 256 px: the camera has 1280 x 1024"):
+        Rest.of(rig, Optics(rig))
+
+
+def test_a_rest_map_lies_beside_its_rig_file(rest_map: RestMap, tmp_path: Path) -> None:
+    source = tmp_path / "mine.toml"
+    source.write_text(read_text(Path("calibration/rigs/simulated.toml")))
+    with pytest.raises(InputError, match=r"camera.rest_map: .rest.npz.: an existing .npz or .h5 file"):
+        save_values(source, {"camera.rest_map": "rest.npz"})
+    rest_map.save(tmp_path / "rest.npz")
+    save_values(source, {"camera.rest_map": "rest.npz"})
+    assert parse_rig(read_text(source), source).camera.rest_map == tmp_path / "rest.npz"

@@ -1,0 +1,66 @@
+"""A camera whose lens the rig does not know: the measured rest gives every node its ray back."""
+
+import numpy as np
+import pytest
+
+from zeromethod.optics import Dented, Optics
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.surface import SurfaceReader, peak
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.rest_pixels import RestGrid, rest_pixels
+from zeromethod.warp.validity import Flag
+from zeromethod.warp.warp import Warp
+
+PRESS = Mirror((Dent(Shape.GAUSSIAN, 37.0, 4.0, 0.2, 5.0),))
+
+
+@pytest.fixture(scope="module")
+def believed() -> Rig:
+    return binned(load_rig("simulated"), 4)
+
+
+@pytest.fixture(scope="module")
+def true(believed: Rig) -> Optics:
+    # 2 % at the corner, 0.09 of the focal length from the middle, and an optical centre off by some px
+    changes = {"distortion": (2.4, 0.0, 1e-3, 0.0, 0.0), "centre_px": (163.0, 125.0)}
+    return Optics(believed.model_copy(update={"camera": believed.camera.model_copy(update=changes)}))
+
+
+@pytest.fixture(scope="module")
+def grid(believed: Rig) -> NodeGrid:
+    return NodeGrid((believed.camera.rows, believed.camera.columns), believed.target.period_px)
+
+
+def test_pixels_of_the_measured_rest_have_the_true_rays(believed: Rig, true: Optics, grid: NodeGrid) -> None:
+    ideal = Optics(believed)
+    pixels = rest_pixels(ideal, np.stack(grid.mesh(), axis=-1), true.rest_map(*grid.mesh()))
+    _, found = ideal.camera_rays(pixels[..., 0], pixels[..., 1])
+    _, wanted = true.camera_rays(*grid.mesh())
+    # Newton stops at 1e-9 px of 1 / 2250 rad
+    assert np.max(np.abs((found - wanted)[grid.inner])) < 1e-11
+
+
+def test_an_unknown_rest_leaves_the_pixel(believed: Rig, true: Optics, grid: NodeGrid) -> None:
+    q_rest = true.rest_map(*grid.mesh())
+    q_rest[5, 7] = np.nan
+    u, v = RestGrid.of(grid, Optics(believed), q_rest).mesh()
+    assert (u[5, 7], v[5, 7]) == (grid.u_px[7], grid.v_px[5])
+    assert u[5, 8] != grid.u_px[8]
+
+
+def test_a_reader_on_them_reads_what_a_reader_that_knows_the_lens_reads(
+    believed: Rig, true: Optics, grid: NodeGrid
+) -> None:
+    flags = np.full(grid.shape, Flag.OUTSIDE, np.uint16)
+    flags[grid.inner] = 0
+    q = true.trace(*grid.mesh(), Dented(true.rest, PRESS)).q
+    warp = Warp(q, np.full(q.shape, 0.01), flags, 0)
+    ideal = Optics(believed)
+    told = SurfaceReader(true.rig, true, grid).read(warp)
+    found = SurfaceReader(believed, ideal, RestGrid.of(grid, ideal, true.rest_map(*grid.mesh()))).read(warp)
+    # the same rays by another route: what is left is where the passes stop, 1e-7 mm
+    assert np.nanmax(np.abs(found.depth_mm - told.depth_mm)) < 1e-6
+    assert peak(found).x_mm == pytest.approx(peak(told).x_mm, abs=1e-4)

@@ -1,0 +1,220 @@
+"""Options that name the real devices, shared by the commands: from `--display`, `--camera` to the rig."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import click
+from pydantic import ValidationError
+
+from zeromethod.cli.numbers import Whole
+from zeromethod.commissioning.delay import with_strips
+from zeromethod.devices.addresses import with_camera
+from zeromethod.errors import InputError
+from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
+from zeromethod.rig.refusal import first_refusal
+from zeromethod.simulation.clone import SIMULATED
+
+REAL_CAMERAS = frozenset({"opencv", "pylon", "aravis"})
+"""Drivers that look at the world, and at nothing simulated."""
+
+WINDOW = "display window: "
+"""How messages about the screen begin, which is no news where only monitors are asked for."""
+
+_LATENCY_S = (-1.0, 10.0)
+
+_OPTIONS: tuple[Callable[[Any], Any], ...] = (
+    click.option(
+        "--display", "monitor", type=Whole(min=0), help="The LCD is this monitor: see `devices`."
+    ),
+    click.option(
+        "--camera", "address", metavar="ADDRESS",
+        help="0, a URL, a video file, pylon[:serial], aravis[:address] or package.module:Name.",
+    ),
+    click.option("--exposure", "exposure_s", type=float, metavar="S", help="Exposure of the camera, s."),
+    click.option("--camera-gain", "gain", type=float, metavar="G", help="Gain of the camera, its own units."),
+    click.option("--pixel-format", metavar="F", help="Pixel format of the camera: Mono8, Mono12, ..."),
+    click.option(
+        "--region", "region_px", type=Whole(min=0), nargs=4, metavar="X Y W H",
+        help="Part of the camera's sensor: first column, first row, columns, rows.",
+    ),
+    click.option(
+        "--trigger", type=click.Choice(["free", "software", "hardware"]),
+        help="What starts the camera's exposures.",
+    ),
+)  # fmt: skip
+
+_NAMES = {
+    "monitor": "--display",
+    "address": "--camera",
+    "exposure_s": "--exposure",
+    "gain": "--camera-gain",
+    "pixel_format": "--pixel-format",
+    "region_px": "--region",
+    "trigger": "--trigger",
+}
+
+
+@dataclass(frozen=True)
+class BenchOptions:
+    """What was given of the shared options; None = not given. From `exposure_s` on, keys of `[camera]`."""
+
+    monitor: int | None = None
+    address: str | None = None
+    exposure_s: float | None = None
+    gain: float | None = None
+    pixel_format: str | None = None
+    region_px: tuple[int, int, int, int] | None = None
+    trigger: str | None = None
+
+    @property
+    def named(self) -> bool:
+        """Whether a real device is named."""
+        return self.monitor is not None or self.address is not None
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """The options that were given, as they are typed."""
+        return tuple(_NAMES[field.name] for field in fields(self) if getattr(self, field.name) is not None)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Keys of `[camera]` that were given."""
+        keys = (field.name for field in fields(self) if field.name not in {"monitor", "address"})
+        return {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
+
+
+def bench_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the shared options to a command."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+def with_devices(rig: Rig, options: BenchOptions, camera_alone: bool = False) -> Rig:
+    """Rig with the devices and settings of the command line in place of its own.
+
+    Raises InputError, one line: monitors that are not there or not set to the rig's display (with the list),
+    camera addresses and settings that are not allowed, a simulated device beside a real one. camera_alone:
+    a camera without the LCD will do.
+    """
+    rig = _with_camera(rig, options)
+    if options.monitor is not None:
+        rig = _with_monitor(rig, options.monitor)
+    camera, display = rig.camera.driver, rig.display.driver
+    if options.monitor is not None and camera == SIMULATED:
+        raise InputError(
+            f"--display: {options.monitor}: the simulated camera does not see monitors; allowed: with "
+            "--camera, or a rig file with a camera of its own"
+        )
+    if camera in REAL_CAMERAS and display == SIMULATED and not camera_alone:
+        address = options.address
+        where = f"camera.driver: {camera!r}" if address is None else f"--camera: {address!r}"
+        raise InputError(
+            f"{where}: a camera does not see the simulated display; allowed: with --display, or a rig file "
+            "with a display of its own"
+        )
+    return rig
+
+
+def other_devices(
+    fingerprint: Mapping[str, Mapping[str, Any]], rig: Rig
+) -> list[tuple[str, CameraSpec | DisplaySpec]]:
+    """What the rig has where a calibration was made with devices of other drivers, with their options."""
+    pairs = (("--display N", "display", rig.display), ("--camera ADDRESS", "camera", rig.camera))
+    return [
+        (option, spec)
+        for option, table, spec in pairs
+        if fingerprint.get(table, {}).get("driver", spec.driver) != spec.driver
+    ]
+
+
+def without_display(rig: Rig) -> Rig:
+    """Rig whose display shows nothing: the camera alone is looked through."""
+    values = rig.display.given() | {"driver": "zeromethod.drivers.blank:BlankDisplay"}
+    return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})
+
+
+def tell_simulated(rig: Rig) -> None:
+    """Say so where no real device has a part in what follows."""
+    if rig.camera.driver == SIMULATED:
+        click.echo(f"rig {rig.name!r} is simulated: real devices are named by --display and --camera")
+
+
+def with_latency(rig: Rig, latency_s: float | None) -> Rig:
+    """Rig with the delay of `--latency`; InputError where it is no such number."""
+    if latency_s is None:
+        return rig
+    if not _LATENCY_S[0] <= latency_s <= _LATENCY_S[1]:
+        raise InputError(f"--latency: {latency_s}: from {_LATENCY_S[0]:g} to {_LATENCY_S[1]:g} s")
+    return rig.model_copy(update={"display": rig.display.model_copy(update={"latency_s": latency_s})})
+
+
+def with_asked_strips(rig: Rig, strips: bool | None, named: bool) -> Rig:
+    """Rig with or without coded strips: as told, else as it says, else with them for real devices.
+
+    named: whether devices were named on the command line, whatever they are.
+    """
+    if strips is None:
+        real = named or rig.camera.driver in REAL_CAMERAS
+        if not real or "strips" in rig.control.model_fields_set:
+            return rig
+        strips = True
+    return with_strips(rig, on=strips)
+
+
+def _with_camera(rig: Rig, options: BenchOptions) -> Rig:
+    exposure_s, gain, given = options.exposure_s, options.gain, options.settings
+    if exposure_s is not None and not (math.isfinite(exposure_s) and exposure_s > 0):
+        raise InputError(f"--exposure: {exposure_s}: a number of seconds above 0")
+    if gain is not None and not (math.isfinite(gain) and gain >= 0):
+        raise InputError(f"--camera-gain: {gain}: a number from 0 on")
+    try:
+        if options.address is not None:
+            rig = with_camera(rig, options.address, given)
+        elif given:
+            rig = rig.model_copy(update={"camera": _changed(rig.camera, given)})
+    except InputError as error:
+        key, _, rest = str(error).removeprefix("camera.").partition(":")
+        if key not in given:
+            raise
+        raise InputError(f"{_NAMES[key]}:{rest}") from None
+    unheeded = [key for key in given if key != "exposure_s"]
+    if rig.camera.driver == SIMULATED and unheeded:
+        raise InputError(f"{_NAMES[unheeded[0]]}: the simulated camera has none; allowed: with --camera")
+    return rig
+
+
+def _changed(camera: CameraSpec, settings: dict[str, Any]) -> CameraSpec:
+    try:
+        return CameraSpec.model_validate(camera.model_dump(exclude_unset=True) | settings)
+    except ValidationError as error:
+        raise InputError(f"camera.{first_refusal(error, CameraSpec)}") from None
+
+
+def _with_monitor(rig: Rig, index: int) -> Rig:
+    from zeromethod.drivers.monitors import monitors  # noqa: PLC0415 - needs a screen's libraries
+
+    display = rig.display
+    try:
+        known = monitors()
+    except InputError as error:
+        raise InputError(f"--display: {index}: {str(error).removeprefix(WINDOW)}") from None
+    listed = ", ".join(map(str, known)) or "none is connected"
+    if index not in range(len(known)):
+        raise InputError(f"--display: {index}: no such monitor; allowed: {listed}")
+    found = known[index]
+    wanted = f"{display.columns} x {display.rows} px at {display.refresh_hz:g} Hz"
+    if (found.columns, found.rows) != (display.columns, display.rows) or not found.runs_at(
+        display.refresh_hz
+    ):
+        raise InputError(
+            f"--display: {index}: set to another mode than the rig's display ({wanted}): set the monitor or "
+            f"the rig file; monitors: {listed}"
+        )
+    own = (display.model_extra or {}) if display.driver == "window" else {}
+    values = display.given() | own | {"driver": "window", "monitor": index}
+    return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})

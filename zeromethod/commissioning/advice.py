@@ -1,0 +1,198 @@
+"""What to do about what a frame shows, in words: the first thing first."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from zeromethod.commissioning.focus import FocusReport
+from zeromethod.commissioning.orientation import Alignment, Orientation
+from zeromethod.rig.model import CameraSpec, Rig
+
+SATURATED_SHARE = 0.002
+AIMED_SHARE, DARK_SHARE = 0.8, 0.35
+"""Share of full scale that the brightest grey should reach, and below which the picture is too dark."""
+NO_LIGHT_SHARE = 0.01
+"""Share of full scale that the mean grey of any picture exceeds."""
+
+NO_TARGET_SCORE = 0.12
+SHARP_SCORE = 0.8
+"""At 16 px per period a blur of 1.7 px."""
+UNEVEN = 0.15
+UNSEEN_SHARE = 0.05
+USABLE_SHARE = 0.9
+STRAY_SHARE = 0.1
+FLICKER_SHARE = 0.01
+WRONG_SIZE, WRONG_TURN_DEG, WRONG_PLACE_PERIODS = 0.02, 1.0, 0.25
+"""Beyond these the rig file does not describe the bench well enough to start from."""
+OTHER_SIZE = 0.1
+"""The picture's period is another then, and the focus score says nothing."""
+FINE_SIZE, FINE_PERIODS = 0.03, 0.4
+"""Within these, by the plain pictures, the target itself tells size and place more finely."""
+
+GOOD = "good: focus, light and view are as they should be"
+
+
+def advice(
+    report: FocusReport, rig: Rig, seen: Orientation | None = None, flicker_share: float = math.nan
+) -> tuple[str, ...]:
+    """Advice, one line each; `GOOD` alone when there is nothing to do.
+
+    seen: from plain pictures, where they could be shown. flicker_share: standard deviation of the light from
+    frame to frame over its mean.
+    """
+    said = _light(report, rig.camera)
+    blinded = report.saturated_share > SATURATED_SHARE
+    place = placed(report, seen, rig.target.period_px)
+    far = place is not None and max(abs(place.wider), abs(place.higher)) > OTHER_SIZE
+    unseen = seen is not None and seen.seen_share < UNSEEN_SHARE
+    if unseen:
+        said.append(
+            "the LCD is not seen: is it lit, on the right monitor, and seen by the camera in the mirror?"
+        )
+    elif not blinded and not far:  # what is clipped, or of another period, looks blurred
+        said += _sharpness(report, lcd_seen=seen is not None)
+    if seen is not None and not unseen:
+        said += _lie(seen)
+    if flicker_share > FLICKER_SHARE and not _no_light(report, rig.camera):
+        said.append(
+            f"the light flickers by {flicker_share:.1%} from frame to frame: set the LCD to full brightness "
+            "(no dimming by pulses), or expose for whole periods of it"
+        )
+    if not blinded and _light_share(report, rig.camera) >= DARK_SHARE:
+        said += _usable(report)
+    if place is not None:
+        said += _place(place, rig.target.period_px)
+    elif seen is None and report.alignment is None and report.score > NO_TARGET_SCORE and not blinded:
+        said.append("the picture lies far from where the rig file expects it: compare pose and focal_px")
+    return tuple(said) or (GOOD,)
+
+
+def placed(report: FocusReport, seen: Orientation | None, period_px: int) -> Alignment | None:
+    """Where the picture lies: by the target where that is near enough, else by the plain pictures.
+
+    None where it is not known, or the picture is mirrored or turned by quarters.
+    """
+    if seen is None:
+        return report.alignment
+    coarse, fine = seen.place, report.alignment
+    if coarse is None or fine is None:
+        return coarse
+    near = max(abs(coarse.wider), abs(coarse.higher)) < FINE_SIZE
+    near &= max(abs(coarse.right_px), abs(coarse.down_px)) < FINE_PERIODS * period_px
+    return fine if near else coarse
+
+
+def misplaced(seen: Orientation, rig: Rig) -> bool:
+    """Whether the LCD should be looked for again: it is not seen as it should be."""
+    place = seen.place
+    return place is None or not seen.upright or bool(_place(place, rig.target.period_px))
+
+
+def _light_share(report: FocusReport, camera: CameraSpec) -> float:
+    """Brightest light over what the camera can take."""
+    black = camera.noise.black_grey
+    return (report.bright_grey - black) / (report.full_grey - black)
+
+
+def _no_light(report: FocusReport, camera: CameraSpec) -> bool:
+    black = camera.noise.black_grey
+    return report.mean_grey - black <= NO_LIGHT_SHARE * (report.full_grey - black)
+
+
+def _light(report: FocusReport, camera: CameraSpec) -> list[str]:
+    share = _light_share(report, camera)
+    exposure_ms = 1e3 * camera.exposure_s
+    if report.saturated_share > SATURATED_SHARE:
+        return [
+            f"saturated ({report.saturated_share:.1%} of the pixels): shorten the exposure "
+            f"(now {exposure_ms:.3g} ms) or lower the gain until none is"
+        ]
+    if share >= DARK_SHARE:
+        return []
+    if _no_light(report, camera):
+        return ["no light: lens cap, aperture, LCD's backlight, exposure"]
+    wanted_s = camera.exposure_s * AIMED_SHARE / share
+    if wanted_s <= 1 / camera.rate_hz:
+        return [f"too dark: raise the exposure from {exposure_ms:.3g} to about {1e3 * wanted_s:.2g} ms"]
+    return [
+        f"too dark: {1e3 * wanted_s:.0f} ms would be wanted, a frame lasts {1e3 / camera.rate_hz:.3g} ms: "
+        "open the aperture, raise the gain, or take fewer frames per second"
+    ]
+
+
+def _sharpness(report: FocusReport, lcd_seen: bool) -> list[str]:
+    if not report.score > NO_TARGET_SCORE:
+        if lcd_seen:
+            return [
+                "far out of focus: the LCD is seen, its pattern is not: close the aperture and focus on the "
+                "LCD's image behind the mirror"
+            ]
+        return [
+            "no target is seen: is it on the LCD, does the camera look at it by the mirror? "
+            "Else far out of focus: close the aperture and focus on the LCD's image"
+        ]
+    if report.score < SHARP_SCORE:
+        return [
+            f"out of focus (blur of about {report.blur_px:.1f} px): focus on the LCD's image behind the "
+            "mirror, not on the mirror"
+        ]
+    if np.nanmax(report.modulation) - np.nanmin(report.modulation) > UNEVEN:
+        return ["sharp in places only: close the aperture, or turn the camera to face the LCD's image"]
+    return []
+
+
+def _lie(seen: Orientation) -> list[str]:
+    said = []
+    turn = (
+        "",
+        "turned by 90 degrees clockwise",
+        "turned by 180 degrees",
+        "turned by 90 degrees anticlockwise",
+    )
+    how = " and ".join(
+        word for word in ("mirrored" if seen.mirrored else "", turn[seen.quarter_turns]) if word
+    )
+    if how:
+        said.append(
+            f"the picture is seen {how}: set display.mirrored, display.turn_deg or camera.roll_deg "
+            "in the rig file to how the bench stands"
+        )
+    if seen.stray_share > STRAY_SHARE:
+        said.append(f"stray light, {seen.stray_share:.0%} of the LCD's: darken the room, shade the prism")
+    return said
+
+
+def _usable(report: FocusReport) -> list[str]:
+    if not report.score > NO_TARGET_SCORE or report.usable_share >= USABLE_SHARE:
+        return []
+    dark = f", {report.dark_share:.0%} dark" if report.dark_share > 0.01 else ""
+    return [
+        f"only {report.usable_share:.0%} of the view that should see the LCD is usable{dark}: clean the "
+        "faces, take what touches off the mirror, compare the pose with the rig file"
+    ]
+
+
+def _place(place: Alignment, period_px: int) -> list[str]:
+    said = []
+    if max(abs(place.wider), abs(place.higher)) > WRONG_SIZE:
+        said.append(
+            f"the picture is {place.wider:+.1%} wide and {place.higher:+.1%} high against the rig file: "
+            "move the camera, or set its pose and focal_px"
+        )
+    if abs(place.turn_deg) > WRONG_TURN_DEG:
+        clockwise = "clockwise" if place.turn_deg > 0 else "anticlockwise"
+        said.append(
+            f"the picture is turned by {abs(place.turn_deg):.1f} degrees {clockwise}: turn camera or LCD, "
+            "or set camera.roll_deg"
+        )
+    if max(abs(place.right_px), abs(place.down_px)) > WRONG_PLACE_PERIODS * period_px:
+        along = f"{abs(place.right_px):.0f} px {'right' if place.right_px > 0 else 'left'}"
+        across = f"{abs(place.down_px):.0f} px {'below' if place.down_px > 0 else 'above'}"
+        where = [word for word in (along, across) if not word.startswith("0 ")]
+        said.append(
+            f"the picture lies {' and '.join(where)} of where the rig file expects it: move camera or LCD, "
+            "or set display.centre_mm, camera.centre_px or the pose"
+        )
+    return said

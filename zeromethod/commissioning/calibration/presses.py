@@ -1,0 +1,221 @@
+"""Presses of known depth, read by the loop itself: wait, hold still, take, lift."""
+
+from __future__ import annotations
+
+import enum
+from collections import deque
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.commissioning.calibration.prompts import Silence, Teller
+from zeromethod.devices.opening import Devices
+from zeromethod.errors import MeasurementError
+from zeromethod.loop.loop import Loop
+from zeromethod.loop.state import NULLED
+from zeromethod.loop.step import Step
+from zeromethod.rig.model import Rig
+from zeromethod.warp.mean import mean_warp
+from zeromethod.warp.warp import Warp
+
+PRESSED_LCD_PX, LIFTED_LCD_PX = 0.8, 0.4
+"""Displacement (upper percent of the nodes) from which something presses, and below which it is gone."""
+
+STILL_LCD_PX, STILL_SHARE = 0.05, 0.002
+"""Change between the halves of the frames taken, rms over the pressed nodes, up to which a press stands
+still: the larger of a constant and a share of the displacement."""
+
+DEFAULT_FRAMES = 16
+DEFAULT_PATIENCE_S = 300.0
+_UPPER_PERCENT = 99.0
+_PRESSED_SHARE = 0.3
+
+
+class Phase(enum.Enum):
+    """What a press is waited for to do."""
+
+    REST = "resting"
+    COMING = "waiting for the press"
+    STANDING = "pressed, waiting for it to stand still"
+    LIFTING = "taken, waiting for the lift"
+
+
+@dataclass(frozen=True, eq=False)
+class PressWarps:
+    """Mean warps by the loop.
+
+    rest: of the untouched mirror. pressed: of the presses of known depth, in order. ball: of the ball.
+    """
+
+    rest: Warp
+    pressed: tuple[Warp, ...]
+    ball: Warp | None = None
+
+    @classmethod
+    def of(cls, rest: Warp, taken: Sequence[Warp], depths: int) -> PressWarps:
+        """From the presses taken: `depths` of known depth, then the ball."""
+        return cls(rest, tuple(taken[:depths]), taken[depths] if len(taken) > depths else None)
+
+
+class PressesEndedError(MeasurementError):
+    """Not all presses came. warps: what was taken before, None where not even the mirror at rest was."""
+
+    def __init__(self, reason: str, warps: PressWarps | None, interrupted: bool = False) -> None:
+        super().__init__(reason)
+        self.warps = warps
+        self.interrupted = interrupted
+
+
+class PressWatch:
+    """Follows measured warps and tells when the untouched mirror, then each press, was taken.
+
+    Feed it every turn (`take`); a turn in which the loop was not nulled is None and breaks the row of frames.
+    """
+
+    def __init__(self, frames: int = DEFAULT_FRAMES) -> None:
+        """frames: how many make a mean."""
+        self._frames = frames
+        self._row: deque[Warp] = deque(maxlen=frames)
+        self.phase = Phase.REST
+        self.rest: Warp | None = None
+        self.pressed: list[Warp] = []
+
+    def take(self, measured: Warp | None) -> bool:
+        """Take in one turn; whether the phase changed."""
+        before = self.phase
+        if measured is None:
+            self._row.clear()
+            return False
+        self._row.append(measured)
+        match self.phase:
+            case Phase.REST:
+                if len(self._row) == self._frames and self._stands(0.0, None):
+                    self.rest = mean_warp(self._row)
+                    self._go(Phase.COMING)
+            case Phase.COMING:
+                if self._strength(measured)[0] > PRESSED_LCD_PX:
+                    self._go(Phase.STANDING)
+            case Phase.STANDING:
+                strength, away = self._strength(measured)
+                if strength < LIFTED_LCD_PX:
+                    self._go(Phase.COMING)
+                elif len(self._row) == self._frames and self._stands(strength, away):
+                    self.pressed.append(mean_warp(self._row))
+                    self._go(Phase.LIFTING)
+            case Phase.LIFTING:
+                if self._strength(measured)[0] < LIFTED_LCD_PX:
+                    self._go(Phase.COMING)
+        return self.phase is not before
+
+    def _go(self, phase: Phase) -> None:
+        self.phase = phase
+        self._row.clear()
+
+    def _strength(self, measured: Warp) -> tuple[float, NDArray[np.float64]]:
+        """Displacement of the upper percent, LCD px, and that of every node, NaN where not known."""
+        assert self.rest is not None
+        known = measured.valid & self.rest.valid
+        away = np.where(known, np.linalg.norm(measured.q - self.rest.q, axis=-1), np.nan)
+        return (float(np.nanpercentile(away, _UPPER_PERCENT)) if known.any() else 0.0), away
+
+    def _stands(self, strength: float, away: NDArray[np.float64] | None) -> bool:
+        valid = np.logical_and.reduce([warp.valid for warp in self._row])
+        if away is not None:
+            with np.errstate(invalid="ignore"):
+                valid &= away > _PRESSED_SHARE * strength
+        if not valid.any():
+            return False
+        half = self._frames // 2
+        q = np.stack([warp.q[valid] for warp in self._row])
+        change = q[half:].mean(axis=0) - q[:half].mean(axis=0)
+        noise2 = float(np.mean([np.mean(warp.sigma[valid] ** 2) for warp in self._row])) * 4.0 / self._frames
+        moved = float(np.sqrt(max(np.mean(change**2) - noise2, 0.0)))
+        return moved <= max(STILL_LCD_PX, STILL_SHARE * strength)
+
+
+def record_presses(
+    rig: Rig,
+    devices: Devices,
+    depths_mm: Sequence[float],
+    frames: int = DEFAULT_FRAMES,
+    patience_s: float = DEFAULT_PATIENCE_S,
+    tell: Teller | None = None,
+    *,
+    ball_radius_mm: float | None = None,
+) -> PressWarps:
+    """Close the loop over a rig that fits the bench, and take presses in the order of their depths.
+
+    patience_s: of the run's clock, for each change that is waited for. ball_radius_mm: of a ball that is
+    asked for last.
+
+    Raises
+    ------
+    PressesEndedError
+        Nothing pressed in time, the press did not stand still or lift, the loop ended, or Ctrl-C.
+    """
+    watch = PressWatch(frames)
+    interrupted = False
+    asked = [f"press {depth:g} mm deep" for depth in depths_mm]
+    if ball_radius_mm is not None:
+        asked.append(f"press the ball of {ball_radius_mm:g} mm radius in")
+    try:
+        reason = _follow(rig, devices, asked, patience_s, tell or Silence(), watch)
+    except KeyboardInterrupt:
+        reason, interrupted = "presses: interrupted", True
+    warps = None if watch.rest is None else PressWarps.of(watch.rest, watch.pressed, len(depths_mm))
+    if reason or warps is None:
+        raise PressesEndedError(reason, warps, interrupted)
+    return warps
+
+
+def _follow(
+    rig: Rig,
+    devices: Devices,
+    asked: Sequence[str],
+    patience_s: float,
+    tell: Teller,
+    watch: PressWatch,
+) -> str:
+    """Run the loop until all presses were taken; why it did not come to that, "" where it did."""
+    last_ns = devices.clock.now_ns()
+    loop = Loop(rig, devices.camera, devices.display, devices.clock, reopen_camera=devices.reopen_camera)
+    with (
+        loop,
+        closing(loop.run()) as steps,
+        tell.part("rest and presses, by the loop", 1 + len(asked)) as advance,
+    ):
+        for step in steps:
+            nulled = step.state in NULLED and step.measured is not None
+            if watch.take(step.measured if nulled else None):
+                last_ns = devices.clock.now_ns()
+                if watch.phase is Phase.LIFTING or (watch.phase is Phase.COMING and not watch.pressed):
+                    advance()
+                if watch.phase is Phase.COMING and len(watch.pressed) == len(asked):
+                    return ""
+                _tell(tell, watch, asked)
+            elif devices.clock.now_ns() - last_ns > 1e9 * patience_s:
+                return _impatient(watch, len(asked), patience_s, step)
+    ended = loop.ended.reason if loop.ended is not None else "it ended"
+    return f"presses: the loop did not go on: {ended}"
+
+
+def _tell(tell: Teller, watch: PressWatch, asked: Sequence[str]) -> None:
+    done, count = len(watch.pressed), len(asked)
+    if watch.phase is Phase.COMING:
+        tell.say(f"press {done + 1} of {count}: {asked[done]} now, and hold still")
+    elif watch.phase is Phase.LIFTING:
+        tell.say(f"press {done} of {count}: taken; lift")
+
+
+def _impatient(watch: PressWatch, count: int, patience_s: float, step: Step) -> str:
+    what = {
+        Phase.REST: "the loop did not null the mirror at rest",
+        Phase.COMING: f"no press {len(watch.pressed) + 1} of {count}",
+        Phase.STANDING: "the press did not stand still while the loop was locked",
+        Phase.LIFTING: "the press did not lift",
+    }[watch.phase]
+    why = "" if step.state in NULLED else f" ({step.state}: {step.reason})"
+    return f"presses: {what} within {patience_s:g} s{why}"

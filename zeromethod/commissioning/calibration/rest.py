@@ -1,0 +1,189 @@
+"""The rest map, live: fringes shown one after the other, every one averaged over frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.commissioning.standing_patterns import HeldPictures
+from zeromethod.commissioning.uniform_patterns import AGREEMENT, apart, even_picture, thinned
+from zeromethod.decoding.fringes import SHIFTS, FringeSequence, equal_shifts
+from zeromethod.decoding.measuring import RestMeasurement, measure_rest
+from zeromethod.decoding.near_reflection import USUAL_SHARE
+from zeromethod.decoding.periods import SHORTEST_PX, choose_periods
+from zeromethod.errors import MeasurementError
+from zeromethod.optics import Optics
+from zeromethod.pattern import Response
+from zeromethod.rig.model import Rig
+from zeromethod.warp.rest_map import Reason, plain_name
+
+SHORTEST_CAMERA_PX = 8
+"""Shortest period as the camera sees it: a lens blur of 0.7 px then leaves 86 % of its contrast."""
+
+
+LEAD_FRAMES = 8
+"""Frames of black before the first picture: more than any computer is late by."""
+
+MOST_FRAMES = 60
+"""Frames that may pass until a picture stands."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestFrames:
+    """What was captured of a fringe sequence.
+
+    sums: (pictures, rows, cols) grey levels summed over `frames` frames each: exact, and enough to begin
+    anew.
+    """
+
+    sequence: FringeSequence
+    sums: NDArray[Any]
+    frames: int
+
+    def means(self) -> Iterator[NDArray[np.float32]]:
+        """Mean image (rows, cols) of every picture, in order."""
+        for one in self.sums:
+            yield one.astype(np.float32) / np.float32(self.frames)
+
+
+def sequence_for(rig: Rig) -> FringeSequence:
+    """Fringes for this panel, as fine as this camera resolves them."""
+    display = rig.display
+    periods = choose_periods(max(display.columns, display.rows), shortest_px=_shortest_px(rig))
+    return FringeSequence(periods, equal_shifts(SHIFTS))
+
+
+def _shortest_px(rig: Rig) -> int:
+    camera = rig.camera
+    u, v = np.meshgrid(np.linspace(0, camera.columns - 2, 9), np.linspace(0, camera.rows - 2, 9))
+    optics = Optics(rig)
+    here = optics.rest_map(u, v)
+    across = np.linalg.norm(optics.rest_map(u + 1, v) - here, axis=-1)
+    down = np.linalg.norm(optics.rest_map(u, v + 1) - here, axis=-1)
+    lcd_px = max(float(np.nanmedian(across)), float(np.nanmedian(down)))
+    return max(SHORTEST_PX, int(np.ceil(SHORTEST_CAMERA_PX * lcd_px)))
+
+
+def capture(
+    rig: Rig,
+    pictures: HeldPictures,
+    sequence: FringeSequence,
+    frames: int,
+    on_picture: Callable[[], object] = lambda: None,
+    variance_grey2: float = np.inf,
+) -> RestFrames:
+    """Show every picture of the sequence, drawn through the inverse of the rig's response.
+
+    variance_grey2: of one reading; frames count only once they agree with each other within it, and no longer
+    show the picture before. Stamps that a busy computer puts on late do no harm then.
+
+    Raises MeasurementError for a picture that does not come to stand.
+    """
+    display, camera = rig.display, rig.camera
+    response = Response.from_rig(rig.display)
+    # From a picture that surely stands, each next one is known to have come when the view has changed.
+    before = thinned(pictures.frames(even_picture(rig, 0), LEAD_FRAMES)[-1].image)
+    kind = np.uint16 if frames * (2**camera.bits - 1) < 2**16 else np.uint32
+    sums = np.zeros((sequence.frames, camera.rows, camera.columns), kind)
+    for number, light in enumerate(sequence.pictures(display.columns, display.rows)):
+        codes = response.picture(light)
+        taken = _standing(pictures, codes, frames, before, variance_grey2)
+        for image in taken:
+            sums[number] += image
+        before = thinned(taken[-1])
+        on_picture()
+    return RestFrames(sequence, sums, frames)
+
+
+def _standing(
+    pictures: HeldPictures,
+    codes: NDArray[np.uint8],
+    count: int,
+    before: NDArray[np.float32],
+    variance_grey2: float,
+) -> list[NDArray[Any]]:
+    """`count` images running of a picture that stands; before: thinned image of the one before."""
+    noise2 = AGREEMENT * 2.0 * variance_grey2
+    row: list[NDArray[Any]] = []
+    image = pictures.frames(codes, 1)[0].image
+    for _ in range(MOST_FRAMES + count):
+        now = thinned(image)
+        if apart(now, before) <= noise2 < np.inf:
+            row.clear()  # still the picture before
+        else:
+            if row and apart(now, thinned(row[-1])) > noise2:
+                row.clear()
+            row.append(image)
+        if len(row) >= max(count, 2):
+            return row[-count:]
+        image = pictures.read().image
+    raise MeasurementError(
+        f"rest map: a picture does not stand after {MOST_FRAMES} frames: does the light flicker, or did "
+        "something move?"
+    )
+
+
+def decode(rig: Rig, recorded: RestFrames) -> RestMeasurement:
+    """Rest map of what was captured; the noise is found in the pictures' own scatter."""
+    return measure_rest(
+        recorded.means(),
+        recorded.sequence,
+        size_px=(rig.display.columns, rig.display.rows),
+        # a mean this near to the ceiling holds frames that were cut off by it
+        ceiling_grey=2**rig.camera.bits - 2.0,
+    )
+
+
+NOTABLE_SHARE = 0.002
+"""Of the camera's pixels, from which what is left out for a reason is worth a word."""
+
+_TOLD = {
+    Reason.SECOND_REFLECTION: (
+        "see a second reflection of about {reflection:.0%} of the main one's light: shield or blacken the "
+        "face that makes it, or turn the LCD a little"
+    ),
+    Reason.DISTURBED: (
+        "changed while the fringes were shown: a hand in the light, a moved part or another lamp: take it "
+        "again"
+    ),
+    Reason.WRONG_ORDER: (
+        "lie whole fringe periods off their neighbours: a step or crease in the mirror, or much noise"
+    ),
+    Reason.DOUBTFUL_ORDER: (
+        "could lie whole fringe periods off: more light, or more frames per picture (--frames)"
+    ),
+    Reason.SATURATED: "are too bright for the camera: shorten the exposure",
+    Reason.OFF_DISPLAY: "look past the LCD's edge: move the LCD, or aim the camera",
+    Reason.INCONSISTENT: ("see the periods disagree, each by itself: glitches of the camera, or much noise"),
+}
+
+
+def rest_notes(found: RestMeasurement) -> tuple[str, ...]:
+    """What the person should see to in a rest map, the widest first; empty where all is well.
+
+    Dead pixels are told from the first one on; what shows no fringes is not mirror, and no fault.
+    """
+    size = found.rest_map.reason.size
+    told = []
+    for reason in sorted(_TOLD, key=found.count, reverse=True):
+        share = found.count(reason) / size
+        if share > NOTABLE_SHARE:
+            there = (found.rest_map.reason & int(reason)) != 0
+            reflection = float(np.median(found.reflection[there]))
+            told.append(
+                f"rest map: {plain_name(reason)}: {share:.1%} of the camera's pixels "
+                f"{_TOLD[reason].format(reflection=reflection)}; they are left out"
+            )
+    if found.near_px > 0:
+        told.append(
+            f"rest map: the periods disagree as if a second reflection of a tenth of the light lay "
+            f"{found.near_px:.1f} LCD px beside the main one (or the lens had coma): places may be off by "
+            f"{USUAL_SHARE * found.near_px:.2f} LCD px, alike over wide parts; they are kept"
+        )
+    if dead := found.count(Reason.DEAD):
+        told.append(f"rest map: dead: {dead} pixels of camera or LCD, or dust; they are left out")
+    return tuple(told)

@@ -1,0 +1,194 @@
+"""The rest map from frames on disk: images, multi-page TIFF, .npy and .npz, one set of shifts at a time."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.decoding.decoding import frames_expected
+from zeromethod.decoding.fringes import FringeSequence
+from zeromethod.decoding.measuring import RestMeasurement, measure_rest
+from zeromethod.decoding.noise import NoiseModel
+from zeromethod.errors import InputError, MeasurementError
+from zeromethod.passive.measure import read_grey
+from zeromethod.warp.rest_map import Reason, plain_name
+
+Frame = NDArray[Any]
+
+_FILES = "an image of 8 or 16 bits (png, tif, ...), or grey levels in .npy or .npz"
+
+
+@dataclass(frozen=True, slots=True)
+class _File:
+    """One file of one or more frames; `frames` reads them, one after the other."""
+
+    path: Path
+    count: int
+    frames: Callable[[], Iterator[Frame]]
+
+
+def _planes(path: Path, arrays: Sequence[NDArray[Any]]) -> int:
+    """Frames in arrays of (rows, cols) or (frames, rows, cols)."""
+    for array in arrays:
+        if array.ndim not in (2, 3) or array.dtype.kind not in "uif" or array.size == 0:
+            raise InputError(
+                f"{path}: {array.dtype} {array.shape}: (rows, cols) or (frames, rows, cols) grey"
+            )
+    return sum(1 if array.ndim == 2 else len(array) for array in arrays)
+
+
+def _split(arrays: Sequence[NDArray[Any]]) -> Iterator[Frame]:
+    for array in arrays:
+        yield from (array[None] if array.ndim == 2 else array)
+
+
+def _open(path: Path) -> _File:
+    """How many frames a file holds. Raises InputError for what is missing or cannot be read."""
+    suffix = path.suffix.lower()
+    if suffix in (".npy", ".npz"):
+        try:
+            if suffix == ".npy":
+                arrays = [np.load(path, mmap_mode="r", allow_pickle=False)]
+            else:
+                with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+                    arrays = list(data.values())
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror or 'damaged'}): {_FILES}") from error
+        except (ValueError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+            raise InputError(f"{path}: damaged, or not numbers: {_FILES}") from error
+        return _File(path, _planes(path, arrays), lambda: _split(arrays))
+    if suffix in (".tif", ".tiff"):
+        try:
+            pages = cv2.imcount(str(path)) if path.is_file() else 0
+        except cv2.error:
+            pages = 0
+        if pages > 1:
+            return _File(path, pages, lambda: _pages(path))
+    if not path.is_file():
+        raise InputError(f"{path}: {'a folder' if path.is_dir() else 'no such file'}: {_FILES}")
+    return _File(path, 1, lambda: iter([read_grey(path)]))
+
+
+def _pages(path: Path) -> Iterator[Frame]:
+    done, pages = cv2.imreadmulti(str(path), flags=cv2.IMREAD_UNCHANGED)
+    if not done or any(page.ndim != 2 for page in pages):
+        raise InputError(f"{path}: pages that are no grey images: {_FILES}")
+    yield from pages
+
+
+@dataclass(frozen=True)
+class FrameFiles:
+    """Frames of a fringe sequence on disk, in the order of their names on the command line."""
+
+    files: tuple[_File, ...]
+
+    @classmethod
+    def of(cls, paths: Sequence[Path], sequence: FringeSequence) -> FrameFiles:
+        """Count the frames. Raises InputError for unreadable files or a number that does not fit."""
+        files = tuple(_open(path) for path in paths)
+        count = sum(file.count for file in files)
+        if count != sequence.frames:
+            raise InputError(f"FRAMES: {count} in {len(files)} files: {frames_expected(sequence)}")
+        return cls(files)
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Every frame, read when it is asked for; InputError names the file whose size is another."""
+        shape: tuple[int, ...] | None = None
+        for file in self.files:
+            for frame in file.frames():
+                shape = shape or frame.shape
+                if frame.shape != shape:
+                    raise InputError(
+                        f"{file.path}: {frame.shape[1]} x {frame.shape[0]} px: "
+                        f"the first frame has {shape[1]} x {shape[0]}"
+                    )
+                yield frame
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols) of the first frame."""
+        rows, cols = next(iter(self)).shape
+        return rows, cols
+
+
+def decode_files(
+    paths: Sequence[Path],
+    sequence: FringeSequence,
+    *,
+    size_px: tuple[int, int] | None = None,
+    noise: NoiseModel | None = None,
+    bits: int | None = None,
+    limit_share: float | None = None,
+    camera_shape: tuple[int, int] | None = None,
+    advance: Callable[[], None] | None = None,
+) -> RestMeasurement:
+    """Rest map from files; see `measure_rest`. camera_shape: (rows, cols) that the frames must have.
+
+    advance is called after every frame that was read.
+    """
+    frames = FrameFiles.of(paths, sequence)
+    if camera_shape is not None and frames.shape != camera_shape:
+        rows, cols = frames.shape
+        raise InputError(
+            f"{paths[0]}: {cols} x {rows} px: the rig's camera has {camera_shape[1]} x {camera_shape[0]}"
+        )
+
+    def told() -> Iterator[Frame]:
+        for frame in frames:
+            if bits is not None and frame.max() >= 2**bits:
+                raise InputError(f"FRAMES: a grey level of {frame.max()}: more than {bits} bits hold")
+            yield frame
+            if advance is not None:
+                advance()
+
+    options: dict[str, Any] = {} if limit_share is None else {"limit_share": limit_share}
+    return measure_rest(
+        told(),
+        sequence,
+        size_px=size_px,
+        noise=noise,
+        ceiling_grey=float(2**bits - 1) if bits else None,
+        **options,
+    )
+
+
+def figures(found: RestMeasurement) -> dict[str, Any]:
+    """Figures of a rest map, as the table and the summary give them; NaN where not known."""
+    rest = found.rest_map
+    valid = rest.valid
+    some = bool(valid.any())
+    sigma = rest.sigma_px[valid] if some else np.full((1, 2), np.nan)
+    return {
+        "valid_share": float(valid.mean()),
+        "sigma_column_median_px": float(np.median(sigma[:, 0])),
+        "sigma_row_median_px": float(np.median(sigma[:, 1])),
+        "phase_sigma_rad": found.phase_sigma_rad,
+        "wrong_orders_expected": found.order_error,
+        "display_px": list(found.size_px),
+        "noise_constant_grey2": found.noise.constant_grey2,
+        "noise_slope_grey": found.noise.slope_grey,
+        "noise_from": "scatter" if found.noise_found else "camera",
+        "scatter_over_noise": found.scatter_ratio,
+        "second_harmonic_share": found.second_harmonic,
+        "folded_harmonic_share": found.folded_harmonic,
+        "light_drift_share": found.light_drift,
+        "near_reflection_px": found.near_px,
+        "second_reflection_median_share": float(np.median(found.reflection[valid])) if some else float("nan"),
+        "reasons_px": {plain_name(reason): found.count(reason) for reason in Reason},
+    }
+
+
+def refuse_empty(found: RestMeasurement) -> None:
+    """Raise MeasurementError with the reason that holds against most pixels when not one is valid."""
+    if not found.rest_map.valid.any():
+        worst = max(Reason, key=found.count)
+        share = found.count(worst) / found.rest_map.valid.size
+        why = f"{plain_name(worst)} at {share:.0%}" if share > 0 else "nothing could be told of any"
+        raise MeasurementError(f"no camera pixel has a place on the LCD: {why}")

@@ -1,0 +1,116 @@
+"""Frame after frame of an open bench while a person sets it up: the target at rest, and what comes of it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from zeromethod.commissioning.advice import advice, misplaced, placed
+from zeromethod.commissioning.focus import FocusMeter, FocusReport
+from zeromethod.commissioning.orientation import Alignment, Orientation, PlainPictures
+from zeromethod.commissioning.standing_patterns import HeldPictures
+from zeromethod.devices.opening import Devices
+from zeromethod.devices.protocols import CameraLost, DisplayLost, Frame
+from zeromethod.errors import MeasurementError
+from zeromethod.loop.drawer import Presenter
+from zeromethod.rig.model import Rig
+
+SETTLE_S = 0.2
+"""Allowed, beyond what the rig states, from a picture's presentation to the frames that see it alone."""
+
+LOOK_AGAIN_S = 5.0
+"""How often the LCD is looked for again while it is not seen as it should be."""
+
+FLICKER_FRAMES = 16
+
+
+class Flicker:
+    """Standard deviation of the light over its mean, from frame to frame, less a steady drift."""
+
+    def __init__(self, black_grey: float) -> None:
+        self._black = black_grey
+        self._greys: deque[float] = deque(maxlen=FLICKER_FRAMES)
+
+    def note(self, mean_grey: float) -> float:
+        """Take in a frame's mean grey; the share, NaN before half of the frames are there."""
+        self._greys.append(mean_grey - self._black)
+        light = np.array(self._greys)
+        if len(light) < FLICKER_FRAMES // 2 or light.mean() <= 0:
+            return math.nan
+        order = np.arange(len(light))
+        rest = light - np.polyval(np.polyfit(order, light, 1), order)
+        return float(rest.std(ddof=2) / light.mean())
+
+    def forget(self) -> None:
+        """Start anew."""
+        self._greys.clear()
+
+
+@dataclass(frozen=True)
+class Sight:
+    """One frame and what it says. time_s: from the first one. place: of the picture, where it is known."""
+
+    time_s: float
+    frame: Frame
+    report: FocusReport
+    seen: Orientation | None
+    flicker_share: float
+    place: Alignment | None
+    advice: tuple[str, ...]
+
+
+class SettingUp:
+    """Shows the target at rest on the bench's display, if that shows anything, and judges frames.
+
+    with_lcd: whether the display is the bench's; plain pictures then tell first whether, and which way round,
+    the camera sees it.
+    """
+
+    def __init__(self, rig: Rig, devices: Devices, with_lcd: bool) -> None:
+        self._devices = devices
+        self._meter = FocusMeter(rig)
+        self._rig = self._meter.rig
+        self._pictures = HeldPictures(self._rig, devices, SETTLE_S)
+        self._flicker = Flicker(rig.camera.noise.black_grey)
+        self._plain = PlainPictures(self._meter.rest) if with_lcd else None
+        self._presenter = Presenter(self._rig, devices.display, self._meter.rest) if with_lcd else None
+
+    def sights(self, seconds: float | None = None) -> Iterator[Sight]:
+        """Judge frames for `seconds` of the run's clock, None = until told to stop.
+
+        Raises MeasurementError when a device is lost or gives nothing.
+        """
+        clock = self._devices.clock
+        try:
+            seen = self._look_for_lcd()
+            start_ns = looked_ns = clock.now_ns()
+            while seconds is None or clock.now_ns() - start_ns < 1e9 * seconds:
+                wrong = seen is not None and misplaced(seen, self._rig)
+                if wrong and clock.now_ns() > looked_ns + 1e9 * LOOK_AGAIN_S:
+                    seen = self._look_for_lcd()
+                    looked_ns = clock.now_ns()
+                frame = self._pictures.read()
+                stray_grey = 0.0 if seen is None or math.isnan(seen.stray_grey) else seen.stray_grey
+                report = self._meter.look(frame.image, stray_grey)
+                flicker = self._flicker.note(report.mean_grey)
+                said = advice(report, self._rig, seen, flicker)
+                place = placed(report, seen, self._rig.target.period_px)
+                yield Sight(1e-9 * (clock.now_ns() - start_ns), frame, report, seen, flicker, place, said)
+        except CameraLost as error:
+            raise MeasurementError(f"the camera is lost: {error}") from error
+        except DisplayLost as error:
+            raise MeasurementError(f"the display is lost: {error}") from error
+
+    def _look_for_lcd(self) -> Orientation | None:
+        """Show plain pictures, then the target at rest; None without the LCD."""
+        if self._presenter is None or self._plain is None:
+            return None
+        camera, pictures = self._rig.camera, self._pictures
+        images = [pictures.frames(codes, 1)[0].image for codes in self._plain.pictures]
+        pictures.after(self._presenter.present(self._meter.rest.q), 1)
+        self._flicker.forget()
+        return self._plain.judge(images, camera.noise.black_grey, float(2**camera.bits - 1))

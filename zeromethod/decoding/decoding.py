@@ -1,0 +1,222 @@
+"""From frames to phasors: least squares over the shifts, pixel by pixel, one set of shifts at a time.
+
+Every set (one axis, one period) is fitted by mean + fundamental + as many harmonics as the shifts can tell
+from noise. Equal shifts make the fundamental blind to harmonics 2 to N - 2, fitted or not; fitting them keeps
+an LCD that is drawn without its inverse response from being taken for noise. Only one set's frames are held
+at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.decoding.fringes import FringeSequence, design_matrix
+from zeromethod.errors import InputError
+
+Float = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+_MOST_HARMONICS = 3
+_WORST_CONDITION = 20.0
+_SAMPLES = 20_000
+_MIXED = np.outer([1, -2, 1], [1, -2, 1]).astype(np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class Phasors:
+    """What the shifts tell, per pixel; axis 0 = columns, 1 = rows.
+
+    cosine, sine: (2, periods, rows, cols) of the fundamental, grey levels, mean over repeats: grey = mean +
+    cosine cos(shift) + sine sin(shift) + harmonics. mean: (sets, rows, cols) grey, sets in the sequence's
+    order (repeats apart). scatter: (rows, cols) variance of the noise, grey^2, as a mean over `degrees`
+    degrees of freedom: what the fit leaves over, or (`from_neighbours`) for fewer than six shifts, which
+    would take harmonics for noise, what neighbouring pixels tell: too much where fringes are narrow or
+    oblique in the camera's view. worst_scatter: (rows, cols) what the fit leaves over in the worst set, of
+    `set_degrees`. moved: (rows, cols) largest change of a phasor between repeats, grey. saturated: (rows,
+    cols). second_harmonic: its share of the fundamental, median over the brighter pixels; NaN where not
+    fitted.
+    """
+
+    sequence: FringeSequence
+    cosine: Single
+    sine: Single
+    mean: Single
+    scatter: Single
+    worst_scatter: Single
+    degrees: int
+    set_degrees: int
+    from_neighbours: bool
+    moved: Single
+    saturated: NDArray[np.bool_]
+    second_harmonic: float
+
+
+def fit_matrices(shifts_rad: tuple[float, ...]) -> tuple[Float, Float]:
+    """Design matrix (shifts, terms) and its least-squares inverse (terms, shifts).
+
+    Harmonics: as many, up to three, as leave a degree of freedom and a well-conditioned fit, but one at
+    least.
+    """
+    for harmonics in range(_MOST_HARMONICS, 0, -1):
+        design = design_matrix(shifts_rad, harmonics)
+        if len(shifts_rad) > design.shape[1] and np.linalg.cond(design) < _WORST_CONDITION:
+            break
+    return design, np.ascontiguousarray(np.linalg.pinv(design))
+
+
+@numba.njit(cache=True)
+def _fit(
+    frames: NDArray[Any],
+    design: Float,
+    solve: Float,
+    ceiling: float,
+    cosine: Single,
+    sine: Single,
+    mean: Single,
+    scatter: Single,
+    saturated: NDArray[np.bool_],
+) -> None:
+    count, rows, cols = frames.shape
+    terms = design.shape[1]
+    degrees = count - terms
+    grey = np.empty(count)
+    fitted = np.empty(terms)
+    for j in range(rows):
+        for i in range(cols):
+            for k in range(count):
+                grey[k] = frames[k, j, i]
+                if grey[k] >= ceiling:
+                    saturated[j, i] = True
+            for m in range(terms):
+                fitted[m] = 0.0
+                for k in range(count):
+                    fitted[m] += solve[m, k] * grey[k]
+            mean[j, i] = fitted[0]
+            cosine[j, i] = fitted[1]
+            sine[j, i] = fitted[2]
+            squares = 0.0
+            for k in range(count):
+                rest = grey[k]
+                for m in range(terms):
+                    rest -= design[k, m] * fitted[m]
+                squares += rest * rest
+            scatter[j, i] = squares / degrees if degrees > 0 else 0.0
+
+
+def _stacks(frames: Iterable[NDArray[Any]], sequence: FringeSequence) -> Iterator[NDArray[Any]]:
+    """(shifts, rows, cols) per set; refuses frames that do not go together, missing ones and more."""
+    source = iter(frames)
+    count, shape, dtype, number = len(sequence.shifts_rad), None, None, 0
+    for _ in sequence.sets():
+        stack = [np.asarray(frame) for frame in islice(source, count)]
+        for frame in stack:
+            if frame.ndim != 2 or frame.dtype.kind not in "uif":
+                raise InputError(f"frame {number}: {frame.dtype} {frame.shape}: a grey image (rows, cols)")
+            shape, dtype = shape or frame.shape, dtype or frame.dtype
+            if frame.shape != shape or frame.dtype != dtype:
+                raise InputError(
+                    f"frame {number}: {frame.shape[1]} x {frame.shape[0]} px {frame.dtype}: "
+                    f"the first frame has {shape[1]} x {shape[0]} px {dtype}"
+                )
+            number += 1
+        if len(stack) < count:
+            break
+        yield np.stack(stack)
+    if number != sequence.frames or next(source, None) is not None:
+        more = " or more" if number == sequence.frames else ""
+        raise InputError(f"frames: {number + bool(more)}{more}: {frames_expected(sequence)}")
+
+
+def frames_expected(sequence: FringeSequence) -> str:
+    """How many frames there must be, as an error message says it."""
+    repeats = f"{sequence.repeats} repeats x " if sequence.repeats > 1 else ""
+    periods, shifts = len(sequence.periods_px), len(sequence.shifts_rad)
+    return f"{repeats}2 axes x {periods} periods x {shifts} shifts = {sequence.frames}"
+
+
+def decode_phasors(
+    frames: Iterable[NDArray[Any]], sequence: FringeSequence, ceiling_grey: float | None = None
+) -> Phasors:
+    """Fit every set of shifts.
+
+    frames: (rows, cols) grey images in the sequence's order, taken one set at a time.
+    ceiling_grey: level from which a pixel counts as saturated; the largest of an integer type when left out.
+    Raises InputError for frames of other number, shape or type.
+    """
+    design, solve = fit_matrices(sequence.shifts_rad)
+    degrees = design.shape[0] - design.shape[1]
+    tells_noise = design.shape[1] > 3
+    axis_number = {"columns": 0, "rows": 1}
+    periods, sets = len(sequence.periods_px), sequence.frames // len(sequence.shifts_rad)
+    arrays: list[Single] = []
+    seconds: list[float] = []
+    for n, (fringes, stack) in enumerate(zip(sequence.sets(), _stacks(frames, sequence), strict=True)):
+        if not arrays:
+            rows, cols = stack.shape[1:]
+            cosine, sine = (np.zeros((2, periods, rows, cols), dtype=np.float32) for _ in range(2))
+            first = np.zeros((2, 2, periods, rows, cols) if sequence.repeats > 1 else (0,), dtype=np.float32)
+            mean = np.empty((sets, rows, cols), dtype=np.float32)
+            total, worst, moved, c, s, scatter = (np.zeros((rows, cols), dtype=np.float32) for _ in range(6))
+            saturated = np.zeros((rows, cols), dtype=np.bool_)
+            arrays = [cosine]
+            whole = stack.dtype.kind in "ui"
+            ceiling = ceiling_grey or (float(np.iinfo(stack.dtype).max) if whole else np.inf)
+        if stack.dtype.kind == "f" and not np.isfinite(stack).all():
+            raise InputError(f"frames {fringes.first_frame} and on: not finite: grey levels")
+        _fit(stack, design, solve, ceiling, c, s, mean[n], scatter, saturated)
+        axis, period = axis_number[fringes.axis], fringes.period
+        cosine[axis, period] += c / sequence.repeats
+        sine[axis, period] += s / sequence.repeats
+        if fringes.repeat == 0 and sequence.repeats > 1:
+            first[0, axis, period], first[1, axis, period] = c, s
+        elif fringes.repeat > 0:
+            np.maximum(moved, np.hypot(c - first[0, axis, period], s - first[1, axis, period]), out=moved)
+        np.maximum(worst, scatter, out=worst)
+        total += (scatter if tells_noise else _neighbour_scatter(stack)) / sets
+        if tells_noise:
+            seconds.append(_second_harmonic(stack, solve))
+    return Phasors(
+        sequence,
+        cosine,
+        sine,
+        mean,
+        total,
+        worst,
+        degrees * sets if tells_noise else sequence.frames,
+        degrees,
+        not tells_noise,
+        moved,
+        saturated,
+        float(np.median(seconds)) if seconds else float("nan"),
+    )
+
+
+def _neighbour_scatter(stack: NDArray[Any]) -> Single:
+    """Noise variance of every pixel from the mixed fourth difference, mean over the shifts.
+
+    Second differences along both axes one after the other (doi:10.1006/cviu.1996.0060) leave nothing of
+    fringes that run along either, and 36 times the variance of white noise.
+    """
+    total = np.zeros(stack.shape[1:], dtype=np.float32)
+    for frame in stack.astype(np.float32):
+        across = cv2.filter2D(frame, -1, _MIXED, borderType=cv2.BORDER_REFLECT_101)
+        total += across * across
+    return total / np.float32(36.0 * len(stack))
+
+
+def _second_harmonic(stack: NDArray[Any], solve: Float) -> float:
+    """Second harmonic over fundamental, median over the half of the pixels with the larger fundamental."""
+    flat = stack.reshape(len(stack), -1)
+    some = flat[:, :: max(1, flat.shape[1] // _SAMPLES)].astype(np.float64)
+    fitted = solve[1:5] @ some
+    fundamental, second = np.hypot(*fitted[:2]), np.hypot(*fitted[2:4])
+    bright = fundamental >= max(float(np.median(fundamental)), 1e-9)
+    return float(np.median(second[bright] / fundamental[bright])) if bright.any() else float("nan")

@@ -1,0 +1,217 @@
+"""Which pixels have no place in the rest map, and why; each reason has a signature of its own.
+
+| reason | signature |
+|---|---|
+| no modulation | fringes below the noise, or far weaker than the rest of the view shows them |
+| saturated | grey levels at the ceiling |
+| dead | a few pixels without fringes, much dimmer than their neighbours, or looking elsewhere |
+| disturbed | the mean light differs between sets, the shifts fit no harmonics, or repeats differ |
+| second reflection | mean light and shifts are sound, but the periods' phases disagree, pixel after pixel |
+| wrong order, doubtful order | a jump against the neighbours; a rival order nearly as likely |
+
+Everything that counts must be both beyond the noise and large enough to matter.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from zeromethod.decoding.decoding import Phasors, fit_matrices
+from zeromethod.decoding.noise import NoiseModel
+from zeromethod.decoding.unwrapping import Places
+
+Single = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+
+SIGMAS = 6.0
+"""What one pixel in a hundred million does by noise alone."""
+
+LEAST_SNR = 8.0
+"""Amplitude over its standard deviation: phases are then Gaussian, of 0.13 rad at most."""
+
+LEAST_AMPLITUDE = 0.15
+"""Share of the view's usual amplitude below which what is seen is stray light or a face, not the mirror."""
+
+MEAN_SHARE = 0.02
+"""Change of the mean light between sets that counts as a disturbance."""
+
+MISFIT_SHARE = 0.03
+"""Misfit of the shifts, rms over the mean light, that counts as a disturbance."""
+
+MOVED_SHARE = 0.05
+"""Change of a phasor between repeats, of its amplitude, that counts as a disturbance."""
+
+SPREAD_PX = 3
+"""A disturbance reaches this far past where it is proven: half shadows."""
+
+DEAD_AREA_PX = 9
+"""Largest group of dead pixels; larger ones are something else."""
+
+DIM_SHARE = 0.6
+"""Amplitude against the median of 5 x 5 neighbours below which a pixel is dead, or sees a dead one."""
+
+POOL_PX = 9
+"""Side of the square over which disagreement of the periods is pooled into a second reflection."""
+
+SEED_SHARE = 0.25
+"""Share of a connected second reflection that must exceed the limit for all of it to be left out."""
+
+POOL_AGREES = 0.7
+"""Share of a pool's pixels that must disagree more than noise does by median: half do by noise alone."""
+
+
+@numba.njit(cache=True)
+def _steady(mean: Single, gain: NDArray[np.float64], typical: Single, change: Single) -> None:
+    """Median over the sets, and the largest departure from it."""
+    count, rows, cols = mean.shape
+    value = np.empty(count)
+    for j in range(rows):
+        for i in range(cols):
+            for n in range(count):
+                v = mean[n, j, i] / gain[n]
+                m = n - 1
+                while m >= 0 and value[m] > v:
+                    value[m + 1] = value[m]
+                    m -= 1
+                value[m + 1] = v
+            middle = 0.5 * (value[(count - 1) // 2] + value[count // 2])
+            typical[j, i] = middle
+            change[j, i] = max(value[count - 1] - middle, middle - value[0])
+
+
+def steady_mean(phasors: Phasors) -> tuple[Single, Single, NDArray[np.float64]]:
+    """Mean light (rows, cols) as the median of all sets, its largest change, and each set's gain (sets,).
+
+    The gain takes out what the whole view shares: a backlight that drifts.
+    """
+    sets = phasors.mean.reshape(len(phasors.mean), -1)
+    some = sets[:, :: max(1, sets.shape[1] // 20_000)].astype(np.float64)
+    centre = np.maximum(np.median(some, axis=0), 1e-9)
+    bright = centre >= np.median(centre)
+    gain = np.median(some[:, bright] / centre[bright], axis=1)
+    gain = np.where(gain > 0, gain, 1.0)
+    typical, change = np.empty_like(phasors.mean[0]), np.empty_like(phasors.mean[0])
+    _steady(phasors.mean, gain, typical, change)
+    return typical, change, gain
+
+
+def amplitude(phasors: Phasors) -> Single:
+    """Amplitude of the fringes, grey levels, rms over axes and periods (rows, cols)."""
+    power = np.zeros_like(phasors.scatter)
+    count = 0
+    for axis in range(2):
+        for c, s in zip(phasors.cosine[axis], phasors.sine[axis], strict=True):
+            power += c * c + s * s
+            count += 1
+    return np.asarray(np.sqrt(power / count))
+
+
+def unmodulated(phasors: Phasors, noise: NoiseModel, mean: Single, rms_amplitude: Single) -> Mask:
+    """Pixels that do not see every period's fringes, or see them as a face or stray light would."""
+    _, solve = fit_matrices(phasors.sequence.shifts_rad)
+    gain = max(float(np.sum(solve[1] ** 2)), float(np.sum(solve[2] ** 2))) / phasors.sequence.repeats
+    least = LEAST_SNR**2 * gain * noise.variance(mean)
+    weak = np.zeros(mean.shape, dtype=np.bool_)
+    for axis in range(2):
+        for c, s in zip(phasors.cosine[axis], phasors.sine[axis], strict=True):
+            weak |= c * c + s * s < least
+    if not weak.all():
+        weak |= rms_amplitude < LEAST_AMPLITUDE * np.quantile(rms_amplitude[~weak], 0.9)
+    return weak
+
+
+def disturbed(
+    phasors: Phasors, noise: NoiseModel, mean: Single, change: Single, rms_amplitude: Single
+) -> Mask:
+    """Pixels whose light changed between or within the sets, before it is spread."""
+    _, solve = fit_matrices(phasors.sequence.shifts_rad)
+    variance = noise.variance(mean)
+    mean_noise = np.sqrt(variance * np.sum(solve[0] ** 2))
+    found = (change > SIGMAS * mean_noise) & (change > MEAN_SHARE * mean)
+    if phasors.set_degrees > 0:
+        misfit = np.sqrt(phasors.worst_scatter)
+        limit = np.sqrt(chdtri(phasors.set_degrees, 1e-9) / phasors.set_degrees)
+        relative = misfit / np.maximum(mean, 1e-9)
+        # Harmonics that too few shifts cannot fit are everywhere; a hand is not.
+        usual = 4.0 * float(np.median(relative[rms_amplitude >= np.median(rms_amplitude)]))
+        found |= (misfit > limit * np.sqrt(variance)) & (relative > max(MISFIT_SHARE, usual))
+    if phasors.sequence.repeats > 1:
+        moved_noise = np.sqrt(2.0 * variance * np.sum(solve[1:3] ** 2))
+        found |= (phasors.moved > SIGMAS * moved_noise) & (phasors.moved > MOVED_SHARE * rms_amplitude)
+    return np.asarray(found)
+
+
+def spread(mask: Mask, reach_px: int = SPREAD_PX) -> Mask:
+    """The mask and all within `reach_px` of it."""
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach_px + 1,) * 2)
+    return cv2.dilate(mask.astype(np.uint8), kernel).astype(np.bool_)
+
+
+def small_parts(mask: Mask, most_px: int = DEAD_AREA_PX) -> Mask:
+    """Those connected parts of the mask that have at most `most_px` pixels."""
+    _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    small = stats[:, cv2.CC_STAT_AREA] <= most_px
+    small[0] = False
+    return np.asarray(small[label])
+
+
+def dimmed(rms_amplitude: Single, weak: Mask) -> Mask:
+    """Small parts far dimmer than the fringes that surround them; weak: where no fringes are seen."""
+    surrounded = cv2.medianBlur(weak.astype(np.uint8), 5) == 0
+    around = cv2.medianBlur(np.ascontiguousarray(rms_amplitude, dtype=np.float32), 5)
+    return small_parts((rms_amplitude < DIM_SHARE * around) & surrounded)
+
+
+def second_reflection(places: Places, usable: Mask, degrees: int, limit_share: float) -> tuple[Single, Mask]:
+    """Light of a second reflection relative to the main one (rows, cols), and where it exceeds `limit_share`.
+
+    A second place at distance D turns the phase of period P by share x sin(2 pi D / P) at most: the periods
+    then disagree, by share^2 / 2 per phase on average over D. The share follows from the excess of chi^2,
+    pooled over `POOL_PX` squared; 0 where it is within two standard deviations of noise. What lies nearer
+    than about a third of the shortest period shifts all periods alike, as a blur does, and stays unseen.
+    """
+    if degrees < 1:
+        return np.zeros(usable.shape, dtype=np.float32), np.zeros(usable.shape, dtype=np.bool_)
+    weight = usable.astype(np.float32)
+
+    def pooled(values: Single) -> Single:
+        return np.asarray(cv2.boxFilter(np.where(usable, values, 0).astype(np.float32), -1, (POOL_PX,) * 2))
+
+    count = np.maximum(pooled(weight), 1e-6)
+    stiffness = np.maximum(pooled(places.stiffness) / count, 1e-6)
+    excess = 2.0 * (pooled(places.chi2) / count - degrees) / stiffness
+    unsure = 2.0 * np.sqrt(2.0 * degrees / (count * POOL_PX**2)) / stiffness
+    common = pooled((places.chi2 > chdtri(degrees, 0.5)).astype(np.float32)) / count
+    real = (excess > 2.0 * unsure) & (count * POOL_PX**2 >= 4)
+    share = np.sqrt(np.where(real, np.maximum(excess, 0.0), 0.0)).astype(np.float32)
+    proven = (excess > SIGMAS * unsure) & (common > POOL_AGREES) & usable
+    return share, _extended(proven & (share > limit_share), proven) & usable
+
+
+def _extended(found: Mask, proven: Mask) -> Mask:
+    """Second reflections above the limit, with the parts joined to them where they show less than they are.
+
+    Two reflections drift over each other; where their distance is near none, or near whole periods, the
+    periods agree although the light is the same as beside. A part of which less than `SEED_SHARE` is above
+    the limit is one that happens to touch it by noise.
+    """
+    _, label = cv2.connectedComponents(proven.astype(np.uint8), connectivity=8)
+    area = np.maximum(np.bincount(label.ravel()), 1)
+    seeded = np.bincount(label.ravel(), weights=found.ravel(), minlength=len(area)) > SEED_SHARE * area
+    seeded[0] = False
+    reached = (found | seeded[label]).astype(np.uint8)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * POOL_PX + 1,) * 2)
+    return cv2.morphologyEx(reached, cv2.MORPH_CLOSE, kernel).astype(np.bool_)
+
+
+def inconsistent(places: Places, degrees: int, largest_share: float = 0.1) -> Mask:
+    """Single pixels whose periods disagree beyond noise, as much as a reflection of `largest_share` does."""
+    if degrees < 1:
+        return np.zeros(places.chi2.shape, dtype=np.bool_)
+    far = places.chi2 > chdtri(degrees, 1e-8)
+    return np.asarray(far & (2.0 * (places.chi2 - degrees) > largest_share**2 * places.stiffness))

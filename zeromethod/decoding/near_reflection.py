@@ -1,0 +1,78 @@
+"""A second reflection too near for the periods to disagree pixel by pixel, told over wide areas.
+
+A second place of share s at distance D turns the phase of wave number k = 2 pi / P by
+
+    arg(1 + s exp(i k D)) = s / (1 + s) k D - s (1 - s) / (6 (1 + s)^3) (k D)^3 + ...
+
+The first term moves the place, by the same for all periods; the second one sets the periods apart as k^2,
+with one sign. Noise averages out over an area. Only s D^3 is told, not s and D; a lens with coma does alike.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.decoding.decoding import Phasors
+from zeromethod.decoding.unwrapping import Places
+
+Float = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+USUAL_SHARE = 0.1
+"""Light of a second reflection over the main one's, for which its distance is given."""
+
+AREA_PX = 33
+"""Side of the square that is averaged over."""
+
+_SIGMAS = 6.0
+_LEAST_FILLED = 0.5
+_WIDE = 0.05
+"""Share of the areas that may show more than what is given."""
+
+
+def near_reflection(phasors: Phasors, places: list[Places], usable: Mask) -> float:
+    """Distance, LCD px, of a second reflection of `USUAL_SHARE`, if that is what sets the periods apart.
+
+    0 where it is within six standard deviations of noise. Places are moved by about `USUAL_SHARE` times it.
+    The larger of both axes, over all but the oddest twentieth of the view. Good up to some 6 px.
+    """
+    if len(phasors.sequence.periods_px) < 2:
+        return 0.0
+    return max(_distance(phasors, axis, place, usable) for axis, place in enumerate(places))
+
+
+def _distance(phasors: Phasors, axis: int, place: Places, usable: Mask) -> float:
+    usable = usable & np.isfinite(place.x_px)
+    if not usable.any():
+        return 0.0
+    waves = 2.0 * np.pi / np.asarray(phasors.sequence.periods_px, dtype=np.float64)
+    x = np.where(usable, place.x_px, 0.0)
+    power, rest = np.empty(len(waves)), np.empty((len(waves), *x.shape))
+    for n, k in enumerate(waves):
+        cosine, sine = phasors.cosine[axis, n], phasors.sine[axis, n]
+        phase = np.arctan2(sine, cosine) - k * x
+        rest[n] = (phase - 2.0 * np.pi * np.rint(phase / (2.0 * np.pi))) / k
+        power[n] = float(np.median(cosine[usable] ** 2 + sine[usable] ** 2))
+    weight = np.sqrt(power) * waves
+    design = np.stack([np.ones_like(waves), -(waves**2)], axis=-1)
+    solve = np.linalg.pinv(design * weight[:, None])[1] * weight
+    cubic = np.where(usable, np.tensordot(solve, rest, axes=1), 0.0)
+
+    def pooled(values: Float) -> Float:
+        return np.asarray(cv2.boxFilter(values, -1, (AREA_PX,) * 2, borderType=cv2.BORDER_CONSTANT))
+
+    filled = pooled(usable.astype(np.float64))
+    full = filled >= _LEAST_FILLED
+    if not full.any():
+        return 0.0
+    middle = float(np.median(cubic[usable]))
+    # a tenth of a percent of wrong orders must not make the scatter
+    scatter = 1.4826 * float(np.median(np.abs(cubic[usable] - middle)))
+    mean = pooled(np.where(usable, np.clip(cubic, middle - 5 * scatter, middle + 5 * scatter), 0.0))
+    mean = np.abs(mean[full] / filled[full])
+    sure = mean > _SIGMAS * scatter / np.sqrt(filled[full] * AREA_PX**2)
+    strength = float(np.quantile(np.where(sure, mean, 0.0), 1.0 - _WIDE))
+    shape = USUAL_SHARE * (1.0 - USUAL_SHARE) / (6.0 * (1.0 + USUAL_SHARE) ** 3)
+    return float(np.cbrt(strength / shape))

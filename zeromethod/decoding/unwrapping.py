@@ -1,0 +1,167 @@
+"""From wrapped phases of several periods to the absolute place, with the likelihood of the next best order.
+
+Every order of the shortest period is a candidate; the other periods take the order that lies nearest to it,
+and the place is then the weighted mean. chi^2 of that mean tells how well the periods agree:
+
+    chi^2(orders) = sum_j w_j (x_j - x)^2,  x_j = (phase_j / 2 pi + order_j) P_j,  w_j = (2 pi / P_j /
+    sigma_j)^2
+
+The best candidate is the maximum-likelihood order. The difference to the next best chi^2 gives the odds that
+it is wrong, exp(-difference / 2); nothing is chosen step by step, so no early wrong turn can lose the right
+order.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.decoding.decoding import Phasors, fit_matrices
+from zeromethod.decoding.noise import QUANTISATION, NoiseModel
+
+Float = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Absolute place along one axis of the LCD, per pixel (rows, cols); NaN where not sought.
+
+    x_px: LCD px. sigma_px: from the camera's noise. chi2: disagreement of the periods, of periods - 1 degrees
+    of freedom. odds: of the second-best order against the best, 0 to 1. stiffness: d(expected chi2) /
+    d(variance of a phase error common in size to all periods, rad^2). leverage_px2: variance of x that such
+    an error of 1 rad^2 brings. phase_sigma_rad: of the periods, rms.
+    """
+
+    x_px: Float
+    sigma_px: Single
+    chi2: Single
+    odds: Single
+    stiffness: Single
+    leverage_px2: Single
+    phase_sigma_rad: Single
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _phase_variance(
+    c: float, s: float, mean: float, constant: float, slope: float, least: float, solve: Float, waves: Float
+) -> float:
+    """Variance of the phase, rad^2, from the noise of every shift's grey level through the least squares."""
+    power = c * c + s * s
+    total = 0.0
+    for k in range(solve.shape[1]):
+        along = (c * solve[2, k] - s * solve[1, k]) / power
+        grey = mean + c * waves[k, 1] + s * waves[k, 2]
+        total += along * along * max(constant + slope * grey, least)
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _unwrap(
+    cosine: Single,
+    sine: Single,
+    mean: Single,
+    seen: NDArray[np.bool_],
+    periods: Float,
+    noise: tuple[float, float, float],
+    share: float,
+    solve: Float,
+    waves: Float,
+    low: float,
+    high: float,
+    x_px: Float,
+    out: Single,
+) -> None:
+    """Places of all pixels. Periods rise. out: (6, rows, cols) as in `Places`."""
+    count, rows, cols = cosine.shape
+    turn, sigma2, weight = np.empty(count), np.empty(count), np.empty(count)
+    step, at = np.empty(count), np.empty(count)
+    for j in range(rows):
+        for i in range(cols):
+            if not seen[j, i]:
+                continue
+            total = 0.0
+            for n in range(count):
+                c, s = float(cosine[n, j, i]), float(sine[n, j, i])
+                turn[n] = math.atan2(s, c) / (2.0 * math.pi)
+                sigma2[n] = share * _phase_variance(
+                    c, s, float(mean[j, i]), noise[0], noise[1], noise[2], solve, waves
+                )
+                weight[n] = (2.0 * math.pi / periods[n]) ** 2 / sigma2[n]
+                total += weight[n]
+            first = math.ceil(low / periods[0] - turn[0])
+            last = math.floor(high / periods[0] - turn[0])
+            for n in range(1, count):
+                step[n] = periods[0] / periods[n]
+                at[n] = (turn[0] + first) * step[n] - turn[n]
+            best = second = math.inf
+            best_shift = 0.0
+            best_order = first
+            for order in range(first, last + 1):
+                sw1 = sw2 = 0.0
+                for n in range(1, count):
+                    # x_n - x_0 with the order of period n that brings it nearest
+                    r = (np.rint(at[n]) - at[n]) * periods[n]
+                    sw1 += weight[n] * r
+                    sw2 += weight[n] * r * r
+                    at[n] += step[n]
+                squares = sw2 - sw1 * sw1 / total
+                if squares < best:
+                    second, best = best, squares
+                    best_order, best_shift = order, sw1 / total
+                elif squares < second:
+                    second = squares
+            if best == math.inf:
+                continue
+            stiffness = leverage = variance = 0.0
+            for n in range(count):
+                h = weight[n] / total
+                stiffness += (1.0 - h) / sigma2[n]
+                leverage += (h * periods[n] / (2.0 * math.pi)) ** 2
+                variance += sigma2[n] / count
+            x_px[j, i] = (turn[0] + best_order) * periods[0] + best_shift
+            out[0, j, i] = math.sqrt(1.0 / total)
+            out[1, j, i] = max(best, 0.0)
+            out[2, j, i] = math.exp(-0.5 * (second - best)) if second < math.inf else 0.0
+            out[3, j, i] = stiffness
+            out[4, j, i] = leverage
+            out[5, j, i] = math.sqrt(variance)
+
+
+def unwrap(
+    phasors: Phasors, axis: int, noise: NoiseModel, mean: Single, size_px: float, seen: NDArray[np.bool_]
+) -> Places:
+    """Places along the columns (axis 0) or rows (1) of an LCD of `size_px`, for the pixels `seen`.
+
+    mean: (rows, cols) grey, free of disturbances: with the amplitude it tells the noise of every shift's
+    frame. Orders are sought from half a shortest period before the LCD's first pixel to as much past its
+    last.
+    """
+    sequence = phasors.sequence
+    order = np.argsort(sequence.periods_px)
+    periods = np.asarray(sequence.periods_px, dtype=np.float64)[order]
+    waves, solve = fit_matrices(sequence.shifts_rad)
+    shape = seen.shape
+    x = np.full(shape, np.nan)
+    out = np.full((6, *shape), np.nan, dtype=np.float32)
+    margin = 0.5 * periods[0]
+    _unwrap(
+        np.ascontiguousarray(phasors.cosine[axis, order]),
+        np.ascontiguousarray(phasors.sine[axis, order]),
+        mean,
+        seen,
+        periods,
+        (noise.constant_grey2, noise.slope_grey, QUANTISATION),
+        1.0 / sequence.repeats,
+        solve,
+        waves,
+        -margin,
+        size_px - 1.0 + margin,
+        x,
+        out,
+    )
+    return Places(x, *out)

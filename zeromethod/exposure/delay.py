@@ -1,0 +1,167 @@
+"""The delay between display and camera, followed while the loop runs.
+
+**The delay** is the time from a picture's presentation, as the display states it, until the panel's first row
+begins to change, as the camera's stated exposures time it. What the timestamps say already is not in it:
+a camera whose stamps are mid-exposures and a panel that starts at once have delay 0, however late frames
+arrive; stamps that come too early make it smaller, stamps that come too late, and a display that holds
+pictures back, larger. It is the rig file's `[display] latency_s`, and all that the pairing of frames with
+pictures needs beside the panel's scan-out and rise.
+
+Every frame that shares two pictures tells it (`zeromethod.exposure.strip_matching`); others only bound it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.devices.protocols import Frame
+from zeromethod.exposure.pairing import PanelTiming
+from zeromethod.exposure.presentation_log import PresentationLog
+from zeromethod.exposure.strip_matching import Match, match
+from zeromethod.exposure.strip_reading import StripReader
+
+MEMORY_FRAMES = 63
+"""The running delay is the median of so many frames' delays."""
+
+SETTLED_FRAMES = 3
+"""Frames after which the running delay is believed, if they agree within half a refresh."""
+
+PLATEAU_REFRESHES = 0.12
+"""Range of delays, in refreshes, all as good, of which the middle counts as a frame's own delay."""
+
+FIRST_SPAN_REFRESHES = (-3.0, 9.0)
+"""Delays searched at first: less than the 16 pictures after which codes repeat."""
+
+SPAN_REFRESHES = 2.5
+"""Delays searched round a running delay that is believed: pictures may come a refresh or two late."""
+
+LOST_AFTER = 8
+"""Frames in a row that say nothing that fits, after which the delay is searched anew."""
+
+LEAST_SCATTER_NS = 20_000.0
+"""Scatter from frame to frame that is taken for granted."""
+
+
+class DelayEstimator:
+    """Running delay, robust against frames that are wrong. `prior_ns`: delay to go by at first."""
+
+    def __init__(self, prior_ns: float, refresh_ns: float) -> None:
+        self._refresh_ns = refresh_ns
+        self._values: deque[float] = deque(maxlen=MEMORY_FRAMES)
+        self._value_ns = prior_ns
+        self._scatter_ns = float("inf")
+
+    @property
+    def value_ns(self) -> float:
+        """Delay to go by."""
+        return self._value_ns
+
+    @property
+    def frames(self) -> int:
+        """Frames that the value is made of, `MEMORY_FRAMES` at most."""
+        return len(self._values)
+
+    @property
+    def scatter_ns(self) -> float:
+        """Standard deviation of single frames' delays; infinite before two."""
+        return self._scatter_ns
+
+    @property
+    def sigma_ns(self) -> float:
+        """Standard deviation of the value: of a median, 1.25 times that of a mean."""
+        return 1.25 * self._scatter_ns / math.sqrt(max(len(self._values), 1))
+
+    @property
+    def settled(self) -> bool:
+        """Whether the value may be relied on."""
+        return len(self._values) >= SETTLED_FRAMES and self._scatter_ns < 0.5 * self._refresh_ns
+
+    def forget(self) -> None:
+        """Start anew, from the value held so far."""
+        self._values.clear()
+        self._scatter_ns = float("inf")
+
+    def is_precise(self, found: Match) -> bool:
+        """Whether a frame whose strips fit tells a delay of its own."""
+        return found.plateau_ns <= PLATEAU_REFRESHES * self._refresh_ns
+
+    def note(self, found: Match) -> None:
+        """Take in a frame whose strips fit."""
+        if self.is_precise(found):
+            self._values.append(found.delay_ns)
+        else:
+            within = min(max(self._value_ns, found.low_ns), found.high_ns)
+            if within == self._value_ns:
+                return
+            if not self._values:
+                self._value_ns = within
+                return
+            self._values.append(within)
+        values = np.array(self._values)
+        self._value_ns = float(np.median(values))
+        if len(values) > 1:
+            deviation = 1.4826 * float(np.median(np.abs(values - self._value_ns)))
+            self._scatter_ns = max(deviation, LEAST_SCATTER_NS)
+
+    def for_frame(self, found: Match) -> float:
+        """Delay of one frame, ns: its own and the running one by their variances, within its bounds."""
+        if not self.is_precise(found):
+            return min(max(self._value_ns, found.low_ns), found.high_ns)
+        own = 1 / max(found.sigma_ns, 1.0) ** 2
+        running = 1 / self._scatter_ns**2 if self.settled else 0.0
+        between = (own * found.delay_ns + running * self._value_ns) / (own + running)
+        return min(max(between, found.low_ns), found.high_ns)
+
+
+class DelayWatch:
+    """Panel timing frame by frame: the rig's, with the delay that the coded strips say.
+
+    Keeps to the rig's until the first good strips, and to the running delay where a frame's own are not read.
+    """
+
+    def __init__(self, reader: StripReader, timing: PanelTiming, refresh_hz: float) -> None:
+        self._reader = reader
+        self._timing = timing
+        self._refresh_ns = 1e9 / refresh_hz
+        self._misses = 0
+        self.estimator = DelayEstimator(timing.latency_ns, self._refresh_ns)
+        self.last: Match | None = None
+
+    @property
+    def timing(self) -> PanelTiming:
+        """Timing with the running delay."""
+        return replace(self._timing, latency_ns=self.estimator.value_ns)
+
+    def timing_of(self, image: NDArray[Any], frame: Frame, log: PresentationLog) -> PanelTiming | None:
+        """Timing for the pairing of `frame`; None where its strips contradict the log: it must not be used.
+
+        image: (rows, cols) grey levels of the frame.
+        """
+        estimator = self.estimator
+        found = match(self._reader.read(image), log, frame, self._timing, self._span_ns())
+        self.last = found
+        if found is None:
+            return self.timing
+        if found.fits:
+            self._misses = 0
+            used_ns = estimator.for_frame(found)
+            estimator.note(found)
+            return replace(self._timing, latency_ns=used_ns)
+        self._misses += 1
+        if self._misses >= LOST_AFTER:
+            self._misses = 0
+            estimator.forget()
+        return None if found.contradicts else self.timing
+
+    def _span_ns(self) -> tuple[float, float]:
+        if self.estimator.settled:
+            half = SPAN_REFRESHES * self._refresh_ns
+            return self.estimator.value_ns - half, self.estimator.value_ns + half
+        low, high = FIRST_SPAN_REFRESHES
+        return low * self._refresh_ns, high * self._refresh_ns

@@ -1,0 +1,209 @@
+"""Which warps an exposure saw: the presentation log through the panel's timing.
+
+A pixel in LCD row r starts to change at T = presentation + latency + s scanout (s = r / (rows - 1), from
+the other end when the panel scans up) and follows as h(t) = 1 - exp(-(t - T) / tau), tau = rise / ln 9 for
+a rise from 10 to 90 %. Light is linear in the pictures, so picture k weighs H_k - H_(k+1) in an exposure
+[a, b], where H_k is the mean of h(t - T_k) over it:
+
+    H = [b - c - tau (exp(-(c - T) / tau) - exp(-(b - T) / tau))] / (b - a),  c = max(a, T), 0 when b <= T
+
+Near null the carrier's phase is linear in the warp, so a mix of pictures acts as the mix of their warps
+with the same weights. What is left, and when it is too much, is the concern of
+`zeromethod.exposure.mixture`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.devices.protocols import Frame
+from zeromethod.exposure.mixture import Mixture, mixture
+from zeromethod.exposure.presentation_log import PresentationLog
+from zeromethod.rig.model import DisplaySpec
+from zeromethod.warp.grid import NodeGrid
+
+Float = NDArray[np.float64]
+
+TABLE_ROWS = 257
+"""Panel rows at which weights are computed, 65 us of scan-out apart at 60 Hz; linear between them."""
+
+LEAST_WEIGHT = 1e-4
+"""Pictures that weigh less in every row are left out."""
+
+SAME_ROW = 0.25
+"""Panel rows between the row assumed and that of the mix that need no second round: 4 us of scan-out."""
+
+LIT_SHARE = 0.98
+"""An exposure that started before this share of the first picture's light is of no use."""
+
+
+@dataclass(frozen=True)
+class PanelTiming:
+    """When an LCD row follows a presentation. Times in ns; see the module."""
+
+    latency_ns: float
+    scanout_ns: float
+    tau_ns: float
+    rows: int
+    upwards: bool
+
+    @classmethod
+    def of(cls, display: DisplaySpec) -> PanelTiming:
+        """Take the timing that the rig states."""
+        scanout_s = 1 / display.refresh_hz if display.scanout_s is None else display.scanout_s
+        return cls(
+            latency_ns=1e9 * display.latency_s,
+            scanout_ns=1e9 * scanout_s,
+            tau_ns=1e9 * display.rise_s / math.log(9),
+            rows=display.rows,
+            upwards=display.scan == "up",
+        )
+
+    @property
+    def half_lit_ns(self) -> float:
+        """From presentation to half the light's change in the panel's middle row."""
+        return self.latency_ns + 0.5 * self.scanout_ns + self.tau_ns * math.log(2)
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What was lit while a frame was exposed.
+
+    q: (rows, cols, 2) mixed warp, LCD px. mixture: what the mixing does to the residual; None when there
+    is one warp only. entries: (k,) presentation times, ns. weights: (k, n) share of each at n panel rows,
+    equally spaced in scan-out order, adding up to 1 in each. age_ns: (n,) from mid-exposure of the frames
+    by which the pictures were drawn to that of this one, weighted likewise; None where a picture was drawn
+    by none.
+    """
+
+    q: Float
+    mixture: Mixture | None
+    entries: NDArray[np.int64]
+    weights: Float
+    age_ns: Float | None
+
+
+def lit_share(start_ns: float | Float, end_ns: float | Float, change_ns: Float, tau_ns: float) -> Float:
+    """H above: mean over the exposure of the light of a pixel that starts to change at `change_ns`."""
+    from_ns = np.clip(change_ns, start_ns, end_ns)
+    lit = end_ns - from_ns
+    if tau_ns > 0:
+        late = np.exp(-np.maximum(from_ns - change_ns, 0) / tau_ns)
+        lit = lit - tau_ns * (late - np.exp(-np.maximum(end_ns - change_ns, 0) / tau_ns))
+    share: Float = lit / (end_ns - start_ns)
+    return share
+
+
+def entry_weights(
+    times_ns: NDArray[np.int64], complete: bool, frame: Frame, timing: PanelTiming
+) -> tuple[Float, Float]:
+    """Weight of every presentation in the exposure of `frame` at `TABLE_ROWS` rows, in scan-out order.
+
+    Returns ((k, n) weights, (n,) share of light from before the first entry; 0 when older entries are no
+    longer in the log, `complete` False: the oldest one then stands for them).
+    """
+    scan = np.linspace(0.0, timing.scanout_ns, TABLE_ROWS)
+    start = -0.5 * frame.exposure_ns
+    # Relative to mid-exposure, as nanoseconds since boot need more digits than a double has to spare.
+    changes = (times_ns - frame.time_ns)[:, None] + timing.latency_ns + scan
+    lit = np.stack([lit_share(start, -start, change, timing.tau_ns) for change in changes])
+    dark = 1 - lit[0]
+    if not complete:
+        lit[0] = 1.0
+        dark = np.zeros(TABLE_ROWS)
+    lit[:-1] -= lit[1:]
+    return lit, dark
+
+
+@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+def _mix(
+    warps: Float,
+    slots: NDArray[np.int64],
+    weights: Float,
+    look_q: Float,
+    rows_per_entry: float,
+    upwards: bool,
+    q: Float,
+    place: Float,
+) -> None:
+    """Mix of `warps[slots]` by `weights` (n panel rows, entries), each node's own place among the rows.
+
+    The row is that of the mix itself, so that q and the weights belong together at every point of the
+    target; at most two rounds from `look_q` find it to far less than a row.
+    """
+    rows, cols = q.shape[0], q.shape[1]
+    last = weights.shape[0] - 1
+    for j in range(rows):
+        for i in range(cols):
+            b = look_q[j, i, 1]
+            x = a = 0.0
+            for _ in range(2):
+                row = b
+                x = min(max(b * rows_per_entry, 0.0), float(last))
+                x = last - x if upwards else x
+                n = min(int(x), last - 1)
+                t = x - n
+                a = b = 0.0
+                for k in range(slots.size):
+                    share = weights[n, k] + t * (weights[n + 1, k] - weights[n, k])
+                    a += share * warps[slots[k], j, i, 0]
+                    b += share * warps[slots[k], j, i, 1]
+                if abs(b - row) < SAME_ROW:
+                    break
+            q[j, i, 0] = a
+            q[j, i, 1] = b
+            place[j, i] = x
+
+
+def pair(
+    log: PresentationLog, frame: Frame, timing: PanelTiming, look_q: Float, grid: NodeGrid, kind: str
+) -> Shown | None:
+    """Tell what the exposure of `frame` saw; None when no picture of the log was fully lit before it.
+
+    look_q: (rows, cols, 2) where the nodes look on the panel, LCD px, to some tens of rows: the latest
+    estimate. kind: the target's. Where one picture was alone its warp is returned as logged (a view), and
+    that is the usual case with patterns that are held.
+    """
+    times = log.times_ns()
+    if not len(times):
+        return None
+    # A picture whose last row has long settled hides all before it; a picture that starts after the
+    # exposure was not seen.
+    end_ns = frame.time_ns + 0.5 * frame.exposure_ns
+    settled_ns = end_ns - frame.exposure_ns - timing.latency_ns - timing.scanout_ns - 12 * timing.tau_ns
+    first = max(int(np.searchsorted(times, settled_ns, side="right")) - 1, 0)
+    stop = int(np.searchsorted(times, end_ns - timing.latency_ns, side="left"))
+    if stop <= first:
+        return None
+    alone = first > 0 or not log.complete
+    weights, dark = entry_weights(times[first:stop], not alone, frame, timing)
+    if dark.max() > 1 - LIT_SHARE:
+        return None
+    kept = np.flatnonzero(weights.max(axis=1) > LEAST_WEIGHT)
+    weights = weights[kept]
+    weights /= weights.sum(axis=0)
+    index = first + kept
+    age_ns = _age_ns(log, index, weights, frame.time_ns)
+    if len(kept) == 1:
+        return Shown(log.warp(int(index[0])), None, times[index], weights, age_ns)
+    q = np.empty_like(look_q)
+    place = np.empty(q.shape[:2])
+    per_row = (TABLE_ROWS - 1) / (timing.rows - 1)
+    slots = log.slots(index)
+    table = np.ascontiguousarray(weights.T)
+    _mix(log.buffer, slots, table, look_q, per_row, timing.upwards, q, place)
+    mixing = mixture(log.buffer, slots, table, place, q, grid.spacing_px, grid.period_px, kind)
+    return Shown(q, mixing, times[index], weights, age_ns)
+
+
+def _age_ns(log: PresentationLog, index: NDArray[np.int64], weights: Float, time_ns: int) -> Float | None:
+    seen = [log.seen_ns(int(k)) for k in index]
+    if None in seen:
+        return None
+    ages = np.array([time_ns - one for one in seen if one is not None], dtype=np.float64)
+    return ages @ weights

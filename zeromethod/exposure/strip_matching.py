@@ -1,0 +1,229 @@
+"""When the panel truly followed its presentations: the strips of a frame against the presentation log.
+
+For a delay x between presentation and the panel's first row, the timing model (`zeromethod.exposure.pairing`)
+foretells the level of every bit of both strips from the pictures of the log and their codes:
+
+    level = sum over pictures of weight(x, panel row) * bit.
+
+The x that fits all ten levels is found. That takes in any number of pictures in an exposure, uses the bit
+that changes and the check alike (they must agree, or nothing fits), and no picture is taken for another whose
+code is 16 further: the delays searched span less. A frame that saw one picture alone fits over a range of x,
+which then only bounds the delay.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.devices.protocols import Frame
+from zeromethod.exposure.pairing import PanelTiming
+from zeromethod.exposure.presentation_log import PresentationLog
+from zeromethod.exposure.strip_reading import StripReading
+from zeromethod.pattern.strips import CODES, bits_of
+
+Float = NDArray[np.float64]
+
+MODEL_SIGMA = 0.03
+"""Standard deviation of a level beyond noise: the panel's rise is no exact exponential, mirrors move."""
+
+FITS_WITHIN = 0.2
+"""Largest misfit of any level at which the strips count as explained."""
+
+POSSIBLE_WITHIN = 0.51
+"""Misfit on the coarse scan up to which a fit may lie between its points: half a level at sharp changes.
+
+Above it everywhere, no timing explains what was seen: a whole bit is wrong.
+"""
+
+_MOST_COARSE = 400
+_FINE = 61
+_LIT = 1 - 1e-4
+
+_BITS = np.array([bits_of(code) for code in range(CODES)], dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """Delays that explain a frame's strips, ns: the best, and the ends of those as good within 3 sigma.
+
+    blur_ns: how far apart noise alone puts these ends. fits: whether they explain it at all; where False
+    nothing of the rest is to be used. contradicts: whether what was seen cannot have been shown.
+    """
+
+    fits: bool
+    contradicts: bool = False
+    best_ns: float = math.nan
+    low_ns: float = math.nan
+    high_ns: float = math.nan
+    blur_ns: float = math.nan
+
+    @property
+    def plateau_ns(self) -> float:
+        """Range of delays that no noise is needed for: what was seen cannot tell them apart."""
+        return self.high_ns - self.low_ns - self.blur_ns
+
+    @property
+    def delay_ns(self) -> float:
+        """The best delay; of a plateau wider than noise, whose best may be any, the middle."""
+        flat = self.plateau_ns > 1.5 * self.blur_ns
+        return 0.5 * (self.low_ns + self.high_ns) if flat else self.best_ns
+
+    @property
+    def sigma_ns(self) -> float:
+        """Standard deviation of the delay, as far as one frame tells it."""
+        return (self.high_ns - self.low_ns) / 6
+
+
+@numba.njit(cache=True)
+def _lit(start: float, end: float, change: float, tau: float) -> float:
+    """Mean over the exposure of the light of a pixel that starts to change at `change`."""
+    if change >= end:
+        return 0.0
+    since = max(change, start)
+    lit = end - since
+    if tau > 0.0:
+        lit -= tau * (math.exp(-(since - change) / tau) - math.exp(-(end - change) / tau))
+    return lit / (end - start)
+
+
+@numba.njit(cache=True)
+def _misfit(
+    x: float,
+    times: Float,
+    bits: Float,
+    exposure: float,
+    tau: float,
+    levels: Float,
+    scan: Float,
+    sigma: Float,
+) -> tuple[float, float]:
+    """(sum of squares over variance, largest misfit); infinite when a picture before the first was seen."""
+    start, end = -0.5 * exposure, 0.5 * exposure
+    last = times.size - 1
+    total = worst = 0.0
+    for r in range(levels.shape[0]):
+        for k in range(levels.shape[1]):
+            level = 0.0
+            i = last
+            lit = 0.0
+            while i >= 0:
+                lit = _lit(start, end, times[i] + x + scan[r, k], tau)
+                if lit > _LIT or i == 0:
+                    break
+                level += lit * (bits[i, k] - bits[i - 1, k])
+                i -= 1
+            if lit < 0.98:
+                return np.inf, np.inf
+            level += bits[i, k]
+            off = abs(levels[r, k] - level)
+            total += off * off / (sigma[r] * sigma[r])
+            worst = max(worst, off)
+    return total, worst
+
+
+@numba.njit(cache=True)
+def _scan(
+    low: float,
+    high: float,
+    total: Float,
+    worst: Float,
+    times: Float,
+    bits: Float,
+    exposure: float,
+    tau: float,
+    levels: Float,
+    scan: Float,
+    sigma: Float,
+) -> None:
+    """Misfits at total.size delays from low to high."""
+    step = (high - low) / (total.size - 1)
+    for n in range(total.size):
+        total[n], worst[n] = _misfit(low + n * step, times, bits, exposure, tau, levels, scan, sigma)
+
+
+def _runs(within: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], within.astype(np.int8), [0]])))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def match(
+    readings: tuple[StripReading, ...],
+    log: PresentationLog,
+    frame: Frame,
+    timing: PanelTiming,
+    span_ns: tuple[float, float],
+) -> Match | None:
+    """Find the delay within `span_ns` at which the log explains the readings.
+
+    None where nothing can be told: no readings, or a picture without code may have been seen as well.
+    """
+    codes = log.codes()
+    coded = codes >= 0
+    if not readings or not len(coded) or not coded[-1]:
+        return None
+    first = int(np.max(np.flatnonzero(~coded), initial=-1)) + 1
+    after_start = log.times_ns() - frame.time_ns
+    # all that began to change long before the exposure, whatever the delay, but for the last of them
+    settled = -0.5 * frame.exposure_ns - span_ns[1] - timing.scanout_ns - 12 * timing.tau_ns
+    first = max(first, int(np.searchsorted(after_start, settled, side="right")) - 1)
+    stop = int(np.searchsorted(after_start, 0.5 * frame.exposure_ns - span_ns[0], side="left"))
+    if stop <= first:
+        return None
+    rows = np.stack([reading.panel_rows for reading in readings]) / (timing.rows - 1)
+    given = (
+        after_start[first:stop].astype(np.float64),
+        _BITS[codes[first:stop]],
+        float(frame.exposure_ns),
+        timing.tau_ns,
+        np.stack([reading.levels for reading in readings]),
+        timing.scanout_ns * (1 - rows if timing.upwards else rows),
+        np.hypot(MODEL_SIGMA, np.array([reading.sigma for reading in readings])),
+    )
+    low, high = span_ns
+    coarse = min(_MOST_COARSE, math.ceil(8 * (high - low) / frame.exposure_ns)) + 2
+    total, worst = np.empty(coarse), np.empty(coarse)
+    _scan(low, high, total, worst, *given)
+    if not np.isfinite(total).any():
+        return None
+    step = (high - low) / (coarse - 1)
+    runs = _runs(worst < POSSIBLE_WITHIN)
+    # a level's noise, over the change of two levels (a bit and the check) by delay
+    blur_ns = 6 * MODEL_SIGMA * frame.exposure_ns / math.sqrt(2)
+    fine, fine_worst = np.empty(_FINE), np.empty(_FINE)
+    found: list[Match] = []
+    for begin, end in runs:
+        a, b = max(low, low + (begin - 1) * step), min(high, low + (end + 1) * step)
+        for _ in range(2):
+            _scan(a, b, fine, fine_worst, *given)
+            best = int(np.argmin(fine))
+            near = np.flatnonzero(fine < fine[best] + 9)
+            here = _located(a, b, fine, best, near, blur_ns)
+            pad = (b - a) / (_FINE - 1)
+            a, b = max(low, here.low_ns - pad), min(high, here.high_ns + pad)
+        if fine_worst[best] < FITS_WITHIN:
+            if near[-1] + 1 < _FINE and math.isinf(fine[near[-1] + 1]):
+                # As good up to where the uncoded picture before all of these would be seen: that may have had
+                # a part in the exposure, which then tells nothing.
+                return None
+            found.append(here)
+    if len(found) == 1:
+        return found[0]
+    # a delay at which a picture without code has a part is never ruled out
+    return Match(fits=False, contradicts=not runs and bool(np.isfinite(total).all()))
+
+
+def _located(a: float, b: float, fine: Float, best: int, near: NDArray[np.int64], blur_ns: float) -> Match:
+    """Best delay and the ends of those as good, of a scan from a to b."""
+    step = (b - a) / (len(fine) - 1)
+    shift = 0.0
+    if 0 < best < len(fine) - 1 and np.isfinite(fine[best - 1] + fine[best + 1]):
+        left, middle, right = fine[best - 1 : best + 2]
+        bend = left - 2 * middle + right
+        shift = 0.5 * (left - right) / bend if bend > 0 else 0.0
+    low, high = a + int(near[0]) * step, a + int(near[-1]) * step
+    return Match(True, False, a + (best + shift) * step, low, high, blur_ns)

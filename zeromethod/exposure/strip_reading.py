@@ -1,0 +1,173 @@
+"""Reading the coded strips of a frame: how much light of either kind every bit got.
+
+With a and b the light of a bit's cells and of their complement, (a - b) / (a + b) is 1, -1, or in between
+where pictures with either value shared the exposure. Stray light lowers all of these alike; how far is told
+by the frame itself, as at most three of five bits change within three pictures: the strongest two are whole.
+
+What cannot be trusted is not read at all: clipped cells, too little contrast, cells that are not even within
+(a press moved them, or something lies on the mirror).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.pattern.strips import BITS, UNITS_PER_BIT, Strip, Strips
+from zeromethod.rig.model import Noise, Rig
+from zeromethod.warp.rest import Rest
+from zeromethod.warp.validity import Flag
+
+Float = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+LEAST_CONTRAST = 0.3
+"""Of the whole bits; stray light three times the pattern's leaves a quarter."""
+
+LEAST_GREY = 6.0
+"""Grey levels between white and black below which nothing is read."""
+
+GREY_ABOVE = 0.05
+"""Distance of a level from 0 and 1 from which two pictures are behind it."""
+
+UNEVEN = 0.1
+"""Largest difference of a cell's quarters from its mean, in units of white minus black."""
+
+CLIPPED_SHARE = 0.99
+"""Share of the ceiling from which a cell counts as clipped."""
+
+
+def find_strips(rig: Rig, rest: Rest) -> Strips | None:
+    """Strips of a rig, if it asks for any; None also where the panel is not seen along the edges."""
+    if rig.control.strips == "none":
+        return None
+    no_ray = (rest.flags & np.uint16(Flag.NO_RAY)) != 0
+    return Strips.of(rest.grid, rest.q, no_ray, rest.display_size)
+
+
+@dataclass(frozen=True)
+class StripReading:
+    """What one strip says. levels: (5,) share of the exposure's light with each bit set, 0..1 but for noise.
+
+    sigma: standard deviation of a level. panel_rows: (5,) LCD row of each bit at rest.
+    """
+
+    levels: Float
+    sigma: float
+    panel_rows: Float
+
+    @property
+    def code(self) -> int | None:
+        """Code where one picture alone was seen; None where bits are grey or the check fails."""
+        bits = np.rint(self.levels).astype(int)
+        if np.abs(self.levels - bits).max() > GREY_ABOVE:
+            return None
+        code = 0
+        for bit in bits[BITS - 2 :: -1]:
+            code = code << 1 | (bit ^ (code & 1))
+        return code if (code & 1) == bits[-1] else None
+
+
+@numba.njit(cache=True)
+def _quarters(image: NDArray[Any], windows: Ints, along_u: bool, quarters: Float) -> None:
+    """Mean grey (bits, 3, 4) of the quarters of every cell's window: start, stop along, then across."""
+    for k in range(windows.shape[0]):
+        for c in range(windows.shape[1]):
+            a0, a2, b0, b2 = windows[k, c]
+            a1, b1 = (a0 + a2) // 2, (b0 + b2) // 2
+            for part in range(4):
+                f0, f1 = (a0, a1) if part % 2 == 0 else (a1, a2)
+                g0, g1 = (b0, b1) if part < 2 else (b1, b2)
+                total = 0.0
+                if along_u:
+                    for j in range(g0, g1):
+                        for i in range(f0, f1):
+                            total += image[j, i]
+                else:
+                    for j in range(f0, f1):
+                        for i in range(g0, g1):
+                            total += image[j, i]
+                quarters[k, c, part] = total / ((f1 - f0) * (g1 - g0))
+
+
+@numba.njit(cache=True)
+def _levels(quarters: Float, black: float, levels: Float) -> tuple[float, float]:
+    """Fill levels (bits,); (whole bits' contrast with 0 for none, rms unevenness over white - black)."""
+    bits = quarters.shape[0]
+    most = second = white = 0.0
+    for k in range(bits):
+        # two outer cells of half the width of the inner pair's window
+        outer = inner = 0.0
+        for part in range(4):
+            outer += 0.125 * (quarters[k, 0, part] + quarters[k, 2, part])
+            inner += 0.25 * quarters[k, 1, part]
+        both = outer + inner - 2.0 * black
+        if both <= 0.0:
+            return 0.0, 0.0
+        levels[k] = (outer - inner) / both
+        white += both / bits
+        size = abs(levels[k])
+        if size > most:
+            most, second = size, most
+        elif size > second:
+            second = size
+    contrast = 0.5 * (most + second)
+    swing = contrast * white
+    if contrast < LEAST_CONTRAST or swing < LEAST_GREY:
+        return 0.0, 0.0
+    square = 0.0
+    for k in range(bits):
+        for c in range(3):
+            mean = 0.0
+            for part in range(4):
+                mean += 0.25 * quarters[k, c, part]
+            for part in range(4):
+                off = (quarters[k, c, part] - mean) / swing
+                if abs(off) > UNEVEN:
+                    return 0.0, 0.0
+                square += off * off / (12 * bits)
+        levels[k] = 0.5 + 0.5 * levels[k] / contrast
+    return contrast, np.sqrt(square)
+
+
+def _windows(strip: Strip) -> Ints:
+    """(bits, 3, 4): start, stop along, start, stop across of every cell's inner half, camera px."""
+    bit = UNITS_PER_BIT * np.arange(BITS)[:, None]
+    starts = strip.start_px + strip.unit_px * (bit + np.array([0.25, 1.5, 3.25])) + 0.5
+    stops = strip.start_px + strip.unit_px * (bit + np.array([0.75, 2.5, 3.75])) + 0.5
+    # whole pixels inside
+    along = np.stack([np.ceil(starts), np.maximum(np.floor(stops), np.ceil(starts) + 2)], axis=-1)
+    return np.concatenate([along, np.broadcast_to(strip.read_px, along.shape)], axis=-1).astype(np.int64)
+
+
+class StripReader:
+    """Reads the strips of a rig's frames. noise: the camera's, for its black. bits: its depth.
+
+    The constructor compiles.
+    """
+
+    def __init__(self, strips: Strips, image_shape: tuple[int, int], noise: Noise, bits: int) -> None:
+        self._along_u = strips.along_u
+        self._strips = tuple((_windows(strip), strip.panel_rows) for strip in (strips.first, strips.last))
+        self._black = noise.black_grey
+        self._clipped = CLIPPED_SHARE * (2**bits - 1)
+        self._quarters = np.zeros((BITS, 3, 4))
+        self.read(np.zeros(image_shape, np.uint8 if bits == 8 else np.uint16))
+
+    def read(self, image: NDArray[Any]) -> tuple[StripReading, ...]:
+        """Readings of one image (rows, cols): of both strips, one, or none."""
+        readings = []
+        for windows, rows in self._strips:
+            _quarters(image, windows, self._along_u, self._quarters)
+            if self._quarters.max() >= self._clipped:
+                continue
+            levels = np.empty(BITS)
+            contrast, uneven = _levels(self._quarters, self._black, levels)
+            if contrast:
+                # a level is made of eight quarters of outer cells' and four of inner cells' means
+                readings.append(StripReading(levels, uneven / np.sqrt(4), rows))
+        return tuple(readings)

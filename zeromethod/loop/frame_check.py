@@ -1,0 +1,166 @@
+"""Whether a frame is what a camera may give, before anything is believed of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.devices.protocols import Frame
+from zeromethod.loop.events import Event
+from zeromethod.rig.model import CameraSpec
+
+SAMPLE_STRIDE = 8
+"""Every how many-th row is compared with the frame before."""
+
+LATE_FRAMES = 2.0
+"""Frame times beyond the least age seen so far at which a frame counts as late."""
+
+JUMP_FRAMES = 3
+"""Frames running that follow each other but not those before, after which the camera's clock has jumped."""
+
+
+_PAST = "the frame's time lies past the present"
+
+
+_NUMBERS = ("time_ns", "exposure_ns", "number", "dropped")
+
+
+def _plain(value: Any) -> Any:
+    """Whole number as Python's own, which does not overflow; whatever else is given as it is."""
+    if isinstance(value, int | float | np.integer | np.floating) and math.isfinite(value):
+        return round(value)
+    return value
+
+
+def own(frame: Frame) -> Frame:
+    """Frame whose image is in order in memory and may be written to: copied where it is not.
+
+    What works on images is compiled for such, and would be anew, for seconds, for any other.
+    """
+    flags = frame.image.flags
+    return frame if flags.c_contiguous and flags.writeable else replace(frame, image=frame.image.copy())
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is wrong with a frame. `fault`: it must not be used; `wrong`: the device breaks its contract."""
+
+    events: tuple[Event, ...] = ()
+    fault: str = ""
+    wrong: bool = False
+
+
+class FrameCheck:
+    """Checks frames one after the other against the rig's camera.
+
+    Noise makes every row of pixels unique. So rows that are, bit for bit, those of the frame before were
+    not taken anew: all of them in a repeated frame, some in a torn one, whose transfer left part of the old
+    frame standing. Where the rig gives the camera no noise, equal rows are no fault and this is not judged.
+    """
+
+    def __init__(self, camera: CameraSpec) -> None:
+        self._shape = (camera.rows, camera.columns)
+        self._dtype = np.dtype(np.uint8 if camera.bits == 8 else np.uint16)
+        self._noisy = camera.noise.read_grey > 0 or camera.noise.electrons_per_grey is not None
+        self._late_ns = LATE_FRAMES * 1e9 / camera.rate_hz
+        self._least_age_ns: int | None = None
+        self._last: tuple[int, int] | None = None
+        self._shift_ns = 0
+        self._astray: list[tuple[int, int, int]] = []
+        self._sample: NDArray[Any] | None = None
+
+    def restart(self) -> None:
+        """Forget the frames so far: the camera was opened anew and counts from its own beginning."""
+        self._last = None
+        self._sample = None
+        self._shift_ns = 0
+        self._astray.clear()
+
+    def timed(self, frame: Frame) -> Frame:
+        """Frame in plain numbers, with its time on the run's clock, should the camera's have jumped."""
+        time_ns, exposure_ns, number, dropped = (_plain(getattr(frame, name)) for name in _NUMBERS)
+        if isinstance(time_ns, int):
+            time_ns += self._shift_ns
+        return Frame(frame.image, time_ns, exposure_ns, number, dropped)
+
+    def look_at(self, frame: Frame, now_ns: int) -> Verdict:
+        """Judge `frame`, as `timed` gives it, which came to hand at `now_ns`."""
+        if broken := self._broken_contract(frame, now_ns):
+            jumped = self._jumped(frame, now_ns) if broken.startswith(_PAST) else None
+            return jumped or Verdict((Event.FRAME_WRONG,), broken, wrong=True)
+        image = frame.image
+        events = [Event.FRAMES_DROPPED] if frame.dropped else []
+        stale = self._stale_rows(image)
+        if self._last is not None and (frame.number <= self._last[0] or frame.time_ns <= self._last[1]):
+            if not stale.all() and (jumped := self._jumped(frame, now_ns)):
+                return jumped
+            events.append(Event.FRAME_REPEATED if stale.all() else Event.FRAME_DISORDERED)
+            return Verdict(tuple(events), f"frame {frame.number} came after frame {self._last[0]}")
+        self._last = frame.number, frame.time_ns
+        self._astray.clear()
+        if self._late(now_ns - frame.time_ns):
+            events.append(Event.FRAME_LATE)
+        if not self._noisy or not stale.any():
+            return Verdict(tuple(events))
+        if stale.all():
+            return Verdict((*events, Event.FRAME_REPEATED), "the image is that of the frame before")
+        rows = round(100 * float(stale.mean()))
+        return Verdict((*events, Event.FRAME_TORN), f"{rows} % of the frame is still that of the one before")
+
+    def _broken_contract(self, frame: Frame, now_ns: int) -> str:
+        """Say what no camera may give, "" where there is nothing of the kind."""
+        image = frame.image
+        if not isinstance(image, np.ndarray) or image.shape != self._shape or image.dtype != self._dtype:
+            found = f"{getattr(image, 'shape', '')} {getattr(image, 'dtype', type(image).__name__)}"
+            return f"the frame is {found}, not {self._shape} {self._dtype}"
+        for name in _NUMBERS:
+            if not isinstance(getattr(frame, name), int | float):
+                return f"the frame's {name} is {getattr(frame, name)!r}, not a number"
+        if not frame.exposure_ns > 0:
+            return f"the frame's exposure is {frame.exposure_ns} ns"
+        if not frame.dropped >= 0:
+            return f"the frame says that {frame.dropped} frames were dropped"
+        # NaN fails this too. An exposure's length is left for clocks that were mapped onto each other.
+        if not frame.time_ns <= now_ns + frame.exposure_ns:
+            return f"{_PAST}: {frame.time_ns} ns at {now_ns} ns"
+        return ""
+
+    def _jumped(self, frame: Frame, now_ns: int) -> Verdict | None:
+        """Note a frame out of order; after some that are in order among themselves, follow their clock."""
+        if self._least_age_ns is None or not isinstance(frame.time_ns, int):
+            return None
+        astray = self._astray
+        if astray and (frame.number <= astray[-1][0] or frame.time_ns <= astray[-1][1]):
+            astray.clear()
+        astray.append((frame.number, frame.time_ns, now_ns - frame.time_ns))
+        if len(astray) < JUMP_FRAMES:
+            return None
+        shift_ns = min(age for _, _, age in astray) - self._least_age_ns
+        # a count that was set back leaves the times as they are
+        if abs(shift_ns) <= self._late_ns:
+            shift_ns = 0
+        self._shift_ns += shift_ns
+        self._last = frame.number, frame.time_ns + shift_ns
+        astray.clear()
+        what = f"clock jumped by {-1e-9 * shift_ns:+.3g} s" if shift_ns else "count was set back"
+        return Verdict((Event.CLOCK_JUMPED,), f"the camera's {what}: followed")
+
+    def _stale_rows(self, image: NDArray[Any]) -> NDArray[np.bool_]:
+        """Which of the sampled rows equal the last frame's; even ones (no light, clipped) tell nothing."""
+        sample = image[::SAMPLE_STRIDE].copy()
+        before, self._sample = self._sample, sample
+        if before is None:
+            return np.zeros(len(sample), dtype=np.bool_)
+        same: NDArray[np.bool_] = (sample == before).all(axis=1)
+        if same.any():
+            same &= sample.min(axis=1) < sample.max(axis=1)
+        return same
+
+    def _late(self, age_ns: int) -> bool:
+        if self._least_age_ns is None or age_ns < self._least_age_ns:
+            self._least_age_ns = age_ns
+        return age_ns - self._least_age_ns > self._late_ns

@@ -1,0 +1,107 @@
+"""Taking the mirror as it is for the mirror at rest: what slow drift of LCD or prism does to every reading.
+
+The zero enters the reading by subtraction: of the warp at rest as measured from that by the rig's geometry,
+LCD px, node by node. For an LCD that slid in its mount, the largest part of drift, that is exact, as every
+ray then meets a point so many pixels further on; it leaves the camera's rays as calibrated, of which drift of
+the LCD says nothing. (`zeromethod.surface.RestGrid` blames the camera's rays instead: for calibration.)
+
+Not everything may be called zero. Drift is smooth over the view, small and slow: a quadratic form in camera
+px fits it. What a press does is not, unless it is far wider than the view.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.loop.state import LOCK_RESIDUAL_PX
+from zeromethod.warp.rest import Rest
+from zeromethod.warp.warp import Warp
+
+Float = NDArray[np.float64]
+
+FRAMES = 8
+"""Good frames whose mean warp is the zero."""
+
+PATIENCE_FRAMES = 60
+"""Frames after which too few good ones mean that there is none to be had."""
+
+BLOCK = 8
+"""Nodes on a side of the blocks over which noise is averaged."""
+
+LARGEST_LCD_PX = 3.0
+"""Drift of more than this anywhere is no drift."""
+
+WITHIN_LCD_PX = 0.05
+"""Rms of a block, beyond three deviations of noise, by which drift may miss the fit: 0.2 um of press."""
+
+STEADY_LCD_PX = 0.1
+"""Rms of a block, beyond three deviations of noise, between the earlier and the later half of the frames."""
+
+
+def _quadratic(rest: Rest) -> Float:
+    """(rows, cols, 6) terms up to second order of the nodes' places, of size 1."""
+    u, v = rest.grid.mesh()
+    x = (u - u.mean()) / np.ptp(u)
+    y = (v - v.mean()) / np.ptp(v)
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+
+
+def _worst_block(values: Float, used: NDArray[np.bool_]) -> float:
+    """Largest rms of any block, per component; values (rows, cols, 2), 0 where not used."""
+    rows, cols = (-(-size // BLOCK) * BLOCK for size in used.shape)
+    padding = (0, rows - used.shape[0]), (0, cols - used.shape[1])
+    square = np.pad(np.where(used, 0.5 * np.sum(values**2, axis=-1), 0.0), padding)
+    count = np.pad(used.astype(np.float64), padding)
+    shape = rows // BLOCK, BLOCK, cols // BLOCK, BLOCK
+    squares, counts = (one.reshape(shape).sum(axis=(1, 3)) for one in (square, count))
+    return float(np.sqrt(np.max(squares / np.maximum(counts, BLOCK))))
+
+
+class ZeroTaking:
+    """Gathers frames until a zero can be taken or refused."""
+
+    def __init__(self, rest: Rest) -> None:
+        self._rest = rest
+        self._measured: list[Warp] = []
+        self._turns = 0
+
+    def take(self, measured: Warp | None, residual_rms_px: float) -> Float | str | None:
+        """Take in a frame, with no measurement where it was not usable.
+
+        Returns the zero, (rows, cols, 2) LCD px to add to the warp at rest; why there is none, in words; or
+        None as long as frames are still needed.
+        """
+        self._turns += 1
+        if measured is not None and residual_rms_px < LOCK_RESIDUAL_PX:
+            self._measured.append(measured)
+        if len(self._measured) == FRAMES:
+            return self._judge()
+        if self._turns >= PATIENCE_FRAMES:
+            return f"only {len(self._measured)} of {self._turns} frames were nulled"
+        return None
+
+    def _judge(self) -> Float | str:
+        rest = self._rest
+        away = np.stack([warp.q for warp in self._measured]) - rest.q
+        valid = np.stack([warp.valid for warp in self._measured])
+        used = valid.all(axis=0) & rest.seen
+        if np.count_nonzero(used) < 0.5 * np.count_nonzero(rest.seen):
+            return "too much of the mirror is hidden"
+        mean = np.where(used[..., None], away.mean(axis=0), 0.0)
+        sigma = np.stack([warp.sigma for warp in self._measured])[:, used]
+        noise = float(np.sqrt(np.mean(sigma**2) / FRAMES))
+        half = FRAMES // 2
+        moved = np.where(used[..., None], away[half:].mean(axis=0) - away[:half].mean(axis=0), 0.0)
+        if _worst_block(moved, used) > 2 * 3 * noise + STEADY_LCD_PX:
+            return "the mirror moves"
+        terms = _quadratic(rest)
+        fit = terms @ np.linalg.lstsq(terms[used], mean[used], rcond=None)[0]
+        misfit = _worst_block(mean - fit, used)
+        if misfit > 3 * noise + WITHIN_LCD_PX:
+            return f"something presses: a dent of {misfit:.2f} LCD px is seen"
+        largest = float(np.abs(fit[used]).max())
+        if largest > LARGEST_LCD_PX:
+            return f"the picture is {largest:.1f} LCD px away from rest: more than drift ({LARGEST_LCD_PX:g})"
+        zero: Float = np.where(used[..., None], mean, fit)
+        return zero

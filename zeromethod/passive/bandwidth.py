@@ -1,0 +1,117 @@
+"""The window at every point: as wide, along columns and along rows, as the displacement's bends allow.
+
+A wide window averages noise, a narrow one follows bends. Fits with windows of all widths on both axes are
+compared: where one differs from the fit of half its width, on either axis, by more than their noise
+explains, the difference is its bias. Per point and component the window with the least
+variance + `WEIGHT` bias^2 is taken.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.passive.moving_fit import blur, moving_fit
+
+Float = NDArray[np.float64]
+Window = tuple[float, float]
+
+WIDTHS_PX = (4.0, 8.0, 16.0, 32.0)
+"""Standard deviations of the Gaussian windows on each axis."""
+
+WEIGHT = 4.0
+"""How much worse a squared bias is than variance: later averaging takes noise away, but not bias."""
+
+_ORDER = 2
+
+_NOISE = 3.0
+"""Squared differences, pooled over the wider window, are bias beyond this many times their noise."""
+
+_NOISE_AREA = 4.0 * np.pi / 2.5
+"""1 / integral of the squared kernel of a quadratic fit under a Gaussian window, per product of widths."""
+
+
+def windows(widths_px: tuple[float, ...]) -> list[Window]:
+    """All windows (columns, rows) in px, every one after those that are narrower."""
+    return [(across, down) for across, down in itertools.product(widths_px, widths_px)]
+
+
+@functools.cache
+def _difference_variance(ratio: float) -> float:
+    """Variance of (wide fit - narrow fit) over the narrow fit's, windows wider by `ratio` on one axis.
+
+    On even texture the quadratic fit's kernel transforms to (1 + q) exp(-q), q = (sigma k)^2 / 2 summed
+    over both axes; the integrals over q of its products are taken numerically.
+    """
+    k = np.linspace(0.0, 8.0, 401)
+    narrow = 0.5 * (k[:, None] ** 2 + k[None, :] ** 2)
+    wide = 0.5 * ((ratio * k[:, None]) ** 2 + k[None, :] ** 2)
+    of_narrow, of_wide = (1.0 + narrow) * np.exp(-narrow), (1.0 + wide) * np.exp(-wide)
+    edge = np.where((k == 0.0)[:, None], 0.5, 1.0) * np.where((k == 0.0)[None, :], 0.5, 1.0)
+    return float(np.sum(edge * (of_wide - of_narrow) ** 2) / np.sum(edge * of_narrow**2))
+
+
+def adaptive_fit(
+    sums: Float, field: Float, grey_variance: Float, size: int, widths_px: tuple[float, ...]
+) -> tuple[Float, Float, Float]:
+    """Displacement with the best window per cell: value, variance and how far its noise reaches.
+
+    Returns (rows, cols, 2) px, (rows, cols, 2) px^2 and (rows, cols) px^2, the area over which errors go
+    together (the integral of their autocorrelation, both components' mean).
+
+    sums, field: see `moving_fit`. grey_variance: (rows, cols) of the images' difference. size: of the cells
+    in px. widths_px: rising. NaN where no window determines the displacement.
+    """
+    names = windows(widths_px)
+    fits: dict[Window, Float] = {}
+    variances: dict[Window, Float] = {}
+    bias2: dict[Window, Float] = {}
+    for name in names:
+        fits[name], gain = moving_fit(sums, field, (name[0] / size, name[1] / size), _ORDER)
+        # Where texture hardly determines a fit, rounding can make its variance vanish.
+        variances[name] = np.where(gain > 0.0, gain, np.nan) * grey_variance[..., None]
+        bias2[name] = np.zeros_like(field)
+        for axis in range(2):
+            at = widths_px.index(name[axis])
+            if at > 0:
+                narrower = (widths_px[at - 1], name[1]) if axis == 0 else (name[0], widths_px[at - 1])
+                extra = _bias2(fits, variances, narrower, name, size)
+                bias2[name] = np.maximum(bias2[name], np.maximum(extra, bias2[narrower]))
+    cost = np.stack([variances[name] + WEIGHT * bias2[name] for name in names])
+    cost = np.where(np.isfinite(cost), cost, np.inf)
+    best = np.argmin(cost, axis=0)
+    sigma, fit, area, total = (np.zeros_like(field) for _ in range(4))
+    for k, name in enumerate(names):
+        share = _share(best == k, widths_px[0] / size) * np.isfinite(cost[k])
+        fit += share * np.nan_to_num(fits[name])
+        sigma += share * np.sqrt(np.nan_to_num(variances[name]))
+        area += share * _NOISE_AREA * name[0] * name[1]
+        total += share
+    total = np.where(total > 0.0, total, np.nan)
+    return fit / total, (sigma / total) ** 2, np.asarray((area / total).mean(axis=-1))
+
+
+def _bias2(
+    fits: dict[Window, Float], variances: dict[Window, Float], narrow: Window, wide: Window, size: int
+) -> Float:
+    """Squared bias of the wide fit as the narrow one sees it; 0 where noise explains the difference."""
+    noise = variances[narrow] * _difference_variance(max(wide[0] / narrow[0], wide[1] / narrow[1]))
+    # In units of the noise, so that badly determined cells do not drown their neighbours.
+    ratio = (fits[wide] - fits[narrow]) ** 2 / noise
+    known = np.isfinite(ratio)
+    pool = (wide[0] / size, wide[1] / size)
+    out = np.empty_like(ratio)
+    for c in range(2):
+        total = blur(np.where(known[..., c], ratio[..., c], 0.0), pool)
+        count = blur(known[..., c].astype(np.float64), pool)
+        out[..., c] = total / np.maximum(count, 1e-9)
+    return np.where(known, np.maximum(out - _NOISE, 0.0) * noise, 0.0)
+
+
+def _share(chosen: NDArray[np.bool_], sigma: float) -> Float:
+    """Blurred choice (rows, cols, 2), so that a change of window leaves no step."""
+    parts = [blur(chosen[..., c].astype(np.float64), (sigma, sigma)) for c in range(2)]
+    return np.stack(parts, axis=-1)

@@ -1,0 +1,136 @@
+"""Displacement between two images of any texture, from all their pixels."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.errors import InputError
+from zeromethod.passive.bandwidth import WIDTHS_PX, adaptive_fit
+from zeromethod.passive.displacement import Displacement
+from zeromethod.passive.matching import Matcher
+from zeromethod.passive.search import CELL_PX, SMALLEST_PX, pyramid, resampled, search, settle
+from zeromethod.passive.validity import doubts, unsettled
+from zeromethod.warp.continuation import continue_smoothly
+
+Float = NDArray[np.float64]
+Grey = NDArray[np.float32]
+
+SPACING_PX = 5
+"""Pixels between points; odd, so that points lie on pixel centres."""
+
+NARROWEST_PX, WIDEST_PX = 2.0, 64.0
+LARGEST_SPACING_PX = 32
+
+_MIDDLE_PX = 8.0
+_FINAL_ROUNDS = 4
+_UNSETTLED_SHARE = 0.001
+_GUESS_ROUNDS = 20
+
+
+def correlate(
+    reference: NDArray[Any],
+    image: NDArray[Any],
+    *,
+    spacing_px: int = SPACING_PX,
+    window_px: float | None = None,
+    guess: Displacement | None = None,
+) -> Displacement:
+    """Find where every part of the reference has gone in the image.
+
+    A pyramid finds what is large, then the grey differences of all pixels are fitted under Gaussian windows
+    by quadratic displacements, with brightness and contrast free to change smoothly. Gradients are those of
+    the two images' mean, grey levels between pixels quintic splines'.
+
+    reference, image: (rows, cols) grey, one shape, any real type, finite. spacing_px: pixels from point to
+    point, each the centre of a square of that size. window_px: standard deviation of the Gaussian window;
+    None chooses it per point and axis. guess: a displacement from the same reference, say that of the frame
+    before, tried besides the search from nothing; the one that matches more of the image is kept.
+
+    Sigma is the images' noise through the fit's own weights, the noise being taken from the grey differences
+    left by the match and held equal in both images. It does not contain what the window smooths away.
+
+    Convention: reference(u, v) = image(u + du, v + dv). Raises InputError for what cannot be compared.
+    """
+    _check(reference, image, spacing_px, window_px, guess)
+    a, b = (np.array(grey, dtype=np.float32, order="C") for grey in (reference, image))
+    # One overall gain first, so that bit depths and exposures may differ by any factor.
+    gain = float(np.std(a) / np.std(b)) if np.std(a) > 0.0 and np.std(b) > 0.0 else 1.0
+    b *= np.float32(gain)
+    field = _start(a, b, guess)
+    matcher = Matcher(a, b, spacing_px)
+    field = resampled(field, CELL_PX, matcher.shape, spacing_px, 1.0)
+    # What rounding to whole grey levels adds is there even where two images are the same.
+    steps = [
+        scale * np.issubdtype(grey.dtype, np.integer) for grey, scale in ((reference, 1.0), (image, gain))
+    ]
+    least_noise = max((steps[0] ** 2 + steps[1] ** 2) / 12.0, 1e-9 * float(np.var(a)), 1e-30)
+    middle = (_MIDDLE_PX,) if window_px is None else (window_px,)
+    final = WIDTHS_PX if window_px is None else (window_px,)
+    for widths_px in (middle, middle, *[final] * _FINAL_ROUNDS):
+        comparison = matcher.compare(field)
+        good = comparison.alike
+        sums = np.where(good[..., None], comparison.sums, 0.0)
+        noise = np.maximum(comparison.grey_variance, least_noise)
+        fitted, variance, area = adaptive_fit(sums, field, noise, spacing_px, widths_px)
+        known = np.isfinite(fitted).all(axis=-1) & good
+        step = np.linalg.norm(fitted - field, axis=-1)
+        field = continue_smoothly(np.where(known[..., None], fitted, 0.0), known)
+        sigma = np.sqrt(variance)
+        if widths_px == final and np.sum(unsettled(sigma, step) & known) <= _UNSETTLED_SHARE * np.sum(known):
+            break
+    u, v = np.meshgrid(*(spacing_px * np.arange(n) + 0.5 * (spacing_px - 1) for n in matcher.shape[::-1]))
+    within = (u <= a.shape[1] - 1) & (v <= a.shape[0] - 1)
+    found = doubts(field, sigma, np.where(known, step, np.inf), comparison.seen & within, good, spacing_px)
+    valid = found == 0
+    return Displacement(
+        u=u,
+        v=v,
+        du=field[..., 0],
+        dv=field[..., 1],
+        sigma_u=sigma[..., 0],
+        sigma_v=sigma[..., 1],
+        doubts=found,
+        match=comparison.match,
+        noise_area_px2=area,
+        noise_grey=float(np.sqrt(np.median(noise[valid]))) if valid.any() else math.nan,
+    )
+
+
+def _start(a: Grey, b: Grey, guess: Displacement | None) -> Float:
+    """Field on cells of `CELL_PX`: the search's, or the settled guess where that matches more."""
+    found = search(pyramid(a), pyramid(b))
+    if guess is None:
+        return found
+    matcher = Matcher(a, b, CELL_PX)
+    size = round(float(guess.u[0, 1] - guess.u[0, 0]))
+    followed = settle(matcher, resampled(guess.field, size, matcher.shape, CELL_PX, 1.0), _GUESS_ROUNDS)
+    shares = [float(matcher.compare(field).alike.mean()) for field in (found, followed)]
+    return followed if shares[1] > shares[0] else found
+
+
+def _check(
+    reference: NDArray[Any],
+    image: NDArray[Any],
+    spacing_px: int,
+    window_px: float | None,
+    guess: Displacement | None,
+) -> None:
+    for name, grey in (("reference", reference), ("image", image)):
+        if grey.ndim != 2 or min(grey.shape) < SMALLEST_PX:
+            raise InputError(f"{name}: shape {grey.shape}: (rows, cols), at least {SMALLEST_PX} px each")
+        if grey.dtype.kind not in "uif" or not np.isfinite(grey).all():
+            raise InputError(f"{name}: {grey.dtype}: real grey levels, all finite")
+    if reference.shape != image.shape:
+        raise InputError(f"image: shape {image.shape}: the reference's, {reference.shape}")
+    if not 1 <= spacing_px <= LARGEST_SPACING_PX:
+        raise InputError(f"spacing: {spacing_px}: 1 to {LARGEST_SPACING_PX} px")
+    if window_px is not None and not NARROWEST_PX <= window_px <= WIDEST_PX:
+        raise InputError(f"window: {window_px}: {NARROWEST_PX:g} to {WIDEST_PX:g} px")
+    if guess is not None and not (
+        guess.u.shape[1] > 1 and abs(guess.u[0, -1] - reference.shape[1]) < 2 * LARGEST_SPACING_PX
+    ):
+        raise InputError("guess: a displacement from the same reference")

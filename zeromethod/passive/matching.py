@@ -1,0 +1,98 @@
+"""One comparison of a reference with an image warped by a field: how alike, and what the fit needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.passive.cells import grey_sums, normal_sums
+from zeromethod.passive.interpolation import noise_gain, spline_coefficients, warp_image
+from zeromethod.passive.moving_fit import blur
+
+Float = NDArray[np.float64]
+Grey = NDArray[np.float32]
+
+PADDING = 2
+"""Cells added round a field, so that the cubic between cells reaches the image's border."""
+
+ALIKE = 0.7
+"""Correlation coefficient from which parts of two images count as the same."""
+
+LIGHT_PX = 10.0
+"""Gaussian window over which brightness and contrast may differ between the images."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Sums per cell (see `cells.normal_sums`) and how well the images agree round it.
+
+    match: (rows, cols) correlation coefficient in a window. alike: (rows, cols) cells that both images show,
+    and show alike. seen: (rows, cols) cells with pixels in both images. grey_variance: (rows, cols) of the
+    difference of two matched pixels, both images' noise counted.
+    """
+
+    sums: Float
+    match: Float
+    alike: NDArray[np.bool_]
+    seen: NDArray[np.bool_]
+    grey_variance: Float
+
+
+def padded(field: Float) -> Float:
+    """Field (rows, cols, 2) with `PADDING` more cells on every side, continued along straight lines."""
+    for axis in (0, 1):
+        line = np.moveaxis(field, axis, 0)
+        step = np.arange(1, PADDING + 1)[:, None, None]
+        before, after = (
+            line[:1] + step[::-1] * (line[:1] - line[1:2]),
+            line[-1:] + step * (line[-1:] - line[-2:-1]),
+        )
+        field = np.moveaxis(np.concatenate([before, line, after]), 0, axis)
+    return np.ascontiguousarray(field)
+
+
+class Matcher:
+    """Compares one pair of images, again and again, for ever better fields. Keeps its buffers."""
+
+    def __init__(self, reference: Grey, image: Grey, size: int) -> None:
+        """reference, image: (rows, cols) grey. size: of the cells in px."""
+        self._reference = reference
+        self._coefficients = spline_coefficients(image)
+        self._warped = np.empty_like(reference)
+        self.size = size
+        self.shape = -(-reference.shape[0] // size), -(-reference.shape[1] // size)
+        self._sums = np.empty((*self.shape, 5))
+        self._misfit = np.empty((*self.shape, 2))
+        self._grey = np.empty((*self.shape, 6))
+
+    def compare(self, field: Float) -> Comparison:
+        """Warp the image by field (cell rows, cell cols, 2) px and hold it against the reference."""
+        warp_image(self._coefficients, padded(field), PADDING, self.size, self._warped)
+        grey_sums(self._reference, self._warped, self.size, self._grey)
+        seen = self._grey[..., 0] > 0.5 * self.size**2
+        light, match, contrast = self._light()
+        normal_sums(self._reference, self._warped, light, self.size, self._sums, self._misfit)
+        sigma = (LIGHT_PX / self.size, LIGHT_PX / self.size)
+        squares = blur(np.ascontiguousarray(self._misfit[..., 0]), sigma)
+        count = blur(np.ascontiguousarray(self._misfit[..., 1]), sigma)
+        # Interpolation has smoothed the image's noise, but not the part of it that the fit feels.
+        gain = light[..., 0] ** 2
+        variance = squares / np.maximum(count, 1.0) * (1.0 + gain) / (1.0 + noise_gain(field) * gain)
+        # The rim of a hole is alike in a window, but not in its own pixels.
+        own = self._misfit[..., 0] <= 2.0 * (1.0 - ALIKE) * contrast * self._misfit[..., 1]
+        alike = seen & (match > ALIKE) & own
+        return Comparison(self._sums, match, alike, seen, np.where(count > 0.0, variance, np.nan))
+
+    def _light(self) -> tuple[Float, Float, Float]:
+        """(gain, offset) of the warped image per cell; correlation and reference's variance in its window."""
+        sigma = (LIGHT_PX / self.size, LIGHT_PX / self.size)
+        n, a, b, aa, ab, bb = (blur(np.ascontiguousarray(self._grey[..., k]), sigma) for k in range(6))
+        n = np.maximum(n, 1e-3)
+        a, b = a / n, b / n
+        var_a, var_b = np.maximum(aa / n - a * a, 1e-6), np.maximum(bb / n - b * b, 1e-6)
+        # The ratio of contrasts, unlike a regression, is not pulled to zero by noise.
+        gain = np.clip(np.sqrt(var_a / var_b), 0.2, 5.0)
+        match = (ab / n - a * b) / np.sqrt(var_a * var_b)
+        return np.stack([gain, a - gain * b], axis=-1), match, var_a

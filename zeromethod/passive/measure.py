@@ -1,0 +1,178 @@
+"""The passive sensor: still images against a reference, to displacement and, with a rig, to depth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.errors import InputError
+from zeromethod.optics import Optics
+from zeromethod.passive import Displacement, correlate
+from zeromethod.passive.passive_warp import measured_warp
+from zeromethod.rig.model import Rig
+from zeromethod.surface import Peak, Surface, SurfaceReader, peak
+from zeromethod.warp.grid import NodeGrid
+
+Float = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class StillReading:
+    """One image measured against the reference; surface, peak and grid only with a rig.
+
+    surface is None, too, where the displacement leaves no node to read.
+    """
+
+    name: str
+    displacement: Displacement
+    surface: Surface | None = None
+    peak: Peak | None = None
+    grid: NodeGrid | None = None
+
+
+def read_grey(path: Path) -> NDArray[Any]:
+    """Image file as grey levels (rows, cols), 8 or 16 bits; colour is weighed as the eye does.
+
+    Raises InputError for what is missing or no image.
+    """
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}): an image file") from error
+    try:
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    except cv2.error:
+        image = None
+    if image is None or image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: not an image of 8 or 16 bits that can be read (tif, bmp, png, ...)")
+    if image.ndim == 2:
+        return np.asarray(image)
+    if image.shape[2] == 1:
+        return np.asarray(image[..., 0])
+    code = cv2.COLOR_BGRA2GRAY if image.shape[2] == 4 else cv2.COLOR_BGR2GRAY
+    return np.asarray(cv2.cvtColor(image, code))
+
+
+class Measurement:
+    """Measures image files against one reference, one after the other.
+
+    Each image is also tried from the field of the one before, so a sequence may move by many periods of a
+    regular texture as long as its neighbours do not.
+    """
+
+    def __init__(
+        self,
+        reference: Path,
+        *,
+        rig: Rig | None = None,
+        spacing_px: int | None = None,
+        window_px: float | None = None,
+    ) -> None:
+        """Read the reference, taken with the mirror at rest; place the rig's rays.
+
+        Raises InputError for a file that is no image, or not of the rig's camera.
+        """
+        self.reference = read_grey(reference)
+        self._rig = rig
+        self._options: dict[str, Any] = {"window_px": window_px}
+        if spacing_px is not None:
+            self._options["spacing_px"] = spacing_px
+        self._before: Displacement | None = None
+        if rig is not None:
+            expected = rig.camera.rows, rig.camera.columns
+            if self.reference.shape != expected:
+                raise InputError(
+                    f"{reference}: {_size(self.reference)}: the rig's camera has {_size(expected)}"
+                )
+            self._optics = Optics(rig)
+            self._grid = NodeGrid(expected, rig.target.period_px)
+            self._reader = SurfaceReader(rig, self._optics, self._grid)
+
+    def load(self, path: Path) -> NDArray[Any]:
+        """Grey levels of an image; InputError unless it has the reference's size."""
+        image = read_grey(path)
+        if image.shape != self.reference.shape:
+            raise InputError(f"{path}: {_size(image)}: the reference has {_size(self.reference)}")
+        return image
+
+    def measure(self, path: Path) -> StillReading:
+        """Displacement of one image and, with a rig, the surface that made it."""
+        image = self.load(path)
+        displacement = correlate(self.reference, image, guess=self._before, **self._options)
+        if not displacement.valid.any():
+            return StillReading(path.stem, displacement)
+        self._before = displacement
+        if self._rig is None:
+            return StillReading(path.stem, displacement)
+        warp = measured_warp(displacement, self._optics, self._grid)
+        if not warp.valid.any():
+            return StillReading(path.stem, displacement, grid=self._grid)
+        surface = self._reader.read(warp)
+        return StillReading(path.stem, displacement, surface, peak(surface), self._grid)
+
+
+def measure_all(measurement: Measurement, paths: Sequence[Path]) -> Iterator[StillReading]:
+    """Measure images in order. All are read once before, so a bad one is refused before the work."""
+    for path in paths:
+        measurement.load(path)
+    for path in paths:
+        yield measurement.measure(path)
+
+
+def figures(reading: StillReading) -> dict[str, Any]:
+    """Figures of one image, px and mm, as the table and the summary give them; NaN where not measured."""
+    found = reading.displacement
+    valid = found.valid
+    length = np.hypot(found.du, found.dv)[valid]
+    some = length.size > 0
+    out: dict[str, Any] = {
+        "name": reading.name,
+        "valid_share": float(valid.mean()),
+        "displacement_median_px": float(np.median(length)) if some else float("nan"),
+        "displacement_largest_px": float(length.max()) if some else float("nan"),
+        "sigma_median_px": float(np.median(found.sigma[valid])) if some else float("nan"),
+        "noise_grey": found.noise_grey,
+    }
+    if reading.grid is not None:
+        out["depth_peak_mm"] = reading.peak.depth_mm if reading.peak else float("nan")
+        out["depth_peak_sigma_mm"] = reading.peak.sigma_mm if reading.peak else float("nan")
+    return out
+
+
+def arrays(reading: StillReading) -> dict[str, NDArray[Any]]:
+    """Everything that was measured, by the names that a result file has."""
+    found = reading.displacement
+    out: dict[str, NDArray[Any]] = {
+        "u": found.u,
+        "v": found.v,
+        "du": found.du,
+        "dv": found.dv,
+        "sigma": found.sigma,
+        "sigma_u": found.sigma_u,
+        "sigma_v": found.sigma_v,
+        "valid": found.valid,
+        "doubts": found.doubts,
+    }
+    if reading.surface is not None and reading.grid is not None:
+        surface = reading.surface
+        out["node_u"], out["node_v"] = reading.grid.mesh()
+        out |= {
+            "depth_mm": surface.depth_mm,
+            "sigma_depth_mm": surface.sigma_depth_mm,
+            "slope": surface.slope,
+            "x_mm": surface.x_mm,
+            "y_mm": surface.y_mm,
+            "depth_valid": surface.valid,
+        }
+    return out
+
+
+def _size(image: NDArray[Any] | tuple[int, ...]) -> str:
+    rows, cols = image.shape if isinstance(image, np.ndarray) else image
+    return f"{cols} x {rows} px"

@@ -1,0 +1,79 @@
+"""From a displacement against the picture at rest to the warp that the bench's reading takes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.optics import Optics
+from zeromethod.passive import Displacement
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.interpolant import sample
+from zeromethod.warp.overlap import overlap_correlation
+from zeromethod.warp.validity import Flag
+from zeromethod.warp.warp import Warp
+
+Float = NDArray[np.float64]
+
+_ROUNDS = 60
+_SETTLED_PX = 1e-6
+
+
+def rest_pixels(displacement: Displacement, u: Float, v: Float) -> Float:
+    """Reference pixel (..., 2) that shows at rest what the image shows at pixel (u, v).
+
+    Solves x + d(x) = (u, v) by fixed point, d being interpolated by the system's cubic. NaN where it leaves
+    the valid points, or does not settle because the picture is folded.
+    """
+    field = np.where(displacement.valid[..., None], displacement.field, np.nan)
+    first = displacement.u[0, 0], displacement.v[0, 0]
+    spacing = displacement.u[0, 1] - displacement.u[0, 0]
+    # The start may lie where nothing is valid while the answer does not: it follows the smooth guess.
+    x, y = u.astype(np.float64), v.astype(np.float64)
+    smooth = displacement.field
+    for _ in range(_ROUNDS):
+        shift = _clamped(smooth, (x - first[0]) / spacing, (y - first[1]) / spacing)
+        moved = np.hypot(u - shift[..., 0] - x, v - shift[..., 1] - y)
+        x, y = u - shift[..., 0], v - shift[..., 1]
+        if np.max(moved) < _SETTLED_PX:
+            break
+    at = (x - first[0]) / spacing, (y - first[1]) / spacing
+    known = np.isfinite(sample(field, *at)).all(axis=-1) & (moved < 1e3 * _SETTLED_PX)
+    return np.where(known[..., None], np.stack([x, y], axis=-1), np.nan)
+
+
+def _clamped(field: Float, col: Float, row: Float) -> Float:
+    """Field at a position in points, which is first moved inside what can be interpolated."""
+    rows, cols = field.shape[:2]
+    return sample(field, np.clip(col, 1.0, cols - 2.0), np.clip(row, 1.0, rows - 2.0))
+
+
+def measured_warp(displacement: Displacement, optics: Optics, grid: NodeGrid) -> Warp:
+    """Warp that the image shows, by the rig's rest map at the pixels where its parts came from.
+
+    An image pixel (u, v) sees what the reference pixel x with x + d(x) = (u, v) saw: q(u, v) = q_rest(x).
+    Sigma is such that averages over many nodes come out with the noise they have: the reading counts errors
+    as shared by the nodes of one target period, while those of image correlation reach as far as its windows.
+    """
+    u, v = grid.mesh()
+    pixel = rest_pixels(displacement, u, v)
+    q = optics.rest_map(pixel[..., 0], pixel[..., 1])
+    by_v, by_u = np.gradient(q, grid.spacing_px, axis=(0, 1))
+    # As many points as the nodes' own window reaches; see overlap_correlation.
+    reach = 2.0 * float(np.sum(overlap_correlation(grid.period_px, grid.spacing_px))) - 1.0
+    counted_px2 = (reach * grid.spacing_px) ** 2
+    scale = np.sqrt(displacement.noise_area_px2 / counted_px2)
+    spread = np.stack([displacement.sigma_u * scale, displacement.sigma_v * scale], axis=-1)
+    spacing = displacement.u[0, 1] - displacement.u[0, 0]
+    col, row = (
+        (pixel[..., 0] - displacement.u[0, 0]) / spacing,
+        (pixel[..., 1] - displacement.v[0, 0]) / spacing,
+    )
+    noise = np.abs(sample(spread, col, row))
+    sigma = np.sqrt((by_u * noise[..., :1]) ** 2 + (by_v * noise[..., 1:]) ** 2)
+    flags = np.full(grid.shape, int(Flag.OUTSIDE), dtype=np.uint16)
+    inner = np.where(np.isnan(pixel[..., 0]), int(Flag.MODULATION), 0)
+    inner = np.where(~np.isnan(pixel[..., 0]) & np.isnan(q[..., 0]), int(Flag.NO_RAY), inner)
+    inner = np.where((inner == 0) & np.isnan(sigma).any(axis=-1), int(Flag.MODULATION), inner)
+    flags[grid.inner] = inner[grid.inner]
+    return Warp(q, sigma, flags, 0)

@@ -1,0 +1,179 @@
+"""The mirror of a recording, moving again: what the readings say it did, for a simulated bench to have.
+
+At every reading's time it is where the reading says, straight lines between them, smooth between nodes and
+at rest around the view. Readings that tell of the same mirror, but for their noise, are averaged: else the
+noise of one frame would be the motion of the next bench. While something moves there is nothing to average,
+and then the mirror has the noise of the readings. What touched it takes no light this time.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.errors import InputError
+from zeromethod.optics import Optics
+from zeromethod.recording.recording import Recording
+from zeromethod.session.replay.window import Window
+from zeromethod.simulation.clone import SIMULATED
+from zeromethod.simulation.moving_map import Lattice, MovingMap
+from zeromethod.simulation.scattered import ScatteredMap
+from zeromethod.simulation.scenario import Scenario
+from zeromethod.surface import Surface
+from zeromethod.warp.continuation import continue_smoothly
+
+Array = NDArray[np.float64]
+
+LEAD_S = 0.5
+"""A part from the middle of a session begins with a mirror that comes from rest in this time..."""
+
+BEFORE_S = 0.3
+"""... to where it was so long before the part, and then lives through that: the loop is locked by then."""
+
+LEAST_VALID = 16
+"""Nodes with a depth that a reading must have."""
+
+AVERAGED = 8
+"""Readings on either side that are averaged at most."""
+
+SAME = 1.3
+"""Mean square of the slopes' differences over their variance up to which two readings are of one mirror: 1 by
+noise alone, and a press of 0.5 um anywhere is 3."""
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """One reading: its map, and the slopes that tell whether another is of the same mirror."""
+
+    coefficients: Array
+    slope: NDArray[np.float32]
+    variance: NDArray[np.float32]
+
+    def same_as(self, other: _Fit) -> bool:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            square = (self.slope - other.slope) ** 2 / (self.variance + other.variance)
+        known = square[np.isfinite(square)]
+        return bool(known.size and known.mean() < SAME)
+
+
+class RecordedMirror:
+    """The mirror that the readings in a window tell of, in the time of a bench whose clock starts at 0.
+
+    shift_ns: add it to the bench's time for the recording's. settled_ns, end_ns: the bench's time at which
+    what is compared begins and ends. duration_s: how long the bench must run for that.
+    """
+
+    def __init__(self, recording: Recording, window: Window) -> None:
+        """Raises InputError where no surfaces were kept, or none was read in the window."""
+        if "surface" not in recording.kept:
+            raise InputError(f"{recording.path}: recorded without surfaces: nothing to move a mirror by")
+        self._recording = recording
+        turns = recording.turns_kept("surface")
+        times_ns = recording.turns["time_ns"][np.searchsorted(recording.turns["number"], turns)]
+        if not np.any((times_ns >= window.from_ns) & (times_ns <= window.to_ns)):
+            raise InputError(f"{recording.path}: nothing was read in this part to move a mirror by")
+        period_ns = round(1e9 / recording.rig.camera.rate_hz)
+        self.shift_ns = self._shift_ns(window, period_ns)
+        self.settled_ns = window.from_ns - self.shift_ns
+        self.end_ns = window.to_ns - self.shift_ns
+        self.duration_s = 1e-9 * (self.end_ns + period_ns)
+        lead = [] if window.from_start else [0, round(1e9 * LEAD_S)]
+        times = [int(time) - self.shift_ns for time in times_ns]
+        first = bisect_right(times, lead[-1]) if lead else 0
+        # a reading beyond the end tells where the mirror goes
+        last = min(bisect_right(times, self.end_ns) + 1, len(times))
+        self._lead = len(lead)
+        self._turns = [int(turn) for turn in turns[first:last]]
+        self._lay_out()
+        self._fits: OrderedDict[int, _Fit | None] = OrderedDict()
+        self._first: Array | None = None
+        lattice = Lattice(self._maps.centre_mm, self._maps.pitch_mm)
+        self._press = MovingMap(lattice, lead + times[first:last], self._coefficients)
+
+    def _shift_ns(self, window: Window, period_ns: int) -> int:
+        if not window.from_start:
+            return window.from_ns - round(1e9 * (LEAD_S + BEFORE_S))
+        # a simulated session's clock starts at 0 as the bench's does
+        simulated = self._recording.rig.camera.driver == SIMULATED
+        return 0 if simulated and not self._recording.live else window.start_ns - period_ns
+
+    def _lay_out(self) -> None:
+        """Fix nodes, their points at rest and the lattice."""
+        recording = self._recording
+        rest, optics = recording.rest, Optics(recording.rig)
+        point = optics.trace(*recording.grid.mesh(), optics.rest).point
+        inner = np.zeros(rest.seen.shape, dtype=np.bool_)
+        inner[recording.grid.inner] = True
+        self._used = rest.seen & inner & np.isfinite(point).all(axis=-1)
+        self._x_mm, self._y_mm = point[self._used][:, 0], point[self._used][:, 1]
+        apart = (np.linalg.norm(np.diff(point, axis=axis), axis=-1) for axis in (0, 1))
+        self._maps = ScatteredMap(self._x_mm, self._y_mm, float(max(np.nanmedian(one) for one in apart)))
+
+    def scenario(self, name: str) -> Scenario:
+        """What moves the bench."""
+        return Scenario(name, (self._press,), self.duration_s)
+
+    def _coefficients(self, index: int) -> Array:
+        """Map number `index`: those of the lead are rest, and the first reading; then come the readings."""
+        reading = index - self._lead
+        if reading > 0:
+            return self._averaged(reading)
+        if self._first is None:
+            self._first = self._averaged(0)
+        return np.zeros_like(self._first) if reading == -2 else self._first
+
+    def _averaged(self, index: int) -> Array:
+        """Mean of the readings round this one that tell of the same mirror."""
+        here = self._fit(index)
+        if here is None:
+            known = next((k for k in range(index - 1, -1, -1) if self._fit(k) is not None), None)
+            if known is not None:
+                return self._averaged(known)
+            nothing = np.zeros_like(self._x_mm)
+            return self._maps.fit(self._x_mm, self._y_mm, nothing)
+        total, count = here.coefficients.copy(), 1
+        for step in (-1, 1):
+            for k in range(index + step, index + step * (AVERAGED + 1), step):
+                other = self._fit(k) if 0 <= k < len(self._turns) else None
+                if other is None or not here.same_as(other):
+                    break
+                total += other.coefficients
+                count += 1
+        mean: Array = total / count
+        return mean
+
+    def _fit(self, index: int) -> _Fit | None:
+        """Fit of a reading; None where it has no depth."""
+        if index not in self._fits:
+            self._fits[index] = self._fitted(index)
+            if len(self._fits) > 2 * AVERAGED + 4:
+                self._fits.popitem(last=False)
+        self._fits.move_to_end(index)
+        return self._fits[index]
+
+    def _fitted(self, index: int) -> _Fit | None:
+        surface = self._recording.surface(self._turns[index])
+        if surface is None:
+            return None
+        read = surface.valid & self._used & np.isfinite(surface.depth_mm)
+        if np.count_nonzero(read) < LEAST_VALID:
+            return None
+        inside = read[..., None]
+        return _Fit(
+            self._maps.fit(*self._filled(surface, read)),
+            np.where(inside, surface.slope, np.nan).astype(np.float32),
+            np.where(inside, surface.sigma_slope**2, np.nan).astype(np.float32),
+        )
+
+    def _filled(self, surface: Surface, read: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """(x, y, depth) of the used nodes; what was not read as the nodes around have it."""
+        field = np.stack([np.where(read, surface.depth_mm, 0.0), np.zeros(read.shape)], axis=-1)
+        depth_mm = continue_smoothly(field, read)[..., 0][self._used]
+        here = read[self._used]
+        x_mm = np.where(here, surface.x_mm[self._used], self._x_mm)
+        y_mm = np.where(here, surface.y_mm[self._used], self._y_mm)
+        return x_mm, y_mm, depth_mm

@@ -1,0 +1,170 @@
+"""Closing the loop again: the recorded surface moves a simulated bench, which another controller may null.
+
+The bench is the recorded rig's, simulated: same geometry, timing and noise; its mirror is that of
+`zeromethod.session.replay.mirror`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.loop.loop import Loop
+from zeromethod.loop.step import Step
+from zeromethod.optics import Optics
+from zeromethod.recording.recorder import Recorder
+from zeromethod.recording.recording import Recording
+from zeromethod.rig.model import Rig
+from zeromethod.session.reading import timed
+from zeromethod.session.replay.mirror import RecordedMirror
+from zeromethod.session.replay.track import Moment, Nodes, Track
+from zeromethod.session.replay.window import Pace, Window
+from zeromethod.session.truth import compare
+from zeromethod.simulation.clone import SIMULATED, simulated_clone
+from zeromethod.surface import Peak, Surface, SurfaceReader, peak
+from zeromethod.warp.rest import Rest
+
+
+def bench_of(rig: Rig) -> Rig:
+    """The simulated bench of a recorded rig, pressed by nothing of its own.
+
+    The delay of the camera goes along. Readings are zeroed by the geometry, which the bench has exactly.
+    """
+    clone = simulated_clone(rig)
+    simulation = clone.simulation
+    if rig.camera.driver != SIMULATED:
+        simulation = simulation.model_copy(update={"camera_latency_s": clone.camera.latency_s})
+    camera = clone.camera.model_copy(update={"rest_map": None})
+    return clone.model_copy(update={"press": "none", "simulation": simulation, "camera": camera})
+
+
+class Reliving:
+    """One session to be lived through again on a simulated bench; `track` is what it did."""
+
+    def __init__(
+        self,
+        name: str,
+        rig: Rig,
+        mirror: RecordedMirror,
+        *,
+        record: Path | None = None,
+        command_line: str = "",
+        speed: float | None = None,
+    ) -> None:
+        """rig: of the bench (`bench_of`) and of the loop. record: write a recording of it there."""
+        self.track = Track(name)
+        self.rig = rig
+        self.gl_renderer = ""
+        self.recorder_state = ""
+        """What the operator should know of the recording, at its end; "" where all is well."""
+        self._mirror = mirror
+        self._record = record
+        self._command_line = command_line
+        self._pace = Pace(speed)
+
+    def run(self, on_step: Callable[[float], None] | None = None) -> Track:
+        """Live through it; on_step gets the seconds of the bench's time so far.
+
+        Raises InputError for settings with which no loop can run.
+        """
+        with open_devices(self.rig) as devices:
+            camera: Any = devices.camera
+            camera.scenario = self._mirror.scenario(self.track.name)
+            self._run(devices, camera, on_step)
+        return self.track
+
+    def _run(self, devices: Devices, camera: Any, on_step: Callable[[float], None] | None) -> None:
+        optics = Optics(self.rig)
+        with Loop(self.rig, camera, devices.display, devices.clock, optics=optics) as loop:
+            self.gl_renderer = loop.gl_renderer
+            reader = SurfaceReader(self.rig, optics, loop.grid)
+            nodes = Nodes(loop.rest, round(self._mirror.duration_s * self.rig.camera.rate_hz))
+            recorder = self._recorder(loop.rest)
+            try:
+                for step in loop.run(seconds=self._mirror.duration_s):
+                    self._pace.wait_for(step.time_ns)
+                    read = None if step.measured is None else _read(reader, step)
+                    if recorder is not None:
+                        recorder.turn(step)
+                        if read is not None:
+                            recorder.reading(step, *read)
+                    if self._mirror.settled_ns <= step.time_ns <= self._mirror.end_ns:
+                        self.track.moments.append(self._moment(step, read, camera, optics, loop, nodes))
+                    if on_step is not None:
+                        on_step(1e-9 * step.time_ns)
+                if recorder is not None and loop.ended is not None:
+                    recorder.turn(loop.ended)
+            finally:
+                if recorder is not None:
+                    recorder.close()
+                    self.recorder_state = recorder.state
+
+    def _recorder(self, rest: Rest) -> Recorder | None:
+        if self._record is None:
+            return None
+        told, renderer = self._command_line, self.gl_renderer
+        return Recorder(self._record, self.rig, rest, command_line=told, gl_renderer=renderer)
+
+    def _moment(
+        self,
+        step: Step,
+        read: tuple[Surface, Peak, float] | None,
+        camera: Any,
+        optics: Optics,
+        loop: Loop,
+        nodes: Nodes,
+    ) -> Moment:
+        moved, behind, sigma = nodes.pick(step.measured, step.shown_q, step.zero)
+        time_s = 1e-9 * (step.time_ns - self._mirror.settled_ns)
+        if read is None:
+            return Moment(time_s, step.state, step.residual_rms_px, moved, behind, sigma)
+        truth = compare(read[0], camera.truth(step.time_ns), optics, loop.grid)
+        return Moment(
+            time_s,
+            step.state,
+            step.residual_rms_px,
+            moved,
+            behind,
+            sigma,
+            read[1].depth_mm,
+            truth.depth_rms_error_um,
+            truth.depth_peak_error_percent,
+            truth.depth_peak_mm,
+        )
+
+
+def _read(reader: SurfaceReader, step: Step) -> tuple[Surface, Peak, float]:
+    measured = step.measured
+    assert measured is not None
+
+    def read() -> tuple[Surface, Peak]:
+        surface = reader.read(measured)
+        return surface, peak(surface)
+
+    return timed(read)
+
+
+def recorded_track(recording: Recording, window: Window) -> Track:
+    """What the recorded session did, by its own figures. Nodes are left out where no warps were kept."""
+    track, nodes = Track("recorded"), Nodes(recording.rest, len(recording.turns))
+    peaks = dict(zip(recording.peaks["turn"].tolist(), recording.peaks["depth_mm"].tolist(), strict=True))
+    for row in recording.turns:
+        time_ns, turn = int(row["time_ns"]), int(row["number"])
+        if time_ns not in window or row["frame_number"] < 0:
+            continue
+        measured, shown = recording.measured(turn), recording.shown(turn)
+        moved, behind, sigma = nodes.pick(measured, shown, recording.zero(turn))
+        track.moments.append(
+            Moment(
+                1e-9 * (time_ns - window.from_ns),
+                recording.state_of(row),
+                float(row["residual_rms_px"]),
+                moved,
+                behind,
+                sigma,
+                peaks.get(turn, float("nan")),
+            )
+        )
+    return track

@@ -1,0 +1,115 @@
+"""Reading slope and depth again from the measured warps of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from zeromethod.errors import InputError
+from zeromethod.optics import Optics
+from zeromethod.recording.recording import Recording
+from zeromethod.rig.model import Rig
+from zeromethod.session.reading import warm_up_warp
+from zeromethod.session.replay.differences import DepthDifferences
+from zeromethod.session.replay.window import Pace, Window
+from zeromethod.surface import Peak, Surface, SurfaceReader, peak
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.warp import Warp
+
+_CAMERA = (
+    "projection", "focal_px", "pixel_mm", "centre_px", "distortion", "position_mm", "look_at_mm", "roll_deg",
+)  # fmt: skip
+_DISPLAY = ("columns", "rows", "pitch_mm", "centre_mm", "turn_deg", "mirrored", "tilt_deg")
+"""Keys that decide where rays go."""
+
+
+class Reader:
+    """Reads warps in the order in which the session read them, as it did.
+
+    A reader's weights remember earlier warps: the same readings come of the same warps in the same order,
+    from the first on. In real time the session begins with a made-up warp.
+    """
+
+    def __init__(self, recording: Recording, rig: Rig, grid: NodeGrid) -> None:
+        """rig: with which it is read; grid: the nodes, with their rays."""
+        self._reader = SurfaceReader(rig, Optics(rig), grid)
+        if recording.live:
+            self.read(warm_up_warp(recording.rest))
+
+    def read(self, warp: Warp) -> tuple[Surface, Peak]:
+        """Surface and its deepest point."""
+        surface = self._reader.read(warp)
+        return surface, peak(surface)
+
+
+def grid_for(recording: Recording, rig: Rig) -> NodeGrid:
+    """Nodes of the recording, on the rays of `rig`; InputError where its camera or target has others."""
+    recorded = recording.rig
+    for key in ("columns", "rows", "bits"):
+        if getattr(rig.camera, key) != getattr(recorded.camera, key):
+            raise InputError(_other(f"camera.{key}", getattr(rig.camera, key), getattr(recorded.camera, key)))
+    if rig.target != recorded.target:
+        raise InputError(_other("target", "another", "the one that was shown"))
+    if same_geometry(rig, recorded):
+        return recording.grid
+    return NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+
+
+def same_geometry(rig: Rig, recorded: Rig) -> bool:
+    """Whether all rays are those of the recording, so that its warp at rest, as it was measured, holds."""
+
+    def of(one: Rig) -> tuple[object, ...]:
+        camera = tuple(getattr(one.camera, key) for key in _CAMERA)
+        display = tuple(getattr(one.display, key) for key in _DISPLAY)
+        return one.prism, one.pattern_layers, one.captured_layers, camera, display
+
+    return of(rig) == of(recorded)
+
+
+def _other(key: str, value: object, recorded: object) -> str:
+    return f"{key}: {value}: the recording's is {recorded}, and what was recorded cannot be changed"
+
+
+def reread(
+    recording: Recording,
+    rig: Rig,
+    window: Window,
+    *,
+    speed: float | None = None,
+    on_turn: Callable[[float], None] | None = None,
+) -> DepthDifferences:
+    """Read every warp again that the session read. rig: the recording's, or with other settings.
+
+    Warps before the window are read as well, but not told of: what the reader knows by then is part of the
+    result. on_turn gets the seconds since the recording's start. Raises InputError for a recording without
+    warps or readings, and a rig whose camera or target is another one. Warps that are damaged are left out.
+    """
+    if "warps" not in recording.kept:
+        raise InputError(f"{recording.path}: recorded without warps: nothing to read depth from")
+    reader = Reader(recording, rig, grid_for(recording, rig))
+    differences, pace = DepthDifferences(recording, window.start_ns), Pace(speed)
+    for turn in recording.peaks["turn"].tolist():
+        warp = recording.measured(turn)
+        if warp is None:
+            _leave_out(recording, turn, window, differences)
+            continue
+        if warp.time_ns > window.to_ns:
+            break
+        if warp.time_ns in window:
+            pace.wait_for(warp.time_ns)
+        surface, deepest = reader.read(warp)
+        if warp.time_ns in window:
+            differences.add(turn, surface, deepest)
+        if on_turn is not None:
+            on_turn(1e-9 * (warp.time_ns - window.start_ns))
+    if not differences.turns:
+        damaged = differences.readings_damaged
+        why = f"all {damaged} warps are damaged" if damaged else "no surface was read"
+        raise InputError(f"{recording.path}: {why} in this part: nothing to read again")
+    return differences
+
+
+def _leave_out(recording: Recording, turn: int, window: Window, differences: DepthDifferences) -> None:
+    """Count a reading whose warp is not there, if that is because it is damaged."""
+    row = recording.row(turn)
+    if row is not None and int(row["time_ns"]) in window and recording.is_damaged("warps/measured", turn):
+        differences.readings_damaged += 1

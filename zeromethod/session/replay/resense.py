@@ -1,0 +1,224 @@
+"""Recorded frames through sensing, pairing and control again: the loop's own circle, without its devices."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from zeromethod.errors import InputError
+from zeromethod.loop.assembly import make_circle
+from zeromethod.loop.circle import Circle, Taken
+from zeromethod.loop.events import Event
+from zeromethod.loop.frame_check import own
+from zeromethod.loop.state import NULLED
+from zeromethod.optics import Optics
+from zeromethod.recording.recording import Recording
+from zeromethod.rig.model import Rig
+from zeromethod.session.replay.differences import DepthDifferences, Figures, Spread, same
+from zeromethod.session.replay.reread import Reader, grid_for
+from zeromethod.session.replay.window import Pace, Window
+from zeromethod.warp.warp import Warp
+
+
+@dataclass
+class WarpDifferences:
+    """Frames sensed again against what the session made of them.
+
+    warps_damaged: recorded ones that nothing can be held against.
+    """
+
+    recording: Recording
+    turns: int = 0
+    different: list[int] = field(default_factory=list)
+    warp: Spread = field(default_factory=Spread)
+    commanded: Spread = field(default_factory=Spread)
+    residual: Spread = field(default_factory=Spread)
+    sigma: list[tuple[float, float]] = field(default_factory=list)
+    rms: list[tuple[float, float]] = field(default_factory=list)
+    valid: list[tuple[float, float]] = field(default_factory=list)
+    warps_damaged: int = 0
+
+    def add(self, row: Any, taken: Taken, measured: Warp | None, circle: Circle) -> None:
+        """Take in one turn. measured: from the session's zero; None where the frame is not believed."""
+        turn = int(row["number"])
+        equal = self._same_measured(turn, measured)
+        commanded = self.recording.commanded(turn)
+        if commanded is not None:
+            equal &= same(commanded, circle.controller.commanded)
+            self.commanded.add(circle.controller.commanded.astype(np.float32) - commanded)
+        equal &= self._same_seen(turn, taken)
+        numbers = np.array([taken.residual_rms_px, taken.valid_share])
+        equal &= same(np.array([row["residual_rms_px"], row["valid_share"]]), numbers)
+        self.rms.append((float(row["residual_rms_px"]), taken.residual_rms_px))
+        self.valid.append((float(row["valid_share"]), taken.valid_share))
+        self.turns += 1
+        if not equal:
+            self.different.append(turn)
+
+    def _same_measured(self, turn: int, again: Warp | None) -> bool:
+        recorded = self.recording.measured(turn)
+        if recorded is None and self.recording.is_damaged("warps/measured", turn):
+            self.warps_damaged += 1
+            return again is not None
+        if recorded is None or again is None:
+            return recorded is None and again is None
+        both = recorded.valid & again.valid
+        self.warp.add((again.q - recorded.q)[both])
+        if both.any():
+            sigmas = (float(np.median(warp.sigma[both])) for warp in (recorded, again))
+            self.sigma.append((next(sigmas), next(sigmas)))
+        names = ("q", "sigma", "flags")
+        return all(same(getattr(recorded, name), getattr(again, name)) for name in names)
+
+    def _same_seen(self, turn: int, taken: Taken) -> bool:
+        """Residual and the warp that was shown, as far as they were kept."""
+        shown, residual = self.recording.shown(turn), self.recording.residual(turn)
+        if taken.seen is None:
+            return shown is None and residual is None
+        equal = shown is None or same(shown, taken.seen.shown.q)
+        if residual is None:
+            return equal
+        again = taken.seen.residual
+        both = residual.valid & again.valid
+        self.residual.add((again.d.astype(np.float32) - residual.d)[both])
+        for name in ("d", "sigma"):
+            equal &= same(getattr(residual, name).astype(np.float32), getattr(again, name))
+        return equal and same(residual.flags, again.flags) and same(residual.mean, again.mean)
+
+    @property
+    def figures(self) -> Figures:
+        """JSON-ready. Medians over turns, recorded and again."""
+        return {
+            "turns": self.turns,
+            "turns_equal": self.turns - len(self.different),
+            "warps_damaged": self.warps_damaged,
+            "first_different_turn": self.different[0] if self.different else None,
+            "measured_difference_lcd_px": self.warp.figures,
+            "commanded_difference_lcd_px": self.commanded.figures,
+            "residual_difference_px": self.residual.figures,
+            "sigma_lcd_px": _medians(self.sigma),
+            "residual_rms_px": _medians(self.rms),
+            "valid_share": _medians(self.valid),
+        }
+
+
+def _medians(pairs: list[tuple[float, float]]) -> Figures:
+    known = np.array([pair for pair in pairs if np.isfinite(pair).all()]).reshape(-1, 2)
+    recorded, again = np.median(known, axis=0).tolist() if known.size else (None, None)
+    return {"recorded": recorded, "again": again}
+
+
+def _check(recording: Recording) -> None:
+    for name in ("frames", "warps"):
+        if name not in recording.kept:
+            raise InputError(f"{recording.path}: recorded without {name}: frames cannot be sensed again")
+    if recording.every != 1:
+        raise InputError(
+            f"{recording.path}: only every {recording.every}th frame was kept: "
+            "sensing goes on from each frame to the next and needs them all"
+        )
+
+
+def resense(
+    recording: Recording,
+    rig: Rig,
+    window: Window,
+    *,
+    speed: float | None = None,
+    on_turn: Callable[[float], None] | None = None,
+) -> tuple[WarpDifferences, DepthDifferences]:
+    """Sense every frame again that the session sensed, and read depth where it read it.
+
+    rig: the recording's, or with other settings. What was shown and when stays as it was recorded, and so
+    does the frame that brightness is held against. Turns before the window go round as well, but are not told
+    of. on_turn gets the seconds since the recording's start. Raises InputError for a recording without all of
+    its frames and warps, and a rig whose camera or target is another one.
+    """
+    _check(recording)
+    rest = recording.rest if grid_for(recording, rig) is recording.grid else None
+    parts = make_circle(rig, Optics(rig), rest=rest)
+    reader = Reader(recording, rig, parts.rest.grid)
+    read = frozenset(recording.peaks["turn"].tolist())
+    warps, depths = WarpDifferences(recording), DepthDifferences(recording, window.start_ns)
+    pace = Pace(speed)
+    for row, taken in _taken(recording, parts.circle, window):
+        inside = int(row["time_ns"]) in window
+        if inside:
+            pace.wait_for(int(row["time_ns"]))
+        turn = int(row["number"])
+        measured = None if Event.PICTURES_MIXED in taken.events else taken.measured
+        zero = recording.zero(turn)
+        if measured is not None and zero is not None:
+            measured = replace(measured, q=measured.q - zero)
+        if inside:
+            warps.add(row, taken, measured, parts.circle)
+        if measured is not None and turn in read:
+            surface, deepest = reader.read(measured)
+            if inside:
+                depths.add(turn, surface, deepest)
+        if on_turn is not None:
+            on_turn(1e-9 * (int(row["time_ns"]) - window.start_ns))
+    if not warps.turns:
+        raise InputError(f"{recording.path}: no frame was sensed in this part: nothing to sense again")
+    return warps, depths
+
+
+def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tuple[Any, Taken]]:
+    """Rows of the turns that reached the circle up to the window's end, and what it makes of them."""
+    presentations, shown = recording.presentations, 0
+    referenced = False
+    for row in recording.turns:
+        if int(row["time_ns"]) > window.to_ns:
+            return
+        if row["frame_number"] < 0:
+            continue
+        turn = int(row["number"])
+        while shown < len(presentations) and int(presentations["after_turn"][shown]) < turn:
+            _present(recording, window, shown, circle)
+            shown += 1
+        taken = None
+        if row["sensed"]:
+            frame = recording.frame(turn)
+            if frame is None:
+                why = "is damaged" if recording.is_damaged("frames", turn) else "was not kept"
+                at_s = 1e-9 * (int(row["time_ns"]) - window.start_ns)
+                told = f"the frame of turn {turn} ({at_s:.3f} s) {why}"
+                raise InputError(_ends_at(recording, window, turn, told))
+            taken = circle.take(own(frame), bool(row["held"]))
+        if not referenced and recording.state_of(row) in NULLED:
+            referenced = True
+            if taken is not None:
+                circle.take_reference(taken)
+        if taken is not None:
+            yield row, taken
+
+
+def _present(recording: Recording, window: Window, index: int, circle: Circle) -> None:
+    """Hand the circle a picture: row `index` of the presentations."""
+    row, q = recording.presentations[index], recording.presented_q(index)
+    if q is None:
+        why = "is damaged" if recording.is_damaged("pictures", index) else "was not kept"
+        turn = int(row["after_turn"]) + 1
+        raise InputError(_ends_at(recording, window, turn, f"what was shown before turn {turn} {why}"))
+    code, seen_ns = int(row["code"]), int(row["seen_ns"])
+    circle.presented(
+        int(row["time_ns"]),
+        q,
+        None if code < 0 else code,
+        seen_ns=None if seen_ns < 0 else seen_ns,
+    )
+
+
+def _ends_at(recording: Recording, window: Window, turn: int, why: str) -> str:
+    """Why frames cannot be sensed again from a turn on, and up to where they can."""
+    turns = recording.turns
+    before = turns["time_ns"][turns["sensed"] & (turns["number"] < turn)]
+    if not before.size:
+        return f"{recording.path}: {why}: frames cannot be sensed again"
+    # rounded up, so that the last of them is within
+    last_s = 1e-3 * math.ceil(1e-6 * (int(before[-1]) - window.start_ns))
+    return f"{recording.path}: {why}: frames can be sensed again up to there (--to {last_s:.3f})"

@@ -1,0 +1,150 @@
+"""The figures of a run, as `--summary` writes them and the terminal prints them."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterable, Mapping
+from functools import cache
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from zeromethod.loop.state import LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, State
+from zeromethod.session.result import FrameRecord, RunResult
+
+Figures = dict[str, Any]
+
+_FOLLOWING = NULLED | {State.NULLING}
+"""A moving press is never quite nulled; every frame that was measured counts."""
+
+_LIBRARIES = ("zeromethod", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "moderngl")
+
+
+@cache
+def _versions() -> Mapping[str, str]:
+    return {name: version(name) for name in _LIBRARIES}
+
+
+def lock_frames(records: list[FrameRecord], phase: str = "hold") -> int | None:
+    """Frames from the start of `phase` (of the run, where there is none) to the first locked one.
+
+    Locked: residual rms below 0.05 camera px for three frames running; the first of the three counts.
+    None: never locked.
+    """
+    inside = [record for record in records if record.phase == phase] or records
+    run_length = 0
+    for index, record in enumerate(inside):
+        run_length = run_length + 1 if record.residual_rms_px < LOCK_RESIDUAL_PX else 0
+        if run_length == LOCK_FRAMES:
+            return index - LOCK_FRAMES + 2
+    return None
+
+
+def _percentiles(values: Iterable[float]) -> Figures:
+    finite = [value for value in values if np.isfinite(value)]
+    if not finite:
+        return {"median": None, "p99": None}
+    return {"median": float(np.median(finite)), "p99": float(np.percentile(finite, 99))}
+
+
+def _against_truth(records: list[FrameRecord], phase: str, states: frozenset[State]) -> Figures | None:
+    """Errors over one phase's frames in `states`: the peak's worst frame, rms over all nodes and frames."""
+    errors = [
+        record.truth
+        for record in records
+        if record.phase == phase and record.state in states and record.truth is not None
+    ]
+    if not errors:
+        return None
+    peak_errors = np.array([error.depth_peak_error_percent for error in errors])
+
+    def rms(values: list[float]) -> float:
+        return float(np.sqrt(np.mean(np.square(values))))
+
+    return {
+        "frames": len(errors),
+        "depth_peak_mm": float(np.median([error.depth_peak_mm for error in errors])),
+        "depth_peak_error_percent": float(peak_errors[np.argmax(np.abs(peak_errors))]),
+        "depth_peak_error_mean_percent": float(np.mean(peak_errors)),
+        "depth_rms_error_um": rms([error.depth_rms_error_um for error in errors]),
+        "slope_rms_error_mrad": rms([error.slope_rms_error_mrad for error in errors]),
+        "usable_share": float(np.mean([error.usable_share for error in errors])),
+        "valid_share": float(np.min([error.valid_share for error in errors])),
+    }
+
+
+def _untouched(records: list[FrameRecord]) -> Figures | None:
+    values = [record.untouched_rms_nm for record in records if record.untouched_rms_nm is not None]
+    if not values:
+        return None
+    single, filtered = np.median(np.array(values), axis=0)
+    return {"frames": len(values), "depth_rms_nm": float(single), "depth_filtered_rms_nm": float(filtered)}
+
+
+def _depth_peak_mm(nulled: list[FrameRecord]) -> tuple[float | None, float | None]:
+    """Peak and its sigma: median over the hold; without a scenario, the deepest one that was read."""
+    read = [record for record in nulled if np.isfinite(record.depth_peak_mm)]
+    if not read:
+        return None, None
+    if read[0].phase == "hold":
+        median = float(np.median([record.depth_peak_mm for record in read]))
+        return median, float(np.median([record.depth_peak_sigma_mm for record in read]))
+    deepest = max(read, key=lambda record: abs(record.depth_peak_mm))
+    return deepest.depth_peak_mm, deepest.depth_peak_sigma_mm
+
+
+def _finite(value: Any) -> Any:
+    """The same figures with None for what is not a number, which JSON cannot say."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def summarise(result: RunResult) -> Figures:
+    """All figures of a run. Keys ending in a unit carry it; None where nothing could be measured."""
+    records = result.records
+    # The figures of a hold are those of its nulled frames; a hold that was never nulled says so by None.
+    held = [record for record in records if record.phase == "hold"] or records
+    nulled = [record for record in held if record.state in NULLED]
+    peak_mm, sigma_mm = _depth_peak_mm(nulled)
+    truth = _against_truth(records, "hold", NULLED)
+    residuals = [record.residual_rms_px for record in nulled or held if np.isfinite(record.residual_rms_px)]
+    last = result.last
+    seen = (record.valid_share for record in reversed(records) if np.isfinite(record.residual_rms_px))
+    figures = {
+        "rig": result.rig.name,
+        "press": result.rig.press,
+        "controller": result.rig.control.controller,
+        "gain": result.rig.control.gain,
+        "seed": result.rig.simulation.seed,
+        "frames": result.frames,
+        "frames_in_figures": len(records),
+        "dropped": result.dropped,
+        "interrupted": result.interrupted,
+        "notes": result.notes,
+        "recording": result.recording,
+        "dropped_refreshes": result.dropped_refreshes,
+        "delay_ms": result.delay_ms,
+        "stability_margin": result.margin.margin if result.margin else None,
+        "state": str(result.state),
+        "reason": last.reason if last else "",
+        "nulled_frames": len(nulled),
+        "events": result.events,
+        "lock_frames": lock_frames(records),
+        "residual_px_rms": float(np.median(residuals)) if residuals else None,
+        "usable_share": truth["usable_share"] if truth else result.usable_share_at_rest,
+        "valid_share": truth["valid_share"] if truth else next(seen, None),
+        "depth_peak_mm": peak_mm,
+        "depth_peak_sigma_mm": sigma_mm,
+        "loop_ms": _percentiles(record.loop_ms for record in records),
+        "draw_ms": _percentiles(record.draw_ms for record in records),
+        "read_ms": _percentiles(record.read_ms for record in records),
+        "truth": truth,
+        "truth_slide": _against_truth(records, "slide", _FOLLOWING),
+        "untouched": _untouched(records),
+        "gl_renderer": result.gl_renderer,
+        "python": platform.python_version(),
+        "versions": dict(_versions()),
+    }
+    return {key: _finite(value) for key, value in figures.items()}

@@ -1,0 +1,172 @@
+"""Prism and camera as a process of their own: monitor in, bent camera frames and their truth out."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.clock import HostClock
+from zeromethod.rig.model import Rig
+from zeromethod.simulation.press import Mirror
+from zeromethod.simulation.renderer import Piece
+from zeromethod.simulation.scenario import Scenario
+from zeromethod.simulation.sensor import Sensor
+from zeromethod.simulation.virtual_bench.exposure import Exposer, Exposure, Grabber
+from zeromethod.simulation.virtual_bench.renderer import bending_renderer
+from zeromethod.simulation.virtual_bench.stream import POLL_S, FrameServer
+from zeromethod.simulation.virtual_bench.truth import TruthFile
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A time of the scenario: seconds from its start (None: not begun), its phase, the mirror."""
+
+    scenario_s: float | None
+    phase: str | None
+    mirror: Mirror
+
+
+class Performance:
+    """A scenario played in the host's time, `loops` times; at rest before and after."""
+
+    def __init__(self, scenario: Scenario, loops: float = 1) -> None:
+        self._scenario = scenario
+        self._length_ns = round(1e9 * scenario.duration_s)
+        self._loops = loops
+        self._start_ns: int | None = None
+
+    def start(self, time_ns: int) -> None:
+        """Begin at `time_ns`."""
+        self._start_ns = time_ns
+
+    @property
+    def begun(self) -> bool:
+        """Whether it was told when to begin."""
+        return self._start_ns is not None
+
+    def over(self, time_ns: int) -> bool:
+        """Whether all loops have been played."""
+        return self._start_ns is not None and time_ns >= self._start_ns + self._loops * self._length_ns
+
+    def at(self, time_ns: int) -> Moment:
+        """What it shows at `time_ns`."""
+        if self._start_ns is None or time_ns < self._start_ns:
+            return Moment(None, None, Mirror())
+        since_ns = time_ns - self._start_ns
+        if self.over(time_ns):
+            return Moment(1e-9 * since_ns, None, Mirror())
+        into_ns = since_ns % self._length_ns
+        return Moment(1e-9 * since_ns, self._scenario.phase_at(into_ns), self._scenario.mirror_at(into_ns))
+
+
+class Bender:
+    """What the camera sees of exposures: optics, with the mirror of mid-exposure, then the sensor's noise."""
+
+    def __init__(self, rig: Rig) -> None:
+        """Lay out the rays and compile. Raises InputError where the rig's rest surface cannot be used."""
+        self._renderer = bending_renderer(rig)
+        self._sensor = Sensor(rig)
+        self._rows = np.ones(rig.display.rows, np.float32)
+        dark = np.zeros((rig.display.rows, rig.display.columns), np.uint8)
+        self.image(Exposure(0, 0, 0, ((dark, 0.5), (dark, 0.5))), Mirror())
+
+    def image(self, exposure: Exposure, mirror: Mirror) -> NDArray[Any]:
+        """Camera image (rows, cols), uint8 or uint16."""
+        handles = [(self._renderer.upload(codes), share) for codes, share in exposure.pictures]
+        try:
+            shares = [(handle, np.float32(share) * self._rows) for handle, share in handles]
+            light = self._renderer.expose([Piece(1.0, mirror, shares)])
+        finally:
+            for handle, _ in handles:
+                self._renderer.release(handle)
+        return self._sensor.image(light, exposure.number)
+
+    def close(self) -> None:
+        """Free what was drawn with."""
+        self._renderer.close()
+
+
+class VirtualBench:
+    """Serves a monitor, bent by the rig's simulated optics, as a camera, and tells the truth.
+
+    Frames are exposed at `rate_hz` whoever listens, are bent only while a client is there, and are sent
+    `simulation.camera_latency_s` after their exposure, or as soon as they are ready. One that is not ready
+    when the next but one is exposed is not made: newest only. The scenario starts `start_after_s` after the
+    first client has connected. Exposures are global and instantaneous in the mirror, and know the monitor at
+    `exposure.GRABS` instants; the monitor's own rise is left out.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        scenario: Scenario,
+        bender: Bender,
+        server: FrameServer,
+        opened: Callable[[], Grabber],
+        rate_hz: float,
+        truth: TruthFile | None = None,
+        loops: float = 1,
+        start_after_s: float = 0.0,
+    ) -> None:
+        self._camera = rig.camera
+        self._bender = bender
+        self._server = server
+        self._opened = opened
+        self._rate_hz = rate_hz
+        self._truth = truth
+        self._performance = Performance(scenario, loops)
+        self._start_after_ns = round(1e9 * start_after_s)
+        self._clock = HostClock()
+        self._latency_ns = round(1e9 * rig.simulation.camera_latency_s)
+        self.frames = 0
+        self.late = 0
+
+    def run(self, stop: threading.Event, say: Callable[[str], None]) -> None:
+        """Serve until `stop` is set, or the scenario is over and the client has gone.
+
+        say: told in words what happens. Raises MeasurementError when the monitor cannot be grabbed any more.
+        """
+        exposer = Exposer(self._camera, self._rate_hz, self._opened)
+        try:
+            was_connected = False
+            while not stop.is_set():
+                connected = self._server.connected
+                if connected != was_connected:
+                    self._greet(connected, say)
+                    was_connected = connected
+                if not connected and self._performance.over(self._clock.now_ns()):
+                    say("the scenario is over and nobody is watching")
+                    return
+                exposure = exposer.take(POLL_S)
+                if connected and exposure is not None:
+                    self._serve(exposure)
+        finally:
+            exposer.close()
+
+    def _greet(self, connected: bool, say: Callable[[str], None]) -> None:
+        if not connected:
+            say(f"the client has gone after {self.frames} frames; waiting for the next one")
+        elif self._performance.begun:
+            say("a new client has connected")
+        else:
+            self._performance.start(self._clock.now_ns() + self._start_after_ns)
+            after_s = 1e-9 * self._start_after_ns
+            say("a client has connected: the scenario starts" + (f" in {after_s:g} s" if after_s else ""))
+
+    def _serve(self, exposure: Exposure) -> None:
+        moment = self._performance.at(exposure.time_ns)
+        image = self._bender.image(exposure, moment.mirror)
+        due_ns = exposure.end_ns + self._latency_ns
+        self.late += self._clock.now_ns() > due_ns
+        self._clock.sleep_until_ns(due_ns)
+        if self._truth is not None:
+            self._truth.frame(
+                exposure.number, exposure.time_ns, moment.scenario_s, moment.phase, moment.mirror
+            )
+        self._server.put(image)
+        self.frames += 1

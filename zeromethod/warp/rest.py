@@ -1,0 +1,105 @@
+"""The warp of the untouched mirror: where every reading starts from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zeromethod.errors import InputError
+from zeromethod.optics import Optics
+from zeromethod.rig.model import Rig
+from zeromethod.warp.continuation import continue_smoothly
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.jacobian import warp_flags
+from zeromethod.warp.rest_pixels import RestGrid
+from zeromethod.warp.validity import Flag
+
+LEAST_NODES = 16
+"""Nodes that must see the display for there to be anything to null."""
+
+
+def _measured(
+    grid: NodeGrid, model_q: NDArray[np.float64], file: Path, optics: Optics
+) -> tuple[RestGrid, NDArray[np.float64]]:
+    """Nodes on the rays that a measured rest names, and its LCD positions, NaN where it has none.
+
+    Beyond what was measured the difference from the geometry is continued: in the padding, which is drawn,
+    and for the rays of nodes that the map leaves out.
+    """
+    from zeromethod.warp.rest_map import RestMap  # noqa: PLC0415 - loads slowly; few rigs have one
+
+    rest_map = RestMap.load(file)
+    if rest_map.valid.shape != grid.image_shape:
+        rows, cols = rest_map.valid.shape
+        raise InputError(
+            f"camera.rest_map: {file}: {cols} x {rows} px: the camera has "
+            f"{grid.image_shape[1]} x {grid.image_shape[0]}"
+        )
+    warp = rest_map.warp(grid)
+    away = warp.q - model_q
+    measured = warp.valid & np.isfinite(away).all(axis=-1)
+    if np.count_nonzero(measured) < LEAST_NODES:
+        raise InputError(f"{file}: fewer than {LEAST_NODES} nodes see the display")
+    away[~measured] = 0.0
+    q = model_q + continue_smoothly(away, measured)
+    rays = RestGrid.of(grid, optics, q)
+    left_out = ~measured
+    left_out[warp.flags & np.uint16(Flag.OUTSIDE) != 0] = False
+    return rays, np.where(left_out[..., None], np.nan, q)
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The warp at rest on a grid.
+
+    q: (rows, cols, 2) LCD px, finite everywhere: continued where no ray arrives. flags: (rows, cols)
+    uint16, NO_RAY there, else 0. seen: (rows, cols) measurable nodes whose ray ends at least one carrier
+    period inside the panel. display_size: (columns, rows) LCD px.
+    """
+
+    grid: NodeGrid
+    q: NDArray[np.float64]
+    flags: NDArray[np.uint16]
+    seen: NDArray[np.bool_]
+    display_size: tuple[int, int]
+
+    def without(self, covered: NDArray[np.bool_]) -> Rest:
+        """Take out nodes (rows, cols) that cannot be measured; their warp is drawn all the same."""
+        return replace(self, seen=self.seen & ~covered)
+
+    @classmethod
+    def of(cls, rig: Rig, optics: Optics) -> Rest:
+        """Rest warp as measured where the rig names a rest map, else by its geometry.
+
+        With a rest map the grid is a `RestGrid`, and nodes without a valid part of the map are not seen.
+        Raises InputError when no node sees the panel, or the map is not one of this camera.
+        """
+        camera, target = rig.camera, rig.target
+        grid = NodeGrid((camera.rows, camera.columns), target.period_px)
+        q = optics.trace(*grid.mesh(), optics.rest).q
+        if camera.rest_map is not None:
+            grid, q = _measured(grid, q, camera.rest_map, optics)
+        return cls.from_map(grid, q, (rig.display.columns, rig.display.rows))
+
+    @classmethod
+    def from_map(cls, grid: NodeGrid, q: NDArray[np.float64], display_size: tuple[int, int]) -> Rest:
+        """Rest warp from LCD positions (rows, cols, 2), NaN where no ray arrives."""
+        known: NDArray[np.bool_] = np.asarray(np.isfinite(q).all(axis=-1))
+        if np.count_nonzero(known[grid.inner]) < LEAST_NODES:
+            raise InputError(
+                f"rig: fewer than {LEAST_NODES} camera nodes see the display's plane by the mirror at rest"
+            )
+        u, v = grid.mesh()
+        plane = np.stack([np.ones_like(u), u, v], axis=-1)
+        terms = np.linalg.lstsq(plane[known], q[known], rcond=None)[0]
+        affine = plane @ terms
+        whole = affine + continue_smoothly(np.where(known[..., None], q - affine, 0.0), known)
+        whole[known] = q[known]
+        flags = np.where(known, np.uint16(0), np.uint16(Flag.NO_RAY))
+        inside = warp_flags(whole, whole, grid.period_px, display_size, spacing_px=grid.spacing_px) == 0
+        measurable = np.zeros_like(known)
+        measurable[grid.inner] = True
+        return cls(grid, whole, flags, known & inside & measurable, display_size)
