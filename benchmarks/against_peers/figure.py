@@ -1,4 +1,4 @@
-"""The picture of `benchmarks.against_peers`: time against error over the bound, and how time grows with the frame."""
+"""The picture of `benchmarks.against_peers`: time against error over the bound, and growth with the frame."""
 
 from __future__ import annotations
 

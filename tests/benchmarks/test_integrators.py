@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+from benchmarks.peers import cosine_transform, frankot_chellappa
+
 ROWS, COLS = 96, 128
 
 
