@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from small_rigs import BENCH_160, small_rig_file
+
 from zeromethod.devices.protocols import Frame
 from zeromethod.loop.assembly import make_circle
 from zeromethod.optics import Optics

@@ -7,14 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.special import chdtri
 
+from zeromethod.arrays import Bytes, Mask
 from zeromethod.calibration.photon_transfer import QUANTISATION, PhotonTransfer, Still
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 NEIGHBOURS_PX = 5
 
@@ -49,7 +46,7 @@ class BadPixel(enum.IntFlag):
 class BadPixels:
     """reason: (rows, cols) uint8 of `BadPixel`, 0 = sound."""
 
-    reason: NDArray[np.uint8]
+    reason: Bytes
 
     @property
     def mask(self) -> Mask:

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.errors import InputError, MeasurementError
-
-Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Float, Image
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
-
-Array = NDArray[np.float64]
-Grey = NDArray[np.uint8]
 
 DICTIONARIES = tuple(f"{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000))
 DEFAULT_DICTIONARY = "5X5_250"
@@ -53,7 +51,7 @@ class View:
 
     name: str
     ids: NDArray[np.int_]
-    pixel: Array
+    pixel: Float
 
 
 @dataclass(frozen=True)
@@ -102,11 +100,11 @@ class Board:
     def __str__(self) -> str:
         return f"{self.columns}x{self.rows} squares of {self.square_mm:g} mm, {self.dictionary}"
 
-    def points_mm(self, ids: NDArray[np.int_]) -> Array:
+    def points_mm(self, ids: NDArray[np.int_]) -> Float:
         """(n, 3) places of corners on the board, z = 0."""
         return np.asarray(self._cv.getChessboardCorners(), np.float64)[ids]
 
-    def picture(self, square_px: int) -> Grey:
+    def picture(self, square_px: int) -> Bytes:
         """(rows square_px, columns square_px) picture, without a margin. Raises InputError below 16 px."""
         if square_px < _LEAST_SQUARE_PX:
             raise InputError(
@@ -115,7 +113,7 @@ class Board:
         size = self.columns * square_px, self.rows * square_px
         return np.asarray(self._cv.generateImage(size, marginSize=0), np.uint8)
 
-    def find(self, name: str, image: NDArray[Any]) -> View:
+    def find(self, name: str, image: Image) -> View:
         """Corners in a picture (rows, cols) of any integer type; raises BoardNotFoundError."""
         grey = _grey(image)
         corners, ids, _, marker_ids = self._detector.detectBoard(grey)
@@ -138,7 +136,7 @@ class Board:
             raise BoardNotFoundError("all corners on one line")
         return View(name, found, self._refined(grey, found, pixel))
 
-    def _refined(self, grey: Grey, ids: NDArray[np.int_], pixel: Array) -> Array:
+    def _refined(self, grey: Bytes, ids: NDArray[np.int_], pixel: Float) -> Float:
         """Corners anew from windows that end before the markers, which draw them by tenths of a px."""
         place = self.points_mm(ids)[:, :2] / self.square_mm
         apart = np.linalg.norm(place[:, None] - place, axis=-1)
@@ -185,12 +183,12 @@ def board_of(text: str, dictionary: str = DEFAULT_DICTIONARY) -> Board:
         raise InputError(f"--{error}") from None
 
 
-def margined(picture: Grey, square_px: int) -> Grey:
+def margined(picture: Bytes, square_px: int) -> Bytes:
     """The picture within white of half a square, which markers at the border need."""
     return np.pad(picture, square_px // 2, constant_values=255)
 
 
-def on_lcd(picture: Grey, columns: int, rows: int) -> Grey:
+def on_lcd(picture: Bytes, columns: int, rows: int) -> Bytes:
     """The picture in the middle of a white LCD. Raises InputError where it does not fit."""
     height, width = picture.shape
     if height > rows or width > columns:
@@ -201,7 +199,7 @@ def on_lcd(picture: Grey, columns: int, rows: int) -> Grey:
     return lcd
 
 
-def write_png(path: Path, picture: Grey, px_per_mm: float) -> None:
+def write_png(path: Path, picture: Bytes, px_per_mm: float) -> None:
     """Write a picture that programs print at its true size (PNG with pHYs), in one move."""
     data = cv2.imencode(".png", picture)[1].tobytes()
     per_m = round(1000.0 * px_per_mm)
@@ -217,7 +215,7 @@ def px_per_mm(dpi: float) -> float:
     return dpi / _MM_PER_INCH
 
 
-def _grey(image: NDArray[Any]) -> Grey:
+def _grey(image: Image) -> Bytes:
     """Eight bits that span what a picture holds."""
     if image.dtype == np.uint8:
         return np.ascontiguousarray(image)

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.calibration.fit import Fit, jacobian
 from zeromethod.calibration.presses import KnownPress, Presses, RestReading
 from zeromethod.calibration.rays import UnboundedOptics
@@ -21,8 +21,6 @@ from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_pixels import rest_pixels
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
-
-Array = NDArray[np.float64]
 
 _X_SHARES, _Y_SHARES = (0.2, 0.5, 0.8), (0.25, 0.5, 0.75)
 """Where the regions' middles lie in what is seen of the mirror."""
@@ -42,12 +40,12 @@ class Pad:
     depth_mm: float
     sigma_mm: float
 
-    def depth(self, x: Array, y: Array) -> Array:
+    def depth(self, x: Float, y: Float) -> Float:
         """Depth (...) in mm."""
         r2 = (x - self.x_mm) ** 2 + (y - self.y_mm) ** 2
         return np.asarray(self.depth_mm * np.exp(-r2 / (2 * self.sigma_mm**2)))
 
-    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def slope(self, x: Float, y: Float) -> tuple[Float, Float]:
         """(dd/dx, dd/dy), each (...), rad."""
         steep = -self.depth(x, y) / self.sigma_mm**2
         return (x - self.x_mm) * steep, (y - self.y_mm) * steep
@@ -62,31 +60,31 @@ class DepthError:
     """
 
     names: tuple[str, ...]
-    x_mm: Array
-    y_mm: Array
-    sensitivity: Array
-    covariance: Array = field(repr=False)
+    x_mm: Float
+    y_mm: Float
+    sensitivity: Float
+    covariance: Float = field(repr=False)
 
     @property
-    def percent(self) -> Array:
+    def percent(self) -> Float:
         """(regions,) standard deviation of depth, percent."""
         return self.percent_with(self.covariance)
 
-    def percent_with(self, covariance: Array) -> Array:
+    def percent_with(self, covariance: Float) -> Float:
         """(regions,) the same for another covariance (parameters, parameters) of z."""
         return _percent(self.sensitivity, covariance)
 
-    def percent_at(self, x_mm: Array, y_mm: Array) -> Array:
+    def percent_at(self, x_mm: Float, y_mm: Float) -> Float:
         """(...) standard deviation of depth, percent, at mirror points: a quadratic fit of the regions."""
         coefficients = np.linalg.lstsq(_powers(self.x_mm, self.y_mm), self.sensitivity, rcond=None)[0]
         return _percent(_powers(x_mm, y_mm) @ coefficients, self.covariance)
 
 
-def _percent(sensitivity: Array, covariance: Array) -> Array:
+def _percent(sensitivity: Float, covariance: Float) -> Float:
     return np.asarray(100.0 * np.sqrt(np.einsum("...i,ij,...j->...", sensitivity, covariance, sensitivity)))
 
 
-def _powers(x: Array, y: Array) -> Array:
+def _powers(x: Float, y: Float) -> Float:
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
 
@@ -133,6 +131,6 @@ def depth_error(fitted: Fit, grid: NodeGrid, reading: RestReading | None = None)
     return DepthError(tuple(names), x_all, y_all, relative, fitted.covariance)
 
 
-def _between(values: Array, shares: tuple[float, ...]) -> Array:
+def _between(values: Float, shares: tuple[float, ...]) -> Float:
     low, high = float(values.min()), float(values.max())
     return low + (high - low) * np.asarray(shares)

@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.calibration.fit import Fit, jacobian
 from zeromethod.calibration.observations import MirrorEdge
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
@@ -25,7 +26,6 @@ from zeromethod.optics import Optics
 from zeromethod.optics.trace import Lost
 from zeromethod.rig.model import Rig
 
-Array = NDArray[np.float64]
 Name = Literal["P0", "R0"]
 
 EDGE_MM = 0.1
@@ -148,7 +148,7 @@ def _check_curve(curve: _Curve, expected: _Expected, sigma_px: float) -> None:
         raise _NotSeenError("the fringes' end there runs in another direction")
 
 
-def _check_lcd(rig: Rig, lcd: Array, place: Array, outwards: int) -> None:
+def _check_lcd(rig: Rig, lcd: Float, place: Float, outwards: int) -> None:
     """Refuse an end of the fringes at the LCD's end. lcd: (lines, n, 2) rest map; place: (lines,) px."""
     inner = [np.clip(np.rint(place - outwards * step).astype(int), 0, lcd.shape[1] - 1) for step in (5, 12)]
     near, far = (lcd[np.arange(len(lcd)), at] for at in inner)
@@ -184,7 +184,7 @@ class _Expected:
     where the mirror ends towards larger px.
     """
 
-    place: Array
+    place: Float
     turned: bool
     outwards: int
     sigma_px: float
@@ -201,7 +201,7 @@ class _Expected:
         """Distance from the image's border within which an edge may well lie past it."""
         return _LEAST_SIGMA_PX + 2.0 * self.sigma_px
 
-    def reachable(self, size: int) -> NDArray[np.bool_]:
+    def reachable(self, size: int) -> Mask:
         """Lines in whose image the edge may be."""
         with np.errstate(invalid="ignore"):
             return np.asarray(np.abs(self.place - 0.5 * (size - 1)) < 0.5 * size + self.gate_px)
@@ -214,7 +214,7 @@ class _Expected:
         at_mm = 0.0 if edge == "P0" else optics.length_mm
         columns, rows = rig.camera.columns, rig.camera.rows
 
-        def x_of(u: Array, v: Array) -> Array:
+        def x_of(u: Float, v: Float) -> Float:
             return mirror_point(optics, u, v)[..., 0]
 
         middle = np.array([0.5 * (columns - 1)]), np.array([0.5 * (rows - 1)])
@@ -247,13 +247,13 @@ class _Expected:
         )
 
 
-def _unit(turned: bool) -> Array:
+def _unit(turned: bool) -> Float:
     return np.array([0.0, 1.0] if turned else [1.0, 0.0])
 
 
 def _followed(
-    x_of: Callable[[Array, Array], Array], at_mm: float, size: int, lines: int, turned: bool
-) -> Array:
+    x_of: Callable[[Float, Float], Float], at_mm: float, size: int, lines: int, turned: bool
+) -> Float:
     """(lines,) px along each line at which the mirror's x is `at_mm`; NaN where that is far off the image."""
     along = np.linspace(-_REACH * size, (1 + _REACH) * size, _PLACES)
     across = np.linspace(0, lines - 1, _LINES)
@@ -289,14 +289,14 @@ class _Curve:
     what neighbouring lines share. share: of the lines that lie on it.
     """
 
-    coefficients: Array
+    coefficients: Float
     middle: float
     half: float
     sigma_px: float
     share: float
 
     @classmethod
-    def of(cls, line: Array, away: Array) -> _Curve | None:
+    def of(cls, line: Float, away: Float) -> _Curve | None:
         """Fit robustly (Tukey's biweight from the median on); None where lines scatter too much."""
         middle, half = 0.5 * float(line.min() + line.max()), max(0.5 * float(np.ptp(line)), 1.0)
         s = (line - middle) / half
@@ -332,13 +332,13 @@ class _Curve:
         """Sagitta beyond the foretold one."""
         return float(self.coefficients[2])
 
-    def at(self, line: Array) -> Array:
+    def at(self, line: Float) -> Float:
         """Distance at lines."""
         s = (line - self.middle) / self.half
         return np.asarray(np.stack([np.ones_like(s), s, s * s], axis=-1) @ self.coefficients)
 
 
-def _repeated_line(s: Array, away: Array) -> tuple[float, float]:
+def _repeated_line(s: Float, away: Float) -> tuple[float, float]:
     """Value at 0 and slope of a line that up to half of the points do not lie on (Siegel's medians)."""
     few = np.arange(len(s))[:: max(1, len(s) // 150)]
     s, away = s[few], away[few]

@@ -11,10 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.errors import MeasurementError
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 TILES = (4, 4)
 """Regions of the view, along rows and columns."""

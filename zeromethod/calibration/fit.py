@@ -20,14 +20,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.calibration.observations import Observation, RestPositions
 from zeromethod.calibration.parameters import Priors
 from zeromethod.errors import MeasurementError
 from zeromethod.rig.model import Rig
-
-Array = NDArray[np.float64]
 
 _STEPS = 60
 _SETTLED = 1e-3
@@ -56,12 +54,12 @@ class Term:
     """
 
     observation: Observation
-    residual: Array
-    weight: Array
-    jacobian: Array
+    residual: Float
+    weight: Float
+    jacobian: Float
 
     @property
-    def rows(self) -> Array:
+    def rows(self) -> Float:
         """(n,) weights, one per number."""
         return np.repeat(self.weight, self.observation.group)
 
@@ -94,8 +92,8 @@ class Fit:
     """
 
     priors: Priors
-    z: Array
-    covariance: Array
+    z: Float
+    covariance: Float
     terms: tuple[Term, ...]
     inflation: float
     steps: int
@@ -161,7 +159,7 @@ def fit(
     return replace(result, inflation=inflation)
 
 
-def jacobian(priors: Priors, z: Array, observation: Observation) -> Array:
+def jacobian(priors: Priors, z: Float, observation: Observation) -> Float:
     """Derivative (n, parameters) of (predicted - measured) / sigma by z.
 
     By central differences, one-sided where costly or at a parameter's bound. NaN rows where a neighbouring
@@ -188,11 +186,11 @@ class _Exact:
     priors: Priors
     observation: Observation
 
-    def residual(self, z: Array) -> Array:
+    def residual(self, z: Float) -> Float:
         predicted = self.observation.predict(self.priors.at(z))
         return np.asarray((predicted - self.observation.measured) / self.observation.sigma)
 
-    def slope(self, z: Array) -> Array:
+    def slope(self, z: Float) -> Float:
         return jacobian(self.priors, z, self.observation)
 
 
@@ -201,23 +199,23 @@ class _Linear:
     """Residuals that go on from those at `at` in a straight line, at no cost."""
 
     observation: Observation
-    at: Array
-    value: Array
-    derivative: Array
+    at: Float
+    value: Float
+    derivative: Float
 
-    def residual(self, z: Array) -> Array:
+    def residual(self, z: Float) -> Float:
         return np.asarray(self.value + self.derivative @ (z - self.at))
 
-    def slope(self, z: Array) -> Array:  # noqa: ARG002 (the same everywhere)
+    def slope(self, z: Float) -> Float:  # noqa: ARG002 (the same everywhere)
         return self.derivative
 
 
-def _exact(priors: Priors, observations: Sequence[Observation], z: Array) -> list[_Exact]:
+def _exact(priors: Priors, observations: Sequence[Observation], z: Float) -> list[_Exact]:
     rig = priors.at(z)
     return [_Exact(priors, observation.prepared(rig)) for observation in observations]
 
 
-def _with_costly(priors: Priors, models: Sequence[_Exact], costly: Sequence[Observation], z: Array) -> Fit:
+def _with_costly(priors: Priors, models: Sequence[_Exact], costly: Sequence[Observation], z: Float) -> Fit:
     """Fit with costly data taken as linear, read anew where that fit ends, until nothing new turns up.
 
     Depths as read are so nearly linear in the rig that two or three rounds do; derivatives are corrected by
@@ -243,7 +241,7 @@ def _with_costly(priors: Priors, models: Sequence[_Exact], costly: Sequence[Obse
     return replace(_descend(priors, [*models, *linear], z), settled=False)
 
 
-def _weights(residual: Array, group: int) -> Array:
+def _weights(residual: Float, group: int) -> Float:
     """Robust weights (groups,): Huber's, and 0 far off where many groups tell what far is."""
     squares = (residual.reshape(-1, group) ** 2).mean(axis=-1)
     many = len(squares) >= _MANY
@@ -256,7 +254,7 @@ def _weights(residual: Array, group: int) -> Array:
     return np.where(np.isfinite(away), weight, 0.0)
 
 
-def _terms(models: Sequence[_Exact | _Linear], z: Array) -> tuple[Term, ...]:
+def _terms(models: Sequence[_Exact | _Linear], z: Float) -> tuple[Term, ...]:
     terms = []
     for model in models:
         observation, residual, slope = model.observation, model.residual(z), model.slope(z)
@@ -269,7 +267,7 @@ def _terms(models: Sequence[_Exact | _Linear], z: Array) -> tuple[Term, ...]:
     return tuple(terms)
 
 
-def _descend(priors: Priors, models: Sequence[_Exact | _Linear], z: Array) -> Fit:
+def _descend(priors: Priors, models: Sequence[_Exact | _Linear], z: Float) -> Fit:
     damping, steps = 0.0, 0
     while True:
         terms = _terms(models, z)
@@ -301,10 +299,10 @@ def _bent(
     priors: Priors,
     models: Sequence[_Exact | _Linear],
     terms: Sequence[Term],
-    z: Array,
-    step: Array,
-    damped: Array,
-) -> Array:
+    z: Float,
+    step: Float,
+    damped: Float,
+) -> Float:
     """Where a step leads that follows its valley's bend.
 
     The second derivative along the step, from one more prediction, gives the acceleration; left out where it
@@ -321,7 +319,7 @@ def _bent(
     return priors.within(z + step + bent if small else z + step)
 
 
-def _cost(models: Sequence[_Exact | _Linear], z: Array, terms: Sequence[Term]) -> float:
+def _cost(models: Sequence[_Exact | _Linear], z: Float, terms: Sequence[Term]) -> float:
     """Sum at z with the weights of `terms`; infinite where what counted can no longer be predicted."""
     total = float(z @ z)
     for model, term in zip(models, terms, strict=True):

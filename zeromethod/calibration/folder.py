@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig
@@ -152,12 +152,12 @@ def load(folder: Path) -> Stored:
     return Stored(folder, document)
 
 
-def load_arrays(folder: Path, *wanted: str) -> dict[str, NDArray[Any]]:
+def load_arrays(folder: Path, *wanted: str) -> dict[str, Image]:
     """Arrays of a folder by name ("rest_map/lcd_px"), all of them or those wanted. Raises InputError."""
     import h5py  # noqa: PLC0415 - `run` reads no arrays here, and it loads slowly
 
     path = folder / ARRAYS
-    found: dict[str, NDArray[Any]] = {}
+    found: dict[str, Image] = {}
     try:
         with h5py.File(path, "r") as file:
 

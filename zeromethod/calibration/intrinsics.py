@@ -12,13 +12,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.calibration.charuco import LEAST_CORNERS, Board, View
 from zeromethod.calibration.observations import INTRINSICS, Intrinsics
 from zeromethod.errors import InputError, MeasurementError
-
-Array = NDArray[np.float64]
 
 LEAST_VIEWS = 4
 MOST_RMS_PX = 2.0
@@ -106,9 +104,9 @@ class _Solution:
     """
 
     terms: tuple[str, ...]
-    values: Array
-    residual: list[Array]
-    jacobian: list[Array]
+    values: Float
+    residual: list[Float]
+    jacobian: list[Float]
 
     @property
     def squares(self) -> float:
@@ -161,8 +159,8 @@ def _solved(views: Sequence[View], board: Board, shape: tuple[int, int], terms: 
         ) from None
     lens = np.asarray(lens, np.float64).ravel()[:5]
     columns = [*range(6), *range(6, 10), *(10 + INTRINSICS.index(term) - 4 for term in terms)]
-    residual: list[Array] = []
-    jacobians: list[Array] = []
+    residual: list[Float] = []
+    jacobians: list[Float] = []
     for view, rotation, shift in zip(views, rotations, shifts, strict=True):
         seen, by = cv2.projectPoints(board.points_mm(view.ids), rotation, shift, matrix, lens)
         residual.append(np.asarray(seen, np.float64).reshape(-1, 2) - view.pixel)
@@ -189,7 +187,7 @@ def _without_strayest(views: Sequence[View], solution: _Solution) -> list[View] 
     return kept if len(kept) >= LEAST_VIEWS else None
 
 
-def _covariance(solution: _Solution, views: int) -> Array:
+def _covariance(solution: _Solution, views: int) -> Float:
     """Covariance (n, n) of the values, every view's pose left open.
 
     Each view's normal equations are freed of its pose (Schur's complement). What leaving out one view after

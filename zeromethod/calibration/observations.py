@@ -7,16 +7,14 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.calibration.parameters import PARAMETERS, describe
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
-
-Array = NDArray[np.float64]
 
 MARGIN_MM = 2.0
 """Nodes whose mirror point lies nearer to an edge of the mirror are left out: what they see is a chamfer or
@@ -41,12 +39,12 @@ class Observation(Protocol):
         ...
 
     @property
-    def measured(self) -> Array:
+    def measured(self) -> Float:
         """(n,) numbers."""
         ...
 
     @property
-    def sigma(self) -> Array:
+    def sigma(self) -> Float:
         """(n,) standard deviations."""
         ...
 
@@ -74,7 +72,7 @@ class Observation(Protocol):
         """The same data with everything chosen that must not change between rigs near `rig`."""
         ...
 
-    def predict(self, rig: Rig) -> Array:
+    def predict(self, rig: Rig) -> Float:
         """(n,) what `rig` would give; NaN where it cannot say."""
         ...
 
@@ -86,9 +84,9 @@ class RestPositions:
     pixel: (m, 2) camera px. q: (m, 2) LCD px. sigma_q: (m, 2) LCD px. Numbers are column, row, column, ...
     """
 
-    pixel: Array
-    q: Array
-    sigma_q: Array
+    pixel: Float
+    q: Float
+    sigma_q: Float
     name: str = "rest map"
     group: int = 2
     blind_to: frozenset[str] = frozenset()
@@ -105,12 +103,12 @@ class RestPositions:
         return cls(pixel[valid], rest.q[valid], rest.sigma[valid])
 
     @property
-    def measured(self) -> Array:
+    def measured(self) -> Float:
         """(2 m,) LCD px."""
         return self.q.ravel()
 
     @property
-    def sigma(self) -> Array:
+    def sigma(self) -> Float:
         """(2 m,) LCD px."""
         return self.sigma_q.ravel()
 
@@ -120,7 +118,7 @@ class RestPositions:
         chosen = inside[:: max(1, -(-len(inside) // _MOST_NODES))]
         return replace(self, pixel=self.pixel[chosen], q=self.q[chosen], sigma_q=self.sigma_q[chosen])
 
-    def predict(self, rig: Rig) -> Array:
+    def predict(self, rig: Rig) -> Float:
         """(2 m,) LCD px by the exact rays."""
         return UnboundedOptics(rig).rest_map(self.pixel[:, 0], self.pixel[:, 1]).ravel()
 
@@ -128,7 +126,7 @@ class RestPositions:
         """The same with a larger sigma."""
         return replace(self, sigma_q=factor * self.sigma_q)
 
-    def misfit(self, normalised: Array, weight: Array) -> float:
+    def misfit(self, normalised: Float, weight: Float) -> float:
         """By how much sigma must grow to hold what no rig explains; 1 where noise explains it.
 
         normalised: (2 m,) residual / sigma; weight: (m,) of the robust fit. Blocks of the view are averaged:
@@ -148,7 +146,7 @@ class RestPositions:
         return found if found > _NOTABLE else 1.0
 
 
-def well_inside(rig: Rig, pixel: Array) -> NDArray[np.bool_]:
+def well_inside(rig: Rig, pixel: Float) -> Mask:
     """(...) whether camera pixels (..., 2) look at the mirror at least MARGIN_MM from its borders."""
     optics = UnboundedOptics(rig)
     point = mirror_point(optics, pixel[..., 0], pixel[..., 1])
@@ -168,7 +166,7 @@ class MirrorEdge:
     """
 
     edge: Literal["P0", "R0"]
-    pixel: Array
+    pixel: Float
     sigma_px: float
     group: int = 1
     blind_to: frozenset[str] = frozenset(
@@ -183,12 +181,12 @@ class MirrorEdge:
         return f"edge {self.edge}"
 
     @property
-    def measured(self) -> Array:
+    def measured(self) -> Float:
         """(m,) zeros: the pixels lie on the edge."""
         return np.zeros(len(self.pixel))
 
     @property
-    def sigma(self) -> Array:
+    def sigma(self) -> Float:
         """(m,) camera px."""
         return np.full(len(self.pixel), self.sigma_px)
 
@@ -196,7 +194,7 @@ class MirrorEdge:
         """As it is."""
         return self
 
-    def predict(self, rig: Rig) -> Array:
+    def predict(self, rig: Rig) -> Float:
         """(m,) camera px from the edge's image, to first order."""
         optics = UnboundedOptics(rig)
         u, v = self.pixel.T
@@ -234,12 +232,12 @@ class Direct:
         return PARAMETERS[self.parameter].words
 
     @property
-    def measured(self) -> Array:
+    def measured(self) -> Float:
         """(1,) in the parameter's unit."""
         return np.array([self.value])
 
     @property
-    def sigma(self) -> Array:
+    def sigma(self) -> Float:
         """(1,) in the parameter's unit."""
         return np.array([self.sigma_value])
 
@@ -249,7 +247,7 @@ class Direct:
             raise InputError(f"{rig.name}: {self.parameter}: this rig has none")
         return self
 
-    def predict(self, rig: Rig) -> Array:
+    def predict(self, rig: Rig) -> Float:
         """(1,) in the parameter's unit."""
         return np.array([describe(rig)[self.parameter]])
 
@@ -266,14 +264,14 @@ class Intrinsics:
     """
 
     names: Sequence[str]
-    values: Array
-    covariance: Array
+    values: Float
+    covariance: Float
     name: str = "camera intrinsics"
     group: int = 1
     costly: bool = False
     step: float = 0.01
     blind_to: frozenset[str] = frozenset(n for n in PARAMETERS if not n.startswith("camera."))
-    _whiten: Array = field(init=False, repr=False)
+    _whiten: Float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.names if name not in INTRINSICS]
@@ -286,12 +284,12 @@ class Intrinsics:
         object.__setattr__(self, "_whiten", np.linalg.inv(lower))
 
     @property
-    def measured(self) -> Array:
+    def measured(self) -> Float:
         """(n,) whitened."""
         return np.asarray(self._whiten @ np.asarray(self.values, dtype=np.float64))
 
     @property
-    def sigma(self) -> Array:
+    def sigma(self) -> Float:
         """(n,) ones."""
         return np.ones(len(self.names))
 
@@ -301,7 +299,7 @@ class Intrinsics:
             raise InputError(f"{rig.name}: camera intrinsics: only for projection 'perspective'")
         return self
 
-    def predict(self, rig: Rig) -> Array:
+    def predict(self, rig: Rig) -> Float:
         """(n,) whitened."""
         camera = rig.camera
         assert camera.focal_px is not None

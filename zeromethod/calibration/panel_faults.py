@@ -16,10 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 SURE_SIGMAS = 5.0
 

@@ -12,13 +12,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.errors import MeasurementError
 from zeromethod.exposure.pairing import PanelTiming, lit_share
-
-Float = NDArray[np.float64]
 
 LEAST_FRAMES = 8
 """Frames within a change that a result needs."""
@@ -49,7 +47,7 @@ class PanelSteps:
 
     since_s: Float
     exposure_s: Float
-    rising: NDArray[np.bool_]
+    rising: Mask
     grey: Float
     place: Float
 
@@ -130,7 +128,7 @@ def fit_steps(steps: PanelSteps, timing: PanelTiming) -> StepTiming:
     return _timing(start, _sigmas(found.jac, found.fun, len(place)), inside)
 
 
-def _changing(steps: PanelSteps) -> NDArray[np.bool_]:
+def _changing(steps: PanelSteps) -> Mask:
     """(bands,) whose grey follows the picture: late frames of rises are brighter than those of falls."""
     late = steps.since_s > 0.75 * steps.since_s.max()
     up, down = steps.grey[late & steps.rising], steps.grey[late & ~steps.rising]
@@ -168,9 +166,7 @@ def _shares(parameters: Float, steps: PanelSteps, place: Float) -> Float:
     return out
 
 
-def _misfit(
-    parameters: Float, steps: PanelSteps, grey: Float, place: Float, used: NDArray[np.bool_]
-) -> Float:
+def _misfit(parameters: Float, steps: PanelSteps, grey: Float, place: Float, used: Mask) -> Float:
     """(frames used, bands) grey less the model's over the band's swing; black and white are fitted in it."""
     lit = _shares(parameters, steps, place)
     lit = np.where(steps.rising[:, None], lit, 1.0 - lit)[used]

@@ -11,12 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,8 +161,8 @@ class Priors:
 
     rig: Rig
     names: tuple[str, ...]
-    mean: Array
-    sigma: Array
+    mean: Float
+    sigma: Float
 
     @classmethod
     def of(cls, rig: Rig, sigma: Mapping[str, float] | None = None) -> Priors:
@@ -183,24 +181,24 @@ class Priors:
         mean = np.array([values[name] for name in names])
         return cls(rig, names, mean, np.array([widths[name] for name in names]))
 
-    def values(self, z: Array) -> dict[str, float]:
+    def values(self, z: Float) -> dict[str, float]:
         """Free parameters' values at z (n,)."""
         return dict(zip(self.names, map(float, self.mean + self.sigma * z), strict=True))
 
-    def at(self, z: Array) -> Rig:
+    def at(self, z: Float) -> Rig:
         """Rig at z (n,)."""
         return build(self.rig, self.values(z))
 
-    def within(self, z: Array) -> Array:
+    def within(self, z: Float) -> Float:
         """Vector z (n,) brought back within what is physically possible."""
         low = np.array([PARAMETERS[name].low for name in self.names])
         high = np.array([PARAMETERS[name].high for name in self.names])
         return np.asarray(np.clip(z, (low - self.mean) / self.sigma, (high - self.mean) / self.sigma))
 
-    def vector(self, values: Mapping[str, float]) -> Array:
+    def vector(self, values: Mapping[str, float]) -> Float:
         """Vector z (n,) of a mapping that holds at least all free parameters."""
         return (np.array([values[name] for name in self.names]) - self.mean) / self.sigma
 
-    def columns(self, names: Sequence[str]) -> NDArray[np.bool_]:
+    def columns(self, names: Sequence[str]) -> Mask:
         """(n,) which free parameters are among `names`."""
         return np.array([name in names for name in self.names])

@@ -17,11 +17,9 @@ from scipy.ndimage import uniform_filter
 from scipy.optimize import least_squares
 from scipy.special import ndtr
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.calibration.black_level import BlackLevel
 from zeromethod.errors import InputError, MeasurementError
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 QUANTISATION = 1.0 / 12.0
 """Variance of rounding to whole grey levels."""

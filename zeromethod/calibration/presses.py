@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.calibration.observations import well_inside
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.calibration.rays import UnboundedOptics
@@ -17,8 +17,6 @@ from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_pixels import RestGrid, rest_pixels
 from zeromethod.warp.warp import Warp
-
-Array = NDArray[np.float64]
 
 _PEAK_SHARE = 5e-4
 """Bias, relative to the depth, of the polynomial that finds a peak between nodes."""
@@ -47,8 +45,8 @@ class RestReading:
     """
 
     grid: NodeGrid
-    q_rest: Array
-    start: Array | None = field(default=None, repr=False)
+    q_rest: Float
+    start: Float | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, grid: NodeGrid, rest: Warp) -> RestReading:
@@ -100,7 +98,7 @@ class Presses:
 
     reading: RestReading
     presses: Sequence[KnownPress]
-    sigma: Array
+    sigma: Float
     before: Sequence[Surface | None] = field(default=(), repr=False)
     blind_to: frozenset[str] = frozenset()
     name: str = "presses"
@@ -120,7 +118,7 @@ class Presses:
         return cls(reading, tuple(presses), sigma, (None,) * len(sigma))
 
     @property
-    def measured(self) -> Array:
+    def measured(self) -> Float:
         """(n,) known depths, mm."""
         return np.array([press.depth_mm for press in self.presses])
 
@@ -145,7 +143,7 @@ class Presses:
         )
         return replace(self, reading=reading, sigma=sigma, before=surfaces, blind_to=blind_to(rig))
 
-    def predict(self, rig: Rig) -> Array:
+    def predict(self, rig: Rig) -> Float:
         """(n,) depths of the peaks as read through `rig`, mm; NaN for what it cannot read."""
         try:
             return np.array([peak(surface).depth_mm for surface in self._read(self.reading, rig)])
@@ -175,7 +173,7 @@ class KnownBall:
     warp: Warp
     radius_mm: float
     sigma_radius_mm: float
-    sigma: Array = field(default_factory=lambda: np.full(1, np.nan))
+    sigma: Float = field(default_factory=lambda: np.full(1, np.nan))
     blind_to: frozenset[str] = frozenset()
     name: str = "ball"
     group: int = 1
@@ -183,7 +181,7 @@ class KnownBall:
     step: float = 0.1
 
     @property
-    def measured(self) -> Array:
+    def measured(self) -> Float:
         """(1,) log of the radius in mm."""
         return np.log([self.radius_mm])
 
@@ -202,7 +200,7 @@ class KnownBall:
         sigma = np.array([np.hypot(relative, fitted[1])])
         return replace(self, reading=reading, sigma=sigma, blind_to=blind_to(rig))
 
-    def predict(self, rig: Rig) -> Array:
+    def predict(self, rig: Rig) -> Float:
         """(1,) log of the radius as read."""
         fitted = self._radius(self.reading.reader(rig).read(self.warp))
         return np.array([np.nan if fitted is None else np.log(fitted[0])])

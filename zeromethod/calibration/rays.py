@@ -6,16 +6,16 @@ from functools import cached_property
 
 import numpy as np
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Optics
 from zeromethod.optics.prism import Face, PrismGeometry
-from zeromethod.optics.vectors import Array, Mask
 from zeromethod.rig.model import Rig
 
 
 class _OpenFace(Face):
     """A face without borders."""
 
-    def contains(self, point: Array) -> Mask:
+    def contains(self, point: Float) -> Mask:
         """Whether there is a point at all."""
         return np.asarray(np.isfinite(point).all(axis=-1))
 
@@ -33,7 +33,7 @@ class _OpenPrism(PrismGeometry):
         """Face towards the camera, unbounded."""
         return _opened(PrismGeometry(self.spec).captured_face)
 
-    def on_mirror(self, x: Array, y: Array) -> Mask:
+    def on_mirror(self, x: Float, y: Float) -> Mask:
         """Whether there is a point at all."""
         return np.asarray(np.isfinite(x) & np.isfinite(y))
 
@@ -54,6 +54,6 @@ class UnboundedOptics(Optics):
         self.prism = _OpenPrism(rig.prism)
 
 
-def mirror_point(optics: Optics, u: Array, v: Array) -> Array:
+def mirror_point(optics: Optics, u: Float, v: Float) -> Float:
     """Points (..., 2), x and y in mm, at which camera pixels u, v (...) look on the mirror at rest."""
     return optics.trace(u, v, optics.rest).point[..., :2]

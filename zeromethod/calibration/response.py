@@ -9,17 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import isotonic_regression, least_squares
 
+from zeromethod.arrays import Float, Image, Ints
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.pattern.response import Response
-
-Float = NDArray[np.float64]
 
 RAMP_CODES = tuple(range(0, 256, 15))
 """Codes of the ramp. A monotone cubic through them is within 7e-4 of the light of power laws
@@ -70,9 +67,9 @@ class MeasuredResponse:
     whose light was below that of the code before by more than noise. swing_grey: white less black.
     """
 
-    codes: NDArray[np.int64]
+    codes: Ints
     whole: Curve
-    tiles: NDArray[Any]
+    tiles: Image
     drift_per_minute: float
     drift_sigma: float
     falling: tuple[int, ...]
@@ -181,7 +178,7 @@ def measure_response(
     return MeasuredResponse(code, curve, tiles, drift, drift_sigma, tuple(falling.tolist()), swing)
 
 
-def _checked(code: NDArray[np.int64], grey: Float, times_s: Float) -> None:
+def _checked(code: Ints, grey: Float, times_s: Float) -> None:
     if len(code) < 4 or code[0] != 0 or code[-1] != 255 or np.any(np.diff(code) <= 0):
         raise InputError(f"codes: {code.tolist()}: four or more, rising, from 0 to 255")
     if grey.ndim != 4 or len(grey) < 2 or grey.shape[1] != len(code) or times_s.shape != grey.shape[:2]:
@@ -231,7 +228,7 @@ def _variance(grey: Float) -> Float:
     return np.asarray(model / passes)
 
 
-def _curve(code: NDArray[np.int64], grey: Float) -> tuple[Curve, float]:
+def _curve(code: Ints, grey: Float) -> tuple[Curve, float]:
     """Curve of one region from (passes, n) grey, and its swing in grey levels."""
     variance = _variance(grey)
     mean = grey.mean(axis=0)
@@ -271,7 +268,7 @@ def _power_law(share: Float, grey: Float, variance: Float, light: Float) -> tupl
     return gamma, gamma * float(np.sqrt(covariance[2, 2] * excess)), misfit
 
 
-def _smooth(codes: NDArray[np.int64], light: Float, at: NDArray[np.int64]) -> Float:
+def _smooth(codes: Ints, light: Float, at: Ints) -> Float:
     """Monotone cubic through the light of rising codes."""
     return np.asarray(PchipInterpolator(codes, light)(at))
 

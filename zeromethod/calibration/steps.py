@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from zeromethod.arrays import Float, Mask, Single
 
 LIT_SHARE = 0.35
 """Of the usual level, from which a pixel counts as lit."""
@@ -25,13 +25,13 @@ _LEAST_DARK = 5
 
 
 def steps_down(
-    level: NDArray[np.float32],
-    valid: NDArray[np.bool_],
-    middle: Array,
+    level: Single,
+    valid: Mask,
+    middle: Float,
     half_width: float,
     outwards: int,
     usual: float,
-) -> tuple[Array, Array]:
+) -> tuple[Float, Float]:
     """Find the last step from bright to dark on every line, within `half_width` px of `middle`.
 
     level, valid: (lines, n). middle: (lines,) px. outwards: +1 or -1, the way from bright to dark. usual:
@@ -75,7 +75,7 @@ def steps_down(
     return place, width
 
 
-def _crossing(strip: Array, offset: NDArray[np.int_], level: Array) -> Array:
+def _crossing(strip: Float, offset: NDArray[np.int_], level: Float) -> Float:
     """Offset (lines,) at which strips fall below `level` (lines,) for good; NaN where they do not."""
     above = strip >= level[:, None]
     index = strip.shape[1] - 1 - np.argmax(above[:, ::-1], axis=1)

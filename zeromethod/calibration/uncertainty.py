@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.calibration.depth_error import DepthError
 from zeromethod.calibration.fit import Fit, jacobian
 from zeromethod.calibration.observations import Direct, Intrinsics, MirrorEdge, Observation
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
-
-Array = NDArray[np.float64]
 
 KEPT = 0.9
 """Share of its prior's sigma that a combination keeps when the data say next to nothing about it."""
@@ -78,7 +76,7 @@ def untold(fitted: Fit, error: DepthError) -> list[Blend]:
     return sorted(blends, key=lambda blend: -blend.depth_percent)
 
 
-def _few_words(vectors: Array) -> Array:
+def _few_words(vectors: Float) -> Float:
     """Turn orthonormal columns (n, m) among themselves so that each has few large entries."""
     turn = np.eye(vectors.shape[1])
     before = 0.0
@@ -142,18 +140,18 @@ def expected(fitted: Fit, error: DepthError, observation: Observation) -> float:
     return _rms(error.percent_with(_with(fitted.covariance, _rows(fitted, observation))))
 
 
-def _rows(fitted: Fit, observation: Observation) -> Array:
+def _rows(fitted: Fit, observation: Observation) -> Float:
     rows = jacobian(fitted.priors, fitted.z, observation.prepared(fitted.rig))
     return rows[np.isfinite(rows).all(axis=-1)]
 
 
-def _with(covariance: Array, rows: Array) -> Array:
+def _with(covariance: Float, rows: Float) -> Float:
     """Posterior with rows (n, parameters) of sigma 1 more (Sherman, Morrison, Woodbury)."""
     carried = covariance @ rows.T
     return covariance - carried @ np.linalg.solve(np.eye(len(rows)) + rows @ carried, carried.T)
 
 
-def _rms(values: Array) -> float:
+def _rms(values: Float) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 

@@ -8,11 +8,9 @@ file's `response_exponent` holds at the four corners and what the drawing then u
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.calibration.response import Curve, MeasuredResponse
-
-Float = NDArray[np.float64]
 
 BOUNDS = (0.3, 3.0)
 """What a corner out of view may be extrapolated to."""

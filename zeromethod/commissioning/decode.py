@@ -10,8 +10,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.decoding.decoding import frames_expected
 from zeromethod.decoding.fringes import FringeSequence
 from zeromethod.decoding.measuring import RestMeasurement, measure_rest
@@ -19,8 +19,6 @@ from zeromethod.decoding.noise import NoiseModel
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.passive.measure import read_grey
 from zeromethod.warp.rest_map import Reason, plain_name
-
-Frame = NDArray[Any]
 
 _FILES = "an image of 8 or 16 bits (png, tif, ...), or grey levels in .npy or .npz"
 
@@ -31,10 +29,10 @@ class _File:
 
     path: Path
     count: int
-    frames: Callable[[], Iterator[Frame]]
+    frames: Callable[[], Iterator[Image]]
 
 
-def _planes(path: Path, arrays: Sequence[NDArray[Any]]) -> int:
+def _planes(path: Path, arrays: Sequence[Image]) -> int:
     """Frames in arrays of (rows, cols) or (frames, rows, cols)."""
     for array in arrays:
         if array.ndim not in (2, 3) or array.dtype.kind not in "uif" or array.size == 0:
@@ -44,7 +42,7 @@ def _planes(path: Path, arrays: Sequence[NDArray[Any]]) -> int:
     return sum(1 if array.ndim == 2 else len(array) for array in arrays)
 
 
-def _split(arrays: Sequence[NDArray[Any]]) -> Iterator[Frame]:
+def _split(arrays: Sequence[Image]) -> Iterator[Image]:
     for array in arrays:
         yield from (array[None] if array.ndim == 2 else array)
 
@@ -76,7 +74,7 @@ def _open(path: Path) -> _File:
     return _File(path, 1, lambda: iter([read_grey(path)]))
 
 
-def _pages(path: Path) -> Iterator[Frame]:
+def _pages(path: Path) -> Iterator[Image]:
     done, pages = cv2.imreadmulti(str(path), flags=cv2.IMREAD_UNCHANGED)
     if not done or any(page.ndim != 2 for page in pages):
         raise InputError(f"{path}: pages that are no grey images: {_FILES}")
@@ -98,7 +96,7 @@ class FrameFiles:
             raise InputError(f"FRAMES: {count} in {len(files)} files: {frames_expected(sequence)}")
         return cls(files)
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[Image]:
         """Every frame, read when it is asked for; InputError names the file whose size is another."""
         shape: tuple[int, ...] | None = None
         for file in self.files:
@@ -140,7 +138,7 @@ def decode_files(
             f"{paths[0]}: {cols} x {rows} px: the rig's camera has {camera_shape[1]} x {camera_shape[0]}"
         )
 
-    def told() -> Iterator[Frame]:
+    def told() -> Iterator[Image]:
         for frame in frames:
             if bits is not None and frame.max() >= 2**bits:
                 raise InputError(f"FRAMES: a grey level of {frame.max()}: more than {bits} bits hold")

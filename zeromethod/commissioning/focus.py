@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Image, Mask
 from zeromethod.commissioning.orientation import Alignment
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target
@@ -21,8 +20,6 @@ from zeromethod.sensing.residual import Residual
 from zeromethod.sensing.sensor import ResidualSensor
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
-
-Float = NDArray[np.float64]
 
 HISTOGRAM_BINS = 32
 REGIONS = 3
@@ -77,7 +74,7 @@ class FocusMeter:
         target = Target.from_spec(self.rig.target)
         self._sensor = ResidualSensor.from_rig(self.rig, self.rest.grid, target.light)
 
-    def look(self, image: NDArray[Any], stray_grey: float = 0.0) -> FocusReport:
+    def look(self, image: Image, stray_grey: float = 0.0) -> FocusReport:
         """Report of one image (rows, cols), uint8 or uint16; InputError for another shape or type.
 
         stray_grey: grey levels of light that is known not to come from the LCD.
@@ -86,7 +83,7 @@ class FocusMeter:
 
 
 def focus_report(
-    image: NDArray[Any], residual: Residual, rest: Rest, rig: Rig, stray_grey: float = 0.0
+    image: Image, residual: Residual, rest: Rest, rig: Rig, stray_grey: float = 0.0
 ) -> FocusReport:
     """Report of an image and of what the sensor made of it; the rig's target is cosines."""
     black, full = rig.camera.noise.black_grey, float(2**rig.camera.bits - 1)
@@ -139,7 +136,7 @@ def _by_region(transfer: Float, rest: Rest) -> Float:
     return out
 
 
-def _alignment(residual: Residual, known: NDArray[np.bool_], rest: Rest) -> Alignment | None:
+def _alignment(residual: Residual, known: Mask, rest: Rest) -> Alignment | None:
     """Place, size and turn by least squares: seen(x) = target(x + d), so d = M x turns and shrinks it."""
     if np.count_nonzero(known) < FITTED_SHARE * np.count_nonzero(rest.seen) or not known.any():
         return None

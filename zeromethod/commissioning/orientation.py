@@ -11,17 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Float, Image, Mask
 from zeromethod.warp.interpolant import sample
 from zeromethod.warp.jacobian import jacobian
 from zeromethod.warp.rest import Rest
-
-Float = NDArray[np.float64]
 
 FULL_CODE = 255
 NOISE_GREY_SHARE = 0.02
@@ -98,7 +95,7 @@ class PlainPictures:
         black = np.zeros((rows, columns), np.uint8)
         parts = self._inside_px(np.stack([column, row], axis=-1).astype(float))
         lit = (FULL_CODE * (part > 0).astype(np.uint8) for part in parts)
-        self.pictures: tuple[NDArray[np.uint8], ...] = (black, np.full_like(black, FULL_CODE), *lit)
+        self.pictures: tuple[Bytes, ...] = (black, np.full_like(black, FULL_CODE), *lit)
         height, width = rest.grid.image_shape
         u, v = np.meshgrid(np.arange(width), np.arange(height))
         q = sample(
@@ -110,7 +107,7 @@ class PlainPictures:
         # a camera pixel sees a mean of what is around it
         self._foretold = [np.clip(part + 0.5, 0, 1) for part in self._inside_px(np.nan_to_num(q))]
 
-    def judge(self, images: Sequence[NDArray[Any]], black_grey: float, full_grey: float) -> Orientation:
+    def judge(self, images: Sequence[Image], black_grey: float, full_grey: float) -> Orientation:
         """Judge images (rows, cols) of `pictures`, in their order.
 
         black_grey, full_grey: the camera's grey without light and at full scale.
@@ -152,7 +149,7 @@ class PlainPictures:
         u, v = np.moveaxis((q - self._centre) @ self._steps.T, -1, 0)
         return [u, v, self._quarter[0] - abs(u), self._quarter[1] - abs(v)]
 
-    def _place(self, lit: NDArray[np.bool_], shares: list[Float], turn_deg: float) -> Alignment | None:
+    def _place(self, lit: Mask, shares: list[Float], turn_deg: float) -> Alignment | None:
         """Place and size by how much of the image lights up against how much should."""
         both = lit & self._expected
         if np.count_nonzero(both) < LEAST_SEEN * max(int(np.count_nonzero(self._expected)), 1):

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Float, Image
 from zeromethod.calibration.panel_timing import PanelSteps, StepTiming, fit_steps
 from zeromethod.commissioning.standing_patterns import HeldPictures
 from zeromethod.commissioning.uniform_patterns import even_picture
@@ -50,11 +49,11 @@ class _Bands:
         if np.count_nonzero(whole) < 2:
             raise MeasurementError("panel timing: the camera sees too few of the panel's rows")
 
-    def nodes(self, image: NDArray[Any]) -> NDArray[np.float64]:
+    def nodes(self, image: Image) -> Float:
         """(n,) grey of the nodes."""
         return image[self._v, self._u].astype(np.float64)
 
-    def means(self, image: NDArray[Any]) -> NDArray[np.float64]:
+    def means(self, image: Image) -> Float:
         """(bands,) mean grey, NaN for bands that too few nodes see."""
         sums = np.bincount(self._band, self.nodes(image), minlength=BANDS)
         return np.where(np.isfinite(self.place), sums / np.maximum(self._count, 1), np.nan)
@@ -98,7 +97,7 @@ def measure_panel_timing(
     return fit_steps(steps, timing)
 
 
-def _bright(rig: Rig, pictures: HeldPictures, bands: _Bands) -> NDArray[np.uint8]:
+def _bright(rig: Rig, pictures: HeldPictures, bands: _Bands) -> Bytes:
     """Even picture that does not blind the camera."""
     ceiling = 2**rig.camera.bits - 1
     for code in BRIGHT_CODES:

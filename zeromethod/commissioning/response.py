@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
+from zeromethod.arrays import Bytes, Float, Image, Mask
 from zeromethod.calibration.bad_pixels import BadPixels, find_bad_pixels
 from zeromethod.calibration.black_level import Linearity, black_from_exposures
 from zeromethod.calibration.falloff import TILES, Falloff, lit_pixels, measure_falloff, tile_means
@@ -37,9 +37,6 @@ from zeromethod.errors import MeasurementError
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.warp.rest import Rest
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 MARGIN_S = 0.1
 """A picture is held longer than the rig states by this, as a new bench's rise is a guess."""
@@ -131,7 +128,7 @@ def measure_light(
     rig: Rig,
     devices: Devices,
     on_picture: Callable[[], object] = lambda: None,
-    dark: NDArray[Any] | None = None,
+    dark: Image | None = None,
     exposures: Exposures | None = None,
 ) -> LightResult:
     """Show `PICTURES` pictures and learn what light they make.
@@ -162,7 +159,7 @@ class _Measurement:
         self._standing = StandingPictures(self._pictures)
         self._notes: list[str] = []
 
-    def run(self, dark: NDArray[Any] | None, exposures: Exposures | None) -> LightResult:
+    def run(self, dark: Image | None, exposures: Exposures | None) -> LightResult:
         white = self._find_lit()
         linearity = None if exposures is None else self._linearity(exposures, white)
         steps = tuple(self._steps())
@@ -209,7 +206,7 @@ class _Measurement:
             notes=tuple(self._notes),
         )
 
-    def _series(self, code: int) -> NDArray[Any]:
+    def _series(self, code: int) -> Image:
         frames = self._held(code, SERIES_FRAMES)
         self._times_s = 1e-9 * np.array([frame.time_ns - frames[0].time_ns for frame in frames])
         return np.stack([frame.image for frame in frames])
@@ -275,12 +272,12 @@ class _Measurement:
         """Frames of an even picture."""
         return self._taken(even_picture(self._rig, code), count)
 
-    def _taken(self, picture: NDArray[np.uint8], count: int) -> list[Frame]:
+    def _taken(self, picture: Bytes, count: int) -> list[Frame]:
         frames = self._standing.frames(picture, count)
         self._on_picture()
         return frames
 
-    def _tiles(self, image: NDArray[Any]) -> Float:
+    def _tiles(self, image: Image) -> Float:
         return tile_means(np.asarray(image, dtype=np.float64), self._lit)
 
     def _surround(self) -> Surround | None:
@@ -317,7 +314,7 @@ class _Measurement:
         """Every code, upwards, then downwards: grey of tiles as `measure_response` takes it, times, pairs."""
         grey: list[list[Float]] = []
         times: list[list[float]] = []
-        images: dict[int, list[NDArray[Any]]] = {code: [] for code in RAMP_CODES}
+        images: dict[int, list[Image]] = {code: [] for code in RAMP_CODES}
         for number in range(PASSES):
             codes = RAMP_CODES if number % 2 == 0 else RAMP_CODES[::-1]
             taken = {code: self._held(code, RAMP_FRAMES) for code in codes}
@@ -359,7 +356,7 @@ class _Measurement:
 
     def _findings(
         self,
-        stacks: dict[int, NDArray[Any]],
+        stacks: dict[int, Image],
         stills: dict[int, Still],
         times_s: Float,
         response: MeasuredResponse,
@@ -384,7 +381,7 @@ class _Measurement:
 _SLOW_ADVICE = "switch off dynamic contrast and power saving, and let the LCD warm up"
 
 
-def _halves(stack: NDArray[Any]) -> Float:
+def _halves(stack: Image) -> Float:
     """Mean of the even and of the odd frames' pairs: a drift does the same to both."""
     number = np.arange(len(stack)) // 4 % 2
     return np.stack([stack[number == half].mean(axis=0) for half in range(2)])

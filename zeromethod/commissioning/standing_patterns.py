@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
+from zeromethod.arrays import Bytes
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraTimeout, Frame
 from zeromethod.errors import MeasurementError
@@ -37,11 +35,11 @@ class HeldPictures:
         self._devices = devices
         self._timeout_s = rig.control.timeout_s
 
-    def show(self, codes: NDArray[np.uint8]) -> int:
+    def show(self, codes: Bytes) -> int:
         """Show LCD codes (rows, cols); presentation time, ns."""
         return round(self._devices.display.show(codes))
 
-    def frames(self, codes: NDArray[np.uint8], count: int) -> list[Frame]:
+    def frames(self, codes: Bytes, count: int) -> list[Frame]:
         """Show a picture and take `count` frames that saw nothing else."""
         return self.after(self.show(codes), count)
 
@@ -56,7 +54,7 @@ class HeldPictures:
                 taken.append(frame)
         return taken
 
-    def following(self, codes: NDArray[np.uint8], seconds: float) -> Iterator[tuple[float, Frame]]:
+    def following(self, codes: Bytes, seconds: float) -> Iterator[tuple[float, Frame]]:
         """Show a picture; every frame until `seconds` later, with its mid-exposure's time since then, s."""
         presented_ns = self.show(codes)
         while True:

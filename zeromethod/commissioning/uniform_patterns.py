@@ -6,11 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Float, Image, Single
 from zeromethod.clock import Clock
 from zeromethod.commissioning.standing_patterns import HeldPictures
 from zeromethod.devices.opening import Devices, open_devices
@@ -37,17 +36,15 @@ class Exposures:
     """One picture at several exposures. grey: (exposures, rows, cols) mean of the frames."""
 
     exposure_s: tuple[float, ...]
-    grey: NDArray[np.float64]
+    grey: Float
 
 
-def even_picture(rig: Rig, code: int) -> NDArray[np.uint8]:
+def even_picture(rig: Rig, code: int) -> Bytes:
     """LCD codes (rows, cols), all the same."""
     return np.full((rig.display.rows, rig.display.columns), code, np.uint8)
 
 
-def follow(
-    pictures: HeldPictures, codes: NDArray[np.uint8], seconds: float, least: int
-) -> Iterator[tuple[float, Frame]]:
+def follow(pictures: HeldPictures, codes: Bytes, seconds: float, least: int) -> Iterator[tuple[float, Frame]]:
     """Show a picture; frames until `seconds` later and `least` of them, with mid-exposure's time since, s.
 
     A busy computer loses frames: what was to be seen in them is waited for, up to `PATIENCE` times as long.
@@ -58,12 +55,12 @@ def follow(
         yield since_s, frame
 
 
-def thinned(image: NDArray[Any]) -> NDArray[np.float32]:
+def thinned(image: Image) -> Single:
     """Every fourth pixel on both axes: plenty to compare pictures by."""
     return image[::_THIN, ::_THIN].astype(np.float32)
 
 
-def apart(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
+def apart(one: Single, other: Single) -> float:
     """Mean square difference of thinned images, grey^2."""
     return float(np.mean((one - other) ** 2))
 
@@ -79,9 +76,9 @@ class StandingPictures:
 
     def __init__(self, pictures: HeldPictures) -> None:
         self._pictures = pictures
-        self._shown: NDArray[np.uint8] | None = None
+        self._shown: Bytes | None = None
         self._presented_ns = 0
-        self._before: NDArray[np.float32] | None = None
+        self._before: Single | None = None
         self._noise2 = 0.0
 
     def learn(self, frames: Sequence[Frame]) -> None:
@@ -93,7 +90,7 @@ class StandingPictures:
         """Something else has been shown meanwhile."""
         self._shown = self._before = None
 
-    def frames(self, codes: NDArray[np.uint8], count: int) -> list[Frame]:
+    def frames(self, codes: Bytes, count: int) -> list[Frame]:
         """`count` frames of a picture, two or more; one that stands already is not waited for again."""
         stood = self._shown is not None and np.array_equal(self._shown, codes)
         if not stood:
@@ -110,7 +107,7 @@ class StandingPictures:
         self._shown, self._before = codes, row[-1]
         return taken
 
-    def _stands(self, row: list[NDArray[np.float32]]) -> bool:
+    def _stands(self, row: list[Single]) -> bool:
         if any(apart(a, b) > AGREEMENT * self._noise2 for a, b in pairwise(row)):
             return False
         if self._before is None:
@@ -120,7 +117,7 @@ class StandingPictures:
         return change > mean_noise or apart(row[0], self._before) > AGREEMENT * self._noise2
 
 
-def take_dark(rig: Rig, devices: Devices, frames: int = 32) -> NDArray[Any]:
+def take_dark(rig: Rig, devices: Devices, frames: int = 32) -> Image:
     """(frames, rows, cols) with the lens capped, which the caller has seen to."""
     pictures = HeldPictures(rig, devices, 0.0)
     return np.stack([pictures.read().image for _ in range(frames)])

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from zeromethod.arrays import Float
 
 
 @numba.njit(cache=True)

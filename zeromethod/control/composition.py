@@ -19,8 +19,8 @@ from typing import Protocol
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.control.box import box_sum
 from zeromethod.control.velocity import Lead
 from zeromethod.sensing.residual import Residual
@@ -29,9 +29,6 @@ from zeromethod.warp.rest import Rest
 from zeromethod.warp.unseen import filter_unseen
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LEAST_GAIN = 0.2
 """K_min: filtered noise is 0.33 of a single frame's; what moves more raises K by itself."""

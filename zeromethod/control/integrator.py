@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
-
-Float = NDArray[np.float64]
 
 _SEEN_DESPITE = np.uint16(Flag.MIXED)
 

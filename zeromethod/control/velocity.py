@@ -29,12 +29,10 @@ from collections import deque
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.control.box import box_mean, box_sum
 from zeromethod.warp.rest import Rest
-
-Float = NDArray[np.float64]
 
 RADIUS = 3
 """v is averaged over (2 RADIUS + 1)^2 nodes."""

@@ -10,17 +10,15 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from zeromethod.arrays import Float, Ints, Mask
 
 _PAIRS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0), (2, 2), (2, -2))
 _LEAST_PAIRS = 3
 
 
 @numba.njit(cache=True)
-def _root(parent: NDArray[np.int64], n: int) -> int:
+def _root(parent: Ints, n: int) -> int:
     while parent[n] != n:
         parent[n] = parent[parent[n]]
         n = parent[n]
@@ -28,7 +26,7 @@ def _root(parent: NDArray[np.int64], n: int) -> int:
 
 
 @numba.njit(cache=True)
-def _patches(x_px: Float, usable: Mask, jump_px: float, steps: Float) -> NDArray[np.int64]:
+def _patches(x_px: Float, usable: Mask, jump_px: float, steps: Float) -> Ints:
     """Patch of every pixel: the index of its first pixel, -1 where not usable."""
     rows, cols = usable.shape
     parent = np.arange(rows * cols)
@@ -50,7 +48,7 @@ def _patches(x_px: Float, usable: Mask, jump_px: float, steps: Float) -> NDArray
 
 
 @numba.njit(cache=True)
-def _beside_larger(label: NDArray[np.int64], size: NDArray[np.int64]) -> Mask:
+def _beside_larger(label: Ints, size: Ints) -> Mask:
     """(patches,) whether a patch borders on a larger one."""
     rows, cols = label.shape
     beside = np.zeros(rows * cols, dtype=np.bool_)
@@ -82,7 +80,7 @@ def jumped_patches(lcd_px: Float, usable: Mask, jump_px: float) -> Mask:
 
 
 @numba.njit(cache=True)
-def _departures(x_px: Float, usable: Mask, pairs: NDArray[np.int64], out: Float) -> None:
+def _departures(x_px: Float, usable: Mask, pairs: Ints, out: Float) -> None:
     rows, cols = usable.shape
     means = np.empty(len(pairs))
     for j in range(rows):

@@ -11,18 +11,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any
 
 import cv2
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.decoding.fringes import FringeSequence, design_matrix
 from zeromethod.errors import InputError
-
-Float = NDArray[np.float64]
-Single = NDArray[np.float32]
 
 _MOST_HARMONICS = 3
 _WORST_CONDITION = 20.0
@@ -55,7 +51,7 @@ class Phasors:
     set_degrees: int
     from_neighbours: bool
     moved: Single
-    saturated: NDArray[np.bool_]
+    saturated: Mask
     second_harmonic: float
 
 
@@ -74,7 +70,7 @@ def fit_matrices(shifts_rad: tuple[float, ...]) -> tuple[Float, Float]:
 
 @numba.njit(cache=True)
 def _fit(
-    frames: NDArray[Any],
+    frames: Image,
     design: Float,
     solve: Float,
     ceiling: float,
@@ -82,7 +78,7 @@ def _fit(
     sine: Single,
     mean: Single,
     scatter: Single,
-    saturated: NDArray[np.bool_],
+    saturated: Mask,
 ) -> None:
     count, rows, cols = frames.shape
     terms = design.shape[1]
@@ -111,7 +107,7 @@ def _fit(
             scatter[j, i] = squares / degrees if degrees > 0 else 0.0
 
 
-def _stacks(frames: Iterable[NDArray[Any]], sequence: FringeSequence) -> Iterator[NDArray[Any]]:
+def _stacks(frames: Iterable[Image], sequence: FringeSequence) -> Iterator[Image]:
     """(shifts, rows, cols) per set; refuses frames that do not go together, missing ones and more."""
     source = iter(frames)
     count, shape, dtype, number = len(sequence.shifts_rad), None, None, 0
@@ -143,7 +139,7 @@ def frames_expected(sequence: FringeSequence) -> str:
 
 
 def decode_phasors(
-    frames: Iterable[NDArray[Any]], sequence: FringeSequence, ceiling_grey: float | None = None
+    frames: Iterable[Image], sequence: FringeSequence, ceiling_grey: float | None = None
 ) -> Phasors:
     """Fit every set of shifts.
 
@@ -199,7 +195,7 @@ def decode_phasors(
     )
 
 
-def _neighbour_scatter(stack: NDArray[Any]) -> Single:
+def _neighbour_scatter(stack: Image) -> Single:
     """Noise variance of every pixel from the mixed fourth difference, mean over the shifts.
 
     Second differences along both axes one after the other (doi:10.1006/cviu.1996.0060) leave nothing of
@@ -212,7 +208,7 @@ def _neighbour_scatter(stack: NDArray[Any]) -> Single:
     return total / np.float32(36.0 * len(stack))
 
 
-def _second_harmonic(stack: NDArray[Any], solve: Float) -> float:
+def _second_harmonic(stack: Image, solve: Float) -> float:
     """Second harmonic over fundamental, median over the half of the pixels with the larger fundamental."""
     flat = stack.reshape(len(stack), -1)
     some = flat[:, :: max(1, flat.shape[1] // _SAMPLES)].astype(np.float64)

@@ -14,8 +14,8 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Single
 from zeromethod.errors import InputError
 
 Axis = Literal["columns", "rows"]
@@ -83,7 +83,7 @@ class FringeSequence:
                     yield FringeSet(axis, period, repeat, first)
                     first += len(self.shifts_rad)
 
-    def pictures(self, columns: int, rows: int, contrast: float = CONTRAST) -> Iterator[NDArray[np.float32]]:
+    def pictures(self, columns: int, rows: int, contrast: float = CONTRAST) -> Iterator[Single]:
         """Light (rows, columns), 0 to 1, of every frame in turn, on a panel of that size in px."""
         for fringes in self.sets():
             along = np.arange(columns if fringes.axis == "columns" else rows)
@@ -99,7 +99,7 @@ def equal_shifts(count: int) -> tuple[float, ...]:
     return tuple(2 * np.pi * k / count for k in range(count))
 
 
-def design_matrix(shifts_rad: Sequence[float], harmonics: int) -> NDArray[np.float64]:
+def design_matrix(shifts_rad: Sequence[float], harmonics: int) -> Float:
     """(shifts, 1 + 2 harmonics): grey = mean + sum over h of c_h cos(h shift) + s_h sin(h shift)."""
     shift = np.asarray(shifts_rad, dtype=np.float64)[:, None]
     order = np.arange(1, harmonics + 1)
@@ -107,5 +107,5 @@ def design_matrix(shifts_rad: Sequence[float], harmonics: int) -> NDArray[np.flo
     return np.hstack([np.ones_like(shift), waves.reshape(len(shift), -1)])
 
 
-def _listed(values: Sequence[float] | NDArray[np.float64]) -> str:
+def _listed(values: Sequence[float] | Float) -> str:
     return ",".join(f"{value:g}" for value in values)

@@ -12,12 +12,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.decoding.decoding import Phasors
 from zeromethod.decoding.unwrapping import Places
-
-Float = NDArray[np.float64]
 
 LEAST_SHARE = 0.002
 """Below this a harmonic moves a place by less than a 3000th of the period."""
@@ -33,7 +31,7 @@ def equally_shifted(shifts_rad: tuple[float, ...]) -> bool:
     return bool(np.allclose(np.diff(turns), 2 * np.pi / len(turns), atol=1e-6))
 
 
-def folded_harmonic(phasors: Phasors, places: list[Places], sound: NDArray[np.bool_]) -> Float:
+def folded_harmonic(phasors: Phasors, places: list[Places], sound: Mask) -> Float:
     """Share e of the folded harmonic, (2, periods), in the light of the pixels `sound` (rows, cols)."""
     sequence = phasors.sequence
     count = len(sequence.shifts_rad)

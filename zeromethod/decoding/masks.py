@@ -17,16 +17,12 @@ from __future__ import annotations
 import cv2
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.decoding.decoding import Phasors, fit_matrices
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.unwrapping import Places
-
-Single = NDArray[np.float32]
-Mask = NDArray[np.bool_]
-
 
 SIGMAS = 6.0
 """What one pixel in a hundred million does by noise alone."""
@@ -66,7 +62,7 @@ POOL_AGREES = 0.7
 
 
 @numba.njit(cache=True)
-def _steady(mean: Single, gain: NDArray[np.float64], typical: Single, change: Single) -> None:
+def _steady(mean: Single, gain: Float, typical: Single, change: Single) -> None:
     """Median over the sets, and the largest departure from it."""
     count, rows, cols = mean.shape
     value = np.empty(count)
@@ -84,7 +80,7 @@ def _steady(mean: Single, gain: NDArray[np.float64], typical: Single, change: Si
             change[j, i] = max(value[count - 1] - middle, middle - value[0])
 
 
-def steady_mean(phasors: Phasors) -> tuple[Single, Single, NDArray[np.float64]]:
+def steady_mean(phasors: Phasors) -> tuple[Single, Single, Float]:
     """Mean light (rows, cols) as the median of all sets, its largest change, and each set's gain (sets,).
 
     The gain takes out what the whole view shares: a backlight that drifts.

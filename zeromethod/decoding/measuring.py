@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from zeromethod.arrays import Flags, Float, Image, Mask, Single
 from zeromethod.decoding.consistency import departures, jumped_patches
 from zeromethod.decoding.decoding import Phasors, decode_phasors
 from zeromethod.decoding.fringes import FringeSequence
@@ -34,10 +33,6 @@ from zeromethod.decoding.periods import order_error, unambiguous_range
 from zeromethod.decoding.unwrapping import Places, unwrap
 from zeromethod.errors import InputError
 from zeromethod.warp.rest_map import Reason, RestMap
-
-Float = NDArray[np.float64]
-Single = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 
 LIMIT_SHARE = 0.03
 """Default of the largest second reflection that is accepted (and then counted in sigma)."""
@@ -153,7 +148,7 @@ def _agreed(
 
 
 def measure_rest(
-    frames: Iterable[NDArray[Any]],
+    frames: Iterable[Image],
     sequence: FringeSequence,
     *,
     size_px: tuple[int, int] | None = None,
@@ -217,11 +212,11 @@ def measure_rest(
     )
 
 
-def _add(reason: NDArray[np.uint16], why: Reason, mask: Mask) -> None:
+def _add(reason: Flags, why: Reason, mask: Mask) -> None:
     reason[mask] |= np.uint16(int(why))
 
 
-def _light_reasons(phasors: Phasors, light: _Light) -> tuple[NDArray[np.uint16], Mask]:
+def _light_reasons(phasors: Phasors, light: _Light) -> tuple[Flags, Mask]:
     """Reasons from mean light, amplitude and the shifts' fit, and where fringes are too weak to decode."""
     reason = np.zeros(light.mean.shape, dtype=np.uint16)
     changed = disturbed(phasors, light.noise, light.mean, light.change, light.amplitude)
@@ -267,7 +262,7 @@ def _places(
 
 
 def _agreement(
-    places: list[Places], sound: Mask, degrees: int, limit_share: float, reason: NDArray[np.uint16]
+    places: list[Places], sound: Mask, degrees: int, limit_share: float, reason: Flags
 ) -> tuple[Float, Single]:
     """Sigma (rows, cols, 2) with what second reflections add, their share; adds reasons."""
     odd = np.logical_or(*(inconsistent(place, degrees) for place in places)) & sound
@@ -298,7 +293,7 @@ def _median(places: list[Places], valid: Mask) -> float:
 
 
 def _ask_neighbours(
-    lcd: Float, sigma: Float, sound: Mask, doubtful: Mask, half_px: float, reason: NDArray[np.uint16]
+    lcd: Float, sigma: Float, sound: Mask, doubtful: Mask, half_px: float, reason: Flags
 ) -> None:
     """Add wrong and doubtful orders and dead pixels to `reason`: patches first, then single pixels."""
     usable = sound & (reason & int(Reason.OFF_DISPLAY | Reason.SECOND_REFLECTION) == 0)

@@ -12,13 +12,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.decoding.decoding import Phasors
 from zeromethod.decoding.unwrapping import Places
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 USUAL_SHARE = 0.1
 """Light of a second reflection over the main one's, for which its distance is given."""

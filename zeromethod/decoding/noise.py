@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
+
+from zeromethod.arrays import Float, Image
 
 QUANTISATION = 1.0 / 12.0
 """Variance of rounding to whole grey levels."""
@@ -32,12 +32,12 @@ class NoiseModel:
         slope = 1.0 / electrons_per_grey if electrons_per_grey else 0.0
         return cls(read_grey**2 + QUANTISATION - slope * black_grey, slope)
 
-    def variance(self, grey: NDArray[Any] | float) -> NDArray[np.float64]:
+    def variance(self, grey: Image | float) -> Float:
         """Variance at a grey level; never below that of rounding."""
         return np.maximum(self.constant_grey2 + self.slope_grey * np.asarray(grey), QUANTISATION)
 
 
-def fit_noise(mean: NDArray[Any], scatter: NDArray[Any], degrees: int) -> NoiseModel | None:
+def fit_noise(mean: Image, scatter: Image, degrees: int) -> NoiseModel | None:
     """Noise model from pixels' mean grey and scatter (residual variance of `degrees` degrees of freedom).
 
     mean, scatter: (n,). Medians over classes of like mean, so that a share of disturbed pixels does no harm;

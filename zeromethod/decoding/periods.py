@@ -17,10 +17,9 @@ from itertools import combinations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erfc
 
-Float = NDArray[np.float64]
+from zeromethod.arrays import Float, Ints
 
 SHORTEST_PX = 16
 """Default shortest period: a lens blur of 2 LCD px still passes 73 % of its contrast."""
@@ -103,7 +102,7 @@ def unambiguous_range(periods_px: Sequence[float], phase_sigma_rad: float) -> fl
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _best(sets: NDArray[np.int64], size: float, enough: float) -> int:
+def _best(sets: Ints, size: float, enough: float) -> int:
     """Index of the most precise set whose closest rivals are `enough` apart, else of the farthest apart."""
     best, best_d2, best_weight, safe = 0, -1.0, 0.0, False
     for n in range(len(sets)):

@@ -18,13 +18,10 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.decoding.decoding import Phasors, fit_matrices
 from zeromethod.decoding.noise import QUANTISATION, NoiseModel
-
-Float = NDArray[np.float64]
-Single = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +62,7 @@ def _unwrap(
     cosine: Single,
     sine: Single,
     mean: Single,
-    seen: NDArray[np.bool_],
+    seen: Mask,
     periods: Float,
     noise: tuple[float, float, float],
     share: float,
@@ -133,7 +130,7 @@ def _unwrap(
 
 
 def unwrap(
-    phasors: Phasors, axis: int, noise: NoiseModel, mean: Single, size_px: float, seen: NDArray[np.bool_]
+    phasors: Phasors, axis: int, noise: NoiseModel, mean: Single, size_px: float, seen: Mask
 ) -> Places:
     """Places along the columns (axis 0) or rows (1) of an LCD of `size_px`, for the pixels `seen`.
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from zeromethod.design.sampled_view import Array, Mask, SampledView, inverse
+from zeromethod.arrays import Float, Mask
+from zeromethod.design.sampled_view import SampledView, inverse
 
 GAUSSIAN_RING = 2.0 * np.exp(-1.5)
 """Largest concave curvature of a Gaussian, on the ring at sqrt(3) sigma, in units of depth / sigma^2."""
 
 
-def largest_curvature_per_mm(view: SampledView) -> Array:
+def largest_curvature_per_mm(view: SampledView) -> Float:
     """Curvature of depth, in its worst direction, at which the node folds, (rows, cols), 1/mm.
 
     A mirror of curvature k along a unit vector e changes dq/dp by k (dq/dslope) e e', whose determinant
@@ -29,7 +30,7 @@ def largest_curvature_per_mm(view: SampledView) -> Array:
     return np.where(known & view.seen, result, np.nan)
 
 
-def gaussian_fold_mm(view: SampledView, sigma_mm: float) -> Array:
+def gaussian_fold_mm(view: SampledView, sigma_mm: float) -> Float:
     """Depth of a Gaussian press whose ring folds, the lever even over the press, (rows, cols), mm."""
-    result: Array = largest_curvature_per_mm(view) * sigma_mm**2 / GAUSSIAN_RING
+    result: Float = largest_curvature_per_mm(view) * sigma_mm**2 / GAUSSIAN_RING
     return result

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.design.sampled_view import Array, SampledView, inverse, median_over
+from zeromethod.arrays import Float
+from zeromethod.design.sampled_view import SampledView, inverse, median_over
 from zeromethod.design.tir import reflectance
 from zeromethod.errors import InputError
 from zeromethod.pattern.target import Target
@@ -65,7 +66,7 @@ def contrast(rig: Rig) -> Contrast:
     )
 
 
-def displacement_sigma_px(view: SampledView) -> Array:
+def displacement_sigma_px(view: SampledView) -> Float:
     """Standard deviation of one frame's displacement along u or v, (rows, cols), camera px.
 
     sigma = s sqrt(sum w^2) / rms(dI/du), w the sensing window, s^2 = read^2 + light / electrons + 1/12 in
@@ -79,18 +80,18 @@ def displacement_sigma_px(view: SampledView) -> Array:
     variance = noise.read_grey**2 + 1 / 12 + (seen.mean * light / electrons if electrons else 0.0)
     weight = carrier_power(rig.target.period_px)[0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        result: Array = weight * np.sqrt(variance) / (seen.gradient * light)
+        result: Float = weight * np.sqrt(variance) / (seen.gradient * light)
     return result
 
 
-def slope_sigma_urad(view: SampledView) -> Array:
+def slope_sigma_urad(view: SampledView) -> Float:
     """Standard deviation of one frame's slope along x, along y, (rows, cols, 2), microradian."""
     per_px = np.linalg.norm(inverse(view.sensitivity) @ view.lcd_per_camera, axis=-1)
-    result: Array = 1e6 * per_px * displacement_sigma_px(view)[..., None]
+    result: Float = 1e6 * per_px * displacement_sigma_px(view)[..., None]
     return result
 
 
-def depth_sigma_nm(view: SampledView) -> Array:
+def depth_sigma_nm(view: SampledView) -> Float:
     """Standard deviation of one frame's depth, anchored as the rig says, (rows, cols), nm.
 
     What the surface reader states of a mirror at rest. NaN where it reads nothing; where it refuses the view
@@ -112,7 +113,7 @@ def depth_sigma_nm(view: SampledView) -> Array:
     return 1e6 * surface.sigma_depth_mm[grid.inner]
 
 
-def grid_bias_px(view: SampledView) -> Array:
+def grid_bias_px(view: SampledView) -> Float:
     """Bound of the bias that the LCD's own pixels beat into a displacement, (rows, cols), camera px.
 
     Lit apertures with dark between modulate the light once per LCD pixel (three times where it is striped).

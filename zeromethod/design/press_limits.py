@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.design.fold import largest_curvature_per_mm
 from zeromethod.design.lever import mirror_mm_per_px
-from zeromethod.design.sampled_view import Array, Mask, SampledView
+from zeromethod.design.sampled_view import SampledView
 from zeromethod.design.tir import critical_deg
 from zeromethod.errors import InputError
 from zeromethod.optics import Dented
@@ -103,10 +104,10 @@ class _Dip:
     def __init__(self, dent: Dent) -> None:
         self._mirror = Mirror((dent,))
 
-    def depth(self, x: Array, y: Array) -> Array:
+    def depth(self, x: Float, y: Float) -> Float:
         return self._mirror.depth(x, y)
 
-    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def slope(self, x: Float, y: Float) -> tuple[Float, Float]:
         return self._mirror.slope(x, y)
 
 
@@ -140,7 +141,7 @@ def press_limit(view: SampledView, kind: PressKind, x_mm: float, y_mm: float) ->
     return PressLimit(fold_mm, nulled_mm, because, _total_mm(view, kind, x_mm, y_mm, judged))
 
 
-def nulled_mm(view: SampledView, limits: Sequence[Mapping[str, Any]]) -> Array:
+def nulled_mm(view: SampledView, limits: Sequence[Mapping[str, Any]]) -> Float:
     """Deepest press that can be nulled with its middle at each node, (rows, cols), mm, by a few places'.
 
     limits: `PressLimit` as dicts, with x_mm and y_mm of their places. Between them the limit goes with the
@@ -158,7 +159,7 @@ def nulled_mm(view: SampledView, limits: Sequence[Mapping[str, Any]]) -> Array:
         weights += weight
         total += weight * limit["nulled_mm"] / here
     with np.errstate(invalid="ignore", divide="ignore"):
-        result: Array = curvature * total / weights
+        result: Float = curvature * total / weights
     return result
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zeromethod.design.sampled_view import Array
+from zeromethod.arrays import Float
 from zeromethod.optics import Lost, Optics, reflect
 from zeromethod.optics.layers import through_slabs
 from zeromethod.optics.mirror import normal_of
@@ -17,11 +17,11 @@ from zeromethod.optics.vectors import dot
 class RayPath:
     """One camera pixel's ray against the light. points: (n, 3) mm, from the camera on."""
 
-    points: Array
+    points: Float
     lost: Lost
 
 
-def ray_paths(optics: Optics, u_px: Array, v_px: Array) -> list[RayPath]:
+def ray_paths(optics: Optics, u_px: Float, v_px: Float) -> list[RayPath]:
     """Rays of pixels u_px, v_px (n,) by the mirror at rest; one that is lost ends where it still was."""
     return [_path(optics, float(u), float(v)) for u, v in zip(u_px, v_px, strict=True)]
 
@@ -45,7 +45,7 @@ def _path(optics: Optics, u: float, v: float) -> RayPath:
     return RayPath(np.array(points), Lost(int(trace.lost[0])))
 
 
-def _through_captured_layers(optics: Optics, entry: Array, air: Array) -> list[Array]:
+def _through_captured_layers(optics: Optics, entry: Float, air: Float) -> list[Float]:
     """Points on the layers' surfaces in the order met, from the outermost on; the face itself left out."""
     face = optics.prism.captured_face
     slabs = [(slab.index, slab.thickness_mm) for slab in reversed(optics.rig.captured_layers)]
@@ -58,7 +58,7 @@ def _through_captured_layers(optics: Optics, entry: Array, air: Array) -> list[A
     return points
 
 
-def _to_display(optics: Optics, mirror: Array, outgoing: Array) -> list[Array]:
+def _to_display(optics: Optics, mirror: Float, outgoing: Float) -> list[Float]:
     """Points on the pattern face and between its layers, in the order met."""
     face, rig = optics.prism.pattern_face, optics.rig
     leaves = mirror + float(face.depth_below(mirror)) / float(dot(outgoing, face.normal)) * outgoing

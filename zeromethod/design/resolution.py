@@ -13,8 +13,9 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import j1
 
+from zeromethod.arrays import Float
 from zeromethod.design.lever import mirror_mm_per_px
-from zeromethod.design.sampled_view import Array, SampledView, inverse, median_over
+from zeromethod.design.sampled_view import SampledView, inverse, median_over
 from zeromethod.optics import Optics
 
 ASSUMED_PUPIL_MM = 5.0
@@ -24,7 +25,7 @@ _STEP_MM = 0.5
 _HALF = 0.5
 
 
-def footprint_per_pupil(view: SampledView) -> Array:
+def footprint_per_pupil(view: SampledView) -> Float:
     """How the mirror point moves with the point of the pupil, the LCD point held: (rows, cols, 2, 2).
 
     mm of mirror (x, y) per mm of pupil along the image's u and v. A flat mirror at distance a from the
@@ -45,13 +46,13 @@ def footprint_per_pupil(view: SampledView) -> Array:
     point, q = np.stack(moved_point, axis=-1), np.stack(moved_q, axis=-1)
     # the pixel that still sees the same LCD point, through the moved point of the pupil
     pixel = -inverse(view.lcd_per_camera) @ q
-    result: Array = point + view.mirror_per_camera @ pixel
+    result: Float = point + view.mirror_per_camera @ pixel
     return result
 
 
-def footprint_mm(view: SampledView, pupil_mm: float) -> Array:
+def footprint_mm(view: SampledView, pupil_mm: float) -> Float:
     """Extent along x, along y of the pupil's footprint on the mirror, (rows, cols, 2), mm."""
-    result: Array = pupil_mm * np.linalg.norm(footprint_per_pupil(view), axis=-1)
+    result: Float = pupil_mm * np.linalg.norm(footprint_per_pupil(view), axis=-1)
     return result
 
 

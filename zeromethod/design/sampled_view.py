@@ -6,15 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics, Trace
 from zeromethod.rig.model import Rig
 from zeromethod.warp.grid import NodeGrid
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _STEP_PX = 0.25
 """Camera px to either side for derivatives along the image."""
@@ -44,35 +41,35 @@ class SampledView:
         camera = rig.camera
         self.grid = NodeGrid((camera.rows, camera.columns), rig.target.period_px)
         u, v = self.grid.mesh()
-        self.u_px: Array = u[self.grid.inner]
-        self.v_px: Array = v[self.grid.inner]
+        self.u_px: Float = u[self.grid.inner]
+        self.v_px: Float = v[self.grid.inner]
         self.trace: Trace = self.optics.trace(self.u_px, self.v_px, self.optics.rest)
         self.seen: Mask = self.trace.reaches_display
         if np.count_nonzero(self.seen) < 4:
             raise InputError(f"rig {rig.name}: no camera pixel sees the LCD by the mirror at rest")
 
     @property
-    def x_mm(self) -> Array:
+    def x_mm(self) -> Float:
         """(rows, cols) mirror points along the mirror; NaN where a ray meets none."""
         return self.trace.point[..., 0]
 
     @property
-    def y_mm(self) -> Array:
+    def y_mm(self) -> Float:
         """(rows, cols) mirror points across."""
         return self.trace.point[..., 1]
 
     @cached_property
-    def direction(self) -> Array:
+    def direction(self) -> Float:
         """(rows, cols, 3) unit rays in the rubber towards the mirror."""
         return self.optics.rubber_rays(self.u_px, self.v_px)[1]
 
     @cached_property
-    def sensitivity(self) -> Array:
+    def sensitivity(self) -> Float:
         """dq/dslope: LCD px per rad of the depth's slope (dd/dx, dd/dy)."""
         return self.optics.sensitivity(self.u_px, self.v_px)
 
     @cached_property
-    def _by_camera(self) -> tuple[Array, Array]:
+    def _by_camera(self) -> tuple[Float, Float]:
         """dq/du, LCD px per camera px, and dp/du, mm of mirror per camera px."""
         q, p = [], []
         for du, dv in ((_STEP_PX, 0.0), (0.0, _STEP_PX)):
@@ -83,12 +80,12 @@ class SampledView:
         return np.stack(q, axis=-1), np.stack(p, axis=-1)
 
     @property
-    def lcd_per_camera(self) -> Array:
+    def lcd_per_camera(self) -> Float:
         """dq/du at rest: LCD px per camera px."""
         return self._by_camera[0]
 
     @property
-    def mirror_per_camera(self) -> Array:
+    def mirror_per_camera(self) -> Float:
         """dp/du at rest: mm of mirror per camera px."""
         return self._by_camera[1]
 
@@ -118,7 +115,7 @@ class SampledView:
         return min(self.regions, key=lambda region: np.hypot(region.x_mm - x, region.y_mm - y))
 
 
-def median_over(values: Array, mask: Mask) -> list[float]:
+def median_over(values: Float, mask: Mask) -> list[float]:
     """Median over the masked nodes of each of the last axis' components; NaN nodes do not count.
 
     values: (rows, cols, n). NaN where no node counts.
@@ -130,11 +127,11 @@ def median_over(values: Array, mask: Mask) -> list[float]:
     return [float(middle) for middle in np.median(chosen[known], axis=0)]
 
 
-def inverse(matrices: Array) -> Array:
+def inverse(matrices: Float) -> Float:
     """Inverses of (..., 2, 2) matrices; NaN where one is singular or not finite."""
     a, b, c, d = matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 0], matrices[..., 1, 1]
     with np.errstate(invalid="ignore", divide="ignore"):
         determinant = a * d - b * c
         adjugate = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
-        result: Array = adjugate / determinant[..., None, None]
+        result: Float = adjugate / determinant[..., None, None]
     return np.where(np.isfinite(result), result, np.nan)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zeromethod.design.sampled_view import Array, SampledView
+from zeromethod.arrays import Float
+from zeromethod.design.sampled_view import SampledView
 from zeromethod.optics import HeightField, Trace, critical_angle_rad
 from zeromethod.rig.model import Rig
 
@@ -26,11 +27,11 @@ class Facets:
     rest: HeightField
     slope: tuple[float, float]
 
-    def height(self, x: Array, y: Array) -> Array:
+    def height(self, x: Float, y: Float) -> Float:
         """Height of the rest surface, mm."""
         return self.rest.height(x, y)
 
-    def gradient(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def gradient(self, x: Float, y: Float) -> tuple[Float, Float]:
         """(dz/dx, dz/dy) of the rest surface less the slope."""
         zx, zy = self.rest.gradient(x, y)
         return zx - self.slope[0], zy - self.slope[1]
@@ -41,12 +42,12 @@ def critical_deg(rig: Rig) -> float:
     return float(np.degrees(critical_angle_rad(rig.prism.index)))
 
 
-def incidence_deg(trace: Trace) -> Array:
+def incidence_deg(trace: Trace) -> Float:
     """Angle of incidence on the mirror, deg."""
     return np.degrees(np.arccos(np.clip(trace.cos_incidence, -1.0, 1.0)))
 
 
-def margin_deg(view: SampledView, slope: tuple[float, float] = (0.0, 0.0)) -> Array:
+def margin_deg(view: SampledView, slope: tuple[float, float] = (0.0, 0.0)) -> Float:
     """Angle of incidence less the critical angle where the mirror has a slope (rad), deg, (rows, cols).
 
     Below 0 the reflection is no longer total. NaN where the node does not see the LCD at rest.
@@ -55,13 +56,13 @@ def margin_deg(view: SampledView, slope: tuple[float, float] = (0.0, 0.0)) -> Ar
     return np.where(view.seen, incidence_deg(trace) - critical_deg(view.rig), np.nan)
 
 
-def reflectance(view: SampledView, slope: tuple[float, float] = (0.0, 0.0)) -> Array:
+def reflectance(view: SampledView, slope: tuple[float, float] = (0.0, 0.0)) -> Float:
     """Power reflectance of the mirror for the LCD's light at a slope (rad), (rows, cols)."""
     trace = view.trace if slope == (0.0, 0.0) else _tilted(view, slope)
     return np.where(view.seen, trace.reflectance, np.nan)
 
 
-def margins_by_slope_deg(view: SampledView) -> Array:
+def margins_by_slope_deg(view: SampledView) -> Float:
     """Least margin over slopes of +-x and +-y, (slopes, rows, cols), deg; slopes as in SLOPES_MRAD."""
     found = []
     for slope_mrad in SLOPES_MRAD:
@@ -74,13 +75,13 @@ def margins_by_slope_deg(view: SampledView) -> Array:
     return np.stack(found)
 
 
-def slope_to_loss_mrad(view: SampledView) -> Array:
+def slope_to_loss_mrad(view: SampledView) -> Float:
     """Slope, in the plane of incidence and towards the camera, that eats the margin, mrad, (rows, cols).
 
     Turning the normal by an angle towards the ray takes as much off the angle of incidence; below 0: lost at
     rest already. Exact where the rest surface is flat.
     """
-    result: Array = 1e3 * np.tan(np.radians(margin_deg(view)))
+    result: Float = 1e3 * np.tan(np.radians(margin_deg(view)))
     return result
 
 

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
+from zeromethod.arrays import Bytes, Image
 
 if TYPE_CHECKING:
     import moderngl
@@ -38,7 +37,7 @@ class Frame:
     number: the device's own count. dropped: frames lost since the one returned before.
     """
 
-    image: NDArray[Any]
+    image: Image
     time_ns: int
     exposure_ns: int
     number: int
@@ -84,7 +83,7 @@ class Display(Protocol):
     def refresh_hz(self) -> float:
         """Refresh rate, Hz."""
 
-    def show(self, image: NDArray[np.uint8]) -> int:
+    def show(self, image: Bytes) -> int:
         """Show (rows, cols) grey codes; return the presentation time in ns when the swap is done.
 
         Raises DisplayLost.

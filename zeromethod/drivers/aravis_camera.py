@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import CameraLost, Frame
 from zeromethod.drivers.aravis_library import SUCCESS, Aravis, AravisError, library
@@ -219,7 +219,7 @@ class _AravisSource:
         middle_ns = self._times.of(received_ns, aravis.buffer_get_timestamp(buffer))
         return Frame(image, middle_ns, self._times.exposure_ns, self._number, dropped)
 
-    def _copy(self, buffer: int) -> NDArray[Any]:
+    def _copy(self, buffer: int) -> Image:
         size = ctypes.c_size_t()
         data = self._aravis.buffer_get_data(buffer, ctypes.byref(size))
         needed = self.shape[0] * self.shape[1] * self._dtype.itemsize

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 
-import numpy as np
-from numpy.typing import NDArray
+from zeromethod.arrays import Bytes
 
 
 class BlankDisplay:
@@ -15,7 +14,7 @@ class BlankDisplay:
         self.size = columns, rows
         self.refresh_hz = refresh_hz
 
-    def show(self, image: NDArray[np.uint8]) -> int:  # noqa: ARG002 - the protocol's
+    def show(self, image: Bytes) -> int:  # noqa: ARG002 - the protocol's
         """Return the present time, ns."""
         return time.monotonic_ns()
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes
 from zeromethod.devices.protocols import DisplayLost
 from zeromethod.drivers.monitors import Monitor, monitors
 from zeromethod.drivers.window import WindowDisplay
@@ -61,7 +61,7 @@ def identify(
     return tuple(map(Identified, chosen, warnings))
 
 
-def identify_picture(monitor: Monitor, turn_deg: float = 0.0, mirrored: bool = False) -> NDArray[np.uint8]:
+def identify_picture(monitor: Monitor, turn_deg: float = 0.0, mirrored: bool = False) -> Bytes:
     """Grey codes (rows, cols) of the identify picture.
 
     On it: the monitor's index, name and mode; a line of one pixel along the outermost pixels; arrows along
@@ -108,7 +108,7 @@ def _wait(displays: Sequence[WindowDisplay], seconds: float) -> None:
         time.sleep(_POLL_S)
 
 
-def _text(image: NDArray[np.uint8], centre: tuple[float, float], text: str, height_px: float) -> None:
+def _text(image: Bytes, centre: tuple[float, float], text: str, height_px: float) -> None:
     thickness = max(1, round(height_px / 12))
     scale = cv2.getFontScaleFromHeight(_FONT, max(1, round(height_px)), thickness)
     (width, height), _ = cv2.getTextSize(text, _FONT, scale, thickness)
@@ -120,7 +120,7 @@ def _text(image: NDArray[np.uint8], centre: tuple[float, float], text: str, heig
 
 
 def _arrow(
-    image: NDArray[np.uint8], start: tuple[float, float], end: tuple[float, float], text: str, unit: float
+    image: Bytes, start: tuple[float, float], end: tuple[float, float], text: str, unit: float
 ) -> None:
     first, last = (round(start[0]), round(start[1])), (round(end[0]), round(end[1]))
     cv2.arrowedLine(image, first, last, _INK, max(1, round(unit / 12)), cv2.LINE_AA, tipLength=0.15)
@@ -130,7 +130,7 @@ def _arrow(
     _text(image, (middle[0] + shift[0], middle[1] + shift[1]), text, unit / 3)
 
 
-def _checker(image: NDArray[np.uint8], size_px: int) -> None:
+def _checker(image: Bytes, size_px: int) -> None:
     rows, columns = image.shape
     top, left = round(0.77 * rows - size_px / 2), (columns - size_px) // 2
     row, column = np.mgrid[:size_px, :size_px]

@@ -13,8 +13,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import CameraLost, Frame
 from zeromethod.drivers.device_clock import DeviceClock, MidExposure
@@ -185,7 +185,7 @@ def _set_up(capture: cv2.VideoCapture, rate_hz: float, exposure_s: float, gain: 
         raise InputError(problem)
 
 
-def _grey(image: NDArray[Any]) -> NDArray[Any]:
+def _grey(image: Image) -> Image:
     """(rows, cols) brightness of what OpenCV decoded."""
     if image.ndim == 2:
         return image
@@ -221,7 +221,7 @@ class _Capture:
             own_hz = capture.get(cv2.CAP_PROP_FPS)
             self._period_ns = 1e9 / (own_hz if 0 < own_hz < 10_000 else rate_hz)
         try:
-            self._next: tuple[NDArray[Any], int, int] | None = self._decoded()
+            self._next: tuple[Image, int, int] | None = self._decoded()
         except CameraLost as error:
             raise InputError(f"camera.source: {name}: opened, but gave no frame: {error}") from error
         image = self._next[0]
@@ -252,7 +252,7 @@ class _Capture:
         """Release the capture."""
         self._capture.release()
 
-    def _decoded(self) -> tuple[NDArray[Any], int, int]:
+    def _decoded(self) -> tuple[Image, int, int]:
         """Next image, time of receipt, and the driver's time stamp in ns, 0 where it has none."""
         asked_ns = self._clock.now_ns()
         good, image = self._capture.read()
@@ -270,7 +270,7 @@ class _Capture:
         ticks = round(1e6 * self._capture.get(cv2.CAP_PROP_POS_MSEC))
         return self._cut(_grey(image)), received_ns, ticks
 
-    def _cut(self, image: NDArray[Any]) -> NDArray[Any]:
+    def _cut(self, image: Image) -> Image:
         if self._region is None:
             return image
         x, y, columns, rows = self._region

@@ -6,8 +6,8 @@ import math
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Ints
 from zeromethod.clock import Clock
 
 LATE = 1.2
@@ -79,5 +79,5 @@ class Refreshes:
             self.paced = full and self._too_fast_to_block(np.array(self._latest_ns))
         return now_ns
 
-    def _too_fast_to_block(self, ends_ns: NDArray[np.int64]) -> bool:
+    def _too_fast_to_block(self, ends_ns: Ints) -> bool:
         return float(np.mean(np.diff(ends_ns))) < 0.5 * self._period_ns

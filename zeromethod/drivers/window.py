@@ -8,8 +8,8 @@ from typing import Any
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import DisplayLost
 from zeromethod.drivers import monitors
@@ -179,7 +179,7 @@ class WindowDisplay:
                 self._window.finish()
                 return self._refreshes.end()
 
-    def show(self, image: NDArray[np.uint8]) -> int:
+    def show(self, image: Bytes) -> int:
         """Show (rows, cols) grey codes; return the time after the swap, ns.
 
         Raises DisplayLost as `draw`, or InputError for a picture of another shape or type.

@@ -6,14 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.interpolant import sample
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LARGEST_PX = 100_000_000
 _STEPS = 12

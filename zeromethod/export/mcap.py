@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.atomic_write import atomic_write
 from zeromethod.export.extras import needed
 from zeromethod.export.moments import Moments
@@ -87,7 +87,7 @@ class _Topics:
         self.counts[topic] = self.counts.get(topic, 0) + 1
 
 
-def _image(header: dict[str, Any], image: NDArray[Any]) -> tuple[str, dict[str, Any]]:
+def _image(header: dict[str, Any], image: Image) -> tuple[str, dict[str, Any]]:
     """Grey of 8 or 16 bits, or 32-bit floats."""
     encoding = {1: "mono8", 2: "mono16", 4: "32FC1"}[image.dtype.itemsize]
     rows, cols = image.shape

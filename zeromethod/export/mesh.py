@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import MeasurementError
 from zeromethod.export.extras import needed
@@ -57,9 +57,7 @@ def export_mesh(
     }
 
 
-def _triangles(
-    recording: Recording, surface: Surface
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
+def _triangles(recording: Recording, surface: Surface) -> tuple[Float, Ints, Mask]:
     """Vertices (n, 3), faces (m, 3) that turn left seen from outside, and the mask of the vertices' nodes."""
     points = surface_points(surface, rest_surface(recording.rig))
     known = np.asarray(np.isfinite(points).all(axis=-1))
@@ -87,9 +85,7 @@ def _triangles(
     return vertices, faces, known
 
 
-def _area(
-    first: NDArray[np.float64], second: NDArray[np.float64], third: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _area(first: Float, second: Float, third: Float) -> Float:
     """Twice the area of triangles in (x, y), positive where they turn left."""
     p, q = second - first, third - first
     return np.asarray(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])

@@ -10,6 +10,7 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Ints
 from zeromethod.errors import InputError
 from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
@@ -23,10 +24,10 @@ class Moments:
     unix_ns: Unix time, from when the recording was begun. states: the loop's state after each.
     """
 
-    turns: NDArray[np.int64]
-    time_ns: NDArray[np.int64]
-    time_s: NDArray[np.float64]
-    unix_ns: NDArray[np.int64]
+    turns: Ints
+    time_ns: Ints
+    time_s: Float
+    unix_ns: Ints
     states: tuple[str, ...]
 
     @property

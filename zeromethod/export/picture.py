@@ -15,15 +15,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Colormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Float, Image
 from zeromethod.export.lattice import Lattice, Resampler
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Surface
 from zeromethod.warp.grid import NodeGrid
-
-Float = NDArray[np.float64]
-Image = NDArray[np.uint8]
 
 WIDTH_PX = 1920
 _DPI = 100
@@ -44,7 +41,7 @@ class Scales:
     depth_mm: float
 
     @classmethod
-    def of(cls, images: Iterable[NDArray[Any]], rms_px: Float, peaks_mm: Float) -> Scales:
+    def of(cls, images: Iterable[Image], rms_px: Float, peaks_mm: Float) -> Scales:
         """Scales that hold what a recording tells: some frames, residuals per turn, peaks."""
         grey = max(float(np.percentile(image, 99.9)) for image in images)
         rms = rms_px[np.isfinite(rms_px) & (rms_px > 0.0)]
@@ -104,7 +101,7 @@ class _Panel:
         """(rows, cols) of the place."""
         return self.rows.stop - self.rows.start, self.cols.stop - self.cols.start
 
-    def paint(self, picture: Image, values: NDArray[Any], *, smooth: bool) -> None:
+    def paint(self, picture: Bytes, values: Image, *, smooth: bool) -> None:
         """Colour a map into its place; grey where NaN."""
         size = self.shape[::-1]
         values = np.flip(values, self.flips)
@@ -161,9 +158,7 @@ class Picture:
         """Rows and columns of the picture that camera, residual and depth fill."""
         return [(panel.rows, panel.cols) for panel in self._panels]
 
-    def draw(
-        self, image: NDArray[Any], residual: Residual | None, surface: Surface | None, words: str
-    ) -> Image:
+    def draw(self, image: Image, residual: Residual | None, surface: Surface | None, words: str) -> Bytes:
         """Picture (rows, cols, 3) of a moment; what there is none of stays grey."""
         self._canvas.restore_region(self._empty)
         self._words.set_text(words)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.optics.mirror import HeightField
 from zeromethod.surface import Surface
 
 
-def surface_points(surface: Surface, rest: HeightField) -> NDArray[np.float64]:
+def surface_points(surface: Surface, rest: HeightField) -> Float:
     """World points (rows, cols, 3) in mm of every node; z NaN where not valid.
 
     Convention: origin P0, x along the mirror, z = h_rest(x, y) - depth out of the rubber.

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Single
 from zeromethod.atomic_write import atomic_write
 from zeromethod.export.extras import needed
 from zeromethod.export.lattice import Lattice, Resampler
@@ -72,7 +72,7 @@ def _lattice(recording: Recording, moments: Moments, pitch_mm: float | None) -> 
 
 def _pages(
     recording: Recording, moments: Moments, lattice: Lattice, advance: Callable[[], None]
-) -> Iterator[NDArray[np.float32]]:
+) -> Iterator[Single]:
     resampled = Resampler(lattice)
     inner = recording.grid.inner
     for turn in moments.turns:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Ints
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 from zeromethod.export.extras import needed
@@ -78,7 +78,7 @@ def _rate(moments: Moments) -> Fraction:
     return Fraction(hz).limit_denominator(1001)
 
 
-def _shown(moments: Moments, rate_hz: float) -> NDArray[np.int64]:
+def _shown(moments: Moments, rate_hz: float) -> Ints:
     """Which moment every frame of the video shows."""
     since = moments.time_s - moments.time_s[0]
     frames = round(float(since[-1]) * rate_hz) + 1
@@ -105,9 +105,9 @@ def _pictures(
     recording: Recording,
     moments: Moments,
     picture: Picture,
-    shown: NDArray[np.int64],
+    shown: Ints,
     advance: Callable[[], None],
-) -> Iterator[NDArray[np.uint8]]:
+) -> Iterator[Bytes]:
     """Picture of every frame of the video: each moment drawn once, the last surface kept until the next."""
     peaks = {int(row["turn"]): row for row in recording.peaks}
     surface: Surface | None = None

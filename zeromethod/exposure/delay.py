@@ -15,11 +15,10 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.exposure.presentation_log import PresentationLog
@@ -138,7 +137,7 @@ class DelayWatch:
         """Timing with the running delay."""
         return replace(self._timing, latency_ns=self.estimator.value_ns)
 
-    def timing_of(self, image: NDArray[Any], frame: Frame, log: PresentationLog) -> PanelTiming | None:
+    def timing_of(self, image: Image, frame: Frame, log: PresentationLog) -> PanelTiming | None:
         """Timing for the pairing of `frame`; None where its strips contradict the log: it must not be used.
 
         image: (rows, cols) grey levels of the frame.

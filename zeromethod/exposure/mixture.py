@@ -20,10 +20,8 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from zeromethod.arrays import Float, Ints, Mask
 
 LEAST_COHERENCE = 0.5
 """Share of the carrier's amplitude that the mix must leave: below, errors of weight are large in phase."""
@@ -95,7 +93,7 @@ def _arctan(x: float) -> float:
 
 
 @numba.njit(cache=True, fastmath=_FAST)
-def _displacements(warps: Float, slots: NDArray[np.int64], q: Float, j: int, per_px: float, s: Float) -> bool:
+def _displacements(warps: Float, slots: Ints, q: Float, j: int, per_px: float, s: Float) -> bool:
     """Fill s (pictures, 2, cols) of node row j, camera px; False when no picture differs there.
 
     Solves q_i(x + s) = q(x) to second order in s: slopes and curvatures of q_i by central differences.
@@ -192,7 +190,7 @@ def _sum_phasors(phase: Float, share: Float, heaviest: Float, total: Float, bias
 @numba.njit(cache=True, fastmath=_FAST)
 def _carrier_mixture(
     warps: Float,
-    slots: NDArray[np.int64],
+    slots: Ints,
     weights: Float,
     place: Float,
     q: Float,
@@ -232,7 +230,7 @@ def _carrier_mixture(
 @numba.njit(cache=True, fastmath=_FAST)
 def _spread_mixture(
     warps: Float,
-    slots: NDArray[np.int64],
+    slots: Ints,
     weights: Float,
     place: Float,
     q: Float,
@@ -257,7 +255,7 @@ def _spread_mixture(
 
 def mixture(
     warps: Float,
-    slots: NDArray[np.int64],
+    slots: Ints,
     weights: Float,
     place: Float,
     q: Float,

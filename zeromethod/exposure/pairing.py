@@ -19,15 +19,13 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Ints
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.mixture import Mixture, mixture
 from zeromethod.exposure.presentation_log import PresentationLog
 from zeromethod.rig.model import DisplaySpec
 from zeromethod.warp.grid import NodeGrid
-
-Float = NDArray[np.float64]
 
 TABLE_ROWS = 257
 """Panel rows at which weights are computed, 65 us of scan-out apart at 60 Hz; linear between them."""
@@ -83,7 +81,7 @@ class Shown:
 
     q: Float
     mixture: Mixture | None
-    entries: NDArray[np.int64]
+    entries: Ints
     weights: Float
     age_ns: Float | None
 
@@ -99,9 +97,7 @@ def lit_share(start_ns: float | Float, end_ns: float | Float, change_ns: Float, 
     return share
 
 
-def entry_weights(
-    times_ns: NDArray[np.int64], complete: bool, frame: Frame, timing: PanelTiming
-) -> tuple[Float, Float]:
+def entry_weights(times_ns: Ints, complete: bool, frame: Frame, timing: PanelTiming) -> tuple[Float, Float]:
     """Weight of every presentation in the exposure of `frame` at `TABLE_ROWS` rows, in scan-out order.
 
     Returns ((k, n) weights, (n,) share of light from before the first entry; 0 when older entries are no
@@ -123,7 +119,7 @@ def entry_weights(
 @numba.njit(cache=True, fastmath={"contract", "reassoc"})
 def _mix(
     warps: Float,
-    slots: NDArray[np.int64],
+    slots: Ints,
     weights: Float,
     look_q: Float,
     rows_per_entry: float,
@@ -201,7 +197,7 @@ def pair(
     return Shown(q, mixing, times[index], weights, age_ns)
 
 
-def _age_ns(log: PresentationLog, index: NDArray[np.int64], weights: Float, time_ns: int) -> Float | None:
+def _age_ns(log: PresentationLog, index: Ints, weights: Float, time_ns: int) -> Float | None:
     seen = [log.seen_ns(int(k)) for k in index]
     if None in seen:
         return None

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from zeromethod.arrays import Float, Ints
 
 CAPACITY = 64
 
@@ -31,9 +32,7 @@ class PresentationLog:
         """Whether nothing has been overwritten yet: the oldest entry is the first picture of the run."""
         return self._count <= len(self._times_ns)
 
-    def record(
-        self, time_ns: int, q: NDArray[np.float64], seen_ns: int | None = None, code: int | None = None
-    ) -> None:
+    def record(self, time_ns: int, q: Float, seen_ns: int | None = None, code: int | None = None) -> None:
         """Note that `q` (copied), made from a frame of `seen_ns`, was presented at `time_ns` with `code`.
 
         ValueError when that is before the entry noted last.
@@ -49,25 +48,25 @@ class PresentationLog:
         self._count += 1
 
     @property
-    def buffer(self) -> NDArray[np.float64]:
+    def buffer(self) -> Float:
         """(capacity, rows, cols, 2) all warps, where `slots` says; read only."""
         return self._warps
 
-    def slots(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
+    def slots(self, index: Ints) -> Ints:
         """Places in `buffer` of entries counted from the oldest, 0 <= index < len."""
         return (self._count - len(self) + index) % len(self._times_ns)
 
-    def times_ns(self) -> NDArray[np.int64]:
+    def times_ns(self) -> Ints:
         """(len,) presentation times, oldest first."""
         return self._times_ns[self.slots(np.arange(len(self)))]
 
-    def codes(self) -> NDArray[np.int64]:
+    def codes(self) -> Ints:
         """(len,) codes, oldest first; -1 where there was none."""
         return self._codes[self.slots(np.arange(len(self)))]
 
-    def warp(self, index: int) -> NDArray[np.float64]:
+    def warp(self, index: int) -> Float:
         """Warp of the entry counted from the oldest; a view, good until it is overwritten."""
-        view: NDArray[np.float64] = self._warps[int(self.slots(np.array(index)))]
+        view: Float = self._warps[int(self.slots(np.array(index)))]
         return view
 
     def seen_ns(self, index: int) -> int | None:

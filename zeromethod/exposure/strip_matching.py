@@ -18,15 +18,13 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.exposure.presentation_log import PresentationLog
 from zeromethod.exposure.strip_reading import StripReading
 from zeromethod.pattern.strips import CODES, bits_of
-
-Float = NDArray[np.float64]
 
 MODEL_SIGMA = 0.03
 """Standard deviation of a level beyond noise: the panel's rise is no exact exponential, mirrors move."""
@@ -146,7 +144,7 @@ def _scan(
         total[n], worst[n] = _misfit(low + n * step, times, bits, exposure, tau, levels, scan, sigma)
 
 
-def _runs(within: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(within: Mask) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], within.astype(np.int8), [0]])))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -217,7 +215,7 @@ def match(
     return Match(fits=False, contradicts=not runs and bool(np.isfinite(total).all()))
 
 
-def _located(a: float, b: float, fine: Float, best: int, near: NDArray[np.int64], blur_ns: float) -> Match:
+def _located(a: float, b: float, fine: Float, best: int, near: Ints, blur_ns: float) -> Match:
     """Best delay and the ends of those as good, of a scan from a to b."""
     step = (b - a) / (len(fine) - 1)
     shift = 0.0

@@ -11,19 +11,15 @@ What cannot be trusted is not read at all: clipped cells, too little contrast, c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Image, Ints
 from zeromethod.pattern.strips import BITS, UNITS_PER_BIT, Strip, Strips
 from zeromethod.rig.model import Noise, Rig
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
-
-Float = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 LEAST_CONTRAST = 0.3
 """Of the whole bits; stray light three times the pattern's leaves a quarter."""
@@ -73,7 +69,7 @@ class StripReading:
 
 
 @numba.njit(cache=True)
-def _quarters(image: NDArray[Any], windows: Ints, along_u: bool, quarters: Float) -> None:
+def _quarters(image: Image, windows: Ints, along_u: bool, quarters: Float) -> None:
     """Mean grey (bits, 3, 4) of the quarters of every cell's window: start, stop along, then across."""
     for k in range(windows.shape[0]):
         for c in range(windows.shape[1]):
@@ -158,7 +154,7 @@ class StripReader:
         self._quarters = np.zeros((BITS, 3, 4))
         self.read(np.zeros(image_shape, np.uint8 if bits == 8 else np.uint16))
 
-    def read(self, image: NDArray[Any]) -> tuple[StripReading, ...]:
+    def read(self, image: Image) -> tuple[StripReading, ...]:
         """Readings of one image (rows, cols): of both strips, one, or none."""
         readings = []
         for windows, rows in self._strips:

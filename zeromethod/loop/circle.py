@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.control.composition import Composition, Controller
 from zeromethod.control.integrator import Integrator
 from zeromethod.control.velocity import Horizon
@@ -25,8 +25,6 @@ from zeromethod.surface.expected_light import ExpectedLight
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
-
-Float = NDArray[np.float64]
 
 REST_BLOCK = 8
 """Nodes on a side of the blocks that must all be at rest for the mirror to be."""
@@ -46,10 +44,10 @@ class Sensor(Protocol):
 
     def measure(
         self,
-        image: NDArray[Any],
+        image: Image,
         guess: Float | None = None,
         *,
-        light_share: NDArray[np.float32] | None = None,
+        light_share: Single | None = None,
     ) -> Residual:
         """Residual of a (rows, cols) image; guess: (rows, cols, 2) px expected, NaN = none.
 
@@ -85,7 +83,7 @@ def controller_of(control: ControlSpec, rest: Rest) -> Controller:
 
 
 @numba.njit(cache=True)
-def _figures(d: Float, valid: NDArray[np.bool_], seen: NDArray[np.bool_]) -> tuple[float, float]:
+def _figures(d: Float, valid: Mask, seen: Mask) -> tuple[float, float]:
     """(mean square length of d over valid nodes, valid share of the seen ones)."""
     total = 0.0
     nodes = both = wanted = 0
@@ -101,9 +99,7 @@ def _figures(d: Float, valid: NDArray[np.bool_], seen: NDArray[np.bool_]) -> tup
 
 
 @numba.njit(cache=True)
-def _away_from_rest(
-    q: Float, q_rest: Float, sigma: Float, valid: NDArray[np.bool_], size: int
-) -> tuple[float, float]:
+def _away_from_rest(q: Float, q_rest: Float, sigma: Float, valid: Mask, size: int) -> tuple[float, float]:
     """(largest mean square displacement of any block, mean sigma^2), both per component, LCD px^2."""
     rows, cols = valid.shape
     largest = noise = 0.0

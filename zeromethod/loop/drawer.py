@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from zeromethod.arrays import Float
 from zeromethod.devices.protocols import Display, DrawingDisplay
 from zeromethod.gl import create_context
 from zeromethod.pattern import PatternRenderer, Response, Strips, Target
@@ -34,7 +32,7 @@ class Presenter:
         """Name of what draws, as GL gives it."""
         return str(self._context.info["GL_RENDERER"])
 
-    def present(self, q: NDArray[np.float64], code: int | None = None) -> int:
+    def present(self, q: Float, code: int | None = None) -> int:
         """Show the target warped by `q` (rows, cols, 2) LCD px, with `code` in its strips; time in ns.
 
         Raises DisplayLost; TypeError where the display does not say when.

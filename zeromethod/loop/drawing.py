@@ -9,9 +9,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from zeromethod.arrays import Float
 from zeromethod.devices.protocols import DisplayLost
 from zeromethod.errors import InputError
 from zeromethod.loop.drawer import Presenter
@@ -33,7 +31,7 @@ class Presented:
     """
 
     time_ns: int
-    q: NDArray[np.float64]
+    q: Float
     seen_ns: int | None
     code: int | None
     draw_ms: float
@@ -46,7 +44,7 @@ class Presenting(Protocol):
     def gl_renderer(self) -> str:
         """Name of what draws, as GL gives it."""
 
-    def post(self, q: NDArray[np.float64], seen_ns: int | None) -> None:
+    def post(self, q: Float, seen_ns: int | None) -> None:
         """Show `q`, which must not change any more; one that was not yet drawn is replaced."""
 
     def collect(self) -> list[Presented]:
@@ -64,7 +62,7 @@ class _Counted:
         self._coded = coded
         self._count = 0
 
-    def present(self, q: NDArray[np.float64], seen_ns: int | None) -> Presented:
+    def present(self, q: Float, seen_ns: int | None) -> Presented:
         code = self._count % CODES if self._coded else None
         started = time.perf_counter()
         time_ns = self._presenter.present(q, code)
@@ -81,7 +79,7 @@ class InTurn:
         self._presenter = _Counted(presenter, coded)
         self._done: list[Presented] = []
 
-    def post(self, q: NDArray[np.float64], seen_ns: int | None) -> None:
+    def post(self, q: Float, seen_ns: int | None) -> None:
         """Show `q`; raises DisplayLost."""
         self._done.append(self._presenter.present(q, seen_ns))
 
@@ -107,7 +105,7 @@ class InThread:
         """
         self._timeout_s = timeout_s
         self._changed = threading.Condition()
-        self._next: tuple[NDArray[np.float64], int | None] | None = None
+        self._next: tuple[Float, int | None] | None = None
         self._done: list[Presented] = []
         self._error: BaseException | None = None
         self._began_s: float | None = None
@@ -124,7 +122,7 @@ class InThread:
             self._closed = True
             raise InputError(f"display: not ready to be drawn on within {OPENING_S:g} s") from None
 
-    def post(self, q: NDArray[np.float64], seen_ns: int | None) -> None:
+    def post(self, q: Float, seen_ns: int | None) -> None:
         """Show `q` next, in place of one that waits still. Returns at once."""
         with self._changed:
             self._next = q, seen_ns
@@ -178,7 +176,7 @@ class InThread:
         finally:
             presenter.close()
 
-    def _await(self) -> tuple[NDArray[np.float64], int | None] | None:
+    def _await(self) -> tuple[Float, int | None] | None:
         with self._changed:
             self._changed.wait_for(lambda: self._next is not None or self._closed)
             if self._closed:

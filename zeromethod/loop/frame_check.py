@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image, Mask
 from zeromethod.devices.protocols import Frame
 from zeromethod.loop.events import Event
 from zeromethod.rig.model import CameraSpec
@@ -71,7 +71,7 @@ class FrameCheck:
         self._last: tuple[int, int] | None = None
         self._shift_ns = 0
         self._astray: list[tuple[int, int, int]] = []
-        self._sample: NDArray[Any] | None = None
+        self._sample: Image | None = None
 
     def restart(self) -> None:
         """Forget the frames so far: the camera was opened anew and counts from its own beginning."""
@@ -149,13 +149,13 @@ class FrameCheck:
         what = f"clock jumped by {-1e-9 * shift_ns:+.3g} s" if shift_ns else "count was set back"
         return Verdict((Event.CLOCK_JUMPED,), f"the camera's {what}: followed")
 
-    def _stale_rows(self, image: NDArray[Any]) -> NDArray[np.bool_]:
+    def _stale_rows(self, image: Image) -> Mask:
         """Which of the sampled rows equal the last frame's; even ones (no light, clipped) tell nothing."""
         sample = image[::SAMPLE_STRIDE].copy()
         before, self._sample = self._sample, sample
         if before is None:
             return np.zeros(len(sample), dtype=np.bool_)
-        same: NDArray[np.bool_] = (sample == before).all(axis=1)
+        same: Mask = (sample == before).all(axis=1)
         if same.any():
             same &= sample.min(axis=1) < sample.max(axis=1)
         return same

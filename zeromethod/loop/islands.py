@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Mask = NDArray[np.bool_]
+from zeromethod.arrays import Mask
 
 TRUSTED_SHARE = 0.5
 """Share of an island's nodes that must have been trusted before for it to be believed."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.loop.events import Event
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.validity import Flag
@@ -33,7 +33,7 @@ LEAST_CYCLES = 3.0
 """Slower changes are drift, or presses."""
 
 
-def beat(times_s: NDArray[np.float64], light: NDArray[np.float64]) -> tuple[float, float]:
+def beat(times_s: Float, light: Float) -> tuple[float, float]:
     """(frequency in Hz, amplitude over the mean) of an oscillation of the light, (nan, 0) for none.
 
     times_s, light: (n,) of the frames; some may be missing. Sines are fitted beside a straight line, so that
@@ -69,7 +69,7 @@ def beat(times_s: NDArray[np.float64], light: NDArray[np.float64]) -> tuple[floa
 class LightQuality:
     """Looks at every measured frame; says what is wrong, and what would help."""
 
-    def __init__(self, seen: NDArray[np.bool_], black_grey: float) -> None:
+    def __init__(self, seen: Mask, black_grey: float) -> None:
         self._seen = seen
         self._black = black_grey
         self._times_ns: deque[int] = deque(maxlen=FLICKER_FRAMES)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Mask
+
 OFF_BELOW = 0.25
 """Share of the usual light under which it counts as off."""
 
@@ -15,7 +17,7 @@ MEMORY = 0.05
 class LightWatch:
     """Follows the mean grey of the nodes seen at rest; what presses changes it little and slowly."""
 
-    def __init__(self, seen: NDArray[np.bool_], black_grey: float) -> None:
+    def __init__(self, seen: Mask, black_grey: float) -> None:
         self._seen = seen
         self._black = black_grey
         self._usual: float | None = None

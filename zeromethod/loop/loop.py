@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Camera, Display, DisplayLost, Frame
 from zeromethod.exposure.delay import DelayWatch
@@ -102,7 +102,7 @@ class Loop:
         self._presented: list[Presented] = []
         self._presented_before = 0
         self._taking: ZeroTaking | None = None
-        self._zero: NDArray[np.float64] | None = None
+        self._zero: Float | None = None
         self._referenced = False
         self._stop = False
 
@@ -112,7 +112,7 @@ class Loop:
         return self.rest.grid
 
     @property
-    def q_rest(self) -> NDArray[np.float64]:
+    def q_rest(self) -> Float:
         """(rows, cols, 2) warp of the untouched mirror, LCD px."""
         return self.rest.q
 
@@ -157,7 +157,7 @@ class Loop:
         self._taking = ZeroTaking(self.rest)
 
     @property
-    def zero(self) -> NDArray[np.float64] | None:
+    def zero(self) -> Float | None:
         """(rows, cols, 2) LCD px, the warp that readings start from less the rig's at rest; None for 0."""
         return self._zero
 

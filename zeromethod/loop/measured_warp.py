@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.mixture import unmix
 from zeromethod.exposure.pairing import Shown
@@ -20,9 +20,6 @@ from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
-
-Float = NDArray[np.float64]
-Flags = NDArray[np.uint16]
 
 SUDDEN_PERIODS = 0.25
 """Change between frames, in carrier periods, above which orders known before may have slipped."""
@@ -74,9 +71,7 @@ def _propagate(shown: Float, sigma_px: Float, inverse_spacing: float, sigma: Flo
 
 
 @numba.njit(cache=True)
-def _expected(
-    shown: Float, known: Float, trusted: NDArray[np.bool_], inverse_spacing: float, out: Float
-) -> None:
+def _expected(shown: Float, known: Float, trusted: Mask, inverse_spacing: float, out: Float) -> None:
     """Solve to first order shown((u, v) + d) = known for d, camera px; NaN where not trusted."""
     rows, cols = shown.shape[0], shown.shape[1]
     for j in range(rows):
@@ -97,7 +92,7 @@ def _expected(
 
 
 @numba.njit(cache=True)
-def _changes(d: Float, expected: Float, flags: Flags, seen: NDArray[np.bool_]) -> tuple[float, int]:
+def _changes(d: Float, expected: Float, flags: Flags, seen: Mask) -> tuple[float, int]:
     """(largest |d - expected| over valid nodes, how many nodes seen at rest are not valid)."""
     largest = 0.0
     missing = 0
@@ -113,7 +108,7 @@ def _changes(d: Float, expected: Float, flags: Flags, seen: NDArray[np.bool_]) -
     return largest, missing
 
 
-def expected_residual(shown: Shown, known_q: Float, trusted: NDArray[np.bool_], rest: Rest) -> Float:
+def expected_residual(shown: Shown, known_q: Float, trusted: Mask, rest: Rest) -> Float:
     """Residual (rows, cols, 2) px that the next frame should have if nothing moved; NaN if not `trusted`.
 
     known_q: (rows, cols, 2) LCD px where the nodes looked last. It settles the order of regions that are
@@ -131,7 +126,7 @@ def unmixed(residual: Residual, shown: Shown, grid: NodeGrid) -> Residual:
     return replace(residual, d=unmix(residual.d, shown.mixture.bias_px, grid.spacing_px))
 
 
-def measure(seen: Observation, rest: Rest, expected: Float, trusted: NDArray[np.bool_]) -> Warp:
+def measure(seen: Observation, rest: Rest, expected: Float, trusted: Mask) -> Warp:
     """Measured warp q(u, v) = q_shown((u, v) + d) at mid-exposure, with sigma in LCD px and flags.
 
     expected, trusted: as for `expected_residual`. Flags are the residual's, those of rest (NO_RAY), those

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from zeromethod.arrays import Float, Image
 from zeromethod.loop.drawing import Presented
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
@@ -42,7 +39,7 @@ class Step:
     state: State
     reason: str
     events: tuple[Event, ...]
-    commanded_q: NDArray[np.float64]
+    commanded_q: Float
     filtered: Warp
     frame_number: int | None = None
     notes: tuple[str, ...] = ()
@@ -52,10 +49,10 @@ class Step:
     sensed: bool = False
     presented: tuple[Presented, ...] = ()
     presented_before: int = 0
-    zero: NDArray[np.float64] | None = None
-    image: NDArray[Any] | None = None
+    zero: Float | None = None
+    image: Image | None = None
     residual: Residual | None = None
-    shown_q: NDArray[np.float64] | None = None
+    shown_q: Float | None = None
     measured: Warp | None = None
     residual_rms_px: float = float("nan")
     valid_share: float = 0.0

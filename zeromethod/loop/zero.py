@@ -12,13 +12,11 @@ px fits it. What a press does is not, unless it is far wider than the view.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
-
-Float = NDArray[np.float64]
 
 FRAMES = 8
 """Good frames whose mean warp is the zero."""
@@ -47,7 +45,7 @@ def _quadratic(rest: Rest) -> Float:
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
 
 
-def _worst_block(values: Float, used: NDArray[np.bool_]) -> float:
+def _worst_block(values: Float, used: Mask) -> float:
     """Largest rms of any block, per component; values (rows, cols, 2), 0 where not used."""
     rows, cols = (-(-size // BLOCK) * BLOCK for size in used.shape)
     padding = (0, rows - used.shape[0]), (0, cols - used.shape[1])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from zeromethod.arrays import Float
 from zeromethod.optics.camera import Camera
 from zeromethod.optics.fresnel import fresnel, s_share
 from zeromethod.optics.layers import direction_between, through_slabs
@@ -13,7 +14,7 @@ from zeromethod.optics.panel import Panel
 from zeromethod.optics.prism import PrismGeometry
 from zeromethod.optics.snell import reflect
 from zeromethod.optics.trace import Lost, Trace
-from zeromethod.optics.vectors import Array, dot, unit
+from zeromethod.optics.vectors import dot, unit
 from zeromethod.rig.model import Rig
 
 # a panel that touches the slab before it may come out this far on its wrong side by rounding
@@ -57,19 +58,19 @@ class Optics:
         """Length L0 of the mirror along x."""
         return self.prism.length_mm
 
-    def lcd_to_world(self, q: Array) -> Array:
+    def lcd_to_world(self, q: Float) -> Float:
         """World points (..., 3) in mm of LCD positions (..., 2) in px."""
         return self.panel.lcd_to_world(q)
 
-    def world_to_lcd(self, point: Array) -> Array:
+    def world_to_lcd(self, point: Float) -> Float:
         """LCD positions (..., 2) in px of world points (..., 3) in mm on the LCD's plane."""
         return self.panel.world_to_lcd(point)
 
-    def camera_rays(self, u: Array, v: Array) -> tuple[Array, Array]:
+    def camera_rays(self, u: Float, v: Float) -> tuple[Float, Float]:
         """Rays (origin, direction), each (..., 3), of camera pixels u, v (...), in air."""
         return self.camera.rays(u, v)
 
-    def rubber_rays(self, u: Array, v: Array) -> tuple[Array, Array]:
+    def rubber_rays(self, u: Float, v: Float) -> tuple[Float, Float]:
         """Rays (origin, direction), each (..., 3), of camera pixels inside the rubber.
 
         They start on the captured face, behind its layers, and do not depend on the mirror. NaN where the
@@ -86,11 +87,11 @@ class Optics:
         met = ((outside >= 0.0) & face.contains(start))[..., None]
         return np.where(met, start, np.nan), np.where(met, inside, np.nan)
 
-    def trace(self, u: Array, v: Array, mirror: HeightField) -> Trace:
+    def trace(self, u: Float, v: Float, mirror: HeightField) -> Trace:
         """Where camera pixels u, v (...) look by way of `mirror`."""
         return self.trace_rays(*self.rubber_rays(u, v), mirror)
 
-    def trace_rays(self, origin: Array, direction: Array, mirror: HeightField) -> Trace:
+    def trace_rays(self, origin: Float, direction: Float, mirror: HeightField) -> Trace:
         """`trace` of rays in the rubber, (..., 3) each, as `rubber_rays` gives them."""
         point = origin + distance_to(mirror, origin, direction)[..., None] * direction
         with np.errstate(invalid="ignore"):
@@ -110,14 +111,14 @@ class Optics:
         )
         return Trace(q, point, cos_incidence, reflectance, path, lost)
 
-    def rest_map(self, u: Array, v: Array) -> Array:
+    def rest_map(self, u: Float, v: Float) -> Float:
         """LCD positions (..., 2) in px that camera pixels u, v (...) see by the undeformed mirror.
 
         NaN where the ray is lost before the LCD's plane.
         """
         return self.trace(u, v, self.rest).q
 
-    def rubber_direction_to_lcd(self, point: Array, q: Array) -> Array:
+    def rubber_direction_to_lcd(self, point: Float, q: Float) -> Float:
         """Direction (..., 3), in the rubber, of the ray from a mirror point to an LCD position.
 
         point (..., 3) in mm, q (..., 2) in px. The refraction through all layers is solved exactly; faces
@@ -134,7 +135,7 @@ class Optics:
         indices, thicknesses = zip(*slabs, strict=True)
         return direction_between(offset, face.normal, indices, np.stack(np.broadcast_arrays(*thicknesses)))
 
-    def normal_between(self, incoming: Array, outgoing: Array) -> Array:
+    def normal_between(self, incoming: Float, outgoing: Float) -> Float:
         """Find the unit normal (..., 3), out of the rubber, that reflects one unit vector into another.
 
         The surface's (dz/dx, dz/dy) is -(nx, ny) / nz, so the depth's slope is the rest surface's gradient
@@ -143,7 +144,7 @@ class Optics:
         with np.errstate(invalid="ignore"):
             return unit(incoming - outgoing)
 
-    def sensitivity(self, u: Array, v: Array) -> Array:
+    def sensitivity(self, u: Float, v: Float) -> Float:
         """LCD shift per depth slope at rest: (..., 2, 2) in LCD px per rad.
 
         Rows: LCD (column, row); columns: slope (dd/dx, dd/dy), the mirror point held. Closed form; faces
@@ -158,7 +159,7 @@ class Optics:
                 point, direction, gradient, self.prism.pattern_face, self.panel, slabs, self._last_index
             )
 
-    def _to_display(self, point: Array, outgoing: Array) -> tuple[Array, Array, Array]:
+    def _to_display(self, point: Float, outgoing: Float) -> tuple[Float, Float, Float]:
         """LCD position (..., 2), path in mm (...) and exit point (..., 3) on the pattern face's plane.
 
         q and path are NaN where the panel's plane is not met; the faces' borders are not looked at.
@@ -177,7 +178,7 @@ class Optics:
         q[gap < -_TOUCHES_MM] = np.nan
         return q, path, leaves
 
-    def _reflectance(self, cos_incidence: Array, outgoing: Array, normal: Array) -> Array:
+    def _reflectance(self, cos_incidence: Float, outgoing: Float, normal: Float) -> Float:
         """Power reflectance (...) of the mirror, rubber to air, for the LCD's light.
 
         The LCD's field is laid across the ray in the rubber; its small turn by the unequal s and p
@@ -185,5 +186,5 @@ class Optics:
         """
         s, p = fresnel(cos_incidence, self.rig.prism.index, 1.0)
         share = 0.5 if self.panel.field is None else s_share(-outgoing, normal, self.panel.field)
-        result: Array = share * s + (1.0 - share) * p
+        result: Float = share * s + (1.0 - share) * p
         return result

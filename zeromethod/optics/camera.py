@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zeromethod.optics.vectors import Array, dot, unit
+from zeromethod.arrays import Float
+from zeromethod.optics.vectors import dot, unit
 from zeromethod.rig.model import CameraSpec
 
 Distortion = tuple[float, float, float, float, float]
@@ -15,7 +16,7 @@ _ITERATIONS = 50
 _TOLERANCE = 1e-14
 
 
-def distort(x: Array, y: Array, k: Distortion) -> tuple[Array, Array]:
+def distort(x: Float, y: Float, k: Distortion) -> tuple[Float, Float]:
     """Distorted normalised image coordinates of ideal ones, each (...).
 
     Source: OpenCV's pinhole model with (k1, k2, p1, p2, k3) (Brown 1971).
@@ -29,7 +30,7 @@ def distort(x: Array, y: Array, k: Distortion) -> tuple[Array, Array]:
     )
 
 
-def undistort(x_seen: Array, y_seen: Array, k: Distortion) -> tuple[Array, Array]:
+def undistort(x_seen: Float, y_seen: Float, k: Distortion) -> tuple[Float, Float]:
     """Ideal normalised image coordinates of distorted ones, each (...): Newton to machine precision.
 
     NaN where the iteration does not settle (beyond the model's turning point).
@@ -66,10 +67,10 @@ class Camera:
     """
 
     spec: CameraSpec
-    position: Array
-    axis: Array
-    u_axis: Array
-    v_axis: Array
+    position: Float
+    axis: Float
+    u_axis: Float
+    v_axis: Float
 
     @classmethod
     def place(cls, spec: CameraSpec) -> Camera:
@@ -88,7 +89,7 @@ class Camera:
             v_axis=-np.sin(roll) * u0 + np.cos(roll) * v0,
         )
 
-    def rays(self, u: Array, v: Array) -> tuple[Array, Array]:
+    def rays(self, u: Float, v: Float) -> tuple[Float, Float]:
         """Rays (origin, unit direction), each (..., 3), of pixels u, v (...), in air.
 
         Perspective rays start at the optical centre; orthographic ones on the plane through `position`.
@@ -105,7 +106,7 @@ class Camera:
         direction = unit(self.axis + x[..., None] * self.u_axis + y[..., None] * self.v_axis)
         return np.broadcast_to(self.position, direction.shape), direction
 
-    def project(self, point: Array) -> tuple[Array, Array]:
+    def project(self, point: Float) -> tuple[Float, Float]:
         """Pixels (u, v), each (...), at which points (..., 3) in front of the camera appear through air."""
         offset = point - self.position
         x, y = dot(offset, self.u_axis), dot(offset, self.v_axis)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.optics.bench import Optics
 from zeromethod.optics.mirror import GridHeight
 from zeromethod.optics.trace import Lost
-from zeromethod.optics.vectors import Array
 from zeromethod.rig.model import Rig
 
 _SAMPLES = 33
@@ -70,7 +70,7 @@ def _check_gap(rig: Rig, optics: Optics) -> None:
         raise _error(rig, "display.tilt_deg", display.tilt_deg, allowed)
 
 
-def _check_map(rig: Rig, optics: Optics, points: Array) -> None:
+def _check_map(rig: Rig, optics: Optics, points: Float) -> None:
     """Refuse a height map that does not cover every mirror point of the view."""
     if not isinstance(optics.rest, GridHeight):
         return

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from zeromethod.optics.vectors import Array, dot
+from zeromethod.arrays import Float
+from zeromethod.optics.vectors import dot
 
 
 def critical_angle_rad(n1: float, n2: float = 1.0) -> float:
@@ -12,7 +13,7 @@ def critical_angle_rad(n1: float, n2: float = 1.0) -> float:
     return float(np.arcsin(min(1.0, n2 / n1)))
 
 
-def fresnel(cos_incidence: Array, n1: float, n2: float) -> tuple[Array, Array]:
+def fresnel(cos_incidence: Float, n1: float, n2: float) -> tuple[Float, Float]:
     """Power reflectances (Rs, Rp) of light that travels in `n1` and meets `n2`.
 
     cos_incidence: (...) cosine of the angle between ray and normal, 0 to 1. s: field perpendicular to
@@ -28,7 +29,7 @@ def fresnel(cos_incidence: Array, n1: float, n2: float) -> tuple[Array, Array]:
     return np.where(total, 1.0, s), np.where(total, 1.0, p)
 
 
-def s_share(travel: Array, normal: Array, field: Array) -> Array:
+def s_share(travel: Float, normal: Float, field: Float) -> Float:
     """Share (...) of a linearly polarised wave's power that is s-polarised at an interface.
 
     travel, normal: (..., 3) unit vectors. field: (3,) or (..., 3) direction of the electric field; only

@@ -10,14 +10,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from zeromethod.optics.vectors import Array, dot
+from zeromethod.arrays import Float
+from zeromethod.optics.vectors import dot
 
 _ITERATIONS = 100
 
 
 def through_slabs(
-    direction: Array, normal: Array, index: float, slabs: Sequence[tuple[float, float]], index_out: float
-) -> tuple[Array, Array]:
+    direction: Float, normal: Float, index: float, slabs: Sequence[tuple[float, float]], index_out: float
+) -> tuple[Float, Float]:
     """Follow rays from index `index` through `slabs` into `index_out`.
 
     Parameters
@@ -45,7 +46,7 @@ def through_slabs(
     return np.where(blocked, np.nan, displacement), np.where(blocked, np.nan, out)
 
 
-def direction_between(offset: Array, normal: Array, indices: Sequence[float], thicknesses_mm: Array) -> Array:
+def direction_between(offset: Float, normal: Float, indices: Sequence[float], thicknesses_mm: Float) -> Float:
     """Direction, in the first slab, of the ray that joins two points across a stack of parallel slabs.
 
     Parameters
@@ -94,5 +95,5 @@ def direction_between(offset: Array, normal: Array, indices: Sequence[float], th
         sine = least * w * scale
         cosine = np.sqrt(squares[0][0] + squares[0][1] * w * w) * scale
         heading = np.where(shift > 0.0, sine / shift, 0.0 * sine)
-    result: Array = heading[..., None] * sideways + cosine[..., None] * normal
+    result: Float = heading[..., None] * sideways + cosine[..., None] * normal
     return result

@@ -6,22 +6,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from zeromethod.arrays import Float
 from zeromethod.optics.mirror import normal_of
 from zeromethod.optics.panel import Panel
 from zeromethod.optics.prism import Face
 from zeromethod.optics.snell import reflect
-from zeromethod.optics.vectors import Array, dot
+from zeromethod.optics.vectors import dot
 
 
 def lcd_per_slope(
-    point: Array,
-    incoming: Array,
-    gradient: tuple[Array, Array],
+    point: Float,
+    incoming: Float,
+    gradient: tuple[Float, Float],
     face: Face,
     panel: Panel,
     slabs: Sequence[tuple[float, float]],
     last_index: float,
-) -> Array:
+) -> Float:
     """Differentiate the LCD position by the depth's slope (dd/dx, dd/dy): (..., 2, 2), LCD px per rad.
 
     Parameters

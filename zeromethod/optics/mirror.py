@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
+from zeromethod.arrays import Float
 from zeromethod.errors import InputError
-from zeromethod.optics.vectors import Array
 from zeromethod.rig.model import Rig
 
 _ITERATIONS = 60
@@ -19,11 +19,11 @@ _MISS_MM = 1e-9
 class HeightField(Protocol):
     """A surface z(x, y) in mm, positive out of the rubber; x, y in mm, all shapes equal."""
 
-    def height(self, x: Array, y: Array) -> Array:
+    def height(self, x: Float, y: Float) -> Float:
         """Height z (...) in mm; NaN where there is no surface."""
         ...
 
-    def gradient(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def gradient(self, x: Float, y: Float) -> tuple[Float, Float]:
         """(dz/dx, dz/dy), each (...), dimensionless: the exact derivatives of `height`."""
         ...
 
@@ -31,11 +31,11 @@ class HeightField(Protocol):
 class DepthField(Protocol):
     """A dent: depth d(x, y) in mm below the rest surface along z, positive into the rubber."""
 
-    def depth(self, x: Array, y: Array) -> Array:
+    def depth(self, x: Float, y: Float) -> Float:
         """Depth (...) in mm."""
         ...
 
-    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def slope(self, x: Float, y: Float) -> tuple[Float, Float]:
         """(dd/dx, dd/dy), each (...), rad: the exact derivatives of `depth`."""
         ...
 
@@ -44,11 +44,11 @@ class DepthField(Protocol):
 class Flat:
     """The plane z = 0."""
 
-    def height(self, x: Array, y: Array) -> Array:  # noqa: ARG002 (a plane is the same everywhere)
+    def height(self, x: Float, y: Float) -> Float:  # noqa: ARG002 (a plane is the same everywhere)
         """Zero everywhere."""
         return np.zeros_like(x)
 
-    def gradient(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def gradient(self, x: Float, y: Float) -> tuple[Float, Float]:
         """Zero everywhere."""
         return np.zeros_like(x), np.zeros_like(y)
 
@@ -63,19 +63,19 @@ class Sphere:
     radius_mm: float
     centre_mm: tuple[float, float] = (0.0, 0.0)
 
-    def _root(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    def _root(self, x: Float, y: Float) -> tuple[Float, Float, Float]:
         x, y = x - self.centre_mm[0], y - self.centre_mm[1]
         with np.errstate(invalid="ignore"):
             root = np.copysign(np.sqrt(self.radius_mm**2 - x * x - y * y), self.radius_mm)
         return x, y, root
 
-    def height(self, x: Array, y: Array) -> Array:
+    def height(self, x: Float, y: Float) -> Float:
         """Height in mm, written so that a large radius loses no digits."""
         x, y, root = self._root(x, y)
-        result: Array = -(x * x + y * y) / (self.radius_mm + root)
+        result: Float = -(x * x + y * y) / (self.radius_mm + root)
         return result
 
-    def gradient(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def gradient(self, x: Float, y: Float) -> tuple[Float, Float]:
         """(dz/dx, dz/dy)."""
         x, y, root = self._root(x, y)
         return -x / root, -y / root
@@ -88,7 +88,7 @@ class GridHeight:
     pitch on both axes. Beyond the map its border's heights go on unchanged.
     """
 
-    def __init__(self, heights_mm: Array, pitch_mm: float, origin_mm: tuple[float, float]) -> None:
+    def __init__(self, heights_mm: Float, pitch_mm: float, origin_mm: tuple[float, float]) -> None:
         heights = np.asarray(heights_mm, dtype=np.float64)
         if heights.ndim != 2 or min(heights.shape) < 4 or not np.isfinite(heights).all():
             raise InputError(
@@ -101,19 +101,19 @@ class GridHeight:
         self.y_range_mm = float(y[0]), float(y[-1])
         self._spline = RectBivariateSpline(y, x, heights, kx=3, ky=3, s=0)
 
-    def _clamped(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def _clamped(self, x: Float, y: Float) -> tuple[Float, Float]:
         return np.clip(x, *self.x_range_mm), np.clip(y, *self.y_range_mm)
 
-    def _evaluate(self, x: Array, y: Array, dx: int, dy: int) -> Array:
+    def _evaluate(self, x: Float, y: Float, dx: int, dy: int) -> Float:
         known = np.isfinite(x) & np.isfinite(y)
         values = self._spline.ev(np.where(known, y, 0.0), np.where(known, x, 0.0), dx=dy, dy=dx)
         return np.where(known, values, np.nan)
 
-    def height(self, x: Array, y: Array) -> Array:
+    def height(self, x: Float, y: Float) -> Float:
         """Height in mm."""
         return self._evaluate(*self._clamped(x, y), 0, 0)
 
-    def gradient(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def gradient(self, x: Float, y: Float) -> tuple[Float, Float]:
         """(dz/dx, dz/dy); across the border, beyond the map, 0."""
         x_in, y_in = self._clamped(x, y)
         along_x, along_y = self._evaluate(x_in, y_in, 1, 0), self._evaluate(x_in, y_in, 0, 1)
@@ -127,12 +127,12 @@ class Dented:
     rest: HeightField
     dent: DepthField
 
-    def height(self, x: Array, y: Array) -> Array:
+    def height(self, x: Float, y: Float) -> Float:
         """Height in mm."""
-        result: Array = self.rest.height(x, y) - self.dent.depth(x, y)
+        result: Float = self.rest.height(x, y) - self.dent.depth(x, y)
         return result
 
-    def gradient(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def gradient(self, x: Float, y: Float) -> tuple[Float, Float]:
         """(dz/dx, dz/dy)."""
         (zx, zy), (dx, dy) = self.rest.gradient(x, y), self.dent.slope(x, y)
         return zx - dx, zy - dy
@@ -155,14 +155,14 @@ def rest_surface(rig: Rig) -> HeightField:
     return Flat()
 
 
-def normal_of(gradient: tuple[Array, Array]) -> Array:
+def normal_of(gradient: tuple[Float, Float]) -> Float:
     """Point the unit normal (..., 3) of a surface with (dz/dx, dz/dy) out of the rubber."""
     zx, zy = gradient
     length = np.sqrt(1.0 + zx * zx + zy * zy)
     return np.stack([-zx / length, -zy / length, 1.0 / length], axis=-1)
 
 
-def distance_to(mirror: HeightField, origin: Array, direction: Array) -> Array:
+def distance_to(mirror: HeightField, origin: Float, direction: Float) -> Float:
     """Distance (...) in mm along rays from inside the rubber to the mirror.
 
     origin, direction: (..., 3), directions unit. Newton from the plane z = 0, kept in the bracket found

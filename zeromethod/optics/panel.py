@@ -6,15 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.optics.prism import Face
-from zeromethod.optics.vectors import Array, Mask, dot
+from zeromethod.optics.vectors import dot
 from zeromethod.rig.model import DisplaySpec
 
 
-def _rotation(axis: Array, angle_rad: float) -> Array:
+def _rotation(axis: Float, angle_rad: float) -> Float:
     """(3, 3) right-handed rotation about a unit axis (Rodrigues' formula)."""
-    cross: Array = np.cross(axis, np.eye(3)).T
-    result: Array = np.eye(3) + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * (cross @ cross)
+    cross: Float = np.cross(axis, np.eye(3)).T
+    result: Float = np.eye(3) + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * (cross @ cross)
     return result
 
 
@@ -28,11 +29,11 @@ class Panel:
     light's electric field in the panel's plane, None where unpolarised.
     """
 
-    centre: Array
-    column: Array
-    row: Array
-    normal: Array
-    field: Array | None
+    centre: Float
+    column: Float
+    row: Float
+    normal: Float
+    field: Float | None
     pitch_mm: float
     columns: int
     rows: int
@@ -73,19 +74,19 @@ class Panel:
     def _middle(self) -> tuple[float, float]:
         return (self.columns - 1) / 2, (self.rows - 1) / 2
 
-    def lcd_to_world(self, q: Array) -> Array:
+    def lcd_to_world(self, q: Float) -> Float:
         """World points (..., 3) in mm of LCD positions (..., 2) in px."""
         column, row = ((q[..., i, None] - self._middle[i]) * self.pitch_mm for i in (0, 1))
-        result: Array = self.centre + column * self.column + row * self.row
+        result: Float = self.centre + column * self.column + row * self.row
         return result
 
-    def world_to_lcd(self, point: Array) -> Array:
+    def world_to_lcd(self, point: Float) -> Float:
         """LCD positions (..., 2) in px of world points (..., 3); their distance to the panel is dropped."""
         offset = (point - self.centre) / self.pitch_mm
         column, row = dot(offset, self.column), dot(offset, self.row)
         return np.stack([column + self._middle[0], row + self._middle[1]], axis=-1)
 
-    def contains(self, q: Array) -> Mask:
+    def contains(self, q: Float) -> Mask:
         """Whether LCD positions (..., 2) lie on a pixel (half a pixel beyond the outer centres)."""
         column, row = q[..., 0], q[..., 1]
         inside = (column >= -0.5) & (column <= self.columns - 0.5)

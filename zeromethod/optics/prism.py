@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from zeromethod.optics.vectors import Array, Mask, dot
+from zeromethod.arrays import Float, Mask
+from zeromethod.optics.vectors import dot
 from zeromethod.rig.model import Prism
 
 
@@ -19,17 +20,17 @@ class Face:
     vector from there to the apex, `normal` (3,) the unit normal out of the rubber. Lengths in mm.
     """
 
-    edge: Array
-    along: Array
-    normal: Array
+    edge: Float
+    along: Float
+    normal: Float
     length_mm: float
     half_width_mm: float
 
-    def depth_below(self, point: Array) -> Array:
+    def depth_below(self, point: Float) -> Float:
         """Distance (...) in mm of points (..., 3) from the face, positive on the rubber's side."""
         return -dot(point - self.edge, self.normal)
 
-    def contains(self, point: Array) -> Mask:
+    def contains(self, point: Float) -> Mask:
         """Whether points (..., 3) of the face's plane lie on the face, borders included; NaN does not."""
         offset = dot(point - self.edge, self.along)
         inside = (offset >= 0.0) & (offset <= self.length_mm)
@@ -94,11 +95,11 @@ class PrismGeometry:
         )
 
     @property
-    def apex_mm(self) -> Array:
+    def apex_mm(self) -> Float:
         """(3,) point at y = 0 where the two faces meet."""
         face = self.pattern_face
         return face.edge + face.length_mm * face.along
 
-    def on_mirror(self, x: Array, y: Array) -> Mask:
+    def on_mirror(self, x: Float, y: Float) -> Mask:
         """Whether (x, y) in mm lie on the mirror, borders included; NaN does not."""
         return np.asarray((x >= 0.0) & (x <= self.length_mm) & (np.abs(y) <= self.half_width_mm))

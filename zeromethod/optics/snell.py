@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from zeromethod.optics.vectors import Array, dot
+from zeromethod.arrays import Float
+from zeromethod.optics.vectors import dot
 
 
-def refract(direction: Array, normal: Array, n1: float, n2: float) -> Array:
+def refract(direction: Float, normal: Float, n1: float, n2: float) -> Float:
     """Direction behind an interface, by Snell's law: n1 sin(t1) = n2 sin(t2).
 
     Parameters
@@ -25,14 +26,14 @@ def refract(direction: Array, normal: Array, n1: float, n2: float) -> Array:
     tangential = (n1 / n2) * (direction - along[..., None] * normal)
     with np.errstate(invalid="ignore"):
         cosine = np.copysign(np.sqrt(1.0 - dot(tangential, tangential)), along)
-    result: Array = tangential + cosine[..., None] * normal
+    result: Float = tangential + cosine[..., None] * normal
     return result
 
 
-def reflect(direction: Array, normal: Array) -> Array:
+def reflect(direction: Float, normal: Float) -> Float:
     """Direction (..., 3) after reflection at unit normals (..., 3) of either sense: d - 2 (d.n) n.
 
     Convention: directions point along the travel, before and after.
     """
-    result: Array = direction - 2.0 * dot(direction, normal)[..., None] * normal
+    result: Float = direction - 2.0 * dot(direction, normal)[..., None] * normal
     return result

@@ -6,9 +6,8 @@ import enum
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from zeromethod.optics.vectors import Array
+from zeromethod.arrays import Bytes, Float, Mask
 
 
 class Lost(enum.IntEnum):
@@ -39,14 +38,14 @@ class Trace:
     lost: (...) uint8 of `Lost`.
     """
 
-    q: Array
-    point: Array
-    cos_incidence: Array
-    reflectance: Array
-    path_mm: Array
-    lost: NDArray[np.uint8]
+    q: Float
+    point: Float
+    cos_incidence: Float
+    reflectance: Float
+    path_mm: Float
+    lost: Bytes
 
     @property
-    def reaches_display(self) -> NDArray[np.bool_]:
+    def reaches_display(self) -> Mask:
         """(...) whether the ray ends on a pixel of the LCD, dimmed or not."""
         return np.asarray((self.lost == Lost.NONE) | (self.lost == Lost.BELOW_TIR))

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from zeromethod.arrays import Float
 
 
-def dot(a: Array, b: Array) -> Array:
+def dot(a: Float, b: Float) -> Float:
     """Scalar product along the last axis: (..., 3), (..., 3) -> (...)."""
-    product: Array = np.einsum("...i,...i->...", a, b)
+    product: Float = np.einsum("...i,...i->...", a, b)
     return product
 
 
-def unit(vector: Array) -> Array:
+def unit(vector: Float) -> Float:
     """Vector (..., 3) divided by its length."""
-    length: Array = np.sqrt(dot(vector, vector))
-    result: Array = vector / length[..., None]
+    length: Float = np.sqrt(dot(vector, vector))
+    result: Float = vector / length[..., None]
     return result

@@ -17,16 +17,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from zeromethod.arrays import Float
 
 
 def _floats(*values: ArrayLike) -> list[Any]:
     return [np.asarray(value, dtype=np.float64) for value in values]
 
 
-def depth_step(delta_l: ArrayLike, theta: ArrayLike, delta_theta: ArrayLike) -> Array:
+def depth_step(delta_l: ArrayLike, theta: ArrayLike, delta_theta: ArrayLike) -> Float:
     """Equation 5: rise of d over delta_l while the slope angle turns evenly from theta by delta_theta.
 
     L / Theta log|cos(theta) / cos(theta + Theta)|; delta_l < 0 goes back towards P0. Exact where theta is
@@ -42,7 +42,7 @@ def depth_step(delta_l: ArrayLike, theta: ArrayLike, delta_theta: ArrayLike) -> 
     return np.asarray(length * np.where(straight, np.tan(start + turn / 2), ratio / safe))
 
 
-def reflected_angle(beta: ArrayLike, lean: ArrayLike) -> Array:
+def reflected_angle(beta: ArrayLike, lean: ArrayLike) -> Float:
     """Equations 8 and 9: alpha = beta - 2 lean. Exact.
 
     lean: angle of the mirror's normal towards the camera, the paper's theta; -theta for d into the rubber.
@@ -51,13 +51,13 @@ def reflected_angle(beta: ArrayLike, lean: ArrayLike) -> Array:
     return np.asarray(towards_camera - 2.0 * turned)
 
 
-def lean_between(alpha: ArrayLike, beta: ArrayLike) -> Array:
+def lean_between(alpha: ArrayLike, beta: ArrayLike) -> Float:
     """Equation 9 solved for the normal's lean towards the camera: (beta - alpha) / 2."""
     towards_pattern, towards_camera = _floats(alpha, beta)
     return np.asarray((towards_camera - towards_pattern) / 2.0)
 
 
-def elevation(d: ArrayLike, l: ArrayLike) -> Array:  # noqa: E741 (the paper's l)
+def elevation(d: ArrayLike, l: ArrayLike) -> Float:  # noqa: E741 (the paper's l)
     """Equations 10 and 13: gamma = arctan(d / l), by which Q leaves the mirror as seen from P0.
 
     With l' for l: as seen from R0. Exact.
@@ -72,7 +72,7 @@ def sine_rule_sides(
     m: ArrayLike,
     alpha: ArrayLike,
     alpha0: float,
-) -> tuple[Array, Array]:
+) -> tuple[Float, Float]:
     """Equation 11: both sides of the sine rule in the triangle P0 P1 Q1.
 
     Equal (exactly) where a ray at alpha joins Q1 = (l, d) and P1 at m.
@@ -89,7 +89,7 @@ def pattern_distance(
     alpha: ArrayLike,
     alpha0: float,
     gamma: ArrayLike | None = None,
-) -> Array:
+) -> Float:
     """Equation 12: m = sqrt(l^2 + d^2) cos(alpha - gamma) / cos(alpha - alpha0), from P0.
 
     gamma: None for equation 10, where it is exact; 0 for the paper's own approximation, whose error
@@ -102,7 +102,7 @@ def pattern_distance(
 
 def captured_distance(
     l_prime: ArrayLike, d: ArrayLike, beta: ArrayLike, beta0: float, gamma: ArrayLike | None = None
-) -> Array:
+) -> Float:
     """Equation 14: w = sqrt(l'^2 + d^2) cos(beta - gamma') / cos(beta - beta0), from R0.
 
     gamma: None for equation 13, where it is exact; 0 where gamma' is dropped as gamma is.
@@ -110,7 +110,7 @@ def captured_distance(
     return pattern_distance(l_prime, d, beta, beta0, gamma)
 
 
-def mirror_distance(w: ArrayLike, d: ArrayLike, beta0: float, *, keep_gamma: bool = True) -> Array:
+def mirror_distance(w: ArrayLike, d: ArrayLike, beta0: float, *, keep_gamma: bool = True) -> Float:
     """Equation 14 solved for l' with the camera at infinity (beta = beta0).
 
     Exact with gamma' kept: l' = (w - d sin(beta0)) / cos(beta0). Dropped: l'^2 = (w / cos(beta0))^2 - d^2.
@@ -121,13 +121,13 @@ def mirror_distance(w: ArrayLike, d: ArrayLike, beta0: float, *, keep_gamma: boo
     return np.asarray(np.sqrt(np.maximum((captured / np.cos(beta0)) ** 2 - depth**2, 0.0)))
 
 
-def angle_change(alpha: ArrayLike, alpha0: float) -> Array:
+def angle_change(alpha: ArrayLike, alpha0: float) -> Float:
     """Equation 15: delta alpha = alpha - alpha0, 0 for a ray that is normal to the pattern face."""
     (angle,) = _floats(alpha)
     return np.asarray(angle - alpha0)
 
 
-def expanded_angle_change(m: ArrayLike, l: ArrayLike, d: ArrayLike, alpha0: float) -> Array:  # noqa: E741
+def expanded_angle_change(m: ArrayLike, l: ArrayLike, d: ArrayLike, alpha0: float) -> Float:  # noqa: E741
     """Equation 17: delta alpha from m, l and d, to second order in delta alpha, with gamma = 0.
 
     With r^2 = l^2 + d^2, c = cos(alpha0), s = sin(alpha0) the second-order Taylor series of equation 16,
@@ -153,7 +153,7 @@ def expanded_angle_change(m: ArrayLike, l: ArrayLike, d: ArrayLike, alpha0: floa
     return np.asarray(-rest / (b + np.sqrt(b * b - rest * a)))
 
 
-def pattern_angle(m: ArrayLike, l: ArrayLike, d: ArrayLike, alpha0: float) -> Array:  # noqa: E741
+def pattern_angle(m: ArrayLike, l: ArrayLike, d: ArrayLike, alpha0: float) -> Float:  # noqa: E741
     """Equation 12 solved for alpha, gamma kept. Exact.
 
     tan(alpha) = (l - m cos(alpha0)) / (m sin(alpha0) - d):
@@ -163,7 +163,7 @@ def pattern_angle(m: ArrayLike, l: ArrayLike, d: ArrayLike, alpha0: float) -> Ar
     return np.asarray(np.arctan2(along - pattern * np.cos(alpha0), pattern * np.sin(alpha0) - depth))
 
 
-def next_depth_step(delta_l: ArrayLike, theta: ArrayLike, delta_theta: ArrayLike) -> Array:
+def next_depth_step(delta_l: ArrayLike, theta: ArrayLike, delta_theta: ArrayLike) -> Float:
     """Equation 19: delta d of the *next* interval, n + 1, from l, theta and delta theta of interval n.
 
     Equation 5 moved on by one interval, which equation 18 (neighbouring delta d are nearly equal) allows.

@@ -6,22 +6,20 @@ Convention: as in `zeromethod.paper.equations`; (x, z) with x along the mirror f
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.paper.equations import captured_distance, pattern_distance, reflected_angle
-
-Array = NDArray[np.float64]
 
 
 def exact_picks(
-    l: Array,  # noqa: E741
-    d: Array,
-    theta: Array,
+    l: Float,  # noqa: E741
+    d: Float,
+    theta: Float,
     *,
     alpha0: float,
     beta0: float,
     length: float,
-) -> tuple[Array, Array]:
+) -> tuple[Float, Float]:
     """Exact m, w (n,) of mirror points (l, -d) of slope angle theta, (n,) each, by plane geometry alone.
 
     The camera's rays are parallel, beta0 from the normal. m is where the reflected ray meets the pattern
@@ -40,21 +38,21 @@ def exact_picks(
 
 
 def printed_picks(
-    l: Array,  # noqa: E741
-    d: Array,
-    theta: Array,
+    l: Float,  # noqa: E741
+    d: Float,
+    theta: Float,
     *,
     alpha0: float,
     beta0: float,
     length: float,
-) -> tuple[Array, Array]:
+) -> tuple[Float, Float]:
     """The paper's own approximate m, w (n,): equations 9, 12 and 14 with gamma = gamma' = 0."""
     alpha = reflected_angle(beta0, -theta)
     m = pattern_distance(l, d, alpha, alpha0, gamma=0.0)
     return m, captured_distance(length - l, d, beta0, beta0, gamma=0.0)
 
 
-def _along_face(point: Array, direction: Array, face: Array) -> Array:
+def _along_face(point: Float, direction: Float, face: Float) -> Float:
     """Distance from the origin along `face` (2,) at which rays (n, 2) cross it."""
     across = np.array([-face[1], face[0]])
     travel = -(point @ across) / (direction @ across)

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import Dented, Optics
 from zeromethod.paper.picks import Picks, pick
@@ -17,8 +18,6 @@ from zeromethod.paper.series import Series
 from zeromethod.rig.model import Rig
 from zeromethod.session.truth import TrueMirror
 from zeromethod.simulation.press import Dent, Mirror, Shape
-
-Array = NDArray[np.float64]
 
 DEPTH_MM, SIGMA_MM = 0.2, 5.0
 """The press of section 5: "about 0.2 mm" is given; its width is not, 5 mm is this project's choice."""
@@ -35,7 +34,7 @@ class LatticeReading:
 
     line: Picks
     series: Series
-    true_mm: Array
+    true_mm: Float
     peak_true_mm: float
 
     @property
@@ -85,7 +84,7 @@ def read_images(
     return read_picks(view, line.whole(), truth), read_picks(view, line, truth)
 
 
-def scatter(rig: Rig, shifts_mm: tuple[Array, Array], rows: int = 132) -> Array:
+def scatter(rig: Rig, shifts_mm: tuple[Float, Float], rows: int = 132) -> Float:
     """Error at the peak, %, of presses moved against the lattice, (n, 4).
 
     Columns: whole-pixel and sub-pixel picks with equation 19 as printed, then both without its lag.

@@ -9,12 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.paper.forward import exact_picks, printed_picks
 from zeromethod.paper.series import Inverse, Rim, Series, Step, reconstruct
-
-Array = NDArray[np.float64]
 
 PAPER_THETA_ERROR_RAD = 0.0008
 PAPER_DEPTH_ERROR_PX = 0.4
@@ -35,16 +33,16 @@ class Needle:
         """Where the tip lies, l."""
         return self.length_px / 2
 
-    def depth(self, l: Array) -> Array:  # noqa: E741
+    def depth(self, l: Float) -> Float:  # noqa: E741
         """Depth (...) in px at l (...) px; the flanks go on beyond the ends."""
         return np.asarray(self.peak_px * (1.0 - np.abs(l - self.tip_px) / self.tip_px))
 
-    def theta(self, l: Array) -> Array:  # noqa: E741
+    def theta(self, l: Float) -> Float:  # noqa: E741
         """Slope angle (...) in rad at l (...) px."""
         angle = np.arctan(self.peak_px / self.tip_px)
         return np.asarray(np.where(l < self.tip_px, angle, -angle))
 
-    def points(self, spacing_px: float) -> Array:
+    def points(self, spacing_px: float) -> Float:
         """Points l of the mirror `spacing_px` apart, the first one spacing from P0, ends left out."""
         return np.arange(spacing_px, self.length_px, spacing_px, dtype=np.float64)
 
@@ -67,14 +65,14 @@ class Column:
     """One way through the method. Errors are taken at the true mirror points l (n,) in px."""
 
     name: str
-    l: Array  # noqa: E741
+    l: Float  # noqa: E741
     series: Series
     rises: Errors
     drops: Errors
     average: Errors
 
 
-def errors_of(needle: Needle, l: Array, theta: Array, depth: Array, away_px: float) -> Errors:  # noqa: E741
+def errors_of(needle: Needle, l: Float, theta: Float, depth: Float, away_px: float) -> Errors:  # noqa: E741
     """Errors of a reading theta, depth (n,) against the needle at l (n,)."""
     theta_error = np.abs(theta - needle.theta(l))
     depth_error = np.abs(depth - needle.depth(l))

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Dented, Flat, Optics
 from zeromethod.paper.needle import (
     PAPER_DEPTH_ERROR_PX,
@@ -27,8 +27,6 @@ from zeromethod.surface import SurfaceReader
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
-
-Array = NDArray[np.float64]
 
 MM_PER_PX = 0.1
 """Section 5: 1 pixel is about 0.1 mm."""
@@ -53,9 +51,9 @@ class NeedleReading:
 
     pixel_mm: float
     window_px: float
-    l: Array  # noqa: E741
-    theta: Array
-    depth: Array
+    l: Float  # noqa: E741
+    theta: Float
+    depth: Float
     errors: Errors
 
 
@@ -137,13 +135,13 @@ class _Tent:
         self._needle = needle
         self._length_mm = needle.length_px * MM_PER_PX
 
-    def _inside(self, x: Array) -> NDArray[np.bool_]:
+    def _inside(self, x: Float) -> Mask:
         return np.asarray((x > 0.0) & (x < self._length_mm))
 
-    def depth(self, x: Array, y: Array) -> Array:  # noqa: ARG002 (the needle is a ridge along y)
+    def depth(self, x: Float, y: Float) -> Float:  # noqa: ARG002 (the needle is a ridge along y)
         return np.where(self._inside(x), MM_PER_PX * self._needle.depth(x / MM_PER_PX), 0.0)
 
-    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def slope(self, x: Float, y: Float) -> tuple[Float, Float]:
         return np.where(self._inside(x), np.tan(self._needle.theta(x / MM_PER_PX)), 0.0), np.zeros_like(y)
 
 

@@ -13,9 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Ints
 from zeromethod.errors import MeasurementError
-
-Array = NDArray[np.float64]
 
 _SMOOTHING = 0.09
 """Gaussian sigma over the period: about a dark line's width, so that a crossing becomes a round dip."""
@@ -36,9 +35,9 @@ _SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1))
 class Picks:
     """The same crossings in both images: index (n, 2) whole (along u, along v); before, after (n, 2) px."""
 
-    index: NDArray[np.int64]
-    before: Array
-    after: Array
+    index: Ints
+    before: Float
+    after: Float
 
     def whole(self) -> Picks:
         """The picks as a hand would make them: whole pixels."""
@@ -51,7 +50,7 @@ class Picks:
         return Picks(self.index[chosen], self.before[chosen], self.after[chosen])
 
 
-def find_crossings(image: NDArray[np.generic], period_px: float) -> Array:
+def find_crossings(image: NDArray[np.generic], period_px: float) -> Float:
     """Find crossings (n, 2) of dark lines about `period_px` apart (0.6 to 1.6 of it) on a light ground.
 
     A crossing is a dip of the smoothed image, brightness divided out, with dark arms on all four sides and
@@ -74,7 +73,7 @@ def find_crossings(image: NDArray[np.generic], period_px: float) -> Array:
     return np.array(places, dtype=np.float64).reshape(-1, 2)
 
 
-def _between_edges(grey: Array, u: int, v: int, beside: int) -> tuple[float, float]:
+def _between_edges(grey: Float, u: int, v: int, beside: int) -> tuple[float, float]:
     """Place (u, v) of a crossing near a whole pixel: the middle of its dark lines, half an arm away from it.
 
     Each edge lies where the grey passes half way from the line's darkest to the light on that edge's own
@@ -97,7 +96,7 @@ def _between_edges(grey: Array, u: int, v: int, beside: int) -> tuple[float, flo
     return arms[0], arms[1]
 
 
-def _edge(profile: Array, reach: int) -> float:
+def _edge(profile: Float, reach: int) -> float:
     """Way from the profile's start to where it first passes half way up to the light within `reach`."""
     light = float(profile[: reach + 1].max())
     half = (float(profile[0]) + light) / 2
@@ -135,7 +134,7 @@ def pick(
     )
 
 
-def _neighbours(places: Array, period_px: float) -> NDArray[np.int64]:
+def _neighbours(places: Float, period_px: float) -> Ints:
     """Next crossing (n, 4) on each of the `_SIDES`, -1 where there is none or the two disagree."""
     found = np.full((len(places), 4), -1)
     if len(places) < 2:
@@ -152,7 +151,7 @@ def _neighbours(places: Array, period_px: float) -> NDArray[np.int64]:
 
 
 def _follow(
-    rest: dict[tuple[int, int], Array], candidates: Array, neighbours: NDArray[np.int64], period_px: float
+    rest: dict[tuple[int, int], Float], candidates: Float, neighbours: Ints, period_px: float
 ) -> dict[tuple[int, int], int]:
     """Candidate of each lattice point, spread from the border of the lattice along the neighbours."""
     names: dict[int, tuple[int, int]] = {}

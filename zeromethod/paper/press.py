@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.optics import Optics
 from zeromethod.paper.series import Series, reconstruct
 from zeromethod.rig.model import Rig
-
-Array = NDArray[np.float64]
 
 PITCH_MM = 2.5
 """Distance of the lattice's lines (section 5)."""
@@ -56,12 +54,12 @@ class LatticeView:
             length_mm=prism.length_mm,
         )
 
-    def resting_px(self) -> Array:
+    def resting_px(self) -> Float:
         """Columns (n,) of the lattice's lines at rest, those at P0 and R0 left out."""
         return np.arange(self.origin_px[0] + self.period_px, self.captured_px - 0.5, self.period_px)
 
     def series(
-        self, before_px: Array, after_px: Array, *, step: Literal["printed", "centred"] = "printed"
+        self, before_px: Float, after_px: Float, *, step: Literal["printed", "centred"] = "printed"
     ) -> Series:
         """Depth in mm along the mirror from the columns (n,) of crossings, before the press and during it.
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Image
 from zeromethod.loop.state import NULLED
 from zeromethod.optics import Optics
 from zeromethod.paper.press import PITCH_MM
@@ -18,8 +17,6 @@ from zeromethod.session.run import run
 from zeromethod.session.truth import TrueMirror, compare
 from zeromethod.surface import Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
-
-Array = NDArray[np.float64]
 
 NOTHING = float("nan")
 WINDOW_PITCHES = 0.4
@@ -45,8 +42,8 @@ class SurfaceReading:
     peak_error_percent: float
     line_rms_um: float
     view_rms_um: float
-    l_mm: Array
-    depth_mm: Array
+    l_mm: Float
+    depth_mm: Float
     points: int
     frames: int
     reason: str = ""
@@ -79,7 +76,7 @@ def against_truth(surface: Surface, truth: TrueMirror, optics: Optics, grid: Nod
 
 
 def read_whole_image(
-    rig: Rig, before: NDArray[Any], after: NDArray[Any], truth: TrueMirror, *, own_window: bool = False
+    rig: Rig, before: Image, after: Image, truth: TrueMirror, *, own_window: bool = False
 ) -> SurfaceReading:
     """Read the press off two still images by all their pixels: image correlation, rest map, exact rays.
 

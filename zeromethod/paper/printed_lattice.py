@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Float
 from zeromethod.paper.press import PITCH_MM
 from zeromethod.pattern import Response
 from zeromethod.rig.model import DisplaySpec, Rig
@@ -18,15 +19,13 @@ from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
 
-Array = NDArray[np.float64]
-
 LINE_MM = 0.4
 """Width of the dark lines: not given in the paper, a choice."""
 DARK, LIGHT = 0.05, 0.95
 """Light of the lines and of the ground, shares of the panel's full light."""
 
 
-def lattice_picture(display: DisplaySpec) -> NDArray[np.uint8]:
+def lattice_picture(display: DisplaySpec) -> Bytes:
     """LCD grey codes (rows, cols) of dark lines every 2.5 mm, one through P0 and one along y = 0.
 
     Drawn by length, not through any warp: each LCD pixel has the light of the ground that it covers. The
@@ -39,14 +38,14 @@ def lattice_picture(display: DisplaySpec) -> NDArray[np.uint8]:
     return np.asarray(np.rint(codes), dtype=np.uint8)
 
 
-def _about_middle(count: int) -> Array:
+def _about_middle(count: int) -> Float:
     return np.arange(count, dtype=np.float64) - (count - 1) / 2
 
 
-def _covered(centre_mm: Array, width_mm: float) -> Array:
+def _covered(centre_mm: Float, width_mm: float) -> Float:
     """Share of intervals of `width_mm` that the lattice's lines cover."""
 
-    def dark_until(place_mm: Array) -> Array:
+    def dark_until(place_mm: Float) -> Float:
         nearest = np.rint(place_mm / PITCH_MM)
         return LINE_MM * nearest + np.clip(place_mm - PITCH_MM * nearest, -LINE_MM / 2, LINE_MM / 2)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.optics import Optics
 from zeromethod.paper.lattice_reading import (
     LatticeReading,
@@ -26,7 +27,6 @@ from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.scenario import load_scenario
 
-Array = NDArray[np.float64]
 Figures = dict[str, Any]
 
 PRESS = "hold"
@@ -67,10 +67,10 @@ class Reproduction:
     pixels: SurfaceReading
     pixels_own_window: SurfaceReading
     zero: SurfaceReading
-    scatter_percent: Array
+    scatter_percent: Float
     layers_percent: dict[str, float]
 
-    def truth_along_line(self, points: int = 801) -> tuple[Array, Array]:
+    def truth_along_line(self, points: int = 801) -> tuple[Float, Float]:
         """(l, depth), each (points,) mm: the planted mirror at y = 0."""
         along = np.linspace(0.0, Optics(self.rig).length_mm, points)
         return along, self.press.depth(along, np.zeros_like(along))
@@ -125,7 +125,7 @@ def _of_surface(reading: SurfaceReading) -> Figures:
     }
 
 
-def _spread(errors: Array) -> Figures:
+def _spread(errors: Float) -> Figures:
     return {
         "positions": len(errors),
         "median_percent": float(np.median(errors)),

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import newton
 
+from zeromethod.arrays import Float
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.paper.equations import (
     depth_step,
@@ -22,7 +23,6 @@ from zeromethod.paper.equations import (
     pattern_angle,
 )
 
-Array = NDArray[np.float64]
 Inverse = Literal["equation 17", "equation 12"]
 Step = Literal["printed", "centred"]
 Rim = float | Literal["straight", "closed"]
@@ -38,15 +38,15 @@ class Series:
     *_drops: summed from l = L0. Lengths in the unit of m and w, theta in rad.
     """
 
-    l: Array  # noqa: E741
-    theta: Array
-    depth: Array
-    l_rises: Array
-    theta_rises: Array
-    depth_rises: Array
-    l_drops: Array
-    theta_drops: Array
-    depth_drops: Array
+    l: Float  # noqa: E741
+    theta: Float
+    depth: Float
+    l_rises: Float
+    theta_rises: Float
+    depth_rises: Float
+    l_drops: Float
+    theta_drops: Float
+    depth_drops: Float
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def reconstruct(
     return Series(*mean, *rises, *drops)
 
 
-def _checked(m: ArrayLike, w: ArrayLike, length: float) -> tuple[Array, Array]:
+def _checked(m: ArrayLike, w: ArrayLike, length: float) -> tuple[Float, Float]:
     picked_m, picked_w = np.asarray(m, dtype=np.float64), np.asarray(w, dtype=np.float64)
     if picked_m.ndim != 1 or picked_m.shape != picked_w.shape or len(picked_m) < 2:
         raise InputError(f"lattice: m, w: shapes {picked_m.shape}, {picked_w.shape}: equal, 2 or more points")
@@ -131,7 +131,7 @@ def _checked(m: ArrayLike, w: ArrayLike, length: float) -> tuple[Array, Array]:
     return picked_m, picked_w
 
 
-def _sum(bench: _Bench, m: Array, w: Array, end: float, rim: float | None) -> Array:
+def _sum(bench: _Bench, m: Float, w: Float, end: float, rim: float | None) -> Float:
     """(3, n): l, theta, d of one series that starts with d = 0 at l = `end`; rim None = straight."""
     found = np.empty((3, len(m)))
     l, theta, d, rise = _first(bench, m[0], w[0], end, rim)  # noqa: E741
@@ -170,7 +170,7 @@ def _first(
     return l, theta, d, d
 
 
-def _closing_slope(bench: _Bench, m: Array, w: Array) -> float:
+def _closing_slope(bench: _Bench, m: Float, w: Float) -> float:
     """Slope angle at P0 with which the rises end, straight on from the last point, at d = 0."""
 
     def missed(slope: float) -> float:

@@ -12,11 +12,10 @@ import functools
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.passive.moving_fit import blur, moving_fit
 
-Float = NDArray[np.float64]
 Window = tuple[float, float]
 
 WIDTHS_PX = (4.0, 8.0, 16.0, 32.0)
@@ -111,7 +110,7 @@ def _bias2(
     return np.where(known, np.maximum(out - _NOISE, 0.0) * noise, 0.0)
 
 
-def _share(chosen: NDArray[np.bool_], sigma: float) -> Float:
+def _share(chosen: Mask, sigma: float) -> Float:
     """Blurred choice (rows, cols, 2), so that a change of window leaves no step."""
     parts = [blur(chosen[..., c].astype(np.float64), (sigma, sigma)) for c in range(2)]
     return np.stack(parts, axis=-1)

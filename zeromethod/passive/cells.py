@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import numba
-import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
+from zeromethod.arrays import Float, Single
 
 XX, XY, YY, X, Y = range(5)
 """Channels of `normal_sums`: sums of gx gx, gx gy, gy gy, gx r, gy r."""
 
 
 @numba.njit(cache=True, fastmath=False)
-def grey_sums(reference: Grey, warped: Grey, size: int, out: Float) -> None:
+def grey_sums(reference: Single, warped: Single, size: int, out: Float) -> None:
     """Per cell: pixel count and sums of a, b, a a, a b, b b for reference a and warped image b.
 
     out: (cell rows, cell cols, 6). Pixels that are NaN in either image do not count.
@@ -34,7 +31,7 @@ def grey_sums(reference: Grey, warped: Grey, size: int, out: Float) -> None:
 
 
 @numba.njit(cache=True, inline="always")
-def _slope(a: Grey, b: Grey, v: int, u: int, dv: int, du: int, gain: float) -> float:
+def _slope(a: Single, b: Single, v: int, u: int, dv: int, du: int, gain: float) -> float:
     """Fourth-order central difference of (a + gain b) / 2 along (dv, du); NaN beside a NaN."""
     v1, v2, v3, v4 = v - 2 * dv, v - dv, v + dv, v + 2 * dv
     u1, u2, u3, u4 = u - 2 * du, u - du, u + du, u + 2 * du
@@ -45,7 +42,9 @@ def _slope(a: Grey, b: Grey, v: int, u: int, dv: int, du: int, gain: float) -> f
 
 
 @numba.njit(cache=True)
-def normal_sums(reference: Grey, warped: Grey, light: Float, size: int, sums: Float, misfit: Float) -> None:
+def normal_sums(
+    reference: Single, warped: Single, light: Float, size: int, sums: Float, misfit: Float
+) -> None:
     """Normal equations of the displacement left between reference and warped image, per cell.
 
     light: (cell rows, cell cols, 2) gain and offset that bring the warped image to the reference's grey.

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Image, Single
 from zeromethod.errors import InputError
 from zeromethod.passive.bandwidth import WIDTHS_PX, adaptive_fit
 from zeromethod.passive.displacement import Displacement
@@ -15,9 +14,6 @@ from zeromethod.passive.matching import Matcher
 from zeromethod.passive.search import CELL_PX, SMALLEST_PX, pyramid, resampled, search, settle
 from zeromethod.passive.validity import doubts, unsettled
 from zeromethod.warp.continuation import continue_smoothly
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
 
 SPACING_PX = 5
 """Pixels between points; odd, so that points lie on pixel centres."""
@@ -32,8 +28,8 @@ _GUESS_ROUNDS = 20
 
 
 def correlate(
-    reference: NDArray[Any],
-    image: NDArray[Any],
+    reference: Image,
+    image: Image,
     *,
     spacing_px: int = SPACING_PX,
     window_px: float | None = None,
@@ -100,7 +96,7 @@ def correlate(
     )
 
 
-def _start(a: Grey, b: Grey, guess: Displacement | None) -> Float:
+def _start(a: Single, b: Single, guess: Displacement | None) -> Float:
     """Field on cells of `CELL_PX`: the search's, or the settled guess where that matches more."""
     found = search(pyramid(a), pyramid(b))
     if guess is None:
@@ -113,8 +109,8 @@ def _start(a: Grey, b: Grey, guess: Displacement | None) -> Float:
 
 
 def _check(
-    reference: NDArray[Any],
-    image: NDArray[Any],
+    reference: Image,
+    image: Image,
     spacing_px: int,
     window_px: float | None,
     guess: Displacement | None,

@@ -6,9 +6,8 @@ import enum
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from zeromethod.arrays import Bytes, Float, Mask
 
 
 class Doubt(enum.IntFlag):
@@ -42,13 +41,13 @@ class Displacement:
     dv: Float
     sigma_u: Float
     sigma_v: Float
-    doubts: NDArray[np.uint8]
+    doubts: Bytes
     match: Float
     noise_area_px2: Float
     noise_grey: float
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Mask:
         """(rows, cols) points that may be trusted."""
         return np.equal(self.doubts, 0)
 

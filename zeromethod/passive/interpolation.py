@@ -10,19 +10,16 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import spline_filter
 
+from zeromethod.arrays import Float, Single
 from zeromethod.warp.interpolant import keys_weights
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
 
 BORDER_PX = 2
 """Sampling stops this far from the image's border, where the spline leans on mirrored grey levels."""
 
 
-def spline_coefficients(grey: Grey) -> Grey:
+def spline_coefficients(grey: Single) -> Single:
     """Quintic B-spline coefficients (rows, cols) of an image (rows, cols)."""
     return np.asarray(spline_filter(grey, order=5, output=np.float32, mode="mirror"))
 
@@ -42,7 +39,7 @@ def quintic_weights(t: float) -> tuple[float, float, float, float, float, float]
 
 
 @numba.njit(cache=True, fastmath=True)
-def warp_image(coefficients: Grey, field: Float, padding: int, size: int, out: Grey) -> None:
+def warp_image(coefficients: Single, field: Float, padding: int, size: int, out: Single) -> None:
     """Draw the image as the reference should have seen it: out(u, v) = image(u + du, v + dv).
 
     coefficients: (rows, cols) of the image. field: (cell rows + 2 padding, cell cols + 2 padding, 2)

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.passive.cells import grey_sums, normal_sums
 from zeromethod.passive.interpolation import noise_gain, spline_coefficients, warp_image
 from zeromethod.passive.moving_fit import blur
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
 
 PADDING = 2
 """Cells added round a field, so that the cubic between cells reaches the image's border."""
@@ -35,8 +32,8 @@ class Comparison:
 
     sums: Float
     match: Float
-    alike: NDArray[np.bool_]
-    seen: NDArray[np.bool_]
+    alike: Mask
+    seen: Mask
     grey_variance: Float
 
 
@@ -56,7 +53,7 @@ def padded(field: Float) -> Float:
 class Matcher:
     """Compares one pair of images, again and again, for ever better fields. Keeps its buffers."""
 
-    def __init__(self, reference: Grey, image: Grey, size: int) -> None:
+    def __init__(self, reference: Single, image: Single, size: int) -> None:
         """reference, image: (rows, cols) grey. size: of the cells in px."""
         self._reference = reference
         self._coefficients = spline_coefficients(image)

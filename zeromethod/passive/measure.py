@@ -9,8 +9,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.passive import Displacement, correlate
@@ -18,8 +18,6 @@ from zeromethod.passive.passive_warp import measured_warp
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
-
-Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +34,7 @@ class StillReading:
     grid: NodeGrid | None = None
 
 
-def read_grey(path: Path) -> NDArray[Any]:
+def read_grey(path: Path) -> Image:
     """Image file as grey levels (rows, cols), 8 or 16 bits; colour is weighed as the eye does.
 
     Raises InputError for what is missing or no image.
@@ -94,7 +92,7 @@ class Measurement:
             self._grid = NodeGrid(expected, rig.target.period_px)
             self._reader = SurfaceReader(rig, self._optics, self._grid)
 
-    def load(self, path: Path) -> NDArray[Any]:
+    def load(self, path: Path) -> Image:
         """Grey levels of an image; InputError unless it has the reference's size."""
         image = read_grey(path)
         if image.shape != self.reference.shape:
@@ -145,10 +143,10 @@ def figures(reading: StillReading) -> dict[str, Any]:
     return out
 
 
-def arrays(reading: StillReading) -> dict[str, NDArray[Any]]:
+def arrays(reading: StillReading) -> dict[str, Image]:
     """Everything that was measured, by the names that a result file has."""
     found = reading.displacement
-    out: dict[str, NDArray[Any]] = {
+    out: dict[str, Image] = {
         "u": found.u,
         "v": found.v,
         "du": found.du,
@@ -173,6 +171,6 @@ def arrays(reading: StillReading) -> dict[str, NDArray[Any]]:
     return out
 
 
-def _size(image: NDArray[Any] | tuple[int, ...]) -> str:
+def _size(image: Image | tuple[int, ...]) -> str:
     rows, cols = image.shape if isinstance(image, np.ndarray) else image
     return f"{cols} x {rows} px"

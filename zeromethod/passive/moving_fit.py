@@ -9,11 +9,9 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Ints
 from zeromethod.passive.cells import XX, XY, YY, X, Y
-
-Float = NDArray[np.float64]
 
 REACH = 3.0
 """The Gaussian window ends at this many standard deviations."""
@@ -108,7 +106,7 @@ def _substitute(factor: Float, size: int, x: Float) -> None:
 
 
 @numba.njit(cache=True)
-def _fill_matrix(moments: Float, powers: NDArray[np.int64], j: int, i: int, matrix: Float) -> None:
+def _fill_matrix(moments: Float, powers: Ints, j: int, i: int, matrix: Float) -> None:
     """Lower triangle of the normal matrix from moments (3, n, n, rows, cols) of XX, XY, YY."""
     terms = powers.shape[0]
     for m in range(terms):
@@ -121,9 +119,7 @@ def _fill_matrix(moments: Float, powers: NDArray[np.int64], j: int, i: int, matr
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
-def _solve(
-    moments: Float, squares: Float, right: Float, powers: NDArray[np.int64], out: Float, variance: Float
-) -> None:
+def _solve(moments: Float, squares: Float, right: Float, powers: Ints, out: Float, variance: Float) -> None:
     terms = powers.shape[0]
     size = 2 * terms
     matrix, spread = np.empty((size, size)), np.empty((size, size))

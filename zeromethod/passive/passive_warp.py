@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.optics import Optics
 from zeromethod.passive import Displacement
 from zeromethod.warp.grid import NodeGrid
@@ -12,8 +12,6 @@ from zeromethod.warp.interpolant import sample
 from zeromethod.warp.overlap import overlap_correlation
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
-
-Float = NDArray[np.float64]
 
 _ROUNDS = 60
 _SETTLED_PX = 1e-6

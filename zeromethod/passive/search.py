@@ -8,15 +8,12 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Single
 from zeromethod.passive.matching import PADDING, Matcher, padded
 from zeromethod.passive.moving_fit import moving_fit
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.interpolant import sample
-
-Float = NDArray[np.float64]
-Grey = NDArray[np.float32]
 
 SMALLEST_PX = 40
 CELL_PX = 4
@@ -29,7 +26,7 @@ _CLEARLY = 1.2
 """A shift must match this much more than rest: of a regular texture's many matches, rest is the likeliest."""
 
 
-def pyramid(grey: Grey) -> list[Grey]:
+def pyramid(grey: Single) -> list[Single]:
     """Image (rows, cols) and its halvings, finest first."""
     levels = [grey]
     while min(levels[-1].shape) >= 2 * SMALLEST_PX:
@@ -71,7 +68,7 @@ def resampled(field: Float, size: int, shape: tuple[int, int], new_size: int, sc
     return scale * sample(padded(field), col, row)
 
 
-def search(references: list[Grey], images: list[Grey]) -> Float:
+def search(references: list[Single], images: list[Single]) -> Float:
     """Field (cell rows, cell cols, 2) px of the finest level, on cells of `CELL_PX`, from no guess at all."""
     field: Float | None = None
     for reference, image in zip(references[::-1], images[::-1], strict=True):
@@ -85,7 +82,7 @@ def search(references: list[Grey], images: list[Grey]) -> Float:
     return field
 
 
-def _coarsest(matcher: Matcher, reference: Grey, image: Grey) -> Float:
+def _coarsest(matcher: Matcher, reference: Single, image: Single) -> Float:
     """Field of the coarsest level: from rest, or from one shift of all where that clearly matches more."""
     rest = np.zeros((*matcher.shape, 2))
     shift, _ = cv2.phaseCorrelate(

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Float, Mask
 from zeromethod.passive.displacement import Doubt
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 WEAK_PX = 0.25
 """Largest standard deviation of a point that still counts as measured."""
@@ -65,9 +62,7 @@ def _worst(sigma: Float) -> Float:
     return np.asarray(np.where(np.isfinite(sigma).all(axis=-1), sigma.max(axis=-1), np.inf))
 
 
-def doubts(
-    field: Float, sigma: Float, step: Float, seen: Mask, alike: Mask, spacing_px: float
-) -> NDArray[np.uint8]:
+def doubts(field: Float, sigma: Float, step: Float, seen: Mask, alike: Mask, spacing_px: float) -> Bytes:
     """`Doubt` bits (rows, cols) of a field (rows, cols, 2) px with points spacing_px apart.
 
     sigma (rows, cols, 2) px. step (rows, cols) px: the last change of the field. seen: cells that both

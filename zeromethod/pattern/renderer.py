@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Float, Single
 from zeromethod.gl import program
 from zeromethod.pattern.response import TABLE_SIZE, Response
 from zeromethod.pattern.strips import BITS, Strips, bits_of
@@ -46,7 +47,7 @@ def _set(shader: moderngl.Program, **uniforms: object) -> None:
             uniform.value = value
 
 
-def _texture(ctx: moderngl.Context, texels: NDArray[np.float32]) -> moderngl.Texture:
+def _texture(ctx: moderngl.Context, texels: Single) -> moderngl.Texture:
     """Texture of (rows, cols, components) float32, read by texelFetch only."""
     rows, cols, components = texels.shape
     texture = ctx.texture((cols, rows), components, np.ascontiguousarray(texels).tobytes(), dtype="f4")
@@ -75,7 +76,7 @@ class PatternRenderer:
         self,
         ctx: moderngl.Context,
         grid: NodeGrid,
-        q_rest: NDArray[np.float64],
+        q_rest: Float,
         size: tuple[int, int],
         target: Target,
         response: Response,
@@ -129,9 +130,7 @@ class PatternRenderer:
         self._places = ctx.framebuffer([self._textures[_PLACES]])
         self._own: moderngl.Framebuffer | None = None
 
-    def render(
-        self, framebuffer: moderngl.Framebuffer, q: NDArray[np.float64], code: int | None = None
-    ) -> None:
+    def render(self, framebuffer: moderngl.Framebuffer, q: Float, code: int | None = None) -> None:
         """Draw the picture of warp q, (rows, cols, 2) LCD px, into a framebuffer of the LCD's size.
 
         code: 0..15, drawn into the strips; without it, or without strips, there is only the target.
@@ -168,7 +167,7 @@ class PatternRenderer:
         right, bottom = 2 * (high + 0.5) / self._size - 1
         return float(left), float(-bottom), float(right), float(-top)
 
-    def image(self, q: NDArray[np.float64], code: int | None = None) -> NDArray[np.uint8]:
+    def image(self, q: Float, code: int | None = None) -> Bytes:
         """Picture of warp q, with a code or without, as (rows, cols) uint8 grey codes, row 0 at the top."""
         columns, rows = self._size
         if self._own is None:

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from zeromethod.arrays import Bytes, Float, Single
 from zeromethod.errors import InputError
 from zeromethod.rig.model import DisplaySpec
-
-Float = NDArray[np.float64]
 
 TABLE_SIZE = 1024
 
@@ -55,7 +54,7 @@ class Response:
             return np.asarray(255 * wanted ** (1 / self.gamma))
         return np.interp(wanted, self.light_of_code, np.linspace(0, 255, len(self.light_of_code)))
 
-    def picture(self, light: Float | NDArray[np.float32]) -> NDArray[np.uint8]:
+    def picture(self, light: Float | Single) -> Bytes:
         """Grey codes (rows, cols) of a picture's light over the whole panel, each by its place's inverse."""
         wanted = np.asarray(light, dtype=np.float64)
         if self.exponent is not None:
@@ -78,7 +77,7 @@ class Response:
         return int(np.floor(self.inverse(light) + 0.5))
 
     @cached_property
-    def table(self) -> NDArray[np.float32]:
+    def table(self) -> Single:
         """(1024,) codes at equally spaced square roots of light 0..1.
 
         The root takes the sting out of a power law near black: at gamma 2.2 linear interpolation is

@@ -18,8 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.warp.grid import NodeGrid
 
 CODES = 16
@@ -60,7 +60,7 @@ class Strip:
     unit_px: float
     edge_px: float
     read_px: tuple[int, int]
-    panel_rows: NDArray[np.float64]
+    panel_rows: Float
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,7 @@ class Strips:
     last: Strip
 
     @classmethod
-    def of(
-        cls, grid: NodeGrid, q_rest: NDArray[np.float64], no_ray: NDArray[np.bool_], size: tuple[int, int]
-    ) -> Strips | None:
+    def of(cls, grid: NodeGrid, q_rest: Float, no_ray: Mask, size: tuple[int, int]) -> Strips | None:
         """Find room for the strips; None where the panel fills too little of an edge.
 
         q_rest: (rows, cols, 2) LCD px. no_ray: (rows, cols) nodes without a ray at rest. size: the panel's
@@ -101,7 +99,7 @@ class Strips:
         first, last = found
         return cls(along_u, height, first, last) if first and last else None
 
-    def covered(self, grid: NodeGrid) -> NDArray[np.bool_]:
+    def covered(self, grid: NodeGrid) -> Mask:
         """(rows, cols) nodes whose sensing window, +-(period - 1) px, touches a strip or lies beyond one."""
         reach = grid.period_px - 1
         across = grid.v_px if self.along_u else grid.u_px
@@ -110,10 +108,10 @@ class Strips:
 
 
 def _place(
-    lit: NDArray[np.bool_],
-    panel_row: NDArray[np.float64],
-    across_px: NDArray[np.float64],
-    along_px: NDArray[np.float64],
+    lit: Mask,
+    panel_row: Float,
+    across_px: Float,
+    along_px: Float,
     depth_px: int,
     length_px: int,
     height_px: int,
@@ -145,7 +143,7 @@ def _place(
     return None
 
 
-def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
+def _longest_run(flags: Mask) -> tuple[int, int]:
     """Begin and stop of the longest run of True; (0, 0) where there is none."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     if not len(edges):

@@ -7,11 +7,10 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from zeromethod.arrays import Float, Single
 from zeromethod.rig.model import TargetSpec
-
-Float = NDArray[np.float64]
 
 TILE_PERIODS = 32
 """The noise target repeats after this many periods; its texels are one camera px apart."""
@@ -44,7 +43,7 @@ class Target:
         return cls(spec.kind, spec.period_px, spec.mean, spec.contrast)
 
     @cached_property
-    def texture(self) -> NDArray[np.float32]:
+    def texture(self) -> Single:
         """(n, n) float32 in -1..1, rows along v: the tile of the noise target, n = 32 periods."""
         n = TILE_PERIODS * self.period_px
         fy, fx = np.fft.fftfreq(n)[:, None], np.fft.rfftfreq(n)[None, :]

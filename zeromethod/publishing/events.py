@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Mask
 from zeromethod.surface import Peak, Surface
 
 TOUCH_SIGMAS = 5.0
@@ -65,7 +65,7 @@ class ContactWatch:
         self._running = 0
         self._since_ns = 0
         self._deepest: _Place | None = None
-        self._lit: NDArray[np.bool_] | None = None
+        self._lit: Mask | None = None
 
     @property
     def touching(self) -> bool:

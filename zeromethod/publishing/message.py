@@ -12,8 +12,8 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.loop.step import Step
 from zeromethod.publishing.events import ContactEvent
 from zeromethod.surface import Peak, Surface
@@ -84,7 +84,7 @@ def encode(
     return b"".join((TOPIC, json.dumps(header, allow_nan=False).encode(), b"\n", *parts))
 
 
-def _maps(surface: Surface) -> list[tuple[str, NDArray[Any], str]]:
+def _maps(surface: Surface) -> list[tuple[str, Image, str]]:
     """Name, contiguous little-endian values and unit of every map."""
     lengths = (
         ("depth_mm", surface.depth_mm, "mm"),

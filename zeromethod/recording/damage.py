@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Mask
 from zeromethod.errors import InputError
 from zeromethod.recording.source import Source
 from zeromethod.recording.sums import sum_of
@@ -61,7 +62,7 @@ def _damaged_in(source: Source, group: str, length: int) -> int:
     return int(np.count_nonzero(damaged))
 
 
-def _damaged_rows(source: Source, name: str, sums: NDArray[np.uint64] | None) -> NDArray[np.bool_] | bool:
+def _damaged_rows(source: Source, name: str, sums: NDArray[np.uint64] | None) -> Mask | bool:
     """(items,) whose row is not what was written; many rows share a chunk, which is read once."""
     try:
         rows = source.table(name)

@@ -10,8 +10,8 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.errors import InputError
 from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, Part
 from zeromethod.recording.sums import sum_of
@@ -40,7 +40,7 @@ def create(
     path: Path,
     parts: Mapping[str, Part],
     about: Mapping[str, Any],
-    rest: Mapping[str, tuple[NDArray[Any], str, str]],
+    rest: Mapping[str, tuple[Image, str, str]],
     files: Mapping[str, bytes],
     compress: bool = False,
 ) -> None:
@@ -117,7 +117,7 @@ def _flags() -> list[str]:
 def _describe(
     file: h5py.File,
     about: Mapping[str, Any],
-    rest: Mapping[str, tuple[NDArray[Any], str, str]],
+    rest: Mapping[str, tuple[Image, str, str]],
     files: Mapping[str, bytes],
 ) -> None:
     for name, value in about.items():

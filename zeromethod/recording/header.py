@@ -13,8 +13,8 @@ from typing import Any
 import h5py
 import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.rig.model import Rig
 from zeromethod.warp.rest import Rest
 
@@ -69,7 +69,7 @@ def rig_text(rig: Rig) -> tuple[str, dict[str, bytes]]:
     return tomlkit.dumps(data), files
 
 
-def rest_arrays(rest: Rest) -> dict[str, tuple[NDArray[Any], str, str]]:
+def rest_arrays(rest: Rest) -> dict[str, tuple[Image, str, str]]:
     """The warp at rest with its units and meaning."""
     return {
         "q": (rest.q, "LCD px", "warp of the untouched mirror: (column, row) on the LCD per camera node"),

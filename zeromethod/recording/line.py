@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.child_process import start_beside
 from zeromethod.errors import InputError
 from zeromethod.recording.message import Item, send
@@ -39,7 +39,7 @@ class Content(NamedTuple):
     kind: int
     dtype: np.dtype[Any]
     shape: tuple[int, ...]
-    array: NDArray[Any]
+    array: Image
 
 
 class Line:

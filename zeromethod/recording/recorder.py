@@ -9,9 +9,7 @@ from collections.abc import Collection
 from pathlib import Path
 from types import TracebackType
 
-import numpy as np
-from numpy.typing import NDArray
-
+from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.loop.step import Step
 from zeromethod.recording.counting import frames_in
@@ -111,7 +109,7 @@ class Recorder:
             raise
         self._path = Path(path)
         self._most_waiting = waiting_bytes
-        self._zero: NDArray[np.float64] | None = None
+        self._zero: Float | None = None
         self._pictures = 0
         self._start_ns: int | None = None
         self._changed = threading.Condition()

@@ -11,8 +11,8 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Image, Ints, Single
 from zeromethod.devices.protocols import Frame
 from zeromethod.errors import InputError
 from zeromethod.loop.events import Event
@@ -29,8 +29,6 @@ from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.rest_pixels import RestGrid
 from zeromethod.warp.warp import Warp
-
-Array = NDArray[np.float64]
 
 ROOT = (
     "zeromethod_version",
@@ -139,12 +137,12 @@ class Recording:
             self._rows[group] = {int(number): i for i, number in enumerate(self._numbers(group))}
         return self._rows[group].get(int(turn))
 
-    def turns_kept(self, group: str) -> NDArray[np.int64]:
+    def turns_kept(self, group: str) -> Ints:
         """Numbers of the turns that a group ("frames", "warps/measured", ...) has arrays of, rising."""
         numbers = self._numbers(group)
         return numbers[numbers >= 0]
 
-    def _numbers(self, group: str) -> NDArray[np.int64]:
+    def _numbers(self, group: str) -> Ints:
         """Numbers of a group's items; -1 where they are not known."""
         if group not in self._lengths:
             return np.zeros(0, np.int64)
@@ -251,34 +249,34 @@ class Recording:
     # Tables
 
     @property
-    def turns(self) -> NDArray[Any]:
+    def turns(self) -> Image:
         """One row per turn of the loop."""
         return self._source.table("turns/table")
 
     @property
-    def presentations(self) -> NDArray[Any]:
+    def presentations(self) -> Image:
         """One row per picture given to the panel."""
         return self._source.table("presentations/table")
 
     @property
-    def peaks(self) -> NDArray[Any]:
+    def peaks(self) -> Image:
         """Point of largest |depth| of every surface that was read."""
         return self._source.table("peaks/table")
 
     @property
-    def drops(self) -> NDArray[Any]:
+    def drops(self) -> Image:
         """Frames that are not in the file, and why."""
         return self._source.table("drops/table")
 
     @property
-    def notes(self) -> NDArray[Any]:
+    def notes(self) -> Image:
         """What the operator was told."""
         return self._source.table("notes/table")
 
-    def newest(self, table: str, count: int = 1) -> NDArray[Any]:
+    def newest(self, table: str, count: int = 1) -> Image:
         """Last rows of a table ("turns", "peaks", ...), without reading the others."""
         name = f"{table}/table"
-        rows: NDArray[Any] = self._source.read(name, slice(max(0, self._source.length(name) - count), None))
+        rows: Image = self._source.read(name, slice(max(0, self._source.length(name) - count), None))
         return rows
 
     @property
@@ -318,7 +316,7 @@ class Recording:
         found = self._source.items(group, index, names)
         return [found[name] for name in names] if len(found) == len(names) else None
 
-    def image(self, turn: int) -> NDArray[Any] | None:
+    def image(self, turn: int) -> Image | None:
         """(rows, cols) frame as the camera gave it, uint8 or uint16."""
         found = self._arrays("frames", turn, "image")
         return None if found is None else found[0]
@@ -339,17 +337,17 @@ class Recording:
         q, sigma, flags = found
         return Warp(q, sigma, flags, int(row["time_ns"]))
 
-    def commanded(self, turn: int) -> NDArray[np.float32] | None:
+    def commanded(self, turn: int) -> Single | None:
         """(rows, cols, 2) warp to be shown next, LCD px."""
         found = self._arrays("warps/commanded", turn, "q")
         return None if found is None else found[0]
 
-    def shown(self, turn: int) -> NDArray[np.float32] | None:
+    def shown(self, turn: int) -> Single | None:
         """(rows, cols, 2) mix of warps that the turn's frame saw, LCD px."""
         found = self._arrays("warps/shown", turn, "q")
         return None if found is None else found[0]
 
-    def presented_q(self, index: int) -> Array | None:
+    def presented_q(self, index: int) -> Float | None:
         """(rows, cols, 2) warp of the picture in row `index` of `presentations`, LCD px, bit for bit."""
         found = self._arrays("pictures", index, "q")
         return None if found is None else found[0]
@@ -385,7 +383,7 @@ class Recording:
         row = self.row(turn)
         return unknown_surface(self.grid.shape, 0 if row is None else int(row["time_ns"]))
 
-    def zero(self, turn: int) -> Array | None:
+    def zero(self, turn: int) -> Float | None:
         """(rows, cols, 2) LCD px, the zero that `measured` of this turn starts from; None for the rest's."""
         turns = self._numbers("zeros")
         index = int(np.count_nonzero(turns <= turn)) - 1

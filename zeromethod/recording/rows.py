@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Image
 from zeromethod.loop.drawing import Presented
 from zeromethod.loop.step import Step
 from zeromethod.recording.schema import ANCHORS, EVENTS, STATES, Part, number_name
 from zeromethod.surface import Peak, Surface
 
-Item = tuple[str, NDArray[Any]]
+Item = tuple[str, Image]
 """Name of a dataset, and what is added to it; it is of that dataset's type when it is written."""
 
-Added = tuple[int, str, NDArray[Any]]
+Added = tuple[int, str, Image]
 """The same with its kind: see `zeromethod.recording.message`."""
 
 _STATE = {state: index for index, state in enumerate(STATES)}
@@ -120,7 +120,7 @@ class Rows:
         """Warp of a picture, which has that row of the table."""
         return self._group("pictures", row, {"q": one.q})
 
-    def zero(self, step: Step, zero: NDArray[np.float64]) -> list[Item]:
+    def zero(self, step: Step, zero: Float) -> list[Item]:
         """Zero that readings start from, from this turn on."""
         return self._group("zeros", step.number, {"q": zero})
 
@@ -135,7 +135,7 @@ class Rows:
             items.append(self._row("surface/table", surface.time_ns, surface.iterations, *about))
         return items
 
-    def _group(self, group: str, number: int, arrays: Mapping[str, NDArray[Any]]) -> list[Item]:
+    def _group(self, group: str, number: int, arrays: Mapping[str, Image]) -> list[Item]:
         """Items of a group, none where it is not kept, with their number at the end."""
         name = number_name(group)
         if not arrays or name not in self._parts:

@@ -11,8 +11,8 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image, Ints
 from zeromethod.errors import InputError
 from zeromethod.recording.opening import open_along
 from zeromethod.recording.sums import SUMS, sum_of
@@ -37,7 +37,7 @@ class Source:
     def _open(self) -> None:
         self._state = self._look()
         self._file = open_along(self.path)
-        self._tables: dict[str, NDArray[Any]] = {}
+        self._tables: dict[str, Image] = {}
         try:
             self.names = self._visited()
         except BaseException:
@@ -122,7 +122,7 @@ class Source:
             raise InputError(f"{self.path}: {name}: damaged: not what was written")
         return values
 
-    def table(self, name: str) -> NDArray[Any]:
+    def table(self, name: str) -> Image:
         """All of a dataset that grows, as it was at the last `refresh`."""
         if name not in self._tables:
             self._tables[name] = self.read(name)
@@ -158,7 +158,7 @@ class Source:
         """Names within a group of the datasets that it has sums of, or would have."""
         return [name.rpartition("/")[2] for name in self.group(group) if not name.endswith(f"/{SUMS}")]
 
-    def sums(self, group: str) -> NDArray[Any] | None:
+    def sums(self, group: str) -> Image | None:
         """Sums of a group's items, a row for each; None where it has none."""
         return self.table(f"{group}/{SUMS}") if f"{group}/{SUMS}" in self.names else None
 
@@ -175,9 +175,9 @@ class Source:
         summed = told is not None and name in told.dtype.names
         return None if summed and int(told[name]) != sum_of(item) else item
 
-    def numbers(self, group: str, name: str, length: int) -> NDArray[np.int64]:
+    def numbers(self, group: str, name: str, length: int) -> Ints:
         """What numbers the first items of a group, so many; -1 where that is damaged."""
-        values: NDArray[np.int64] = self.table(f"{group}/{name}")[:length]
+        values: Ints = self.table(f"{group}/{name}")[:length]
         sums = self.sums(group)
         if sums is None:
             return values

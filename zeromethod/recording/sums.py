@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from zeromethod.arrays import Image
 
 SUMS = "sums"
 """Dataset of a group that has those of all its others: row i of it, those of item i."""
@@ -22,7 +22,7 @@ _WORD = 8
 _MODULO = 1 << 64
 
 
-def sum_of(item: memoryview | bytes | NDArray[Any] | np.generic) -> int:
+def sum_of(item: memoryview | bytes | Image | np.generic) -> int:
     """Sum of an item; see the module."""
     data = item.tobytes() if isinstance(item, np.ndarray | np.generic) else item
     count = len(data) // _WORD

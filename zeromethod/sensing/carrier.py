@@ -12,8 +12,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Flags, Float, Single
 from zeromethod.rig.model import Noise
-from zeromethod.sensing.demodulate import FAST, Buffers, Floats, Image
+from zeromethod.sensing.demodulate import FAST, Buffers, Image
 from zeromethod.sensing.residual import Limits, Residual
 from zeromethod.sensing.window import carrier_power
 from zeromethod.warp.grid import PADDING, NodeGrid
@@ -63,7 +64,7 @@ class CarrierEstimator:
         )
         self._work = np.zeros((6, cols), np.float32)
 
-    def estimate(self, image: Image, reference_light: Floats, out: Residual) -> None:
+    def estimate(self, image: Image, reference_light: Single, out: Residual) -> None:
         """Fill the measurable nodes of `out`; its d receives the wrapped displacements.
 
         `reference_light` (node rows, node cols): mean light at rest above black, 0 = not known.
@@ -107,13 +108,13 @@ def _arctan2(y: np.float32, x: np.float32) -> np.float32:
 
 @numba.njit(cache=True, fastmath=FAST)
 def _read_row(
-    planes: Floats,
+    planes: Single,
     r: int,
     diagonal: bool,
     origin: NDArray[np.complex64],
-    gain: Floats,
-    numbers: Floats,
-    work: Floats,
+    gain: Single,
+    numbers: Single,
+    work: Single,
 ) -> None:
     """Phase (px), variance (px^2) and amplitude of both carriers of one node row: six rows of `work`."""
     scale, still, per_grey, black = numbers[0], numbers[1], numbers[2], numbers[3]
@@ -157,19 +158,19 @@ def _read_row(
 
 @numba.njit(cache=True)
 def _read_phases(
-    planes: Floats,
+    planes: Single,
     clipped: NDArray[np.int32],
     diagonal: bool,
     origin: NDArray[np.complex64],
-    gain: Floats,
-    numbers: Floats,
-    reference_light: Floats,
-    work: Floats,
-    d: NDArray[np.float64],
-    sigma: NDArray[np.float64],
-    flags: NDArray[np.uint16],
-    modulation: Floats,
-    mean: Floats,
+    gain: Single,
+    numbers: Single,
+    reference_light: Single,
+    work: Single,
+    d: Float,
+    sigma: Float,
+    flags: Flags,
+    modulation: Single,
+    mean: Single,
 ) -> None:
     black, visibility, light_share = numbers[3], numbers[5], numbers[7]
     sigma_limit, clip_limit = numbers[4], numbers[6]

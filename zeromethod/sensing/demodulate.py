@@ -12,13 +12,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Flags, Single
 from zeromethod.sensing.window import triangle
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 """Fast-math that still knows infinity and NaN."""
 
-Floats = NDArray[np.float32]
-Image = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
+Image = Bytes | Flags | Single
 """Grey levels as the camera gives them, or levelled ones."""
 
 Length = tuple[int, ...]
@@ -72,7 +72,7 @@ class Buffers:
 
 
 @numba.njit(cache=True, fastmath=FAST)
-def accumulate(image: Image, top: int, carrier: Floats, sums: Floats, peak: NDArray[np.uint16]) -> None:
+def accumulate(image: Image, top: int, carrier: Single, sums: Single, peak: Flags) -> None:
     """Sum up one block of rows, two rows per sweep (six accumulators fit the first-level cache)."""
     half, width = carrier.shape[1], sums.shape[1]
     s0, s1, c0, c1, d0, d1 = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
@@ -97,7 +97,7 @@ def accumulate(image: Image, top: int, carrier: Floats, sums: Floats, peak: NDAr
 
 @numba.njit(cache=True, fastmath=FAST)
 def count_clipped(
-    image: Image, top: int, half: int, ceiling: int, peak: NDArray[np.uint16], counts: NDArray[np.int32]
+    image: Image, top: int, half: int, ceiling: int, peak: Flags, counts: NDArray[np.int32]
 ) -> None:
     """Count the pixels at the ceiling per block of one row of blocks; `peak`: each column's brightest."""
     counts[:] = 0
@@ -110,7 +110,7 @@ def count_clipped(
 
 
 @numba.njit(cache=True, fastmath=FAST)
-def window_rows(a: Floats, b: Floats, c: Floats, d: Floats, signs: Floats, half: int, out: Floats) -> None:
+def window_rows(a: Single, b: Single, c: Single, d: Single, signs: Single, half: int, out: Single) -> None:
     """Vertical windows of several quantities (each per column) from four blocks' sums, weights P - |k|.
 
     The node is at the third block's first row. Sums come in pairs: plain and times the row. signs: -1 for
@@ -128,7 +128,7 @@ def window_rows(a: Floats, b: Floats, c: Floats, d: Floats, signs: Floats, half:
 
 
 @numba.njit(cache=True, fastmath=FAST)
-def _axis_carriers(rows: Floats, taps: Floats, window: Length, planes: Floats, r: int) -> None:
+def _axis_carriers(rows: Single, taps: Single, window: Length, planes: Single, r: int) -> None:
     """Horizontal windows of one node row: carrier along u from DC, carrier along v from cosine and sine."""
     zero, half = np.float32(0), len(window) // 4
     for j in range(planes.shape[2]):
@@ -146,7 +146,7 @@ def _axis_carriers(rows: Floats, taps: Floats, window: Length, planes: Floats, r
 
 
 @numba.njit(cache=True, fastmath=FAST)
-def _diagonal_carriers(rows: Floats, taps: Floats, window: Length, planes: Floats, r: int) -> None:
+def _diagonal_carriers(rows: Single, taps: Single, window: Length, planes: Single, r: int) -> None:
     """Horizontal windows of one node row: the two carriers along u + v and u - v."""
     zero, half = np.float32(0), len(window) // 4
     for j in range(planes.shape[2]):
@@ -167,14 +167,14 @@ def _demodulate(
     image: Image,
     ceiling: int,
     diagonal: bool,
-    carrier: Floats,
-    taps: Floats,
+    carrier: Single,
+    taps: Single,
     window: Length,
-    signs: Floats,
-    blocks: Floats,
-    rows: Floats,
-    peak: NDArray[np.uint16],
-    planes: Floats,
+    signs: Single,
+    blocks: Single,
+    rows: Single,
+    peak: Flags,
+    planes: Single,
     clipped: NDArray[np.int32],
 ) -> None:
     half = carrier.shape[1]

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from zeromethod.arrays import Flags, Float, Single
 from zeromethod.rig.model import Noise
-from zeromethod.sensing.demodulate import FAST, Floats, Image, Length, count_clipped, window_rows
+from zeromethod.sensing.demodulate import FAST, Image, Length, count_clipped, window_rows
 from zeromethod.sensing.residual import Limits, Residual
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.grid import PADDING, NodeGrid
@@ -27,8 +28,7 @@ MODULATION, SATURATED, LIGHT_LOST, AMBIGUOUS = (
 LEAST_MATCH = 0.4
 """Contrast over the target's own below which the picture is taken for another part of the target."""
 
-Doubles = NDArray[np.float64]
-Light = Callable[[Doubles, Doubles], Doubles]
+Light = Callable[[Float, Float], Float]
 """The target's light at camera pixels (u, v)."""
 
 
@@ -65,7 +65,7 @@ class GradientEstimator:
                 normal[..., i, j] = down @ product @ across.T
                 white[..., i, j] = down2 @ product @ across2.T
                 shot[..., i, j] = down2 @ (product * basis[0]) @ across2.T
-        self._inverse: Doubles = np.linalg.inv(normal).astype(np.float64)
+        self._inverse: Float = np.linalg.inv(normal).astype(np.float64)
         self._spread = np.stack(
             [
                 np.diagonal(self._inverse @ q @ self._inverse, axis1=-2, axis2=-1)[..., 1:3]
@@ -73,7 +73,7 @@ class GradientEstimator:
             ],
             axis=-1,
         )
-        self._rms: Doubles = np.sqrt(np.maximum(normal[..., 0, 0] - normal[..., 0, 3] ** 2, 0.0))
+        self._rms: Float = np.sqrt(np.maximum(normal[..., 0, 0] - normal[..., 0, 3] ** 2, 0.0))
         self._basis = basis[:3].astype(np.float32)
         per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
         self._numbers = np.array(
@@ -99,7 +99,7 @@ class GradientEstimator:
         self._planes = np.zeros((4, rows, cols), np.float32)
         self._clipped = np.zeros((rows + 3, cols + 3), np.int32)
 
-    def estimate(self, image: Image, reference_light: Floats, out: Residual) -> None:
+    def estimate(self, image: Image, reference_light: Single, out: Residual) -> None:
         """Fill the measurable nodes of `out`; reference light as for `CarrierEstimator.estimate`."""
         _project(
             image,
@@ -142,14 +142,14 @@ def _window_matrix(nodes: int, period: int) -> csr_array:
 def _project(
     image: Image,
     ceiling: int,
-    basis: Floats,
-    taps: Floats,
+    basis: Single,
+    taps: Single,
     window: Length,
-    signs: Floats,
-    blocks: Floats,
-    rows: Floats,
-    peak: NDArray[np.uint16],
-    planes: Floats,
+    signs: Single,
+    blocks: Single,
+    rows: Single,
+    peak: Flags,
+    planes: Single,
     clipped: NDArray[np.int32],
 ) -> None:
     """Window sums of grey x (target, its gradients, one) per node."""
@@ -192,18 +192,18 @@ def _project(
 
 @numba.njit(cache=True)
 def _solve(
-    planes: Floats,
+    planes: Single,
     clipped: NDArray[np.int32],
-    inverse: Doubles,
-    spread: Doubles,
-    rms: Doubles,
-    numbers: Doubles,
-    reference_light: Floats,
-    d: Doubles,
-    sigma: Doubles,
-    flags: NDArray[np.uint16],
-    modulation: Floats,
-    mean: Floats,
+    inverse: Float,
+    spread: Float,
+    rms: Float,
+    numbers: Float,
+    reference_light: Single,
+    d: Float,
+    sigma: Float,
+    flags: Flags,
+    modulation: Single,
+    mean: Single,
 ) -> None:
     still, per_grey, black, sigma_limit, visibility = numbers[:5]
     clip_limit, light_share, target_mean, farthest = numbers[5:]

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Single
 from zeromethod.rig.model import Noise
-from zeromethod.sensing.demodulate import Floats, Image
+from zeromethod.sensing.demodulate import Image
 
 
 @numba.njit(cache=True, fastmath=True)
-def level(image: Image, share: Floats, black: float, ceiling: int, out: Floats) -> None:
+def level(image: Image, share: Single, black: float, ceiling: int, out: Single) -> None:
     """Grey levels (rows, cols) as they would be with light share 1; clipped pixels stay at the ceiling.
 
     What lands at the ceiling without having been clipped stays just below it, so that it is not counted.
@@ -29,7 +29,7 @@ def level(image: Image, share: Floats, black: float, ceiling: int, out: Floats) 
             out[row, col] = grey if image[row, col] >= ceiling else levelled
 
 
-def noise_factor(mean_grey: Floats, share: Floats, noise: Noise) -> NDArray[np.float64]:
+def noise_factor(mean_grey: Single, share: Single, noise: Noise) -> Float:
     """Standard deviation of levelled grey over that of an image as bright by itself; arrays of one shape.
 
     Levelled by s, read noise counts 1/s^2 and light's own noise 1/s: dim places are noisier.
@@ -37,5 +37,5 @@ def noise_factor(mean_grey: Floats, share: Floats, noise: Noise) -> NDArray[np.f
     still = noise.read_grey**2 + 1 / 12
     per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
     light = per_grey * np.maximum(mean_grey.astype(float) - noise.black_grey, 0.0)
-    factor: NDArray[np.float64] = np.sqrt((still / share**2 + light / share) / (still + light))
+    factor: Float = np.sqrt((still / share**2 + light / share) / (still + light))
     return factor

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Flags, Float, Mask, Single
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
 
@@ -40,14 +40,14 @@ class Residual:
     mean: (rows, cols) float32, mean grey in the window, black level included.
     """
 
-    d: NDArray[np.float64]
-    sigma: NDArray[np.float64]
-    flags: NDArray[np.uint16]
-    modulation: NDArray[np.float32]
-    mean: NDArray[np.float32]
+    d: Float
+    sigma: Float
+    flags: Flags
+    modulation: Single
+    mean: Single
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Mask:
         """(rows, cols) nodes that may be trusted."""
         return np.equal(self.flags, 0)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Noise, Rig
 from zeromethod.sensing.carrier import CarrierEstimator
-from zeromethod.sensing.demodulate import Floats, Image
+from zeromethod.sensing.demodulate import Image
 from zeromethod.sensing.gradient import GradientEstimator
 from zeromethod.sensing.levelling import level, noise_factor
 from zeromethod.sensing.residual import Limits, Residual
@@ -21,7 +21,7 @@ from zeromethod.warp.validity import Flag
 
 _OUTSIDE = np.uint16(Flag.OUTSIDE)
 
-Light = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+Light = Callable[[Float, Float], Float]
 """The target's light at camera pixels (u, v), as `Target.light` gives it."""
 
 CARRIER_KINDS = ("cosines", "checker", "lattice")
@@ -67,7 +67,7 @@ class ResidualSensor:
         *,
         light: Light | None = None,
         limits: Limits | None = None,
-        covered: NDArray[np.bool_] | None = None,
+        covered: Mask | None = None,
     ) -> None:
         if kind not in (*CARRIER_KINDS, "noise"):
             raise InputError(f"target.kind: {kind!r}: one of cosines, checker, lattice, noise")
@@ -93,7 +93,7 @@ class ResidualSensor:
             )
             self._unwrapper = Unwrapper(grid, diagonal=kind == "checker")
         self._noise, self._black, self._ceiling = noise, noise.black_grey, ceiling
-        self._levelled: Floats | None = None
+        self._levelled: Single | None = None
         self._covered = np.flatnonzero(covered) if covered is not None else np.zeros(0, np.intp)
         rows, cols = (axis[PADDING:-PADDING].astype(np.intp) for axis in (grid.v_px, grid.u_px))
         self._node_pixels = np.ix_(rows, cols)
@@ -109,7 +109,7 @@ class ResidualSensor:
         rig: Rig,
         grid: NodeGrid,
         light: Light | None = None,
-        covered: NDArray[np.bool_] | None = None,
+        covered: Mask | None = None,
     ) -> ResidualSensor:
         """Sensor for a rig's camera and target."""
         return cls(grid, rig.target.kind, rig.camera.noise, rig.camera.bits, light=light, covered=covered)
@@ -130,10 +130,10 @@ class ResidualSensor:
     def measure(
         self,
         image: Image,
-        guess: NDArray[np.float64] | None = None,
+        guess: Float | None = None,
         out: Residual | None = None,
         *,
-        light_share: Floats | None = None,
+        light_share: Single | None = None,
     ) -> Residual:
         """Residual of one image (rows, cols), uint8 or uint16.
 
@@ -167,7 +167,7 @@ class ResidualSensor:
             self._unwrapper.unwrap(out, guess)
         return out
 
-    def _level(self, image: Image, light_share: Floats) -> Floats:
+    def _level(self, image: Image, light_share: Single) -> Single:
         """`image` at rest's light, in the sensor's own buffer."""
         if self._levelled is None:
             self._levelled = np.empty(self.grid.image_shape, np.float32)

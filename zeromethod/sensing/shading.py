@@ -11,15 +11,12 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from zeromethod.sensing.demodulate import FAST, Floats
+from zeromethod.arrays import Bytes, Flags, Float, Single
+from zeromethod.sensing.demodulate import FAST
 from zeromethod.warp.grid import PADDING
 from zeromethod.warp.validity import Flag
 
-Doubles = NDArray[np.float64]
-Flags = NDArray[np.uint16]
-Bytes = NDArray[np.uint8]
 LIGHT_LOST, OUTSIDE = int(Flag.LIGHT_LOST), int(Flag.OUTSIDE)
 LARGEST_BEND = 0.02
 """Second difference of the mean over the mean; a step of more than about 10 % of the light shows."""
@@ -32,7 +29,7 @@ dark hole in one (120 random presses with a hole each)."""
 
 
 @numba.njit(cache=True)
-def _bend(mean: Floats, r: int, c: int, way: int) -> float:
+def _bend(mean: Single, r: int, c: int, way: int) -> float:
     """Second difference along a row (way 0) or a column (1); 0 where a neighbour is OUTSIDE."""
     y, x = way, 1 - way
     rows, cols = mean.shape
@@ -42,7 +39,7 @@ def _bend(mean: Floats, r: int, c: int, way: int) -> float:
 
 
 @numba.njit(cache=True)
-def _leak(modulation: Floats, d: Doubles, flags: Flags, period: float, r: int, c: int, way: int) -> float:
+def _leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: int, way: int) -> float:
     """How much of the carrier the local strain may let into the mean, grey levels."""
     leak = 0.0
     for k in range(2):
@@ -57,7 +54,7 @@ def _leak(modulation: Floats, d: Doubles, flags: Flags, period: float, r: int, c
 
 
 @numba.njit(cache=True, fastmath=FAST)
-def _is_bent_row(mean: Floats, r: int, black: float) -> bool:
+def _is_bent_row(mean: Single, r: int, black: float) -> bool:
     """Whether any node of a row may have a bend worth looking at: a quick pass, without the leak."""
     rows, cols = mean.shape
     share, bent = np.float32(0.3 * LARGEST_BEND), 0
@@ -73,7 +70,7 @@ def _is_bent_row(mean: Floats, r: int, black: float) -> bool:
 
 @numba.njit(cache=True)
 def flag_light_edges(
-    mean: Floats, modulation: Floats, d: Doubles, flags: Flags, black: float, period: float, bent: Bytes
+    mean: Single, modulation: Single, d: Float, flags: Flags, black: float, period: float, bent: Bytes
 ) -> None:
     """Add LIGHT_LOST to nodes beside an edge of the light. Arrays as in `Residual`, d still wrapped.
 

@@ -16,6 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Flags, Float
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.validity import Flag
@@ -29,9 +30,6 @@ MOST_ORDERS = 64
 """Orders beyond +- this many periods are not counted."""
 
 BLOCKED = 255
-Doubles = NDArray[np.float64]
-Flags = NDArray[np.uint16]
-Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int32]
 Jumps = NDArray[np.int8]
 
@@ -54,7 +52,7 @@ class Unwrapper:
         self._votes = np.zeros((2, 2 * MOST_ORDERS + 1), np.int32)
         self._no_guess = np.zeros((0, 0, 2))
 
-    def unwrap(self, residual: Residual, guess: Doubles | None = None) -> None:
+    def unwrap(self, residual: Residual, guess: Float | None = None) -> None:
         """Unwrap `residual.d` in place and flag what stays ambiguous; near null nothing needs doing."""
         if not _is_near_null(residual.d, residual.flags, self._period):
             _unwrap(
@@ -76,7 +74,7 @@ class Unwrapper:
         if self._diagonal:
             _from_diagonal(residual.d)
 
-    def _to_carriers(self, guess: Doubles) -> Doubles:
+    def _to_carriers(self, guess: Float) -> Float:
         guess = np.ascontiguousarray(guess, dtype=np.float64)
         if not self._diagonal:
             return guess
@@ -87,7 +85,7 @@ _OUTSIDE = int(Flag.OUTSIDE)
 
 
 @numba.njit(cache=True)
-def _is_near_null(d: Doubles, flags: Flags, period: float) -> bool:
+def _is_near_null(d: Float, flags: Flags, period: float) -> bool:
     """All within a quarter period, so that no edge jumps, and too few holes to cut a region off."""
     holes, limit = 0, period / 4
     for row in range(PADDING, d.shape[0] - PADDING):
@@ -103,7 +101,7 @@ def _is_near_null(d: Doubles, flags: Flags, period: float) -> bool:
 
 
 @numba.njit(cache=True)
-def _from_diagonal(d: Doubles) -> None:
+def _from_diagonal(d: Float) -> None:
     for row in range(PADDING, d.shape[0] - PADDING):
         for col in range(PADDING, d.shape[1] - PADDING):
             p, m = d[row, col, 0], d[row, col, 1]
@@ -111,7 +109,7 @@ def _from_diagonal(d: Doubles) -> None:
 
 
 @numba.njit(cache=True)
-def _rate_edges(d: Doubles, sigma: Doubles, flags: Flags, period: float, jumps: Jumps, costs: Bytes) -> None:
+def _rate_edges(d: Float, sigma: Float, flags: Flags, period: float, jumps: Jumps, costs: Bytes) -> None:
     """Jump (periods) and doubt (0..254, or BLOCKED) of every edge: to the right (0), downwards (1)."""
     rows, cols = costs.shape[1:]
     scale, inverse = 508.0 / period, 1.0 / period
@@ -266,7 +264,7 @@ def _winner(votes: Ints) -> tuple[int, int]:
 
 @numba.njit(cache=True)
 def _order_from_guess(
-    d: Doubles, guess: Doubles, period: float, order: Ints, path: Ints, votes: Ints
+    d: Float, guess: Float, period: float, order: Ints, path: Ints, votes: Ints
 ) -> tuple[bool, int, int]:
     """Order to add so that most of the region lies next to the guess; False when it does not."""
     cols = order.shape[1]
@@ -289,7 +287,7 @@ def _order_from_guess(
 
 @numba.njit(cache=True)
 def _order_from_border(
-    d: Doubles, period: float, order: Ints, border: Bytes, border_nodes: int, path: Ints, votes: Ints
+    d: Float, period: float, order: Ints, border: Bytes, border_nodes: int, path: Ints, votes: Ints
 ) -> tuple[bool, int, int]:
     """Order to add so that most of the region's border nodes are nearest zero; False when too few."""
     cols = order.shape[1]
@@ -325,10 +323,10 @@ def _flag_disagreement(flags: Flags, jumps: Jumps, costs: Bytes, label: Ints, or
 
 @numba.njit(cache=True)
 def _unwrap(
-    d: Doubles,
-    sigma: Doubles,
+    d: Float,
+    sigma: Float,
     flags: Flags,
-    guess: Doubles,
+    guess: Float,
     period: float,
     jumps: Jumps,
     costs: Bytes,

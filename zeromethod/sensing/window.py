@@ -8,18 +8,19 @@ the residual (a single box leaks 0.135 px at a brightness gradient of 0.2 %/px).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from zeromethod.arrays import Float
 from zeromethod.warp.overlap import Gradient, overlap_correlation
 
 
-def triangle(period_px: int) -> NDArray[np.float64]:
+def triangle(period_px: int) -> Float:
     """(2 P - 1,) weights of the window along one axis, offsets -(P - 1) .. P - 1 px; sum 1."""
     offset = np.arange(1 - period_px, period_px)
     return (period_px - np.abs(offset)) / period_px**2
 
 
-def transfer(period_px: int, cycles_per_px: ArrayLike) -> NDArray[np.float64]:
+def transfer(period_px: int, cycles_per_px: ArrayLike) -> Float:
     """Response of the residual (one axis) to a displacement of that frequency near null, 0..1.
 
     W(f) = (sin(pi f P) / (P sin(pi f)))^2; the two axes multiply. Modes where W is near 0 are not seen.
@@ -38,7 +39,7 @@ def curvature_bias_px2(period_px: int) -> float:
     return (period_px**2 - 1) / 12
 
 
-def noise_correlation(period_px: int, nodes: ArrayLike, gradient: Gradient = "flat") -> NDArray[np.float64]:
+def noise_correlation(period_px: int, nodes: ArrayLike, gradient: Gradient = "flat") -> Float:
     """Correlation of one component's noise between nodes that many nodes apart on one axis.
 
     The window's autocorrelation at `nodes` x P/2: 1, 0.72, 0.25, 0.03, 0 for 0 to 4 nodes (the
@@ -50,7 +51,7 @@ def noise_correlation(period_px: int, nodes: ArrayLike, gradient: Gradient = "fl
     return np.asarray(known[np.minimum(lag, len(known) - 1)])
 
 
-def carrier_power(period_px: int) -> NDArray[np.float64]:
+def carrier_power(period_px: int) -> Float:
     """(4,) sums of w_k^2 cos(2 pi n k / P) for n = 0..3: how the carrier shapes the noise gain."""
     offset = np.arange(1 - period_px, period_px)
     turns = np.outer(np.arange(4), offset) / period_px

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from zeromethod.arrays import Float, Image
 from zeromethod.control.stability_margin import Margin
 from zeromethod.loop.state import State
 from zeromethod.rig.model import Rig
@@ -53,12 +50,12 @@ class Snapshot:
     """Everything about one frame that a picture of it needs; warps as displacement from rest, LCD px."""
 
     time_s: float
-    image: NDArray[Any]
-    residual_px: NDArray[np.float64]
-    applied_px: NDArray[np.float64]
-    measured_px: NDArray[np.float64]
+    image: Image
+    residual_px: Float
+    applied_px: Float
+    measured_px: Float
     surface: Surface
-    true_depth_mm: NDArray[np.float64] | None
+    true_depth_mm: Float | None
 
 
 @dataclass

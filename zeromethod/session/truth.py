@@ -10,36 +10,34 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Dented, Optics
 from zeromethod.surface import Surface, peak
 from zeromethod.warp.grid import NodeGrid
-
-Array = NDArray[np.float64]
 
 
 class TrueMirror(Protocol):
     """The mirror at one instant, as a simulated bench knows it."""
 
-    def depth(self, x: Array, y: Array) -> Array:
+    def depth(self, x: Float, y: Float) -> Float:
         """Depth in mm, positive into the rubber."""
 
-    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def slope(self, x: Float, y: Float) -> tuple[Float, Float]:
         """(dd/dx, dd/dy)."""
 
-    def reflectance_factor(self, x: Array, y: Array) -> Array:
+    def reflectance_factor(self, x: Float, y: Float) -> Float:
         """1 where nothing touches, less where an object takes the light."""
 
 
 class _AtRest:
-    def depth(self, x: Array, y: Array) -> Array:
+    def depth(self, x: Float, y: Float) -> Float:
         return np.zeros(np.broadcast_shapes(x.shape, y.shape))
 
-    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def slope(self, x: Float, y: Float) -> tuple[Float, Float]:
         return self.depth(x, y), self.depth(x, y)
 
-    def reflectance_factor(self, x: Array, y: Array) -> Array:
+    def reflectance_factor(self, x: Float, y: Float) -> Float:
         return 1.0 + self.depth(x, y)
 
 
@@ -74,7 +72,7 @@ LIT_SHARE = 0.3
 what a loop that allows for Fresnel can read."""
 
 
-def usable_nodes(optics: Optics, grid: NodeGrid, truth: TrueMirror) -> NDArray[np.bool_]:
+def usable_nodes(optics: Optics, grid: NodeGrid, truth: TrueMirror) -> Mask:
     """(rows, cols) nodes whose true ray is reflected and lands a carrier period inside the LCD.
 
     Reflected: totally, where the mirror at rest reflects totally; else at least LIT_SHARE of what it does
@@ -94,20 +92,20 @@ def usable_nodes(optics: Optics, grid: NodeGrid, truth: TrueMirror) -> NDArray[n
     size = np.array([optics.rig.display.columns, optics.rig.display.rows])
     with np.errstate(invalid="ignore"):
         inside = np.all((trace.q >= margin[..., None]) & (trace.q <= size - 1 - margin[..., None]), axis=-1)
-    usable: NDArray[np.bool_] = whole & ~touched & inside & _measurable(grid)
+    usable: Mask = whole & ~touched & inside & _measurable(grid)
     return usable
 
 
-def _measurable(grid: NodeGrid) -> NDArray[np.bool_]:
+def _measurable(grid: NodeGrid) -> Mask:
     mask = np.zeros(grid.shape, dtype=np.bool_)
     mask[grid.inner] = True
     return mask
 
 
-def true_peak_mm(truth: TrueMirror, x: Array, y: Array) -> float:
+def true_peak_mm(truth: TrueMirror, x: Float, y: Float) -> float:
     """Deepest true depth near the points (x, y) and off any touch, refined between them to 1e-6 of itself."""
 
-    def untouched_depth(x: Array, y: Array) -> Array:
+    def untouched_depth(x: Float, y: Float) -> Float:
         return np.where(truth.reflectance_factor(x, y) < 1, 0.0, truth.depth(x, y))
 
     depth = untouched_depth(x, y)

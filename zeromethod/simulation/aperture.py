@@ -6,7 +6,8 @@ from math import erf, exp, pi, sqrt
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+
+from zeromethod.arrays import Float
 
 LEAST_PX = 1e-2
 """Smallest side of a footprint, LCD px; keeps the mean over it defined where rays cross."""
@@ -16,8 +17,6 @@ CUTS = 2
 """Without a lens a footprint is cut into CUTS x CUTS parts, each then a box along the LCD's axes."""
 _STRAIGHT = 1e-3
 """Correlation of a footprint's two axes below which it lies along the LCD's axes."""
-
-Array = NDArray[np.float64]
 
 
 @numba.njit(cache=True, inline="always")
@@ -39,7 +38,7 @@ def _cumulative(x: float, side: float, sigma: float) -> float:
 
 @numba.njit(cache=True)
 def _shares(
-    middle: float, side: float, sigma: float, count: int, fill: float, stripes: int, out: Array
+    middle: float, side: float, sigma: float, count: int, fill: float, stripes: int, out: Float
 ) -> tuple[int, int]:
     """Share of the response, from `middle` on, that falls on each pixel's apertures: pixels [first, end).
 
@@ -60,15 +59,15 @@ def _shares(
 
 @numba.njit(cache=True)
 def gather(
-    light: Array,
-    q: Array,
-    by_u: Array,
-    by_v: Array,
-    gain: Array,
+    light: Float,
+    q: Float,
+    by_u: Float,
+    by_v: Float,
+    gain: Float,
     fill: tuple[float, float],
     stripes: int,
     psf_px: float,
-    out: Array,
+    out: Float,
 ) -> None:
     """Add gain x mean light that every camera pixel gathers to `out`.
 

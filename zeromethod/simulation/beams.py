@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.optics import Dented, HeightField, Optics, fresnel, reflect
 from zeromethod.optics.fresnel import s_share
 from zeromethod.optics.mirror import distance_to, normal_of
 from zeromethod.optics.prism import Face
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Mirror
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,25 +23,25 @@ class Beam:
     (rows, cols) share of the light that arrives, 0 where lost.
     """
 
-    q: Array
-    by_u: Array
-    by_v: Array
-    gain: Array
+    q: Float
+    by_u: Float
+    by_v: Float
+    gain: Float
 
     @classmethod
-    def of(cls, q: Array, gain: Array) -> Beam:
+    def of(cls, q: Float, gain: Float) -> Beam:
         """Beam whose footprints are the differences of `q`: central, one-sided beside what is lost."""
         gain = np.where(np.isnan(q[..., 0]) | np.isnan(gain), 0.0, gain)
         return cls(q, _difference(q, axis=1), _difference(q, axis=0), gain)
 
 
-def _difference(q: Array, axis: int) -> Array:
+def _difference(q: Float, axis: int) -> Float:
     step = np.diff(q, axis=axis)
     edge = np.full_like(np.take(q, [0], axis=axis), np.nan)
     both = np.stack((np.concatenate((edge, step), axis=axis), np.concatenate((step, edge), axis=axis)))
     known = ~np.isnan(both)
-    total: Array = np.where(known, both, 0.0).sum(axis=0)
-    mean: Array = total / np.maximum(known.sum(axis=0), 1)
+    total: Float = np.where(known, both, 0.0).sum(axis=0)
+    mean: Float = total / np.maximum(known.sum(axis=0), 1)
     return mean
 
 
@@ -66,7 +64,7 @@ class Beams:
         self._gap_mm = layers[-1].thickness_mm if layers else 0.0
         self._pitch_mm = rig.display.pitch_mm
 
-    def main(self, mirror: Mirror) -> tuple[Array, Array, Array]:
+    def main(self, mirror: Mirror) -> tuple[Float, Float, Float]:
         """(q (rows, cols, 2), gain (rows, cols), mirror point (rows, cols, 3)); NaN where lost."""
         seen = self._optics.trace_rays(self._origin, self._direction, self._surface(mirror))
         factor = mirror.reflectance_factor(seen.point[..., 0], seen.point[..., 1])
@@ -86,7 +84,7 @@ class Beams:
     def _surface(self, mirror: Mirror) -> HeightField:
         return Dented(self._optics.rest, mirror) if mirror.dents else self._optics.rest
 
-    def _across_gap(self, q: Array, point: Array) -> Array:
+    def _across_gap(self, q: Float, point: Float) -> Float:
         """Where the light that crossed the last slab three times comes from.
 
         Sideways by 2 gap tan(angle in the gap) along the ray's direction in the face; the gap is taken to
@@ -99,10 +97,10 @@ class Beams:
             cosine = np.sqrt(self._gap_index**2 - np.einsum("...i,...i->...", along, along))
         shift = 2 * self._gap_mm / self._pitch_mm * along / cosine[..., None]
         panel = self._optics.panel
-        source: Array = q + np.stack((shift @ panel.column, shift @ panel.row), axis=-1)
+        source: Float = q + np.stack((shift @ panel.column, shift @ panel.row), axis=-1)
         return source
 
-    def _by_faces(self, mirror: Mirror) -> tuple[Array, Array]:
+    def _by_faces(self, mirror: Mirror) -> tuple[Float, Float]:
         """(q, gain) of the ghost of the faces."""
         surface, prism = self._surface(mirror), self._optics.prism
         at, direction = self._origin, self._direction
@@ -116,8 +114,8 @@ class Beams:
         return seen.q, gain * last
 
     def _off_mirror(
-        self, origin: Array, direction: Array, surface: HeightField, mirror: Mirror
-    ) -> tuple[Array, Array, Array]:
+        self, origin: Float, direction: Float, surface: HeightField, mirror: Mirror
+    ) -> tuple[Float, Float, Float]:
         """(point, direction, share of light) after one reflection; NaN where the mirror is missed."""
         point = origin + distance_to(surface, origin, direction)[..., None] * direction
         x, y = point[..., 0], point[..., 1]
@@ -134,7 +132,7 @@ class Beams:
         return point, outgoing, kept
 
     @staticmethod
-    def _to_face(face: Face, point: Array, direction: Array) -> Array:
+    def _to_face(face: Face, point: Float, direction: Float) -> Float:
         """Where rays meet a face from inside; NaN where they do not."""
         with np.errstate(invalid="ignore", divide="ignore"):
             distance = face.depth_below(point) / (direction @ face.normal)

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
-
+from zeromethod.arrays import Image, Single
 from zeromethod.clock import Clock
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
 from zeromethod.errors import InputError
@@ -106,7 +102,7 @@ class SimulatedCamera:
     def _keep_pictures(self) -> None:
         self._display.keep_from(self._delivery.start_ns(self._delivery.oldest_used(self._last + 1)))
 
-    def _image(self, number: int) -> NDArray[Any]:
+    def _image(self, number: int) -> Image:
         """Image of a frame with its planted faults."""
         if self._delivery.repeated(number):
             return self._image(number - 1)
@@ -116,7 +112,7 @@ class SimulatedCamera:
             image[half:] = self._exposed(number - 1)[half:]
         return image
 
-    def _exposed(self, number: int) -> NDArray[Any]:
+    def _exposed(self, number: int) -> Image:
         """Image of what frame `number` was truly exposed to."""
         start_ns = self._delivery.start_ns(number)
         pieces = exposure_pieces(
@@ -127,5 +123,5 @@ class SimulatedCamera:
             start_ns + self._delivery.exposure_ns,
             lit=self._delivery.lit(number),
         )
-        light: NDArray[np.float32] = self._display.renderer.expose(pieces)
+        light: Single = self._display.renderer.expose(pieces)
         return self._sensor.image(light, number)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes
 from zeromethod.clock import Clock
 from zeromethod.devices.protocols import DisplayLost
 from zeromethod.errors import InputError
@@ -66,7 +66,7 @@ class SimulatedDisplay:
         """Nominal refresh rate, Hz, as the rig file gives it; the panel's own may differ a little."""
         return self._rig.display.refresh_hz
 
-    def show(self, image: NDArray[np.uint8]) -> int:
+    def show(self, image: Bytes) -> int:
         """Show (rows, cols) grey codes; return the swap's time, ns, once it has come.
 
         Raises DisplayLost, or InputError for a picture of another shape or type.

@@ -7,8 +7,8 @@ from itertools import count
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Single
 from zeromethod.errors import InputError
 from zeromethod.gl import create_context
 from zeromethod.rig.model import Rig
@@ -59,7 +59,7 @@ class GpuRenderer:
         self._pictures[handle] = framebuffer
         return handle, framebuffer
 
-    def upload(self, image: NDArray[np.uint8]) -> Handle:
+    def upload(self, image: Bytes) -> Handle:
         """Take over LCD grey codes (rows, cols). Raises InputError on another shape or type."""
         if image.shape != self._lcd[::-1] or image.dtype != np.uint8:
             allowed = f"({self._lcd[1]}, {self._lcd[0]}) uint8"
@@ -73,7 +73,7 @@ class GpuRenderer:
         """Forget a picture; its texture is used again."""
         self._spare.append(self._pictures.pop(handle))
 
-    def expose(self, pieces: Sequence[Piece]) -> NDArray[np.float32]:
+    def expose(self, pieces: Sequence[Piece]) -> Single:
         """(camera rows, cols) float32 light, see `BenchRenderer`; the next call uses the array again."""
         with self.context:
             self._camera.start()
@@ -88,7 +88,7 @@ class GpuRenderer:
                     self._camera.add(ray_map, panel)
             return self._camera.read()
 
-    def ray_map(self, mirror: Mirror) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def ray_map(self, mirror: Mirror) -> tuple[Single, Single]:
         """(q (rows, cols, 2) LCD px, NaN where lost; reflectance (rows, cols), 0 there), new arrays."""
         with self.context:
             rays = self._tracer.maps(mirror)[0].rays.read()
@@ -119,9 +119,9 @@ class GpuRenderer:
         return attachment
 
 
-def _by_mirror(pieces: Sequence[Piece]) -> dict[Mirror, dict[Handle, NDArray[np.float32]]]:
+def _by_mirror(pieces: Sequence[Piece]) -> dict[Mirror, dict[Handle, Single]]:
     """Mirror -> picture -> share of the light that each LCD row gives of it: one light pass per mirror."""
-    result: dict[Mirror, dict[Handle, NDArray[np.float32]]] = {}
+    result: dict[Mirror, dict[Handle, Single]] = {}
     for piece in pieces:
         shares = result.setdefault(piece.mirror, {})
         for handle, row_share in piece.pictures:

@@ -12,11 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from zeromethod.arrays import Float
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Prism, Rig
 
-Vector = NDArray[np.float64]
 Values = dict[str, ArrayLike]
 
 _Y = np.array([0.0, 1.0, 0.0])
@@ -30,7 +30,7 @@ def mirror_length_mm(prism: Prism) -> float:
     return float((prism.leg_mm or 0.0) * np.sin(alpha + beta) / np.sin(beta))
 
 
-def mirror_middle_mm(prism: Prism) -> Vector:
+def mirror_middle_mm(prism: Prism) -> Float:
     """World position (3,) of the shader's origin."""
     return np.array([mirror_length_mm(prism) / 2, 0.0, 0.0])
 
@@ -39,9 +39,9 @@ def mirror_middle_mm(prism: Prism) -> Vector:
 class _Face:
     """Plane of a prism face: edge on the mirror, direction to the apex, outward normal (3,), length."""
 
-    edge: Vector
-    along: Vector
-    normal: Vector
+    edge: Float
+    along: Float
+    normal: Float
     length_mm: float
 
     def values(self, name: str) -> Values:
@@ -72,15 +72,15 @@ def _faces(prism: Prism) -> tuple[_Face, _Face]:
     return pattern, captured
 
 
-def _turned(vector: Vector, axis: Vector, angle_deg: float) -> Vector:
+def _turned(vector: Float, axis: Float, angle_deg: float) -> Float:
     """`vector` turned right-handed about the unit vector `axis` (Rodrigues)."""
     angle = np.radians(angle_deg)
     along = axis * float(vector @ axis)
-    turned: Vector = along + np.cos(angle) * (vector - along) + np.sin(angle) * np.cross(axis, vector)
+    turned: Float = along + np.cos(angle) * (vector - along) + np.sin(angle) * np.cross(axis, vector)
     return turned
 
 
-def _camera_values(camera: CameraSpec, captured: _Face, stack_mm: float, middle: Vector) -> Values:
+def _camera_values(camera: CameraSpec, captured: _Face, stack_mm: float, middle: Float) -> Values:
     position = np.array(camera.position_mm) - middle
     axis = np.array(camera.look_at_mm) - middle - position
     axis /= np.linalg.norm(axis)
@@ -107,7 +107,7 @@ def _camera_values(camera: CameraSpec, captured: _Face, stack_mm: float, middle:
 
 
 def _display_values(display: DisplaySpec, pattern: _Face, stack_mm: float) -> Values:
-    def tilted(vector: Vector) -> Vector:
+    def tilted(vector: Float) -> Float:
         return _turned(_turned(vector, pattern.along, display.tilt_deg[0]), _Y, display.tilt_deg[1])
 
     first = -pattern.along if display.mirrored else pattern.along

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
-from numpy.typing import NDArray
 from scipy.special import ndtr
+
+from zeromethod.arrays import Float
 
 SIGMAS = 4.0
 """The lens's Gaussian is cut there: 1e-5 of the light is beyond, once convolved with the pixel."""
@@ -16,16 +17,14 @@ LEAST_PSF_PX = 0.05
 _ACCURACY = 4e-6
 _MOST_TERMS = 64
 
-Array = NDArray[np.float64]
 
-
-def before(x: Array, psf_px: float) -> Array:
+def before(x: Float, psf_px: float) -> Float:
     """Share of the response before x (camera px from the pixel's centre): box (1 px) * Gaussian (psf_px)."""
 
-    def ramp(to: Array) -> Array:
+    def ramp(to: Float) -> Float:
         # integral of the Gaussian's cumulative
         z = to / psf_px
-        value: Array = to * ndtr(z) + psf_px * np.exp(-0.5 * z * z) / np.sqrt(2 * np.pi)
+        value: Float = to * ndtr(z) + psf_px * np.exp(-0.5 * z * z) / np.sqrt(2 * np.pi)
         return value
 
     return ramp(x + 0.5) - ramp(x - 0.5)
@@ -63,14 +62,14 @@ def _in_pairs(terms: list[str], power: str) -> str:
     return _in_pairs(sums + terms[len(terms) & ~1 :], f"({power} * {power})")
 
 
-def _odd_polynomial(psf_px: float, support: float) -> Array:
+def _odd_polynomial(psf_px: float, support: float) -> Float:
     """Coefficients c with before(x) - 1/2 = x sum c_k t^k, t = 2 (x / support)^2 - 1, for |x| <= support.
 
     In t float32 keeps its digits; the error is 4e-6 or less.
     """
     slope = before(np.array([0.5e-4]), psf_px)[0] * 2e4 - 1e4
 
-    def quotient(t: Array) -> Array:
+    def quotient(t: Float) -> Float:
         x = support * np.sqrt(np.maximum(t + 1, 0) / 2)
         far = x > 1e-4
         x = np.where(far, x, 1.0)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Single
 from zeromethod.gl import program
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_lens import lens_defines
@@ -16,7 +16,7 @@ from zeromethod.simulation.gpu_rays import RayMap, Region
 from zeromethod.simulation.gpu_target import Pass, Target
 from zeromethod.simulation.response import exponents, light_of_codes
 
-Lit = Sequence[tuple[moderngl.Texture, NDArray[np.float32]]]
+Lit = Sequence[tuple[moderngl.Texture, Single]]
 """Pictures (8-bit red, LCD size) and the share (lcd rows,) that each row gives of their light."""
 
 
@@ -36,7 +36,7 @@ class PanelLight:
         if regions:
             self._fixed["exponents"] = float_texture(context, exponents(rig.display))
         self._shares = float_texture(context, np.zeros((rig.display.rows, 1)))
-        self._shown: list[tuple[int, NDArray[np.float32]]] = []
+        self._shown: list[tuple[int, Single]] = []
         self._region = Region(0, 0, 0, 0)
 
     def draw(self, names: Sequence[int], lit: Lit, region: Region) -> moderngl.Texture:
@@ -102,7 +102,7 @@ class CameraLight:
         textures = {"rays": ray_map.rays.texture, "footprints": ray_map.footprints.texture, "panel": panel}
         self._light.draw(self._sum, textures, {"scale": ray_map.share}, add=True)
 
-    def read(self) -> NDArray[np.float32]:
+    def read(self) -> Single:
         """(rows, cols) float32; the array is used again by the next call."""
         return self._sum.read()
 

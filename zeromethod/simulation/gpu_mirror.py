@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import splu
 
+from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.rig.model import RestSurface
-from zeromethod.simulation.gpu_bench import Values, Vector
+from zeromethod.simulation.gpu_bench import Values
 from zeromethod.simulation.gpu_target import unfiltered
 from zeromethod.simulation.press import Dent, Mirror, Shape
 
@@ -62,13 +63,13 @@ def _numbers(dent: Dent, first_row: int) -> tuple[list[float], list[float], list
     return [1.0 / size], [*turn, float(cols), float(rows)], more
 
 
-def _coefficients(dent: Dent) -> NDArray[np.float64]:
+def _coefficients(dent: Dent) -> Float:
     if dent.map_coefficients is None:
         raise InputError("press: shape 'map': no height map given, a .npy of depths is needed")
     return dent.map_coefficients
 
 
-def mirror_values(dents: tuple[Dent, ...], middle_mm: Vector) -> Values:
+def mirror_values(dents: tuple[Dent, ...], middle_mm: Float) -> Values:
     """Uniforms of the dents; `middle_mm` (3,) is the world position of the shader's origin."""
     place, shape, more = [], [], []
     first_row = 0
@@ -103,7 +104,7 @@ def rest_code(rest: RestSurface) -> int:
     return ("flat", "sphere", "map").index(rest.shape)
 
 
-def rest_values(rest: RestSurface, middle_mm: Vector) -> Values:
+def rest_values(rest: RestSurface, middle_mm: Float) -> Values:
     """Constants of the rest surface."""
     if rest.shape == "sphere":
         centre = [rest.centre_mm[0] - middle_mm[0], rest.centre_mm[1] - middle_mm[1]]
@@ -130,7 +131,7 @@ def rest_texture(context: moderngl.Context, rest: RestSurface) -> moderngl.Textu
     return float_texture(context, _not_a_knot(_not_a_knot(heights).T).T)
 
 
-def _not_a_knot(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+def _not_a_knot(samples: Float) -> Float:
     """Cubic B-spline coefficients (n + 2, ...) along the first axis through `samples` (n, ...).
 
     The third derivative runs on through the second and the last but one sample.
@@ -140,5 +141,5 @@ def _not_a_knot(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     matrix[0, :5] = [1, -4, 6, -4, 1]
     matrix[n + 1, n - 3 :] = [1, -4, 6, -4, 1]
     ends = np.zeros((1, *samples.shape[1:]))
-    solved: NDArray[np.float64] = splu(matrix.tocsc()).solve(np.concatenate([ends, samples, ends]))
+    solved: Float = splu(matrix.tocsc()).solve(np.concatenate([ends, samples, ends]))
     return solved

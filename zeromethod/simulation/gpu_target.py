@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Single
 from zeromethod.simulation.gpu_uniforms import Uniforms, set_uniforms
 
 Box = tuple[int, int, int, int]
@@ -34,14 +34,14 @@ class Target:
         self.whole: Box = (0, 0, *size)
         self._channels = channels
         shape = (size[1], size[0]) if channels == 1 else (size[1], size[0], channels)
-        self._pixels: NDArray[np.float32] = np.empty(shape, dtype=np.float32)
+        self._pixels: Single = np.empty(shape, dtype=np.float32)
 
     def clear(self, value: float = 0.0) -> None:
         """Set every pixel's first channel."""
         self.framebuffer.scissor = self.whole
         self.framebuffer.clear(red=value)
 
-    def read(self) -> NDArray[np.float32]:
+    def read(self) -> Single:
         """(rows, cols) or (rows, cols, channels); the array is used again by the next call."""
         self.framebuffer.read_into(self._pixels, components=self._channels, dtype="f4")
         return self._pixels

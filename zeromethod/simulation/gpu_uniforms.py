@@ -6,7 +6,9 @@ from collections.abc import Mapping
 
 import moderngl
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from zeromethod.arrays import Float
 
 Uniforms = Mapping[str, ArrayLike]
 
@@ -32,7 +34,7 @@ def constants(values: Uniforms) -> str:
     return " ".join(_constant(name, np.asarray(value, dtype=np.float64)) for name, value in values.items())
 
 
-def _constant(name: str, value: NDArray[np.float64]) -> str:
+def _constant(name: str, value: Float) -> str:
     kind = f"vec{value.shape[-1]}" if value.ndim else "float"
     if value.ndim < 2:
         return f"const {kind} {name} = {kind}({_listed(value)});"
@@ -40,5 +42,5 @@ def _constant(name: str, value: NDArray[np.float64]) -> str:
     return f"const {kind} {name}[{len(value)}] = {kind}[]({vectors});"
 
 
-def _listed(numbers: NDArray[np.float64]) -> str:
+def _listed(numbers: Float) -> str:
     return ", ".join(f"{number:.9e}" for number in numbers.ravel())

@@ -8,11 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.simulation.press import Dent, Shape
-
-Array = NDArray[np.float64]
 
 STILL_MM = 1e-4
 """Motion within an exposure, anywhere, up to which the mirror counts as still: it is then seen where it is in
@@ -21,7 +19,7 @@ the middle of the exposure, which is the mean of a straight line."""
 BEND_MM = 2e-3
 """Change of the way from one map to the next, anywhere, from which an exposure is cut there."""
 
-Maps = Callable[[int], Array]
+Maps = Callable[[int], Float]
 """Coefficients (rows, cols), mm, of the map of that number."""
 
 _KEPT_MAPS = 6
@@ -48,7 +46,7 @@ class MovingMap:
         self._lattice = lattice
         self._times_ns = list(times_ns)
         self._read = coefficients
-        self._maps: OrderedDict[int, Array] = OrderedDict()
+        self._maps: OrderedDict[int, Float] = OrderedDict()
         self._dents: OrderedDict[int, Dent] = OrderedDict()
 
     def dent_at(self, time_ns: int) -> Dent | None:
@@ -91,7 +89,7 @@ class MovingMap:
             before, after = before * (length / steps_ns[0]), after * (length / steps_ns[1])
         return bool(np.abs(after - before).max() > BEND_MM)
 
-    def _depth_at(self, time_ns: int) -> Array:
+    def _depth_at(self, time_ns: int) -> Float:
         times = self._times_ns
         index = bisect_right(times, time_ns) - 1
         if index < 0:
@@ -103,7 +101,7 @@ class MovingMap:
         share = (time_ns - times[index]) / (times[index + 1] - times[index])
         return before if after is before else before + share * (after - before)
 
-    def _map(self, index: int) -> Array:
+    def _map(self, index: int) -> Float:
         found = self._maps.pop(index, None)
         if found is None:
             found = self._read(index)

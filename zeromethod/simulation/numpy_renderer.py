@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Float, Single
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.aperture import gather
@@ -28,11 +28,11 @@ class NumpyRenderer:
         self._beams = Beams(rig)
         self._response = light_of_codes(rig.display)
         self._exponents = exponents(rig.display) if rig.display.response_exponent is not None else None
-        self._pictures: dict[Handle, NDArray[np.uint8]] = {}
+        self._pictures: dict[Handle, Bytes] = {}
         self._next_handle = 1
         self._maps: dict[Mirror, list[Beam]] = {}
 
-    def upload(self, image: NDArray[np.uint8]) -> Handle:
+    def upload(self, image: Bytes) -> Handle:
         """Take over LCD grey codes (rows, cols); raises InputError for another shape or type."""
         expected = self._rig.display.rows, self._rig.display.columns
         if image.shape != expected or image.dtype != np.uint8:
@@ -46,9 +46,9 @@ class NumpyRenderer:
         """Forget a picture."""
         del self._pictures[handle]
 
-    def expose(self, pieces: Sequence[Piece]) -> NDArray[np.float32]:
+    def expose(self, pieces: Sequence[Piece]) -> Single:
         """Mean light (camera rows, cols); see `BenchRenderer.expose`."""
-        by_mirror: dict[Mirror, NDArray[np.float64]] = {}
+        by_mirror: dict[Mirror, Float] = {}
         for piece in pieces:
             light = self._panel_light(piece)
             earlier = by_mirror.get(piece.mirror)
@@ -72,7 +72,7 @@ class NumpyRenderer:
         out += self._rig.simulation.ambient
         return out.astype(np.float32)
 
-    def ray_map(self, mirror: Mirror) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def ray_map(self, mirror: Mirror) -> tuple[Single, Single]:
         """(q, reflectance) of the main beam at camera pixel centres."""
         q, gain, _ = self._beams.main(mirror)
         lost = np.isnan(q[..., 0])
@@ -83,7 +83,7 @@ class NumpyRenderer:
         self._pictures.clear()
         self._maps.clear()
 
-    def _panel_light(self, piece: Piece) -> NDArray[np.float64]:
+    def _panel_light(self, piece: Piece) -> Float:
         light = np.zeros((self._rig.display.rows, self._rig.display.columns))
         for handle, share in piece.pictures:
             shown = self._response[self._pictures[handle]]

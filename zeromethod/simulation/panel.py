@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Single
 from zeromethod.rig.model import DisplaySpec
 from zeromethod.simulation.renderer import Handle
 
@@ -48,13 +48,13 @@ class Panel:
 
     def weights(
         self, presentations: Sequence[Presentation], from_ns: int, to_ns: int
-    ) -> list[tuple[Handle, NDArray[np.float32]]]:
+    ) -> list[tuple[Handle, Single]]:
         """Mean share of each picture in each row's light over [from_ns, to_ns].
 
         presentations: rising in time; the first is taken to be shown since ever. Returns (handle, (rows,)
         float32) pairs whose shares add up to 1 in every row; `to_ns` = `from_ns` gives an instant.
         """
-        kept: list[tuple[Handle, NDArray[np.float64]]] = []
+        kept: list[tuple[Handle, Float]] = []
         until_next = np.ones(len(self._row_delay_s))
         for index, (_, handle) in enumerate(presentations):
             since_this = until_next
@@ -71,21 +71,21 @@ class Panel:
         total = np.sum([share for _, share in kept], axis=0)
         return [(handle, (share / total).astype(np.float32)) for handle, share in kept]
 
-    def _mean_step(self, from_s: float, to_s: float) -> NDArray[np.float64]:
+    def _mean_step(self, from_s: float, to_s: float) -> Float:
         """(rows,) mean of every row's step response over an interval counted from the presentation."""
         start, end = from_s - self._row_delay_s, to_s - self._row_delay_s
         if to_s <= from_s:
             if self._tau_s == 0:
                 return (start >= 0).astype(np.float64)
-            risen: NDArray[np.float64] = -np.expm1(-np.maximum(start, 0.0) / self._tau_s)
+            risen: Float = -np.expm1(-np.maximum(start, 0.0) / self._tau_s)
             return risen
-        mean: NDArray[np.float64] = (self._integral(end) - self._integral(start)) / (to_s - from_s)
+        mean: Float = (self._integral(end) - self._integral(start)) / (to_s - from_s)
         return mean
 
-    def _integral(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _integral(self, time_s: Float) -> Float:
         """Integral from 0 of the step response 1 - exp(-t / tau)."""
         time_s = np.maximum(time_s, 0.0)
         if self._tau_s == 0:
             return time_s
-        area: NDArray[np.float64] = time_s + self._tau_s * np.expm1(-time_s / self._tau_s)
+        area: Float = time_s + self._tau_s * np.expm1(-time_s / self._tau_s)
         return area

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from zeromethod.simulation.shapes import Array, Field, ball, cone, edge, gaussian, height_map
+from zeromethod.arrays import Float, Mask
+from zeromethod.simulation.shapes import Field, ball, cone, edge, gaussian, height_map
 from zeromethod.simulation.spline import spline_coefficients
 
 
@@ -49,7 +50,7 @@ class Dent:
     contact_mm: float = 0.0
     touch_reflectance: float = 0.05
     map: NDArray[np.floating] | None = field(default=None, repr=False)
-    map_coefficients: Array | None = field(default=None, repr=False)
+    map_coefficients: Float | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if self.map is not None and self.map_coefficients is None:
@@ -72,14 +73,14 @@ class Dent:
         """Whether the object couples light out."""
         return self.contact_mm > 0 and self.depth_mm > 0
 
-    def local(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def local(self, x: Float, y: Float) -> tuple[Float, Float]:
         """(along, across) mm: coordinates about the dent's centre, turned by `angle_deg`."""
         angle = np.deg2rad(self.angle_deg)
         c, s = np.cos(angle), np.sin(angle)
         x, y = x - self.x_mm, y - self.y_mm
         return c * x + s * y, c * y - s * x
 
-    def field(self, x: Array, y: Array) -> Field:
+    def field(self, x: Float, y: Float) -> Field:
         """(depth mm, dd/dx, dd/dy) of this dent alone."""
         along, across = self.local(x, y)
         depth, by_along, by_across = self._local_field(along, across)
@@ -87,7 +88,7 @@ class Dent:
         c, s = np.cos(angle), np.sin(angle)
         return depth, c * by_along - s * by_across, s * by_along + c * by_across
 
-    def _local_field(self, along: Array, across: Array) -> Field:
+    def _local_field(self, along: Float, across: Float) -> Field:
         if self.depth_mm == 0:
             zero = np.zeros(np.broadcast_shapes(along.shape, across.shape))
             return zero, zero, zero
@@ -103,14 +104,14 @@ class Dent:
             raise ValueError("a dent of shape 'map' needs a map")
         return height_map(along, across, self.depth_mm, self.size_mm, self.map_coefficients)
 
-    def covers(self, x: Array, y: Array) -> NDArray[np.bool_]:
+    def covers(self, x: Float, y: Float) -> Mask:
         """Where the object touches."""
         if not self.touches:
             return np.zeros(np.broadcast_shapes(x.shape, y.shape), dtype=np.bool_)
         along, across = self.local(x, y)
         if self.shape is Shape.EDGE:
             return (np.abs(across) < self.contact_mm) & (np.abs(along) < self.length_mm / 2)
-        covered: NDArray[np.bool_] = along**2 + across**2 < self.contact_mm**2
+        covered: Mask = along**2 + across**2 < self.contact_mm**2
         return covered
 
 
@@ -120,16 +121,16 @@ class Mirror:
 
     dents: tuple[Dent, ...] = ()
 
-    def depth(self, x: ArrayLike, y: ArrayLike) -> Array:
+    def depth(self, x: ArrayLike, y: ArrayLike) -> Float:
         """Depth, mm, > 0 into the rubber, of the broadcast shape of x and y (mm)."""
         return self._sum(x, y)[0]
 
-    def slope(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    def slope(self, x: ArrayLike, y: ArrayLike) -> tuple[Float, Float]:
         """(dd/dx, dd/dy) of the depth, analytic."""
         _, by_x, by_y = self._sum(x, y)
         return by_x, by_y
 
-    def reflectance_factor(self, x: ArrayLike, y: ArrayLike) -> Array:
+    def reflectance_factor(self, x: ArrayLike, y: ArrayLike) -> Float:
         """Share of the reflection left by what touches: 1 where nothing does."""
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         factor = np.ones(np.broadcast_shapes(x.shape, y.shape))

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
+from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
 from zeromethod.rig.model import NotNegative, Positive, Share, Table
@@ -124,7 +124,7 @@ class PressFile(Table):
         return max(ends, default=0.0) or 1.0
 
 
-def _load_map(where: str, file: Path) -> NDArray[np.float64]:
+def _load_map(where: str, file: Path) -> Float:
     try:
         samples = np.load(file, allow_pickle=False)
     except (OSError, ValueError) as error:

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
+from zeromethod.arrays import Bytes, Single
 from zeromethod.simulation.press import Mirror
 
 Handle = int
@@ -26,20 +24,20 @@ class Piece:
 
     weight: float
     mirror: Mirror
-    pictures: list[tuple[Handle, NDArray[np.float32]]]
+    pictures: list[tuple[Handle, Single]]
 
 
 @runtime_checkable
 class BenchRenderer(Protocol):
     """Light at the camera's pixels, before noise."""
 
-    def upload(self, image: NDArray[np.uint8]) -> Handle:
+    def upload(self, image: Bytes) -> Handle:
         """Take over LCD grey codes (rows, cols)."""
 
     def release(self, handle: Handle) -> None:
         """Forget a picture."""
 
-    def expose(self, pieces: Sequence[Piece]) -> NDArray[np.float32]:
+    def expose(self, pieces: Sequence[Piece]) -> Single:
         """(camera rows, cols) float32: mean light, 1 = all of a fully lit LCD's light reflected.
 
         Includes LCD response and apertures (normalised by their fill: a white panel gives 1), reflectance,
@@ -48,7 +46,7 @@ class BenchRenderer(Protocol):
         call.
         """
 
-    def ray_map(self, mirror: Mirror) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def ray_map(self, mirror: Mirror) -> tuple[Single, Single]:
         """(q (rows, cols, 2) LCD px, NaN where no ray arrives; reflectance (rows, cols)) per camera pixel.
 
         Reflectance counts what touches; it is 0 where the ray is lost.

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
+from zeromethod.arrays import Float
 from zeromethod.rig.model import DisplaySpec
 
 
-def light_of_codes(display: DisplaySpec) -> NDArray[np.float64]:
+def light_of_codes(display: DisplaySpec) -> Float:
     """(256,) light 0..1 of the grey codes 0..255."""
     codes = np.arange(256) / 255.0
     if display.response_light is not None:
@@ -18,7 +18,7 @@ def light_of_codes(display: DisplaySpec) -> NDArray[np.float64]:
     return codes**display.gamma
 
 
-def exponents(display: DisplaySpec) -> NDArray[np.float64]:
+def exponents(display: DisplaySpec) -> Float:
     """(rows, cols) exponent of the light of every pixel of the panel."""
     if display.response_exponent is None:
         return np.ones((display.rows, display.columns))

@@ -9,14 +9,12 @@ slope and curvature to 0 at the lattice's border.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
 
+from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.simulation.spline import evaluate_spline, spline_weights
-
-Array = NDArray[np.float64]
 
 STIFFNESS = 1e-3
 """Little beside the points, whose own square is about 1 per coefficient; what it still takes off what they
@@ -38,7 +36,7 @@ class ScatteredMap:
     pitch_mm: of the lattice. centre_mm: (x, y) of its middle.
     """
 
-    def __init__(self, x_mm: Array, y_mm: Array, pitch_mm: float) -> None:
+    def __init__(self, x_mm: Float, y_mm: Float, pitch_mm: float) -> None:
         """x_mm, y_mm: (n,) finite points, mm, near which depths will be given. InputError for n < 16."""
         if x_mm.size < 16:
             raise InputError(f"mirror: {x_mm.size} points with a depth: at least 16 make a map")
@@ -55,7 +53,7 @@ class ScatteredMap:
         normal = self._back @ basis + STIFFNESS * self._bending()
         self._solver = splu(normal.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
 
-    def fit(self, x_mm: Array, y_mm: Array, depth_mm: Array) -> Array:
+    def fit(self, x_mm: Float, y_mm: Float, depth_mm: Float) -> Float:
         """Coefficients (rows, cols) of the map that has depths (n,) at points (n,) near those given first."""
         coefficients = np.zeros(self._shape)
         misfit = depth_mm
@@ -65,13 +63,13 @@ class ScatteredMap:
             misfit = depth_mm - evaluate_spline(coefficients, row, col)[0]
         return coefficients
 
-    def _place(self, x_mm: Array, y_mm: Array) -> tuple[Array, Array]:
+    def _place(self, x_mm: Float, y_mm: Float) -> tuple[Float, Float]:
         """(row, col) coordinates of coefficients."""
         rows, cols = self._shape
         x0, y0 = self.centre_mm
         return (y_mm - y0) / self.pitch_mm + (rows - 1) / 2, (x_mm - x0) / self.pitch_mm + (cols - 1) / 2
 
-    def _basis(self, x_mm: Array, y_mm: Array) -> csr_array:
+    def _basis(self, x_mm: Float, y_mm: Float) -> csr_array:
         """(n, free) value of each free coefficient's spline at each point."""
         row, col = self._place(x_mm, y_mm)
         i, j = np.floor(row).astype(np.intp), np.floor(col).astype(np.intp)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image, Single
 from zeromethod.rig.model import Rig
 
 _STREAM = 3
@@ -16,14 +14,14 @@ _STREAM = 3
 
 @numba.njit(cache=True, fastmath=True)
 def _expose(
-    light: NDArray[np.float32],
-    normal: NDArray[np.float32],
+    light: Single,
+    normal: Single,
     peak: float,
     black: float,
     read: float,
     grey_per_electron: float,
     full: float,
-    out: NDArray[Any],
+    out: Image,
 ) -> None:
     for row in range(light.shape[0]):
         for col in range(light.shape[1]):
@@ -57,7 +55,7 @@ class Sensor:
         """Whether any noise is asked for."""
         return self._read > 0 or self._grey_per_electron > 0
 
-    def image(self, light: NDArray[np.float32], number: int) -> NDArray[Any]:
+    def image(self, light: Single, number: int) -> Image:
         """Grey levels (rows, cols) uint8 or uint16, newly allocated, of frame `number` under `light`."""
         if self.noisy:
             seeds = np.random.SeedSequence((self._seed & (2**64 - 1), _STREAM, number & (2**64 - 1)))

@@ -8,27 +8,26 @@ Source of ball and cone: K. L. Johnson, Contact Mechanics, Cambridge 1985, secti
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf
 
+from zeromethod.arrays import Float
 from zeromethod.simulation.spline import evaluate_spline
 
-Array = NDArray[np.float64]
-Field = tuple[Array, Array, Array]
+Field = tuple[Float, Float, Float]
 
 
-def gaussian(along: Array, across: Array, depth_mm: float, sigma_mm: float) -> Field:
+def gaussian(along: Float, across: Float, depth_mm: float, sigma_mm: float) -> Field:
     """Soft pad: d = d0 exp(-r^2 / 2 sigma^2)."""
     depth = depth_mm * np.exp(-(along**2 + across**2) / (2 * sigma_mm**2))
     return depth, -along / sigma_mm**2 * depth, -across / sigma_mm**2 * depth
 
 
-def _radial(along: Array, across: Array, depth: Array, by_r_over_r: Array) -> Field:
+def _radial(along: Float, across: Float, depth: Float, by_r_over_r: Float) -> Field:
     """Field of a radially symmetric depth from its (dd/dr) / r."""
     return depth, along * by_r_over_r, across * by_r_over_r
 
 
-def ball(along: Array, across: Array, depth_mm: float, radius_mm: float) -> Field:
+def ball(along: Float, across: Float, depth_mm: float, radius_mm: float) -> Field:
     """Hertz: a = sqrt(R d0); d0 - r^2 / 2R where it touches, falling like 1/r far away.
 
     Outside: d0 / (pi a^2) [(2 a^2 - r^2) asin(a/r) + a sqrt(r^2 - a^2)].
@@ -46,7 +45,7 @@ def ball(along: Array, across: Array, depth_mm: float, radius_mm: float) -> Fiel
     return _radial(along, across, depth, over_r)
 
 
-def cone(along: Array, across: Array, depth_mm: float, contact_mm: float) -> Field:
+def cone(along: Float, across: Float, depth_mm: float, contact_mm: float) -> Field:
     """Sneddon: e = 2 d0 / (pi a); d0 - e r where it touches, e [a asin(a/r) + sqrt(r^2 - a^2) - r] beyond.
 
     The slope at the very tip, where it has no direction, is 0.
@@ -63,7 +62,7 @@ def cone(along: Array, across: Array, depth_mm: float, contact_mm: float) -> Fie
     return _radial(along, across, depth, over_r)
 
 
-def edge(along: Array, across: Array, depth_mm: float, sigma_mm: float, length_mm: float) -> Field:
+def edge(along: Float, across: Float, depth_mm: float, sigma_mm: float, length_mm: float) -> Field:
     """Straight edge: Gaussian across, a box of `length_mm` blurred by the same sigma along; peak d0."""
     scale = np.sqrt(2) * sigma_mm
     norm = depth_mm * 0.5 / erf(length_mm / (2 * scale))
@@ -74,7 +73,7 @@ def edge(along: Array, across: Array, depth_mm: float, sigma_mm: float, length_m
     return profile * cross, by_along * cross, -across / sigma_mm**2 * profile * cross
 
 
-def height_map(along: Array, across: Array, depth_mm: float, pitch_mm: float, coefficients: Array) -> Field:
+def height_map(along: Float, across: Float, depth_mm: float, pitch_mm: float, coefficients: Float) -> Field:
     """Interpolate a sampled map, centred, columns along and rows across; C2 spline, 0 beyond its border.
 
     `coefficients`: from `zeromethod.simulation.spline.spline_coefficients`.

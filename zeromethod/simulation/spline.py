@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import spline_filter
 
-Array = NDArray[np.float64]
+from zeromethod.arrays import Float
 
 MARGIN = 12
 """Zeros put round the map; the spline's ringing falls by 0.268 per sample, so 1e-7 is left there."""
 
 
-def spline_coefficients(samples: NDArray[np.floating]) -> Array:
+def spline_coefficients(samples: NDArray[np.floating]) -> Float:
     """B-spline coefficients (rows + 2 MARGIN, cols + 2 MARGIN) of `samples` continued by zeros.
 
     The spline passes through every sample; sample (row, col) belongs to coefficient
@@ -22,7 +22,7 @@ def spline_coefficients(samples: NDArray[np.floating]) -> Array:
     return np.asarray(spline_filter(padded, order=3, mode="mirror"), dtype=np.float64)
 
 
-def spline_weights(t: Array) -> tuple[Array, Array]:
+def spline_weights(t: Float) -> tuple[Float, Float]:
     """(values, derivatives), each (..., 4): B-spline weights of the four samples round a point."""
     s = 1.0 - t
     values = np.stack((s**3 / 6, 2 / 3 - t**2 * (2 - t) / 2, 2 / 3 - s**2 * (2 - s) / 2, t**3 / 6), axis=-1)
@@ -30,7 +30,7 @@ def spline_weights(t: Array) -> tuple[Array, Array]:
     return values, slopes
 
 
-def evaluate_spline(coefficients: Array, row: Array, col: Array) -> tuple[Array, Array, Array]:
+def evaluate_spline(coefficients: Float, row: Float, col: Float) -> tuple[Float, Float, Float]:
     """(value, d/drow, d/dcol) at coefficient coordinates (sample + MARGIN); 0 beyond the padded map."""
     rows, cols = coefficients.shape
     row, col = np.broadcast_arrays(np.asarray(row, dtype=np.float64), np.asarray(col, dtype=np.float64))

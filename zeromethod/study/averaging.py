@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.errors import MeasurementError
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
@@ -13,8 +13,6 @@ from zeromethod.study.closed_loop import opened
 from zeromethod.study.task import Figures, Procedure, Task
 from zeromethod.surface import SurfaceReader
 from zeromethod.warp.mean import RunningMean
-
-Array = NDArray[np.float64]
 
 SETTLING_FRAMES = 8
 """Nulled frames that pass before any is averaged."""
@@ -58,7 +56,7 @@ def average(task: Task) -> Figures:
     }
 
 
-def _rms(values: Array) -> float:
+def _rms(values: Float) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 

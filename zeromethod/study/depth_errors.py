@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.calibration import DepthError, Direct, Observation, Priors, RestPositions, depth_error, fit
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.errors import InputError
@@ -14,8 +14,6 @@ from zeromethod.rig.refusal import shown
 from zeromethod.study.task import Figures, Procedure, Task
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
-
-Array = NDArray[np.float64]
 
 NOTHING = "nothing"
 
@@ -84,7 +82,7 @@ def _rest(rig: Rig, grid: NodeGrid, sigma_px: float) -> Warp:
     return Warp(q, np.full(q.shape, sigma_px), np.where(seen, 0, 1).astype(np.uint16), 0)
 
 
-def _with(error: DepthError, rows: Array) -> Array:
+def _with(error: DepthError, rows: Float) -> Float:
     """Covariance with rows (n, parameters) of sigma 1 more."""
     if not len(rows):
         return error.covariance

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
 
 _BLOCK_SHARE = 0.056
@@ -38,14 +38,12 @@ class RestFit:
     """
 
     mode: Literal["known", "quiet"]
-    weights: NDArray[np.float64]
+    weights: Float
     sigma_mm: float
     tail_mm: float = 0.0
 
 
-def known_nodes(
-    known_rest: Sequence[KnownRest], x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def known_nodes(known_rest: Sequence[KnownRest], x_mm: Float, y_mm: Float) -> Mask:
     """Nodes (rows, cols) whose mirror point lies in a rectangle known to be at rest."""
     inside = np.zeros(x_mm.shape, bool)
     for part in known_rest:
@@ -55,13 +53,13 @@ def known_nodes(
     return inside
 
 
-def fit_known(nodes: NDArray[np.bool_], scale: NDArray[np.float64]) -> RestFit:
+def fit_known(nodes: Mask, scale: Float) -> RestFit:
     """Least squares of depth = C h over nodes known to be at rest."""
     weights = np.where(nodes, scale**2, 0.0)
     return RestFit("known", weights / weights.sum(), 0.0)
 
 
-def border_ring(shape: tuple[int, int]) -> NDArray[np.bool_]:
+def border_ring(shape: tuple[int, int]) -> Mask:
     """Outer ring (rows, cols) of the lattice."""
     width = max(2, round(_RING_SHARE * min(shape)))
     ring = np.ones(shape, bool)
@@ -70,14 +68,14 @@ def border_ring(shape: tuple[int, int]) -> NDArray[np.bool_]:
 
 
 def fit_quiet(
-    slope: NDArray[np.float64],
-    variance: NDArray[np.float64],
-    depth_mm: NDArray[np.float64],
-    scale: NDArray[np.float64],
-    x_mm: NDArray[np.float64],
-    y_mm: NDArray[np.float64],
-    island: NDArray[np.bool_],
-    correlation: NDArray[np.float64],
+    slope: Float,
+    variance: Float,
+    depth_mm: Float,
+    scale: Float,
+    x_mm: Float,
+    y_mm: Float,
+    island: Mask,
+    correlation: Float,
 ) -> RestFit:
     """Weights of the quietest nodes in the border ring.
 
@@ -115,12 +113,12 @@ def fit_quiet(
 
 
 def _tail(
-    slope: NDArray[np.float64],
-    variance: NDArray[np.float64],
-    away: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    scale: NDArray[np.float64],
-    correlation: NDArray[np.float64],
+    slope: Float,
+    variance: Float,
+    away: Float,
+    weights: Float,
+    scale: Float,
+    correlation: Float,
 ) -> float:
     """Mean depth / h, in mm, that the chosen nodes' slope means if it is the 1/r tail of the deepest node.
 
@@ -137,12 +135,12 @@ def _tail(
 
 
 def _block_slope(
-    slope: NDArray[np.float64],
-    variance: NDArray[np.float64],
-    island: NDArray[np.bool_],
-    correlation: NDArray[np.float64],
+    slope: Float,
+    variance: Float,
+    island: Mask,
+    correlation: Float,
     block: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Float, Float]:
     """Squared slope (rows, cols) after averaging over a block, and the share of it that noise makes."""
     known = island.astype(np.float64)
     share = np.maximum(ndimage.uniform_filter(known, block, mode="constant"), block**-2)
@@ -157,7 +155,7 @@ def _block_slope(
     return np.where(island, slope2, 0.0), noise2
 
 
-def mean_noise_gain(correlation: NDArray[np.float64], count: int) -> float:
+def mean_noise_gain(correlation: Float, count: int) -> float:
     """Variance of the mean of `count` neighbours on a line, each of variance 1 and so correlated."""
     lags = np.arange(count)
     rho = np.zeros(count)
@@ -167,11 +165,11 @@ def mean_noise_gain(correlation: NDArray[np.float64], count: int) -> float:
 
 
 def _from_deepest(
-    relative_mm: NDArray[np.float64],
-    x_mm: NDArray[np.float64],
-    y_mm: NDArray[np.float64],
-    island: NDArray[np.bool_],
-) -> NDArray[np.float64]:
+    relative_mm: Float,
+    x_mm: Float,
+    y_mm: Float,
+    island: Mask,
+) -> Float:
     """Vectors (rows, cols, 2) in mm from the node of largest |depth|; 0 off the island."""
     deepest = int(np.argmax(np.where(island, np.abs(relative_mm), -1.0)))
     row, col = np.unravel_index(deepest, relative_mm.shape)
@@ -179,7 +177,7 @@ def _from_deepest(
     return np.where(island[..., None], away, 0.0)
 
 
-def _shortest_interval(values: NDArray[np.float64], weights: NDArray[np.float64]) -> tuple[float, float]:
+def _shortest_interval(values: Float, weights: Float) -> tuple[float, float]:
     """Shortest interval that holds the core share of the weight."""
     order = np.argsort(values)
     values, total = values[order], np.cumsum(weights[order])

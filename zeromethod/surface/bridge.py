@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.surface.gaps import Gaps, gaps_between
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.rays import MirrorRays
@@ -22,9 +22,6 @@ _MOST_ISLANDS = 3
 _LEAST_GAPS = 3
 _PASSES = 20
 _SETTLED_MM = 1e-7
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)

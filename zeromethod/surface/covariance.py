@@ -12,14 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.surface.integrate import LinearIntegration
 from zeromethod.surface.noise import SlopeNoise
 from zeromethod.warp.grid import NodeGrid
-
-Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

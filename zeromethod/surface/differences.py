@@ -6,8 +6,8 @@ from typing import Any
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.surface.stencils import (
     BORDER_POINTS,
     DERIVATIVE_POINTS,
@@ -103,12 +103,12 @@ def _along_rows_adjoint(
 
 
 def depth_differences_adjoint(
-    across: NDArray[np.float64],
-    down: NDArray[np.float64],
-    x_mm: NDArray[np.float64],
-    y_mm: NDArray[np.float64],
-    valid: NDArray[np.bool_],
-) -> NDArray[np.float64]:
+    across: Float,
+    down: Float,
+    x_mm: Float,
+    y_mm: Float,
+    valid: Mask,
+) -> Float:
     """Transpose of `depth_differences`: weights (rows, cols, 2), mm, of the slopes in a sum over steps.
 
     across (rows, cols-1), down (rows-1, cols): the steps' weights; those that touch an invalid node count 0.
@@ -121,9 +121,7 @@ def depth_differences_adjoint(
     return out
 
 
-def depth_differences(
-    slope: NDArray[np.float64], x_mm: NDArray[np.float64], y_mm: NDArray[np.float64], valid: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def depth_differences(slope: Float, x_mm: Float, y_mm: Float, valid: Mask) -> tuple[Float, Float]:
     """Depth step from each node to the next: (rows, cols-1) along rows, (rows-1, cols) along columns, mm.
 
     slope: (rows, cols, 2), d(depth)/dx and d(depth)/dy at the nodes' mirror points x_mm, y_mm (which may

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Ints, Single
 from zeromethod.optics import Optics
 from zeromethod.optics.fresnel import fresnel
 from zeromethod.optics.mirror import normal_of
@@ -20,9 +20,6 @@ from zeromethod.surface.rays import MirrorRays
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.interpolant import keys_weights
 from zeromethod.warp.rest import Rest
-
-Float = NDArray[np.float64]
-Floats = NDArray[np.float32]
 
 PASSES = 4
 SETTLED_MM = 2e-3
@@ -33,7 +30,7 @@ LEAST_SHARE = 0.2
 """Darker than this is not believed: a wrong warp must not blow up noise without bounds."""
 
 
-def _taps(nodes: Float, spacing_px: int, pixels: int) -> tuple[NDArray[np.int64], Floats]:
+def _taps(nodes: Float, spacing_px: int, pixels: int) -> tuple[Ints, Single]:
     """First node (pixels,) and weights (pixels, 4) of Keys' interpolant, with which warps are drawn."""
     place = (np.arange(pixels) - nodes[0]) / spacing_px
     first = np.clip(place.astype(np.int64), 1, nodes.size - 3)
@@ -43,17 +40,17 @@ def _taps(nodes: Float, spacing_px: int, pixels: int) -> tuple[NDArray[np.int64]
 
 @numba.njit(cache=True, fastmath=True)
 def _share(
-    change: Floats,
-    rows: NDArray[np.int64],
-    down: Floats,
-    cols: NDArray[np.int64],
-    across: Floats,
-    rest_cosine: Floats,
-    s_share: Floats,
-    rest: Floats,
+    change: Single,
+    rows: Ints,
+    down: Single,
+    cols: Ints,
+    across: Single,
+    rest_cosine: Single,
+    s_share: Single,
+    rest: Single,
     index: float,
     least: float,
-    out: Floats,
+    out: Single,
 ) -> None:
     """Reflectance over that at rest, the cosine of incidence changed by that of the nodes around."""
     one, n, floor = np.float32(1), np.float32(index), np.float32(least)
@@ -127,7 +124,7 @@ class ExpectedLight:
         normal = normal_of((gx - slope[..., 0], gy - slope[..., 1]))
         return np.asarray((self._direction * normal).sum(axis=-1))
 
-    def share(self, q: Float) -> Floats:
+    def share(self, q: Float) -> Single:
         """(rows, cols) of the image: light expected over that at rest, where the nodes look at `q` (LCD px).
 
         The depth enters because the same LCD position means another slope at another depth (5 mrad at 0.2

@@ -20,7 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from zeromethod.arrays import Float, Mask
 
 _CORE_SHARE = 0.2
 """Depth over the largest at which the dent's core, by which its centre is found, ends and the far begins."""
@@ -33,8 +34,6 @@ _DOUBT = 2.0
 _SPAN = 6.0
 _STEPS = 121
 
-Float = NDArray[np.float64]
-
 
 @dataclass(frozen=True, slots=True)
 class FarField:
@@ -44,7 +43,7 @@ class FarField:
     sigma_mm: float
 
 
-def centre_of(slope: Float, x_mm: Float, y_mm: Float, core: NDArray[np.bool_]) -> tuple[float, float] | None:
+def centre_of(slope: Float, x_mm: Float, y_mm: Float, core: Mask) -> tuple[float, float] | None:
     """Point that the lines of steepest descent of the core's nodes pass closest to; None for parallel lines.
 
     Minimises sum |s x (p - c)|^2, which also works for a dent that is cut off by the view or has a hole.
@@ -66,7 +65,7 @@ def fit_far_field(
     scale_gradient: Float,
     x_mm: Float,
     y_mm: Float,
-    island: NDArray[np.bool_],
+    island: Mask,
     bound_mm: float,
     overlap: float,
 ) -> FarField | None:

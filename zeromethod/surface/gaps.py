@@ -13,12 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
+
 WIDEST = 4
 """Nodes without a reading that a step may span."""
 _DIFFERENCE, _CORRECTION = 0.15, 0.25
 _LEAST_MM = 1e-8
 
-Float = NDArray[np.float64]
 Nodes = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
@@ -68,7 +69,7 @@ class Gaps:
         return bend
 
 
-def gaps_between(near: NDArray[np.bool_], far: NDArray[np.bool_]) -> Gaps:
+def gaps_between(near: Mask, far: Mask) -> Gaps:
     """All gaps between nodes of two masks (rows, cols), with neither's inside; the masks may be the same."""
     found = []
     for axis in (0, 1):

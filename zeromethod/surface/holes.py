@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from zeromethod.arrays import Mask
 from zeromethod.surface.gaps import gaps_between
 from zeromethod.surface.surface import Surface
 
 _SECTORS = 24
 _NOTICEABLE = 0.02
 """Step over a gap, relative to the peak, from which it counts as lying on the slope."""
-
-Mask = NDArray[np.bool_]
 
 
 def deeper_inside_mm(surface: Surface, measured: Mask, fitted: Mask, depth_mm: float) -> float:

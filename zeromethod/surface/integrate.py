@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.surface.differences import depth_differences, depth_differences_adjoint
 from zeromethod.surface.poisson import LatticeSolution, LatticeSolver
 
@@ -24,14 +24,14 @@ any fixed weights give an unbiased depth, and being off by this much costs a few
 _KEEP_SHARE = 0.02
 
 
-def largest_island(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def largest_island(valid: Mask) -> Mask:
     """Keep the largest set of valid nodes connected along rows and columns (depth cannot cross a gap)."""
     labels, count = ndimage.label(valid)
     if count <= 1:
         return valid.copy()
     sizes = np.bincount(labels.ravel())
     sizes[0] = 0
-    island: NDArray[np.bool_] = labels == int(np.argmax(sizes))
+    island: Mask = labels == int(np.argmax(sizes))
     return island
 
 
@@ -42,19 +42,19 @@ class LinearIntegration:
     Stays what it is when the integrator goes on to other masks and weights. island: (rows, cols) nodes.
     """
 
-    island: NDArray[np.bool_]
-    x_mm: NDArray[np.float64]
-    y_mm: NDArray[np.float64]
-    across: NDArray[np.float64]
-    down: NDArray[np.float64]
+    island: Mask
+    x_mm: Float
+    y_mm: Float
+    across: Float
+    down: Float
     solution: LatticeSolution
 
-    def depth(self, slope: NDArray[np.float64]) -> NDArray[np.float64]:
+    def depth(self, slope: Float) -> Float:
         """E (rows, cols) in mm, up to a constant, of slope errors (rows, cols, 2), rad."""
         across, down = depth_differences(slope, self.x_mm, self.y_mm, self.island)
         return self.solution.solve(_divergence(self.across * across, self.down * down))
 
-    def slope_weights(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope_weights(self, weights: Float) -> Float:
         """Weights (..., rows, cols, 2), mm, with which the slopes enter sum(weights * e).
 
         weights (..., rows, cols) must add up to 0, as e is known up to a constant; off the island they do
@@ -77,7 +77,7 @@ class LinearIntegration:
         return out.reshape(*potential.shape, 2)
 
 
-def _divergence(across: NDArray[np.float64], down: NDArray[np.float64]) -> NDArray[np.float64]:
+def _divergence(across: Float, down: Float) -> Float:
     """Sum at each node (rows, cols) of the steps that lead to it less those that lead away."""
     out = np.zeros((across.shape[0], down.shape[1]))
     out[:, 1:] += across
@@ -94,9 +94,7 @@ class SlopeIntegrator:
     contradict each other. Call `prepare` when mask or noise may have changed, then `integrate`.
     """
 
-    def __init__(
-        self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64], scale: NDArray[np.float64] | None = None
-    ) -> None:
+    def __init__(self, x_mm: Float, y_mm: Float, scale: Float | None = None) -> None:
         """x_mm, y_mm: (rows, cols) mirror points at rest, for the edges' lengths; scale: h (rows, cols)."""
         shape = x_mm.shape
         self._shape = shape
@@ -110,11 +108,11 @@ class SlopeIntegrator:
         self._across = np.zeros_like(self._h_across)
         self._down = np.zeros_like(self._h_down)
         self._pin = (0, 0)
-        self.island: NDArray[np.bool_] = np.zeros(shape, bool)
+        self.island: Mask = np.zeros(shape, bool)
         self.weightings = 0
         """How often the weights were made anew."""
 
-    def prepare(self, valid: NDArray[np.bool_], variance: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def prepare(self, valid: Mask, variance: Float) -> Mask:
         """Set mask (rows, cols) and slope variance (rows, cols, 2); return the nodes that get a depth."""
         island = largest_island(valid)
         same = bool(np.array_equal(island, self.island))
@@ -132,7 +130,7 @@ class SlopeIntegrator:
         self._set_weights()
         return island
 
-    def _weights_changed(self, relative: NDArray[np.float64]) -> bool:
+    def _weights_changed(self, relative: Float) -> bool:
         known = self.island & (self._variance > 0.0).all(axis=-1)
         if 2 * np.count_nonzero(known) < np.count_nonzero(self.island):
             return True
@@ -157,11 +155,11 @@ class SlopeIntegrator:
 
     def integrate(
         self,
-        slope: NDArray[np.float64],
-        x_mm: NDArray[np.float64],
-        y_mm: NDArray[np.float64],
-        depth_mm: NDArray[np.float64] | None = None,
-    ) -> NDArray[np.float64]:
+        slope: Float,
+        x_mm: Float,
+        y_mm: Float,
+        depth_mm: Float | None = None,
+    ) -> Float:
         """Update e (..., rows, cols), up to a constant: depth_mm + h e has the given slope. 0 off the island.
 
         slope: (..., rows, cols, 2), (dd/dx, dd/dy) at the mirror points x_mm, y_mm (rows, cols), read with
@@ -175,17 +173,17 @@ class SlopeIntegrator:
 
     def _right_hand_side(
         self,
-        slope: NDArray[np.float64],
-        x_mm: NDArray[np.float64],
-        y_mm: NDArray[np.float64],
-        depth_mm: NDArray[np.float64] | None,
-    ) -> NDArray[np.float64]:
+        slope: Float,
+        x_mm: Float,
+        y_mm: Float,
+        depth_mm: Float | None,
+    ) -> Float:
         across, down = depth_differences(slope, x_mm, y_mm, self.island)
         if depth_mm is not None:
             across -= np.diff(depth_mm, axis=1)
             down -= np.diff(depth_mm, axis=0)
         return _divergence(self._across * across, self._down * down)
 
-    def linear(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> LinearIntegration:
+    def linear(self, x_mm: Float, y_mm: Float) -> LinearIntegration:
         """Integration with the present mask and weights over points at x_mm, y_mm (rows, cols)."""
         return LinearIntegration(self.island, x_mm, y_mm, self._across, self._down, self._solver.solution)

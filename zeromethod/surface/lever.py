@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.surface.rays import MirrorRays
 
 _DEPTH_STEP_MM = 0.05
@@ -15,8 +15,6 @@ _LEAST_SHARE = 0.1
 """Determinant relative to rest below which the first-order lever is not believed (at P0 it vanishes)."""
 _LEAST_MIXING = 0.1
 """Determinant of the squared Jacobian over its rows', from which the components' noise is told apart."""
-
-Float = NDArray[np.float64]
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator
 
 _SAMPLES_PER_AXIS = 13
@@ -23,8 +24,6 @@ _SAME_ANCHOR = 0.2
 _BOXES = (1, 3, 7, 15, 31, 63)
 _EVEN = 0.02
 _LEAST_LEFT = 0.02
-
-Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +113,7 @@ class DepthNoise:
         grown = self._grown(power, island)
         return np.where(island, np.sqrt(grown * self._variance), np.nan)
 
-    def _is_stale(self, power: Float, island: NDArray[np.bool_]) -> bool:
+    def _is_stale(self, power: Float, island: Mask) -> bool:
         both = island & self._mask
         count = np.count_nonzero(island | self._mask)
         if self._weightings != self._integrator.weightings:
@@ -159,7 +158,7 @@ class DepthNoise:
         self._variance = np.maximum(moved, _LEAST_LEFT * self._sampled)
         self._anchor = weights.copy()
 
-    def _grown(self, power: Float, island: NDArray[np.bool_]) -> Float | float:
+    def _grown(self, power: Float, island: Mask) -> Float | float:
         """How the variance of depth has grown since the samples, (rows, cols) or the same everywhere."""
         both = island & self._mask
         ratio = np.where(both, power, 0.0) / np.where(both, self._power, 1.0)
@@ -185,7 +184,7 @@ def sampled_variance(
     return np.concatenate(found) if found else np.zeros(0)
 
 
-def sample_nodes(island: NDArray[np.bool_]) -> NDArray[np.intp]:
+def sample_nodes(island: Mask) -> NDArray[np.intp]:
     """Flat numbers of island nodes on Chebyshev's points of both axes, and some along the rims of holes."""
     chosen = np.zeros(island.shape, bool)
     rows, cols = (np.unique(np.rint(_chebyshev(n)).astype(np.intp)) for n in island.shape)

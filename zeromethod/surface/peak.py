@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.surface.holes import around_mm, deeper_inside_mm
 from zeromethod.surface.surface import Surface
 
@@ -70,7 +70,7 @@ def peak(surface: Surface) -> Peak:
     return replace(found, sigma_mm=math.hypot(sigma_mm, gap_mm, deeper_mm), deeper_mm=deeper_mm)
 
 
-def _deepest(surface: Surface) -> tuple[Peak, NDArray[np.bool_]]:
+def _deepest(surface: Surface) -> tuple[Peak, Mask]:
     """Peak of the valid nodes alone, and the window (rows, cols) of the fit that told it."""
     depth = np.where(surface.valid, surface.depth_mm, np.nan)
     row, col = (int(k) for k in np.unravel_index(int(np.nanargmax(np.abs(depth))), depth.shape))
@@ -94,9 +94,7 @@ def _deepest(surface: Surface) -> tuple[Peak, NDArray[np.bool_]]:
     return Peak(depth_mm, x_mm, y_mm, at_node.sigma_mm), window
 
 
-def _summit(
-    surface: Surface, row: int, col: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], int] | None:
+def _summit(surface: Surface, row: int, col: int) -> tuple[Float, Float, int] | None:
     """Summit's (column, row) offset from a node, depth, x and y there, and the window's half width.
 
     None where there is no summit.
@@ -126,7 +124,7 @@ def _summit(
 
 def _fit(
     surface: Surface, row: int, col: int, reach: int, degree: int
-) -> tuple[NDArray[np.float64], list[tuple[int, int]]] | None:
+) -> tuple[Float, list[tuple[int, int]]] | None:
     """Coefficients (terms, 3) of depth, x and y over (column, row) offsets, and their powers.
 
     None where fewer than `_MIN_SHARE` (quartic) or `_MIN_NODES` (quadratic) of the window are valid.
@@ -150,9 +148,7 @@ def _powers(degree: int) -> list[tuple[int, int]]:
     return [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
 
 
-def _terms(
-    a: NDArray[np.float64], b: NDArray[np.float64], powers: list[tuple[int, int]], da: int = 0, db: int = 0
-) -> NDArray[np.float64]:
+def _terms(a: Float, b: Float, powers: list[tuple[int, int]], da: int = 0, db: int = 0) -> Float:
     """Columns a^i b^j, differentiated da times by a and db times by b."""
     columns = []
     for i, j in powers:
@@ -161,9 +157,7 @@ def _terms(
     return np.stack(columns, axis=-1)
 
 
-def _stationary(
-    coefficients: NDArray[np.float64], powers: list[tuple[int, int]], within: float
-) -> NDArray[np.float64] | None:
+def _stationary(coefficients: Float, powers: list[tuple[int, int]], within: float) -> Float | None:
     """Point (a, b) of zero gradient, no farther than `within` on either axis, by Newton's steps from 0."""
     at = np.zeros(2)
     for _ in range(_STEPS):

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
+
+from zeromethod.arrays import Float
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,10 +24,10 @@ class LatticeSolution:
 
     factors: Any
 
-    def solve(self, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(self, rhs: Float) -> Float:
         """D (..., rows, cols) for right-hand sides b (..., rows, cols); its own transpose, as A is."""
         flat = rhs.reshape(-1, rhs.shape[-2] * rhs.shape[-1]).T
-        solution: NDArray[np.float64] = self.factors.solve(np.asfortranarray(flat))
+        solution: Float = self.factors.solve(np.asfortranarray(flat))
         return solution.T.reshape(rhs.shape)
 
 
@@ -47,9 +48,7 @@ class LatticeSolver:
         self._order = np.rint(self._matrix.data).astype(np.intp) - 1
         self.solution = LatticeSolution(None)
 
-    def set_weights(
-        self, across: NDArray[np.float64], down: NDArray[np.float64], pin: tuple[int, int]
-    ) -> None:
+    def set_weights(self, across: Float, down: Float, pin: tuple[int, int]) -> None:
         """Use these edge weights (rows, cols-1) and (rows-1, cols), 0 = no edge, and hold node `pin` at 0.
 
         The pin takes away the free constant without damping anything. Nodes without edges come out 0.
@@ -68,6 +67,6 @@ class LatticeSolver:
             splu(self._matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
         )
 
-    def solve(self, rhs: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(self, rhs: Float) -> Float:
         """`LatticeSolution.solve` with the present weights."""
         return self.solution.solve(rhs)

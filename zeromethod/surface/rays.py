@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Flat, Optics
 
 _STEPS = 20
@@ -18,11 +18,11 @@ class MirrorRays:
     z = h_rest(x, y) - depth. Points and slopes are NaN where the ray misses the mirror at rest.
     """
 
-    def __init__(self, optics: Optics, u_px: NDArray[np.float64], v_px: NDArray[np.float64]) -> None:
+    def __init__(self, optics: Optics, u_px: Float, v_px: Float) -> None:
         self._optics = optics
         self._rest = optics.rest
         at_rest = optics.trace(u_px, v_px, optics.rest)
-        self.rest_q: NDArray[np.float64] = at_rest.q
+        self.rest_q: Float = at_rest.q
         seen = np.asarray(np.isfinite(at_rest.q).all(axis=-1))
         origin, direction = optics.rubber_rays(u_px, v_px)
         self._direction = np.where(seen[..., None], direction, np.nan)
@@ -31,13 +31,13 @@ class MirrorRays:
         # Along the ray, depth below the rest surface changes by this much per mm.
         rise = direction[..., 2] - gx * direction[..., 0] - gy * direction[..., 1]
         self._distance_per_depth = np.where(seen, -1.0 / rise, np.nan)
-        self.seen: NDArray[np.bool_] = seen & np.asarray(np.isfinite(origin).all(axis=-1))
+        self.seen: Mask = seen & np.asarray(np.isfinite(origin).all(axis=-1))
 
-    def points(self, depth_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, depth_mm: Float) -> Float:
         """Mirror points (rows, cols, 3) in mm at the given depths (rows, cols)."""
         direction, rest = self._direction, self._rest
         along = depth_mm * self._distance_per_depth
-        point: NDArray[np.float64] = self._rest_point + along[..., None] * direction
+        point: Float = self._rest_point + along[..., None] * direction
         if isinstance(rest, Flat):
             return point
         for _ in range(_STEPS):
@@ -50,9 +50,7 @@ class MirrorRays:
                 break
         return point
 
-    def slope(
-        self, depth_mm: NDArray[np.float64], q: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def slope(self, depth_mm: Float, q: Float) -> tuple[Float, Float]:
         """Slope of depth (rows, cols, 2) at points (rows, cols, 3) at these depths that look at q.
 
         q: (rows, cols, 2) LCD px. NaN where no ray joins point and LCD position.

@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
@@ -46,9 +47,9 @@ T = TypeVar("T", bound=np.generic)
 class _Reading:
     """Depth (rows, cols) in mm, 0 off the island, with the slope and points it came from."""
 
-    depth: NDArray[np.float64]
-    slope: NDArray[np.float64]
-    point: NDArray[np.float64]
+    depth: Float
+    slope: Float
+    point: Float
     fit: RestFit | None
     iterations: int
 
@@ -104,7 +105,7 @@ class SurfaceReader:
         self._noise = DepthNoise(self._integrator)
         self._last: _Last | None = None
 
-    def _depth_scale(self, slope: NDArray[np.float64], point: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _depth_scale(self, slope: Float, point: Float) -> Float:
         """Integrate K = d(slope)/d(depth) at fixed q: h (rows, cols), 1 at its median."""
         deeper, _ = self._rays.slope(np.full(slope.shape[:-1], _PROBE_DEPTH_MM), self._rays.rest_q)
         rate = (deeper - slope) / _PROBE_DEPTH_MM
@@ -118,7 +119,7 @@ class SurfaceReader:
         return scale
 
     @property
-    def scale(self) -> NDArray[np.float64]:
+    def scale(self) -> Float:
         """Scale h (rows, cols) of the measurable nodes, median 1: slopes fix depth up to a multiple of it.
 
         A constant error of depth moves the mirror along its rays and so changes the slopes read; h is the
@@ -167,10 +168,10 @@ class SurfaceReader:
 
     def _settle(
         self,
-        q: NDArray[np.float64],
-        variance: NDArray[np.float64],
-        usable: NDArray[np.bool_],
-        depth: NDArray[np.float64],
+        q: Float,
+        variance: Float,
+        usable: Mask,
+        depth: Float,
         tail_mm: float,
     ) -> _Reading:
         integrator, scale = self._integrator, self._scale
@@ -207,11 +208,11 @@ class SurfaceReader:
 
     def _fit(
         self,
-        slope: NDArray[np.float64],
-        variance: NDArray[np.float64],
-        depth: NDArray[np.float64],
-        point: NDArray[np.float64],
-        island: NDArray[np.bool_],
+        slope: Float,
+        variance: Float,
+        depth: Float,
+        point: Float,
+        island: Mask,
     ) -> RestFit:
         x, y = point[..., 0], point[..., 1]
         known = known_nodes(self._known_rest, x, y) & island
@@ -222,11 +223,11 @@ class SurfaceReader:
     def _with_tail(
         self,
         fit: RestFit,
-        slope: NDArray[np.float64],
-        variance: NDArray[np.float64],
-        depth: NDArray[np.float64],
-        point: NDArray[np.float64],
-        island: NDArray[np.bool_],
+        slope: Float,
+        variance: Float,
+        depth: Float,
+        point: Float,
+        island: Mask,
         bound_mm: float,
     ) -> RestFit:
         """The same nodes, with the tail's depth there where the far field tells it better than the bound.
@@ -291,9 +292,9 @@ class SurfaceReader:
         self,
         surface: Surface,
         reading: _Reading,
-        q: NDArray[np.float64],
-        usable: NDArray[np.bool_],
-        factor: NDArray[np.float64],
+        q: Float,
+        usable: Mask,
+        factor: Float,
     ) -> Surface:
         """The surface with what is tied to it over gaps; the same one where there is nothing."""
         island = self._integrator.island

@@ -8,7 +8,8 @@ reach over a node that was not measured. A trapezoid would leave 0.4 % at the pe
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from zeromethod.arrays import Float
 
 DERIVATIVE_POINTS = 7
 INTEGRAL_POINTS = 6
@@ -16,7 +17,7 @@ BORDER_POINTS = 4
 """One-sided integrals use fewer points: six of them would amplify noise by 1.24 instead of 0.9."""
 
 
-def _derivative(points: int, at: int) -> NDArray[np.float64]:
+def _derivative(points: int, at: int) -> Float:
     offsets = np.arange(points) - at
     powers = np.vander(offsets, increasing=True).T.astype(np.float64)
     wanted = np.zeros(points)
@@ -24,13 +25,13 @@ def _derivative(points: int, at: int) -> NDArray[np.float64]:
     return np.asarray(np.linalg.solve(powers, wanted), dtype=np.float64)
 
 
-def _integral(points: int, first: int) -> NDArray[np.float64]:
+def _integral(points: int, first: int) -> Float:
     offsets = np.arange(points) - first
     powers = np.vander(offsets, increasing=True).T.astype(np.float64)
     return np.asarray(np.linalg.solve(powers, 1.0 / np.arange(1, points + 1)), dtype=np.float64)
 
 
-def derivative_table() -> NDArray[np.float64]:
+def derivative_table() -> Float:
     """Weights [points, position, k] of d/dtau at `position` among `points` nodes one apart."""
     size = DERIVATIVE_POINTS
     table = np.zeros((size + 1, size, size))
@@ -40,7 +41,7 @@ def derivative_table() -> NDArray[np.float64]:
     return table
 
 
-def integral_table() -> NDArray[np.float64]:
+def integral_table() -> Float:
     """Weights [points, first, k] of the integral from node `first` to `first + 1` among `points`.
 
     points 2 is the trapezoid, 4 in the middle (-1, 13, 13, -1)/24, 6 in the middle

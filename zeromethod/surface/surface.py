@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
+from zeromethod.arrays import Float, Mask
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +20,7 @@ class Anchor:
     """
 
     mode: Literal["known", "quiet", "none"]
-    mask: NDArray[np.bool_]
+    mask: Mask
     sigma_mm: float
     tail_mm: float = 0.0
 
@@ -47,14 +46,14 @@ class Surface:
     Convention: world frame of `zeromethod.optics`; depth d = h_rest(x, y) - z.
     """
 
-    depth_mm: NDArray[np.float64]
-    slope: NDArray[np.float64]
-    x_mm: NDArray[np.float64]
-    y_mm: NDArray[np.float64]
-    sigma_depth_mm: NDArray[np.float64]
-    sigma_slope: NDArray[np.float64]
-    valid: NDArray[np.bool_]
-    contact: NDArray[np.bool_]
+    depth_mm: Float
+    slope: Float
+    x_mm: Float
+    y_mm: Float
+    sigma_depth_mm: Float
+    sigma_slope: Float
+    valid: Mask
+    contact: Mask
     anchor: Anchor
     time_ns: int
     iterations: int

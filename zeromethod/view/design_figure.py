@@ -15,10 +15,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
 
+from zeromethod.arrays import Float
 from zeromethod.design.lever import camera_px_per_mrad, depth_nm_per_px
 from zeromethod.design.press_limits import nulled_mm
 from zeromethod.design.ray_paths import RayPath, ray_paths
-from zeromethod.design.sampled_view import Array, SampledView
+from zeromethod.design.sampled_view import SampledView
 from zeromethod.design.tir import margin_deg
 from zeromethod.optics import Lost
 from zeromethod.optics.prism import Face
@@ -63,7 +64,7 @@ def _title(figures: dict[str, Any]) -> str:
     )
 
 
-def _pixels(view: SampledView) -> tuple[Array, Array]:
+def _pixels(view: SampledView) -> tuple[Float, Float]:
     """Pixels from edge to edge of the image, through its middle, along which x on the mirror grows."""
     camera = view.rig.camera
     middle = np.array([(camera.columns - 1) / 2, (camera.rows - 1) / 2])
@@ -75,7 +76,7 @@ def _pixels(view: SampledView) -> tuple[Array, Array]:
     return middle[0] + along * direction[0], middle[1] + along * direction[1]
 
 
-def _slab(face: Face, from_mm: float, to_mm: float) -> Array:
+def _slab(face: Face, from_mm: float, to_mm: float) -> Float:
     """(4, 2) corners x, z of a slab parallel to a face, between two distances from it."""
     end = face.edge + face.length_mm * face.along
     corners = [face.edge + from_mm * face.normal, end + from_mm * face.normal]
@@ -83,7 +84,7 @@ def _slab(face: Face, from_mm: float, to_mm: float) -> Array:
     return np.array(corners)[:, [0, 2]]
 
 
-def _panel_line(view: SampledView) -> Array:
+def _panel_line(view: SampledView) -> Float:
     """(2, 2) ends x, z of the LCD's pixel area where it crosses the plane y = 0."""
     columns, rows = view.rig.display.columns - 0.5, view.rig.display.rows - 0.5
     corners = view.optics.lcd_to_world(
@@ -131,7 +132,7 @@ def _style(lost: Lost) -> dict[str, Any]:
     return {"color": _LOST, "linewidth": 0.9, "linestyle": ":"}
 
 
-def _say(axis: Axes, text: str, at: Array, offset: tuple[float, float], **more: Any) -> None:
+def _say(axis: Axes, text: str, at: Float, offset: tuple[float, float], **more: Any) -> None:
     """Label at a point (x, z), moved by an offset in typographic points, legible across rays."""
     axis.annotate(
         text, (float(at[0]), float(at[1])), xytext=offset, textcoords="offset points",
@@ -212,7 +213,7 @@ def _layer_words(where: str, layers: Iterable[Layer]) -> str:
     return f"{where}: {', '.join(words)}" if words else ""
 
 
-def _maps(view: SampledView, figures: dict[str, Any]) -> list[tuple[str, str, Array]]:
+def _maps(view: SampledView, figures: dict[str, Any]) -> list[tuple[str, str, Float]]:
     press = figures["presses"][min(1, len(figures["presses"]) - 1)]
     return [
         ("margin to the critical angle", "deg", margin_deg(view)),
@@ -222,7 +223,7 @@ def _maps(view: SampledView, figures: dict[str, Any]) -> list[tuple[str, str, Ar
     ]  # fmt: skip
 
 
-def _map(axis: Axes, view: SampledView, values: Array, title: str, unit: str) -> None:
+def _map(axis: Axes, view: SampledView, values: Float, title: str, unit: str) -> None:
     shown = view.seen & np.isfinite(values)
     axis.set_title(title)
     axis.set_xlabel("x, mm")

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Image
 from zeromethod.passive.measure import StillReading
-
-Float = NDArray[np.float64]
 
 _ALPHA = 0.7
 _DEPTH_UNIT_UM = 1e3
 
 
-def draw_displacement(reading: StillReading, reference: NDArray[Any], path: Path) -> None:
+def draw_displacement(reading: StillReading, reference: Image, path: Path) -> None:
     """Write the picture of a reading as PNG. What is not valid shows the bare reference."""
     found = reading.displacement
     panels: list[tuple[str, str, Float, bool]] = [
@@ -61,7 +58,7 @@ def _extent(u: Float, v: Float) -> tuple[float, float, float, float]:
 
 def _overlay(
     axis: Axes,
-    reference: NDArray[Any],
+    reference: Image,
     field: Float,
     extent: tuple[float, float, float, float],
     title: str,

@@ -9,13 +9,11 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Image
 from zeromethod.session.result import RunResult, Snapshot
 from zeromethod.surface import Surface
 from zeromethod.warp.grid import PADDING, NodeGrid
-
-Array = NDArray[np.float64]
 
 CROP_PX = (480, 360)
 """Columns and rows of the camera image that are shown, round the press: the pattern stays visible."""
@@ -55,7 +53,7 @@ def _say(axis: Axes, words: str) -> None:
     axis.set_axis_off()
 
 
-def _camera_row(axes: NDArray[Any], result: RunResult, grid: NodeGrid) -> None:
+def _camera_row(axes: Image, result: RunResult, grid: NodeGrid) -> None:
     extent = _crop(result.nulled, grid)
     columns, rows = slice(*extent[:2]), slice(*extent[2:])
     for axis, name, snapshot in zip(
@@ -90,7 +88,7 @@ def _deepest_node(snapshot: Snapshot) -> tuple[int, int]:
     return int(row), int(column)
 
 
-def _map(axis: Axes, surface: Surface, values: Array, title: str, unit: str, *, signed: bool = True) -> None:
+def _map(axis: Axes, surface: Surface, values: Float, title: str, unit: str, *, signed: bool = True) -> None:
     """Map of the valid nodes over the mirror in mm; colours symmetric round zero, or from zero up."""
     inner = (slice(PADDING, -PADDING),) * 2
     shown = np.where(surface.valid, values, np.nan)[inner]
@@ -113,7 +111,7 @@ def _map(axis: Axes, surface: Surface, values: Array, title: str, unit: str, *, 
     axis.figure.colorbar(mesh, ax=axis, label=unit, shrink=0.8)
 
 
-def _filled(values: Array) -> Array:
+def _filled(values: Float) -> Float:
     """Coordinates of unread nodes replaced by their neighbours', which pcolormesh needs."""
     if np.all(np.isfinite(values)):
         return values

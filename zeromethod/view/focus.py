@@ -8,12 +8,12 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from zeromethod.arrays import Float
 from zeromethod.commissioning.advice import GOOD
 from zeromethod.commissioning.orientation import Orientation
 from zeromethod.commissioning.setting_up import Sight
@@ -23,7 +23,7 @@ _UPDATES_HZ = 4
 _LINE_EVERY_S = 1.0
 
 
-def sparkline(shares: NDArray[np.float64]) -> str:
+def sparkline(shares: Float) -> str:
     """One character per share, by its square root, so that few pixels still show."""
     heights = np.sqrt(shares / max(float(shares.max()), 1e-12))
     return "".join(_BARS[math.ceil(height * (len(_BARS) - 1))] for height in heights)

@@ -8,12 +8,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.paper.needle import PAPER_DEPTH_ERROR_PX, PAPER_THETA_ERROR_RAD
 from zeromethod.paper.needle_reading import NeedleResult
-
-Array = NDArray[np.float64]
 
 _MARKS = 48
 """Marks per curve: every point would hide the others."""
@@ -82,7 +80,7 @@ def _surface(axis: Axes, result: NeedleResult) -> None:
     axis.set_ylabel("d, px (into the rubber = down)")
 
 
-def _series(axis: Axes, points: Array, series: tuple[Array, ...]) -> None:
+def _series(axis: Axes, points: Float, series: tuple[Float, ...]) -> None:
     every = max(1, len(points) // _MARKS)
     styles = (("_", "C0", "rises from l = 0"), ("^", "C1", "drops from l = L0"), ("o", "C2", "average"))
     for shift, (values, (mark, colour, name)) in enumerate(zip(series, styles, strict=True)):
@@ -93,7 +91,7 @@ def _series(axis: Axes, points: Array, series: tuple[Array, ...]) -> None:
         )
 
 
-def _own(axis: Axes, result: NeedleResult, error: Array) -> None:
+def _own(axis: Axes, result: NeedleResult, error: Float) -> None:
     own = result.zero_method
     away = np.abs(own.l - result.needle.tip_px) > own.window_px
     axis.plot(

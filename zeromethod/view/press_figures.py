@@ -10,10 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.paper.lattice_reading import LatticeReading
 from zeromethod.paper.series import Series
-
-Array = NDArray[np.float64]
 
 _FONT: Any = {"font.size": 9, "axes.titlesize": 10}
 
@@ -22,7 +21,7 @@ def draw_press_figures(
     before: NDArray[np.generic],
     after: NDArray[np.generic],
     reading: LatticeReading,
-    truth: tuple[Array, Array],
+    truth: tuple[Float, Float],
     folder: Path,
 ) -> list[Path]:
     """Write figure-13.png to figure-15.png into an existing folder; truth: (l, depth), mm along the line."""
@@ -35,7 +34,7 @@ def draw_press_figures(
     return paths
 
 
-def _draw_image(image: NDArray[np.generic], picks: Array, white: float, title: str, path: Path) -> None:
+def _draw_image(image: NDArray[np.generic], picks: Float, white: float, title: str, path: Path) -> None:
     """Camera image with the picked crossings in yellow, pixel for pixel or larger."""
     rows, columns = image.shape
     with mpl.rc_context(_FONT):
@@ -50,7 +49,7 @@ def _draw_image(image: NDArray[np.generic], picks: Array, white: float, title: s
         figure.savefig(path, dpi=110)
 
 
-def _draw_depth(series: Series, truth: tuple[Array, Array], path: Path) -> None:
+def _draw_depth(series: Series, truth: tuple[Float, Float], path: Path) -> None:
     with mpl.rc_context(_FONT):
         figure = Figure(figsize=(8, 5), layout="constrained")
         axis = figure.subplots()

@@ -9,16 +9,15 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from zeromethod.arrays import Float
 
 _COLOURS = ("C7", "C0", "C3")
 _WIDTHS = (3.0, 1.5, 1.0)
 """Curves that coincide are drawn the wider the earlier, so that each can be seen."""
 
 
-def draw_sessions(curves: dict[str, dict[str, Array]], title: str, path: Path) -> None:
+def draw_sessions(curves: dict[str, dict[str, Float]], title: str, path: Path) -> None:
     """Write sessions as PNG: peak depth, residual, depth error over time, motion left over frequency.
 
     curves: by session's name; each time_s, depth_peak_mm, residual_rms_px, depth_error_um, frequency_hz and
@@ -70,7 +69,7 @@ def draw_differences(figures: dict[str, Any], title: str, path: Path) -> None:
         figure.savefig(path, dpi=110)
 
 
-def _plot(axis: Axes, x: Array, y: Array, name: str, number: int, marker: str = "") -> None:
+def _plot(axis: Axes, x: Float, y: Float, name: str, number: int, marker: str = "") -> None:
     number %= len(_COLOURS)
     axis.plot(x, y, label=name, color=_COLOURS[number], linewidth=_WIDTHS[number], marker=marker)
 

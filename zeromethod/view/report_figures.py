@@ -17,15 +17,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Peak, Surface
 from zeromethod.view.log_ticks import plain_log_ticks
 from zeromethod.view.report_history import STATE_COLOURS, Episode, at_turns, episodes, seconds, start_ns
 from zeromethod.warp.grid import PADDING
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 2000
 """Points of a curve; of longer ones the least and the largest of each stretch are drawn."""
@@ -116,7 +114,7 @@ def depth_map(surface: Surface, marked: Peak) -> str:
         return _svg(figure, "depth over the mirror")
 
 
-def _cells(axis: Axes, surface: Surface, values: Array, **colours: Any) -> Any:
+def _cells(axis: Axes, surface: Surface, values: Float, **colours: Any) -> Any:
     """One cell per node at its place on the mirror."""
     inner = (slice(PADDING, -PADDING),) * 2
     x_mm, y_mm = _filled(surface.x_mm[inner]), _filled(surface.y_mm[inner])
@@ -126,7 +124,7 @@ def _cells(axis: Axes, surface: Surface, values: Array, **colours: Any) -> Any:
         return axis.pcolormesh(x_mm, y_mm, values, shading="nearest", rasterized=True, **colours)
 
 
-def _shape(x_mm: Array, y_mm: Array) -> float | None:
+def _shape(x_mm: Float, y_mm: Float) -> float | None:
     """Height over width of the picture that holds the nodes; None where they span nothing."""
     known = np.isfinite(x_mm) & np.isfinite(y_mm)
     if known.sum() < 3 or not np.ptp(x_mm[known]) > 0.0 or not np.ptp(y_mm[known]) > 0.0:
@@ -134,7 +132,7 @@ def _shape(x_mm: Array, y_mm: Array) -> float | None:
     return float(np.clip(np.ptp(y_mm[known]) / np.ptp(x_mm[known]), 0.1, 3.0))
 
 
-def _filled(values: Array) -> Array:
+def _filled(values: Float) -> Float:
     """Coordinates with something harmless where a ray misses the mirror: the plane through the others."""
     known = np.isfinite(values)
     if known.all():
@@ -197,13 +195,13 @@ def _shade(axis: Axes, told: list[Episode]) -> None:
         )
 
 
-def _curve(axis: Axes, time_s: Array, values: Array) -> None:
+def _curve(axis: Axes, time_s: Float, values: Float) -> None:
     axis.plot(*thinned(time_s, values), color=_INK, linewidth=0.8, marker=_marker(values))
     if not np.isfinite(values).any():
         _say(axis, "nothing was measured")
 
 
-def _depth(axis: Axes, time_s: Array, depth_mm: Array, sigma_mm: Array) -> None:
+def _depth(axis: Axes, time_s: Float, depth_mm: Float, sigma_mm: Float) -> None:
     gaps = 1 + np.flatnonzero(np.diff(time_s) > _GAP_S)
     time_s, depth_mm, sigma_mm = (np.insert(one, gaps, np.nan) for one in (time_s, depth_mm, sigma_mm))
     x, middle = thinned(time_s, depth_mm)
@@ -215,7 +213,7 @@ def _depth(axis: Axes, time_s: Array, depth_mm: Array, sigma_mm: Array) -> None:
         _say(axis, "depth was never read")
 
 
-def _rate(axis: Axes, time_s: Array) -> None:
+def _rate(axis: Axes, time_s: Float) -> None:
     """Frames per second, over the last `_RATE_FRAMES` frames each."""
     axis.set_ylabel("frames per second")
     span = time_s[_RATE_FRAMES:] - time_s[:-_RATE_FRAMES]
@@ -225,7 +223,7 @@ def _rate(axis: Axes, time_s: Array) -> None:
     axis.set_ylim(0, 1.15 * float(np.nanmax(rate_hz, initial=1.0)))
 
 
-def _marker(values: Array) -> str:
+def _marker(values: Float) -> str:
     """Of a curve: points where they are few."""
     return "." if np.isfinite(values).sum() <= _FEW else ""
 
@@ -234,7 +232,7 @@ def _say(axis: Axes, words: str) -> None:
     axis.text(0.5, 0.5, words, ha="center", va="center", transform=axis.transAxes)
 
 
-def thinned(x: Array, y: Array, most: int = MOST_POINTS) -> tuple[Array, Array]:
+def thinned(x: Float, y: Float, most: int = MOST_POINTS) -> tuple[Float, Float]:
     """The curve itself, or the least and the largest value of each of `most / 2` stretches, by x.
 
     No spike is lost, however long the curve; a stretch without a number stays a gap.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
@@ -60,7 +61,7 @@ def words(value: Any) -> str:
     return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
 
 
-def seconds(times_ns: Any, start_ns: int) -> NDArray[np.float64]:
+def seconds(times_ns: Any, start_ns: int) -> Float:
     """Times as s from `start_ns`."""
     return np.asarray(1e-9 * (np.asarray(times_ns, dtype=np.int64) - start_ns), dtype=np.float64)
 
@@ -71,7 +72,7 @@ def start_ns(recording: Recording) -> int:
     return int(turns["time_ns"][0]) if len(turns) else 0
 
 
-def at_turns(recording: Recording, numbers: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def at_turns(recording: Recording, numbers: Ints) -> tuple[NDArray[np.intp], Mask]:
     """Rows of the turns with these numbers, and which of them there are (a killed writer left some out)."""
     known = recording.turns["number"]
     if not len(known):

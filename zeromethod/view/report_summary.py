@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.loop.state import NULLED, State
 from zeromethod.recording.recording import Recording
 from zeromethod.view.report_history import (
@@ -65,12 +65,12 @@ def summarise_recording(recording: Recording) -> Figures:
     }
 
 
-def nulled_turns(recording: Recording) -> NDArray[np.bool_]:
+def nulled_turns(recording: Recording) -> Mask:
     """(turns,) which were locked or resting."""
     return np.isin(states(recording), [str(state) for state in NULLED])
 
 
-def largest_peak(recording: Recording, among: NDArray[np.bool_] | None = None) -> int | None:
+def largest_peak(recording: Recording, among: Mask | None = None) -> int | None:
     """Row of the peak with the largest |depth|, a dent or a bulge; None where none was read.
 
     among: (peaks,) rows to choose from. Those of nulled turns come before all others.
@@ -90,7 +90,7 @@ def last_peak(recording: Recording) -> int | None:
     return int(rows[-1]) if len(rows) else None
 
 
-def _known(recording: Recording) -> NDArray[np.bool_]:
+def _known(recording: Recording) -> Mask:
     """(peaks,) which have a depth, and a turn in the recording."""
     _, there = at_turns(recording, recording.peaks["turn"])
     return np.asarray(there & np.isfinite(recording.peaks["depth_mm"]))
@@ -110,7 +110,7 @@ def peak_figures(recording: Recording, row: int | None) -> Figures | None:
     }
 
 
-def _spread(values: NDArray[np.float64], among: NDArray[np.bool_] | None = None) -> dict[str, float | None]:
+def _spread(values: Float, among: Mask | None = None) -> dict[str, float | None]:
     """Median and 99th percentile of what is finite, among those wanted where there are any."""
     finite = np.isfinite(values)
     if among is not None and (finite & among).any():

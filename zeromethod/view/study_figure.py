@@ -11,13 +11,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.study.plan import FigureTable, Study
 from zeromethod.view.log_ticks import plain_log_ticks
 
 Row = dict[str, Any]
-Array = NDArray[np.float64]
 
 _FAILED = "0.55"
 _LOW_PERCENT, _HIGH_PERCENT = 16, 84
@@ -109,7 +108,7 @@ def _map(axis: Axes, table: FigureTable, rows: Sequence[Row], every: Sequence[Ro
     return image
 
 
-def _border(axis: Axes, good: NDArray[np.bool_]) -> None:
+def _border(axis: Axes, good: Mask) -> None:
     """Line between cells that are good and cells that are not."""
     for i, j in np.ndindex(good.shape):
         if j + 1 < good.shape[1] and good[i, j] != good[i, j + 1]:
@@ -168,7 +167,7 @@ def _legend_beside(figure: Figure, axes: Sequence[Axes]) -> None:
         figure.legend(list(named.values()), list(named), loc="outside right upper", fontsize=8)
 
 
-def _spread(rows: Sequence[Row], x: str, value: str) -> tuple[Array, Array, Array, Array]:
+def _spread(rows: Sequence[Row], x: str, value: str) -> tuple[Float, Float, Float, Float]:
     """x, rising, and low, middle and high of the value there; what failed is left out."""
     places = _numbers(rows, x)
     values = _numbers(rows, value)
@@ -244,7 +243,7 @@ def _values(rows: Sequence[Row], column: str | None) -> list[Any]:
     return sorted(found) if numbers else found
 
 
-def _numbers(rows: Sequence[Row], column: str) -> Array:
+def _numbers(rows: Sequence[Row], column: str) -> Float:
     values = (row[column] for row in rows)
     return np.array(
         [float(value) if isinstance(value, int | float) else np.nan for value in values], dtype=np.float64

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.warp.interpolant import sample_pair
-
-Float = NDArray[np.float64]
 
 
 @numba.njit(cache=True)

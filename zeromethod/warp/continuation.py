@@ -17,8 +17,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from zeromethod.arrays import Bytes, Float, Mask
 
 REACH_NODES = 40.0
 """Distance over which a continued gradient fades, so f moves by about slope x this at most."""
@@ -74,7 +73,7 @@ def _fit_gradient(field: Float, valid: Mask, j: int, i: int, cell: Float) -> Non
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _finest(field: Float, valid: Mask, cells: Float, known: NDArray[np.uint8]) -> None:
+def _finest(field: Float, valid: Mask, cells: Float, known: Bytes) -> None:
     """Cells of the node level. known: 0 unknown, 1 value, 2 value and gradient."""
     rows, cols = valid.shape
     for j in range(rows):
@@ -95,7 +94,7 @@ def _finest(field: Float, valid: Mask, cells: Float, known: NDArray[np.uint8]) -
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
-def _merge(fine: Float, known: NDArray[np.uint8], j: int, i: int, cell: Float) -> int:
+def _merge(fine: Float, known: Bytes, j: int, i: int, cell: Float) -> int:
     """Coarse cell (j, i) as the mean of its fine cells, over those known; returns what is known of it."""
     cell[:] = 0.0
     values = gradients = 0
@@ -120,9 +119,7 @@ def _merge(fine: Float, known: NDArray[np.uint8], j: int, i: int, cell: Float) -
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _coarser(
-    fine: Float, known: NDArray[np.uint8], step: float, cells: Float, above: NDArray[np.uint8]
-) -> bool:
+def _coarser(fine: Float, known: Bytes, step: float, cells: Float, above: Bytes) -> bool:
     """Merge 2 x 2 cells into the level above; True when nothing is left unknown there."""
     complete = True
     for j in range(above.shape[0]):
@@ -189,7 +186,7 @@ def _relax(cells: Float, todo: NDArray[np.int32], count: int, fade: float) -> No
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _fill(cells: Float, known: NDArray[np.uint8], parents: Float, step: float) -> None:
+def _fill(cells: Float, known: Bytes, parents: Float, step: float) -> None:
     """Unknown cells of a level from the completed level above, then smoothed."""
     rows, cols = known.shape
     todo = np.empty((rows * cols, 2), dtype=np.int32)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+
+from zeromethod.arrays import Float
 
 PADDING = 4
 """Nodes beyond the measurable ones on every side, so that the picture covers the whole view."""
@@ -28,18 +29,18 @@ class NodeGrid:
         """Camera px from node to node: half the (even) period, which block sums rely on."""
         return self.period_px // 2
 
-    def _axis(self, length: int) -> NDArray[np.float64]:
+    def _axis(self, length: int) -> Float:
         first = self.period_px
         count = (length - 1 - (self.period_px - 1) - first) // self.spacing_px + 1
         return first + self.spacing_px * np.arange(-PADDING, count + PADDING, dtype=np.float64)
 
     @cached_property
-    def u_px(self) -> NDArray[np.float64]:
+    def u_px(self) -> Float:
         """(cols,) camera column of each node column."""
         return self._axis(self.image_shape[1])
 
     @cached_property
-    def v_px(self) -> NDArray[np.float64]:
+    def v_px(self) -> Float:
         """(rows,) camera row of each node row."""
         return self._axis(self.image_shape[0])
 
@@ -53,7 +54,7 @@ class NodeGrid:
         """Slices of the measurable nodes."""
         return slice(PADDING, -PADDING), slice(PADDING, -PADDING)
 
-    def mesh(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def mesh(self) -> tuple[Float, Float]:
         """(u, v), each (rows, cols): camera pixel of every node."""
         u, v = np.meshgrid(self.u_px, self.v_px)
         return u, v

@@ -12,9 +12,9 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Float = NDArray[np.float64]
+from zeromethod.arrays import Float
 
 
 @numba.njit(cache=True, inline="always")

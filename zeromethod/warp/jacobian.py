@@ -6,11 +6,9 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Flags, Float
 from zeromethod.warp.validity import Flag
-
-Float = NDArray[np.float64]
 
 FOLDED_BELOW = 0.02
 """Area relative to rest under which a node counts as folded: a caustic, no longer one to one."""
@@ -75,9 +73,7 @@ def _jacobian(q: Float, scale: float, out: Float) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _flags(
-    q: Float, q_rest: Float, period_nodes: float, columns: float, rows: float, out: NDArray[np.uint16]
-) -> None:
+def _flags(q: Float, q_rest: Float, period_nodes: float, columns: float, rows: float, out: Flags) -> None:
     for j in range(q.shape[0]):
         for i in range(q.shape[1]):
             xu, xv, yu, yv = _derivatives(q, j, i)
@@ -117,10 +113,10 @@ def warp_flags(
     q_rest: Float,
     period_px: float,
     display_size: tuple[int, int],
-    out: NDArray[np.uint16] | None = None,
+    out: Flags | None = None,
     *,
     spacing_px: float | None = None,
-) -> NDArray[np.uint16]:
+) -> Flags:
     """Which nodes of a warp cannot be nulled or drawn, as `Flag` bits, (rows, cols) uint16.
 
     FOLDED: turned inside out against rest, or its area is under 2 % of that at rest.

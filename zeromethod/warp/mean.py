@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.warp.warp import Warp
 
 LEAST_SHARE = 0.5
@@ -24,7 +24,7 @@ class RunningMean:
         self.frames = 0
         self._valid = _Sums()
         self._all = _Sums()
-        self._flags: NDArray[np.uint16] = np.zeros((), np.uint16)
+        self._flags: Flags = np.zeros((), np.uint16)
         self._time_ns = 0
 
     def add(self, warp: Warp) -> None:
@@ -53,16 +53,16 @@ class _Sums:
     """Sums over the warps in which a node is used."""
 
     def __init__(self) -> None:
-        self.count: NDArray[np.float64] = np.zeros(())
-        self._q: NDArray[np.float64] = np.zeros(())
-        self._variance: NDArray[np.float64] = np.zeros(())
+        self.count: Float = np.zeros(())
+        self._q: Float = np.zeros(())
+        self._variance: Float = np.zeros(())
 
-    def add(self, warp: Warp, used: NDArray[np.bool_] | np.bool_) -> None:
+    def add(self, warp: Warp, used: Mask | np.bool_) -> None:
         self.count = self.count + used
         self._q = self._q + np.where(used, warp.q, 0.0)
         self._variance = self._variance + np.where(used, warp.sigma, 0.0) ** 2
 
-    def mean(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def mean(self) -> tuple[Float, Float]:
         """Mean of q and its sigma; 0 where nothing was summed up."""
         count = np.maximum(self.count, 1.0)
         return self._q / count, np.sqrt(self._variance) / count

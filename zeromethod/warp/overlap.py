@@ -12,7 +12,8 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+
+from zeromethod.arrays import Float
 
 Gradient = Literal["flat", "sine", "cosine"]
 
@@ -24,7 +25,7 @@ _GRADIENTS: dict[str, tuple[Gradient, Gradient]] = {
 }
 
 
-def overlap_correlation(period_px: int, spacing_px: int, gradient: Gradient = "flat") -> NDArray[np.float64]:
+def overlap_correlation(period_px: int, spacing_px: int, gradient: Gradient = "flat") -> Float:
     """Correlation of one component's noise between nodes 0, 1, 2, ... apart along one axis.
 
     "flat": the cubic B-spline 1, 0.719, 0.25, 0.031, 0 at half a period per node. "sine", "cosine": with the
@@ -39,9 +40,7 @@ def overlap_correlation(period_px: int, spacing_px: int, gradient: Gradient = "f
     return np.array([*shared, 0.0]) / shared[0]
 
 
-def component_correlation(
-    period_px: int, spacing_px: int, kind: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def component_correlation(period_px: int, spacing_px: int, kind: str) -> tuple[Float, Float]:
     """(along its own axis, along the other) correlation of a displacement component for a kind of target.
 
     The two axes multiply; the two components of the displacement are independent.

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
@@ -21,9 +21,7 @@ LEAST_NODES = 16
 """Nodes that must see the display for there to be anything to null."""
 
 
-def _measured(
-    grid: NodeGrid, model_q: NDArray[np.float64], file: Path, optics: Optics
-) -> tuple[RestGrid, NDArray[np.float64]]:
+def _measured(grid: NodeGrid, model_q: Float, file: Path, optics: Optics) -> tuple[RestGrid, Float]:
     """Nodes on the rays that a measured rest names, and its LCD positions, NaN where it has none.
 
     Beyond what was measured the difference from the geometry is continued: in the padding, which is drawn,
@@ -61,12 +59,12 @@ class Rest:
     """
 
     grid: NodeGrid
-    q: NDArray[np.float64]
-    flags: NDArray[np.uint16]
-    seen: NDArray[np.bool_]
+    q: Float
+    flags: Flags
+    seen: Mask
     display_size: tuple[int, int]
 
-    def without(self, covered: NDArray[np.bool_]) -> Rest:
+    def without(self, covered: Mask) -> Rest:
         """Take out nodes (rows, cols) that cannot be measured; their warp is drawn all the same."""
         return replace(self, seen=self.seen & ~covered)
 
@@ -85,9 +83,9 @@ class Rest:
         return cls.from_map(grid, q, (rig.display.columns, rig.display.rows))
 
     @classmethod
-    def from_map(cls, grid: NodeGrid, q: NDArray[np.float64], display_size: tuple[int, int]) -> Rest:
+    def from_map(cls, grid: NodeGrid, q: Float, display_size: tuple[int, int]) -> Rest:
         """Rest warp from LCD positions (rows, cols, 2), NaN where no ray arrives."""
-        known: NDArray[np.bool_] = np.asarray(np.isfinite(q).all(axis=-1))
+        known: Mask = np.asarray(np.isfinite(q).all(axis=-1))
         if np.count_nonzero(known[grid.inner]) < LEAST_NODES:
             raise InputError(
                 f"rig: fewer than {LEAST_NODES} camera nodes see the display's plane by the mirror at rest"

@@ -9,15 +9,13 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
-
-Float = NDArray[np.float64]
 
 
 class Reason(enum.IntFlag):
@@ -71,8 +69,8 @@ class RestMap:
 
     lcd_px: Float
     sigma_px: Float
-    valid: NDArray[np.bool_]
-    reason: NDArray[np.uint16]
+    valid: Mask
+    reason: Flags
 
     def save(self, path: Path) -> None:
         """Write `path` (.npz), whole or not at all: column, row, sigma, valid, reason."""
@@ -150,7 +148,7 @@ class RestMap:
 
 
 @numba.njit(cache=True)
-def _worst(reason: NDArray[np.uint16], rows: tuple[int, int], cols: tuple[int, int]) -> int:
+def _worst(reason: Flags, rows: tuple[int, int], cols: tuple[int, int]) -> int:
     """The bit that most pixels of the window have."""
     count = np.zeros(16, dtype=np.int64)
     for j in range(rows[0], rows[1]):
@@ -168,7 +166,7 @@ def _worst(reason: NDArray[np.uint16], rows: tuple[int, int], cols: tuple[int, i
 def _quadratic(
     place: Float,
     spread: Float,
-    valid: NDArray[np.bool_],
+    valid: Mask,
     rows: tuple[int, int],
     cols: tuple[int, int],
     middle: tuple[float, float, float],
@@ -201,14 +199,14 @@ def _quadratic(
 def _fit(
     lcd: Float,
     spread: Float,
-    valid: NDArray[np.bool_],
-    reason: NDArray[np.uint16],
+    valid: Mask,
+    reason: Flags,
     u_px: Float,
     v_px: Float,
     half: int,
     q: Float,
     sigma: Float,
-    seen: NDArray[np.uint16],
+    seen: Flags,
 ) -> None:
     """Weighted least squares of a quadratic per node and component; `seen` gets one reason bit, or 0."""
     rows, cols = valid.shape

@@ -13,12 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.optics import Optics
 from zeromethod.warp.grid import NodeGrid
-
-Array = NDArray[np.float64]
 
 _STEP_PX = 0.5
 _ITERATIONS = 8
@@ -33,10 +31,10 @@ class RestGrid(NodeGrid):
     asks for the nodes' rays sees a difference.
     """
 
-    pixels: Array = field(repr=False)
+    pixels: Float = field(repr=False)
 
     @classmethod
-    def of(cls, grid: NodeGrid, optics: Optics, q_rest: Array) -> RestGrid:
+    def of(cls, grid: NodeGrid, optics: Optics, q_rest: Float) -> RestGrid:
         """Nodes of `grid` at the pixels whose rays see `q_rest` by the mirror at rest.
 
         q_rest: (rows, cols, 2) LCD px, measured at rest, NaN where unknown: such nodes keep their pixel.
@@ -44,12 +42,12 @@ class RestGrid(NodeGrid):
         pixels = rest_pixels(optics, np.stack(grid.mesh(), axis=-1), q_rest)
         return cls(image_shape=grid.image_shape, period_px=grid.period_px, pixels=pixels)
 
-    def mesh(self) -> tuple[Array, Array]:
+    def mesh(self) -> tuple[Float, Float]:
         """(u', v'), each (rows, cols): pixel of every node in the rig file's ideal camera."""
         return self.pixels[..., 0], self.pixels[..., 1]
 
 
-def rest_pixels(optics: Optics, start: Array, q_rest: Array) -> Array:
+def rest_pixels(optics: Optics, start: Float, q_rest: Float) -> Float:
     """Pixels (..., 2) of the rig file's camera that see LCD positions `q_rest` by the mirror at rest.
 
     start: (..., 2) px, where to look first. Newton on the exact rays; a pixel stays at `start` where q_rest

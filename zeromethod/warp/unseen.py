@@ -11,9 +11,8 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from zeromethod.arrays import Float
 
 HALF_WIDTH = 8
 PASS_TO = 0.225

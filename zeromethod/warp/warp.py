@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from zeromethod.arrays import Flags, Float, Mask
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,12 +19,12 @@ class Warp:
     time_ns: when it was true (measured: mid-exposure; shown: presentation).
     """
 
-    q: NDArray[np.float64]
-    sigma: NDArray[np.float64]
-    flags: NDArray[np.uint16]
+    q: Float
+    sigma: Float
+    flags: Flags
     time_ns: int
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Mask:
         """(rows, cols) nodes that may be trusted."""
         return np.equal(self.flags, 0)

@@ -9,8 +9,8 @@ from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.commissioning.calibration.prompts import Silence, Teller
 from zeromethod.devices.opening import Devices
 from zeromethod.errors import MeasurementError
@@ -114,14 +114,14 @@ class PressWatch:
         self.phase = phase
         self._row.clear()
 
-    def _strength(self, measured: Warp) -> tuple[float, NDArray[np.float64]]:
+    def _strength(self, measured: Warp) -> tuple[float, Float]:
         """Displacement of the upper percent, LCD px, and that of every node, NaN where not known."""
         assert self.rest is not None
         known = measured.valid & self.rest.valid
         away = np.where(known, np.linalg.norm(measured.q - self.rest.q, axis=-1), np.nan)
         return (float(np.nanpercentile(away, _UPPER_PERCENT)) if known.any() else 0.0), away
 
-    def _stands(self, strength: float, away: NDArray[np.float64] | None) -> bool:
+    def _stands(self, strength: float, away: Float | None) -> bool:
         valid = np.logical_and.reduce([warp.valid for warp in self._row])
         if away is not None:
             with np.errstate(invalid="ignore"):

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Image, Single
 from zeromethod.commissioning.standing_patterns import HeldPictures
 from zeromethod.commissioning.uniform_patterns import AGREEMENT, apart, even_picture, thinned
 from zeromethod.decoding.fringes import SHIFTS, FringeSequence, equal_shifts
@@ -41,10 +40,10 @@ class RestFrames:
     """
 
     sequence: FringeSequence
-    sums: NDArray[Any]
+    sums: Image
     frames: int
 
-    def means(self) -> Iterator[NDArray[np.float32]]:
+    def means(self) -> Iterator[Single]:
         """Mean image (rows, cols) of every picture, in order."""
         for one in self.sums:
             yield one.astype(np.float32) / np.float32(self.frames)
@@ -101,14 +100,14 @@ def capture(
 
 def _standing(
     pictures: HeldPictures,
-    codes: NDArray[np.uint8],
+    codes: Bytes,
     count: int,
-    before: NDArray[np.float32],
+    before: Single,
     variance_grey2: float,
-) -> list[NDArray[Any]]:
+) -> list[Image]:
     """`count` images running of a picture that stands; before: thinned image of the one before."""
     noise2 = AGREEMENT * 2.0 * variance_grey2
-    row: list[NDArray[Any]] = []
+    row: list[Image] = []
     image = pictures.frames(codes, 1)[0].image
     for _ in range(MOST_FRAMES + count):
         now = thinned(image)

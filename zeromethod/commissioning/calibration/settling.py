@@ -6,8 +6,8 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Single
 from zeromethod.commissioning.standing_patterns import HeldPictures
 from zeromethod.commissioning.uniform_patterns import apart, even_picture, follow, thinned
 from zeromethod.devices.opening import Devices
@@ -60,7 +60,7 @@ def settle(rig: Rig, devices: Devices) -> Settling:
         white = toggle % 2 == 1
         picture = even_picture(rig, 255 * white)
         levels, over = [], 0.0
-        images: deque[NDArray[np.float32]] = deque(maxlen=2)
+        images: deque[Single] = deque(maxlen=2)
         for since_s, frame in follow(pictures, picture, look_s, LOOK_FRAMES - 1):
             start_s = since_s - 0.5e-9 * frame.exposure_ns
             images.append(thinned(frame.image))
@@ -93,7 +93,7 @@ def settle(rig: Rig, devices: Devices) -> Settling:
     return Settling(hold_s, black, bright, saturated, min(variances))
 
 
-def _settled(levels: NDArray[np.float64], swing: float) -> float:
+def _settled(levels: Float, swing: float) -> float:
     """Start of the first exposure from which on the level stands, s; infinite where it never does."""
     start_s, grey = levels.T
     tail = grey[2 * len(grey) // 3 :]

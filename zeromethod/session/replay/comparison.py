@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.session.replay.track import Track
 
-Array = NDArray[np.float64]
 Figures = dict[str, Any]
 
 MOVING = 5.0
@@ -64,7 +64,7 @@ def lag_ms(track: Track) -> float | None:
     return -1e3 * float((behind[1:-1][used] * velocity[used]).sum()) / power if power > 0 else None
 
 
-def rejection(track: Track) -> tuple[Array, Array]:
+def rejection(track: Track) -> tuple[Float, Float]:
     """(frequencies Hz, share of the mirror's motion that is left uncorrected), NaN where nothing moves.
 
     The transfer from motion to what the shown picture lacks of it, by Welch's spectra summed over nodes. The
@@ -95,11 +95,11 @@ def rejection(track: Track) -> tuple[Array, Array]:
     with np.errstate(invalid="ignore", divide="ignore"):
         left = np.abs(cross + noise) / (auto - noise)
     left[~(auto > (1 + ABOVE_NOISE) * noise)] = np.nan
-    frequency_hz: Array = np.asarray(np.fft.rfftfreq(length, step_s), dtype=np.float64)
+    frequency_hz: Float = np.asarray(np.fft.rfftfreq(length, step_s), dtype=np.float64)
     return frequency_hz[1:], left[1:]
 
 
-def _columns(track: Track) -> tuple[Array, Array]:
+def _columns(track: Track) -> tuple[Float, Float]:
     """(n, columns) of both fields for the components of nodes that were measured nearly always."""
     n = len(track.moments)
     moved, behind = track.moved.reshape(n, -1), track.behind.reshape(n, -1)
@@ -108,17 +108,17 @@ def _columns(track: Track) -> tuple[Array, Array]:
     return moved[:, good], behind[:, good]
 
 
-def _bridged(even_s: Array, time_s: Array, values: Array) -> Array:
+def _bridged(even_s: Float, time_s: Float, values: Float) -> Float:
     """(columns, times) of `values` (n, columns) at even times, straight lines over gaps."""
     columns = ((column, np.isfinite(column)) for column in values.T)
     return np.stack([np.interp(even_s, time_s[known], column[known]) for column, known in columns])
 
 
-def _spectrum(values: Array, window: Array) -> NDArray[np.complex128]:
+def _spectrum(values: Float, window: Float) -> NDArray[np.complex128]:
     return np.asarray(np.fft.rfft((values - values.mean(axis=1, keepdims=True)) * window, axis=1))
 
 
-def bands(frequency_hz: Array, left: Array) -> dict[str, float | None]:
+def bands(frequency_hz: Float, left: Float) -> dict[str, float | None]:
     """Rms of what is left in each octave of `BANDS_HZ`, by "from-to"; None where nothing moves."""
     found: dict[str, float | None] = {}
     for low, high in pairwise(BANDS_HZ):
@@ -128,7 +128,7 @@ def bands(frequency_hz: Array, left: Array) -> dict[str, float | None]:
     return found
 
 
-def _rms(values: Array) -> float | None:
+def _rms(values: Float) -> float | None:
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else None
 

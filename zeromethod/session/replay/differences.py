@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Image
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Peak, Surface
 
@@ -16,7 +17,7 @@ Figures = dict[str, Any]
 _ARRAYS = ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope", "valid", "contact")
 
 
-def same(recorded: NDArray[Any], again: NDArray[Any]) -> bool:
+def same(recorded: Image, again: Image) -> bool:
     """Whether both hold the same bits at the precision of a recording's; NaN equals NaN."""
     if recorded.shape != again.shape:
         return False
@@ -129,7 +130,7 @@ class DepthDifferences:
         }
 
 
-def _numbers(peak: Peak) -> NDArray[np.float64]:
+def _numbers(peak: Peak) -> Float:
     return np.array([peak.depth_mm, peak.x_mm, peak.y_mm, peak.sigma_mm])
 
 

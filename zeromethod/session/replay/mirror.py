@@ -13,8 +13,8 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
@@ -25,8 +25,6 @@ from zeromethod.simulation.scattered import ScatteredMap
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface import Surface
 from zeromethod.warp.continuation import continue_smoothly
-
-Array = NDArray[np.float64]
 
 LEAD_S = 0.5
 """A part from the middle of a session begins with a mirror that comes from rest in this time..."""
@@ -49,9 +47,9 @@ noise alone, and a press of 0.5 um anywhere is 3."""
 class _Fit:
     """One reading: its map, and the slopes that tell whether another is of the same mirror."""
 
-    coefficients: Array
-    slope: NDArray[np.float32]
-    variance: NDArray[np.float32]
+    coefficients: Float
+    slope: Single
+    variance: Single
 
     def same_as(self, other: _Fit) -> bool:
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -90,7 +88,7 @@ class RecordedMirror:
         self._turns = [int(turn) for turn in turns[first:last]]
         self._lay_out()
         self._fits: OrderedDict[int, _Fit | None] = OrderedDict()
-        self._first: Array | None = None
+        self._first: Float | None = None
         lattice = Lattice(self._maps.centre_mm, self._maps.pitch_mm)
         self._press = MovingMap(lattice, lead + times[first:last], self._coefficients)
 
@@ -117,7 +115,7 @@ class RecordedMirror:
         """What moves the bench."""
         return Scenario(name, (self._press,), self.duration_s)
 
-    def _coefficients(self, index: int) -> Array:
+    def _coefficients(self, index: int) -> Float:
         """Map number `index`: those of the lead are rest, and the first reading; then come the readings."""
         reading = index - self._lead
         if reading > 0:
@@ -126,7 +124,7 @@ class RecordedMirror:
             self._first = self._averaged(0)
         return np.zeros_like(self._first) if reading == -2 else self._first
 
-    def _averaged(self, index: int) -> Array:
+    def _averaged(self, index: int) -> Float:
         """Mean of the readings round this one that tell of the same mirror."""
         here = self._fit(index)
         if here is None:
@@ -143,7 +141,7 @@ class RecordedMirror:
                     break
                 total += other.coefficients
                 count += 1
-        mean: Array = total / count
+        mean: Float = total / count
         return mean
 
     def _fit(self, index: int) -> _Fit | None:
@@ -169,7 +167,7 @@ class RecordedMirror:
             np.where(inside, surface.sigma_slope**2, np.nan).astype(np.float32),
         )
 
-    def _filled(self, surface: Surface, read: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+    def _filled(self, surface: Surface, read: Mask) -> tuple[Float, Float, Float]:
         """(x, y, depth) of the used nodes; what was not read as the nodes around have it."""
         field = np.stack([np.where(read, surface.depth_mm, 0.0), np.zeros(read.shape)], axis=-1)
         depth_mm = continue_smoothly(field, read)[..., 0][self._used]

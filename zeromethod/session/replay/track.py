@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Single
 from zeromethod.loop.state import NULLED, State
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
-
-Array = NDArray[np.float64]
 
 MOST_NODES = 300
 """Nodes followed, evenly spread over those seen at rest; fewer, `LEAST_NODES` at least, of long sessions."""
@@ -34,8 +33,8 @@ class Moment:
     time_s: float
     state: State
     residual_rms_px: float
-    moved: NDArray[np.float32]
-    behind: NDArray[np.float32]
+    moved: Single
+    behind: Single
     sigma: float
     depth_peak_mm: float = float("nan")
     depth_error_um: float = float("nan")
@@ -56,21 +55,21 @@ class Track:
     moments: list[Moment] = field(default_factory=list)
 
     @property
-    def time_s(self) -> Array:
+    def time_s(self) -> Float:
         """(n,) s."""
         return np.array([moment.time_s for moment in self.moments])
 
     @property
-    def moved(self) -> Array:
+    def moved(self) -> Float:
         """(n, nodes, 2) LCD px."""
         return np.array([moment.moved for moment in self.moments], dtype=np.float64)
 
     @property
-    def behind(self) -> Array:
+    def behind(self) -> Float:
         """(n, nodes, 2) LCD px."""
         return np.array([moment.behind for moment in self.moments], dtype=np.float64)
 
-    def values(self, name: str) -> Array:
+    def values(self, name: str) -> Float:
         """(n,) of one of the single figures of a moment."""
         return np.array([getattr(moment, name) for moment in self.moments], dtype=np.float64)
 
@@ -89,8 +88,8 @@ class Nodes:
         self._at = rows[::step], cols[::step]
 
     def pick(
-        self, measured: Warp | None, shown_q: NDArray[np.floating] | None, zero: Array | None
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
+        self, measured: Warp | None, shown_q: NDArray[np.floating] | None, zero: Float | None
+    ) -> tuple[Single, Single, float]:
         """(moved, behind, sigma) of a `Moment`. measured: from `zero` (None for rest), as a step gives it."""
         if measured is None or shown_q is None:
             nothing = np.full((self._at[0].size, 2), np.nan, np.float32)

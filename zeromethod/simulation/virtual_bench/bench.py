@@ -5,11 +5,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.clock import HostClock
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Mirror
@@ -75,7 +74,7 @@ class Bender:
         dark = np.zeros((rig.display.rows, rig.display.columns), np.uint8)
         self.image(Exposure(0, 0, 0, ((dark, 0.5), (dark, 0.5))), Mirror())
 
-    def image(self, exposure: Exposure, mirror: Mirror) -> NDArray[Any]:
+    def image(self, exposure: Exposure, mirror: Mirror) -> Image:
         """Camera image (rows, cols), uint8 or uint16."""
         handles = [(self._renderer.upload(codes), share) for codes, share in exposure.pictures]
         try:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes
 from zeromethod.clock import HostClock
 from zeromethod.rig.model import CameraSpec
 
@@ -20,7 +20,7 @@ GRABS = 4
 class Grabber(Protocol):
     """What takes the monitor's picture."""
 
-    def grab(self) -> NDArray[np.uint8]:
+    def grab(self) -> Bytes:
         """Grey codes (rows, cols) now."""
 
     def close(self) -> None:
@@ -38,7 +38,7 @@ class Exposure:
     number: int
     time_ns: int
     end_ns: int
-    pictures: tuple[tuple[NDArray[np.uint8], float], ...]
+    pictures: tuple[tuple[Bytes, float], ...]
 
 
 class Exposer:
@@ -101,9 +101,9 @@ class Exposer:
         return Exposure(number, start_ns + self._exposure_ns // 2, start_ns + self._exposure_ns, pictures)
 
 
-def alike(shots: list[NDArray[np.uint8]]) -> tuple[tuple[NDArray[np.uint8], float], ...]:
+def alike(shots: list[Bytes]) -> tuple[tuple[Bytes, float], ...]:
     """Pictures and their shares: shots that follow one another unchanged are one picture."""
-    pictures: list[tuple[NDArray[np.uint8], float]] = []
+    pictures: list[tuple[Bytes, float]] = []
     for shot in shots:
         if pictures and np.array_equal(shot, pictures[-1][0]):
             pictures[-1] = pictures[-1][0], pictures[-1][1] + 1 / len(shots)

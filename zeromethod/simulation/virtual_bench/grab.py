@@ -6,8 +6,8 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes
 from zeromethod.drivers.monitors import Monitor, monitors
 from zeromethod.errors import InputError, MeasurementError
 
@@ -55,7 +55,7 @@ class MonitorGrabber:
         except ScreenShotError as error:
             raise self._lost(error) from error
 
-    def grab(self) -> NDArray[np.uint8]:
+    def grab(self) -> Bytes:
         """Grey codes (rows, cols) that the monitor shows now; MeasurementError when it is gone."""
         try:
             shot = self._screen.grab(self._region)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Mirror
@@ -18,8 +18,6 @@ TOLERANCE = 0.003
 """Error from which a cell is traced ray by ray: LCD px, and hundredths of reflectance."""
 ORDER = 16
 """By how much a cubic between nodes is better than one between every other node (fourth order)."""
-
-Array = NDArray[np.float64]
 
 
 class LatticeRays:
@@ -39,7 +37,7 @@ class LatticeRays:
         v, u = np.mgrid[0:rows, 0:cols].astype(np.float64)
         self._nodes = self._optics.rubber_rays(SPACING_PX * (u - MARGIN), SPACING_PX * (v - MARGIN))
 
-    def trace(self, mirror: Mirror) -> tuple[Array, Array]:
+    def trace(self, mirror: Mirror) -> tuple[Float, Float]:
         """(q (rows, cols, 2) LCD px, NaN where lost; gain (rows, cols), reflectance with touch, 0 there)."""
         surface = Dented(self._optics.rest, mirror) if mirror.dents else self._optics.rest
         seen = self._optics.trace_rays(*self._nodes, surface)
@@ -59,7 +57,7 @@ class LatticeRays:
         return q, np.where(np.isnan(q[..., 0]) | np.isnan(gain), 0.0, gain)
 
 
-def _coarse_cells(nodes: Array) -> NDArray[np.bool_]:
+def _coarse_cells(nodes: Float) -> Mask:
     """(cell rows, cell cols) cells of the view, from its first node on, whose cubics are not good enough.
 
     Judged at every node of the view by the cubic through its neighbours at odd distances, which is as far
@@ -73,7 +71,7 @@ def _coarse_cells(nodes: Array) -> NDArray[np.bool_]:
         along = np.moveaxis(np.abs(moved[3:-3] - (9.0 * near - far) / 16.0).max(axis=-1), 0, axis)
         error += along[:, MARGIN:-MARGIN] if axis == 0 else along[MARGIN:-MARGIN]
     poor = ~(error <= ORDER * TOLERANCE)
-    cells: NDArray[np.bool_] = poor[:-1, :-1] | poor[1:, :-1] | poor[:-1, 1:] | poor[1:, 1:]
+    cells: Mask = poor[:-1, :-1] | poor[1:, :-1] | poor[:-1, 1:] | poor[1:, 1:]
     return np.pad(cells, ((0, 1), (0, 1)), mode="edge")
 
 
@@ -89,7 +87,7 @@ def _cubic(t: float) -> tuple[float, float, float, float]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _interpolate(nodes: Array, spacing: int, margin: int, out: Array) -> None:
+def _interpolate(nodes: Float, spacing: int, margin: int, out: Float) -> None:
     """Fill `out` (rows, cols, n) from `nodes`, whose node (margin, margin) lies at pixel (0, 0)."""
     count = nodes.shape[2]
     line = np.empty((nodes.shape[1], count))

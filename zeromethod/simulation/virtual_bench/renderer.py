@@ -10,8 +10,8 @@ from math import sqrt
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Bytes, Float, Single
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_lens import LEAST_PSF_PX, SIGMAS, before
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
@@ -28,9 +28,6 @@ _LEAST_PX = 1e-2
 _KEPT_MIRRORS = 2
 _THREADS = 2
 """Threads that gather light: a frame is ready sooner where a core is idle."""
-
-Array = NDArray[np.float64]
-Light = NDArray[np.float32]
 
 
 def bending_renderer(rig: Rig) -> BenchRenderer:
@@ -68,13 +65,13 @@ class LatticeRenderer:
         self._reach = 0.5 + SIGMAS * psf_px
         self._lens = before(np.linspace(-self._reach, self._reach, _STEPS + 1), psf_px).astype(np.float32)
         self._spread = sqrt(psf_px**2 + 1.0 / 12.0)
-        self._pictures: dict[Handle, Light] = {}
+        self._pictures: dict[Handle, Single] = {}
         self._names = count(1)
-        self._maps: OrderedDict[Mirror, tuple[Array, Array]] = OrderedDict()
+        self._maps: OrderedDict[Mirror, tuple[Float, Float]] = OrderedDict()
         self._bands = [round(band * rig.camera.rows / _THREADS) for band in range(_THREADS + 1)]
         self._pool = ThreadPoolExecutor(_THREADS, "bending")
 
-    def upload(self, image: NDArray[np.uint8]) -> Handle:
+    def upload(self, image: Bytes) -> Handle:
         """Take over LCD grey codes (rows, cols)."""
         handle = next(self._names)
         self._pictures[handle] = self._response[image]
@@ -84,12 +81,12 @@ class LatticeRenderer:
         """Forget a picture."""
         del self._pictures[handle]
 
-    def expose(self, pieces: Sequence[Piece]) -> Light:
+    def expose(self, pieces: Sequence[Piece]) -> Single:
         """Mean light (camera rows, cols); see `BenchRenderer.expose`."""
         out = np.full(
             (self._rig.camera.rows, self._rig.camera.columns), self._rig.simulation.ambient, np.float32
         )
-        by_mirror: dict[Mirror, Light] = {}
+        by_mirror: dict[Mirror, Single] = {}
         for piece in pieces:
             light = self._panel_light(piece)
             earlier = by_mirror.get(piece.mirror)
@@ -102,7 +99,7 @@ class LatticeRenderer:
                 each.result()
         return out
 
-    def ray_map(self, mirror: Mirror) -> tuple[Light, Light]:
+    def ray_map(self, mirror: Mirror) -> tuple[Single, Single]:
         """(q, reflectance) at camera pixel centres."""
         q, gain = self._map(mirror)
         return q.astype(np.float32), gain.astype(np.float32)
@@ -113,7 +110,7 @@ class LatticeRenderer:
         self._pictures.clear()
         self._maps.clear()
 
-    def _map(self, mirror: Mirror) -> tuple[Array, Array]:
+    def _map(self, mirror: Mirror) -> tuple[Float, Float]:
         if mirror not in self._maps:
             self._maps[mirror] = self._rays.trace(mirror)
         self._maps.move_to_end(mirror)
@@ -121,22 +118,22 @@ class LatticeRenderer:
             self._maps.popitem(last=False)
         return self._maps[mirror]
 
-    def _gather(self, light: Light, q: Array, gain: Array, out: Light, first: int, end: int) -> None:
+    def _gather(self, light: Single, q: Float, gain: Float, out: Single, first: int, end: int) -> None:
         fill = self._rig.display.fill
         _gather(light, q, gain, fill, self._lens, self._reach, self._spread, first, end, out)
 
-    def _panel_light(self, piece: Piece) -> Light:
+    def _panel_light(self, piece: Piece) -> Single:
         if len(piece.pictures) == 1 and piece.weight == 1.0 and (piece.pictures[0][1] == 1.0).all():
             return self._pictures[piece.pictures[0][0]]
         parts = [
             np.float32(piece.weight) * share[:, None] * self._pictures[name] for name, share in piece.pictures
         ]
-        total: Light = np.sum(parts, axis=0, dtype=np.float32)
+        total: Single = np.sum(parts, axis=0, dtype=np.float32)
         return total
 
 
 @numba.njit(cache=True, inline="always")
-def _step(q: Array, row: int, col: int, down: int, right: int, axis: int) -> float:
+def _step(q: Float, row: int, col: int, down: int, right: int, axis: int) -> float:
     """Change of q over one camera px: central, one-sided beside what is lost or the border."""
     here, rise, sides = q[row, col, axis], 0.0, 0
     if row + down < q.shape[0] and col + right < q.shape[1]:
@@ -154,7 +151,7 @@ def _step(q: Array, row: int, col: int, down: int, right: int, axis: int) -> flo
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def _shares(
-    middle: float, size: float, fill: float, count: int, lens: Light, reach: float, out: Light
+    middle: float, size: float, fill: float, count: int, lens: Single, reach: float, out: Single
 ) -> tuple[int, int]:
     """Share of the response that falls on each LCD pixel's aperture: pixels [first, end), from out[0] on.
 
@@ -178,16 +175,16 @@ def _shares(
 
 @numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "arcp"})
 def _gather(
-    light: Light,
-    q: Array,
-    gain: Array,
+    light: Single,
+    q: Float,
+    gain: Float,
     fill: tuple[float, float],
-    lens: Light,
+    lens: Single,
     reach: float,
     spread: float,
     first_row: int,
     end_row: int,
-    out: Light,
+    out: Single,
 ) -> None:
     """Add gain x mean light that camera pixels gather to `out`, as `zeromethod.simulation.aperture` has it.
 

@@ -7,11 +7,10 @@ import select
 import socket
 import threading
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Image
 from zeromethod.errors import InputError
 
 POLL_S = 0.1
@@ -62,7 +61,7 @@ class FrameServer:
         """Whether a client is there."""
         return self._connected
 
-    def put(self, image: NDArray[Any]) -> bool:
+    def put(self, image: Image) -> bool:
         """Hand over a frame (rows, cols), uint8 or uint16; never waits. False: nobody is there."""
         little = image.astype(image.dtype.newbyteorder("<"), copy=False)
         data = b"FRAME\n" + np.ascontiguousarray(little).tobytes()
