@@ -175,7 +175,7 @@ class Running:
             step.state in NULLED,
             sorted(event.value for event in step.events),
         )
-        self._turns.append((turn, given_s, fingerprint(step.commanded_q)))
+        self._turns.append((turn, given_s, fingerprint(step.commanded.q)))
 
     def turns(self) -> list[Timed]:
         """All turns but the first ones, each with the answer to its frame."""

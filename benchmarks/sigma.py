@@ -24,10 +24,10 @@ import numpy as np
 from benchmarks.bench_report import Bar, Figure, Report, finish, options, progress
 from benchmarks.bench_rigs import VIEW_MIDDLE_MM, Array, changed, small_rig
 from zeromethod.devices.protocols import Frame
-from zeromethod.exposure.pairing import PanelTiming, Shown, pair
+from zeromethod.exposure.pairing import Observation, PanelTiming, pair
 from zeromethod.exposure.presentation_log import PresentationLog
 from zeromethod.gl import create_context
-from zeromethod.loop.measured_warp import Observation, expected_residual, measure, unmixed
+from zeromethod.loop.measured_warp import expect, measure_warp, unmixed
 from zeromethod.optics import Dented, Optics
 from zeromethod.pattern import PatternRenderer, Response, Target
 from zeromethod.rig.model import Rig
@@ -127,7 +127,7 @@ class Bench:
         q = self.optics.trace(*self.rest.grid.mesh(), mirror).q
         return np.where(np.isfinite(q), q, self.rest.q)
 
-    def seen(self, case: Case) -> tuple[Array, Shown]:
+    def seen(self, case: Case) -> tuple[Array, Observation]:
         """Light at the pixels, and what was shown, of one frame."""
         # 2 um short of the press, so that the residual is small but not nothing.
         pictures = [self.warp(max(case.press_mm - 0.002, 0.0))]
@@ -162,25 +162,23 @@ class Bench:
         chip = Sensor(rig)
         light, shown = self.seen(case)
         q, trusted = self.warp(case.press_mm), self.rest.seen
-        expected = expected_residual(shown, q, trusted, self.rest)
-        guess = expected
+        known = expect(shown, q, trusted, self.rest)
+        guess = known.residual_px
         if shown.mixture is not None and shown.mixture.bias_px is not None:
-            guess = expected + shown.mixture.bias_px
+            guess = known.residual_px + shown.mixture.bias_px
         inner = self.rest.grid.inner
         values: dict[str, list[Array]] = {word: [] for word in WORDS}
         sigmas: dict[str, list[Array]] = {word: [] for word in WORDS}
         surface = None
         for number in range(count):
             image = chip.image(light, number)
-            residual = sensor.measure(image, guess)
-            frame = Frame(image, 0, 1, number, 0)
-            seen = Observation(frame, shown, unmixed(residual, shown, self.rest.grid))
-            measured = measure(seen, self.rest, expected, trusted)
+            residual = unmixed(sensor.measure(image, guess), shown, self.rest.grid)
+            measured = measure_warp(shown, residual, known, self.rest)
             surface = self.reader.read(measured, surface)
             good = (measured.valid & surface.valid)[inner][..., None]
             depth = (surface.depth_mm[..., None], surface.sigma_depth_mm[..., None])
             pairs = (
-                (seen.residual.d, seen.residual.sigma),
+                (residual.d, residual.sigma),
                 (measured.q, measured.sigma),
                 (surface.slope, surface.sigma_slope),
                 depth,

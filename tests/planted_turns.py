@@ -21,7 +21,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Anchor, Peak, Surface
 from zeromethod.warp.rest import Rest
-from zeromethod.warp.warp import Warp
+from zeromethod.warp.warp import Role, Warp
 
 FRAME_NS = 16_666_667
 
@@ -57,7 +57,8 @@ def turn(number: int, **more: Any) -> Step:
         "state": State.LOCKED,
         "reason": "nulled",
         "events": (),
-        "commanded_q": q + 0.25,
+        "time_s": 1e-9 * time_ns,
+        "commanded": Warp.drawn(q + 0.25, Role.COMMANDED, time_ns),
         "filtered": measured,
         "frame_number": number + 1000,
         "exposure_ns": 8_000_000,
@@ -66,7 +67,7 @@ def turn(number: int, **more: Any) -> Step:
         "presented_before": 1,
         "image": rng.integers(0, 256, (rig.camera.rows, rig.camera.columns), dtype=np.uint8),
         "residual": residual,
-        "shown_q": q + 0.75,
+        "shown": Warp.drawn(q + 0.75, Role.SHOWN, time_ns),
         "measured": measured,
         "residual_rms_px": 0.01,
         "valid_share": 1.0,

@@ -258,7 +258,7 @@ class _Staircase:
         try:
             sensor = self._misreading() if self.kind == "sensor" else None
             loop = Loop(self.believed, camera, display, clock, optics=self.optics, sensor=sensor)
-            loop.hold(self.method == "open")
+            loop.freeze(self.method == "open")
             half_ns = round(0.5e9 * self.believed.camera.exposure_s)
             level, start_ns = 0, 0
             seen: list[Step] = []

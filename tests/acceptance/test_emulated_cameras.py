@@ -85,7 +85,7 @@ def rests_is_lost_and_rests_again(rig: Rig, lose: Callable[[], None], regain: Ca
         assert {*lost.events} & {Event.CAMERA_LOST, Event.CAMERA_STALLED}
         # the warp holds meanwhile
         last = [step for step in seen if step.frame_number is not None][-1]
-        np.testing.assert_array_equal(lost.commanded_q, last.commanded_q)
+        np.testing.assert_array_equal(lost.commanded.q, last.commanded.q)
         regain()
         until(loop, lambda step: Event.CAMERA_REOPENED in step.events)
         assert until(loop, lambda step: step.state is State.RESTING)[-1].valid_share > 0.98

@@ -89,15 +89,15 @@ def test_the_terminal_is_put_back_when_a_run_fails_and_what_was_typed_is_forgott
 def test_keys_steer_the_loop(terminal: Terminal) -> None:
     loop = FakeLoop()
     with Keys(terminal.stream) as keys:
-        every_turn = keys.for_loop(loop)  # type: ignore[arg-type]
+        on_wait = keys.for_loop(loop)  # type: ignore[arg-type]
         terminal.type(b"p")
-        every_turn()
+        on_wait()
         assert loop.paused
         terminal.type(b"P\xc3\xa4?")
-        every_turn()
+        on_wait()
         assert not loop.paused
         terminal.type(b"zq")
-        every_turn()
+        on_wait()
     assert loop.done == ["rezero", "stop"]
 
 

@@ -17,7 +17,7 @@ from zeromethod.recording.recording import Recording
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Anchor, Peak, Surface
 from zeromethod.warp.rest import Rest
-from zeromethod.warp.warp import Warp
+from zeromethod.warp.warp import Role, Warp
 
 FIRST_NS = 5_000_000_000
 STEP_NS = 20_000_000
@@ -74,8 +74,9 @@ def plant(path: Path, keep: tuple[str, ...] = ("frames", "residual", "warps", "s
     with Recorder(path, rig, rest, keep=keep) as recorder:
         for turn, tick in zip(planted.turns.tolist(), ticks, strict=True):
             time_ns = FIRST_NS + int(tick) * STEP_NS
+            commanded = Warp.drawn(rest.q, Role.COMMANDED, time_ns)
             filtered = Warp(rest.q, np.ones_like(rest.q), rest.flags, time_ns)
-            step = Step(turn, time_ns, State.STARTING, "", (), rest.q, filtered)
+            step = Step(turn, time_ns, 0.0, State.STARTING, "", (), commanded, filtered)
             if turn == 1:
                 recorder.turn(step)
                 continue
@@ -91,7 +92,7 @@ def plant(path: Path, keep: tuple[str, ...] = ("frames", "residual", "warps", "s
                     image=planted.image,
                     residual=residual,
                     measured=filtered,
-                    shown_q=rest.q,
+                    shown=Warp.drawn(rest.q, Role.SHOWN, time_ns),
                     residual_rms_px=0.02 * turn,
                 )
             )

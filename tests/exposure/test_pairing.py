@@ -57,17 +57,17 @@ def test_weights_add_up_to_one_in_every_row() -> None:
 
 
 def test_a_picture_alone_is_returned_as_it_was_logged() -> None:
-    shown = pair(logged((0, 0.0), (16, 1.0)), frame(80), TIMING, REST.q, REST.grid, "cosines")
-    assert shown is not None
-    assert shown.mixture is None
-    assert shown.entries.tolist() == [16 * MS]
-    np.testing.assert_array_equal(shown.q, REST.q + np.array([1.0, 0.0]))
+    observed = pair(logged((0, 0.0), (16, 1.0)), frame(80), TIMING, REST.q, REST.grid, "cosines")
+    assert observed is not None
+    assert observed.mixture is None
+    assert observed.entries.tolist() == [16 * MS]
+    np.testing.assert_array_equal(observed.shown.q, REST.q + np.array([1.0, 0.0]))
 
 
 def test_a_picture_that_starts_after_the_exposure_has_no_part() -> None:
-    shown = pair(logged((0, 0.0), (90, 5.0)), frame(80), TIMING, REST.q, REST.grid, "cosines")
-    assert shown is not None
-    np.testing.assert_array_equal(shown.q, REST.q)
+    observed = pair(logged((0, 0.0), (90, 5.0)), frame(80), TIMING, REST.q, REST.grid, "cosines")
+    assert observed is not None
+    np.testing.assert_array_equal(observed.shown.q, REST.q)
 
 
 def test_nothing_is_shown_before_the_first_picture_is_lit() -> None:
@@ -81,27 +81,27 @@ def test_nothing_is_shown_before_the_first_picture_is_lit() -> None:
 
 def test_rows_that_change_first_show_more_of_the_new_picture() -> None:
     log = logged((0, 0.0), (60, 1.0))
-    shown = pair(log, frame(70), TIMING, REST.q, REST.grid, "cosines")
-    assert shown is not None
-    moved = shown.q[..., 0] - REST.q[..., 0]
+    observed = pair(log, frame(70), TIMING, REST.q, REST.grid, "cosines")
+    assert observed is not None
+    moved = observed.shown.q[..., 0] - REST.q[..., 0]
     assert np.all(np.diff(moved[:, 5]) <= 0)  # LCD rows grow with node rows; scan is downwards
     assert moved[0, 5] > moved[-1, 5] + 0.2
     up = PanelTiming.of(panel().model_copy(update={"scan": "up"}))
-    shown_up = pair(log, frame(70), up, REST.q, REST.grid, "cosines")
-    assert shown_up is not None
+    observed_up = pair(log, frame(70), up, REST.q, REST.grid, "cosines")
+    assert observed_up is not None
     # scanning up mirrors the rows about the panel's middle, from which the nodes' middle is 0.42 LCD rows
     # away: 2 x 0.42 / 399 of the scan-out of 16.7 ms, in which at most 1 / 8 ms changes
-    np.testing.assert_allclose(shown_up.q[::-1, 5, 0] - REST.q[::-1, 5, 0], moved[:, 5], atol=5e-3)
+    np.testing.assert_allclose(observed_up.shown.q[::-1, 5, 0] - REST.q[::-1, 5, 0], moved[:, 5], atol=5e-3)
 
 
 def test_the_mix_weighs_pictures_by_the_light_of_their_row() -> None:
-    shown = pair(logged((0, 0.0), (60, 1.0)), frame(70), TIMING, REST.q, REST.grid, "cosines")
-    assert shown is not None
+    observed = pair(logged((0, 0.0), (60, 1.0)), frame(70), TIMING, REST.q, REST.grid, "cosines")
+    assert observed is not None
     row = REST.q[4, 5, 1]
     change_ns = 60e6 + row / (PANEL[1] - 1) * 1e9 / 60
     new = lit_share(66e6, 74e6, np.array([change_ns]), TIMING.tau_ns)[0]
     # linear between 257 rows: (65 us)^2 / 8 x the largest second derivative, 1 / (tau x exposure)
-    assert shown.q[4, 5, 0] - REST.q[4, 5, 0] == pytest.approx(new, abs=1e-4)
+    assert observed.shown.q[4, 5, 0] - REST.q[4, 5, 0] == pytest.approx(new, abs=1e-4)
 
 
 def test_the_age_of_what_is_shown_is_weighted_by_its_light() -> None:
@@ -112,10 +112,10 @@ def test_the_age_of_what_is_shown_is_weighted_by_its_light() -> None:
     early = pair(log, frame(60), TIMING, REST.q, REST.grid, "cosines")
     assert early is not None
     assert early.age_ns is None  # the first picture was made from no frame
-    shown = pair(log, frame(130), TIMING, REST.q, REST.grid, "cosines")
-    assert shown is not None
-    assert shown.age_ns is not None
-    np.testing.assert_allclose(shown.age_ns, 80 * MS)
+    observed = pair(log, frame(130), TIMING, REST.q, REST.grid, "cosines")
+    assert observed is not None
+    assert observed.age_ns is not None
+    np.testing.assert_allclose(observed.age_ns, 80 * MS)
     mixed = pair(log, frame(100), TIMING, REST.q, REST.grid, "cosines")
     assert mixed is not None
     assert mixed.age_ns is not None
@@ -127,6 +127,6 @@ def test_a_log_that_was_overwritten_takes_its_oldest_entry_for_all_before() -> N
     log = PresentationLog(REST.q.shape[:2], capacity=2)
     for at_ms in (0, 16, 33):
         log.record(at_ms * MS, REST.q)
-    shown = pair(log, frame(34), TIMING, REST.q, REST.grid, "cosines")
-    assert shown is not None
-    np.testing.assert_allclose(shown.q, REST.q, atol=1e-9)
+    observed = pair(log, frame(34), TIMING, REST.q, REST.grid, "cosines")
+    assert observed is not None
+    np.testing.assert_allclose(observed.shown.q, REST.q, atol=1e-9)

@@ -88,7 +88,7 @@ def bench(
 
 def held(steps: list[Step], before: Step) -> bool:
     """Whether the command stayed as it was, bit for bit."""
-    return all(np.array_equal(step.commanded_q, before.commanded_q) for step in steps)
+    return all(np.array_equal(step.commanded.q, before.commanded.q) for step in steps)
 
 
 def notes(steps: list[Step]) -> str:

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from zeromethod.devices.protocols import Frame
+from zeromethod.exposure.exposures import Exposures
 from zeromethod.exposure.pairing import PanelTiming
-from zeromethod.loop.circle import Circle, Taken, controller_of
+from zeromethod.loop.circle import Circle, FrameResult, controller_of
 from zeromethod.rig.model import ControlSpec, DisplaySpec
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.grid import NodeGrid
@@ -86,13 +87,13 @@ class NodeBench:
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
-        self.circle = Circle(
-            self.rest, PhasorSensor(), controller_of(self.control, self.rest), PanelTiming.of(self.display)
-        )
+        exposures = Exposures(self.rest.grid, PanelTiming.of(self.display), "cosines")
+        controller = controller_of(self.control, self.rest)
+        self.circle = Circle(self.rest, exposures, PhasorSensor(), controller)
         self.pictures: list[tuple[float, np.ndarray]] = []
         self.now_s = 0.0
 
-    def run(self, frames: int) -> Iterator[Taken]:
+    def run(self, frames: int) -> Iterator[FrameResult]:
         self._show()
         number = -1
         for _ in range(frames):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from node_bench import LCD_PER_CAMERA, PERIOD_PX, SIGMA_PX, NodeBench, dent, panel, rest_warp
 
+from zeromethod.loop.events import Event
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
 from zeromethod.rig.model import ControlSpec
 
@@ -27,7 +28,7 @@ def frames_to_null(bench: NodeBench, at_s: float = 0.2, frames: int = 60) -> int
         if bench.mid_s <= at_s:
             continue
         since += 1
-        good = taken.residual_rms_px < LOCK_RESIDUAL_PX and not taken.held
+        good = taken.residual_rms_px < LOCK_RESIDUAL_PX and taken.refusal is None
         nulled = nulled + 1 if good else 0
         if nulled == 3:
             return since - 2
@@ -130,13 +131,13 @@ def test_mixed_pictures_hold_the_command_and_are_flagged() -> None:
     held = 0
     for taken in bench.run(26):
         command = bench.circle.controller.commanded
-        if taken.held and bench.mid_s > 0.2:
+        if taken.refusal and bench.mid_s > 0.2:
             held += 1
             assert before is not None
             np.testing.assert_array_equal(command, before)
             assert taken.measured is not None
             assert not taken.measured.valid.all()
-            assert "pictures mixed" in taken.events
+            assert taken.refusal is Event.PICTURES_MIXED
             valid = taken.measured.valid
             wrong = (taken.measured.q - REST.q - dent(REST, 6.0, **SMALL))[valid]
             # pictures 7 px apart in a dent of 4 nodes: what the mixture leaves out is 0.05 px; noise 5

@@ -1,4 +1,4 @@
-"""What may be asked of a running loop: to hold, to pause, to take a new zero, to stop."""
+"""Requests to a running loop: to freeze, to pause, to take a new zero, to stop."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from zeromethod.loop.state import State
 @both_times
 def test_held_and_paused_loops_measure_and_keep_the_picture(real: bool) -> None:
     with bench(real) as b:
-        for ask, state in ((b.loop.hold, State.HOLDING), (b.loop.pause, State.PAUSED)):
+        for ask, state in ((b.loop.freeze, State.HOLDING), (b.loop.pause, State.PAUSED)):
             ask(True)
             # what was commanded before is still shown, once
             b.loop.step()
@@ -30,7 +30,7 @@ def test_held_and_paused_loops_measure_and_keep_the_picture(real: bool) -> None:
             assert all(step.state is state for step in steps)
             assert held(steps, before)
             assert steps[-1].measured is not None
-            moved = (steps[-1].measured.q - before.commanded_q)[steps[-1].measured.valid]
+            moved = (steps[-1].measured.q - before.commanded.q)[steps[-1].measured.valid]
             # 1 px of noise and interpolation in 100 of 27 px of carrier
             np.testing.assert_allclose(moved.mean(axis=0), [2.0, 0.0], atol=0.05)
             ask(False)
@@ -49,7 +49,7 @@ def test_a_new_zero_takes_slow_drift_out_of_the_reading(real: bool) -> None:
         before = b.loop.step()
         b.loop.rezero()
         steps = b.until(lambda step: Event.ZERO_TAKEN in step.events)
-        assert "readings start anew from here, 1.12 LCD px (rms) from the rig file's rest" in notes(steps)
+        assert "readings start from here now, 1.12 LCD px (rms) from the rig file's rest" in notes(steps)
         assert b.loop.zero is not None
         np.testing.assert_allclose(b.loop.zero.mean(axis=(0, 1)), [1.0, -0.5], atol=0.03)
         step = b.until(lambda step: step.measured is not None)[-1]
@@ -57,7 +57,7 @@ def test_a_new_zero_takes_slow_drift_out_of_the_reading(real: bool) -> None:
         left = (step.measured.q - b.loop.q_rest)[step.measured.valid]
         np.testing.assert_allclose(left.mean(axis=0), 0.0, atol=0.03)
         # what is shown is not touched
-        np.testing.assert_allclose(step.commanded_q, before.commanded_q, atol=0.3)
+        np.testing.assert_allclose(step.commanded.q, before.commanded.q, atol=0.3)
 
 
 def test_a_press_or_a_motion_is_not_called_zero() -> None:

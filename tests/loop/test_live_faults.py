@@ -203,7 +203,7 @@ def test_too_much_light_is_told_with_what_helps(real: bool) -> None:
         assert steps[-1].reason == "the camera is blinded: too bright"
         assert "shorten the exposure" in notes(steps)
         # no node is left to go by
-        np.testing.assert_allclose(steps[-1].commanded_q, before.commanded_q, atol=0.05)
+        np.testing.assert_allclose(steps[-1].commanded.q, before.commanded.q, atol=0.05)
         b.eye.light = lambda _time_s: 1.0
         b.settle()
 

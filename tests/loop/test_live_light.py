@@ -95,18 +95,18 @@ def test_a_beat_is_told_once_enough_frames_show_it_and_no_more_once_it_is_gone()
         told.append(quality.look(residual(4 + 90 * (1 + swing)), round(1e9 * k / RATE_HZ)))
     first = next(k for k, one in enumerate(told) if one)
     assert FEWEST_FRAMES <= first + 1 <= FEWEST_FRAMES + EVERY_FRAMES
-    assert {event for one in told for event, _ in one} == {Event.FLICKER}
+    assert {notice.event for one in told for notice in one} == {Event.FLICKER}
     assert told[2 * FLICKER_FRAMES - 1]
     assert not any(told[3 * FLICKER_FRAMES :])
-    assert "4 Hz" in told[2 * FLICKER_FRAMES - 1][0][1]
+    assert "4 Hz" in told[2 * FLICKER_FRAMES - 1][0].words
 
 
 def test_saturation_is_told_above_a_twentieth_of_the_view() -> None:
     quality = LightQuality(SEEN, black_grey=4)
     assert quality.look(residual(100, saturated=2), 0) == []
-    ((event, words),) = quality.look(residual(100, saturated=12), 1)
-    assert event is Event.SATURATED
-    assert words.startswith("25 % of the view is too bright")
+    (notice,) = quality.look(residual(100, saturated=12), 1)
+    assert notice.event is Event.SATURATED
+    assert notice.words.startswith("25 % of the view is too bright")
 
 
 def test_where_nothing_is_seen_nothing_is_told() -> None:

@@ -65,7 +65,7 @@ def test_devices_by_import_path_null_what_they_see(lab: str, camera: str, displa
             assert np.abs(error.mean(axis=0)).max() < 0.02
             assert error.std() < 0.06
             np.testing.assert_allclose(
-                (step.commanded_q - loop.q_rest)[step.measured.valid].mean(axis=0), AWAY_LCD_PX, atol=0.03
+                (step.commanded.q - loop.q_rest)[step.measured.valid].mean(axis=0), AWAY_LCD_PX, atol=0.03
             )
         assert loop.status.state is State.STOPPED
     assert eye.closed

@@ -8,13 +8,13 @@ import time
 
 import pytest
 
-from zeromethod.loop.display_watch import ASLEEP, RESYNC_S, Watch
-from zeromethod.loop.events import Event
+from zeromethod.loop.display_watch import RESYNC_S, DisplayWatch
+from zeromethod.loop.events import Event, Notice
 from zeromethod.loop.live.clock_watch import STOOD_STILL_S, ClockWatch, slept_ns
 from zeromethod.loop.live.paused_gc import COLLECTED_ABOVE, SWITCH_S, Steady
-from zeromethod.loop.notices import QUIET_TURNS, Notices
+from zeromethod.loop.notices import QUIET_STEPS, Notices
 
-# Watch, clock, notices, steady
+ASLEEP = Notice.refusal(Event.DISPLAY_ASLEEP)
 
 
 class Lcd:
@@ -29,39 +29,39 @@ class Lcd:
 
 def test_a_watch_tells_what_the_display_tells() -> None:
     lcd = Lcd()
-    watch = Watch(lcd, None)  # type: ignore[arg-type]
+    watch = DisplayWatch(lcd, None)  # type: ignore[arg-type]
     watch.poll()
     assert lcd.polls == 1
     assert watch.look(0) == []
     lcd.asleep, lcd.warnings = True, ("mirrored",)
     watch.poll()
     assert watch.stale(0) == ASLEEP
-    assert watch.look(0) == [(Event.DISPLAY_ASLEEP, ASLEEP), (Event.DISPLAY_WARNING, "mirrored")]
-    assert watch.look(0) == [(Event.DISPLAY_ASLEEP, ASLEEP)]
+    assert watch.look(0) == [ASLEEP, Notice(Event.DISPLAY_WARNING, "mirrored")]
+    assert watch.look(0) == [ASLEEP]
     lcd.asleep, lcd.warnings = False, ("mirrored", "night mode")
     watch.poll()
-    assert watch.stale(0) == ""
-    assert watch.look(0) == [(Event.DISPLAY_WARNING, "night mode")]
+    assert watch.stale(0) is None
+    assert watch.look(0) == [Notice(Event.DISPLAY_WARNING, "night mode")]
 
 
 def test_displays_without_such_members_are_as_good() -> None:
-    watch = Watch(object(), None)  # type: ignore[arg-type]
+    watch = DisplayWatch(object(), None)  # type: ignore[arg-type]
     watch.poll()
     assert watch.look(0) == []
     # simulated time does not stand still by itself, however long a turn is
-    assert watch.stale(10**12) == ""
+    assert watch.stale(10**12) is None
 
 
 def test_frames_are_stale_for_a_while_after_time_stood_still() -> None:
-    watch = Watch(object(), 0.5)  # type: ignore[arg-type]
+    watch = DisplayWatch(object(), 0.5)  # type: ignore[arg-type]
     second = 10**9
-    assert watch.stale(0) == ""
+    assert watch.stale(0) is None
     assert watch.look(second) == []
-    assert "waiting for fresh frames" in watch.stale(11 * second)
-    assert watch.look(11 * second) == [(Event.CLOCK_JUMPED, "the program stood still for 10.0 s")]
+    assert "waiting for fresh frames" in watch.stale(11 * second).words
+    assert watch.look(11 * second) == [Notice(Event.CLOCK_JUMPED, "the program stood still for 10.0 s")]
     assert watch.look(11 * second) == []
     assert watch.stale(11 * second + round(0.9e9 * RESYNC_S))
-    assert watch.stale(11 * second + round(1.1e9 * RESYNC_S)) == ""
+    assert watch.stale(11 * second + round(1.1e9 * RESYNC_S)) is None
 
 
 def test_a_clock_watch_knows_standing_still_from_waiting_and_from_suspension(
@@ -91,27 +91,27 @@ def test_notices_tell_what_begins_and_not_what_goes_on() -> None:
     notices = Notices()
     told = []
     for _ in range(5):
-        notices.tell(Event.FLICKER, "it beats")
+        notices.add(Notice(Event.FLICKER, "it beats"))
         told.append(notices.take())
     assert told == [("it beats",), (), (), (), ()]
-    for _ in range(QUIET_TURNS - 2):
+    for _ in range(QUIET_STEPS - 2):
         assert notices.take() == ()
-    notices.tell(Event.FLICKER, "it beats")
+    notices.add(Notice(Event.FLICKER, "it beats"))
     assert notices.take() == ()
-    for _ in range(QUIET_TURNS - 1):
+    for _ in range(QUIET_STEPS - 1):
         notices.take()
-    notices.tell(Event.FLICKER, "it beats again")
+    notices.add(Notice(Event.FLICKER, "it beats again"))
     assert notices.take() == ("it beats again",)
 
 
 def test_notices_keep_warnings_apart_by_their_words_and_pass_on_what_is_said() -> None:
     notices = Notices()
-    notices.tell(Event.DISPLAY_WARNING, "mirrored")
-    notices.tell(Event.DISPLAY_WARNING, "night mode")
-    notices.tell(Event.DISPLAY_WARNING, "mirrored")
-    notices.say("a new zero")
-    notices.say("a new zero")
-    notices.tell_all((Event.CAMERA_LOST, Event.FRAMES_DROPPED), "gone")
+    notices.add(Notice(Event.DISPLAY_WARNING, "mirrored"))
+    notices.add(Notice(Event.DISPLAY_WARNING, "night mode"))
+    notices.add(Notice(Event.DISPLAY_WARNING, "mirrored"))
+    notices.add_always(Notice(Event.ZERO_TAKEN, "a new zero"))
+    notices.add_always(Notice(Event.ZERO_TAKEN, "a new zero"))
+    notices.add_events((Event.CAMERA_LOST, Event.FRAMES_DROPPED), "gone")
     assert notices.take() == ("mirrored", "night mode", "a new zero", "a new zero", "gone")
 
 

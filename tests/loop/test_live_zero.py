@@ -5,7 +5,7 @@ import pytest
 from node_bench import SIGMA_PX, dent, rest_warp
 
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
-from zeromethod.loop.zero import FRAMES, LARGEST_LCD_PX, PATIENCE_FRAMES, ZeroTaking
+from zeromethod.loop.zero import FRAMES, LARGEST_LCD_PX, PATIENCE_FRAMES, NoZero, ZeroTaking
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
@@ -61,33 +61,33 @@ def test_no_drift_is_a_zero_too() -> None:
 def test_a_press_on_top_of_drift_is_refused(peak_lcd_px: float, sigma_px: float) -> None:
     away = drift(0.3, 0.001, 0.1) + dent(REST, peak_lcd_px, sigma_px)
     found = taken(*[away] * FRAMES)
-    assert isinstance(found, str)
-    assert found.startswith("something presses: a dent of")
+    assert isinstance(found, NoZero)
+    assert found.reason.startswith("something presses: a dent of")
 
 
 def test_a_press_off_the_middle_is_refused() -> None:
     found = taken(*[dent(REST, 1.0, 24.0, shift_px=70.0)] * FRAMES)
-    assert isinstance(found, str)
-    assert found.startswith("something presses")
+    assert isinstance(found, NoZero)
+    assert found.reason.startswith("something presses")
 
 
 def test_a_mirror_that_moves_is_refused() -> None:
     found = taken(*np.linspace(0, 1, FRAMES))
-    assert found == "the mirror moves"
+    assert found == NoZero("the mirror moves")
     slow = taken(*np.linspace(0, 0.05, FRAMES))  # 0.025 px between the halves: drift goes on as ever
     assert isinstance(slow, np.ndarray)
 
 
 def test_too_much_is_no_drift() -> None:
     found = taken(*[drift(LARGEST_LCD_PX + 0.5)] * FRAMES)
-    assert isinstance(found, str)
-    assert "more than drift (3)" in found
+    assert isinstance(found, NoZero)
+    assert "more than drift (3)" in found.reason
 
 
 def test_half_a_mirror_is_not_enough() -> None:
     hidden = np.zeros_like(REST.seen)
     hidden[: int(0.6 * len(hidden))] = True
-    assert taken(*[0.0] * FRAMES, hidden=hidden) == "too much of the mirror is hidden"
+    assert taken(*[0.0] * FRAMES, hidden=hidden) == NoZero("too much of the mirror is hidden")
     hidden[int(0.3 * len(hidden)) :] = False
     zero = taken(*[drift()] * FRAMES, hidden=hidden)
     assert isinstance(zero, np.ndarray)
@@ -102,4 +102,6 @@ def test_frames_that_are_not_nulled_do_not_count_and_patience_ends() -> None:
     for turn in range(FRAMES, PATIENCE_FRAMES):
         unusable = (None, float("nan")) if turn % 2 else (warp(1.0), LOCK_RESIDUAL_PX)
         assert taking.take(*unusable) is None
-    assert taking.take(None, float("nan")) == f"only {FRAMES - 1} of {PATIENCE_FRAMES} frames were nulled"
+    assert taking.take(None, float("nan")) == NoZero(
+        f"only {FRAMES - 1} of {PATIENCE_FRAMES} frames were nulled"
+    )

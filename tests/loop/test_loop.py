@@ -113,7 +113,7 @@ def test_every_step_owns_its_arrays(play: Any) -> None:
     _, steps = play([0.0, 0.0, 0.5, 0.5])
     assert steps[1].residual.d[8, 8, 0] == pytest.approx(0, abs=0.05)
     assert steps[2].residual.d[8, 8, 0] == pytest.approx(0.5, abs=0.05)
-    assert np.abs(steps[3].commanded_q - steps[1].commanded_q).max() > 0.1
+    assert np.abs(steps[3].commanded.q - steps[1].commanded.q).max() > 0.1
 
 
 def test_wrong_frames_are_a_fault_that_a_good_frame_ends(play: Any) -> None:
@@ -173,15 +173,15 @@ def test_light_off_is_named_and_nothing_is_reported_for_it(play: Any) -> None:
     _, steps = play([0.0, 0.0, 0.0, *dark, 0.0])
     assert states(steps)[3:] == [State.LOST, State.LOST, State.NULLING]
     assert all(step.events == (Event.LIGHT_OFF,) and step.measured is None for step in steps[3:5])
-    np.testing.assert_array_equal(steps[4].commanded_q, steps[2].commanded_q)
+    np.testing.assert_array_equal(steps[4].commanded.q, steps[2].commanded.q)
 
 
 def test_holding_on_request_measures_but_keeps_the_command(play: Any) -> None:
-    loop, steps = play([0.0, 0.5, 0.5], hold=True)
+    loop, steps = play([0.0, 0.5, 0.5], freeze=True)
     assert states(steps)[1:] == [State.HOLDING, State.HOLDING] or states(steps)[0] is State.STARTING
-    np.testing.assert_array_equal(steps[-1].commanded_q, loop.q_rest)
+    np.testing.assert_array_equal(steps[-1].commanded.q, loop.q_rest)
     assert steps[-1].measured is not None
-    assert Event.HELD_BY_REQUEST in steps[-1].events
+    assert Event.FROZEN in steps[-1].events
     assert np.isnan(steps[-1].draw_ms)
 
 
@@ -261,7 +261,7 @@ def test_planted_faults_are_named_survived_and_never_measured_wrong(
     if state is not None:
         assert named[0].state is state
     assert steps[-1].state in GOOD
-    rest = steps[0].commanded_q
+    rest = steps[0].commanded.q
     for step in steps:
         if step.measured is not None:
             wrong = (step.measured.q - rest)[step.measured.valid]

@@ -1,15 +1,15 @@
 import pytest
 
-from zeromethod.loop.state import LOCK_FRAMES, Outcome, State, Status, Turn, next_status
+from zeromethod.loop.state import LOCK_FRAMES, Outcome, State, Status, StepOutcome, next_status
 
-QUIET = Turn(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0)
-RESTING = Turn(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0, at_rest=True)
-LOUD = Turn(Outcome.MEASURED, residual_rms_px=1.0, valid_share=1.0)
-BLIND = Turn(Outcome.MEASURED, residual_rms_px=0.01, valid_share=0.3)
-NOTHING_SEEN = Turn(Outcome.MEASURED, "the light is off")
-HELD = Turn(Outcome.HELD, "held")
-FAILED = Turn(Outcome.FAILED, "gone")
-STOP = Turn(Outcome.STOP, "asked to")
+QUIET = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0)
+RESTING = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0, at_rest=True)
+LOUD = StepOutcome(Outcome.MEASURED, residual_rms_px=1.0, valid_share=1.0)
+BLIND = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=0.3)
+NOTHING_SEEN = StepOutcome(Outcome.MEASURED, "the light is off")
+HELD = StepOutcome(Outcome.HELD, "held")
+FAILED = StepOutcome(Outcome.FAILED, "gone")
+STOP = StepOutcome(Outcome.STOP, "asked to")
 
 RUNNING = [s for s in State if s is not State.STOPPED]
 
@@ -45,7 +45,7 @@ def test_a_lock_at_rest_is_resting_and_a_press_ends_it() -> None:
 
 @pytest.mark.parametrize("state", RUNNING)
 @pytest.mark.parametrize("turn", [BLIND, NOTHING_SEEN])
-def test_few_nodes_seen_means_lost_from_any_state(state: State, turn: Turn) -> None:
+def test_few_nodes_seen_means_lost_from_any_state(state: State, turn: StepOutcome) -> None:
     after = next_status(status(state, LOCK_FRAMES), turn)
     assert after.state is State.LOST
     assert after.reason

@@ -105,7 +105,7 @@ def test_room_is_told_again_once_as_much_fits_as_did_not(monkeypatch: pytest.Mon
 
 def test_where_even_tables_have_no_room_the_file_stays_readable(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
-    bare = {"image": None, "residual": None, "measured": None, "shown_q": None, "presented": ()}
+    bare = {"image": None, "residual": None, "measured": None, "shown": None, "presented": ()}
     with recorder(path, keep=()) as recording:
         fill_disk(recording, 3 << 20)
         number = 0

@@ -97,7 +97,7 @@ def test_all_pictures_are_there_with_their_warps(truth: Truth, opened: Recording
 
 def test_the_rest_is_as_single_precision_has_it(truth: Truth, opened: Recording) -> None:
     for step in truth.steps:
-        if step.residual is None or step.shown_q is None:
+        if step.residual is None or step.shown.q is None:
             continue
         residual = opened.residual(step.number)
         assert residual is not None
@@ -105,8 +105,8 @@ def test_the_rest_is_as_single_precision_has_it(truth: Truth, opened: Recording)
         np.testing.assert_array_equal(residual.sigma, step.residual.sigma.astype(np.float32))
         np.testing.assert_array_equal(residual.flags, step.residual.flags)
         np.testing.assert_array_equal(residual.mean, step.residual.mean)
-        np.testing.assert_array_equal(opened.shown(step.number), step.shown_q.astype(np.float32))
-        np.testing.assert_array_equal(opened.commanded(step.number), step.commanded_q.astype(np.float32))
+        np.testing.assert_array_equal(opened.shown(step.number), step.shown.q.astype(np.float32))
+        np.testing.assert_array_equal(opened.commanded(step.number), step.commanded.q.astype(np.float32))
     for turn, (surface, _) in truth.readings.items():
         found = opened.surface(turn)
         assert found is not None

@@ -165,7 +165,7 @@ def _follow(session: Run, frames: int | None, seconds: float | None) -> None:
     """Run to the end, with the state in the terminal and its keys obeyed."""
     total, unit = session.length(frames, seconds)
     with Keys() as keys, LiveStatus(Console(stderr=True), total, unit, HELP if keys.active else "") as live:
-        session.loop.every_turn = keys.for_loop(session.loop)
+        session.loop.on_wait = keys.for_loop(session.loop)
         for count, record in enumerate(session.steps(frames, seconds), start=1):
             live.update(record, count)
 

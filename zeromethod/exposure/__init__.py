@@ -1,6 +1,6 @@
 """What was lit on the LCD while a frame was exposed: presentation log, timing, strips, mixtures."""
 
-from zeromethod.exposure.pairing import PanelTiming, Shown, pair
+from zeromethod.exposure.pairing import Observation, PanelTiming, pair
 from zeromethod.exposure.presentation_log import PresentationLog
 
-__all__ = ["PanelTiming", "PresentationLog", "Shown", "pair"]
+__all__ = ["Observation", "PanelTiming", "PresentationLog", "pair"]

@@ -26,6 +26,7 @@ from zeromethod.exposure.mixture import Mixture, mixture
 from zeromethod.exposure.presentation_log import PresentationLog
 from zeromethod.rig.model import DisplaySpec
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.warp import Role, Warp
 
 TABLE_ROWS = 257
 """Panel rows at which weights are computed, 65 us of scan-out apart at 60 Hz; linear between them."""
@@ -69,17 +70,18 @@ class PanelTiming:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
-    """What was lit while a frame was exposed.
+class Observation:
+    """A frame and the warp that was shown in it.
 
-    q: (rows, cols, 2) mixed warp, LCD px. mixture: what the mixing does to the residual; None when there
-    is one warp only. entries: (k,) presentation times, ns. weights: (k, n) share of each at n panel rows,
-    equally spaced in scan-out order, adding up to 1 in each. age_ns: (n,) from mid-exposure of the frames
-    by which the pictures were drawn to that of this one, weighted likewise; None where a picture was drawn
-    by none.
+    shown: the mix of the warps that were lit during the exposure. mixture: what the mixing does to the
+    residual; None when one warp was lit alone. entries: (k,) presentation times, ns. weights: (k, n) share of
+    each at n panel rows, equally spaced in scan-out order, adding up to 1 in each. age_ns: (n,) from
+    mid-exposure of the frames by which the pictures were drawn to that of this one, weighted likewise; None
+    where a picture was drawn by none.
     """
 
-    q: Float
+    frame: Frame
+    shown: Warp
     mixture: Mixture | None
     entries: Ints
     weights: Float
@@ -158,7 +160,7 @@ def _mix(
 
 def pair(
     log: PresentationLog, frame: Frame, timing: PanelTiming, look_q: Float, grid: NodeGrid, kind: str
-) -> Shown | None:
+) -> Observation | None:
     """Tell what the exposure of `frame` saw; None when no picture of the log was fully lit before it.
 
     look_q: (rows, cols, 2) where the nodes look on the panel, LCD px, to some tens of rows: the latest
@@ -186,7 +188,8 @@ def pair(
     index = first + kept
     age_ns = _age_ns(log, index, weights, frame.time_ns)
     if len(kept) == 1:
-        return Shown(log.warp(int(index[0])), None, times[index], weights, age_ns)
+        shown = Warp.drawn(log.warp(int(index[0])), Role.SHOWN, frame.time_ns)
+        return Observation(frame, shown, None, times[index], weights, age_ns)
     q = np.empty_like(look_q)
     place = np.empty(q.shape[:2])
     per_row = (TABLE_ROWS - 1) / (timing.rows - 1)
@@ -194,7 +197,8 @@ def pair(
     table = np.ascontiguousarray(weights.T)
     _mix(log.buffer, slots, table, look_q, per_row, timing.upwards, q, place)
     mixing = mixture(log.buffer, slots, table, place, q, grid.spacing_px, grid.period_px, kind)
-    return Shown(q, mixing, times[index], weights, age_ns)
+    shown = Warp.drawn(q, Role.SHOWN, frame.time_ns)
+    return Observation(frame, shown, mixing, times[index], weights, age_ns)
 
 
 def _age_ns(log: PresentationLog, index: Ints, weights: Float, time_ns: int) -> Float | None:

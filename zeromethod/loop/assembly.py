@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from zeromethod.devices.protocols import Display
 from zeromethod.exposure.delay import DelayWatch
+from zeromethod.exposure.exposures import Exposures
 from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.exposure.strip_reading import StripReader, find_strips
 from zeromethod.loop.circle import Circle, Sensor, controller_of
@@ -77,16 +78,10 @@ def make_circle(
         if strips is not None:
             reader = StripReader(strips, rest.grid.image_shape, rig.camera.noise, rig.camera.bits)
             watch = DelayWatch(reader, timing, rig.display.refresh_hz)
-        return Circle(
-            rest,
-            sensor,
-            controller_of(rig.control, rest),
-            timing,
-            rig.camera.noise.black_grey,
-            rig.target.kind,
-            light if light.needed else None,
-            watch,
-        )
+        exposures = Exposures(rest.grid, timing, rig.target.kind, watch)
+        controller = controller_of(rig.control, rest)
+        black_grey = rig.camera.noise.black_grey
+        return Circle(rest, exposures, sensor, controller, black_grey, light if light.needed else None)
 
     rehearse(circle(), target, rig.camera)
     return CircleParts(rest, strips, circle())

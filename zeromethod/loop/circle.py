@@ -1,4 +1,11 @@
-"""One frame's way round the circle: pair, sense, measure, control. No device is touched here."""
+"""One frame's way round the circle. No device is touched here.
+
+frame -> observation   what was shown while it was exposed         exposure/
+      -> residual      how far what was seen is from the target    sensing/
+      -> measured      shown o (id + residual)                     loop/measured_warp
+      -> commanded     controller(measured)                        control/
+      -> drawn on the LCD, noted as presented, and seen by a later frame
+"""
 
 from __future__ import annotations
 
@@ -13,41 +20,37 @@ from zeromethod.control.composition import Composition, Controller
 from zeromethod.control.integrator import Integrator
 from zeromethod.control.velocity import Horizon
 from zeromethod.devices.protocols import Frame
-from zeromethod.exposure.delay import DelayWatch
-from zeromethod.exposure.pairing import PanelTiming, pair
-from zeromethod.exposure.presentation_log import PresentationLog
+from zeromethod.exposure.exposures import Exposures, Unpaired
+from zeromethod.exposure.pairing import Observation
 from zeromethod.loop.events import Event
 from zeromethod.loop.light_watch import LightWatch
-from zeromethod.loop.measured_warp import Observation, expected_residual, measure, unmixed
+from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
 from zeromethod.rig.model import ControlSpec
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface.expected_light import ExpectedLight
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.rest import Rest
-from zeromethod.warp.warp import Warp
+from zeromethod.warp.warp import Role, Warp
 
 REST_BLOCK = 8
 """Nodes on a side of the blocks that must all be at rest for the mirror to be."""
 
 REST_WITHIN_LCD_PX = 0.05
-"""Displacement rms of a block, beyond three deviations of noise, that counts as rest: 0.2 um of press."""
-
+"""Displacement rms of a block, beyond three deviations of noise, that counts as rest: 0.2 µm of press."""
 
 MOVED_LCD_PX = 0.5
 """Where a node moved further between frames, and the light follows the slope, the image is read a second
-time under the light that the first reading foretells: else a slide of 10 mm/s loses nodes at the kink of
-the light, and 2 % of the peak with them."""
+time under the light that the first reading predicts: else a slide of 10 mm/s loses nodes at the kink of the
+light, and 2 % of the peak with them."""
+
+_REFUSALS = {Unpaired.CONTRADICTED: Event.STRIPS_CONTRADICT, Unpaired.NOT_LIT: Event.NOT_LIT}
 
 
 class Sensor(Protocol):
     """What turns an image into the residual."""
 
     def measure(
-        self,
-        image: Image,
-        guess: Float | None = None,
-        *,
-        light_share: Single | None = None,
+        self, image: Image, guess: Float | None = None, *, light_share: Single | None = None
     ) -> Residual:
         """Residual of a (rows, cols) image; guess: (rows, cols, 2) px expected, NaN = none.
 
@@ -59,17 +62,18 @@ class Sensor(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
-    """What a frame came to. `changed`: there is a new command. `held`: why it brought none.
+class FrameResult:
+    """What became of one frame.
 
-    seen and measured are None where the frame could not be paired or is dark. residual_rms_px: rms length
-    of the residual over valid nodes. valid_share: valid ones among the nodes seen at rest.
+    changed: there is a new command. refusal: why it brought none. observation, residual and measured are None
+    where the frame could not be paired or is dark. residual_rms_px: rms length of the residual over valid
+    nodes. valid_share: valid ones among the nodes visible at rest.
     """
 
     changed: bool = False
-    held: str = ""
-    events: tuple[Event, ...] = ()
-    seen: Observation | None = None
+    refusal: Event | None = None
+    observation: Observation | None = None
+    residual: Residual | None = None
     measured: Warp | None = None
     residual_rms_px: float = float("nan")
     valid_share: float = 0.0
@@ -80,6 +84,115 @@ def controller_of(control: ControlSpec, rest: Rest) -> Controller:
     if control.controller == "integrator":
         return Integrator(rest, control.gain, control.leak)
     return Composition(rest, control.gain)
+
+
+class Circle:
+    """Everything between a frame in hand and the next warp to draw, and its state from frame to frame.
+
+    Call `presented` whenever a warp was given to the panel and `take` for every frame that may be used.
+    """
+
+    def __init__(
+        self,
+        rest: Rest,
+        exposures: Exposures,
+        sensor: Sensor,
+        controller: Controller,
+        black_grey: float = 0.0,
+        expected_light: ExpectedLight | None = None,
+    ) -> None:
+        """Put the parts together. expected_light: None where the light at rest is the light everywhere."""
+        self.rest = rest
+        self.exposures = exposures
+        self.controller = controller
+        self._sensor = sensor
+        self._light_watch = LightWatch(rest.seen, black_grey)
+        self._expected_light = expected_light
+        self._horizon = Horizon(exposures.timing.upwards)
+        self._source_ns: int | None = None
+        # At rest the order of every node is known: it is that of the rest map.
+        self._trusted = rest.seen
+
+    @property
+    def seen_ns(self) -> int | None:
+        """Mid-exposure of the newest frame that the present command was made from; None: of no frame."""
+        return self._source_ns
+
+    @property
+    def commanded(self) -> Warp:
+        """The warp that is to be shown next."""
+        return Warp.drawn(self.controller.commanded, Role.COMMANDED, self._source_ns or 0)
+
+    @property
+    def horizon_s(self) -> float:
+        """From a frame's mid-exposure to that of those that see what was made of it; NaN: not known yet."""
+        age_s = self._horizon.age_s
+        return float("nan") if age_s is None else float(age_s.mean())
+
+    def presented(self, time_ns: int, q: Float, code: int | None = None, *, seen_ns: int | None) -> None:
+        """Note that `q` (copied) was presented at `time_ns`, with `code` in its strips.
+
+        seen_ns: what the property of this name was when `q` was the command.
+        """
+        self.exposures.presented(time_ns, q, code, seen_ns)
+
+    def take(self, frame: Frame, frozen: bool = False) -> FrameResult:
+        """Take one frame round the circle; the command stays as it is where `frozen`."""
+        known_q = self.controller.estimate
+        observation = self.exposures.observe(frame, known_q)
+        if isinstance(observation, Unpaired):
+            return FrameResult(refusal=_REFUSALS[observation])
+        self._horizon.learn(observation.age_ns)
+        known = expect(observation, known_q, self._trusted, self.rest)
+        residual, measured = self._measure(observation, known, known_q)
+        if self._light_watch.is_off(residual.mean):
+            return FrameResult(refusal=Event.LIGHT_OFF)
+        if self._expected_light is not None and _has_moved(measured, known_q):
+            continued = continue_smoothly(measured.q - self.rest.q, measured.valid)
+            residual, measured = self._measure(observation, known, self.rest.q + continued)
+        changed, refusal = self._command(residual, measured, frozen)
+        square, share = _figures(residual.d, measured.valid, self.rest.seen)
+        return FrameResult(changed, refusal, observation, residual, measured, float(np.sqrt(square)), share)
+
+    def _measure(self, observation: Observation, known: Known, lit_q: Float) -> tuple[Residual, Warp]:
+        """Residual and measured warp under the light that a mirror seen at `lit_q` reflects."""
+        residual = self._sense(observation, known, lit_q)
+        return residual, measure_warp(observation, residual, known, self.rest)
+
+    def _sense(self, observation: Observation, known: Known, lit_q: Float) -> Residual:
+        """Residual against the mix that was shown."""
+        bias_px = None if observation.mixture is None else observation.mixture.bias_px
+        guess = known.residual_px if bias_px is None else known.residual_px + bias_px
+        light = None if self._expected_light is None else self._expected_light.share(lit_q)
+        residual = self._sensor.measure(observation.frame.image, guess, light_share=light)
+        return unmixed(residual, observation, self.rest.grid)
+
+    def _command(self, residual: Residual, measured: Warp, frozen: bool) -> tuple[bool, Event | None]:
+        """Let the controller have the measurement: whether the command changed, or why it must not."""
+        if frozen:
+            return False, Event.FROZEN
+        changed = self.controller.update(residual, measured, self._horizon.age_s)
+        if not changed and measured.valid.any():
+            return False, Event.PICTURES_MIXED
+        self._trusted = measured.valid
+        if changed:
+            self._source_ns = measured.time_ns
+        return changed, None
+
+    def take_reference(self, result: FrameResult) -> None:
+        """Compare the light of later frames with that of this one, taken while the loop is locked."""
+        if result.residual is not None:
+            self._sensor.set_reference(result.residual)
+
+    def at_rest(self, measured: Warp, rest_q: Float | None = None) -> bool:
+        """Whether the controller's estimate is that of the untouched mirror, within noise.
+
+        rest_q: (rows, cols, 2) warp of the untouched mirror, LCD px, where it has drifted from the rig's.
+        """
+        estimate = self.controller.estimate
+        rest_q = self.rest.q if rest_q is None else rest_q
+        worst, noise = _away_from_rest(estimate, rest_q, measured.sigma, measured.valid, REST_BLOCK)
+        return bool(worst < (3 * noise**0.5 + REST_WITHIN_LCD_PX) ** 2)
 
 
 @numba.njit(cache=True)
@@ -122,123 +235,6 @@ def _away_from_rest(q: Float, q_rest: Float, sigma: Float, valid: Mask, size: in
 
 
 def _has_moved(measured: Warp, known_q: Float) -> bool:
-    """Whether the mirror moved so far since it was known that the light foretold from then misleads."""
+    """Whether the mirror moved so far since it was known that the light predicted from then misleads."""
     valid = measured.valid
     return bool(valid.any() and np.abs(measured.q[valid] - known_q[valid]).max() > MOVED_LCD_PX)
-
-
-def _continued(measured: Warp, rest: Rest) -> Float:
-    """Measured warp (rows, cols, 2), nodes that are not valid filled from their neighbours."""
-    return rest.q + continue_smoothly(measured.q - rest.q, measured.valid)
-
-
-class Circle:
-    """Everything between a frame in hand and the next warp to show, and its state from frame to frame.
-
-    Call `presented` whenever a warp was given to the panel and `take` for every frame that may be used.
-    """
-
-    def __init__(
-        self,
-        rest: Rest,
-        sensor: Sensor,
-        controller: Controller,
-        timing: PanelTiming,
-        black_grey: float = 0.0,
-        target_kind: str = "cosines",
-        expected_light: ExpectedLight | None = None,
-        delay: DelayWatch | None = None,
-    ) -> None:
-        """Put the parts together. expected_light: None where the light at rest is the light everywhere.
-
-        delay: reads when pictures were lit from coded strips; None where there are none, and `timing` holds.
-        """
-        self.rest = rest
-        self.controller = controller
-        self.timing = timing
-        self._sensor = sensor
-        self._log = PresentationLog(rest.q.shape[:2])
-        self._light = LightWatch(rest.seen, black_grey)
-        self._kind = target_kind
-        self._expected_light = expected_light
-        self.delay = delay
-        self._horizon = Horizon(timing.upwards)
-        # Mid-exposure of the newest frame that the command was made from.
-        self._seen_ns: int | None = None
-        # At rest the order of every node is known: it is that of the rest map.
-        self._trusted = rest.seen
-
-    @property
-    def seen_ns(self) -> int | None:
-        """Mid-exposure of the newest frame that the present command was made from; None: of no frame."""
-        return self._seen_ns
-
-    @property
-    def horizon_s(self) -> float:
-        """From a frame's mid-exposure to that of those that see what was made of it; NaN: not known yet."""
-        age_s = self._horizon.age_s
-        return float("nan") if age_s is None else float(age_s.mean())
-
-    def presented(self, time_ns: int, q: Float, code: int | None = None, *, seen_ns: int | None) -> None:
-        """Note that `q` (copied) was presented at `time_ns`, with `code` in its strips.
-
-        seen_ns: what the property of this name was when `q` was the command.
-        """
-        self._log.record(time_ns, q, seen_ns, code)
-
-    def take(self, frame: Frame, hold: bool = False) -> Taken:
-        """Measure `frame` and, unless told to `hold`, let the controller have it."""
-        rest, controller = self.rest, self.controller
-        known_q = controller.estimate
-        timing: PanelTiming | None = self.timing
-        if self.delay is not None:
-            timing = self.delay.timing_of(frame.image, frame, self._log)
-            self.timing = self.delay.timing
-        if timing is None:
-            return Taken(held="the coded strips contradict what was shown", events=(Event.STRIPS_CONTRADICT,))
-        shown = pair(self._log, frame, timing, known_q, rest.grid, self._kind)
-        if shown is None:
-            return Taken(held="the picture was not lit yet", events=(Event.NOT_LIT,))
-        self._horizon.learn(shown.age_ns)
-        expected = expected_residual(shown, known_q, self._trusted, rest)
-        mixing = shown.mixture
-        guess = expected if mixing is None or mixing.bias_px is None else expected + mixing.bias_px
-        light = self._expected_light.share(known_q) if self._expected_light is not None else None
-        residual = self._sensor.measure(frame.image, guess, light_share=light)
-        if self._light.is_off(residual.mean):
-            return Taken(held="the light is off", events=(Event.LIGHT_OFF,))
-        seen = Observation(frame, shown, unmixed(residual, shown, rest.grid))
-        measured = measure(seen, rest, expected, self._trusted)
-        if self._expected_light is not None and _has_moved(measured, known_q):
-            light = self._expected_light.share(_continued(measured, rest))
-            residual = self._sensor.measure(frame.image, guess, light_share=light)
-            seen = Observation(frame, shown, unmixed(residual, shown, rest.grid))
-            measured = measure(seen, rest, expected, self._trusted)
-        events: tuple[Event, ...] = ()
-        held = ""
-        if hold:
-            events, held = (Event.HELD_BY_REQUEST,), "held by request"
-        changed = not hold and controller.update(seen.residual, measured, self._horizon.age_s)
-        if not hold and not changed and measured.valid.any():
-            events, held = (Event.PICTURES_MIXED,), "two different pictures in one exposure"
-        if not held:
-            self._trusted = measured.valid
-        if changed:
-            self._seen_ns = frame.time_ns
-        square, share = _figures(seen.residual.d, measured.valid, rest.seen)
-        return Taken(changed, held, events, seen, measured, float(np.sqrt(square)), share)
-
-    def take_reference(self, taken: Taken) -> None:
-        """Hold the light of later frames against that of this one, taken while the loop is locked."""
-        if taken.seen is not None:
-            self._sensor.set_reference(taken.seen.residual)
-
-    def at_rest(self, measured: Warp, rest_q: Float | None = None) -> bool:
-        """Whether the controller's estimate is that of the untouched mirror, within noise.
-
-        rest_q: (rows, cols, 2) warp of the untouched mirror, LCD px, where it has drifted from the rig's.
-        """
-        estimate = self.controller.estimate
-        rest_q = self.rest.q if rest_q is None else rest_q
-        worst, noise = _away_from_rest(estimate, rest_q, measured.sigma, measured.valid, REST_BLOCK)
-        return bool(worst < (3 * noise**0.5 + REST_WITHIN_LCD_PX) ** 2)

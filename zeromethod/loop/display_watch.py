@@ -1,23 +1,17 @@
-"""What else may go wrong while the frames are good: the display's window and power, the host's time."""
+"""Faults that show while the frames are good: the display's window and power, the host's time."""
 
 from __future__ import annotations
 
 from zeromethod.devices.protocols import Display
-from zeromethod.loop.events import Event
+from zeromethod.loop.events import Event, Notice
 from zeromethod.loop.live.clock_watch import ClockWatch
 
 RESYNC_S = 0.5
 """After time stood still, frames are not used for so long: those that had been waiting come first."""
 
-ASLEEP = "the LCD is asleep"
 
-
-class Watch:
-    """Looks after a display, as far as its driver tells, and after the clock, where that is the host's.
-
-    A display may have `poll()`, to be called often in the main thread (raises DisplayLost), `warnings`, lines
-    that the operator should know, and `asleep`.
-    """
+class DisplayWatch:
+    """Watches a display, as far as its driver reports, and the clock, where that is the host's."""
 
     def __init__(self, display: Display, longest_wait_s: float | None) -> None:
         """longest_wait_s: how long the loop waits for a frame in the host's time; None in simulated time."""
@@ -27,40 +21,43 @@ class Watch:
         self._warnings: tuple[str, ...] = ()
         self._clock = None if longest_wait_s is None else ClockWatch(longest_wait_s)
         self._stale_until_ns = 0
-        self._jumped: list[tuple[Event, str]] = []
+        self._jumped: list[Notice] = []
         self._warned: set[str] = set()
 
+    def restart(self) -> None:
+        """Forget when time was last looked at: the loop was not running in between."""
+        if self._clock is not None:
+            self._clock.restart()
+
     def poll(self) -> None:
-        """Let the display look at its events, and look at it; raises DisplayLost, or what else it raises."""
+        """Let the display process its events, and read its state; raises DisplayLost, or what it raises."""
         if self._poll is not None:
             self._poll()
         self._asleep = bool(getattr(self._display, "asleep", False))
         self._warnings = tuple(getattr(self._display, "warnings", ()))
 
-    def stale(self, now_ns: int) -> str:
-        """Why a frame that came to hand at `now_ns` must not be used, "" where it may be."""
+    def stale(self, now_ns: int) -> Notice | None:
+        """Why a frame that came to hand at `now_ns` must not be used; None where it may be."""
         if self._asleep:
-            return ASLEEP
+            return Notice.refusal(Event.DISPLAY_ASLEEP)
         self._look_at_clock(now_ns)
         if now_ns < self._stale_until_ns:
-            return "time stood still: waiting for fresh frames"
-        return ""
+            return Notice(Event.CLOCK_JUMPED, "time stood still: waiting for fresh frames")
+        return None
 
-    def look(self, now_ns: int) -> list[tuple[Event, str]]:
-        """What there is to tell at the end of a turn."""
-        told = []
-        if self._asleep:
-            told.append((Event.DISPLAY_ASLEEP, ASLEEP))
+    def look(self, now_ns: int) -> list[Notice]:
+        """Notices at the end of a step."""
+        notices = [Notice.refusal(Event.DISPLAY_ASLEEP)] if self._asleep else []
         for warning in self._warnings:
             if warning not in self._warned:
                 self._warned.add(warning)
-                told.append((Event.DISPLAY_WARNING, warning))
+                notices.append(Notice(Event.DISPLAY_WARNING, warning))
         self._look_at_clock(now_ns)
-        told += self._jumped
+        notices += self._jumped
         self._jumped = []
-        return told
+        return notices
 
     def _look_at_clock(self, now_ns: int) -> None:
         if self._clock is not None and (jumped := self._clock.look(now_ns)):
             self._stale_until_ns = now_ns + round(1e9 * RESYNC_S)
-            self._jumped.append((Event.CLOCK_JUMPED, jumped))
+            self._jumped.append(Notice(Event.CLOCK_JUMPED, jumped))

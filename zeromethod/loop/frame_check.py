@@ -1,4 +1,4 @@
-"""Whether a frame is what a camera may give, before anything is believed of it."""
+"""Checks that a frame is what a camera may give, before anything in it is believed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from zeromethod.arrays import Image, Mask
 from zeromethod.devices.protocols import Frame
-from zeromethod.loop.events import Event
+from zeromethod.loop.events import Event, Notice
 from zeromethod.rig.model import CameraSpec
 
 SAMPLE_STRIDE = 8
@@ -20,7 +20,7 @@ LATE_FRAMES = 2.0
 """Frame times beyond the least age seen so far at which a frame counts as late."""
 
 JUMP_FRAMES = 3
-"""Frames running that follow each other but not those before, after which the camera's clock has jumped."""
+"""Consecutive frames that follow each other, but not those before, after which the clock has jumped."""
 
 
 _PAST = "the frame's time lies past the present"
@@ -46,12 +46,21 @@ def own(frame: Frame) -> Frame:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What is wrong with a frame. `fault`: it must not be used; `wrong`: the device breaks its contract."""
+class FrameVerdict:
+    """What happened to a frame, and why it must not be used; refusal None: it may be."""
 
     events: tuple[Event, ...] = ()
-    fault: str = ""
-    wrong: bool = False
+    refusal: Notice | None = None
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the device breaks its contract."""
+        return self.refusal is not None and self.refusal.event is Event.FRAME_WRONG
+
+
+def _refused(events: tuple[Event, ...], words: str) -> FrameVerdict:
+    """Refuse a frame for the last of its events."""
+    return FrameVerdict(events, Notice(events[-1], words))
 
 
 class FrameCheck:
@@ -87,11 +96,11 @@ class FrameCheck:
             time_ns += self._shift_ns
         return Frame(frame.image, time_ns, exposure_ns, number, dropped)
 
-    def look_at(self, frame: Frame, now_ns: int) -> Verdict:
-        """Judge `frame`, as `timed` gives it, which came to hand at `now_ns`."""
+    def look_at(self, frame: Frame, now_ns: int) -> FrameVerdict:
+        """Judge a frame as `timed` returns it, which came to hand at `now_ns`."""
         if broken := self._broken_contract(frame, now_ns):
             jumped = self._jumped(frame, now_ns) if broken.startswith(_PAST) else None
-            return jumped or Verdict((Event.FRAME_WRONG,), broken, wrong=True)
+            return jumped or _refused((Event.FRAME_WRONG,), broken)
         image = frame.image
         events = [Event.FRAMES_DROPPED] if frame.dropped else []
         stale = self._stale_rows(image)
@@ -99,17 +108,17 @@ class FrameCheck:
             if not stale.all() and (jumped := self._jumped(frame, now_ns)):
                 return jumped
             events.append(Event.FRAME_REPEATED if stale.all() else Event.FRAME_DISORDERED)
-            return Verdict(tuple(events), f"frame {frame.number} came after frame {self._last[0]}")
+            return _refused(tuple(events), f"frame {frame.number} came after frame {self._last[0]}")
         self._last = frame.number, frame.time_ns
         self._astray.clear()
         if self._late(now_ns - frame.time_ns):
             events.append(Event.FRAME_LATE)
         if not self._noisy or not stale.any():
-            return Verdict(tuple(events))
+            return FrameVerdict(tuple(events))
         if stale.all():
-            return Verdict((*events, Event.FRAME_REPEATED), "the image is that of the frame before")
+            return _refused((*events, Event.FRAME_REPEATED), "the image is that of the frame before")
         rows = round(100 * float(stale.mean()))
-        return Verdict((*events, Event.FRAME_TORN), f"{rows} % of the frame is still that of the one before")
+        return _refused((*events, Event.FRAME_TORN), f"{rows} % of the frame is still that of the one before")
 
     def _broken_contract(self, frame: Frame, now_ns: int) -> str:
         """Say what no camera may give, "" where there is nothing of the kind."""
@@ -129,7 +138,7 @@ class FrameCheck:
             return f"{_PAST}: {frame.time_ns} ns at {now_ns} ns"
         return ""
 
-    def _jumped(self, frame: Frame, now_ns: int) -> Verdict | None:
+    def _jumped(self, frame: Frame, now_ns: int) -> FrameVerdict | None:
         """Note a frame out of order; after some that are in order among themselves, follow their clock."""
         if self._least_age_ns is None or not isinstance(frame.time_ns, int):
             return None
@@ -147,7 +156,7 @@ class FrameCheck:
         self._last = frame.number, frame.time_ns + shift_ns
         astray.clear()
         what = f"clock jumped by {-1e-9 * shift_ns:+.3g} s" if shift_ns else "count was set back"
-        return Verdict((Event.CLOCK_JUMPED,), f"the camera's {what}: followed")
+        return _refused((Event.CLOCK_JUMPED,), f"the camera's {what}: followed")
 
     def _stale_rows(self, image: Image) -> Mask:
         """Which of the sampled rows equal the last frame's; even ones (no light, clipped) tell nothing."""

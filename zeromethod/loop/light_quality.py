@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.loop.events import Event
+from zeromethod.loop.events import Event, Notice
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.validity import Flag
 
@@ -67,7 +67,7 @@ def beat(times_s: Float, light: Float) -> tuple[float, float]:
 
 
 class LightQuality:
-    """Looks at every measured frame; says what is wrong, and what would help."""
+    """Looks at the light of every measured frame; reports what is wrong and what would help."""
 
     def __init__(self, seen: Mask, black_grey: float) -> None:
         self._seen = seen
@@ -77,17 +77,17 @@ class LightQuality:
         self._frames = 0
         self._beat = ""
 
-    def look(self, residual: Residual, time_ns: int) -> list[tuple[Event, str]]:
-        """Events with words, for one frame."""
+    def look(self, residual: Residual, time_ns: int) -> list[Notice]:
+        """Notices for one frame."""
         if not self._seen.any():
             return []
-        told = []
+        notices = []
         flags = residual.flags[self._seen]
         saturated = float(np.count_nonzero(flags & np.uint16(Flag.SATURATED))) / flags.size
         if saturated > SATURATED_ABOVE:
             share = f"{100 * saturated:.0f} % of the view is too bright for the camera"
             words = f"{share}: shorten the exposure, or lower the gain"
-            told.append((Event.SATURATED, words))
+            notices.append(Notice(Event.SATURATED, words))
         self._times_ns.append(time_ns)
         self._light.append(float(residual.mean.mean(where=self._seen)) - self._black)
         self._frames += 1
@@ -101,5 +101,5 @@ class LightQuality:
                     "backlight is switched; set it to full brightness, or expose for a multiple of its period"
                 )
         if self._beat:
-            told.append((Event.FLICKER, self._beat))
-        return told
+            notices.append(Notice(Event.FLICKER, self._beat))
+        return notices

@@ -1,18 +1,23 @@
-"""From a frame and what was lit while it was exposed to the warp that it measured."""
+"""The measured warp: the warp that was shown, composed with the residual that was seen in it.
+
+Phase is known up to whole periods, and neighbours settle the order of neighbours. Nodes that cannot be
+trusted (a fold, a contact, mixed pictures) settle nothing, so a region cut off by them may be read whole
+periods wrong, with all of its nodes in perfect agreement. Such regions are AMBIGUOUS unless their order was
+known in the frame before.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
 
+import cv2
 import numba
 import numpy as np
 
 from zeromethod.arrays import Flags, Float, Mask
-from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.mixture import unmix
-from zeromethod.exposure.pairing import Shown
-from zeromethod.loop.islands import doubtful
+from zeromethod.exposure.pairing import Observation
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
 from zeromethod.warp.grid import NodeGrid
@@ -24,21 +29,25 @@ from zeromethod.warp.warp import Warp
 SUDDEN_PERIODS = 0.25
 """Change between frames, in carrier periods, above which orders known before may have slipped."""
 
+TRUSTED_SHARE = 0.5
+"""Share of a cut-off region's nodes that must have been trusted before for it to be believed."""
+
 _MIXED = np.uint16(Flag.MIXED)
 _AMBIGUOUS = np.uint16(Flag.AMBIGUOUS)
 
 
 @dataclass(frozen=True, slots=True)
-class Observation:
-    """A frame, the warp shown in it, and how far what was seen is from the target.
+class Known:
+    """What earlier frames say of the next one.
 
-    residual: against the mix shown.q, that is with the mixture's bias taken out of what was read. Its sigma
-    needs nothing of the kind: it goes by the carrier's amplitude as found, which the mixing has lowered.
+    q: (rows, cols, 2) LCD px, where the nodes looked last. trusted: (rows, cols) nodes whose carrier order is
+    known. residual_px: (rows, cols, 2) camera px, what the next residual is if nothing moved; NaN where not
+    trusted.
     """
 
-    frame: Frame
-    shown: Shown
-    residual: Residual
+    q: Float
+    trusted: Mask
+    residual_px: Float
 
 
 @numba.njit(cache=True)
@@ -108,49 +117,69 @@ def _changes(d: Float, expected: Float, flags: Flags, seen: Mask) -> tuple[float
     return largest, missing
 
 
-def expected_residual(shown: Shown, known_q: Float, trusted: Mask, rest: Rest) -> Float:
-    """Residual (rows, cols, 2) px that the next frame should have if nothing moved; NaN if not `trusted`.
-
-    known_q: (rows, cols, 2) LCD px where the nodes looked last. It settles the order of regions that are
-    cut off from the border of the view.
-    """
+def expect(observation: Observation, known_q: Float, trusted: Mask, rest: Rest) -> Known:
+    """What the residual of an observation is expected to be; arguments as the members of `Known`."""
     out = np.empty_like(known_q)
-    _expected(shown.q, known_q, trusted, 1 / rest.grid.spacing_px, out)
-    return out
+    _expected(observation.shown.q, known_q, trusted, 1 / rest.grid.spacing_px, out)
+    return Known(known_q, trusted, out)
 
 
-def unmixed(residual: Residual, shown: Shown, grid: NodeGrid) -> Residual:
-    """Residual against the mix, from the one read by the sensor; shares all but d with it."""
-    if shown.mixture is None or shown.mixture.bias_px is None:
+def unmixed(residual: Residual, observation: Observation, grid: NodeGrid) -> Residual:
+    """Residual against the mix that was shown, from the one that the sensor read.
+
+    The mixture's bias is taken out of d; all else is shared. Sigma stays: it goes by the carrier's amplitude
+    as found, which mixing has lowered already.
+    """
+    mixture = observation.mixture
+    if mixture is None or mixture.bias_px is None:
         return residual
-    return replace(residual, d=unmix(residual.d, shown.mixture.bias_px, grid.spacing_px))
+    return replace(residual, d=unmix(residual.d, mixture.bias_px, grid.spacing_px))
 
 
-def measure(seen: Observation, rest: Rest, expected: Float, trusted: Mask) -> Warp:
+def order_in_doubt(valid: Mask, trusted: Mask) -> Mask | None:
+    """Valid nodes whose carrier order nothing settles, (rows, cols); None where there are none.
+
+    valid: nodes measured well by themselves. trusted: those whose order was known in the frame before and
+    cannot have slipped since. The largest connected region counts as known; any other only where at least
+    half of it was trusted.
+    """
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(valid.view(np.uint8), connectivity=4)
+    if count < 3:
+        return None
+    known = np.bincount(labels.ravel(), weights=trusted.ravel(), minlength=count)
+    doubted = known < TRUSTED_SHARE * stats[:, cv2.CC_STAT_AREA]
+    doubted[0] = False
+    doubted[1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))] = False
+    if not doubted.any():
+        return None
+    mask: Mask = doubted[labels]
+    return mask
+
+
+def measure_warp(observation: Observation, residual: Residual, known: Known, rest: Rest) -> Warp:
     """Measured warp q(u, v) = q_shown((u, v) + d) at mid-exposure, with sigma in LCD px and flags.
 
-    expected, trusted: as for `expected_residual`. Flags are the residual's, those of rest (NO_RAY), those
-    of the warp itself, MIXED, and AMBIGUOUS for islands whose order is not known. q is NaN where the
-    residual means nothing. Delay does not enter: the measurement is absolute. sigma is noise alone; after
-    a sudden press the residual bends within the window and is off by up to tenths of a px until the next
-    picture (`sensing.window.curvature_bias_px2`).
+    Flags are the residual's, those of rest (NO_RAY), those of the warp itself, MIXED, and AMBIGUOUS for
+    regions whose order is not known. q is NaN where the residual means nothing. Delay does not enter: the
+    measurement is absolute. sigma is noise alone; after a sudden press the residual bends within the window
+    and is off by up to tenths of a px until the next picture (`sensing.window.curvature_bias_px2`).
 
     Convention: residual d as observed(u, v) = T((u, v) + d), camera px.
     """
     grid = rest.grid
-    residual = seen.residual
-    q = compose(seen.shown.q, residual.d, grid.spacing_px)
+    shown = observation.shown
+    q = compose(shown.q, residual.d, grid.spacing_px)
     flags = residual.flags | rest.flags
     _blank(q, flags)
     flags |= warp_flags(q, rest.q, grid.period_px, rest.display_size, spacing_px=grid.spacing_px)
-    if seen.shown.mixture is not None:
-        flags[seen.shown.mixture.mixed] |= _MIXED
-    change, missing = _changes(residual.d, expected, flags, rest.seen)
+    if observation.mixture is not None:
+        flags[observation.mixture.mixed] |= _MIXED
+    change, missing = _changes(residual.d, known.residual_px, flags, rest.seen)
     if missing:
         sudden = change > SUDDEN_PERIODS * grid.period_px
-        doubt = doubtful(flags == 0, np.zeros_like(trusted) if sudden else trusted)
+        doubt = order_in_doubt(flags == 0, np.zeros_like(known.trusted) if sudden else known.trusted)
         if doubt is not None:
             flags[doubt] |= _AMBIGUOUS
     sigma = np.empty_like(q)
-    _propagate(seen.shown.q, residual.sigma, 1 / grid.spacing_px, sigma)
-    return Warp(q, sigma, flags, seen.frame.time_ns)
+    _propagate(shown.q, residual.sigma, 1 / grid.spacing_px, sigma)
+    return Warp(q, sigma, flags, shown.time_ns)

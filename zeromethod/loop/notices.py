@@ -1,13 +1,15 @@
-"""What the operator is told in words: once when it begins, not in every frame."""
+"""Notices for the operator: each is shown when it begins, not in every frame."""
 
 from __future__ import annotations
 
-from zeromethod.loop.events import Event
+from collections.abc import Iterable
 
-QUIET_TURNS = 120
-"""Turns without an event after which it is told anew."""
+from zeromethod.loop.events import Event, Notice
 
-TOLD = frozenset(
+QUIET_STEPS = 120
+"""Steps without an event after which it is shown again."""
+
+SHOWN_IN_WORDS_OF_STEP = frozenset(
     {
         Event.FRAME_WRONG,
         Event.CLOCK_JUMPED,
@@ -18,36 +20,36 @@ TOLD = frozenset(
         Event.CAMERA_REOPENED,
     }
 )
-"""Events that are told in the words of their turn; others bring words of their own, or need none."""
+"""Events that are shown in the words of their step; others bring words of their own, or need none."""
 
 
 class Notices:
-    """Gathers the words of one turn."""
+    """Gathers the notices of one step."""
 
     def __init__(self) -> None:
-        self._turn = 0
+        self._step = 0
         self._last: dict[tuple[Event, str], int] = {}
         self._words: list[str] = []
 
-    def say(self, words: str) -> None:
-        """Tell in this turn."""
-        self._words.append(words)
+    def add(self, notice: Notice) -> None:
+        """Show a notice if its event begins; display warnings count as different events by their words."""
+        key = notice.event, notice.words if notice.event is Event.DISPLAY_WARNING else ""
+        if self._step - self._last.get(key, -QUIET_STEPS) >= QUIET_STEPS:
+            self._words.append(notice.words)
+        self._last[key] = self._step
 
-    def tell(self, event: Event, words: str) -> None:
-        """Tell if `event` begins; display warnings are told apart by their words."""
-        key = event, words if event is Event.DISPLAY_WARNING else ""
-        if self._turn - self._last.get(key, -QUIET_TURNS) >= QUIET_TURNS:
-            self._words.append(words)
-        self._last[key] = self._turn
+    def add_always(self, notice: Notice) -> None:
+        """Show a notice in this step, whether or not its event was there before."""
+        self._words.append(notice.words)
 
-    def tell_all(self, events: tuple[Event, ...], words: str) -> None:
-        """Tell those events that have no words but those of their turn."""
+    def add_events(self, events: Iterable[Event], words: str) -> None:
+        """Show those events whose words are those of their step."""
         for event in events:
-            if event in TOLD:
-                self.tell(event, words)
+            if event in SHOWN_IN_WORDS_OF_STEP:
+                self.add(Notice(event, words))
 
     def take(self) -> tuple[str, ...]:
-        """All that is to be told in this turn, which it ends."""
+        """All words of this step, which it ends."""
         words, self._words = self._words, []
-        self._turn += 1
+        self._step += 1
         return tuple(words)

@@ -1,11 +1,11 @@
-"""How long each picture is held, by how well the loop locks.
+"""The pattern's dwell: how many frames each picture stays on the LCD, by how well the loop locks.
 
 Near null, pictures of two refreshes in one exposure do no harm: what was shown is their known mix. Where they
 do (large motion, a timing that is not known), a picture that stands for two or three frames is seen alone by
 one. That costs as many frames of delay, so it is done only while it pays:
 
-    share of frames held or mixed > RAISE_ABOVE over the last RAISE_FRAMES, or not nulled  -> a frame longer
-    share < LOWER_BELOW over LOWER_FRAMES, all nulled                                      -> a frame shorter
+    share of frames refused > RAISE_ABOVE over the last RAISE_FRAMES, or not nulled  -> a frame longer
+    share < LOWER_BELOW over LOWER_FRAMES, all nulled                                -> a frame shorter
 
 A shortening that has to be taken back soon doubles the frames of quiet until the next, up to 16-fold, so that
 the period does not hunt. The same frames always lead to the same periods.
@@ -18,23 +18,23 @@ from collections import deque
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
 
 LONGEST_FRAMES = 3
-"""A picture is held no longer than this."""
+"""A picture stays no longer than this."""
 
 RAISE_FRAMES, RAISE_ABOVE = 24, 0.5
-"""Single mixed frames clear themselves, as a held command is seen alone by the next frames."""
+"""Single mixed frames clear themselves, as a command that stays is seen alone by the next frames."""
 
 LOWER_FRAMES, LOWER_BELOW = 60, 0.1
 LONGEST_WAIT = 16
 
 
-class Hold:
+class PatternDwell:
     """Decides when the next picture may be presented. frame_ns: the camera's frame time.
 
-    timed: whether coded strips tell what every frame saw. Then only frames that could not be used count: one
+    timed: whether coded strips say what every frame saw. Then only frames that could not be used count: one
     that is not nulled shows that the mirror moves, and longer pictures would only add delay. Without them it
     may as well be the timing that is wrong.
 
-    Call `note` for every frame measured or held, and `presented` for every picture.
+    Call `note` for every frame measured or refused, and `presented` for every picture.
     """
 
     def __init__(self, frame_ns: float, timed: bool = False) -> None:
@@ -49,7 +49,7 @@ class Hold:
         self.period_frames = 1
 
     def may_present(self, now_ns: int) -> bool:
-        """Whether the picture shown has been held for long enough."""
+        """Whether the picture shown has stayed for long enough."""
         if self.period_frames == 1 or self._presented_ns is None:
             return True
         # half a frame less, as frames and refreshes fall anywhere
@@ -60,7 +60,7 @@ class Hold:
         self._presented_ns = time_ns
 
     def note(self, unusable: bool, residual_rms_px: float) -> None:
-        """Take in a frame: whether it was held or mixed, and its residual (NaN where there is none)."""
+        """Take in a frame: whether it was refused or mixed, and its residual (NaN where there is none)."""
         bad = unusable or not (self._timed or residual_rms_px < LOCK_RESIDUAL_PX)
         self._recent.append(bad)
         self._quiet += 1

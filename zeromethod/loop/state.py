@@ -1,18 +1,18 @@
 """What the loop is doing, in an operator's words.
 
-    STARTING --usable frame--> NULLING --residual small 3 frames running--> LOCKED <--at rest?--> RESTING
-                                  ^                                           |                     |
-                                  +---------------- residual large -----------+---------------------+
+    STARTING --usable frame--> NULLING --small residual in 3 frames--> LOCKED <--at rest?--> RESTING
+                                  ^                                       |                     |
+                                  +--------------- residual large --------+---------------------+
 
     any of these five --no usable new information--> HOLDING (STARTING keeps its name; the warp is held)
     any of these six  --few nodes still seen--> LOST
     any of these seven  --asked to pause--> PAUSED (frames are measured, the warp is held) until resumed
     any              --device lost, wrong frame, stalled--> FAULT
     HOLDING, LOST, FAULT --usable frame--> NULLING, LOCKED, RESTING or LOST by its figures
-    any              --asked to stop--> STOPPED, which is final
+    any              --asked to stop--> STOPPED --run again--> STARTING
 
-A frame that is held neither counts as small nor breaks the row of small ones. FAULT and LOST are not
-left by holding. LOST, as a state, is the whole loop's; a single lost node is a flag of its warp.
+A refused frame neither counts as small nor breaks the row of small ones. FAULT and LOST are not left by
+holding. LOST, as a state, is the whole loop's; a single lost node is a flag of its warp.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LOCK_RESIDUAL_PX = 0.05
 """Residual rms over valid nodes, camera px, under which a frame counts as nulled."""
 
 LOCK_FRAMES = 3
-"""Nulled frames running that make a lock."""
+"""Consecutive nulled frames that make a lock."""
 
 LOST_BELOW = 0.5
 """Share of the nodes usable at rest that must be valid, or the loop is lost."""
@@ -49,9 +49,9 @@ NULLED = frozenset({State.LOCKED, State.RESTING})
 
 
 class Outcome(enum.Enum):
-    """What one turn of the loop came to."""
+    """Kinds of outcome of a step."""
 
-    MEASURED = enum.auto()  # a frame was measured; the turn's figures say how well
+    MEASURED = enum.auto()  # a frame was measured; the step's figures say how well
     HELD = enum.auto()  # nothing new that may be used
     PAUSED = enum.auto()  # a frame was measured, and corrections are to wait
     FAILED = enum.auto()  # a device is lost or gives what it must not
@@ -59,8 +59,8 @@ class Outcome(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
-    """One turn's outcome. The figures count only when it was measured; `reason` explains the others."""
+class StepOutcome:
+    """What one step came to. The figures count only when it was measured; `reason` explains the others."""
 
     outcome: Outcome
     reason: str = ""
@@ -71,40 +71,40 @@ class Turn:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """State, why, and how many measured frames running were nulled."""
+    """State, why, and how many consecutive measured frames were nulled."""
 
     state: State = State.STARTING
     reason: str = "waiting for the first frame"
     nulled_frames: int = 0
 
 
-def next_status(previous: Status, turn: Turn) -> Status:
-    """Status after a turn; see the module's diagram."""
+def next_status(previous: Status, step: StepOutcome) -> Status:
+    """Status after a step; see the module's diagram."""
     state = previous.state
     if state is State.STOPPED:
         return previous
-    match turn.outcome:
+    match step.outcome:
         case Outcome.STOP:
-            return Status(State.STOPPED, turn.reason)
+            return Status(State.STOPPED, step.reason)
         case Outcome.FAILED:
-            return Status(State.FAULT, turn.reason)
+            return Status(State.FAULT, step.reason)
         case Outcome.HELD:
             kept = state in {State.STARTING, State.LOST, State.FAULT}
-            return Status(state if kept else State.HOLDING, turn.reason, previous.nulled_frames)
+            return Status(state if kept else State.HOLDING, step.reason, previous.nulled_frames)
         case Outcome.PAUSED:
-            return Status(State.PAUSED, turn.reason, previous.nulled_frames)
+            return Status(State.PAUSED, step.reason, previous.nulled_frames)
         case Outcome.MEASURED:
-            return _measured(previous, turn)
+            return _measured(previous, step)
 
 
-def _measured(previous: Status, turn: Turn) -> Status:
-    if turn.valid_share < LOST_BELOW:
-        return Status(State.LOST, turn.reason or f"{100 * turn.valid_share:.0f} % of the nodes are seen")
-    if not turn.residual_rms_px < LOCK_RESIDUAL_PX:
-        return Status(State.NULLING, f"residual {turn.residual_rms_px:.3g} px")
+def _measured(previous: Status, step: StepOutcome) -> Status:
+    if step.valid_share < LOST_BELOW:
+        return Status(State.LOST, step.reason or f"{100 * step.valid_share:.0f} % of the nodes are seen")
+    if not step.residual_rms_px < LOCK_RESIDUAL_PX:
+        return Status(State.NULLING, f"residual {step.residual_rms_px:.3g} px")
     nulled = previous.nulled_frames + 1
     if nulled < LOCK_FRAMES:
         return Status(State.NULLING, f"nulled for {nulled} of {LOCK_FRAMES} frames", nulled)
-    if turn.at_rest:
+    if step.at_rest:
         return Status(State.RESTING, "nulled, no displacement seen", nulled)
     return Status(State.LOCKED, "nulled", nulled)

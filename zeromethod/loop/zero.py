@@ -1,4 +1,4 @@
-"""Taking the mirror as it is for the mirror at rest: what slow drift of LCD or prism does to every reading.
+"""The zero: taking the mirror as it is now for the mirror at rest, against slow drift of LCD or prism.
 
 The zero enters the reading by subtraction: of the warp at rest as measured from that by the rig's geometry,
 LCD px, node by node. For an LCD that slid in its mount, the largest part of drift, that is exact, as every
@@ -11,9 +11,12 @@ px fits it. What a press does is not, unless it is far wider than the view.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.loop.events import Event, Notice
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
@@ -56,50 +59,93 @@ def _worst_block(values: Float, used: Mask) -> float:
     return float(np.sqrt(np.max(squares / np.maximum(counts, BLOCK))))
 
 
+@dataclass(frozen=True)
+class NoZero:
+    """Why no zero could be taken."""
+
+    reason: str
+
+
 class ZeroTaking:
     """Gathers frames until a zero can be taken or refused."""
 
     def __init__(self, rest: Rest) -> None:
         self._rest = rest
         self._measured: list[Warp] = []
-        self._turns = 0
+        self._frames = 0
 
-    def take(self, measured: Warp | None, residual_rms_px: float) -> Float | str | None:
+    def take(self, measured: Warp | None, residual_rms_px: float) -> Float | NoZero | None:
         """Take in a frame, with no measurement where it was not usable.
 
-        Returns the zero, (rows, cols, 2) LCD px to add to the warp at rest; why there is none, in words; or
-        None as long as frames are still needed.
+        Returns the zero, (rows, cols, 2) LCD px to add to the warp at rest; why there is none; or None as
+        long as frames are still needed.
         """
-        self._turns += 1
+        self._frames += 1
         if measured is not None and residual_rms_px < LOCK_RESIDUAL_PX:
             self._measured.append(measured)
         if len(self._measured) == FRAMES:
             return self._judge()
-        if self._turns >= PATIENCE_FRAMES:
-            return f"only {len(self._measured)} of {self._turns} frames were nulled"
+        if self._frames >= PATIENCE_FRAMES:
+            return NoZero(f"only {len(self._measured)} of {self._frames} frames were nulled")
         return None
 
-    def _judge(self) -> Float | str:
+    def _judge(self) -> Float | NoZero:
         rest = self._rest
         away = np.stack([warp.q for warp in self._measured]) - rest.q
         valid = np.stack([warp.valid for warp in self._measured])
         used = valid.all(axis=0) & rest.seen
         if np.count_nonzero(used) < 0.5 * np.count_nonzero(rest.seen):
-            return "too much of the mirror is hidden"
+            return NoZero("too much of the mirror is hidden")
         mean = np.where(used[..., None], away.mean(axis=0), 0.0)
         sigma = np.stack([warp.sigma for warp in self._measured])[:, used]
         noise = float(np.sqrt(np.mean(sigma**2) / FRAMES))
         half = FRAMES // 2
         moved = np.where(used[..., None], away[half:].mean(axis=0) - away[:half].mean(axis=0), 0.0)
         if _worst_block(moved, used) > 2 * 3 * noise + STEADY_LCD_PX:
-            return "the mirror moves"
+            return NoZero("the mirror moves")
         terms = _quadratic(rest)
         fit = terms @ np.linalg.lstsq(terms[used], mean[used], rcond=None)[0]
         misfit = _worst_block(mean - fit, used)
         if misfit > 3 * noise + WITHIN_LCD_PX:
-            return f"something presses: a dent of {misfit:.2f} LCD px is seen"
+            return NoZero(f"something presses: a dent of {misfit:.2f} LCD px is seen")
         largest = float(np.abs(fit[used]).max())
         if largest > LARGEST_LCD_PX:
-            return f"the picture is {largest:.1f} LCD px away from rest: more than drift ({LARGEST_LCD_PX:g})"
+            return NoZero(
+                f"the picture is {largest:.1f} LCD px away from rest: more than drift ({LARGEST_LCD_PX:g})"
+            )
         zero: Float = np.where(used[..., None], mean, fit)
         return zero
+
+
+class Zero:
+    """The zero that all readings start from, taken again on request.
+
+    q: (rows, cols, 2) LCD px, the warp at rest less the rig's; None for 0.
+    """
+
+    def __init__(self, rest: Rest) -> None:
+        self.q: Float | None = None
+        self._rest = rest
+        self._taking: ZeroTaking | None = None
+
+    @property
+    def rest_q(self) -> Float:
+        """(rows, cols, 2) LCD px, the warp of the untouched mirror."""
+        return self._rest.q if self.q is None else self._rest.q + self.q
+
+    def request(self) -> None:
+        """Take the mean warp of the next nulled frames."""
+        self._taking = ZeroTaking(self._rest)
+
+    def take(self, measured: Warp | None, residual_rms_px: float) -> Notice | None:
+        """Take in a frame while one is being taken; the notice says how that ended."""
+        found = None if self._taking is None else self._taking.take(measured, residual_rms_px)
+        if found is None:
+            return None
+        self._taking = None
+        if isinstance(found, NoZero):
+            return Notice(Event.ZERO_REFUSED, f"no new zero: {found.reason}")
+        self.q = found
+        drift = float(np.sqrt(np.mean(np.sum(found[self._rest.seen] ** 2, axis=-1))))
+        words = f"readings start from here now, {drift:.2f} LCD px (rms) from the rig file's rest"
+        return Notice(Event.ZERO_TAKEN, words)

@@ -58,7 +58,7 @@ class Rows:
             frame,
             step.dropped,
             _STATE[step.state],
-            step.held,
+            step.frozen,
             step.sensed,
             step.residual_rms_px,
             step.valid_share,
@@ -104,9 +104,9 @@ class Rows:
         ):
             if whole is not None:
                 items += self._group(group, step.number, {name: getattr(whole, name) for name in names})
-        items += self._group("warps/commanded", step.number, {"q": step.commanded_q})
-        if step.shown_q is not None:
-            items += self._group("warps/shown", step.number, {"q": step.shown_q})
+        items += self._group("warps/commanded", step.number, {"q": step.commanded.q})
+        if step.shown is not None:
+            items += self._group("warps/shown", step.number, {"q": step.shown.q})
         return items
 
     def fits(self, image: Any) -> bool:

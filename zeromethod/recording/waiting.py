@@ -35,5 +35,5 @@ class Reading:
 
 def without_arrays(step: Step) -> Step:
     """A turn of which the tables alone are kept."""
-    presented = tuple(replace(one, q=step.commanded_q) for one in step.presented)
-    return replace(step, image=None, residual=None, measured=None, shown_q=None, presented=presented)
+    presented = tuple(replace(one, q=step.commanded.q) for one in step.presented)
+    return replace(step, image=None, residual=None, measured=None, shown=None, presented=presented)

@@ -264,7 +264,7 @@ class Run:
     def _snapshot(self, step: Step, surface: Surface) -> Snapshot:
         assert step.measured is not None
         assert step.residual is not None
-        assert step.shown_q is not None
+        assert step.shown is not None
         assert step.image is not None
         assert self._start_ns is not None
         true_depth = None
@@ -276,7 +276,7 @@ class Run:
             time_s=(step.time_ns - self._start_ns) * 1e-9,
             image=step.image.copy(),
             residual_px=step.residual.d.copy(),
-            applied_px=step.shown_q - self.loop.q_rest,
+            applied_px=step.shown.q - self.loop.q_rest,
             measured_px=step.measured.q - self.loop.q_rest,
             surface=surface,
             true_depth_mm=true_depth,

@@ -1,30 +1,59 @@
-"""A warp: per node, the LCD position that the camera node looks at, or is made to look at."""
+"""The warp: per camera node, the LCD position that the node looks at."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import enum
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from zeromethod.arrays import Flags, Float, Mask
 
 
-@dataclass(frozen=True, slots=True)
+class Role(enum.StrEnum):
+    """Which of the loop's three warps a warp is."""
+
+    MEASURED = "measured"  # by one frame, at its mid-exposure
+    COMMANDED = "commanded"  # what the controller wants shown next
+    SHOWN = "shown"  # what was lit while a frame was exposed
+
+
+@dataclass(frozen=True, slots=True, repr=False)
 class Warp:
     """LCD position per node of a `NodeGrid`.
 
     q: (rows, cols, 2) float64, LCD (column, row) in px, pixel centres at integers.
-    sigma: (rows, cols, 2) float64, standard deviation of q in LCD px.
+    sigma: (rows, cols, 2) float64, standard deviation of q in LCD px; 0 where q was drawn, not measured.
     flags: (rows, cols) uint16 of `Flag` bits; 0 = valid.
-    time_ns: when it was true (measured: mid-exposure; shown: presentation).
+    time_ns: mid-exposure of the frame (measured, shown), or of the newest frame behind it (commanded).
     """
 
     q: Float
     sigma: Float
     flags: Flags
     time_ns: int
+    role: Role = Role.MEASURED
+
+    @classmethod
+    def drawn(cls, q: Float, role: Role, time_ns: int) -> Warp:
+        """Warp that is known exactly because it was drawn; sigma and flags are read-only zeros."""
+        sigma = np.broadcast_to(np.float64(0.0), q.shape)
+        return cls(q, sigma, np.broadcast_to(np.uint16(0), q.shape[:-1]), time_ns, role)
 
     @property
     def valid(self) -> Mask:
         """(rows, cols) nodes that may be trusted."""
         return np.equal(self.flags, 0)
+
+    def copy(self) -> Warp:
+        """The same warp with a q of its own: a shown one's may be a view of the presentation log."""
+        return replace(self, q=self.q.copy())
+
+    def less(self, zero: Float | None) -> Warp:
+        """The same warp with `zero`, (rows, cols, 2) LCD px, subtracted; None subtracts nothing."""
+        return self if zero is None else replace(self, q=self.q - zero)
+
+    def __repr__(self) -> str:
+        rows, cols = self.flags.shape
+        share = 100 * float(np.mean(self.valid))
+        return f"Warp({self.role}, {cols} x {rows} nodes, {share:.1f} % valid, {1e-9 * self.time_ns:.4f} s)"

@@ -61,7 +61,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
 
     def on_step(loop: Loop, step: Step) -> None:
         made.steps.append(step)
-        loop.hold(step.number in {30, 31})
+        loop.freeze(step.number in {30, 31})
 
     def on_reading(step: Step, surface: Surface, peak: Peak) -> None:
         made.readings[step.number] = surface, peak

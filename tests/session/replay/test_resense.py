@@ -36,7 +36,7 @@ def test_unchanged_frames_come_to_the_recorded_numbers_bit_for_bit(session, reco
     sensed = [step for step in session.steps if step.sensed]
     assert warps.turns == len(sensed) > 40
     assert warps.different == []
-    assert any(step.held for step in sensed)
+    assert any(step.frozen for step in sensed)
     assert depths.turns == len(session.readings)
     assert depths.different == []
     assert warps.warp.largest == warps.commanded.largest == warps.residual.largest == 0.0

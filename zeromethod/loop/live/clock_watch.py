@@ -27,6 +27,11 @@ class ClockWatch:
         self._last_ns: int | None = None
         self._slept_ns = slept_ns()
 
+    def restart(self) -> None:
+        """Start counting from now."""
+        self._last_ns = None
+        self._slept_ns = slept_ns()
+
     def look(self, now_ns: int) -> str:
         """What happened to time since the last call, in words; "" for nothing. now_ns: the run's clock."""
         slept, self._slept_ns = slept_ns() - self._slept_ns, slept_ns()

@@ -116,7 +116,9 @@ class Reliving:
         loop: Loop,
         nodes: Nodes,
     ) -> Moment:
-        moved, behind, sigma = nodes.pick(step.measured, step.shown_q, step.zero)
+        moved, behind, sigma = nodes.pick(
+            step.measured, None if step.shown is None else step.shown.q, step.zero
+        )
         time_s = 1e-9 * (step.time_ns - self._mirror.settled_ns)
         if read is None:
             return Moment(time_s, step.state, step.residual_rms_px, moved, behind, sigma)

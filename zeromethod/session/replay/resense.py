@@ -11,7 +11,7 @@ import numpy as np
 
 from zeromethod.errors import InputError
 from zeromethod.loop.assembly import make_circle
-from zeromethod.loop.circle import Circle, Taken
+from zeromethod.loop.circle import Circle, FrameResult
 from zeromethod.loop.events import Event
 from zeromethod.loop.frame_check import own
 from zeromethod.loop.state import NULLED
@@ -42,7 +42,7 @@ class WarpDifferences:
     valid: list[tuple[float, float]] = field(default_factory=list)
     warps_damaged: int = 0
 
-    def add(self, row: Any, taken: Taken, measured: Warp | None, circle: Circle) -> None:
+    def add(self, row: Any, taken: FrameResult, measured: Warp | None, circle: Circle) -> None:
         """Take in one turn. measured: from the session's zero; None where the frame is not believed."""
         turn = int(row["number"])
         equal = self._same_measured(turn, measured)
@@ -74,15 +74,15 @@ class WarpDifferences:
         names = ("q", "sigma", "flags")
         return all(same(getattr(recorded, name), getattr(again, name)) for name in names)
 
-    def _same_seen(self, turn: int, taken: Taken) -> bool:
+    def _same_seen(self, turn: int, taken: FrameResult) -> bool:
         """Residual and the warp that was shown, as far as they were kept."""
         shown, residual = self.recording.shown(turn), self.recording.residual(turn)
-        if taken.seen is None:
+        if taken.observation is None or taken.residual is None:
             return shown is None and residual is None
-        equal = shown is None or same(shown, taken.seen.shown.q)
+        equal = shown is None or same(shown, taken.observation.shown.q)
         if residual is None:
             return equal
-        again = taken.seen.residual
+        again = taken.residual
         both = residual.valid & again.valid
         self.residual.add((again.d.astype(np.float32) - residual.d)[both])
         for name in ("d", "sigma"):
@@ -150,7 +150,7 @@ def resense(
         if inside:
             pace.wait_for(int(row["time_ns"]))
         turn = int(row["number"])
-        measured = None if Event.PICTURES_MIXED in taken.events else taken.measured
+        measured = None if taken.refusal is Event.PICTURES_MIXED else taken.measured
         zero = recording.zero(turn)
         if measured is not None and zero is not None:
             measured = replace(measured, q=measured.q - zero)
@@ -167,7 +167,7 @@ def resense(
     return warps, depths
 
 
-def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tuple[Any, Taken]]:
+def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tuple[Any, FrameResult]]:
     """Rows of the turns that reached the circle up to the window's end, and what it makes of them."""
     presentations, shown = recording.presentations, 0
     referenced = False

@@ -1,0 +1,89 @@
+"""What the LCD shows: which command is drawn when, and what was presented since the step before."""
+
+from __future__ import annotations
+
+from zeromethod.clock import Clock
+from zeromethod.loop.circle import Circle
+from zeromethod.loop.drawing import Presented, Presenting
+from zeromethod.loop.pattern_dwell import PatternDwell
+
+REPAINT_S = 1.0
+"""In the host's time a picture is drawn again after so long: what covered or blanked the LCD may be gone, but
+nothing new to show comes of a dark frame."""
+
+
+class Screen:
+    """Draws the circle's commands and notes in its log what was presented.
+
+    dwell: decides how long each picture stays; None where every command is drawn at once. What the display
+    raises is raised here.
+    """
+
+    def __init__(
+        self, presenting: Presenting, circle: Circle, clock: Clock, dwell: PatternDwell | None, repaints: bool
+    ) -> None:
+        self.presented: list[Presented] = []
+        """Pictures presented since `begin`."""
+        self.presented_before = 0
+        """How many of them before the step's frame was looked at."""
+        self.dwell = dwell
+        self._presenting = presenting
+        self._circle = circle
+        self._clock = clock
+        self._repaints = repaints
+        self._undrawn = False
+        self._posted_ns = 0
+
+    @property
+    def gl_renderer(self) -> str:
+        """Name of what draws the pattern, as GL gives it."""
+        return self._presenting.gl_renderer
+
+    def begin(self) -> None:
+        """Begin a step."""
+        self.presented, self.presented_before = [], 0
+
+    def draw(self) -> None:
+        """Have the present command drawn."""
+        self._undrawn = False
+        self._posted_ns = self._clock.now_ns()
+        self._presenting.post(self._circle.controller.commanded, self._circle.seen_ns)
+
+    def repaint_if_due(self) -> None:
+        """Draw the command again where it has stood for `REPAINT_S` of the host's time."""
+        if self._repaints and self._posted_ns and self._clock.now_ns() - self._posted_ns > 1e9 * REPAINT_S:
+            self.draw()
+
+    def frame_arrived(self) -> None:
+        """Note what was presented up to the moment at which a frame came to hand."""
+        self.collect()
+        self.presented_before = len(self.presented)
+
+    def offer(self, changed: bool, frozen: bool, now_ns: int) -> None:
+        """Draw the command if it changed, or has not been drawn yet, and its time has come."""
+        self._undrawn |= changed
+        if self._undrawn and not frozen and (self.dwell is None or self.dwell.may_present(now_ns)):
+            self.draw()
+            self.collect()
+
+    def collect(self) -> None:
+        """Note in the log what was presented."""
+        for one in self._presenting.collect():
+            self._circle.presented(one.time_ns, one.q, one.code, seen_ns=one.seen_ns)
+            if self.dwell is not None:
+                self.dwell.presented(one.time_ns)
+            self.presented.append(one)
+
+    def timing_ms(self) -> tuple[float, float]:
+        """(drawing, mid-exposure to half-lit) of the newest picture of this step, ms; NaN for none."""
+        if not self.presented:
+            return float("nan"), float("nan")
+        newest = self.presented[-1]
+        if newest.seen_ns is None:
+            return newest.draw_ms, float("nan")
+        lit_ns = newest.time_ns + self._circle.exposures.timing.half_lit_ns
+        return newest.draw_ms, 1e-6 * (lit_ns - newest.seen_ns)
+
+    def close(self) -> None:
+        """Draw nothing more; the display stays open."""
+        self._presenting.close()
