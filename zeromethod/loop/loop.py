@@ -19,12 +19,12 @@ from zeromethod.exposure.delay import DelayWatch
 from zeromethod.loop.assembly import assemble
 from zeromethod.loop.circle import Sensor, Taken
 from zeromethod.loop.display_watch import Watch
-from zeromethod.loop.drawing import Presented
+from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.events import Event
 from zeromethod.loop.frame_check import FrameCheck, Verdict, own
 from zeromethod.loop.frame_source import FrameSource, Trouble
 from zeromethod.loop.light_quality import LightQuality
-from zeromethod.loop.live.paused_gc import Steady
+from zeromethod.loop.live.paused_gc import PausedGC
 from zeromethod.loop.notices import Notices
 from zeromethod.loop.pattern_dwell import Hold
 from zeromethod.loop.state import LOCK_FRAMES, NULLED, Outcome, Status, Turn, next_status
@@ -81,7 +81,7 @@ class Loop:
         """What is left at the end of `run`: the last state, and nothing measured."""
         self._clock = clock
         self._circle = parts.circle
-        self._presenting = parts.presenting
+        self._drawing = parts.drawing
         timeout_s = rig.control.timeout_s
         timed = parts.circle.delay is not None
         self._hold = Hold(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
@@ -91,7 +91,7 @@ class Loop:
         self._check = FrameCheck(rig.camera)
         self._quality = LightQuality(self.rest.seen, rig.camera.noise.black_grey)
         self._notices = Notices()
-        self._steady: Steady | None = None
+        self._paused_gc: PausedGC | None = None
         self._wrong_frames = 0
         self._steps = 0
         self._held = False
@@ -99,7 +99,7 @@ class Loop:
         self._waiting = False
         self._unshown = False
         self._posted_ns = 0
-        self._presented: list[Presented] = []
+        self._presented: list[Drawn] = []
         self._presented_before = 0
         self._taking: ZeroTaking | None = None
         self._zero: Float | None = None
@@ -119,7 +119,7 @@ class Loop:
     @property
     def gl_renderer(self) -> str:
         """Name of what draws the pattern, as GL gives it."""
-        return self._presenting.gl_renderer
+        return self._drawing.gl_renderer
 
     @property
     def delay(self) -> DelayWatch | None:
@@ -168,7 +168,7 @@ class Loop:
     def close(self) -> None:
         """End the loop's threads, within half a second; may be called again. The devices stay open."""
         self._source.close()
-        self._presenting.close()
+        self._drawing.close()
 
     def __enter__(self) -> Loop:
         return self
@@ -187,7 +187,7 @@ class Loop:
         with ExitStack() as stack:
             stack.callback(self._finish)
             if self.live:
-                self._steady = stack.enter_context(Steady())
+                self._paused_gc = stack.enter_context(PausedGC())
             while not (self.over or self._stop):
                 if frames is not None and taken >= frames:
                     break
@@ -198,7 +198,7 @@ class Loop:
                 yield step
 
     def _finish(self) -> None:
-        self._steady = None
+        self._paused_gc = None
         if not self.over:
             self._end(Turn(Outcome.STOP, "the run has ended"))
         self._begin()
@@ -242,8 +242,8 @@ class Loop:
         self._watch.poll()
         if self.live and self._posted_ns and self._clock.now_ns() - self._posted_ns > 1e9 * REPAINT_S:
             self._present()
-        if self._steady is not None:
-            self._steady.idle()
+        if self._paused_gc is not None:
+            self._paused_gc.idle()
 
     def _with_frame(self, frame: Frame) -> Step:
         started = time.perf_counter()
@@ -330,10 +330,10 @@ class Loop:
     def _present(self) -> None:
         self._unshown = False
         self._posted_ns = self._clock.now_ns()
-        self._presenting.post(self._circle.controller.commanded, self._circle.seen_ns)
+        self._drawing.post(self._circle.controller.commanded, self._circle.seen_ns)
 
     def _note_presented(self) -> None:
-        for one in self._presenting.collect():
+        for one in self._drawing.collect():
             self._circle.presented(one.time_ns, one.q, one.code, seen_ns=one.seen_ns)
             if self._hold is not None:
                 self._hold.presented(one.time_ns)
