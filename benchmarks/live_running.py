@@ -30,7 +30,7 @@ from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
 from zeromethod.loop.step import Step
 from zeromethod.publishing import Publisher
-from zeromethod.session.reading import Reading, ReadInThread, timed, warm_up_warp
+from zeromethod.session.reading import Reading, StepReader, timed, warm_up_warp
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.warp import Warp
@@ -123,7 +123,7 @@ class Running:
         self._display = MemoryDisplay(prepared, variant.drawn, clock)
         self._camera = MemoryCamera(prepared, self._display, clock)
         self._turns: list[tuple[Timed, float, float]] = []
-        self._reading: ReadInThread | None = None
+        self._reading: StepReader | None = None
         self._stack = ExitStack()
         renderer = Drawn if variant.drawn else Noted
         with patch("zeromethod.loop.drawer.PatternRenderer", renderer):
@@ -135,7 +135,7 @@ class Running:
             surfaces = Surfaces(rig, prepared.optics, loop.grid)
             self._stack.enter_context(surfaces.beside(warm_up_warp(loop.rest)))
             publisher = self._stack.enter_context(_published(loop, clock, variant.subscriber))
-            self._reading = ReadInThread(_reading(surfaces), publisher)
+            self._reading = StepReader(_reading(surfaces), publisher, live=True)
             self._stack.callback(self._reading.close)
         self._steps = loop.run(frames=frames) if variant.steady else _steps(loop, frames)
 

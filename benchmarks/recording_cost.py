@@ -51,7 +51,7 @@ from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.reading import Reading, ReadInThread, timed, warm_up_warp
+from zeromethod.session.reading import Reading, StepReader, timed, warm_up_warp
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.thread_limits import limit_threads
 
@@ -126,7 +126,7 @@ class Bench:
                 self.recorder.reading(step, surface, deepest, read_ms)
             return Reading(step, surface, deepest, read_ms)
 
-        self._reading = ReadInThread(read, None)
+        self._reading = StepReader(read, None, live=True)
         self._stack.callback(self._reading.close)
         self._steps = self.loop.run()
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from recorded_run import small_rig
 
-from zeromethod.loop.drawing import Presented
+from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
@@ -63,7 +63,7 @@ def turn(number: int, **more: Any) -> Step:
         "frame_number": number + 1000,
         "exposure_ns": 8_000_000,
         "sensed": True,
-        "presented": (Presented(time_ns - 5, q + 0.5, time_ns - FRAME_NS, number % 16, 1.5),),
+        "presented": (Drawn(time_ns - 5, q + 0.5, time_ns - FRAME_NS, number % 16, 1.5),),
         "presented_before": 1,
         "image": rng.integers(0, 256, (rig.camera.rows, rig.camera.columns), dtype=np.uint8),
         "residual": residual,

@@ -11,13 +11,12 @@ import pytest
 from hanging import PATIENCE_S, Camera, eventually
 
 from zeromethod.clock import HostClock
-from zeromethod.devices.bounded import call_within
 from zeromethod.devices.opening import CLOSING_S, Devices
 from zeromethod.devices.protocols import CameraLost
 from zeromethod.errors import MeasurementError
 from zeromethod.loop.frame_source import FrameSource
 from zeromethod.loop.live import reopening
-from zeromethod.loop.live.reopening import LiveReopener
+from zeromethod.loop.live.reopening import Reopener
 
 
 def raising(error: BaseException) -> Callable[..., Any]:
@@ -36,7 +35,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reopening, "SLICE_S", 0.01)
 
 
-def attempts(what: LiveReopener) -> Any:
+def attempts(what: Reopener) -> Any:
     end_s = time.monotonic() + PATIENCE_S
     while (camera := what.attempt()) is None and not what.exhausted:
         assert time.monotonic() < end_s
@@ -48,7 +47,7 @@ def test_reopening_says_what_it_does_and_gives_up_after_three() -> None:
     def never() -> Any:
         raise CameraLost("still gone")
 
-    what = LiveReopener(never, HostClock())
+    what = Reopener(never, HostClock(), live=True)
     assert what.plan == ""
     plans = set()
     while not what.exhausted:
@@ -75,7 +74,7 @@ def test_an_opening_that_hangs_counts_as_failed_and_its_camera_is_closed_when_it
             return late
         return good
 
-    what = LiveReopener(reopen, HostClock())
+    what = Reopener(reopen, HostClock(), live=True)
     started = time.monotonic()
     what.attempt()
     assert time.monotonic() - started < 0.5
@@ -109,7 +108,7 @@ def test_what_a_driver_may_not_raise_passes_through_reopening() -> None:
     def broken() -> Any:
         raise AttributeError("typo")
 
-    what = LiveReopener(broken, HostClock())
+    what = Reopener(broken, HostClock(), live=True)
     with pytest.raises(AttributeError, match="typo"):
         attempts(what)
 
@@ -177,11 +176,3 @@ def test_windows_are_closed_in_the_callers_thread() -> None:
         devices(Camera, display).close()
     assert where[0] is threading.current_thread()
     assert where[1] is not threading.current_thread()
-
-
-def test_bounded_calls_raise_what_was_raised() -> None:
-    call_within(1, lambda: None, "quick")
-    with pytest.raises(ValueError, match="odd"):
-        call_within(1, raising(ValueError("odd")), "quick")
-    with pytest.raises(TimeoutError, match=r"not within 0\.05 s"):
-        call_within(0.05, lambda: time.sleep(0.3), "slow")

@@ -13,8 +13,8 @@ from hanging import PATIENCE_S, Camera, alive, eventually
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost
 from zeromethod.errors import InputError
-from zeromethod.loop import drawing as presenting
-from zeromethod.loop.drawing import InThread, InTurn, Presented
+from zeromethod.loop import drawing
+from zeromethod.loop.drawing import Drawing, Drawn
 from zeromethod.loop.frame_source import FrameSource
 from zeromethod.loop.live.capture import GRACE_S, Capture
 from zeromethod.pattern.strips import CODES
@@ -109,11 +109,11 @@ def test_frames_that_are_none_are_refused_by_name() -> None:
     source.close()
 
 
-# Presenting
+# Drawing
 
 
 class Pen:
-    """A presenter that notes what it is given; `hold` keeps it until it is set."""
+    """A drawer that notes what it is given; `hold` keeps it until it is set."""
 
     gl_renderer = "pen"
 
@@ -124,7 +124,7 @@ class Pen:
         self.error: BaseException | None = None
         self.closed = False
 
-    def present(self, q: np.ndarray, code: int | None = None) -> int:
+    def draw(self, q: np.ndarray, code: int | None = None) -> int:
         self.shown.append((float(q[0]), code))
         self.go.wait(PATIENCE_S)
         if self.error is not None:
@@ -135,8 +135,8 @@ class Pen:
         self.closed = True
 
 
-def collected(what: InThread, count: int) -> list[Presented]:
-    found: list[Presented] = []
+def collected(what: Drawing, count: int) -> list[Drawn]:
+    found: list[Drawn] = []
     end_s = time.monotonic() + PATIENCE_S
     while len(found) < count:
         found += what.collect()
@@ -148,7 +148,7 @@ def collected(what: InThread, count: int) -> list[Presented]:
 def test_only_the_newest_picture_is_shown_when_the_display_is_slow() -> None:
     pen = Pen()
     pen.go.clear()
-    what = InThread(lambda: pen, coded=True, timeout_s=5)  # type: ignore[arg-type,return-value]
+    what = Drawing(lambda: pen, coded=True, timeout_s=5, live=True)  # type: ignore[arg-type,return-value]
     what.post(np.array([0.0]), 100)
     eventually(lambda: len(pen.shown) == 1)
     for k in range(1, 30):
@@ -164,12 +164,11 @@ def test_only_the_newest_picture_is_shown_when_the_display_is_slow() -> None:
     assert pen.closed
 
 
-@pytest.mark.parametrize("kind", [InThread, InTurn])
-def test_codes_run_round_and_are_left_out_where_there_are_no_strips(kind: Any) -> None:
+@pytest.mark.parametrize("live", [True, False])
+def test_codes_run_round_and_are_left_out_where_there_are_no_strips(live: bool) -> None:
     for coded in (True, False):
         pen = Pen()
-        arguments = (lambda pen=pen: pen, coded) + ((5.0,) if kind is InThread else ())
-        what = kind(*arguments)
+        what = Drawing(lambda pen=pen: pen, coded, 5.0, live)  # type: ignore[misc,arg-type]
         codes = []
         for k in range(CODES + 2):
             what.post(np.array([float(k)]), None)
@@ -180,7 +179,7 @@ def test_codes_run_round_and_are_left_out_where_there_are_no_strips(kind: Any) -
 
 def test_what_the_display_raises_comes_after_what_it_showed() -> None:
     pen = Pen()
-    what = InThread(lambda: pen, coded=False, timeout_s=5)  # type: ignore[arg-type,return-value]
+    what = Drawing(lambda: pen, coded=False, timeout_s=5, live=True)  # type: ignore[arg-type,return-value]
     what.post(np.array([1.0]), None)
     eventually(lambda: len(pen.shown) == 1)
     time.sleep(0.02)
@@ -197,12 +196,12 @@ def test_a_display_that_hangs_is_lost_after_its_timeout_but_not_while_it_prepare
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pen = Pen()
-    what = InThread(lambda: pen, coded=False, timeout_s=0.05)  # type: ignore[arg-type,return-value]
+    what = Drawing(lambda: pen, coded=False, timeout_s=0.05, live=True)  # type: ignore[arg-type,return-value]
     pen.go.clear()
     what.post(np.array([1.0]), None)
     time.sleep(0.15)
     assert what.collect() == []  # the first picture: shaders may be compiled
-    monkeypatch.setattr(presenting, "OPENING_S", 0.05)
+    monkeypatch.setattr(drawing, "OPENING_S", 0.05)
     with pytest.raises(DisplayLost, match=r"showing one picture for 0\."):
         what.collect()
     monkeypatch.undo()
@@ -223,20 +222,20 @@ def test_a_display_that_hangs_is_lost_after_its_timeout_but_not_while_it_prepare
 def test_what_draws_and_cannot_be_made_is_told_where_it_was_asked_for(
     monkeypatch: pytest.MonkeyPatch, hung: threading.Event
 ) -> None:
-    before = alive("present")
+    before = alive("drawing")
 
     def broken() -> Any:
         raise InputError("no GL")
 
     with pytest.raises(InputError, match="no GL"):
-        InThread(broken, coded=False, timeout_s=1)
-    monkeypatch.setattr(presenting, "OPENING_S", 0.1)
+        Drawing(broken, coded=False, timeout_s=1, live=True)
+    monkeypatch.setattr(drawing, "OPENING_S", 0.1)
 
     def hangs() -> Any:
         hung.wait(PATIENCE_S)
         return Pen()
 
     with pytest.raises(InputError, match=r"display: not ready to be drawn on within 0\.1 s"):
-        InThread(hangs, coded=False, timeout_s=1)
+        Drawing(hangs, coded=False, timeout_s=1, live=True)
     hung.set()
-    eventually(lambda: alive("present") <= before)
+    eventually(lambda: alive("drawing") <= before)

@@ -11,7 +11,7 @@ import pytest
 from zeromethod.loop.display_watch import RESYNC_S, DisplayWatch
 from zeromethod.loop.events import Event, Notice
 from zeromethod.loop.live.clock_watch import STOOD_STILL_S, ClockWatch, slept_ns
-from zeromethod.loop.live.paused_gc import COLLECTED_ABOVE, SWITCH_S, Steady
+from zeromethod.loop.live.paused_gc import COLLECTED_ABOVE, SWITCH_S, PausedGC
 from zeromethod.loop.notices import QUIET_STEPS, Notices
 
 ASLEEP = Notice.refusal(Event.DISPLAY_ASLEEP)
@@ -116,7 +116,7 @@ def test_notices_keep_warnings_apart_by_their_words_and_pass_on_what_is_said() -
 
 
 @pytest.mark.parametrize("enabled", [True, False])
-def test_steady_puts_everything_back(enabled: bool) -> None:
+def test_paused_collection_puts_everything_back(enabled: bool) -> None:
     was_enabled, switch_s = gc.isenabled(), sys.getswitchinterval()
     try:
         (gc.enable if enabled else gc.disable)()
@@ -128,7 +128,7 @@ def test_steady_puts_everything_back(enabled: bool) -> None:
             assert sys.getswitchinterval() == pytest.approx(SWITCH_S)
             raise ZeroDivisionError
 
-        with pytest.raises(ZeroDivisionError), Steady():
+        with pytest.raises(ZeroDivisionError), PausedGC():
             fail()
         assert gc.isenabled() == enabled
         assert gc.get_freeze_count() == 0
@@ -149,13 +149,13 @@ def test_garbage_is_collected_when_idle_and_only_then() -> None:
         def __del__(self) -> None:
             Knot.alive -= 1
 
-    with Steady() as steady:
+    with PausedGC() as garbage:
         for _ in range(10):
             Knot()
-        steady.idle()
+        garbage.idle()
         assert Knot.alive == 10  # not due yet
         kept = [[k] for k in range(COLLECTED_ABOVE + 1)]
         assert Knot.alive == 10
-        steady.idle()
+        garbage.idle()
         assert Knot.alive == 0
         del kept

@@ -27,7 +27,7 @@ MS = 1_000_000
 GOOD = {State.LOCKED, State.RESTING}
 
 
-class FakePresenter:
+class FakeDrawer:
     """Shows nothing; the scripted camera sees the target, as if every picture nulled it."""
 
     gl_renderer = "none"
@@ -36,10 +36,13 @@ class FakePresenter:
     def __init__(self, rig: Rig, display: object, rest: object, strips: object) -> None:
         self.clock: SimulatedClock = display  # type: ignore[assignment]
 
-    def present(self, q: np.ndarray, code: int | None) -> int:
-        if FakePresenter.lost:
+    def draw(self, q: np.ndarray, code: int | None) -> int:
+        if FakeDrawer.lost:
             raise DisplayLost("unplugged")
         return self.clock.now_ns()
+
+    def close(self) -> None:
+        pass
 
 
 class Script:
@@ -76,8 +79,8 @@ class Script:
 
 @pytest.fixture
 def play(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., tuple[Loop, list[Step]]]]:
-    monkeypatch.setattr(assembly, "Presenter", FakePresenter)
-    FakePresenter.lost = False
+    monkeypatch.setattr(assembly, "Drawer", FakeDrawer)
+    FakeDrawer.lost = False
 
     def run(plan: list[Any], reopened: list[Any] | None = None, **changes: Any) -> tuple[Loop, list[Step]]:
         clock = SimulatedClock(100 * MS)
@@ -90,7 +93,7 @@ def play(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., tuple[Loop, 
         return loop, steps
 
     yield run
-    FakePresenter.lost = False
+    FakeDrawer.lost = False
 
 
 def states(steps: list[Step]) -> list[State]:
@@ -158,7 +161,7 @@ def test_a_lost_camera_without_a_way_back_ends_the_run(play: Any) -> None:
 
 def test_a_lost_display_ends_the_run_with_its_reason(play: Any) -> None:
     def unplug(script: Script) -> np.ndarray:
-        FakePresenter.lost = True
+        FakeDrawer.lost = True
         return script.image(0.3)
 
     loop, steps = play([0.0, unplug, 0.0])
@@ -186,7 +189,7 @@ def test_holding_on_request_measures_but_keeps_the_command(play: Any) -> None:
 
 
 def test_stopping_and_interrupting_leave_the_loop_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(assembly, "Presenter", FakePresenter)
+    monkeypatch.setattr(assembly, "Drawer", FakeDrawer)
 
     def fresh(plan: list[Any]) -> Loop:
         clock = SimulatedClock(100 * MS)

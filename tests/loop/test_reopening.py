@@ -21,7 +21,7 @@ class Port:
 
 def reopener(port: Callable[[], object] | None) -> tuple[Reopener, SimulatedClock]:
     clock = SimulatedClock()
-    return Reopener(port, clock), clock  # type: ignore[arg-type]
+    return Reopener(port, clock, live=False), clock  # type: ignore[arg-type]
 
 
 def test_without_a_way_to_reopen_it_gives_up_at_once() -> None:

@@ -22,7 +22,7 @@ from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.loop.state import NULLED, State
 from zeromethod.session import surface_process as process
-from zeromethod.session.reading import CLOSING_S, ReadInThread, ReadInTurn
+from zeromethod.session.reading import CLOSING_S, StepReader
 from zeromethod.session.result import FrameRecord
 from zeromethod.session.run import Run
 from zeromethod.session.summary import summarise
@@ -76,7 +76,7 @@ def running(*names: str) -> list[str]:
 
 def test_reading_takes_the_newest_only_and_never_waits() -> None:
     reader, published = Reader(), Published()
-    reading = ReadInThread(reader, published)
+    reading = StepReader(reader, published, live=True)
     started = time.monotonic()
     reading.post(Turn(0))  # type: ignore[arg-type]
     eventually(lambda: reader.begun == [0])
@@ -93,7 +93,7 @@ def test_reading_takes_the_newest_only_and_never_waits() -> None:
 
 def test_turns_without_a_measurement_are_published_in_their_place() -> None:
     reader, published = Reader(), Published()
-    reading = ReadInThread(reader, published)
+    reading = StepReader(reader, published, live=True)
     reading.post(Turn(0))  # type: ignore[arg-type]
     eventually(lambda: reader.begun == [0])
     reading.post(Turn(1))  # type: ignore[arg-type]
@@ -112,10 +112,10 @@ def test_what_reading_raises_surfaces_once(when: str) -> None:
     reader = Reader()
     reader.error = ZeroDivisionError("in the reader")
     reader.go.set()
-    reading = ReadInThread(reader, None)
+    reading = StepReader(reader, None, live=True)
     reading.post(Turn(0))  # type: ignore[arg-type]
     if when == "post":
-        eventually(lambda: reading._error is not None)
+        eventually(lambda: reading._worker._failure is not None)  # type: ignore[union-attr]
         with pytest.raises(ZeroDivisionError, match="in the reader"):
             reading.post(Turn(1))  # type: ignore[arg-type]
     else:
@@ -126,7 +126,7 @@ def test_what_reading_raises_surfaces_once(when: str) -> None:
 
 def test_a_reading_that_takes_for_ever_does_not_keep_a_run_from_ending() -> None:
     reader = Reader()
-    reading = ReadInThread(reader, None)
+    reading = StepReader(reader, None, live=True)
     reading.post(Turn(0))  # type: ignore[arg-type]
     eventually(lambda: reader.begun == [0])
     started = time.monotonic()
@@ -138,7 +138,7 @@ def test_a_reading_that_takes_for_ever_does_not_keep_a_run_from_ending() -> None
 def test_reading_in_turn_reads_all() -> None:
     reader, published = Reader(), Published()
     reader.go.set()
-    reading = ReadInTurn(reader, published)
+    reading = StepReader(reader, published, live=False)
     for number in range(3):
         reading.post(Turn(number, measured=number != 1))  # type: ignore[arg-type]
     assert [one.step.number for one in reading.collect()] == [0, 2]

@@ -30,7 +30,7 @@ from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.scenario import load_scenario
 from zeromethod.simulation.sensor import Sensor
 from zeromethod.simulation.virtual_bench.bench import Bender, Performance
-from zeromethod.simulation.virtual_bench.exposure import Exposer, Exposure, alike
+from zeromethod.simulation.virtual_bench.exposure import Exposer, Exposure, merged
 from zeromethod.simulation.virtual_bench.rays import TOLERANCE
 from zeromethod.simulation.virtual_bench.renderer import LatticeRenderer
 from zeromethod.simulation.virtual_bench.stream import FrameServer, stream_header
@@ -259,7 +259,7 @@ def test_an_exposure_across_two_pictures_mixes_their_light() -> None:
 
 def test_pictures_that_do_not_change_are_one() -> None:
     a, b = np.zeros((2, 2), np.uint8), np.ones((2, 2), np.uint8)
-    assert [(int(p[0, 0]), share) for p, share in alike([a, a.copy(), b, a])] == [
+    assert [(int(p[0, 0]), share) for p, share in merged([a, a.copy(), b, a])] == [
         (0, 0.5),
         (1, 0.25),
         (0, 0.25),

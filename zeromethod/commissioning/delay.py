@@ -20,7 +20,7 @@ from zeromethod.exposure.pairing import PanelTiming, pair
 from zeromethod.exposure.presentation_log import PresentationLog
 from zeromethod.exposure.strip_matching import Match
 from zeromethod.exposure.strip_reading import StripReader, find_strips
-from zeromethod.loop.drawer import Presenter
+from zeromethod.loop.drawer import Drawer
 from zeromethod.optics import Optics
 from zeromethod.pattern.strips import CODES
 from zeromethod.rig.model import Rig
@@ -95,7 +95,7 @@ def measure_delay(
     strips = find_strips(with_strips(rig), rest)
     if strips is None:
         raise MeasurementError("delay: the camera does not see the panel along two edges: no room for codes")
-    presenter = Presenter(rig, devices.display, rest, strips)
+    drawer = Drawer(rig, devices.display, rest, strips)
     timing = PanelTiming.of(rig.display)
     reader = StripReader(strips, rest.grid.image_shape, rig.camera.noise, rig.camera.bits)
     watch = DelayWatch(reader, timing, rig.display.refresh_hz)
@@ -111,7 +111,7 @@ def measure_delay(
     while clock.now_ns() - start_ns < 1e9 * seconds:
         poll()
         code = len(shown_ns) % CODES
-        shown_ns.append(presenter.present(rest.q, code))
+        shown_ns.append(drawer.draw(rest.q, code))
         log.record(shown_ns[-1], rest.q, newest.time_ns if newest else None, code)
         # the next picture is to be ready for the next refresh, even if the display does not wait for it
         next_ns = shown_ns[-1] + round(READING_REFRESHES * refresh_ns)

@@ -16,7 +16,7 @@ from zeromethod.commissioning.standing_patterns import HeldPictures
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost, Frame
 from zeromethod.errors import MeasurementError
-from zeromethod.loop.drawer import Presenter
+from zeromethod.loop.drawer import Drawer
 from zeromethod.rig.model import Rig
 
 SETTLE_S = 0.2
@@ -77,7 +77,7 @@ class SettingUp:
         self._pictures = HeldPictures(self._rig, devices, SETTLE_S)
         self._flicker = Flicker(rig.camera.noise.black_grey)
         self._plain = PlainPictures(self._meter.rest) if with_lcd else None
-        self._presenter = Presenter(self._rig, devices.display, self._meter.rest) if with_lcd else None
+        self._drawer = Drawer(self._rig, devices.display, self._meter.rest) if with_lcd else None
 
     def sights(self, seconds: float | None = None) -> Iterator[Sight]:
         """Judge frames for `seconds` of the run's clock, None = until told to stop.
@@ -107,10 +107,10 @@ class SettingUp:
 
     def _look_for_lcd(self) -> Orientation | None:
         """Show plain pictures, then the target at rest; None without the LCD."""
-        if self._presenter is None or self._plain is None:
+        if self._drawer is None or self._plain is None:
             return None
         camera, pictures = self._rig.camera, self._pictures
         images = [pictures.frames(codes, 1)[0].image for codes in self._plain.pictures]
-        pictures.after(self._presenter.present(self._meter.rest.q), 1)
+        pictures.after(self._drawer.draw(self._meter.rest.q), 1)
         self._flicker.forget()
         return self._plain.judge(images, camera.noise.black_grey, float(2**camera.bits - 1))

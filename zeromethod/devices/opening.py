@@ -21,10 +21,10 @@ from types import TracebackType
 from typing import Any, Literal, cast
 
 from zeromethod.clock import Clock, HostClock, SimulatedClock
-from zeromethod.devices.bounded import call_within
 from zeromethod.devices.protocols import Camera, Display
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
+from zeromethod.worker import call_within
 
 Kind = Literal["camera", "display"]
 Factory = Callable[..., Any]
@@ -197,12 +197,10 @@ def open_devices(rig: Rig, clock: Clock | None = None) -> Devices:
 
 def _within(timeout_s: float, open_camera: Callable[[], Camera], spec: CameraSpec) -> Camera:
     """Open in a thread of its own, as reopening does, so that one that hangs can be interrupted."""
-    opened: list[Camera] = []
     try:
-        call_within(timeout_s, lambda: opened.append(open_camera()), "camera opening")
+        return call_within(timeout_s, open_camera, "camera opening")
     except TimeoutError as error:
         raise InputError(f"camera.driver: {spec.driver!r}: cannot be opened: {error}") from error
-    return opened[0]
 
 
 def _open(kind: Kind, table: CameraSpec | DisplaySpec, factory: Factory, context: dict[str, Any]) -> object:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
-from concurrent.futures import Future
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from typing import Protocol
 
-from zeromethod.devices.protocols import CameraLost, Frame
-from zeromethod.drivers.newest import Newest
+from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
+from zeromethod.worker import Worker
 
 CLOSING_S = 0.5
 """How long `close` waits for the device; a hung one is left to its thread."""
 
 POLL_S = 0.1
-"""How long a source may wait for a frame before it looks whether it is to end."""
+"""How long a source may wait for a frame before it checks whether it is to end."""
 
 
 class Source(Protocol):
@@ -43,52 +43,6 @@ class Source(Protocol):
         """Release the device."""
 
 
-@dataclass(frozen=True)
-class _Opened:
-    shape: tuple[int, int]
-    bits: int
-    serial: str
-    model: str
-
-
-@dataclass
-class _Link:
-    """What the two threads share."""
-
-    newest: Newest = field(default_factory=Newest)
-    opened: Future[_Opened] = field(default_factory=Future)
-    asked: threading.Event = field(default_factory=threading.Event)
-    stop: threading.Event = field(default_factory=threading.Event)
-
-
-def _grab(open_source: Callable[[], Source], link: _Link) -> None:
-    """Body of the thread: open, grab until told to stop, close."""
-    try:
-        source = open_source()
-    except BaseException as error:
-        link.opened.set_exception(error)
-        return
-    try:
-        serial, model = (str(getattr(source, name, "")) for name in ("serial", "model"))
-        link.opened.set_result(_Opened(source.shape, source.bits, serial, model))
-        while not link.stop.is_set():
-            if source.on_demand and not link.asked.wait(POLL_S):
-                continue
-            frame = source.grab()
-            if frame is not None:
-                link.asked.clear()
-                link.newest.put(frame)
-    except CameraLost as error:
-        link.newest.end(str(error))
-    except Exception as error:  # what a maker's library raises in the midst of a run means that it is gone
-        link.newest.end(f"{type(error).__name__}: {' '.join(str(error).split())}")
-    finally:
-        try:
-            source.close()
-        except Exception as error:
-            link.newest.end(f"cannot be closed: {' '.join(str(error).split())}")
-
-
 class GrabbedCamera:
     """A `Camera` over a `Source`, which is opened, grabbed and closed in one daemon thread.
 
@@ -97,50 +51,77 @@ class GrabbedCamera:
     left to its thread, which closes it as soon as it answers and does not keep the program from ending.
     """
 
+    shape: tuple[int, int]
+    """(rows, cols) of every frame."""
+    bits: int
+    """Significant bits per pixel: 8 to 16."""
+    serial: str
+    """Serial number of the device, "" where it has none."""
+    model: str
+    """Model of the device, "" where it has none."""
+
     def __init__(self, name: str, open_source: Callable[[], Source], open_timeout_s: float) -> None:
         """Open it; raises what `open_source` raises, CameraLost when that takes over `open_timeout_s`."""
-        self._link = _Link()
-        self._thread = threading.Thread(
-            target=_grab, args=(open_source, self._link), name=f"camera {name}", daemon=True
-        )
-        self._thread.start()
+        self._open_source = open_source
+        self._asked = threading.Event()
+        self._counted = 0
+        self._returned = 0
+        self._end = ""
+        self._worker: Worker[None, tuple[Frame, int]]
+        self._worker = Worker(f"camera {name}", self._source, kept=1, idle=(0.0, None))
+        opened = False
         try:
-            self._opened = self._link.opened.result(open_timeout_s)
-        except BaseException as error:
-            self._link.stop.set()
-            if isinstance(error, TimeoutError) and not self._link.opened.done():
-                raise CameraLost(f"{name}: did not open within {open_timeout_s:g} s") from None
-            raise
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(rows, cols) of every frame."""
-        return self._opened.shape
-
-    @property
-    def bits(self) -> int:
-        """Significant bits per pixel: 8 to 16."""
-        return self._opened.bits
-
-    @property
-    def serial(self) -> str:
-        """Serial number of the device, "" where it tells none."""
-        return self._opened.serial
-
-    @property
-    def model(self) -> str:
-        """Model of the device, "" where it tells none."""
-        return self._opened.model
+            opened = self._worker.opened(open_timeout_s)
+        finally:
+            if not opened:
+                self._worker.close(0.0)
+        if not opened:
+            raise CameraLost(f"{name}: did not open within {open_timeout_s:g} s")
 
     def read(self, timeout_s: float) -> Frame:
         """Newest frame not yet returned; raises CameraTimeout or CameraLost."""
-        if self._link.stop.is_set():
-            raise CameraLost("it is closed")
-        self._link.asked.set()
-        return self._link.newest.take(timeout_s)
+        if self._end:
+            raise CameraLost(self._end)
+        self._asked.set()
+        try:
+            newest = self._worker.take(timeout_s)
+        except CameraLost as error:
+            self._end = str(error)
+            raise
+        if not newest:
+            raise CameraLost(self._end) if self._end else CameraTimeout(f"no frame within {timeout_s:g} s")
+        frame, count = newest[-1]
+        skipped, self._returned = count - self._returned - 1, count
+        return replace(frame, dropped=skipped)
 
     def close(self) -> None:
         """Release the device; safe to call twice."""
-        self._link.stop.set()
-        self._link.newest.end("it is closed")
-        self._thread.join(CLOSING_S)
+        self._end = "it is closed"
+        self._worker.close(CLOSING_S)
+
+    @contextmanager
+    def _source(self) -> Iterator[Callable[[None], tuple[Frame, int] | None]]:
+        source = self._open_source()
+
+        def grab(_: None) -> tuple[Frame, int] | None:
+            """A frame, and the number of all frames up to it, lost ones too."""
+            if source.on_demand and not self._asked.wait(POLL_S):
+                return None
+            try:
+                frame = source.grab()
+            except CameraLost:
+                raise
+            except Exception as error:  # whatever a maker's library raises during a run: the camera is lost
+                raise CameraLost(f"{type(error).__name__}: {' '.join(str(error).split())}") from error
+            if frame is None:
+                return None
+            self._asked.clear()
+            self._counted += 1 + frame.dropped
+            return frame, self._counted
+
+        try:
+            self.serial, self.model = (str(getattr(source, name, "")) for name in ("serial", "model"))
+            self.shape, self.bits = source.shape, source.bits
+            yield grab
+        finally:
+            source.close()

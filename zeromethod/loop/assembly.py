@@ -10,9 +10,9 @@ from zeromethod.exposure.exposures import Exposures
 from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.exposure.strip_reading import StripReader, find_strips
 from zeromethod.loop.circle import Circle, Sensor, controller_of
-from zeromethod.loop.drawer import Presenter
-from zeromethod.loop.drawing import InThread, InTurn, Presenting
-from zeromethod.loop.warm_up import rehearse
+from zeromethod.loop.drawer import Drawer
+from zeromethod.loop.drawing import Drawing
+from zeromethod.loop.warm_up import warm_up
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target
 from zeromethod.pattern.strips import Strips
@@ -28,7 +28,7 @@ class Assembly:
 
     rest: Rest
     circle: Circle
-    presenting: Presenting
+    drawing: Drawing
 
 
 @dataclass(frozen=True)
@@ -41,18 +41,18 @@ class CircleParts:
 
 
 def assemble(rig: Rig, display: Display, optics: Optics, sensor: Sensor | None, live: bool) -> Assembly:
-    """Make the parts for one run. live: present in a thread of its own. sensor: in place of the rig's.
+    """Make the parts for one run. live: draw in a thread of its own. sensor: in place of the rig's.
 
     Raises InputError for a rig that sees no display, or where nothing can draw.
     """
     parts = make_circle(rig, optics, sensor)
 
-    def presenter() -> Presenter:
-        return Presenter(rig, display, parts.rest, parts.strips)
+    def drawer() -> Drawer:
+        return Drawer(rig, display, parts.rest, parts.strips)
 
     coded = parts.strips is not None
-    presenting = InThread(presenter, coded, rig.control.timeout_s) if live else InTurn(presenter, coded)
-    return Assembly(parts.rest, parts.circle, presenting)
+    drawing = Drawing(drawer, coded, rig.control.timeout_s, live)
+    return Assembly(parts.rest, parts.circle, drawing)
 
 
 def make_circle(
@@ -83,5 +83,5 @@ def make_circle(
         black_grey = rig.camera.noise.black_grey
         return Circle(rest, exposures, sensor, controller, black_grey, light if light.needed else None)
 
-    rehearse(circle(), target, rig.camera)
+    warm_up(circle(), target, rig.camera)
     return CircleParts(rest, strips, circle())

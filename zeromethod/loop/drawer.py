@@ -1,4 +1,4 @@
-"""Giving a warp to the display, drawn in place where it can be."""
+"""The target pattern drawn through a warp on the display."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from zeromethod.rig.model import Rig
 from zeromethod.warp.rest import Rest
 
 
-class Presenter:
+class Drawer:
     """Draws warps on one display: through its own GL context, or as images where it has none.
 
-    A display's own context is only touched inside its `draw`, where it is current: what draws is prepared at
-    the first picture.
+    A display's own context is only used inside the display's `draw`, where it is current: the renderer is
+    made with the first picture.
     """
 
     def __init__(self, rig: Rig, display: Display, rest: Rest, strips: Strips | None = None) -> None:
-        """Find what draws; InputError where no GL context can be had. strips: where codes are drawn."""
+        """InputError where no GL context can be had. strips: where codes are drawn."""
         self._rig = rig
         self._strips = strips
         self._rest = rest
@@ -32,7 +32,7 @@ class Presenter:
         """Name of what draws, as GL gives it."""
         return str(self._context.info["GL_RENDERER"])
 
-    def present(self, q: Float, code: int | None = None) -> int:
+    def draw(self, q: Float, code: int | None = None) -> int:
         """Show the target warped by `q` (rows, cols, 2) LCD px, with `code` in its strips; time in ns.
 
         Raises DisplayLost; TypeError where the display does not say when.

@@ -9,16 +9,16 @@ from zeromethod.clock import Clock
 from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, Frame
 from zeromethod.loop.events import Event
 from zeromethod.loop.live.capture import Capture
-from zeromethod.loop.live.reopening import LiveReopener, Reopener
+from zeromethod.loop.live.reopening import Reopener
 from zeromethod.loop.state import Outcome
 
 TIMEOUTS_TO_STALL = 3
-"""Read timeouts running after which the camera counts as stalled."""
+"""Consecutive read timeouts after which the camera counts as stalled."""
 
 
 @dataclass(frozen=True)
 class Trouble:
-    """A turn without a usable frame. `ends`: nothing more can be done."""
+    """A step without a usable frame. `ends`: nothing more can be done."""
 
     outcome: Outcome
     reason: str
@@ -27,14 +27,14 @@ class Trouble:
 
 
 def _check_members(frame: Frame) -> None:
-    """Refuse what is no frame at all. Frames of a class of one's own will do."""
+    """Refuse what lacks a frame's members; frames may be of any class."""
     missing = [field.name for field in fields(Frame) if not hasattr(frame, field.name)]
     if missing:
         raise TypeError(f"read() gave {type(frame).__name__}, which lacks {', '.join(missing)}")
 
 
 class FrameSource:
-    """A camera, opened again when it is lost. What is not a camera's to raise passes through."""
+    """A camera, opened again when it is lost. Errors that a camera may not raise pass through."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class FrameSource:
         self._meanwhile = meanwhile
         self._timeout_s = timeout_s
         self._camera = self._guarded(camera)
-        self._reopener = (Reopener if meanwhile is None else LiveReopener)(reopen, clock)
+        self._reopener = Reopener(reopen, clock, live=meanwhile is not None)
         self._timeouts = 0
         self._lost: str | None = None
 
@@ -67,7 +67,7 @@ class FrameSource:
         return frame
 
     def close(self) -> None:
-        """Read no more, and open no more; the camera stays open."""
+        """End reading and reopening; the camera stays open."""
         self._read_no_more()
         self._reopener.close()
 

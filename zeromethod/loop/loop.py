@@ -21,7 +21,7 @@ from zeromethod.loop.events import Event, Notice
 from zeromethod.loop.frame_check import FrameCheck, FrameVerdict, own
 from zeromethod.loop.frame_source import FrameSource, Trouble
 from zeromethod.loop.light_quality import LightQuality
-from zeromethod.loop.live.paused_gc import Steady
+from zeromethod.loop.live.paused_gc import PausedGC
 from zeromethod.loop.notices import Notices
 from zeromethod.loop.pattern_dwell import PatternDwell
 from zeromethod.loop.screen import Screen
@@ -78,14 +78,14 @@ class Loop:
         timeout_s = rig.control.timeout_s
         timed = self.delay is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
-        self._screen = Screen(parts.presenting, self._circle, clock, dwell, repaints=self.live)
+        self._screen = Screen(parts.drawing, self._circle, clock, dwell, repaints=self.live)
         self._watch = DisplayWatch(display, timeout_s if self.live else None)
         meanwhile = self._attend if self.live else None
         self._source = FrameSource(camera, reopen_camera, clock, timeout_s, meanwhile)
         self._check = FrameCheck(rig.camera)
         self._quality = LightQuality(self.rest.seen, rig.camera.noise.black_grey)
         self._notices = Notices()
-        self._garbage: Steady | None = None
+        self._garbage: PausedGC | None = None
         self._wrong_frames = 0
         self._steps = 0
         self._start_ns: int | None = None
@@ -181,7 +181,7 @@ class Loop:
         with ExitStack() as stack:
             stack.callback(self._finish)
             if self.live:
-                self._garbage = stack.enter_context(Steady())
+                self._garbage = stack.enter_context(PausedGC())
             while not (self.over or self._stop):
                 if frames is not None and taken >= frames:
                     break

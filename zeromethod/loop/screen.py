@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from zeromethod.clock import Clock
 from zeromethod.loop.circle import Circle
-from zeromethod.loop.drawing import Presented, Presenting
+from zeromethod.loop.drawing import Drawing, Drawn
 from zeromethod.loop.pattern_dwell import PatternDwell
 
 REPAINT_S = 1.0
@@ -20,14 +20,14 @@ class Screen:
     """
 
     def __init__(
-        self, presenting: Presenting, circle: Circle, clock: Clock, dwell: PatternDwell | None, repaints: bool
+        self, drawing: Drawing, circle: Circle, clock: Clock, dwell: PatternDwell | None, repaints: bool
     ) -> None:
-        self.presented: list[Presented] = []
+        self.presented: list[Drawn] = []
         """Pictures presented since `begin`."""
         self.presented_before = 0
         """How many of them before the step's frame was looked at."""
         self.dwell = dwell
-        self._presenting = presenting
+        self._drawing = drawing
         self._circle = circle
         self._clock = clock
         self._repaints = repaints
@@ -37,7 +37,7 @@ class Screen:
     @property
     def gl_renderer(self) -> str:
         """Name of what draws the pattern, as GL gives it."""
-        return self._presenting.gl_renderer
+        return self._drawing.gl_renderer
 
     def begin(self) -> None:
         """Begin a step."""
@@ -47,7 +47,7 @@ class Screen:
         """Have the present command drawn."""
         self._undrawn = False
         self._posted_ns = self._clock.now_ns()
-        self._presenting.post(self._circle.controller.commanded, self._circle.seen_ns)
+        self._drawing.post(self._circle.controller.commanded, self._circle.seen_ns)
 
     def repaint_if_due(self) -> None:
         """Draw the command again where it has stood for `REPAINT_S` of the host's time."""
@@ -68,7 +68,7 @@ class Screen:
 
     def collect(self) -> None:
         """Note in the log what was presented."""
-        for one in self._presenting.collect():
+        for one in self._drawing.collect():
             self._circle.presented(one.time_ns, one.q, one.code, seen_ns=one.seen_ns)
             if self.dwell is not None:
                 self.dwell.presented(one.time_ns)
@@ -86,4 +86,4 @@ class Screen:
 
     def close(self) -> None:
         """Draw nothing more; the display stays open."""
-        self._presenting.close()
+        self._drawing.close()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from zeromethod.arrays import Float, Image
-from zeromethod.loop.drawing import Presented
+from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 from zeromethod.sensing.residual import Residual
@@ -49,7 +49,7 @@ class Step:
     exposure_ns: int = 0
     frozen: bool = False
     sensed: bool = False
-    presented: tuple[Presented, ...] = ()
+    presented: tuple[Drawn, ...] = ()
     presented_before: int = 0
     zero: Float | None = None
     image: Image | None = None

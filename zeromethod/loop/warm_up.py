@@ -1,4 +1,4 @@
-"""Frames made up to be thrown away, so that no real one waits for code to be compiled or loaded."""
+"""Made-up frames sent round a circle, so that no real frame waits for code to be compiled or loaded."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from zeromethod.pattern import Target
 from zeromethod.rig.model import CameraSpec
 
 _FRAMES = 8
-"""Enough for a motion to be believed and led."""
+"""Enough for a motion to be accepted and predicted."""
 
 _STEP_PX = 2
 """Camera px per frame that the made-up picture moves by: pictures mix, nodes move, nothing saturates."""
 
 
-def rehearse(circle: Circle, target: Target, camera: CameraSpec) -> None:
+def warm_up(circle: Circle, target: Target, camera: CameraSpec) -> None:
     """Send made-up frames round a circle of its own, which is of no use afterwards.
 
     They show the target drifting along u while every exposure spans two presentations, so that all steps of

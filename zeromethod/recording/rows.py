@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.arrays import Float, Image
-from zeromethod.loop.drawing import Presented
+from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.step import Step
 from zeromethod.recording.schema import ANCHORS, EVENTS, STATES, Part, number_name
 from zeromethod.surface import Peak, Surface
@@ -82,7 +82,7 @@ class Rows:
         """Row of frames that are not in the file."""
         return self._row("drops/table", turn, time_ns, count, what, why)
 
-    def presented(self, one: Presented, after_turn: int) -> Item:
+    def presented(self, one: Drawn, after_turn: int) -> Item:
         """Row of a picture."""
         seen_ns = -1 if one.seen_ns is None else one.seen_ns
         code = -1 if one.code is None else one.code
@@ -116,7 +116,7 @@ class Rows:
             return False
         return bool(image.shape == part.shape and image.dtype == part.dtype)
 
-    def picture(self, one: Presented, row: int) -> list[Item]:
+    def picture(self, one: Drawn, row: int) -> list[Item]:
         """Warp of a picture, which has that row of the table."""
         return self._group("pictures", row, {"q": one.q})
 

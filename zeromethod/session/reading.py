@@ -1,11 +1,12 @@
-"""From a step's warp to depth: in turn, or in a thread beside the loop that reads the newest only."""
+"""Steps read into surfaces, and published: at once, or live in a thread that reads the newest step only."""
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
+from operator import or_
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +16,7 @@ from zeromethod.session.truth import Comparison
 from zeromethod.surface import Peak, Surface
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
+from zeromethod.worker import SameThread, Worker
 
 CLOSING_S = 0.4
 """How long the end of a run waits for the reading under way."""
@@ -23,16 +25,16 @@ CLOSING_S = 0.4
 def warm_up_warp(rest: Rest) -> Warp:
     """A made-up warp to read before the first real one, which then waits for no code to be compiled.
 
-    It leaves its mark on the reader's weights: who reads a session again begins with it, too.
+    It changes the reader's weights: whoever reads a session again starts with it, too.
     """
     return Warp(rest.q, np.full_like(rest.q, 0.01), rest.flags, 0)
 
 
 class Publisher(Protocol):
-    """Anything that wants the readings of a run while it goes on, as `zeromethod.publishing.Publisher`."""
+    """Anything that takes the readings of a run while it goes on, as `zeromethod.publishing.Publisher`."""
 
     def publish(self, step: Step, reading: tuple[Surface, Peak] | None = None) -> None:
-        """Take one turn of the loop, with its surface and that one's peak where it was read."""
+        """Take one step of the loop, with its surface and that one's peak where it was read."""
 
 
 @dataclass(frozen=True)
@@ -47,97 +49,45 @@ class Reading:
     untouched_rms_nm: tuple[float, float] | None = None
 
 
-class ReadInTurn:
-    """Reads every step at once."""
+class StepReader:
+    """Reads steps that were measured, and publishes all: at once, or live in a thread of its own.
 
-    def __init__(self, read: Callable[[Step], Reading], publisher: Publisher | None) -> None:
-        self._read = read
-        self._publisher = publisher
-        self._done: list[Reading] = []
-
-    def post(self, step: Step) -> None:
-        """Read a step, if it was measured, and publish it."""
-        reading = None if step.measured is None else self._read(step)
-        if reading is not None:
-            self._done.append(reading)
-        if self._publisher is not None:
-            self._publisher.publish(step, None if reading is None else (reading.surface, reading.peak))
-
-    def collect(self) -> list[Reading]:
-        """Readings since the last call."""
-        done, self._done = self._done, []
-        return done
-
-    def close(self) -> None:
-        """Nothing is under way."""
-
-
-class ReadInThread:
-    """Reads and publishes in a thread of its own. A step that was not yet begun is replaced by the next.
-
-    What is replaced goes unread: the loop never waits, and nothing queues. A step without a measurement does
-    not replace one with: it is published before it.
+    Live, a step that waits is replaced by a newer one and goes unread: the loop never waits, and nothing
+    queues. Measured steps and others wait apart, one of each.
     """
 
-    def __init__(self, read: Callable[[Step], Reading], publisher: Publisher | None) -> None:
-        self._in_turn = ReadInTurn(read, publisher)
+    def __init__(self, read: Callable[[Step], Reading], publisher: Publisher | None, live: bool) -> None:
+        self._read = read
         self._publisher = publisher
-        self._changed = threading.Condition()
-        self._measured: Step | None = None
-        self._other: Step | None = None
-        self._done: list[Reading] = []
-        self._error: BaseException | None = None
-        self._closed = False
-        self._thread = threading.Thread(target=self._serve, name="read surface", daemon=True)
-        self._thread.start()
+        self._worker: Worker[dict[bool, Step], list[Reading]] | SameThread[dict[bool, Step], list[Reading]]
+        if live:
+            self._worker = Worker("read surface", lambda: nullcontext(self._serve), merge=or_)
+        else:
+            self._worker = SameThread(lambda: nullcontext(self._serve))
 
     def post(self, step: Step) -> None:
-        """Read a step next, and publish it. Returns at once; raises what an earlier reading raised."""
-        self._raise()
-        with self._changed:
-            if step.measured is not None:
-                self._measured = step
-            else:
-                self._other = step
-            self._changed.notify_all()
+        """Read a step next, and publish it. Live, it returns at once; raises what a reading raised."""
+        self._worker.raise_failure()
+        self._worker.post({step.measured is not None: step})
 
     def collect(self) -> list[Reading]:
-        """Readings finished since the last call, in order."""
-        with self._changed:
-            done, self._done = self._done, []
-            return done
+        """Readings finished since the last call, in order; raises what a reading raised."""
+        return [reading for readings in self._worker.take() for reading in readings]
 
     def close(self) -> None:
-        """Finish what was posted, for `CLOSING_S` at most; raises what reading raised, if not yet told."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify_all()
-        self._thread.join(CLOSING_S)
-        self._raise()
+        """Finish what was posted, within `CLOSING_S`; raises what a reading raised, if not yet raised."""
+        self._worker.close(CLOSING_S, finish=True)
+        self._worker.raise_failure()
 
-    def _raise(self) -> None:
-        with self._changed:
-            error, self._error = self._error, None
-        if error is not None:
-            raise error
-
-    def _serve(self) -> None:
-        try:
-            while steps := self._await():
-                for step in steps:
-                    self._in_turn.post(step)
-                with self._changed:
-                    self._done += self._in_turn.collect()
-        except BaseException as error:  # whatever it is, it belongs to the thread of the run
-            with self._changed:
-                self._error = error
-
-    def _await(self) -> list[Step]:
-        with self._changed:
-            self._changed.wait_for(lambda: self._measured or self._other or self._closed)
-            steps = [step for step in (self._other, self._measured) if step is not None]
-            self._other = self._measured = None
-            return sorted(steps, key=lambda step: step.number)
+    def _serve(self, steps: dict[bool, Step]) -> list[Reading]:
+        readings = []
+        for step in sorted(steps.values(), key=lambda step: step.number):
+            reading = None if step.measured is None else self._read(step)
+            if reading is not None:
+                readings.append(reading)
+            if self._publisher is not None:
+                self._publisher.publish(step, None if reading is None else (reading.surface, reading.peak))
+        return readings
 
 
 def timed(read: Callable[[], tuple[Surface, Peak]]) -> tuple[Surface, Peak, float]:

@@ -21,7 +21,7 @@ from zeromethod.loop.state import NULLED
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
-from zeromethod.session.reading import Publisher, Reading, ReadInThread, ReadInTurn, timed, warm_up_warp
+from zeromethod.session.reading import Publisher, Reading, StepReader, timed, warm_up_warp
 from zeromethod.session.result import FrameRecord, RunResult, Snapshot
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.session.truth import AT_REST, TruthSource, compare, usable_nodes
@@ -104,7 +104,7 @@ class Run:
             stack.callback(self._end_recording)
             if self.loop.live:
                 stack.enter_context(self._surfaces.beside(warm_up_warp(self.loop.rest)))
-            reading = (ReadInThread if self.loop.live else ReadInTurn)(self._read, self._publisher)
+            reading = StepReader(self._read, self._publisher, self.loop.live)
             stack.callback(self._take, reading)
             stack.callback(reading.close)
             stack.callback(self._post_end, reading)
@@ -125,7 +125,7 @@ class Run:
         self.result.interrupted = True
         self.loop.stop()
 
-    def _post_end(self, reading: ReadInTurn | ReadInThread) -> None:
+    def _post_end(self, reading: StepReader) -> None:
         """Whoever follows the run learns how it ended."""
         if self.loop.ended is not None:
             reading.post(self.loop.ended)
@@ -173,7 +173,7 @@ class Run:
                 truth = compare(surface, self._truth(step.time_ns), self._optics, self._grid)
         return Reading(step, surface, deepest, read_ms, truth, untouched)
 
-    def _record(self, step: Step, reading: ReadInTurn | ReadInThread) -> FrameRecord:
+    def _record(self, step: Step, reading: StepReader) -> FrameRecord:
         if self._start_ns is None:
             self._start_ns = step.time_ns
         nan = float("nan")
@@ -221,7 +221,7 @@ class Run:
             f"{margin_words(self.result.margin, control)}",
         )
 
-    def _take(self, reading: ReadInTurn | ReadInThread) -> None:
+    def _take(self, reading: StepReader) -> None:
         """Enter what has been read into the records of its frames."""
         for one in reading.collect():
             # every step has a record, and they are numbered in turn

@@ -1,4 +1,4 @@
-"""Keeping Python's own housekeeping out of the turns of a live loop."""
+"""Python's garbage collection, paused while a live loop deals with a frame."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ SWITCH_S = 0.0005
 """How long another thread may go on computing once the loop wants to; Python's own default is 5 ms."""
 
 COLLECTED_ABOVE = 20_000
-"""Objects made since the last collection from which the next one is due."""
+"""How many objects made since the last collection make the next one due."""
 
 
-class Steady:
-    """A context in which garbage is collected only when `idle` is called, and threads give way quickly.
+class PausedGC:
+    """A context in which garbage is collected only when `idle` is called, and threads switch quickly.
 
-    What exists at its start is not looked through again, so that a collection takes well under a millisecond.
+    Objects that exist at its start are not examined again, so that a collection takes well under 1 ms.
     """
 
-    def __enter__(self) -> Steady:
+    def __enter__(self) -> PausedGC:
         self._collected = gc.isenabled()
         self._switch_s = sys.getswitchinterval()
         gc.collect()
@@ -29,7 +29,7 @@ class Steady:
         return self
 
     def idle(self) -> None:
-        """Collect if that is due: now is a moment when nothing waits for the loop."""
+        """Collect if that is due; to be called when nothing waits for the loop."""
         if gc.get_count()[0] > COLLECTED_ABOVE:
             gc.collect(1)
 

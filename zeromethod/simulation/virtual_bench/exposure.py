@@ -1,9 +1,9 @@
-"""One exposure of the monitor: grabbed several times, alike pictures told as one."""
+"""Exposures of the monitor: each grabbed several times, equal pictures merged."""
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -12,6 +12,7 @@ import numpy as np
 from zeromethod.arrays import Bytes
 from zeromethod.clock import HostClock
 from zeromethod.rig.model import CameraSpec
+from zeromethod.worker import Worker
 
 GRABS = 4
 """Grabs per exposure, evenly spread: a picture's share of the light is known to a quarter."""
@@ -51,44 +52,21 @@ class Exposer:
         self._period_ns = 1e9 / rate_hz
         self._exposure_ns = round(1e9 * camera.exposure_s)
         self._start_ns = self._clock.now_ns()
-        self._changed = threading.Condition()
-        self._newest: Exposure | None = None
-        self._error: Exception | None = None
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="exposer", daemon=True)
-        self._thread.start()
+        self._worker: Worker[None, Exposure] = Worker("exposer", self._grabber, kept=1, idle=(0.0, None))
 
     def take(self, timeout_s: float) -> Exposure | None:
         """Newest exposure not yet taken, None when none comes in time; raises what grabbing raised."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._newest is not None or self._error is not None, timeout_s)
-            if self._error is not None:
-                raise self._error
-            taken, self._newest = self._newest, None
-            return taken
+        taken = self._worker.take(timeout_s)
+        return taken[-1] if taken else None
 
     def close(self) -> None:
         """Stop; safe to call twice."""
-        self._stop.set()
-        self._thread.join(1.0)
+        self._worker.close(1.0)
 
-    def _run(self) -> None:
-        try:
-            grabber = self._opened()
-            try:
-                while not self._stop.is_set():
-                    self._keep(self._expose(grabber))
-            finally:
-                grabber.close()
-        except Exception as error:  # told to whoever takes the exposures
-            with self._changed:
-                self._error = error
-                self._changed.notify()
-
-    def _keep(self, exposure: Exposure) -> None:
-        with self._changed:
-            self._newest = exposure
-            self._changed.notify()
+    @contextmanager
+    def _grabber(self) -> Iterator[Callable[[None], Exposure]]:
+        with closing(self._opened()) as grabber:
+            yield lambda _: self._expose(grabber)
 
     def _expose(self, grabber: Grabber) -> Exposure:
         number = int((self._clock.now_ns() - self._start_ns) // self._period_ns) + 1
@@ -97,12 +75,12 @@ class Exposer:
         for index in range(GRABS):
             self._clock.sleep_until_ns(start_ns + self._exposure_ns * (2 * index + 1) // (2 * GRABS))
             shots.append(grabber.grab())
-        pictures = alike(shots)
-        return Exposure(number, start_ns + self._exposure_ns // 2, start_ns + self._exposure_ns, pictures)
+        middle_ns, end_ns = start_ns + self._exposure_ns // 2, start_ns + self._exposure_ns
+        return Exposure(number, middle_ns, end_ns, merged(shots))
 
 
-def alike(shots: list[Bytes]) -> tuple[tuple[Bytes, float], ...]:
-    """Pictures and their shares: shots that follow one another unchanged are one picture."""
+def merged(shots: list[Bytes]) -> tuple[tuple[Bytes, float], ...]:
+    """Pictures and their shares; equal consecutive shots are one picture."""
     pictures: list[tuple[Bytes, float]] = []
     for shot in shots:
         if pictures and np.array_equal(shot, pictures[-1][0]):

@@ -6,18 +6,21 @@ import contextlib
 import select
 import socket
 import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from fractions import Fraction
 
 import numpy as np
 
 from zeromethod.arrays import Image
 from zeromethod.errors import InputError
+from zeromethod.worker import Worker
 
 POLL_S = 0.1
-"""How long anything waits before it looks whether it is to end."""
+"""How long anything waits before it checks whether it is to end."""
 
 SEND_BUFFER = 64 * 1024
-"""Bytes that the system may hold back for the client: less than a frame, so that none waits there."""
+"""Bytes that the system may buffer for the client: less than a frame, so that no frame waits there."""
 
 
 def stream_header(columns: int, rows: int, rate_hz: float, bits: int) -> bytes:
@@ -31,16 +34,14 @@ class FrameServer:
     """Serves frames to one client at a time on this machine's loopback.
 
     Each client gets the header, then a line FRAME and the pixels, row by row, of every frame that it has
-    time for: while one is sent, one more is kept, and a newer one takes its place. A new client is let in
-    once the one before has gone.
+    time for: while one is sent, one more waits, and a newer one replaces it. A new client is let in once the
+    previous one has gone.
     """
 
     def __init__(self, port: int, header: bytes) -> None:
         """Listen on `port` (0: any free one); InputError when it is in use."""
         self._header = header
-        self._changed = threading.Condition()
-        self._waiting: bytes | None = None
-        self._connected = False
+        self._client: socket.socket | None = None
         self._stop = threading.Event()
         self._socket = socket.socket()
         try:
@@ -52,64 +53,59 @@ class FrameServer:
             self._socket.close()
             raise InputError(f"--port: {port}: {error.strerror or error}") from error
         self.port: int = self._socket.getsockname()[1]
-        self._socket.settimeout(POLL_S)
-        self._thread = threading.Thread(target=self._serve, name="frame server", daemon=True)
-        self._thread.start()
+        self._socket.setblocking(False)
+        self._worker: Worker[bytes | None, None]
+        self._worker = Worker("frame server", self._serving, idle=(POLL_S, None))
 
     @property
     def connected(self) -> bool:
         """Whether a client is there."""
-        return self._connected
+        return self._client is not None
 
     def put(self, image: Image) -> bool:
-        """Hand over a frame (rows, cols), uint8 or uint16; never waits. False: nobody is there."""
+        """Send a frame (rows, cols), uint8 or uint16, next; returns at once. False: nobody is there."""
+        if not self.connected:
+            return False
         little = image.astype(image.dtype.newbyteorder("<"), copy=False)
-        data = b"FRAME\n" + np.ascontiguousarray(little).tobytes()
-        with self._changed:
-            if not self._connected:
-                return False
-            self._waiting = data
-            self._changed.notify()
-            return True
+        self._worker.post(b"FRAME\n" + np.ascontiguousarray(little).tobytes())
+        return True
 
     def close(self) -> None:
-        """Send the client away and stop listening; safe to call twice."""
+        """Disconnect the client and stop listening; safe to call twice."""
         self._stop.set()
-        with self._changed:
-            self._changed.notify_all()
-        self._thread.join(1.0)
+        self._worker.close(1.0)
         self._socket.close()
 
-    def _serve(self) -> None:
-        while not self._stop.is_set():
-            try:
-                client, _ = self._socket.accept()
-            except TimeoutError:
-                continue
-            except OSError:
-                return
-            # a client that has gone shows as an error of some kind; the next one is welcome
-            with client, contextlib.suppress(OSError):
-                client.settimeout(POLL_S)
-                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                with self._changed:
-                    self._connected = True
-                self._feed(client)
-            with self._changed:
-                self._connected = False
-                self._waiting = None
+    @contextmanager
+    def _serving(self) -> Iterator[Callable[[bytes | None], None]]:
+        try:
+            yield self._serve
+        finally:
+            self._disconnect()
 
-    def _feed(self, client: socket.socket) -> None:
-        """Send frames until the client has gone (OSError) or the server is to end."""
-        self._send(client, self._header)
-        while not self._stop.is_set():
-            with self._changed:
-                self._changed.wait_for(lambda: self._waiting is not None or self._stop.is_set(), POLL_S)
-                data, self._waiting = self._waiting, None
-            if data is not None:
-                self._send(client, data)
-            elif _has_left(client):
-                return
+    def _serve(self, data: bytes | None) -> None:
+        """Send a frame; without one, let a client in, or notice that it has gone."""
+        try:
+            if self._client is None:
+                self._let_in()
+            elif data is not None:
+                self._send(self._client, data)
+            elif _has_left(self._client):
+                self._disconnect()
+        except OSError:  # a client that has gone shows as an error of some kind; the next one is welcome
+            self._disconnect()
+
+    def _let_in(self) -> None:
+        if select.select([self._socket], [], [], 0.0)[0]:
+            self._client, _ = self._socket.accept()
+            self._client.settimeout(POLL_S)
+            self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._send(self._client, self._header)
+
+    def _disconnect(self) -> None:
+        client, self._client = self._client, None
+        if client is not None:
+            client.close()
 
     def _send(self, client: socket.socket, data: bytes) -> None:
         left = memoryview(data)
@@ -119,6 +115,5 @@ class FrameServer:
 
 
 def _has_left(client: socket.socket) -> bool:
-    """Whether the client has closed its end (it has nothing to say otherwise)."""
-    readable, _, _ = select.select([client], [], [], 0.0)
-    return bool(readable) and client.recv(1024) == b""
+    """Whether the client has closed its end; it sends nothing otherwise."""
+    return bool(select.select([client], [], [], 0.0)[0]) and client.recv(1024) == b""
