@@ -19,7 +19,7 @@ from zeromethod.optics import Dented, DepthField, Optics
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.truth import TrueMirror, TruthSource, usable_nodes
+from zeromethod.surface.comparison import TrueMirror, TruthSource, usable_nodes
 
 Array = NDArray[np.float64]
 

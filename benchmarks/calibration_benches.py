@@ -58,13 +58,13 @@ from zeromethod.optics import Optics
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.run import Run
-from zeromethod.session.truth import true_peak_mm
+from zeromethod.session.session import Session
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
+from zeromethod.surface.comparison import true_peak_mm
 from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
@@ -206,7 +206,7 @@ def followed(rig: Rig, bench: Rig, presses: Sequence[tuple[Dent, ...]]) -> tuple
         camera = devices.camera
         assert isinstance(camera, SimulatedCamera)
         camera.scenario = Scenario("others", paths, seconds)
-        for _ in Run(rig, devices, taken).steps(seconds=seconds):
+        for _ in Session(rig, devices=devices, publisher=taken).run(seconds=seconds):
             pass
     return taken, [down + round(1e9 * MOVE_S) for down in downs]
 

@@ -51,8 +51,8 @@ from zeromethod.optics import Dented, Optics, check_geometry
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.truth import true_peak_mm, usable_nodes
 from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.surface.comparison import true_peak_mm, usable_nodes
 from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import warp_flags

@@ -25,9 +25,9 @@ from benchmarks.bench_report import Figure, Report, finish, options, progress
 from benchmarks.bench_rigs import VIEW_MIDDLE_MM, Array
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.load import load_rig
-from zeromethod.session.truth import true_peak_mm, usable_nodes
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface import SurfaceReader, peak
+from zeromethod.surface.comparison import true_peak_mm, usable_nodes
 from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import warp_flags

@@ -32,13 +32,13 @@ from zeromethod.optics import Dented, Optics
 from zeromethod.pattern import PatternRenderer, Response, Target
 from zeromethod.rig.model import Rig
 from zeromethod.sensing import ResidualSensor
-from zeromethod.session.truth import usable_nodes
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.panel import Panel, Presentation
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
 from zeromethod.surface import DepthCovariance, SurfaceReader
+from zeromethod.surface.comparison import usable_nodes
 from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.rest import Rest
 

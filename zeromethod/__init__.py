@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from zeromethod.rig.load import load_rig
     from zeromethod.rig.model import Rig
     from zeromethod.session.result import RunResult
-    from zeromethod.session.run import run
+    from zeromethod.session.session import Session, run
     from zeromethod.session.summary import summarise
     from zeromethod.surface import Surface, SurfaceReader, peak
     from zeromethod.thread_limits import limit_threads
@@ -46,6 +46,7 @@ _HOME = {
     "Optics": "zeromethod.optics",
     "Rig": "zeromethod.rig.model",
     "RunResult": "zeromethod.session",
+    "Session": "zeromethod.session",
     "State": "zeromethod.loop",
     "Step": "zeromethod.loop",
     "Surface": "zeromethod.surface",
@@ -71,6 +72,7 @@ __all__ = [
     "Optics",
     "Rig",
     "RunResult",
+    "Session",
     "State",
     "Step",
     "Surface",

@@ -19,7 +19,7 @@ from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import Frame
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
-from zeromethod.session.run import Run
+from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
 
 Figures = dict[str, Any]
@@ -63,12 +63,12 @@ def measure(figures: Figures, on_step: OnStep, quick: bool) -> None:
     with open_devices(rig) as devices:
         camera = _Watched(devices.camera)
         devices.camera = camera
-        session = Run(rig, devices)
+        session = Session(rig, devices=devices)
         on_step("loop")
         before = None
         result = session.result
         try:
-            for record in session.steps(frames=_frames(quick)):
+            for record in session.run(frames=_frames(quick)):
                 image = camera.image
                 if before is not None and image is not None and record.number > WARM_UP_FRAMES:
                     started = time.perf_counter()

@@ -59,7 +59,6 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.sensing.sensor import ResidualSensor
-from zeromethod.session.truth import AT_REST, Comparison, TrueMirror, compare
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
 from zeromethod.simulation.path import PathPoint, PressPath
@@ -67,6 +66,7 @@ from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.response import light_of_codes
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface import SurfaceReader
+from zeromethod.surface.comparison import AT_REST, Comparison, TrueMirror, compare
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_pixels import RestGrid
 from zeromethod.warp.warp import Warp

@@ -13,8 +13,8 @@ from zeromethod.optics import Dented, Optics
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.result import RunResult
-from zeromethod.session.run import Run, run
-from zeromethod.session.truth import AT_REST, usable_nodes
+from zeromethod.session.session import Session, run
+from zeromethod.surface.comparison import AT_REST, usable_nodes
 from zeromethod.warp.grid import NodeGrid
 
 
@@ -84,7 +84,7 @@ def test_what_touches_is_marked_and_the_dim_flank_beside_it_is_not(tmp_path: Pat
     path = f"{point(0.1, 42.0, 0.0, 0.0)}, {point(0.25, 42.0, 0.0, 0.03)}"
     rig = paper(scenario(tmp_path, path, ball))
     with open_devices(rig) as devices:
-        session = Run(rig, devices)
+        session = Session(rig, devices=devices)
         step = list(session.loop.run(frames=32))[-1]
         assert step.measured is not None
         surface, _ = session._surfaces.read(step.measured)

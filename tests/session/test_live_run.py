@@ -21,10 +21,10 @@ from rich.console import Console
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.loop.state import NULLED, State
+from zeromethod.loop.step import StepFigures
 from zeromethod.session import surface_process as process
 from zeromethod.session.reading import CLOSING_S, StepReader
-from zeromethod.session.result import FrameRecord
-from zeromethod.session.run import Run
+from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
 from zeromethod.view.live import LiveStatus
 
@@ -152,12 +152,12 @@ def session(real: bool = True, window: bool = False) -> Iterator[tuple[Run, Publ
     published = Published()
     rig = small_rig(f"live_devices:{camera}", f"live_devices:{display}")
     with open_devices(rig) as devices:
-        run = Run(rig, devices, published)
+        run = Session(rig, devices=devices, publisher=published)
         run.devices = devices  # type: ignore[attr-defined]
         yield run, published
 
 
-def read(run: Run) -> list[FrameRecord]:
+def read(run: Session) -> list[StepFigures]:
     return [record for record in run.result.records if np.isfinite(record.depth_peak_mm)]
 
 
@@ -171,7 +171,7 @@ def test_a_run_reads_depth_and_publishes_to_the_end(real: bool) -> None:
         dent = 2.0 * away * np.exp(-0.5 * np.sum(away**2, axis=-1, keepdims=True))
 
         newest = []
-        for count, record in enumerate(run.steps(frames=40)):
+        for count, record in enumerate(run.run(frames=40)):
             newest.append(record.newest_peak_mm)
             if count == 15:
                 eye.away_px = dent
@@ -212,7 +212,7 @@ def test_an_interrupted_run_keeps_what_it_has_and_ends_within_a_second_though_th
             run.interrupt()
 
         threading.Thread(target=ask).start()
-        records = list(run.steps())
+        records = list(run.run())
         assert time.monotonic() - asked[0] < 1
         hung.set()
     assert run.result.interrupted
@@ -229,7 +229,7 @@ def test_a_window_that_is_closed_ends_the_run_with_its_reason() -> None:
         def close() -> None:
             raise DisplayLost("its window was closed")
 
-        for count, _ in enumerate(run.steps()):
+        for count, _ in enumerate(run.run()):
             if count == 10:
                 window.on_poll = close
     assert run.result.state is State.FAULT
@@ -240,7 +240,7 @@ def test_a_window_that_is_closed_ends_the_run_with_its_reason() -> None:
 
 def test_a_run_left_half_way_ends_its_threads() -> None:
     with session() as (run, published):
-        steps = run.steps()
+        steps = run.run()
         for _ in range(8):
             next(steps)
         steps.close()  # type: ignore[attr-defined]
@@ -254,7 +254,7 @@ def test_an_error_in_reading_ends_the_run_with_it(monkeypatch: pytest.MonkeyPatc
         raise FloatingPointError("surface")
 
     with session() as (run, _):
-        steps = run.steps(frames=200)
+        steps = run.run(frames=200)
         next(steps)
         monkeypatch.setattr(run._surfaces, "read", broken)
         with pytest.raises(FloatingPointError, match="surface"):
@@ -265,7 +265,7 @@ def test_an_error_in_reading_ends_the_run_with_it(monkeypatch: pytest.MonkeyPatc
 def test_a_run_whose_reading_process_is_killed_tells_it_and_reads_on() -> None:
     with session() as (run, _):
         killed, before = False, 0
-        for record in run.steps(seconds=20):
+        for record in run.run(seconds=20):
             reader = run._surfaces._process
             if not killed and reader is not None and np.isfinite(record.newest_peak_mm):
                 os.kill(reader.process_id, signal.SIGKILL)
@@ -284,7 +284,7 @@ def test_a_run_reads_though_no_process_can_be_started_for_it(monkeypatch: pytest
 
     monkeypatch.setattr(process, "start_beside", refuse)
     with session() as (run, _):
-        records = run.steps(seconds=20)
+        records = run.run(seconds=20)
         while len(read(run)) < 3:
             next(records)
         records.close()  # type: ignore[attr-defined]
@@ -302,7 +302,7 @@ def test_the_operator_sees_the_state_and_why_and_every_note() -> None:
         out = StringIO()
         console = Console(file=out, width=160, force_terminal=True, color_system=None)
         with LiveStatus(console, None, "seconds", "p pause  q stop") as live:
-            for count, record in enumerate(run.steps(frames=12)):
+            for count, record in enumerate(run.run(frames=12)):
                 live.update(record, count)
                 live._progress.refresh()
                 if count == 6:

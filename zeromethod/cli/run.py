@@ -33,7 +33,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.reading import Publisher
 from zeromethod.session.result import RunResult
-from zeromethod.session.run import Run
+from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
 from zeromethod.simulation.clone import SIMULATED, simulated_clone
 from zeromethod.thread_limits import limit_threads
@@ -127,9 +127,10 @@ def run_command(
             click.echo(
                 f"! {rig_name}: no {DOCUMENT} beside it: whether it fits this bench is not checked", err=True
             )
-        session = Run(rig, opened, publisher, recording.maker(rig, stored))
-        with stopped_by_signals(session.interrupt):
-            _follow(session, frames, seconds)
+        maker = recording.maker(rig, stored)
+        with Session(rig, devices=opened, publisher=publisher, record=maker) as session:
+            with stopped_by_signals(session.interrupt):
+                _follow(session, frames, seconds)
         recording.tell(session.result.recording)
         _report(session.result, figure, summary)
 
@@ -161,12 +162,12 @@ def _publishing(address: str | None, devices: Devices) -> Iterator[Publisher | N
         yield socket
 
 
-def _follow(session: Run, frames: int | None, seconds: float | None) -> None:
+def _follow(session: Session, frames: int | None, seconds: float | None) -> None:
     """Run to the end, with the state in the terminal and its keys obeyed."""
     total, unit = session.length(frames, seconds)
     with Keys() as keys, LiveStatus(Console(stderr=True), total, unit, HELP if keys.active else "") as live:
         session.loop.on_wait = keys.for_loop(session.loop)
-        for count, record in enumerate(session.steps(frames, seconds), start=1):
+        for count, record in enumerate(session.run(frames, seconds), start=1):
             live.update(record, count)
 
 

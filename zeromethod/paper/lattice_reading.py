@@ -16,8 +16,8 @@ from zeromethod.paper.press import LatticeView
 from zeromethod.paper.printed_lattice import photograph
 from zeromethod.paper.series import Series
 from zeromethod.rig.model import Rig
-from zeromethod.session.truth import TrueMirror
 from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.surface.comparison import TrueMirror
 
 DEPTH_MM, SIGMA_MM = 0.2, 5.0
 """The press of section 5: "about 0.2 mm" is given; its width is not, 5 mm is this project's choice."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass
 from operator import or_
 from typing import Protocol
 
 import numpy as np
 
 from zeromethod.loop.step import Step
-from zeromethod.session.truth import Comparison
 from zeromethod.surface import Peak, Surface
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
@@ -33,20 +31,8 @@ def warm_up_warp(rest: Rest) -> Warp:
 class Publisher(Protocol):
     """Anything that takes the readings of a run while it goes on, as `zeromethod.publishing.Publisher`."""
 
-    def publish(self, step: Step, reading: tuple[Surface, Peak] | None = None) -> None:
-        """Take one step of the loop, with its surface and that one's peak where it was read."""
-
-
-@dataclass(frozen=True)
-class Reading:
-    """What was read from one step. read_ms: how long it took. truth, untouched_rms_nm: see `FrameRecord`."""
-
-    step: Step
-    surface: Surface
-    peak: Peak
-    read_ms: float
-    truth: Comparison | None = None
-    untouched_rms_nm: tuple[float, float] | None = None
+    def publish(self, step: Step) -> None:
+        """Take one step of the loop, with its surface and peak where it was read."""
 
 
 class StepReader:
@@ -56,10 +42,10 @@ class StepReader:
     queues. Measured steps and others wait apart, one of each.
     """
 
-    def __init__(self, read: Callable[[Step], Reading], publisher: Publisher | None, live: bool) -> None:
+    def __init__(self, read: Callable[[Step], Step], publisher: Publisher | None, live: bool) -> None:
         self._read = read
         self._publisher = publisher
-        self._worker: Worker[dict[bool, Step], list[Reading]] | SameThread[dict[bool, Step], list[Reading]]
+        self._worker: Worker[dict[bool, Step], list[Step]] | SameThread[dict[bool, Step], list[Step]]
         if live:
             self._worker = Worker("read surface", lambda: nullcontext(self._serve), merge=or_)
         else:
@@ -70,8 +56,8 @@ class StepReader:
         self._worker.raise_failure()
         self._worker.post({step.measured is not None: step})
 
-    def collect(self) -> list[Reading]:
-        """Readings finished since the last call, in order; raises what a reading raised."""
+    def collect(self) -> list[Step]:
+        """Steps with their surfaces, finished since the last call, in order; raises what a reading raised."""
         return [reading for readings in self._worker.take() for reading in readings]
 
     def close(self) -> None:
@@ -79,14 +65,14 @@ class StepReader:
         self._worker.close(CLOSING_S, finish=True)
         self._worker.raise_failure()
 
-    def _serve(self, steps: dict[bool, Step]) -> list[Reading]:
+    def _serve(self, steps: dict[bool, Step]) -> list[Step]:
         readings = []
         for step in sorted(steps.values(), key=lambda step: step.number):
-            reading = None if step.measured is None else self._read(step)
-            if reading is not None:
-                readings.append(reading)
+            if step.measured is not None:
+                step = self._read(step)  # noqa: PLW2901 - the same step, with its surface
+                readings.append(step)
             if self._publisher is not None:
-                self._publisher.publish(step, None if reading is None else (reading.surface, reading.peak))
+                self._publisher.publish(step)
         return readings
 
 

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from zeromethod.loop.state import LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, State
-from zeromethod.session.result import FrameRecord, RunResult
+from zeromethod.loop.step import StepFigures
+from zeromethod.session.result import RunResult
 
 Figures = dict[str, Any]
 
@@ -26,10 +27,10 @@ def _versions() -> Mapping[str, str]:
     return {name: version(name) for name in _LIBRARIES}
 
 
-def lock_frames(records: list[FrameRecord], phase: str = "hold") -> int | None:
+def lock_frames(records: list[StepFigures], phase: str = "hold") -> int | None:
     """Frames from the start of `phase` (of the run, where there is none) to the first locked one.
 
-    Locked: residual rms below 0.05 camera px for three frames running; the first of the three counts.
+    Locked: residual rms below 0.05 camera px for three consecutive frames; the first of the three counts.
     None: never locked.
     """
     inside = [record for record in records if record.phase == phase] or records
@@ -48,7 +49,7 @@ def _percentiles(values: Iterable[float]) -> Figures:
     return {"median": float(np.median(finite)), "p99": float(np.percentile(finite, 99))}
 
 
-def _against_truth(records: list[FrameRecord], phase: str, states: frozenset[State]) -> Figures | None:
+def _against_truth(records: list[StepFigures], phase: str, states: frozenset[State]) -> Figures | None:
     """Errors over one phase's frames in `states`: the peak's worst frame, rms over all nodes and frames."""
     errors = [
         record.truth
@@ -74,7 +75,7 @@ def _against_truth(records: list[FrameRecord], phase: str, states: frozenset[Sta
     }
 
 
-def _untouched(records: list[FrameRecord]) -> Figures | None:
+def _untouched(records: list[StepFigures]) -> Figures | None:
     values = [record.untouched_rms_nm for record in records if record.untouched_rms_nm is not None]
     if not values:
         return None
@@ -82,7 +83,7 @@ def _untouched(records: list[FrameRecord]) -> Figures | None:
     return {"frames": len(values), "depth_rms_nm": float(single), "depth_filtered_rms_nm": float(filtered)}
 
 
-def _depth_peak_mm(nulled: list[FrameRecord]) -> tuple[float | None, float | None]:
+def _depth_peak_mm(nulled: list[StepFigures]) -> tuple[float | None, float | None]:
     """Peak and its sigma: median over the hold; without a scenario, the deepest one that was read."""
     read = [record for record in nulled if np.isfinite(record.depth_peak_mm)]
     if not read:

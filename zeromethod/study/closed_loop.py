@@ -13,7 +13,7 @@ from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.loop.state import NULLED
 from zeromethod.optics import check_geometry
 from zeromethod.session.result import RunResult
-from zeromethod.session.run import Run
+from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
 from zeromethod.study.task import Figures, Procedure, Task
 
@@ -62,11 +62,11 @@ def opened(task: Task) -> Iterator[Devices]:
 def close_loop(task: Task) -> Figures:
     """Figures of one run."""
     with opened(task) as devices:
-        session = Run(task.rig, devices)
+        session = Session(task.rig, devices=devices)
         frames, seconds = task.frames, task.seconds
         if frames is None and seconds is None and task.press is not None:
             seconds = DEFAULT_SECONDS
-        for _ in session.steps(frames, seconds):
+        for _ in session.run(frames, seconds):
             pass
         delay_frames = session.loop.horizon_s * task.rig.camera.rate_hz
         return _figures(session.result, delay_frames)

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from zeromethod.arrays import Float, Image
-from zeromethod.session.result import RunResult, Snapshot
+from zeromethod.loop.step import Step
+from zeromethod.session.result import RunResult
 from zeromethod.surface import Surface
 from zeromethod.warp.grid import PADDING, NodeGrid
 
@@ -33,7 +34,7 @@ def draw_figure(result: RunResult, figures: dict[str, Any], path: Path) -> None:
             for axis in read_axes:
                 _say(axis, "never nulled")
         else:
-            _read_maps(read_axes, result.nulled)
+            _read_maps(read_axes, result, result.nulled)
         figure.suptitle(_title(figures), fontsize=11)
         figure.savefig(path, dpi=110)
 
@@ -56,25 +57,25 @@ def _say(axis: Axes, words: str) -> None:
 def _camera_row(axes: Image, result: RunResult, grid: NodeGrid) -> None:
     extent = _crop(result.nulled, grid)
     columns, rows = slice(*extent[:2]), slice(*extent[2:])
-    for axis, name, snapshot in zip(
+    for axis, name, step in zip(
         axes, ("before", "pressed", "nulled"), (result.before, result.pressed, result.nulled), strict=False
     ):
-        if snapshot is None:
+        if step is None or step.image is None:
             _say(axis, f"no frame {name}")
             continue
-        part = snapshot.image[rows, columns]
+        part = step.image[rows, columns]
         axis.imshow(part, cmap="gray", vmin=0, extent=(extent[0], extent[1], extent[3], extent[2]))
-        axis.set_title(f"camera, {name} ({snapshot.time_s:.2f} s)")
+        axis.set_title(f"camera, {name} ({step.time_s:.2f} s)")
         axis.set_xlabel("u, camera px")
         axis.set_ylabel("v, camera px")
 
 
-def _crop(nulled: Snapshot | None, grid: NodeGrid) -> tuple[int, int, int, int]:
+def _crop(nulled: Step | None, grid: NodeGrid) -> tuple[int, int, int, int]:
     """(first column, last, first row, last) of the camera image round the deepest node."""
     rows, columns = grid.image_shape
     row, column = rows // 2, columns // 2
-    if nulled is not None and nulled.surface.valid.any():
-        j, i = _deepest_node(nulled)
+    if nulled is not None and nulled.surface is not None and nulled.surface.valid.any():
+        j, i = _deepest_node(nulled.surface)
         row, column = int(grid.v_px[j]), int(grid.u_px[i])
     width, height = min(CROP_PX[0], columns), min(CROP_PX[1], rows)
     left = min(max(column - width // 2, 0), columns - width)
@@ -82,8 +83,8 @@ def _crop(nulled: Snapshot | None, grid: NodeGrid) -> tuple[int, int, int, int]:
     return left, left + width, top, top + height
 
 
-def _deepest_node(snapshot: Snapshot) -> tuple[int, int]:
-    depth = np.where(snapshot.surface.valid, np.abs(snapshot.surface.depth_mm), -1.0)
+def _deepest_node(surface: Surface) -> tuple[int, int]:
+    depth = np.where(surface.valid, np.abs(surface.depth_mm), -1.0)
     row, column = np.unravel_index(np.argmax(depth), depth.shape)
     return int(row), int(column)
 
@@ -119,30 +120,38 @@ def _filled(values: Float) -> Float:
     return np.where(np.isfinite(values), values, np.broadcast_to(mean, values.shape))
 
 
-def _read_maps(axes: list[Axes], nulled: Snapshot) -> None:
-    surface = nulled.surface
-    residual = np.linalg.norm(nulled.residual_px, axis=-1)
-    _map(axes[0], surface, residual, "residual when nulled", "camera px", signed=False)
-    _map(axes[1], surface, nulled.applied_px[..., 0], "applied warp, along LCD columns", "LCD px")
-    _map(axes[2], surface, nulled.measured_px[..., 0], "measured warp, along LCD columns", "LCD px")
+def _read_maps(axes: list[Axes], result: RunResult, nulled: Step) -> None:
+    surface, residual, shown, measured = nulled.surface, nulled.residual, nulled.shown, nulled.measured
+    assert surface is not None
+    assert residual is not None
+    assert shown is not None
+    assert measured is not None
+    applied_px, measured_px = shown.q - result.rest.q, measured.q - result.rest.q
+    residual_px = np.linalg.norm(residual.d, axis=-1)
+    true_mm = None
+    if result.true_mirror is not None:
+        mirror = result.true_mirror(nulled.time_ns)
+        true_mm = mirror.depth(np.nan_to_num(surface.x_mm), np.nan_to_num(surface.y_mm))
+    _map(axes[0], surface, residual_px, "residual when nulled", "camera px", signed=False)
+    _map(axes[1], surface, applied_px[..., 0], "applied warp, along LCD columns", "LCD px")
+    _map(axes[2], surface, measured_px[..., 0], "measured warp, along LCD columns", "LCD px")
     _map(axes[3], surface, 1e3 * surface.slope[..., 0], "slope dd/dx", "mrad")
     _map(axes[4], surface, 1e3 * surface.slope[..., 1], "slope dd/dy", "mrad")
     _map(axes[5], surface, surface.depth_mm, "depth (into the rubber = positive)", "mm")
-    if nulled.true_depth_mm is None:
+    if true_mm is None:
         _map(axes[6], surface, 1e6 * surface.sigma_depth_mm, "depth sigma", "nm", signed=False)
     else:
-        _map(axes[6], surface, 1e6 * (surface.depth_mm - nulled.true_depth_mm), "depth error", "nm")
-    _section(axes[7], nulled)
+        _map(axes[6], surface, 1e6 * (surface.depth_mm - true_mm), "depth error", "nm")
+    _section(axes[7], surface, true_mm)
 
 
-def _section(axis: Axes, nulled: Snapshot) -> None:
-    """Depth along the row of nodes through the peak, with the truth beside it."""
-    surface = nulled.surface
-    row, _ = _deepest_node(nulled)
+def _section(axis: Axes, surface: Surface, true_mm: Float | None) -> None:
+    """Depth along the row of nodes through the peak, with the truth next to it."""
+    row, _ = _deepest_node(surface)
     x_mm, valid = surface.x_mm[row], surface.valid[row]
     axis.plot(x_mm[valid], surface.depth_mm[row][valid], ".", markersize=4, label="read")
-    if nulled.true_depth_mm is not None:
-        axis.plot(x_mm[valid], nulled.true_depth_mm[row][valid], "-", linewidth=1, label="truth")
+    if true_mm is not None:
+        axis.plot(x_mm[valid], true_mm[row][valid], "-", linewidth=1, label="truth")
     axis.invert_yaxis()
     axis.set_title("section through the peak (into the rubber = down)")
     axis.set_xlabel("x, mm")

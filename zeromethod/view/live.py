@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Column
 
-from zeromethod.session.result import FrameRecord
+from zeromethod.loop.step import Step
 
 _COLOURS = {
     "locked": "green",
@@ -31,6 +31,7 @@ class LiveStatus:
     def __init__(self, console: Console, total: float | None, unit: str, keys: str = "") -> None:
         """`total` in `unit` ("frames" or "seconds"), None: no end is known. keys: what they do."""
         self._unit = unit
+        self._peak_mm = float("nan")
         self._console = console
         self._progress = Progress(
             # what matters most is never cut short; in a narrow terminal the figures are
@@ -56,21 +57,23 @@ class LiveStatus:
     ) -> None:
         self._progress.stop()
 
-    def update(self, record: FrameRecord, done_frames: int) -> None:
+    def update(self, step: Step, done_frames: int) -> None:
         """Show the newest frame."""
-        for note in record.notes:
+        for note in step.notes:
             self._console.print(
                 f"note: {note}", style="yellow", markup=False, highlight=False, soft_wrap=True
             )
-        state = str(record.state)
+        if step.peak is not None:
+            self._peak_mm = step.peak.depth_mm
+        state = str(step.state)
         colour = _COLOURS.get(state, "red")
         figures = (
-            f"peak {1e3 * record.newest_peak_mm:.2f} um  residual {record.residual_rms_px:.3f} px  "
-            f"valid {100 * record.valid_share:.1f} %  loop {record.loop_ms:.1f} ms"
+            f"peak {1e3 * self._peak_mm:.2f} um  residual {step.residual_rms_px:.3f} px  "
+            f"valid {100 * step.valid_share:.1f} %  loop {step.loop_ms:.1f} ms"
         )
         self._progress.update(
             self._task,
-            completed=done_frames if self._unit == "frames" else record.time_s,
+            completed=done_frames if self._unit == "frames" else step.time_s,
             state=f"[{colour}]{state}[/]",
-            figures=escape(record.reason if state in _EXPLAINED else f"{record.phase}  {figures}".strip()),
+            figures=escape(step.reason if state in _EXPLAINED else f"{step.phase}  {figures}".strip()),
         )

@@ -21,9 +21,9 @@ from zeromethod.session.reading import timed
 from zeromethod.session.replay.mirror import RecordedMirror
 from zeromethod.session.replay.track import Moment, Nodes, Track
 from zeromethod.session.replay.window import Pace, Window
-from zeromethod.session.truth import compare
 from zeromethod.simulation.clone import SIMULATED, simulated_clone
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
+from zeromethod.surface.comparison import compare
 from zeromethod.warp.rest import Rest
 
 

@@ -1,4 +1,4 @@
-"""Holding a reading against the planted truth of a simulated bench.
+"""A reading compared with the true mirror, where that is known: on simulated benches.
 
 Only reports look at the truth; nothing here feeds back into the loop or the reading.
 """
