@@ -54,6 +54,7 @@ from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, ev
 from zeromethod.commissioning.calibration.presses import PressWarps
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.loop.state import NULLED
+from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
@@ -63,7 +64,7 @@ from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.scenario import Scenario
-from zeromethod.surface import Peak, Surface, SurfaceReader, peak
+from zeromethod.surface import Peak, SurfaceReader, peak
 from zeromethod.surface.comparison import true_peak_mm
 from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.rest import Rest
@@ -183,11 +184,11 @@ class Followed:
     warps: list[Warp] = field(default_factory=list)
     peaks: list[Peak] = field(default_factory=list)
 
-    def publish(self, step: Any, reading: tuple[Surface, Peak] | None = None) -> None:
-        """Take one turn."""
-        if reading is not None and step.state in NULLED:
+    def publish(self, step: Step) -> None:
+        """Take one step."""
+        if step.peak is not None and step.measured is not None and step.state in NULLED:
             self.warps.append(step.measured)
-            self.peaks.append(reading[1])
+            self.peaks.append(step.peak)
 
     def between(self, from_ns: int, to_ns: int) -> tuple[list[Warp], list[Peak]]:
         """Last frames of an interval."""

@@ -76,7 +76,14 @@ def plant(path: Path, keep: tuple[str, ...] = ("frames", "residual", "warps", "s
             time_ns = FIRST_NS + int(tick) * STEP_NS
             commanded = Warp.drawn(rest.q, Role.COMMANDED, time_ns)
             filtered = Warp(rest.q, np.ones_like(rest.q), rest.flags, time_ns)
-            step = Step(turn, time_ns, 0.0, State.STARTING, "", (), commanded, filtered)
+            step = Step(
+                number=turn,
+                time_ns=time_ns,
+                time_s=0.0,
+                state=State.STARTING,
+                commanded=commanded,
+                filtered=filtered,
+            )
             if turn == 1:
                 recorder.turn(step)
                 continue

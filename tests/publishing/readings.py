@@ -11,7 +11,7 @@ from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.surface import Anchor, Peak, Surface, peak
-from zeromethod.warp.warp import Warp
+from zeromethod.warp.warp import Role, Warp
 
 SHAPE = (30, 40)
 SIGMA_MM = 1e-4
@@ -48,12 +48,29 @@ def dent(
     return surface, peak(surface)
 
 
-def turn(number: int, time_ns: int = 0, state: State = State.LOCKED, **more: Any) -> Step:
-    """One turn of the loop; what is not published is empty."""
-    nothing = np.zeros((1, 1, 2))
-    warp = Warp(nothing, nothing, np.zeros((1, 1), np.uint16), time_ns)
-    events = (Event.FRAMES_DROPPED,)
-    return Step(number, time_ns, state, "as planted", events, nothing, warp, **more)
+def turn(
+    number: int,
+    reading: tuple[Surface, Peak] | None = None,
+    *,
+    time_ns: int = 0,
+    state: State = State.LOCKED,
+    **more: Any,
+) -> Step:
+    """One step of the loop, with its surface and peak; what is not published is empty."""
+    nothing = Warp.drawn(np.zeros((1, 1, 2)), Role.COMMANDED, time_ns)
+    if reading is not None:
+        more |= {"surface": reading[0], "peak": reading[1]}
+    return Step(
+        number=number,
+        time_ns=time_ns,
+        time_s=1e-9 * time_ns,
+        state=state,
+        reason="as planted",
+        events=(Event.FRAMES_DROPPED,),
+        commanded=nothing,
+        filtered=nothing,
+        **more,
+    )
 
 
 def decoded(message: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

@@ -9,15 +9,13 @@ from zeromethod.surface import Peak
 from .readings import decoded, dent, turn
 
 
-def message(step, reading, contacts=()):
-    return decoded(
-        encode(step, reading, session="s", unix_time_ns=1234, touching=bool(contacts), contacts=contacts)
-    )
+def message(step, contacts=()):
+    return decoded(encode(step, session="s", unix_time_ns=1234, touching=bool(contacts), contacts=contacts))
 
 
 def test_the_maps_come_back_with_their_values_and_holes() -> None:
     surface, deepest = dent(0.2, time_ns=2**60 + 1)
-    _, maps = message(turn(7), (surface, deepest))
+    _, maps = message(turn(7, (surface, deepest)))
     for name in ("depth_mm", "sigma_depth_mm", "slope", "x_mm", "y_mm"):
         assert maps[name].dtype == np.dtype("<f4")
         # Half a unit in the last place of a 32-bit float; NaN where nothing was read.
@@ -27,8 +25,10 @@ def test_the_maps_come_back_with_their_values_and_holes() -> None:
 
 
 def test_the_header_tells_time_state_peak_and_where_it_is() -> None:
-    step = turn(7, 2**60 + 1, frame_number=11, dropped=2, residual_rms_px=0.013, valid_share=0.9)
-    header, _ = message(step, dent(0.2))
+    step = turn(
+        7, dent(0.2), time_ns=2**60 + 1, frame_number=11, dropped=2, residual_rms_px=0.013, valid_share=0.9
+    )
+    header, _ = message(step)
     told = {name: header[name] for name in ("schema_version", "session", "turn", "frame", "time_ns")}
     assert told == {"schema_version": 1, "session": "s", "turn": 7, "frame": 11, "time_ns": 2**60 + 1}
     assert header["unix_time_ns"] == 1234
@@ -45,7 +45,7 @@ def test_the_header_tells_time_state_peak_and_where_it_is() -> None:
 
 
 def test_a_turn_without_a_reading_tells_its_state_and_has_no_maps() -> None:
-    header, maps = message(turn(3, state=State.FAULT), None)
+    header, maps = message(turn(3, state=State.FAULT))
     assert header["state"] == "fault"
     assert header["peak"] is None
     assert header["frame"] is None
@@ -57,7 +57,7 @@ def test_what_is_not_known_is_null() -> None:
     surface, _ = dent()
     nan = float("nan")
     dark = ContactEvent(4, "began", 17, 1.0, 2.0, nan)
-    header, _ = message(turn(1), (surface, Peak(nan, nan, nan, nan)), [dark])
+    header, _ = message(turn(1, (surface, Peak(nan, nan, nan, nan))), [dark])
     assert set(header["peak"].values()) == {None}
     (told,) = header["contacts"]
     assert told == {

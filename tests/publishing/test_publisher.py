@@ -68,7 +68,7 @@ def test_a_subscriber_that_slept_gets_the_newest() -> None:
     reading = dent(0.1)
     with Publisher(ANY_PORT, HostClock()) as publisher, subscriber(publisher) as listening:
         for number in range(1, 101):
-            publisher.publish(turn(number), reading)
+            publisher.publish(turn(number, reading))
             time.sleep(0.02)
         # One message may still be on its way.
         assert received(listening)["turn"] >= 99
@@ -83,14 +83,14 @@ def test_a_stopped_subscriber_costs_neither_time_nor_memory_and_then_gets_the_ne
             assert process.stdout is not None
             try:
                 while not _line_within(process, 0.05):
-                    publisher.publish(turn(0), reading)
+                    publisher.publish(turn(0, reading))
                 process.send_signal(signal.SIGSTOP)
                 for _ in range(10):
-                    publisher.publish(turn(1), reading)
+                    publisher.publish(turn(1, reading))
                 before, took_s = resident_bytes(), []
                 for number in range(2, count + 2):
                     start = time.perf_counter()
-                    publisher.publish(turn(number), reading)
+                    publisher.publish(turn(number, reading))
                     took_s.append(time.perf_counter() - start)
                 # Queued messages would be 120 MB; a few buffers of the allocator's are not.
                 assert resident_bytes() - before < 20e6
@@ -124,7 +124,8 @@ def test_unix_time_is_that_of_the_frame_whatever_the_runs_clock_says() -> None:
 def test_contact_events_are_repeated_for_those_who_skip_messages() -> None:
     with Publisher(ANY_PORT, HostClock()) as publisher, subscriber(publisher) as listening:
         for number in range(1, 21 * 6 + 1):  # ten touches and as many ends, then a touch
-            publisher.publish(turn(number), dent(0.1 if (number - 1) // 3 % 2 == 0 else 0.0, shape=(16, 16)))
+            depth_mm = 0.1 if (number - 1) // 3 % 2 == 0 else 0.0
+            publisher.publish(turn(number, dent(depth_mm, shape=(16, 16))))
         publisher.publish(turn(1000, state=State.HOLDING))
         while (header := received(listening))["turn"] != 1000:
             pass
@@ -135,7 +136,7 @@ def test_contact_events_are_repeated_for_those_who_skip_messages() -> None:
 
 def test_the_last_message_still_leaves() -> None:
     with Publisher(ANY_PORT, HostClock()) as publisher, subscriber(publisher) as listening:
-        publisher.publish(turn(8), dent(0.1, shape=NodeGrid((1024, 1280)).shape))
+        publisher.publish(turn(8, dent(0.1, shape=NodeGrid((1024, 1280)).shape)))
         publisher.publish(turn(9, state=State.STOPPED))
         publisher.close()
         while (header := received(listening))["turn"] != 9:

@@ -128,9 +128,11 @@ def run_command(
                 f"! {rig_name}: no {DOCUMENT} beside it: whether it fits this bench is not checked", err=True
             )
         maker = recording.maker(rig, stored)
-        with Session(rig, devices=opened, publisher=publisher, record=maker) as session:
-            with stopped_by_signals(session.interrupt):
-                _follow(session, frames, seconds)
+        with (
+            Session(rig, devices=opened, publisher=publisher, record=maker) as session,
+            stopped_by_signals(session.interrupt),
+        ):
+            _follow(session, frames, seconds)
         recording.tell(session.result.recording)
         _report(session.result, figure, summary)
 

@@ -104,11 +104,12 @@ def read_zero(rig: Rig, truth: TrueMirror, seconds: float) -> SurfaceReading:
         for record in result.records
         if record.phase == "hold" and record.state in NULLED and record.truth is not None
     ]
-    if not held or result.nulled is None:
+    nulled = result.nulled
+    if not held or nulled is None or nulled.surface is None:
         last = result.records[-1].reason if result.records else "no frame"
         return _unread(f"never nulled while held: {last}")
     grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
-    one = against_truth(result.nulled.surface, truth, Optics(rig), grid)
+    one = against_truth(nulled.surface, truth, Optics(rig), grid)
     truths = [record.truth for record in held if record.truth is not None]
     return SurfaceReading(
         peak_mm=float(np.median([record.depth_peak_mm for record in held])),

@@ -33,23 +33,19 @@ WORLD_FRAME = {
 }
 """The pose that maps are stamped with; `matrix` takes their x, y, z to `frame_id`."""
 
-Reading = tuple[Surface, Peak]
-"""A surface and its peak."""
-
 
 def encode(
     step: Step,
-    reading: Reading | None,
     *,
     session: str,
     unix_time_ns: int,
     touching: bool,
     contacts: Iterable[ContactEvent],
 ) -> bytes:
-    """Message of one turn of the loop; without a reading it carries no maps."""
+    """Message of one step of the loop; without a surface it carries no maps."""
     parts, described = [], []
     offset = 0
-    for name, values, unit in () if reading is None else _maps(reading[0]):
+    for name, values, unit in () if step.surface is None else _maps(step.surface):
         described.append(
             {
                 "name": name,
@@ -76,7 +72,7 @@ def encode(
         "residual_rms_px": _number(step.residual_rms_px),
         "valid_share": _number(step.valid_share),
         "pose": WORLD_FRAME,
-        "peak": None if reading is None else _peak(reading[1]),
+        "peak": None if step.peak is None else _peak(step.peak),
         "touching": touching,
         "contacts": [_contact(event) for event in contacts],
         "arrays": described,

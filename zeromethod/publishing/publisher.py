@@ -14,7 +14,7 @@ from zeromethod.clock import Clock
 from zeromethod.errors import InputError
 from zeromethod.loop.step import Step
 from zeromethod.publishing.events import ContactEvent, ContactWatch
-from zeromethod.publishing.message import Reading, encode
+from zeromethod.publishing.message import encode
 
 _ADDRESS = re.compile(r"tcp://(\[[^\]]+\]|[^:/\[\]]+):(\d{1,5}|\*)")
 _LAST_PORT = 65535
@@ -67,17 +67,16 @@ class Publisher:
         """Where it is bound, with the port that was found where "*" was asked for."""
         return self._address
 
-    def publish(self, step: Step, reading: Reading | None = None) -> None:
-        """Send one turn of the loop, with its surface and that one's peak where it was read. Never waits."""
-        if reading is not None:
-            event = self._watch.update(*reading)
+    def publish(self, step: Step) -> None:
+        """Send one step of the loop, with its surface and peak where it was read. Never waits."""
+        if step.surface is not None and step.peak is not None:
+            event = self._watch.update(step.surface, step.peak)
             if event is not None:
                 self._contacts.append(event)
         # The run's clock need not be the host's, nor run as fast: only a frame's age is told by it.
         age_ns = self._clock.now_ns() - step.time_ns
         message = encode(
             step,
-            reading,
             session=self._session,
             unix_time_ns=time.time_ns() - age_ns,
             touching=self._watch.touching,
