@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numba
 import numpy as np
@@ -160,22 +161,12 @@ def match(
 
     None where nothing can be told: no readings, or a picture without code may have been seen as well.
     """
-    codes = log.codes()
-    coded = codes >= 0
-    if not readings or not len(coded) or not coded[-1]:
-        return None
-    first = int(np.max(np.flatnonzero(~coded), initial=-1)) + 1
-    after_start = log.times_ns() - frame.time_ns
-    # all that began to change long before the exposure, whatever the delay, but for the last of them
-    settled = -0.5 * frame.exposure_ns - span_ns[1] - timing.scanout_ns - 12 * timing.tau_ns
-    first = max(first, int(np.searchsorted(after_start, settled, side="right")) - 1)
-    stop = int(np.searchsorted(after_start, 0.5 * frame.exposure_ns - span_ns[0], side="left"))
-    if stop <= first:
+    pictures = _possible(log, frame, timing, span_ns)
+    if not readings or pictures is None:
         return None
     rows = np.stack([reading.panel_rows for reading in readings]) / (timing.rows - 1)
     given = (
-        after_start[first:stop].astype(np.float64),
-        _BITS[codes[first:stop]],
+        *pictures,
         float(frame.exposure_ns),
         timing.tau_ns,
         np.stack([reading.levels for reading in readings]),
@@ -192,27 +183,64 @@ def match(
     runs = _runs(worst < POSSIBLE_WITHIN)
     # a level's noise, over the change of two levels (a bit and the check) by delay
     blur_ns = 6 * MODEL_SIGMA * frame.exposure_ns / math.sqrt(2)
-    fine, fine_worst = np.empty(_FINE), np.empty(_FINE)
     found: list[Match] = []
     for begin, end in runs:
-        a, b = max(low, low + (begin - 1) * step), min(high, low + (end + 1) * step)
-        for _ in range(2):
-            _scan(a, b, fine, fine_worst, *given)
-            best = int(np.argmin(fine))
-            near = np.flatnonzero(fine < fine[best] + 9)
-            here = _located(a, b, fine, best, near, blur_ns)
-            pad = (b - a) / (_FINE - 1)
-            a, b = max(low, here.low_ns - pad), min(high, here.high_ns + pad)
-        if fine_worst[best] < FITS_WITHIN:
-            if near[-1] + 1 < _FINE and math.isinf(fine[near[-1] + 1]):
-                # As good up to where the uncoded picture before all of these would be seen: that may have had
-                # a part in the exposure, which then tells nothing.
-                return None
+        around = max(low, low + (begin - 1) * step), min(high, low + (end + 1) * step)
+        here = _refined(around, span_ns, blur_ns, given)
+        if here is None:
+            return None
+        if here.fits:
             found.append(here)
     if len(found) == 1:
         return found[0]
     # a delay at which a picture without code has a part is never ruled out
     return Match(fits=False, contradicts=not runs and bool(np.isfinite(total).all()))
+
+
+def _possible(
+    log: PresentationLog, frame: Frame, timing: PanelTiming, span_ns: tuple[float, float]
+) -> tuple[Float, Float] | None:
+    """(k,) ns after mid-exposure and (k, bits) of the pictures that a frame may have seen.
+
+    None where a picture without code may be among them.
+    """
+    codes = log.codes()
+    coded = codes >= 0
+    if not len(coded) or not coded[-1]:
+        return None
+    first = int(np.max(np.flatnonzero(~coded), initial=-1)) + 1
+    after_start = log.times_ns() - frame.time_ns
+    # all that began to change long before the exposure, whatever the delay, but for the last of them
+    settled = -0.5 * frame.exposure_ns - span_ns[1] - timing.scanout_ns - 12 * timing.tau_ns
+    first = max(first, int(np.searchsorted(after_start, settled, side="right")) - 1)
+    stop = int(np.searchsorted(after_start, 0.5 * frame.exposure_ns - span_ns[0], side="left"))
+    if stop <= first:
+        return None
+    return after_start[first:stop].astype(np.float64), _BITS[codes[first:stop]]
+
+
+def _refined(
+    around: tuple[float, float], span_ns: tuple[float, float], blur_ns: float, given: tuple[Any, ...]
+) -> Match | None:
+    """The best match around a possible delay, found in two finer scans.
+
+    None where the delays fit up to where the uncoded picture before all of these would be seen: that may have
+    had a part in the exposure, and then nothing can be said.
+    """
+    a, b = around
+    fine, fine_worst = np.empty(_FINE), np.empty(_FINE)
+    for _ in range(2):
+        _scan(a, b, fine, fine_worst, *given)
+        best = int(np.argmin(fine))
+        near = np.flatnonzero(fine < fine[best] + 9)
+        here = _located(a, b, fine, best, near, blur_ns)
+        pad = (b - a) / (_FINE - 1)
+        a, b = max(span_ns[0], here.low_ns - pad), min(span_ns[1], here.high_ns + pad)
+    if fine_worst[best] >= FITS_WITHIN:
+        return Match(fits=False)
+    if near[-1] + 1 < _FINE and math.isinf(fine[near[-1] + 1]):
+        return None
+    return here
 
 
 def _located(a: float, b: float, fine: Float, best: int, near: Ints, blur_ns: float) -> Match:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -72,6 +73,8 @@ class FrameCheck:
     """
 
     def __init__(self, camera: CameraSpec) -> None:
+        self.wrong_frames = 0
+        """Consecutive frames by which the device broke its contract."""
         self._shape = (camera.rows, camera.columns)
         self._dtype = np.dtype(np.uint8 if camera.bits == 8 else np.uint16)
         self._noisy = camera.noise.read_grey > 0 or camera.noise.electrons_per_grey is not None
@@ -96,8 +99,20 @@ class FrameCheck:
             time_ns += self._shift_ns
         return Frame(frame.image, time_ns, exposure_ns, number, dropped)
 
-    def look_at(self, frame: Frame, now_ns: int) -> FrameVerdict:
-        """Judge a frame as `timed` returns it, which came to hand at `now_ns`."""
+    def look_at(
+        self, frame: Frame, now_ns: int, stale: Callable[[int], Notice | None] = lambda _now_ns: None
+    ) -> FrameVerdict:
+        """Judge a frame as `timed` returns it, which came to hand at `now_ns`.
+
+        stale: says of a time why a frame that is good by itself must not be used.
+        """
+        verdict = self._by_itself(frame, now_ns)
+        self.wrong_frames = self.wrong_frames + 1 if verdict.wrong else 0
+        if verdict.refusal is None and (why := stale(now_ns)) is not None:
+            return FrameVerdict(verdict.events, why)
+        return verdict
+
+    def _by_itself(self, frame: Frame, now_ns: int) -> FrameVerdict:
         if broken := self._broken_contract(frame, now_ns):
             jumped = self._jumped(frame, now_ns) if broken.startswith(_PAST) else None
             return jumped or _refused((Event.FRAME_WRONG,), broken)

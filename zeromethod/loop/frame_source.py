@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from pathlib import Path
 
 from zeromethod.clock import Clock
-from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, Frame
+from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, DisplayLost, Frame
 from zeromethod.loop.events import Event
 from zeromethod.loop.live.capture import Capture
 from zeromethod.loop.live.reopening import Reopener
@@ -24,6 +26,16 @@ class Trouble:
     reason: str
     events: tuple[Event, ...] = ()
     ends: bool = False
+
+
+def failure(error: Exception) -> Trouble:
+    """End on a lost display, or on what no device may raise: the driver is named, and nothing is lost."""
+    if isinstance(error, DisplayLost):
+        return Trouble(Outcome.FAILED, f"the display is lost: {error}", (Event.DISPLAY_LOST,), ends=True)
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    words = " ".join(str(error).split()) or "no message"
+    reason = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {words}"
+    return Trouble(Outcome.FAILED, reason, (Event.DEVICE_BROKEN,), ends=True)
 
 
 def _check_members(frame: Frame) -> None:

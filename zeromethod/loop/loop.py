@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import time
-import traceback
 from collections.abc import Callable, Generator
 from contextlib import ExitStack
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from zeromethod.arrays import Float
 from zeromethod.clock import Clock, HostClock
-from zeromethod.devices.protocols import Camera, Display, DisplayLost, Frame
+from zeromethod.devices.protocols import Camera, Display, Frame
 from zeromethod.exposure.delay import DelayWatch
 from zeromethod.loop.assembly import assemble
 from zeromethod.loop.circle import FrameResult, Sensor
 from zeromethod.loop.display_watch import DisplayWatch
 from zeromethod.loop.events import Event, Notice
 from zeromethod.loop.frame_check import FrameCheck, FrameVerdict, own
-from zeromethod.loop.frame_source import FrameSource, Trouble
+from zeromethod.loop.frame_source import FrameSource, Trouble, failure
 from zeromethod.loop.light_quality import LightQuality
 from zeromethod.loop.live.paused_gc import PausedGC
 from zeromethod.loop.notices import Notices
@@ -86,7 +83,6 @@ class Loop:
         self._quality = LightQuality(self.rest.seen, rig.camera.noise.black_grey)
         self._notices = Notices()
         self._garbage: PausedGC | None = None
-        self._wrong_frames = 0
         self._steps = 0
         self._start_ns: int | None = None
         self._frozen = False
@@ -140,8 +136,7 @@ class Loop:
     def rezero(self) -> None:
         """Take the mean warp of the next nulled frames as that of the untouched mirror, for all readings.
 
-        It ends in a step with the event ZERO_TAKEN, or ZERO_REFUSED and why in its notes: see
-        `zeromethod.loop.zero`. What is shown does not change by it.
+        It ends in a step with ZERO_TAKEN, or ZERO_REFUSED and why in its notes; what is shown stays.
         """
         self._zero.request()
 
@@ -223,7 +218,7 @@ class Loop:
         except _Stopped:
             return self._without_frame(Trouble(Outcome.STOP, "the run was stopped"))
         except Exception as error:
-            return self._without_frame(_failure(error))
+            return self._without_frame(failure(error))
         finally:
             self._waiting = False
         return self._without_frame(came) if isinstance(came, Trouble) else self._with_frame(came)
@@ -244,7 +239,7 @@ class Loop:
         frame = self._check.timed(frame)
         now_ns = self._clock.now_ns()
         frozen = self._frozen or self._paused
-        verdict = self._judge(frame, now_ns)
+        verdict = self._check.look_at(frame, now_ns, self._watch.stale)
         result = FrameResult() if verdict.refusal else self._circle.take(own(frame), frozen)
         loop_ms = 1e3 * (time.perf_counter() - started)
         events, refusal = verdict.events, verdict.refusal
@@ -258,9 +253,8 @@ class Loop:
             outcome = StepOutcome(trouble.outcome, trouble.reason)
         self._notices.add_events(events, refusal.words if refusal else "")
         self.status = next_status(self.status, outcome)
-        if not self._referenced and self.status.state in NULLED:
-            self._circle.take_reference(result)
-            self._referenced = True
+        self._take_reference(result)
+        # a part of mixed pictures may be right, but the peak need not be
         measured = None if result.refusal is Event.PICTURES_MIXED else result.measured
         if (zeroed := self._zero.take(measured, result.residual_rms_px)) is not None:
             events += (zeroed.event,)
@@ -270,8 +264,7 @@ class Loop:
             now_ns if verdict.wrong else frame.time_ns,
             events,
             frame_number=frame.number,
-            dropped=0 if verdict.wrong else frame.dropped,
-            exposure_ns=0 if verdict.wrong else frame.exposure_ns,
+            **({} if verdict.wrong else {"dropped": frame.dropped, "exposure_ns": frame.exposure_ns}),
             frozen=frozen,
             sensed=verdict.refusal is None,
             image=frame.image,
@@ -285,13 +278,11 @@ class Loop:
             delay_ms=delay_ms,
         )
 
-    def _judge(self, frame: Frame, now_ns: int) -> FrameVerdict:
-        """Check a frame by itself, and against what the display and the clock did meanwhile."""
-        verdict = self._check.look_at(frame, now_ns)
-        self._wrong_frames = self._wrong_frames + 1 if verdict.wrong else 0
-        if verdict.refusal is None and (stale := self._watch.stale(now_ns)):
-            verdict = replace(verdict, refusal=stale)
-        return verdict
+    def _take_reference(self, result: FrameResult) -> None:
+        """Compare later light with that of the first nulled frame."""
+        if not self._referenced and self.status.state in NULLED:
+            self._circle.take_reference(result)
+            self._referenced = True
 
     def _light(self, frame: Frame, result: FrameResult) -> tuple[Event, ...]:
         """Events of light that spoils the measurement."""
@@ -308,7 +299,7 @@ class Loop:
         """What a frame means for the state."""
         words = refusal.words if refusal else ""
         if verdict.wrong:
-            self.over = self._wrong_frames >= WRONG_FRAMES_TO_END
+            self.over = self._check.wrong_frames >= WRONG_FRAMES_TO_END
             return StepOutcome(Outcome.FAILED, words)
         if result.refusal is Event.LIGHT_OFF:
             return StepOutcome(Outcome.MEASURED, words)
@@ -331,7 +322,7 @@ class Loop:
             self._screen.offer(result.changed, frozen, now_ns)
         except Exception as error:
             self.over = True
-            return _failure(error)
+            return failure(error)
         return None
 
     def _without_frame(self, trouble: Trouble) -> Step:
@@ -367,13 +358,3 @@ class Loop:
 
 class _Stopped(Exception):
     """The loop was asked to stop while it waited."""
-
-
-def _failure(error: Exception) -> Trouble:
-    """End on a lost display, or on what no device may raise: the driver is named, and nothing is lost."""
-    if isinstance(error, DisplayLost):
-        return Trouble(Outcome.FAILED, f"the display is lost: {error}", (Event.DISPLAY_LOST,), ends=True)
-    where = traceback.extract_tb(error.__traceback__)[-1]
-    words = " ".join(str(error).split()) or "no message"
-    reason = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {words}"
-    return Trouble(Outcome.FAILED, reason, (Event.DEVICE_BROKEN,), ends=True)

@@ -108,11 +108,7 @@ def summarise(result: RunResult) -> Figures:
     # The figures of a hold are those of its nulled frames; a hold that was never nulled says so by None.
     held = [record for record in records if record.phase == "hold"] or records
     nulled = [record for record in held if record.state in NULLED]
-    peak_mm, sigma_mm = _depth_peak_mm(nulled)
-    truth = _against_truth(records, "hold", NULLED)
-    residuals = [record.residual_rms_px for record in nulled or held if np.isfinite(record.residual_rms_px)]
     last = result.last
-    seen = (record.valid_share for record in reversed(records) if np.isfinite(record.residual_rms_px))
     figures = {
         "rig": result.rig.name,
         "press": result.rig.press,
@@ -133,19 +129,35 @@ def summarise(result: RunResult) -> Figures:
         "nulled_frames": len(nulled),
         "events": result.events,
         "lock_frames": lock_frames(records),
-        "residual_px_rms": float(np.median(residuals)) if residuals else None,
-        "usable_share": truth["usable_share"] if truth else result.usable_share_at_rest,
-        "valid_share": truth["valid_share"] if truth else next(seen, None),
-        "depth_peak_mm": peak_mm,
-        "depth_peak_sigma_mm": sigma_mm,
+        "residual_px_rms": _median_residual_px(nulled or held),
+        **_depth_figures(result, nulled),
         "loop_ms": _percentiles(record.loop_ms for record in records),
         "draw_ms": _percentiles(record.draw_ms for record in records),
         "read_ms": _percentiles(record.read_ms for record in records),
-        "truth": truth,
-        "truth_slide": _against_truth(records, "slide", _FOLLOWING),
-        "untouched": _untouched(records),
         "gl_renderer": result.gl_renderer,
         "python": platform.python_version(),
         "versions": dict(_versions()),
     }
     return {key: _finite(value) for key, value in figures.items()}
+
+
+def _median_residual_px(records: list[StepFigures]) -> float | None:
+    values = [record.residual_rms_px for record in records if np.isfinite(record.residual_rms_px)]
+    return float(np.median(values)) if values else None
+
+
+def _depth_figures(result: RunResult, nulled: list[StepFigures]) -> Figures:
+    """Depth, how much of the view it covers, and its errors where the truth is known."""
+    records = result.records
+    peak_mm, sigma_mm = _depth_peak_mm(nulled)
+    truth = _against_truth(records, "hold", NULLED)
+    valid = (record.valid_share for record in reversed(records) if np.isfinite(record.residual_rms_px))
+    return {
+        "usable_share": truth["usable_share"] if truth else result.usable_share_at_rest,
+        "valid_share": truth["valid_share"] if truth else next(valid, None),
+        "depth_peak_mm": peak_mm,
+        "depth_peak_sigma_mm": sigma_mm,
+        "truth": truth,
+        "truth_slide": _against_truth(records, "slide", _FOLLOWING),
+        "untouched": _untouched(records),
+    }
