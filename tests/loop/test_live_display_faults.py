@@ -101,6 +101,6 @@ def test_a_picture_that_was_wiped_off_is_drawn_again_though_the_camera_sees_no_l
             b.screen.pictures = [(time_ns, 0 * light) for time_ns, light in b.screen.pictures]
         shown = b.screen.shown
         b.until(lambda step: step.reason == "the light is off")
-        b.loop.resume()
+        b.loop.pause(False)
         b.settle()
         assert b.screen.shown > shown

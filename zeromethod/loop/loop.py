@@ -85,11 +85,9 @@ class Loop:
         self._garbage: PausedGC | None = None
         self._steps = 0
         self._start_ns: int | None = None
-        self._frozen = False
-        self._paused = False
+        self._frozen = self._paused = self._stop = False
         self._waiting = False
         self._referenced = False
-        self._stop = False
 
     @property
     def grid(self) -> NodeGrid:
@@ -121,12 +119,8 @@ class Loop:
         self._frozen = on
 
     def pause(self, on: bool = True) -> None:
-        """Keep the command by the operator's wish: the state is PAUSED until `resume`."""
+        """Keep the command by the operator's wish: the state is PAUSED until `pause(False)`."""
         self._paused = on
-
-    def resume(self) -> None:
-        """Go on correcting."""
-        self._paused = False
 
     @property
     def paused(self) -> bool:
@@ -165,14 +159,12 @@ class Loop:
         """Step until `frames` frames or `seconds` (of the run's clock) have passed, or the loop is over.
 
         Ends STOPPED, or in FAULT when a device was lost for good; `ended` is the step that says so. A loop
-        that is not over may be run again: it goes on from the warp that it had. KeyboardInterrupt passes
-        through.
+        that is not over may be run again and goes on from its warp. KeyboardInterrupt passes through.
         """
         if self.over:
             return
         self._restart()
-        start_ns = self._clock.now_ns()
-        taken = 0
+        start_ns, taken = self._clock.now_ns(), 0
         with ExitStack() as stack:
             stack.callback(self._finish)
             if self.live:
@@ -197,16 +189,14 @@ class Loop:
         self._garbage = None
         if not self.over:
             self.status = next_status(self.status, StepOutcome(Outcome.STOP, "the run has ended"))
-        self._begin()
-        self.ended = self._step(self._clock.now_ns(), ())
-
-    def _begin(self) -> None:
         self._steps += 1
         self._screen.begin()
+        self.ended = self._step(self._clock.now_ns(), ())
 
     def step(self) -> Step:
         """Wait for a frame, measure it, and show what it asks for."""
-        self._begin()
+        self._steps += 1
+        self._screen.begin()
         try:
             self._attend()
             if self._steps == 1:
