@@ -105,11 +105,7 @@ class ResidualSensor:
 
     @classmethod
     def from_rig(
-        cls,
-        rig: Rig,
-        grid: NodeGrid,
-        light: Light | None = None,
-        covered: Mask | None = None,
+        cls, rig: Rig, grid: NodeGrid, light: Light | None = None, covered: Mask | None = None
     ) -> ResidualSensor:
         """Sensor for a rig's camera and target."""
         return cls(grid, rig.target.kind, rig.camera.noise, rig.camera.bits, light=light, covered=covered)

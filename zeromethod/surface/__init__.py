@@ -5,13 +5,4 @@ from zeromethod.surface.peak import Peak, peak
 from zeromethod.surface.reader import SurfaceReader
 from zeromethod.surface.surface import Anchor, Surface
 
-__all__ = [
-    "Anchor",
-    "Covariances",
-    "DepthCovariance",
-    "Peak",
-    "Surface",
-    "SurfaceReader",
-    "Variance",
-    "peak",
-]
+__all__ = ["Anchor", "Covariances", "DepthCovariance", "Peak", "Surface", "SurfaceReader", "Variance", "peak"]

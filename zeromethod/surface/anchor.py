@@ -113,12 +113,7 @@ def fit_quiet(
 
 
 def _tail(
-    slope: Float,
-    variance: Float,
-    away: Float,
-    weights: Float,
-    scale: Float,
-    correlation: Float,
+    slope: Float, variance: Float, away: Float, weights: Float, scale: Float, correlation: Float
 ) -> float:
     """Mean depth / h, in mm, that the chosen nodes' slope means if it is the 1/r tail of the deepest node.
 
@@ -135,11 +130,7 @@ def _tail(
 
 
 def _block_slope(
-    slope: Float,
-    variance: Float,
-    island: Mask,
-    correlation: Float,
-    block: int,
+    slope: Float, variance: Float, island: Mask, correlation: Float, block: int
 ) -> tuple[Float, Float]:
     """Squared slope (rows, cols) after averaging over a block, and the share of it that noise makes."""
     known = island.astype(np.float64)
@@ -164,12 +155,7 @@ def mean_noise_gain(correlation: Float, count: int) -> float:
     return float((pairs * rho).sum() / count**2)
 
 
-def _from_deepest(
-    relative_mm: Float,
-    x_mm: Float,
-    y_mm: Float,
-    island: Mask,
-) -> Float:
+def _from_deepest(relative_mm: Float, x_mm: Float, y_mm: Float, island: Mask) -> Float:
     """Vectors (rows, cols, 2) in mm from the node of largest |depth|; 0 off the island."""
     deepest = int(np.argmax(np.where(island, np.abs(relative_mm), -1.0)))
     row, col = np.unravel_index(deepest, relative_mm.shape)

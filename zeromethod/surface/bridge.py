@@ -75,13 +75,7 @@ def bridge(
 
 
 def _tie(
-    rays: MirrorRays,
-    q: Float,
-    variance: Float,
-    scale: Float,
-    other: Mask,
-    gaps: Gaps,
-    read: Lattice,
+    rays: MirrorRays, q: Float, variance: Float, scale: Float, other: Mask, gaps: Gaps, read: Lattice
 ) -> float | None:
     """Fill in what one island reads; its sigma in mm, None where nothing ties it."""
     box = ndimage.find_objects(other.astype(np.intp))[0]

@@ -102,13 +102,7 @@ def _along_rows_adjoint(
             start = end
 
 
-def depth_differences_adjoint(
-    across: Float,
-    down: Float,
-    x_mm: Float,
-    y_mm: Float,
-    valid: Mask,
-) -> Float:
+def depth_differences_adjoint(across: Float, down: Float, x_mm: Float, y_mm: Float, valid: Mask) -> Float:
     """Transpose of `depth_differences`: weights (rows, cols, 2), mm, of the slopes in a sum over steps.
 
     across (rows, cols-1), down (rows-1, cols): the steps' weights; those that touch an invalid node count 0.

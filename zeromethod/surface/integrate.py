@@ -153,13 +153,7 @@ class SlopeIntegrator:
             self._pin = (int(row), int(col))
         self._solver.set_weights(self._across * self._h_across, self._down * self._h_down, self._pin)
 
-    def integrate(
-        self,
-        slope: Float,
-        x_mm: Float,
-        y_mm: Float,
-        depth_mm: Float | None = None,
-    ) -> Float:
+    def integrate(self, slope: Float, x_mm: Float, y_mm: Float, depth_mm: Float | None = None) -> Float:
         """Update e (..., rows, cols), up to a constant: depth_mm + h e has the given slope. 0 off the island.
 
         slope: (..., rows, cols, 2), (dd/dx, dd/dy) at the mirror points x_mm, y_mm (rows, cols), read with
@@ -171,13 +165,7 @@ class SlopeIntegrator:
         rhs = np.stack([self._right_hand_side(one, x_mm, y_mm, depth_mm) for one in lattices])
         return self._solver.solve(rhs).reshape(slope.shape[:-1])
 
-    def _right_hand_side(
-        self,
-        slope: Float,
-        x_mm: Float,
-        y_mm: Float,
-        depth_mm: Float | None,
-    ) -> Float:
+    def _right_hand_side(self, slope: Float, x_mm: Float, y_mm: Float, depth_mm: Float | None) -> Float:
         across, down = depth_differences(slope, x_mm, y_mm, self.island)
         if depth_mm is not None:
             across -= np.diff(depth_mm, axis=1)

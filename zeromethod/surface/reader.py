@@ -166,14 +166,7 @@ class SurfaceReader:
         scale, fit = self._scale, last.fit
         return DepthCovariance(self._grid, last.linear, last.noise, scale, fit.weights, fit.sigma_mm)
 
-    def _settle(
-        self,
-        q: Float,
-        variance: Float,
-        usable: Mask,
-        depth: Float,
-        tail_mm: float,
-    ) -> _Reading:
+    def _settle(self, q: Float, variance: Float, usable: Mask, depth: Float, tail_mm: float) -> _Reading:
         integrator, scale = self._integrator, self._scale
         slope, point = np.full((*usable.shape, 2), np.nan), self._rest_point
         island = integrator.prepare(usable, variance)
@@ -206,14 +199,7 @@ class SurfaceReader:
                 break
         return _Reading(depth, slope, point, fit, iteration)
 
-    def _fit(
-        self,
-        slope: Float,
-        variance: Float,
-        depth: Float,
-        point: Float,
-        island: Mask,
-    ) -> RestFit:
+    def _fit(self, slope: Float, variance: Float, depth: Float, point: Float, island: Mask) -> RestFit:
         x, y = point[..., 0], point[..., 1]
         known = known_nodes(self._known_rest, x, y) & island
         if known.any():
@@ -250,12 +236,7 @@ class SurfaceReader:
             return fit
         return replace(fit, tail_mm=fit.tail_mm - found.constant_mm, sigma_mm=found.sigma_mm)
 
-    def _surface(
-        self,
-        warp: Warp,
-        reading: _Reading,
-        noise: SlopeNoise,
-    ) -> Surface:
+    def _surface(self, warp: Warp, reading: _Reading, noise: SlopeNoise) -> Surface:
         island = self._integrator.island
         off = ~island
         mask = np.zeros(island.shape, bool)
@@ -289,12 +270,7 @@ class SurfaceReader:
         return surface
 
     def _with_beyond(
-        self,
-        surface: Surface,
-        reading: _Reading,
-        q: Float,
-        usable: Mask,
-        factor: Float,
+        self, surface: Surface, reading: _Reading, q: Float, usable: Mask, factor: Float
     ) -> Surface:
         """The surface with what is tied to it over gaps; the same one where there is nothing."""
         island = self._integrator.island
