@@ -269,9 +269,7 @@ class Run:
         assert self._start_ns is not None
         true_depth = None
         if self._truth is not None:
-            true_depth = self._truth(step.time_ns).depth(
-                np.nan_to_num(surface.x_mm), np.nan_to_num(surface.y_mm)
-            )
+            true_depth = self._truth(step.time_ns).depth(surface.x_mm, surface.y_mm)
         return Snapshot(
             time_s=(step.time_ns - self._start_ns) * 1e-9,
             image=step.image.copy(),

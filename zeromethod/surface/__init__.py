@@ -1,4 +1,4 @@
-"""Reading the mirror: slope and depth per node from a measured warp, with their uncertainty."""
+"""Surface reading: slope and depth per node from a measured warp, with their uncertainty."""
 
 from zeromethod.surface.covariance import Covariances, DepthCovariance, Variance
 from zeromethod.surface.peak import Peak, peak
