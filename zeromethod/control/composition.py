@@ -25,8 +25,8 @@ from zeromethod.control.box import box_sum
 from zeromethod.control.velocity import VelocityPredictor
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.continuation import continue_smoothly
+from zeromethod.warp.observable import observable_part
 from zeromethod.warp.rest import Rest
-from zeromethod.warp.unseen import filter_unseen
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
@@ -195,7 +195,7 @@ class Composition:
             target,
         )
         continue_smoothly(target, valid, out=target)
-        observable = filter_unseen(target, out=self._observable)
+        observable = observable_part(target, out=self._observable)
         _drop_unobservable(target, observable, self._gain, valid, x)
         self._flags = measured.flags
         self._estimate = self._rest.q + x
