@@ -129,7 +129,8 @@ class Rows:
         names = ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope", "valid", "contact")
         anchor = surface.anchor
         arrays = {name: getattr(surface, name) for name in names} | {"anchor": anchor.mask}
-        arrays["x_mm"], arrays["y_mm"] = np.moveaxis(surface.points_mm, -1, 0)
+        for name in ("x_mm", "y_mm"):
+            arrays[name] = np.where(surface.on_mirror, arrays[name], np.nan)
         items = self._group("surface", turn, arrays)
         if items:
             about = (ANCHORS.index(anchor.mode), anchor.sigma_mm, anchor.far_field_mm)

@@ -106,7 +106,7 @@ class ExpectedLight:
         self._rest_cosine = self._cosine(rest_slope, rest_point)
         x, y = np.nan_to_num(rest_point[..., 0]), np.nan_to_num(rest_point[..., 1])
         self._integrator = SlopeIntegrator(x, y)
-        usable = self._rays.seen & np.isfinite(self._rest_cosine)
+        usable = self._rays.hits & np.isfinite(self._rest_cosine)
         self._integrator.prepare(usable, np.ones((*grid.shape, 2)))
         rim = np.zeros(grid.shape, np.bool_)
         rim[grid.inner] = True

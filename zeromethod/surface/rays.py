@@ -23,15 +23,15 @@ class MirrorRays:
         self._rest = optics.rest
         at_rest = optics.trace(u_px, v_px, optics.rest)
         self.rest_q: Float = at_rest.q
-        seen = np.asarray(np.isfinite(at_rest.q).all(axis=-1))
+        hits = np.asarray(np.isfinite(at_rest.q).all(axis=-1))
         origin, direction = optics.rubber_rays(u_px, v_px)
-        self._direction = np.where(seen[..., None], direction, np.nan)
-        self._rest_point = np.where(seen[..., None], at_rest.point, np.nan)
+        self._direction = np.where(hits[..., None], direction, np.nan)
+        self._rest_point = np.where(hits[..., None], at_rest.point, np.nan)
         gx, gy = self._rest.gradient(self._rest_point[..., 0], self._rest_point[..., 1])
         # change of depth below the rest surface per mm along the ray
         rise = direction[..., 2] - gx * direction[..., 0] - gy * direction[..., 1]
-        self._distance_per_depth = np.where(seen, -1.0 / rise, np.nan)
-        self.seen: Mask = seen & np.asarray(np.isfinite(origin).all(axis=-1))
+        self._distance_per_depth = np.where(hits, -1.0 / rise, np.nan)
+        self.hits: Mask = hits & np.asarray(np.isfinite(origin).all(axis=-1))
 
     def points(self, depth_mm: Float) -> Float:
         """Mirror points (rows, cols, 3) in mm at the given depths (rows, cols)."""

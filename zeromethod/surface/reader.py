@@ -102,16 +102,18 @@ class SurfaceReader:
         u, v = grid.mesh()
         u, v = u[grid.inner], v[grid.inner]
         self._rays = MirrorRays(optics, u, v)
-        seen = largest_island(self._rays.seen)
-        if np.count_nonzero(seen) < 4:
+        island = largest_island(self._rays.hits)
+        if np.count_nonzero(island) < 4:
             raise InputError(f"rig {rig.name}: no camera pixel sees the LCD by the mirror at rest")
         rest = np.zeros(u.shape)
         slope, point = self._rays.slope(rest, self._rays.rest_q)
         self._rest_point = point
         self._rest_xy = continued_points(self._padded(point[..., :2], np.nan))
         sensitivity = optics.sensitivity(u, v)
-        regular = seen & (np.abs(np.linalg.det(np.where(seen[..., None, None], sensitivity, np.eye(2)))) > 0)
-        self._seen = regular
+        regular = island & (
+            np.abs(np.linalg.det(np.where(island[..., None, None], sensitivity, np.eye(2)))) > 0
+        )
+        self._usable = regular
         sensitivity = np.where(regular[..., None, None], sensitivity, np.eye(2))
         self._rest_bending = jacobian(self._rays.rest_q, grid.spacing_px)
         self._lever = Lever(self._rays, sensitivity)
@@ -126,7 +128,7 @@ class SurfaceReader:
         """Scale h (rows, cols), median 1, from K = d(slope)/d(depth) at fixed q, integrated."""
         deeper, _ = self._rays.slope(np.full(slope.shape[:-1], _PROBE_DEPTH_MM), self._rays.rest_q)
         rate = (deeper - slope) / _PROBE_DEPTH_MM
-        usable = self._seen & np.isfinite(rate).all(axis=-1)
+        usable = self._usable & np.isfinite(rate).all(axis=-1)
         plain = SlopeIntegrator(point[..., 0], point[..., 1])
         plain.prepare(usable, np.ones((*usable.shape, 2)))
         kappa = plain.integrate(rate, point[..., 0], point[..., 1])
@@ -170,7 +172,7 @@ class SurfaceReader:
         inner = self._grid.inner
         sigma_q, q = warp.sigma[inner], warp.q[inner]
         with np.errstate(invalid="ignore"):
-            usable = (warp.flags[inner] == 0) & self._seen & (sigma_q > 0.0).all(axis=-1)
+            usable = (warp.flags[inner] == 0) & self._usable & (sigma_q > 0.0).all(axis=-1)
         usable &= np.isfinite(q).all(axis=-1) & np.isfinite(sigma_q).all(axis=-1)
         q = np.where(usable[..., None], q, np.nan)
         bending = jacobian(warp.q, self._grid.spacing_px)[inner]
@@ -195,7 +197,7 @@ class SurfaceReader:
         """
         last = self._last
         if last is None or last.surface is not surface:
-            raise InputError("surface: not the last one read, or without depth; read it first")
+            raise InputError("surface: not the one last read, or without depth; read it first")
         scale, fit = self._scale, last.fit
         return DepthCovariance(self._grid, last.linear, last.noise, scale, fit.weights, fit.sigma_mm)
 
@@ -308,8 +310,8 @@ class SurfaceReader:
         return {
             "depth_mm": full[0],
             "slope": full[1],
-            "x_mm": points[..., 0],
-            "y_mm": points[..., 1],
+            "x_mm": points[..., 0].copy(),
+            "y_mm": points[..., 1].copy(),
             "sigma_depth_mm": full[2],
             "sigma_slope": full[3],
             "on_mirror": on_mirror,

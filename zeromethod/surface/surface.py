@@ -100,8 +100,8 @@ class Surface:
             points = np.stack([self.x_mm, self.y_mm], axis=-1)
             object.__setattr__(self, "on_mirror", np.isfinite(points).all(axis=-1))
             points = continued_points(points)
-            object.__setattr__(self, "x_mm", points[..., 0])
-            object.__setattr__(self, "y_mm", points[..., 1])
+            object.__setattr__(self, "x_mm", points[..., 0].copy())
+            object.__setattr__(self, "y_mm", points[..., 1].copy())
 
     @property
     def points_mm(self) -> Float:

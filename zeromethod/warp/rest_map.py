@@ -118,7 +118,7 @@ class RestMap:
                 group = file["rest_map"]
                 lcd_px, sigma_px, valid, reason = (group[name][()] for name in _STORED)
         except (OSError, KeyError) as error:
-            raise InputError(f"{path}: holds no rest map: arrays of a calibration (HDF5)") from error
+            raise InputError(f"{path}: has no rest map; name the arrays (HDF5) of a calibration") from error
         return cls(lcd_px.astype(np.float64), sigma_px.astype(np.float64), valid, reason)
 
     def warp(self, grid: NodeGrid, time_ns: int = 0) -> Warp:
