@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from node_bench import LCD_PER_CAMERA, NodeBench, dent, panel, rest_warp
 
-from zeromethod.control.velocity import Horizon, Lead
+from zeromethod.control.velocity import Horizon, VelocityPredictor
 from zeromethod.rig.model import ControlSpec
 
 REST = rest_warp(384)
@@ -88,7 +88,7 @@ def test_the_horizon_is_the_median_age_from_the_first_panel_row() -> None:
 
 
 def test_a_lead_waits_for_three_steps_that_agree() -> None:
-    lead = Lead(REST)
+    lead = VelocityPredictor(REST)
     gain, horizon = np.ones(REST.q.shape[:2]), np.full(5, 0.03)
     step = np.full_like(REST.q, 0.3)
     leads = []
@@ -102,7 +102,7 @@ def test_a_lead_waits_for_three_steps_that_agree() -> None:
 
 
 def test_a_large_lead_builds_up_over_several_pictures() -> None:
-    lead = Lead(REST)
+    lead = VelocityPredictor(REST)
     gain, horizon = np.ones(REST.q.shape[:2]), np.full(5, 0.1)
     before, jumps = 0.0, []
     for k in range(12):

@@ -75,7 +75,7 @@ def test_wrong_orders_are_found_and_removed() -> None:
     found = measure_rest(bench.frames(sequence), sequence, size_px=PANEL, noise=noise)
     rest = found.rest_map
     assert found.order_error > 0.01
-    removed = named(found, Reason.WRONG_ORDER) | named(found, Reason.DOUBTFUL_ORDER)
+    removed = named(found, Reason.WRONG_ORDER) | named(found, Reason.AMBIGUOUS_ORDER)
     assert removed.sum() > 100
     wrong = np.abs(rest.lcd_px - bench.lcd).max(axis=-1)[rest.valid] > 4
     # Of 20,000 pixels not one in ten thousand is left wrong.

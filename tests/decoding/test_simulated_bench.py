@@ -73,6 +73,8 @@ def test_second_reflections_of_the_faces_are_found_and_named() -> None:
     rig = part_of_view((80, 60), ghost_faces=0.1)
     found = captured(rig, Response.from_rig(rig.display))
     rest = found.rest_map
+    # Faces reflect all over this part of the view, by a tenth of the light, three times the limit: where the
+    # reflections nearly coincide their neighbours name them, and no place may pass for a good one.
     assert np.mean((rest.reason & int(Reason.SECOND_REFLECTION)) != 0) > 0.9
-    # What is left lies where both reflections all but coincide, and is off by a tenth of their distance.
-    assert not rest.valid.any() or np.nanmax(np.abs(errors_px(rig, found))) < 0.4
+    assert not rest.valid.any()
+    assert np.isnan(rest.lcd_px).all()

@@ -326,5 +326,5 @@ def test_readings_are_kept_with_their_turns(tmp_path: Path) -> None:
         back = found.surface(2)
         assert back is not None
         np.testing.assert_array_equal(back.slope, surface.slope.astype(np.float32))
-        assert (back.anchor.sigma_mm, back.anchor.tail_mm) == (1e-4, 2e-4)
+        assert (back.anchor.sigma_mm, back.anchor.far_field_mm) == (1e-4, 2e-4)
         assert found.peaks[0]["read_ms"] == 3.5

@@ -110,7 +110,7 @@ def test_the_rest_is_as_single_precision_has_it(truth: Truth, opened: Recording)
     for turn, (surface, _) in truth.readings.items():
         found = opened.surface(turn)
         assert found is not None
-        for name in ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope"):
+        for name in ("depth_mm", "slope", "points_mm", "sigma_depth_mm", "sigma_slope"):
             np.testing.assert_array_equal(getattr(found, name), getattr(surface, name).astype(np.float32))
         np.testing.assert_array_equal(found.valid, surface.valid)
         np.testing.assert_array_equal(found.anchor.mask, surface.anchor.mask)

@@ -5,7 +5,7 @@ import pytest
 
 from zeromethod.rig.model import Noise
 from zeromethod.sensing import ResidualSensor
-from zeromethod.sensing.levelling import level, noise_factor
+from zeromethod.sensing.shading import level, noise_factor
 from zeromethod.warp.validity import Flag
 
 from .sensing_scenes import GRID, SHAPE, at_nodes, cosines, exposed, pixels, seen

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from zeromethod.rig.model import Noise
-from zeromethod.sensing import ResidualSensor, noise_correlation
+from zeromethod.sensing import ResidualSensor
 from zeromethod.sensing.window import triangle
+from zeromethod.warp.overlap import overlap_correlation
 
 from .sensing_scenes import GRID, PERIOD, checker, cosines, exposed, seen
 
@@ -60,7 +61,7 @@ def test_noise_correlation_of_neighbours():
     d, _ = spread(sensor, seen(cosines), noise, 8)
     e = d - d.mean(axis=0)
     power = np.mean(e**2, axis=(0, 1, 2))
-    own, other = (noise_correlation(PERIOD, np.arange(5), gradient) for gradient in ("sine", "flat"))
+    own, other = (overlap_correlation(PERIOD, PERIOD // 2, gradient) for gradient in ("sine", "flat"))
     for lag in range(5):
         along = e[:, :, : e.shape[2] - lag] * e[:, :, lag:]
         down = e[:, : e.shape[1] - lag] * e[:, lag:]
@@ -75,7 +76,7 @@ def test_noise_correlation_of_a_checker():
     noise = Noise(read_grey=2.0)
     d, _ = spread(ResidualSensor(GRID, "checker", noise, 8), seen(checker, samples=6), noise, 8)
     e = d - d.mean(axis=0)
-    own, other = (noise_correlation(PERIOD, 1, gradient) for gradient in ("sine", "cosine"))
+    own, other = (overlap_correlation(PERIOD, PERIOD // 2, gradient)[1] for gradient in ("sine", "cosine"))
     power = np.mean(e**2, axis=(0, 1, 2))
     along, down = (
         np.mean(e[:, :, :-1] * e[:, :, 1:], axis=(0, 1, 2)),

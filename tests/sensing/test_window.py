@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from zeromethod.sensing.window import curvature_bias_px2, noise_correlation, transfer, triangle
+from zeromethod.sensing.window import curvature_bias_px2, transfer, triangle
 
 
 @pytest.mark.parametrize("period", [8, 10, 16])
@@ -25,10 +25,3 @@ def test_transfer_is_the_windows_spectrum():
 def test_second_moment_is_twice_the_curvature_bias():
     offset = np.arange(-15, 16)
     assert np.sum(triangle(16) * offset**2) / 2 == pytest.approx(curvature_bias_px2(16), rel=1e-13)
-
-
-def test_noise_correlation_is_a_cubic_spline_for_long_periods():
-    # closed form for P -> infinity; at P = 64 the sum differs from it by less than 1/P^2
-    expected = [1, 23 / 32, 1 / 4, 1 / 32, 0]
-    assert noise_correlation(64, [0, 1, 2, 3, 4]) == pytest.approx(expected, abs=3e-4)
-    assert noise_correlation(16, [-1]) == noise_correlation(16, [1])

@@ -60,7 +60,7 @@ def test_a_far_field_that_never_ends_is_followed_by_its_law(small, dx):
     # 1 um (by noise and by the core's size of 3 mm, which the law has not) of 11 to 32 um, as stated
     assert wrong < 2 * surface.anchor.sigma_mm < 1.5e-3
     assert wrong < 1e-4
-    assert surface.anchor.tail_mm > 5e-3
+    assert surface.anchor.far_field_mm > 5e-3
 
 
 @pytest.mark.parametrize("sigma_mm", [9.0, 12.0, 15.0, 18.0])

@@ -42,21 +42,22 @@ def test_the_constant_comes_back_for_any_member_of_the_family(n, k, constant):
 
 
 def test_slope_read_at_the_wrong_depth_is_allowed_for():
-    """Leaving out C grad h would cost half of C here."""
+    """The slope at depth D + C h contains C grad h; without it the fit gives another C, far outside sigma."""
     depth, slope = field(1.0, 0.0)
     generator = np.random.default_rng(0)
     read = slope + NOISE * generator.standard_normal(slope.shape)
     variance = np.full(slope.shape, NOISE**2)
     everywhere = np.ones(X.shape, bool)
     wrong = fit_far_field(read, variance, depth - 4e-3 * H, H, H_GRADIENT, X, Y, everywhere, 5e-3, 1.0)
-    assert wrong is None or abs(wrong.constant_mm + 4e-3) > 4e-4
+    # C grad h, 4e-3 / 62 rad, over r is some 40 % of C at the 20 mm of the far field
+    assert wrong is not None
+    assert abs(wrong.constant_mm + 4e-3) > max(0.25 * 4e-3, 10 * wrong.sigma_mm)
 
 
-def test_fields_that_follow_no_law_are_refused_or_doubted():
-    """Two far fields on either side: whatever is found lies within twice what is stated for it."""
+def test_fields_that_follow_no_law_are_refused():
+    """Two dents on either side fall off about no common centre: the misfit refuses them."""
     (a, sa), (b, sb) = field(1.0, 0.0, at=(30.0, -5.0)), field(1.0, 0.0, 0.07, at=(56.0, 8.0))
-    found = fitted(a + b, sa + sb, -4e-3)
-    assert found is None or abs(found.constant_mm + 4e-3) < 2 * found.sigma_mm
+    assert fitted(a + b, sa + sb, -4e-3) is None
 
 
 def test_nothing_is_found_where_the_core_fills_the_view():

@@ -70,13 +70,13 @@ def test_what_is_cut_off_counts_as_beyond_and_not_as_valid(finer):
     row, col, x, y = middle(finer)
     warp, ball = ball_warp(finer, 0.15, 3.5, x, y)
     surface = finer.reader.read(warp)
-    assert surface.beyond is not None
-    inside = surface.beyond.valid
+    assert surface.cut_off is not None
+    inside = surface.cut_off.valid
     assert not (inside & surface.valid).any()
     assert not surface.valid[row, col]
     assert np.isnan(surface.depth_mm[inside]).all()
-    error = surface.beyond.depth_mm[inside] - finer.truth(ball)[inside]
-    assert (np.abs(error) < 2 * surface.beyond.sigma_depth_mm[inside]).all()
+    error = surface.cut_off.depth_mm[inside] - finer.truth(ball)[inside]
+    assert (np.abs(error) < 2 * surface.cut_off.sigma_depth_mm[inside]).all()
     # the step over the gap is wrong alike for all of them: within the fold depth holds together
     assert np.ptp(error) < 5e-4
     # what was connected reads as before, and so does its covariance
@@ -88,7 +88,7 @@ def test_a_smooth_dent_behind_a_ring_of_lost_nodes_is_read_to_a_percent(bench):
     warp = bench.warp(Gauss(0.2, x, y, 6.0))
     away = distance_nodes(bench, row, col)
     surface = bench.reader.read(flagged(warp, (away > 3.2) & (away < 4.8), Flag.FOLDED))
-    assert surface.beyond is not None
+    assert surface.cut_off is not None
     found = peak(surface)
     # slopes bend little over the two nodes of 1.5 mm each that are lost
     assert found.depth_mm == pytest.approx(0.2, rel=0.01)
@@ -101,7 +101,7 @@ def test_across_a_wide_gap_nothing_is_tied_and_sigma_covers_what_may_be_inside(b
     warp = bench.warp(Gauss(0.2, x, y, 7.0))
     away = distance_nodes(bench, row, col)
     surface = bench.reader.read(flagged(warp, (away > 2.5) & (away < 8.5), Flag.FOLDED))
-    assert surface.beyond is None
+    assert surface.cut_off is None
     found = peak(surface)
     assert found.depth_mm < 0.1
     assert 0.2 - found.depth_mm < 2 * found.sigma_mm
@@ -116,7 +116,7 @@ def test_a_contact_without_light_leaves_open_what_is_inside(bench, sign):
     assert abs(found.depth_mm) < 0.08
     assert abs(sign * 0.1 - found.depth_mm) < 2 * found.sigma_mm
     # what was seen beside the contact is as well known as ever
-    assert found.sigma_seen_mm < 0.02 * abs(found.depth_mm)
+    assert found.sigma_local_mm < 0.02 * abs(found.depth_mm)
 
 
 def test_an_opening_in_the_fold_leaves_most_of_its_sigma(finer):
@@ -124,7 +124,7 @@ def test_an_opening_in_the_fold_leaves_most_of_its_sigma(finer):
     warp, _ = ball_warp(finer, 0.15, 4.3, x, y)
     surface = finer.reader.read(warp)
     assert np.count_nonzero(warp.flags & Flag.FOLDED) > 20
-    assert surface.beyond is None
+    assert surface.cut_off is None
     found = peak(surface)
     # off by 0.6 %, eight times what the noise alone would say
     assert abs(found.depth_mm - 0.15) < 2 * found.sigma_mm

@@ -163,6 +163,11 @@ def test_padding_and_flagged_nodes_are_nan(small):
         surface.sigma_slope[..., 1],
     ):
         np.testing.assert_array_equal(np.isfinite(field), surface.valid)
+    # the mirror points go on smoothly past the mirror, so that every plot takes them
+    assert not surface.on_mirror.all()
+    assert np.isfinite(surface.x_mm).all()
+    assert np.isfinite(surface.y_mm).all()
+    np.testing.assert_array_equal(np.isfinite(surface.points_mm).all(axis=-1), surface.on_mirror)
     assert not surface.valid[:4].any()
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from zeromethod.surface.stencils import derivative_table, integral_table
+from zeromethod.surface.differences import derivative_table, integral_table
 
 
 def test_centred_rules_are_the_published_ones():

@@ -1,4 +1,4 @@
-"""Sums and means over square neighbourhoods of nodes, at a cost that their size does not enter."""
+"""Running sums and means over square neighbourhoods of nodes; the cost does not depend on their size."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from zeromethod.arrays import Float
 
 @numba.njit(cache=True)
 def _box_lines(field: Float, radius: int, out: Float) -> None:
-    """Sum 2 radius + 1 lines along axis 0 round each, fewer at the ends."""
+    """Sums over 2 radius + 1 lines along axis 0, fewer at the ends."""
     rows = field.shape[0]
     total = np.zeros(field.shape[1])
     for j in range(-radius, rows):
@@ -27,11 +27,11 @@ def _box_lines(field: Float, radius: int, out: Float) -> None:
 
 @numba.njit(cache=True)
 def _box_columns(field: Float, radius: int) -> None:
-    """Do the same along axis 1, in place."""
+    """Sums over 2 radius + 1 nodes along axis 1, fewer at the ends, in place."""
     cols = field.shape[1]
     line = np.empty(cols)
     for j in range(field.shape[0]):
-        # a loop: numba takes two seconds longer over a slice
+        # a loop, as numba takes two seconds longer to compile a slice
         for i in range(cols):
             line[i] = field[j, i]
         total = 0.0
@@ -46,18 +46,18 @@ def _box_columns(field: Float, radius: int) -> None:
 
 @numba.njit(cache=True)
 def box_sum(field: Float, radius: int, out: Float) -> None:
-    """Sum of `field` (rows, cols) over (2 radius + 1)^2 nodes round each, cut at the edge, in `out`."""
+    """Sum of `field` (rows, cols) over the (2 radius + 1)^2 nodes around each, cut at the edge, in `out`."""
     _box_lines(field, radius, out)
     _box_columns(out, radius)
 
 
 @numba.njit(cache=True)
 def box_mean(field: Float, radius: int, out: Float) -> None:
-    """Mean over the nodes that `box_sum` sums up, in `out`."""
+    """Mean of `field` (rows, cols) over the (2 radius + 1)^2 nodes around each, cut at the edge, in `out`."""
     box_sum(field, radius, out)
     rows, cols = field.shape
     for j in range(rows):
-        high = min(j + radius, rows - 1) - max(j - radius, 0) + 1
+        height = min(j + radius, rows - 1) - max(j - radius, 0) + 1
         for i in range(cols):
-            wide = min(i + radius, cols - 1) - max(i - radius, 0) + 1
-            out[j, i] /= high * wide
+            width = min(i + radius, cols - 1) - max(i - radius, 0) + 1
+            out[j, i] /= height * width

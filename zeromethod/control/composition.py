@@ -1,16 +1,16 @@
-"""The controller: filter absolute measurements of the warp, command what they say.
+"""The composition controller: an adaptive filter of absolute warp measurements, whose output is commanded.
 
-Every frame measures the warp absolutely, whatever was shown in it and however late it comes (adaptive
-optics calls this pseudo-open-loop control). So there is no integrator to wind up: the command is the
+Every frame measures the warp absolutely, whatever was shown in it and however late it arrives (adaptive
+optics calls this pseudo-open-loop control). There is no integrator that could wind up: the command is the
 filtered measurement, and delay makes it late but never unstable. Per node
 
     x <- x + K (z - x),      K = 1 - M / S  within [K_min, gain],
 
-x displacement from rest, z the measured one, S the mean of innovation^2 / expected variance over the
-nodes around (innovation-based adaptive Kalman filter; Mehra 1970, doi:10.1109/TAC.1970.1099422). At rest
-S is near 1 and K at its least, which passes sqrt(K / (2 - K)) = 0.33 of a frame's noise; a press drives S
-up and K to `gain` within the frame that shows it. Where the mirror moves steadily the command leads x by
-the loop's delay (`zeromethod.control.velocity`); x itself does not.
+x the displacement from rest, z the measured one, S the mean of innovation^2 / expected variance over the
+neighbouring nodes (innovation-based adaptive Kalman filter; Mehra 1970, doi:10.1109/TAC.1970.1099422). At
+rest S is near 1 and K at its minimum, which passes sqrt(K / (2 - K)) = 0.33 of a frame's noise; a press
+raises S, and K to `gain`, within the frame that shows it. Where the mirror moves steadily the command is
+predicted ahead by the loop's delay (`zeromethod.control.velocity`); x itself is not.
 """
 
 from __future__ import annotations
@@ -22,35 +22,35 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.control.box import box_sum
-from zeromethod.control.velocity import Lead
+from zeromethod.control.velocity import VelocityPredictor
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.continuation import continue_smoothly
+from zeromethod.warp.observable import observable_part
 from zeromethod.warp.rest import Rest
-from zeromethod.warp.unseen import filter_unseen
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
 LEAST_GAIN = 0.2
-"""K_min: filtered noise is 0.33 of a single frame's; what moves more raises K by itself."""
+"""K_min: filtered noise is 0.33 of a single frame's; larger motion raises K by itself."""
 
 MARGIN = 1.5
-"""M: S scatters by about 0.25 at rest, as the 49 nodes averaged share pixels; below 1.9 it is noise."""
+"""M: S scatters by about 0.25 at rest, as the 49 averaged nodes share pixels; below 1.9 it is noise."""
 
 RADIUS = 3
 """S is averaged over (2 RADIUS + 1)^2 nodes."""
 
-HOLD_ABOVE = 0.03
-"""Share of the nodes with mixed pictures above which the whole command is held."""
+FREEZE_ABOVE = 0.03
+"""Share of the nodes with mixed pictures above which the whole command is frozen."""
 
 _MIXED = np.uint16(Flag.MIXED)
 
 
 class Controller(Protocol):
-    """What turns measured warps into the commanded one."""
+    """A controller: turns measured warps into the commanded one."""
 
     @property
     def commanded(self) -> Float:
-        """(rows, cols, 2) LCD px that the loop wants shown next, finite everywhere."""
+        """(rows, cols, 2) LCD px to be shown next, finite everywhere."""
 
     @property
     def estimate(self) -> Float:
@@ -61,14 +61,14 @@ class Controller(Protocol):
         """(rows, cols) share of the last correction applied at each node."""
 
     def update(self, residual: Residual, measured: Warp, horizon_s: Float | None = None) -> bool:
-        """Take one frame in; False when the command was held.
+        """Take in one frame; False when the command stayed as it was.
 
-        horizon_s: (n,) s from a frame's mid-exposure until what it leads to is seen, from the panel's first
-        row to its last; None where not known.
+        horizon_s: (n,) s from a frame's mid-exposure to that of the frames exposed to the resulting picture,
+        from the panel's first row to its last; None while unknown.
         """
 
     def filtered(self, time_ns: int) -> Warp:
-        """Give the controller's estimate of the warp, less noisy than one frame's."""
+        """Estimate of the warp, less noisy than one frame's."""
 
 
 @numba.njit(cache=True)
@@ -87,28 +87,28 @@ def _correct(
 ) -> None:
     """Gain per node and target = x + K (z - x) at valid nodes (x elsewhere); variance is updated."""
     rows, cols = valid.shape
-    surprise, count, box = scratch[0], scratch[1], scratch[2]
+    innovation, count, box = scratch[0], scratch[1], scratch[2]
     for j in range(rows):
         for i in range(cols):
-            surprise[j, i] = 0.0
+            innovation[j, i] = 0.0
             count[j, i] = 0.0
             if valid[j, i]:
                 count[j, i] = 2.0
                 for k in range(2):
                     e = q[j, i, k] - q_rest[j, i, k] - x[j, i, k]
                     expected = sigma[j, i, k] * sigma[j, i, k] + variance[j, i, k]
-                    surprise[j, i] += e * e / max(expected, 1e-12)
-    box_sum(surprise, RADIUS, box)
-    box_sum(count, RADIUS, surprise)
+                    innovation[j, i] += e * e / max(expected, 1e-12)
+    box_sum(innovation, RADIUS, box)
+    box_sum(count, RADIUS, innovation)
     for j in range(rows):
         for i in range(cols):
             gain[j, i] = 0.0
             for k in range(2):
                 target[j, i, k] = x[j, i, k]
             if valid[j, i]:
-                # S = box / surprise; both are positive at a valid node unless nothing moved at all.
-                wanted = 1.0 - MARGIN * surprise[j, i] / max(box[j, i], 1e-12)
-                share = min(max(wanted, least), most)
+                # S = box / innovation; both are positive at a valid node unless nothing moved at all.
+                kalman = 1.0 - MARGIN * innovation[j, i] / max(box[j, i], 1e-12)
+                share = min(max(kalman, least), most)
                 gain[j, i] = share
                 rest = 1.0 - share
                 for k in range(2):
@@ -118,27 +118,27 @@ def _correct(
 
 
 @numba.njit(cache=True)
-def _settle(target: Float, seen: Float, gain: Float, valid: Mask, x: Float) -> None:
-    """X = target without a share K of what the sensor cannot see; all of it where nothing is measured.
+def _drop_unobservable(target: Float, observable: Float, gain: Float, valid: Mask, x: Float) -> None:
+    """Set x to target less a share K of its unobservable part; less all of it where nothing is measured.
 
-    Taking out all of it everywhere would cost the pass band's ripple over K of every dent, not the ripple.
+    Taking out all of it everywhere would cost every dent the pass band's ripple over K, not the ripple.
     """
     for j in range(valid.shape[0]):
         for i in range(valid.shape[1]):
             share = gain[j, i] if valid[j, i] else 1.0
             for k in range(2):
-                x[j, i, k] = target[j, i, k] + share * (seen[j, i, k] - target[j, i, k])
+                x[j, i, k] = target[j, i, k] + share * (observable[j, i, k] - target[j, i, k])
 
 
 class Composition:
-    """Filtered composition against what was shown; see the module. `gain` 0..1 is the upper limit of K.
+    """The adaptive filter of the module's equations. gain: upper limit of K, 0..1.
 
-    Invalid nodes follow a smooth continuation of their neighbours' displacement; nothing leaks to rest.
-    A share K of what the sensor cannot see is taken out of the command in every frame, so that it decays as
-    fast as the rest is learnt and cannot random-walk.
+    Invalid nodes follow a smooth continuation of their neighbours' displacement; nothing decays to rest.
+    A share K of the displacement that the sensor cannot observe is taken out of the command in every frame,
+    so that it decays as fast as the observable part is learnt and cannot random-walk.
 
-    Nodes whose pictures are too mixed count as not measured. When they are many the whole command is held:
-    what is shown then stays the same until an exposure sees it alone, so that new measurements never starve.
+    Nodes whose pictures are too mixed count as not measured. When they are many the whole command is frozen:
+    the picture then stays the same until one exposure contains it alone, so that measurements resume.
     """
 
     def __init__(self, rest: Rest, gain: float = 1.0) -> None:
@@ -150,16 +150,16 @@ class Composition:
         self._variance = np.zeros(shape)
         self._flags = rest.flags.copy()
         self._target = np.empty(shape)
-        self._seen = np.empty(shape)
+        self._observable = np.empty(shape)
         self._scratch = np.empty((3, *shape[:2]))
         self._gain = np.zeros(shape[:2])
-        self._lead = Lead(rest)
+        self._predictor = VelocityPredictor(rest)
         self._estimate = rest.q.copy()
         self.commanded: Float = rest.q.copy()
 
     @property
     def estimate(self) -> Float:
-        """(rows, cols, 2) LCD px, rest and x: the command without its lead."""
+        """(rows, cols, 2) LCD px, rest and x: the command without prediction."""
         return self._estimate
 
     @property
@@ -169,13 +169,13 @@ class Composition:
 
     def update(
         self,
-        residual: Residual,  # noqa: ARG002 - the integrator needs it
+        residual: Residual,  # noqa: ARG002 - only the integrator uses it
         measured: Warp,
         horizon_s: Float | None = None,
     ) -> bool:
-        """Take one frame in; False when its pictures were too mixed and the command was held."""
+        """Take in one frame; False when the command was frozen: pictures too mixed, or no valid node."""
         mixed = (measured.flags & _MIXED) != 0
-        if np.count_nonzero(mixed) > HOLD_ABOVE * mixed.size:
+        if np.count_nonzero(mixed) > FREEZE_ABOVE * mixed.size:
             return False
         valid = measured.valid
         if not valid.any():
@@ -195,14 +195,14 @@ class Composition:
             target,
         )
         continue_smoothly(target, valid, out=target)
-        seen = filter_unseen(target, out=self._seen)
-        _settle(target, seen, self._gain, valid, x)
+        observable = observable_part(target, out=self._observable)
+        _drop_unobservable(target, observable, self._gain, valid, x)
         self._flags = measured.flags
         self._estimate = self._rest.q + x
         self.commanded = self._estimate.copy()
-        self._lead.add(self.commanded, x, self._gain, measured.time_ns, horizon_s)
+        self._predictor.add(self.commanded, x, self._gain, measured.time_ns, horizon_s)
         return True
 
     def filtered(self, time_ns: int) -> Warp:
-        """Give x as a warp, without the lead; sigma by the filter's recursion, flags of the last frame."""
+        """The estimate, without prediction; sigma by the filter's recursion, flags of the last frame."""
         return Warp(self._estimate, np.sqrt(self._variance), self._flags, time_ns)

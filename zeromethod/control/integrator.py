@@ -1,4 +1,4 @@
-"""The baseline: a classical leaky integrator of the residual, blind to delay."""
+"""The baseline controller: a classical leaky integrator of the residual that ignores delay."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
-_SEEN_DESPITE = np.uint16(Flag.MIXED)
+_TOLERATED = np.uint16(Flag.MIXED)
 
 
 class Integrator:
     """c <- q_rest + (1 - leak) (c((u, v) + gain d) - q_rest), c the warp commanded last.
 
-    It takes the residual for one of the latest command though the frame saw an older one, so that delay
-    makes it overshoot and, at higher gain, diverge; its leak pulls a held dent back to rest by about
-    leak / gain of its depth. Kept as what the composition is measured against.
+    It applies the residual to the latest command though the frame was exposed to an older one, so that delay
+    makes it overshoot and, at higher gain, diverge; its leak pulls a lasting dent back to rest by about
+    leak / gain of its depth. The composition controller is compared against it.
     """
 
     def __init__(self, rest: Rest, gain: float = 0.3, leak: float = 0.01) -> None:
         self._rest = rest
-        self._share = gain
+        self._fixed_gain = gain
         self._keep = 1.0 - leak
         self._flags = rest.flags.copy()
         self._sigma = np.zeros(rest.q.shape)
@@ -34,34 +34,34 @@ class Integrator:
 
     @property
     def estimate(self) -> Float:
-        """(rows, cols, 2) LCD px, the command itself."""
+        """(rows, cols, 2) LCD px: the command itself."""
         return self.commanded
 
     @property
     def gain(self) -> Float:
-        """(rows, cols) the fixed gain where the node was measured, else 0."""
+        """(rows, cols) the fixed gain where the node was measured, 0 elsewhere."""
         return self._gain
 
     def update(
         self,
         residual: Residual,
         measured: Warp,
-        horizon_s: Float | None = None,  # noqa: ARG002 - blind to delay
+        horizon_s: Float | None = None,  # noqa: ARG002 - ignores delay
     ) -> bool:
-        """Take one frame in; False when it has no valid node."""
-        flags = measured.flags & ~_SEEN_DESPITE
-        moved = compose(self.commanded, self._share * residual.d, self._rest.grid.spacing_px)
+        """Take in one frame; False when it has no valid node."""
+        flags = measured.flags & ~_TOLERATED
+        moved = compose(self.commanded, self._fixed_gain * residual.d, self._rest.grid.spacing_px)
         valid = (flags == 0) & np.isfinite(moved).all(axis=-1)
         if not valid.any():
             return False
         displacement = self._keep * (moved - self._rest.q)
         continue_smoothly(displacement, valid, out=displacement)
-        self._gain = np.where(valid, self._share, 0.0)
+        self._gain = np.where(valid, self._fixed_gain, 0.0)
         self._flags = measured.flags
         self._sigma = measured.sigma
         self.commanded = self._rest.q + displacement
         return True
 
     def filtered(self, time_ns: int) -> Warp:
-        """Give the command; its sigma is taken to be one frame's."""
+        """The command as a warp, with the last frame's sigma and flags."""
         return Warp(self.commanded, self._sigma, self._flags, time_ns)

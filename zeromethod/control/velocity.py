@@ -1,25 +1,25 @@
-"""Leading a moving mirror by the loop's own delay.
+"""Prediction of a moving mirror over the loop's own delay.
 
-What is commanded now is seen later: by the frames that are exposed to the new picture, a horizon h after
-the frame that it was made from. Where the mirror moves steadily the command is therefore
+What is commanded now is exposed later, a horizon h after the frame that it was made from. Where the mirror
+moves steadily the command is therefore
 
     command = x + v h,      v = (x - x of the last frame) / (time between them),
 
-x the controller's estimate, which itself stays without the lead (it is what the mirror did, not what it may
+x the controller's estimate, which itself contains no prediction (it is what the mirror did, not what it may
 do next). v is averaged over (2 RADIUS + 1)^2 nodes: through the sensor's window fine modes are partly read
-back from what was shown, and a lead on these would feed itself.
+back from what was shown, and their prediction would feed itself.
 
-v counts where three steps running agree in direction and size, and where the controller's gain says that
-there is motion at all. So a press of a moment leads to nothing, not even one in the middle of an exposure
-(which makes two steps of it); a standing mirror is not led, and its noise not raised.
+v is used where three consecutive steps agree in direction and size, and where the controller's gain shows
+motion at all. So a sudden press causes no prediction, not even one in the middle of an exposure (which
+appears as two steps); a mirror at rest is not predicted, and its noise not raised.
 
-The horizon is measured, not modelled. Every frame tells, per panel row, how old the pictures in it were:
-the time from the mid-exposure of the frames they were made from to its own, weighted by their light. Refresh,
-scan-out, rise, exposure, transfer and computing are all in it.
+The horizon is measured, not modelled. Every frame gives, per panel row, the age of the pictures in it:
+the time from the mid-exposure of the frames they were made from to its own, weighted by their light. It
+includes refresh, scan-out, rise, exposure, transfer and computing.
 
-The price: a motion that stops is led past its end, by v h at most, until frames see the stop and the picture
-after them is shown: about one delay longer than without a lead. Acceleration is not followed, so that motions
-no longer than a few delays gain little.
+The cost: a motion that stops is predicted past its end, by v h at most, until frames show the stop and the
+picture after them is shown: about one delay longer than without prediction. Acceleration is not predicted, so
+that motions no longer than a few delays gain little.
 """
 
 from __future__ import annotations
@@ -38,32 +38,32 @@ RADIUS = 3
 """v is averaged over (2 RADIUS + 1)^2 nodes."""
 
 AGREEMENT_RADIUS = 8
-"""Agreement is that of (2 AGREEMENT_RADIUS + 1)^2 nodes: a press as a whole moves or does not."""
+"""Agreement is computed over (2 AGREEMENT_RADIUS + 1)^2 nodes: a press moves as a whole or not."""
 
 RESTS_BELOW_GAIN, MOVES_ABOVE_GAIN = 0.25, 0.5
-"""Gain K up to which a node is at rest, and from which on it moves: innovations of 1.4, 1.7 deviations."""
+"""Gain K up to which a node is at rest, and from which it moves: innovations of 1.4, 1.7 sigma."""
 
 AGREES_FROM, AGREES_AT = 0.5, 0.8
-"""Agreement 2 v.v' / (v^2 + v'^2) of two steps up to which v counts for nothing, and from which it counts.
+"""Agreement 2 v.v' / (v^2 + v'^2) of two steps up to which v is ignored, and from which it is fully used.
 
-Steps of 1 : 2 agree by 0.8, of 1 : 4 by 0.47, against each other by less than 0.
+It is 0.8 for steps of 1 : 2, 0.47 for 1 : 4, negative for opposite ones.
 """
 
 HORIZON_FRAMES = 7
-"""The horizon is the median over so many frames, so that a command held for once does not enter."""
+"""The horizon is the median over so many frames, so that a single frozen command has no influence."""
 
 LARGEST_JUMP_PERIODS = 0.33
-"""Change of the command from picture to picture, in carrier periods, up to which a lead may build up.
+"""Largest change of the command from picture to picture, in carrier periods, that prediction may cause.
 
-Two pictures half a period apart cannot be told in one exposure (`mixture`); the lead must not cause that.
+Pictures half a period apart are ambiguous within one exposure (`mixture`); prediction must not cause that.
 """
 
 LONGEST_S = 0.25
-"""Steps further apart than this say nothing of the motion now."""
+"""Longest time between frames from which a velocity is computed."""
 
 
 class Horizon:
-    """Mean age of what is shown by the time it is seen, s, from the panel's first row to its last."""
+    """Mean age of the pictures at the time of exposure, s, from the panel's first row to its last."""
 
     def __init__(self, upwards: bool) -> None:
         self._upwards = upwards
@@ -71,18 +71,18 @@ class Horizon:
 
     @property
     def age_s(self) -> Float | None:
-        """(n,) at rows equally spaced; None before any frame has told."""
+        """(n,) s at equally spaced rows; None before the first known age."""
         return np.asarray(np.median(np.stack(self._ages), axis=0)) if self._ages else None
 
     def learn(self, age_ns: Float | None) -> None:
-        """Take in the ages of one frame, (n,) ns in scan-out order; None tells nothing."""
+        """Take in the ages of one frame, (n,) ns in scan-out order; None where unknown."""
         if age_ns is not None:
             self._ages.append(1e-9 * (age_ns[::-1] if self._upwards else age_ns))
 
 
 @numba.njit(cache=True)
 def _products(v: Float, last: Float, both: Float, size: Float) -> None:
-    """Node by node 2 v.v' and v^2 + v'^2."""
+    """2 v.v' and v^2 + v'^2 of every node, in `both` and `size`."""
     for j in range(both.shape[0]):
         for i in range(both.shape[1]):
             a, b, c, d = v[0, j, i], v[1, j, i], last[0, j, i], last[1, j, i]
@@ -92,14 +92,14 @@ def _products(v: Float, last: Float, both: Float, size: Float) -> None:
 
 @numba.njit(cache=True)
 def _trust(both: Float, size: Float, gain: Float, agreed: Float, share: Float) -> None:
-    """Share of v to lead by; `agreed` goes from the last step's agreement to this one's."""
+    """Share of v to predict with; `agreed` is updated from the last step's agreement to this one's."""
     for j in range(gain.shape[0]):
         for i in range(gain.shape[1]):
             agrees = both[j, i] / size[j, i] if size[j, i] > 0.0 else 0.0
             agrees = min(max((agrees - AGREES_FROM) / (AGREES_AT - AGREES_FROM), 0.0), 1.0)
             trust = min(agrees, agreed[j, i])
             agreed[j, i] = agrees
-            # a node that was not measured has no gain; its x, and so v, continues its neighbours'
+            # unmeasured nodes have no gain; their x, and so v, continues their neighbours'
             k = gain[j, i]
             if k > 0.0:
                 moves = (k - RESTS_BELOW_GAIN) / (MOVES_ABOVE_GAIN - RESTS_BELOW_GAIN)
@@ -111,15 +111,15 @@ def _trust(both: Float, size: Float, gain: Float, agreed: Float, share: Float) -
 def _wanted(
     v: Float, share: Float, q: Float, horizon_s: Float, rows_per_entry: float, last: Float, out: Float
 ) -> tuple[float, float, float, float]:
-    """Lead share v h in `out`; squares of the largest v, lead, last lead, and difference of the two."""
+    """Shift share v h in `out`; squares of the largest v, shift, last shift, and difference of the two."""
     end = horizon_s.size - 1
     speed = size = before = change = 0.0
     for j in range(share.shape[0]):
         for i in range(share.shape[1]):
             x = min(max(q[j, i, 1] * rows_per_entry, 0.0), float(end))
             n = min(int(x), end - 1)
-            lead_s = share[j, i] * (horizon_s[n] + (x - n) * (horizon_s[n + 1] - horizon_s[n]))
-            a, b = lead_s * v[0, j, i], lead_s * v[1, j, i]
+            ahead_s = share[j, i] * (horizon_s[n] + (x - n) * (horizon_s[n + 1] - horizon_s[n]))
+            a, b = ahead_s * v[0, j, i], ahead_s * v[1, j, i]
             out[0, j, i], out[1, j, i] = a, b
             speed = max(speed, v[0, j, i] ** 2 + v[1, j, i] ** 2)
             size = max(size, a * a + b * b)
@@ -129,17 +129,17 @@ def _wanted(
 
 
 @numba.njit(cache=True)
-def _apply(wanted: Float, part: float, lead: Float, q: Float) -> None:
-    """Move `lead` by `part` of the way to what is wanted, and add it to q (rows, cols, 2)."""
+def _apply(wanted: Float, part: float, shift: Float, q: Float) -> None:
+    """Move `shift` (2, rows, cols) by `part` of the way to `wanted`, and add it to q (rows, cols, 2)."""
     for j in range(q.shape[0]):
         for i in range(q.shape[1]):
             for k in range(2):
-                lead[k, j, i] += part * (wanted[k, j, i] - lead[k, j, i])
-                q[j, i, k] += lead[k, j, i]
+                shift[k, j, i] += part * (wanted[k, j, i] - shift[k, j, i])
+                q[j, i, k] += shift[k, j, i]
 
 
-class Lead:
-    """Follows every node's velocity from frame to frame and leads commands by it."""
+class VelocityPredictor:
+    """Per-node velocity from frame to frame, and commands predicted ahead with it."""
 
     def __init__(self, rest: Rest) -> None:
         shape = rest.q.shape[:2]
@@ -147,7 +147,7 @@ class Lead:
         # two nodes are a period apart
         period_lcd_px = 2 * float(np.median(np.hypot(*np.diff(rest.q, axis=1)[rest.grid.inner].T)))
         self._largest_jump = LARGEST_JUMP_PERIODS * period_lcd_px
-        self._lead = np.zeros((2, *shape))
+        self._shift = np.zeros((2, *shape))
         self._x = np.zeros((2, *shape))
         self._v = np.zeros((2, *shape))
         self._last = np.zeros((2, *shape))
@@ -158,10 +158,10 @@ class Lead:
         self._moves = False
 
     def add(self, q: Float, x: Float, gain: Float, time_ns: int, horizon_s: Float | None) -> None:
-        """Lead the command `q`, (rows, cols, 2) LCD px, in place.
+        """Add v h to the command `q`, (rows, cols, 2) LCD px, in place.
 
-        x: (rows, cols, 2) displacement by the frame of `time_ns`, LCD px. gain: (rows, cols) its K.
-        horizon_s: (n,) s from the panel's first row to its last; None: no lead.
+        x: (rows, cols, 2) displacement measured by the frame of `time_ns`, LCD px. gain: (rows, cols) its K.
+        horizon_s: (n,) s from the panel's first row to its last; None: no prediction.
         """
         since_s = math.inf if self._time_ns is None else 1e-9 * (time_ns - self._time_ns)
         self._time_ns = time_ns
@@ -175,7 +175,7 @@ class Lead:
         elif self._moves:
             self._v[:] = self._last[:] = 0.0
             self._agreed[:] = 0.0
-            self._lead[:] = 0.0
+            self._shift[:] = 0.0
         self._moves = moves
         for k in range(2):
             self._x[k] = x[..., k]
@@ -186,10 +186,10 @@ class Lead:
             box_sum(size, AGREEMENT_RADIUS, both)
             _trust(self._share, both, gain, self._agreed, self._share)
             per_row = (horizon_s.size - 1) / (self._panel_rows - 1)
-            squares = _wanted(self._v, self._share, q, horizon_s, per_row, self._lead, self._work)
+            squares = _wanted(self._v, self._share, q, horizon_s, per_row, self._shift, self._work)
             speed, most, before, change = (math.sqrt(square) for square in squares)
             part = 1.0
             if most > before:
                 room = max(self._largest_jump - speed * since_s, 0.5 * self._largest_jump)
                 part = min(1.0, room / change)
-            _apply(self._work, part, self._lead, q)
+            _apply(self._work, part, self._shift, q)

@@ -1,4 +1,4 @@
-"""Phase shifting: absolute LCD positions from shifted fringes of several periods."""
+"""Absolute decoding by phase shifting: LCD positions from shifted fringes of several periods."""
 
 from zeromethod.decoding.fringes import FringeSequence, equal_shifts
 from zeromethod.decoding.measuring import RestMeasurement, measure_rest

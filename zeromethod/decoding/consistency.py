@@ -1,9 +1,9 @@
-"""Neighbours against each other: a mirror's rest map is smooth, a wrong order jumps by about a period.
+"""Consistency of neighbouring pixels: a rest map is smooth, a wrong order jumps by about a period.
 
-Two tests, for what the likelihood of a single pixel cannot know. *Patches*: pixels are joined to their
-neighbours unless they are half a period off the usual step; a patch that ends in such jumps against a larger
-one is wrong. *Pixels*: each is compared with the means of opposite neighbours, which no slope disturbs; the
-median of eight such means stands up to three that are wrong.
+Two tests that use more than the likelihood of a single pixel. *Patches*: pixels are joined to their
+neighbours unless they are half a period off the usual step; a patch with such jumps against a larger one is
+wrong. *Pixels*: each is compared with the means of opposite neighbours, which no slope affects; the median of
+eight such means tolerates three that are wrong.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ def _patches(x_px: Float, usable: Mask, jump_px: float, steps: Float) -> Ints:
 
 
 @numba.njit(cache=True)
-def _beside_larger(label: Ints, size: Ints) -> Mask:
+def _borders_larger(label: Ints, size: Ints) -> Mask:
     """(patches,) whether a patch borders on a larger one."""
     rows, cols = label.shape
-    beside = np.zeros(rows * cols, dtype=np.bool_)
+    borders = np.zeros(rows * cols, dtype=np.bool_)
     for j in range(rows):
         for i in range(cols):
             for side in range(2):
@@ -59,14 +59,14 @@ def _beside_larger(label: Ints, size: Ints) -> Mask:
                 if b < rows and a < cols:
                     one, other = label[j, i], label[b, a]
                     if one >= 0 and other >= 0 and one != other:
-                        beside[one if size[one] < size[other] else other] = True
-    return beside
+                        borders[one if size[one] < size[other] else other] = True
+    return borders
 
 
 def jumped_patches(lcd_px: Float, usable: Mask, jump_px: float) -> Mask:
     """Pixels of patches that lie a jump (more than `jump_px`, LCD px) away from a larger neighbouring patch.
 
-    lcd_px: (rows, cols, 2). usable: (rows, cols). Patches that touch nothing cannot be judged and are kept.
+    lcd_px: (rows, cols, 2). usable: (rows, cols). Isolated patches cannot be judged and are kept.
     """
     steps = np.zeros((2, 2))
     for side, other in enumerate(((slice(None), slice(1, None)), (slice(1, None), slice(None)))):
@@ -76,7 +76,7 @@ def jumped_patches(lcd_px: Float, usable: Mask, jump_px: float) -> Mask:
             steps[side] = np.median((lcd_px[other] - lcd_px[before])[both], axis=0)
     label = _patches(lcd_px, usable, jump_px, steps)
     size = np.bincount(label[usable], minlength=label.size)
-    return np.asarray(_beside_larger(label, size)[label] & usable)
+    return np.asarray(_borders_larger(label, size)[label] & usable)
 
 
 @numba.njit(cache=True)
@@ -109,7 +109,7 @@ def _departures(x_px: Float, usable: Mask, pairs: Ints, out: Float) -> None:
 
 
 def departures(lcd_px: Float, usable: Mask) -> Float:
-    """(rows, cols, 2) LCD px by which a usable pixel departs from its neighbours; NaN where too few."""
+    """(rows, cols, 2) LCD px deviation of usable pixels from their neighbours; NaN where too few."""
     out = np.full_like(lcd_px, np.nan)
     _departures(lcd_px, usable, np.array(_PAIRS), out)
     return out

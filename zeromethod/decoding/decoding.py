@@ -1,9 +1,9 @@
-"""From frames to phasors: least squares over the shifts, pixel by pixel, one set of shifts at a time.
+"""Phasors from frames: least squares over the shifts, pixel by pixel, one set of shifts at a time.
 
-Every set (one axis, one period) is fitted by mean + fundamental + as many harmonics as the shifts can tell
-from noise. Equal shifts make the fundamental blind to harmonics 2 to N - 2, fitted or not; fitting them keeps
-an LCD that is drawn without its inverse response from being taken for noise. Only one set's frames are held
-at a time.
+Every set (one axis, one period) is fitted by mean + fundamental + as many harmonics as the shifts can
+separate from noise. With equal shifts harmonics 2 to N - 2 do not affect the fundamental, fitted or not;
+fitting them keeps an LCD that is drawn without its inverse response from being mistaken for noise. Only one
+set's frames are in memory at a time.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _MIXED = np.outer([1, -2, 1], [1, -2, 1]).astype(np.float32)
 
 @dataclass(frozen=True, slots=True)
 class Phasors:
-    """What the shifts tell, per pixel; axis 0 = columns, 1 = rows.
+    """Least-squares fit of the shifts, per pixel; axis 0 = columns, 1 = rows.
 
     cosine, sine: (2, periods, rows, cols) of the fundamental, grey levels, mean over repeats: grey = mean +
     cosine cos(shift) + sine sin(shift) + harmonics. mean: (sets, rows, cols) grey, sets in the sequence's
-    order (repeats apart). scatter: (rows, cols) variance of the noise, grey^2, as a mean over `degrees`
-    degrees of freedom: what the fit leaves over, or (`from_neighbours`) for fewer than six shifts, which
-    would take harmonics for noise, what neighbouring pixels tell: too much where fringes are narrow or
-    oblique in the camera's view. worst_scatter: (rows, cols) what the fit leaves over in the worst set, of
+    order (repeats separate). scatter: (rows, cols) variance of the noise, grey^2, as a mean over `degrees`
+    degrees of freedom: of the fit's residual or, for fewer than six shifts, which would mistake harmonics for
+    noise, of neighbouring pixels (`from_neighbours`): too large where fringes are narrow or oblique in the
+    camera's view. worst_scatter: (rows, cols) variance of the fit's residual in the worst set, of
     `set_degrees`. moved: (rows, cols) largest change of a phasor between repeats, grey. saturated: (rows,
     cols). second_harmonic: its share of the fundamental, median over the brighter pixels; NaN where not
     fitted.
@@ -58,8 +58,7 @@ class Phasors:
 def fit_matrices(shifts_rad: tuple[float, ...]) -> tuple[Float, Float]:
     """Design matrix (shifts, terms) and its least-squares inverse (terms, shifts).
 
-    Harmonics: as many, up to three, as leave a degree of freedom and a well-conditioned fit, but one at
-    least.
+    Harmonics: as many, one to three, as leave a degree of freedom and a well-conditioned fit.
     """
     for harmonics in range(_MOST_HARMONICS, 0, -1):
         design = design_matrix(shifts_rad, harmonics)
@@ -108,7 +107,7 @@ def _fit(
 
 
 def _stacks(frames: Iterable[Image], sequence: FringeSequence) -> Iterator[Image]:
-    """(shifts, rows, cols) per set; refuses frames that do not go together, missing ones and more."""
+    """(shifts, rows, cols) per set; InputError for frames that differ, are missing or too many."""
     source = iter(frames)
     count, shape, dtype, number = len(sequence.shifts_rad), None, None, 0
     for _ in sequence.sets():
@@ -132,7 +131,7 @@ def _stacks(frames: Iterable[Image], sequence: FringeSequence) -> Iterator[Image
 
 
 def frames_expected(sequence: FringeSequence) -> str:
-    """How many frames there must be, as an error message says it."""
+    """Required number of frames, in words."""
     repeats = f"{sequence.repeats} repeats x " if sequence.repeats > 1 else ""
     periods, shifts = len(sequence.periods_px), len(sequence.shifts_rad)
     return f"{repeats}2 axes x {periods} periods x {shifts} shifts = {sequence.frames}"
@@ -149,7 +148,7 @@ def decode_phasors(
     """
     design, solve = fit_matrices(sequence.shifts_rad)
     degrees = design.shape[0] - design.shape[1]
-    tells_noise = design.shape[1] > 3
+    separable = design.shape[1] > 3
     axis_number = {"columns": 0, "rows": 1}
     periods, sets = len(sequence.periods_px), sequence.frames // len(sequence.shifts_rad)
     arrays: list[Single] = []
@@ -176,8 +175,8 @@ def decode_phasors(
         elif fringes.repeat > 0:
             np.maximum(moved, np.hypot(c - first[0, axis, period], s - first[1, axis, period]), out=moved)
         np.maximum(worst, scatter, out=worst)
-        total += (scatter if tells_noise else _neighbour_scatter(stack)) / sets
-        if tells_noise:
+        total += (scatter if separable else _neighbour_scatter(stack)) / sets
+        if separable:
             seconds.append(_second_harmonic(stack, solve))
     return Phasors(
         sequence,
@@ -186,9 +185,9 @@ def decode_phasors(
         mean,
         total,
         worst,
-        degrees * sets if tells_noise else sequence.frames,
+        degrees * sets if separable else sequence.frames,
         degrees,
-        not tells_noise,
+        not separable,
         moved,
         saturated,
         float(np.median(seconds)) if seconds else float("nan"),
@@ -198,8 +197,8 @@ def decode_phasors(
 def _neighbour_scatter(stack: Image) -> Single:
     """Noise variance of every pixel from the mixed fourth difference, mean over the shifts.
 
-    Second differences along both axes one after the other (doi:10.1006/cviu.1996.0060) leave nothing of
-    fringes that run along either, and 36 times the variance of white noise.
+    Second differences along both axes in turn (doi:10.1006/cviu.1996.0060) remove fringes along either axis
+    and have 36 times the variance of white noise.
     """
     total = np.zeros(stack.shape[1:], dtype=np.float32)
     for frame in stack.astype(np.float32):

@@ -1,9 +1,8 @@
-"""The pictures that are shown: fringes of several periods, shifted, along the columns and along the rows.
+"""Fringe sequences: the pictures shown, fringes of several periods and shifts along columns and rows.
 
 Convention: light(x, k) = 1/2 + contrast/2 cos(2 pi x / period - shift_k), x the LCD column (or row) in px
-with pixel centres at integers. A growing shift moves the fringes towards growing x. Light is what the LCD is
-to emit, not its grey code: drawing goes through the inverse response, or else enough shifts cancel its
-harmonics.
+with pixel centres at integers. A growing shift moves the fringes towards growing x. Light is the LCD's
+emission, not its grey code: it is drawn through the inverse response, or enough shifts cancel the harmonics.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ from zeromethod.errors import InputError
 Axis = Literal["columns", "rows"]
 
 SHIFTS = 6
-"""Equal shifts that cancel harmonics 2 to 4: what is left of a gamma of 2.2 shifts the phase by 0.3 mrad."""
+"""Equal shifts that cancel harmonics 2 to 4: the rest of a gamma of 2.2 shifts the phase by 0.3 mrad."""
 
 CONTRAST = 0.9
-"""Leaves room at both ends of the response."""
+"""Contrast that leaves a margin at both ends of the response."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +38,7 @@ class FringeSet:
 
 @dataclass(frozen=True)
 class FringeSequence:
-    """Which frames there are, in which order: repeats, in each axes, in each periods, in each shifts.
+    """Frames of a sequence in order: repeats, in each of these axes, in each periods, in each shifts.
 
     periods_px: LCD px. shifts_rad: three or more angles that differ modulo 2 pi.
     """
@@ -50,15 +49,15 @@ class FringeSequence:
     repeats: int = 1
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be decoded, with InputError."""
+        """InputError for a sequence that cannot be decoded."""
         periods = self.periods_px
         if len(periods) < 2 or not all(np.isfinite(p) and p >= 2 for p in periods):
             raise InputError(f"periods: {_listed(periods)}: two or more, each of 2 LCD px or more")
         if any(b - a <= 0 for a, b in pairwise(sorted(periods))):
             raise InputError(f"periods: {_listed(periods)}: each period once")
-        turns = np.sort(np.mod(self.shifts_rad, 2 * np.pi))
-        gaps = np.diff(turns, append=turns[:1] + 2 * np.pi)
-        if len(turns) < 3 or not np.all(np.isfinite(turns)) or gaps.min() < 1e-3:
+        angles = np.sort(np.mod(self.shifts_rad, 2 * np.pi))
+        gaps = np.diff(angles, append=angles[:1] + 2 * np.pi)
+        if len(angles) < 3 or not np.all(np.isfinite(angles)) or gaps.min() < 1e-3:
             degrees = _listed(np.rad2deg(self.shifts_rad))
             raise InputError(f"shifts: {degrees} degrees: three or more that differ modulo 360")
         if np.linalg.cond(design_matrix(self.shifts_rad, 1)) > 20.0:
@@ -75,7 +74,7 @@ class FringeSequence:
         return self.repeats * 2 * len(self.periods_px) * len(self.shifts_rad)
 
     def sets(self) -> Iterator[FringeSet]:
-        """Every group of frames that differ in shift alone, in the order in which they are shown."""
+        """Groups of frames that differ only in shift, in the order in which they are shown."""
         first = 0
         for repeat in range(self.repeats):
             for axis in self.axes:
@@ -84,7 +83,7 @@ class FringeSequence:
                     first += len(self.shifts_rad)
 
     def pictures(self, columns: int, rows: int, contrast: float = CONTRAST) -> Iterator[Single]:
-        """Light (rows, columns), 0 to 1, of every frame in turn, on a panel of that size in px."""
+        """Light (rows, columns), 0 to 1, of every frame in order, on a panel of that size in px."""
         for fringes in self.sets():
             along = np.arange(columns if fringes.axis == "columns" else rows)
             for shift in self.shifts_rad:

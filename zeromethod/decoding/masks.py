@@ -1,15 +1,15 @@
-"""Which pixels have no place in the rest map, and why; each reason has a signature of its own.
+"""Masks of pixels without a place in the rest map; each reason has its own signature.
 
 | reason | signature |
 |---|---|
-| no modulation | fringes below the noise, or far weaker than the rest of the view shows them |
+| no modulation | fringes below the noise, or far weaker than in the rest of the view |
 | saturated | grey levels at the ceiling |
 | dead | a few pixels without fringes, much dimmer than their neighbours, or looking elsewhere |
 | disturbed | the mean light differs between sets, the shifts fit no harmonics, or repeats differ |
 | second reflection | mean light and shifts are sound, but the periods' phases disagree, pixel after pixel |
-| wrong order, doubtful order | a jump against the neighbours; a rival order nearly as likely |
+| wrong order, ambiguous order | a jump against the neighbours; a rival order nearly as likely |
 
-Everything that counts must be both beyond the noise and large enough to matter.
+Each must both exceed the noise and be large enough to matter.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.unwrapping import Places
 
 SIGMAS = 6.0
-"""What one pixel in a hundred million does by noise alone."""
+"""Deviation, in sigma, that less than one pixel in a hundred million has by noise alone."""
 
 LEAST_SNR = 8.0
-"""Amplitude over its standard deviation: phases are then Gaussian, of 0.13 rad at most."""
+"""Least amplitude over its standard deviation: phases are then Gaussian, of 0.13 rad at most."""
 
 LEAST_AMPLITUDE = 0.15
-"""Share of the view's usual amplitude below which what is seen is stray light or a face, not the mirror."""
+"""Share of the view's usual amplitude below which the light is stray or from a face, not the mirror."""
 
 MEAN_SHARE = 0.02
 """Change of the mean light between sets that counts as a disturbance."""
@@ -43,26 +43,26 @@ MOVED_SHARE = 0.05
 """Change of a phasor between repeats, of its amplitude, that counts as a disturbance."""
 
 SPREAD_PX = 3
-"""A disturbance reaches this far past where it is proven: half shadows."""
+"""Margin around a proven disturbance, for its half shadow."""
 
 DEAD_AREA_PX = 9
 """Largest group of dead pixels; larger ones are something else."""
 
 DIM_SHARE = 0.6
-"""Amplitude against the median of 5 x 5 neighbours below which a pixel is dead, or sees a dead one."""
+"""Amplitude over the median of 5 x 5 neighbours below which a pixel, of camera or LCD, is dead."""
 
 POOL_PX = 9
 """Side of the square over which disagreement of the periods is pooled into a second reflection."""
 
 SEED_SHARE = 0.25
-"""Share of a connected second reflection that must exceed the limit for all of it to be left out."""
+"""Share of a connected second reflection that must exceed the limit for all of it to be masked."""
 
 POOL_AGREES = 0.7
 """Share of a pool's pixels that must disagree more than noise does by median: half do by noise alone."""
 
 
 @numba.njit(cache=True)
-def _steady(mean: Single, gain: Float, typical: Single, change: Single) -> None:
+def _median_of_sets(mean: Single, gain: Float, typical: Single, change: Single) -> None:
     """Median over the sets, and the largest departure from it."""
     count, rows, cols = mean.shape
     value = np.empty(count)
@@ -80,10 +80,10 @@ def _steady(mean: Single, gain: Float, typical: Single, change: Single) -> None:
             change[j, i] = max(value[count - 1] - middle, middle - value[0])
 
 
-def steady_mean(phasors: Phasors) -> tuple[Single, Single, Float]:
+def median_light(phasors: Phasors) -> tuple[Single, Single, Float]:
     """Mean light (rows, cols) as the median of all sets, its largest change, and each set's gain (sets,).
 
-    The gain takes out what the whole view shares: a backlight that drifts.
+    The gain removes changes of the whole view: a drifting backlight.
     """
     sets = phasors.mean.reshape(len(phasors.mean), -1)
     some = sets[:, :: max(1, sets.shape[1] // 20_000)].astype(np.float64)
@@ -92,7 +92,7 @@ def steady_mean(phasors: Phasors) -> tuple[Single, Single, Float]:
     gain = np.median(some[:, bright] / centre[bright], axis=1)
     gain = np.where(gain > 0, gain, 1.0)
     typical, change = np.empty_like(phasors.mean[0]), np.empty_like(phasors.mean[0])
-    _steady(phasors.mean, gain, typical, change)
+    _median_of_sets(phasors.mean, gain, typical, change)
     return typical, change, gain
 
 
@@ -108,7 +108,7 @@ def amplitude(phasors: Phasors) -> Single:
 
 
 def unmodulated(phasors: Phasors, noise: NoiseModel, mean: Single, rms_amplitude: Single) -> Mask:
-    """Pixels that do not see every period's fringes, or see them as a face or stray light would."""
+    """Pixels without the fringes of every period, or with fringes as weak as from a face or stray light."""
     _, solve = fit_matrices(phasors.sequence.shifts_rad)
     gain = max(float(np.sum(solve[1] ** 2)), float(np.sum(solve[2] ** 2))) / phasors.sequence.repeats
     least = LEAST_SNR**2 * gain * noise.variance(mean)
@@ -124,7 +124,7 @@ def unmodulated(phasors: Phasors, noise: NoiseModel, mean: Single, rms_amplitude
 def disturbed(
     phasors: Phasors, noise: NoiseModel, mean: Single, change: Single, rms_amplitude: Single
 ) -> Mask:
-    """Pixels whose light changed between or within the sets, before it is spread."""
+    """Pixels whose light changed between or within the sets, without margin."""
     _, solve = fit_matrices(phasors.sequence.shifts_rad)
     variance = noise.variance(mean)
     mean_noise = np.sqrt(variance * np.sum(solve[0] ** 2))
@@ -133,7 +133,7 @@ def disturbed(
         misfit = np.sqrt(phasors.worst_scatter)
         limit = np.sqrt(chdtri(phasors.set_degrees, 1e-9) / phasors.set_degrees)
         relative = misfit / np.maximum(mean, 1e-9)
-        # Harmonics that too few shifts cannot fit are everywhere; a hand is not.
+        # harmonics that too few shifts cannot fit are everywhere, a disturbance is local
         usual = 4.0 * float(np.median(relative[rms_amplitude >= np.median(rms_amplitude)]))
         found |= (misfit > limit * np.sqrt(variance)) & (relative > max(MISFIT_SHARE, usual))
     if phasors.sequence.repeats > 1:
@@ -142,14 +142,14 @@ def disturbed(
     return np.asarray(found)
 
 
-def spread(mask: Mask, reach_px: int = SPREAD_PX) -> Mask:
-    """The mask and all within `reach_px` of it."""
+def with_margin(mask: Mask, reach_px: int = SPREAD_PX) -> Mask:
+    """The mask and all pixels within `reach_px` of it."""
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach_px + 1,) * 2)
     return cv2.dilate(mask.astype(np.uint8), kernel).astype(np.bool_)
 
 
 def small_parts(mask: Mask, most_px: int = DEAD_AREA_PX) -> Mask:
-    """Those connected parts of the mask that have at most `most_px` pixels."""
+    """Connected parts of the mask of at most `most_px` pixels."""
     _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     small = stats[:, cv2.CC_STAT_AREA] <= most_px
     small[0] = False
@@ -157,7 +157,7 @@ def small_parts(mask: Mask, most_px: int = DEAD_AREA_PX) -> Mask:
 
 
 def dimmed(rms_amplitude: Single, weak: Mask) -> Mask:
-    """Small parts far dimmer than the fringes that surround them; weak: where no fringes are seen."""
+    """Small parts far dimmer than the fringes around them; weak: pixels without fringes."""
     surrounded = cv2.medianBlur(weak.astype(np.uint8), 5) == 0
     around = cv2.medianBlur(np.ascontiguousarray(rms_amplitude, dtype=np.float32), 5)
     return small_parts((rms_amplitude < DIM_SHARE * around) & surrounded)
@@ -168,8 +168,8 @@ def second_reflection(places: Places, usable: Mask, degrees: int, limit_share: f
 
     A second place at distance D turns the phase of period P by share x sin(2 pi D / P) at most: the periods
     then disagree, by share^2 / 2 per phase on average over D. The share follows from the excess of chi^2,
-    pooled over `POOL_PX` squared; 0 where it is within two standard deviations of noise. What lies nearer
-    than about a third of the shortest period shifts all periods alike, as a blur does, and stays unseen.
+    pooled over `POOL_PX` squared; 0 where it is within two standard deviations of noise. A second place
+    nearer than about a third of the shortest period shifts all periods equally, like blur, and is not found.
     """
     if degrees < 1:
         return np.zeros(usable.shape, dtype=np.float32), np.zeros(usable.shape, dtype=np.bool_)
@@ -190,11 +190,11 @@ def second_reflection(places: Places, usable: Mask, degrees: int, limit_share: f
 
 
 def _extended(found: Mask, proven: Mask) -> Mask:
-    """Second reflections above the limit, with the parts joined to them where they show less than they are.
+    """Second reflections above the limit, with the connected parts that appear weaker than they are.
 
-    Two reflections drift over each other; where their distance is near none, or near whole periods, the
-    periods agree although the light is the same as beside. A part of which less than `SEED_SHARE` is above
-    the limit is one that happens to touch it by noise.
+    The distance of two reflections varies over the view; where it is near 0 or near whole periods, the
+    periods agree although the light is that of the neighbourhood. A part of which less than `SEED_SHARE` is
+    above the limit is above it by noise.
     """
     _, label = cv2.connectedComponents(proven.astype(np.uint8), connectivity=8)
     area = np.maximum(np.bincount(label.ravel()), 1)

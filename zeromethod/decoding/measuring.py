@@ -1,4 +1,4 @@
-"""From the frames of a fringe sequence to the rest map: decode, unwrap, and name what may not be trusted."""
+"""Measurement of the rest map: decode and unwrap a fringe sequence, with reasons for invalid pixels."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from zeromethod.decoding.masks import (
     dimmed,
     disturbed,
     inconsistent,
+    median_light,
     second_reflection,
     small_parts,
-    spread,
-    steady_mean,
     unmodulated,
+    with_margin,
 )
 from zeromethod.decoding.near_reflection import near_reflection
 from zeromethod.decoding.noise import QUANTISATION, NoiseModel, fit_noise
@@ -37,39 +37,39 @@ from zeromethod.warp.rest_map import Reason, RestMap
 LIMIT_SHARE = 0.03
 """Default of the largest second reflection that is accepted (and then counted in sigma)."""
 
-DOUBTFUL_ODDS = 0.01
-"""Odds of the second-best order from which on its neighbours must confirm a pixel's own."""
+AMBIGUOUS_ODDS = 0.01
+"""Odds of the second-best order above which neighbours must confirm a pixel's order."""
 
 OUTLIER_PX = 0.25
-"""Departure from its neighbours, LCD px, below which no pixel is called dead: the LCD's grid does as much."""
+"""Deviation from its neighbours, LCD px, below which no pixel is dead: the LCD's grid causes as much."""
 
 _HARMONIC_ROUNDS = 4
 
 _CURVED_SHARE = 0.05
-"""Second harmonic from which on the LCD's response counts as curved."""
+"""Share of the second harmonic above which the LCD's response counts as nonlinear."""
 
 SMALLEST_PANEL_PX = 640
-"""Periods must reach this far where the panel's size is not given: any LCD could be meant."""
+"""Least unambiguous range of the periods where the panel's size is not given."""
 
 _TYPICAL_PHASE_SIGMA = 0.03
-"""Phase noise, rad, for which the panel's size is guessed where it is not given."""
+"""Phase noise, rad, assumed for the unambiguous range where the panel's size is not given."""
 
 
 @dataclass(frozen=True, slots=True)
 class RestMeasurement:
-    """A rest map and what was learnt on the way, all (rows, cols) in camera pixels.
+    """A rest map with the figures of its measurement; arrays are (rows, cols) in camera pixels.
 
     amplitude, mean: of the fringes, grey levels. odds: of the second-best order, the worse of both axes.
-    reflection: light of a second reflection relative to the main one, as far as it is beyond noise. noise:
-    the model behind sigma; noise_found: whether the frames' scatter gave it. scatter_ratio: the frames'
-    scatter over what the given model foretold, as a standard deviation (NaN where none was given); sigma
-    counts it where above 1. second_harmonic: share of the fundamental, NaN where too few shifts tell.
-    folded_harmonic: largest share of a harmonic that the shifts folded onto the fundamental, and that was
-    taken out. light_drift: largest change of the whole view's light between sets. phase_sigma_rad: median of
-    the valid. expected_wrong: share of valid pixels that the odds say are wrong before neighbours were asked.
-    order_error: the same foretold from phase_sigma_rad and the periods. size_px: LCD (columns, rows) sought.
-    near_px: distance, LCD px, of a second reflection of a tenth of the light that is too near to be left out,
-    0 where none is seen; it moves places by a tenth of that. See `near_reflection`.
+    reflection: light of a second reflection relative to the main one, where it exceeds noise. noise: the
+    model behind sigma; noise_found: whether it came from the frames' scatter. scatter_ratio: the frames'
+    scatter over the given model's prediction, as a standard deviation (NaN where none was given); sigma
+    includes it where above 1. second_harmonic: share of the fundamental, NaN where the shifts are too few.
+    folded_harmonic: largest share of a harmonic that the shifts aliased onto the fundamental, and that was
+    removed. light_drift: largest change of the whole view's light between sets. phase_sigma_rad: median of
+    the valid. expected_wrong: share of valid pixels that are wrong by their odds, before the neighbours'
+    test. order_error: the same predicted from phase_sigma_rad and the periods. size_px: LCD (columns, rows)
+    searched. near_px: distance, LCD px, of a second reflection of a tenth of the light that is too near to be
+    masked, 0 for none; it moves places by a tenth of that. See `near_reflection`.
     """
 
     rest_map: RestMap
@@ -90,7 +90,7 @@ class RestMeasurement:
     near_px: float = 0.0
 
     def count(self, reason: Reason) -> int:
-        """Camera pixels against which a reason holds."""
+        """Number of camera pixels with a reason."""
         return int(np.count_nonzero(self.rest_map.reason & int(reason)))
 
 
@@ -107,7 +107,7 @@ class _Light:
 
     @classmethod
     def of(cls, phasors: Phasors, given: NoiseModel | None) -> _Light:
-        mean, change, gain = steady_mean(phasors)
+        mean, change, gain = median_light(phasors)
         rms_amplitude = amplitude(phasors)
         noise, ratio = _noise(phasors, given, mean, rms_amplitude)
         return cls(mean, change, gain, rms_amplitude, noise, ratio)
@@ -116,12 +116,12 @@ class _Light:
 def _noise(
     phasors: Phasors, given: NoiseModel | None, mean: Single, rms_amplitude: Single
 ) -> tuple[NoiseModel, float]:
-    """Noise model to count with, and the scatter's standard deviation over the given model's."""
+    """Noise model to use, and the scatter's standard deviation over the given model's."""
     bright = rms_amplitude >= LEAST_AMPLITUDE * np.quantile(rms_amplitude, 0.9)
     bright &= ~phasors.saturated
     if given is None:
         found = fit_noise(mean[bright], phasors.scatter[bright], phasors.degrees)
-        if found is None:  # next to nothing is seen: any noise will do to say so
+        if found is None:  # hardly any light: any noise model gives that result
             found = NoiseModel(max(float(np.median(phasors.scatter)), QUANTISATION), 0.0)
         return found, float("nan")
     if phasors.degrees == 0 or not bright.any():
@@ -136,7 +136,7 @@ def _noise(
 def _agreed(
     model: NoiseModel, given: NoiseModel | None, places: list[Places], sound: Mask, degrees: int
 ) -> NoiseModel:
-    """The model brought down to what the agreement of the periods allows, but not below the given one."""
+    """The model scaled down to the agreement of the periods, but not below the given one."""
     squares = np.concatenate([place.chi2[sound] for place in places])
     squares = squares[np.isfinite(squares)]
     if len(squares) == 0:
@@ -156,37 +156,54 @@ def measure_rest(
     ceiling_grey: float | None = None,
     limit_share: float = LIMIT_SHARE,
 ) -> RestMeasurement:
-    """Absolute LCD position of every camera pixel.
+    """Measure the absolute LCD position of every camera pixel.
 
-    frames: grey images (rows, cols) in the sequence's order, read one set of shifts at a time. size_px: LCD
-    (columns, rows); without it orders are sought as far as the periods tell them apart. noise: of the camera;
-    from the frames' scatter when left out. ceiling_grey: saturated from here on; the largest of an integer
-    type when left out. limit_share: largest second reflection accepted, of the main one's light.
-    Raises InputError for frames that do not fit the sequence, and without
-    size_px for periods that reach less far than panels do.
+    Parameters
+    ----------
+    frames : iterable of (rows, cols) arrays
+        Grey images in the sequence's order, read one set of shifts at a time.
+    sequence : FringeSequence
+        What was shown.
+    size_px : (int, int), optional
+        LCD (columns, rows); without it orders are searched over the unambiguous range of the periods.
+    noise : NoiseModel, optional
+        Of the camera; by default from the frames' scatter.
+    ceiling_grey : float, optional
+        Level from which a pixel is saturated; by default the largest of an integer type.
+    limit_share : float
+        Largest second reflection accepted, of the main one's light.
+
+    Returns
+    -------
+    RestMeasurement
+
+    Raises
+    ------
+    InputError
+        For frames that do not fit the sequence and, without size_px, for periods of too short a range.
     """
     if size_px is None:
         reach = unambiguous_range(sequence.periods_px, _TYPICAL_PHASE_SIGMA)
         if reach < SMALLEST_PANEL_PX:
             raise InputError(
-                f"panel: size not given: these periods tell places apart over {reach:.0f} px only: "
-                "columns and rows of the LCD"
+                f"panel: size not given: these periods are unambiguous over {reach:.0f} px only; "
+                "give columns and rows of the LCD"
             )
-        sought = (reach, reach)
+        searched = (reach, reach)
     else:
-        sought = (float(size_px[0]), float(size_px[1]))
+        searched = (float(size_px[0]), float(size_px[1]))
     phasors = decode_phasors(frames, sequence, ceiling_grey)
     light = _Light.of(phasors, noise)
     reason, weak = _light_reasons(phasors, light)
-    places, light, folded = _places(phasors, light, noise, sought, ~weak, reason == 0)
+    places, light, folded = _places(phasors, light, noise, searched, ~weak, reason == 0)
     lcd = np.stack([place.x_px for place in places], axis=-1)
     sound = (reason == 0) & np.isfinite(lcd).all(axis=-1)
     sigma, reflection = _agreement(places, sound, len(sequence.periods_px) - 1, limit_share, reason)
     odds = np.maximum(places[0].odds, places[1].odds)
-    for axis, size in enumerate(sought):
+    for axis, size in enumerate(searched):
         past_px = np.abs(lcd[..., axis] - 0.5 * (size - 1.0)) - 0.5 * size
         _add(reason, Reason.OFF_DISPLAY, sound & (past_px > 3.0 * places[axis].sigma_px))
-    _ask_neighbours(lcd, sigma, sound, odds > DOUBTFUL_ODDS, 0.5 * min(sequence.periods_px), reason)
+    _compare_neighbours(lcd, sigma, sound, odds > AMBIGUOUS_ODDS, 0.5 * min(sequence.periods_px), reason)
 
     valid = sound & (reason == 0)
     lcd[~valid] = np.nan
@@ -206,8 +223,8 @@ def measure_rest(
         light_drift=float(np.max(np.abs(light.gain / np.median(light.gain) - 1.0))),
         phase_sigma_rad=phase_sigma,
         expected_wrong=_expected_wrong(places, valid),
-        order_error=max(order_error(sequence.periods_px, phase_sigma, size) for size in sought),
-        size_px=sought,
+        order_error=max(order_error(sequence.periods_px, phase_sigma, size) for size in searched),
+        size_px=searched,
         near_px=near_reflection(phasors, places, valid),
     )
 
@@ -217,11 +234,11 @@ def _add(reason: Flags, why: Reason, mask: Mask) -> None:
 
 
 def _light_reasons(phasors: Phasors, light: _Light) -> tuple[Flags, Mask]:
-    """Reasons from mean light, amplitude and the shifts' fit, and where fringes are too weak to decode."""
+    """Reasons by mean light, amplitude and fit of the shifts, and where fringes are too weak to decode."""
     reason = np.zeros(light.mean.shape, dtype=np.uint16)
     changed = disturbed(phasors, light.noise, light.mean, light.change, light.amplitude)
     single = small_parts(changed)
-    _add(reason, Reason.DISTURBED, spread(changed & ~single))
+    _add(reason, Reason.DISTURBED, with_margin(changed & ~single))
     weak = unmodulated(phasors, light.noise, light.mean, light.amplitude)
     dim = dimmed(light.amplitude, weak)
     holes = small_parts(weak | phasors.saturated) & (dim | phasors.saturated)
@@ -235,14 +252,14 @@ def _places(
     phasors: Phasors,
     light: _Light,
     given: NoiseModel | None,
-    sought: tuple[float, float],
-    seen: Mask,
+    searched: tuple[float, float],
+    bright: Mask,
     sound: Mask,
 ) -> tuple[list[Places], _Light, float]:
-    """Places along both axes, rid of a folded harmonic; the light with its noise; the harmonic's share."""
+    """Places along both axes without an aliased harmonic; the light with its noise; the harmonic's share."""
 
     def unwrapped(source: Phasors) -> list[Places]:
-        return [unwrap(source, axis, light.noise, light.mean, sought[axis], seen) for axis in range(2)]
+        return [unwrap(source, axis, light.noise, light.mean, searched[axis], bright) for axis in range(2)]
 
     periods = len(phasors.sequence.periods_px)
     corrected, folded = phasors, np.zeros((2, periods))
@@ -255,7 +272,7 @@ def _places(
         corrected = without_harmonic(phasors, folded)
         places = unwrapped(corrected)
     if periods > 1 and (phasors.from_neighbours or phasors.second_harmonic > _CURVED_SHARE):
-        # What passes for scatter may hold harmonics or fringes; the periods' agreement does not.
+        # scatter may include harmonics or fringes; the agreement of the periods does not
         light = replace(light, noise=_agreed(light.noise, given, places, sound, periods - 1))
         places = unwrapped(corrected)
     return places, light, float(np.max(np.abs(folded)))
@@ -264,7 +281,7 @@ def _places(
 def _agreement(
     places: list[Places], sound: Mask, degrees: int, limit_share: float, reason: Flags
 ) -> tuple[Float, Single]:
-    """Sigma (rows, cols, 2) with what second reflections add, their share; adds reasons."""
+    """Sigma (rows, cols, 2) including second reflections, and their share; adds reasons."""
     odd = np.logical_or(*(inconsistent(place, degrees) for place in places)) & sound
     pooled = sound & ~small_parts(odd)
     reflection = np.zeros(sound.shape, dtype=np.float32)
@@ -274,8 +291,8 @@ def _agreement(
         _add(reason, Reason.SECOND_REFLECTION, doubled)
         reflection = np.maximum(reflection, share)
         sigma[..., axis] = np.sqrt(place.sigma_px**2 + 0.5 * share**2 * place.leverage_px2)
-    # At its rim the pool holds too few pixels of a second reflection to prove it.
-    near = spread((reason & int(Reason.SECOND_REFLECTION)) != 0, POOL_PX // 2 + 1)
+    # at its rim the pool has too few pixels of a second reflection to prove it
+    near = with_margin((reason & int(Reason.SECOND_REFLECTION)) != 0, POOL_PX // 2 + 1)
     _add(reason, Reason.SECOND_REFLECTION, odd & near)
     _add(reason, Reason.INCONSISTENT, odd & (reason == 0))
     return sigma, reflection
@@ -292,10 +309,10 @@ def _median(places: list[Places], valid: Mask) -> float:
     return float(np.median(np.stack([place.phase_sigma_rad[valid] for place in places])))
 
 
-def _ask_neighbours(
-    lcd: Float, sigma: Float, sound: Mask, doubtful: Mask, half_px: float, reason: Flags
+def _compare_neighbours(
+    lcd: Float, sigma: Float, sound: Mask, ambiguous: Mask, half_px: float, reason: Flags
 ) -> None:
-    """Add wrong and doubtful orders and dead pixels to `reason`: patches first, then single pixels."""
+    """Add wrong and ambiguous orders and dead pixels to `reason`: patches first, then single pixels."""
     usable = sound & (reason & int(Reason.OFF_DISPLAY | Reason.SECOND_REFLECTION) == 0)
     jumped = jumped_patches(lcd, usable, half_px)
     usable &= ~jumped
@@ -303,6 +320,6 @@ def _ask_neighbours(
     confirmed = (departed < half_px).all(axis=-1)
     far = (departed > half_px).any(axis=-1)
     _add(reason, Reason.WRONG_ORDER, jumped | far)
-    _add(reason, Reason.DOUBTFUL_ORDER, sound & doubtful & ~confirmed)
+    _add(reason, Reason.AMBIGUOUS_ORDER, sound & ambiguous & ~confirmed)
     outlying = (departed > np.maximum(SIGMAS * sigma, OUTLIER_PX)).any(axis=-1) & ~far & usable
     _add(reason, Reason.DEAD, small_parts(outlying))

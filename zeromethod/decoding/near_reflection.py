@@ -1,11 +1,11 @@
-"""A second reflection too near for the periods to disagree pixel by pixel, told over wide areas.
+"""Near second reflections: too near for the periods to disagree in one pixel, found over wide areas.
 
 A second place of share s at distance D turns the phase of wave number k = 2 pi / P by
 
     arg(1 + s exp(i k D)) = s / (1 + s) k D - s (1 - s) / (6 (1 + s)^3) (k D)^3 + ...
 
-The first term moves the place, by the same for all periods; the second one sets the periods apart as k^2,
-with one sign. Noise averages out over an area. Only s D^3 is told, not s and D; a lens with coma does alike.
+The first term moves the place equally for all periods; the second one separates the periods as k^2, with one
+sign. Noise averages out over an area. Only s D^3 is found, not s and D; coma of the lens has the same effect.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ AREA_PX = 33
 _SIGMAS = 6.0
 _LEAST_FILLED = 0.5
 _WIDE = 0.05
-"""Share of the areas that may show more than what is given."""
+"""Share of the areas that may show more than the result."""
 
 
 def near_reflection(phasors: Phasors, places: list[Places], usable: Mask) -> float:
-    """Distance, LCD px, of a second reflection of `USUAL_SHARE`, if that is what sets the periods apart.
+    """Distance, LCD px, of a second reflection of `USUAL_SHARE` that explains the periods' disagreement.
 
     0 where it is within six standard deviations of noise. Places are moved by about `USUAL_SHARE` times it.
-    The larger of both axes, over all but the oddest twentieth of the view. Good up to some 6 px.
+    The larger of both axes, over all but the worst twentieth of the view. Valid up to about 6 px.
     """
     if len(phasors.sequence.periods_px) < 2:
         return 0.0
@@ -65,7 +65,7 @@ def _distance(phasors: Phasors, axis: int, place: Places, usable: Mask) -> float
     if not full.any():
         return 0.0
     middle = float(np.median(cubic[usable]))
-    # a tenth of a percent of wrong orders must not make the scatter
+    # robust against a tenth of a percent of wrong orders
     scatter = 1.4826 * float(np.median(np.abs(cubic[usable] - middle)))
     mean = pooled(np.where(usable, np.clip(cubic, middle - 5 * scatter, middle + 5 * scatter), 0.0))
     mean = np.abs(mean[full] / filled[full])

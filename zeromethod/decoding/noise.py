@@ -1,4 +1,4 @@
-"""The camera's noise: grey variance = a + b grey, known beforehand or found in the frames' own scatter."""
+"""Camera noise: grey variance = a + b grey, given or fitted to the frames' scatter."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LEAST_RANGE = 2.0
 
 @dataclass(frozen=True, slots=True)
 class NoiseModel:
-    """Variance of one grey level reading: constant_grey2 + slope_grey x grey, grey as the frames have it."""
+    """Variance of one grey level reading: constant_grey2 + slope_grey x grey, grey as in the frames."""
 
     constant_grey2: float
     slope_grey: float
@@ -28,7 +28,7 @@ class NoiseModel:
     def of_camera(
         cls, read_grey: float, electrons_per_grey: float | None = None, black_grey: float = 0.0
     ) -> NoiseModel:
-        """From read noise (grey levels), gain and black level, as a rig file has them; rounding is added."""
+        """From read noise (grey levels), gain and black level, as in a rig file; rounding is added."""
         slope = 1.0 / electrons_per_grey if electrons_per_grey else 0.0
         return cls(read_grey**2 + QUANTISATION - slope * black_grey, slope)
 
@@ -40,8 +40,8 @@ class NoiseModel:
 def fit_noise(mean: Image, scatter: Image, degrees: int) -> NoiseModel | None:
     """Noise model from pixels' mean grey and scatter (residual variance of `degrees` degrees of freedom).
 
-    mean, scatter: (n,). Medians over classes of like mean, so that a share of disturbed pixels does no harm;
-    neither constant nor slope below zero. None for too few pixels.
+    mean, scatter: (n,). Medians over classes of similar mean, robust against disturbed pixels; neither
+    constant nor slope is below zero. None for too few pixels.
     """
     known = np.isfinite(mean) & np.isfinite(scatter)
     mean, scatter = mean[known].astype(np.float64), scatter[known].astype(np.float64)
@@ -55,7 +55,7 @@ def fit_noise(mean: Image, scatter: Image, degrees: int) -> NoiseModel | None:
     grey = np.array([np.median(mean[chosen]) for chosen in classes])
     variance = np.array([np.median(scatter[chosen]) for chosen in classes]) / median_share
     overall = float(np.average(variance, weights=weight))
-    # Relative errors are equal, so classes weigh by 1 / variance^2; a narrow range of grey fits a constant.
+    # equal relative errors: classes weigh 1 / variance^2; a narrow range of grey gets a constant
     w = np.sqrt(weight) / np.maximum(variance, QUANTISATION)
     matrix = np.stack([w, w * grey], axis=1)
     (constant, slope), *_ = np.linalg.lstsq(matrix, w * variance, rcond=1e-9)

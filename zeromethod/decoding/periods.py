@@ -1,11 +1,11 @@
-"""Which periods: how far apart, in phase, two places on the LCD are, and how often noise confuses them.
+"""Choice of periods: the distance of two LCD places in phase, and how often noise confuses them.
 
 K periods P_j send a place x to K phases 2 pi x / P_j. Two places that lie D apart differ by the wrapped
-phases w_j = wrap(2 pi D / P_j); with phase noise sigma_j, a maximum-likelihood decoder takes one for the
-other with probability Q(d / 2), d^2 = sum (w_j / sigma_j)^2, Q the Gaussian tail. Around every
+phases w_j = wrap(2 pi D / P_j); with phase noise sigma_j, a maximum-likelihood decoder confuses them with
+probability Q(d / 2), d^2 = sum (w_j / sigma_j)^2, Q the Gaussian tail. Around every
 near-coincidence of the periods d is smallest at one D; the sum of Q over these minima, both signs, bounds the
-share of wrong orders (union bound) and is close to it where the share is small. Places near the panel's edge
-have fewer rivals: a rival D exists for the share 1 - |D| / size.
+share of wrong orders (union bound), closely where the share is small. Places near the panel's edge have
+fewer rivals: a rival D exists for the share 1 - |D| / size.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ SHORTEST_PX = 16
 """Default shortest period: a lens blur of 2 LCD px still passes 73 % of its contrast."""
 
 LONGEST_RATIO = 3.0
-"""Default longest period over the shortest: every period then helps the precision."""
+"""Default longest period over the shortest: every period then contributes to the precision."""
 
 SEPARATION_RAD = 1.0
-"""Rivals this far apart survive phase errors of 0.5 rad in all: ten sigmas of 0.05 rad, or a second
-reflection of a third."""
+"""Distance of rivals that tolerates phase errors of 0.5 rad: ten sigma of 0.05 rad, or a second reflection of
+a third."""
 
 RANGE_ERROR = 1e-6
-"""Share of wrong orders up to which a panel's size counts as told apart."""
+"""Share of wrong orders up to which a range is unambiguous."""
 
 LARGEST_PX = 16384
-"""No panel is larger."""
+"""Largest panel considered."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -77,7 +77,7 @@ def order_error(
     """Expected share of pixels with a wrong order, by the union bound (never above 1).
 
     phase_sigma_rad: standard deviation of the wrapped phase, one number or one per period.
-    size_px: range of LCD px among which the place is sought. NaN for a sigma of NaN.
+    size_px: range of LCD px in which the place is searched. NaN for a sigma of NaN.
     """
     if not np.isfinite(phase_sigma_rad).all():
         return math.nan
@@ -87,13 +87,13 @@ def order_error(
 
 
 def separation(periods_px: Sequence[float], size_px: float) -> float:
-    """Distance in phase (rad) between the closest rivals: half of it is the phase error that is survived."""
+    """Distance in phase (rad) between the closest rivals: it tolerates half of it as phase error."""
     _, distance = rivals(periods_px, 1.0, size_px)
     return float(distance.min()) if len(distance) else math.inf
 
 
 def unambiguous_range(periods_px: Sequence[float], phase_sigma_rad: float) -> float:
-    """Largest size, px, that keeps wrong orders below `RANGE_ERROR`; at least the longest period."""
+    """Largest size, px, with a share of wrong orders below `RANGE_ERROR`; at least the longest period."""
     offset, distance = rivals(periods_px, phase_sigma_rad, LARGEST_PX)
     tails = np.cumsum(erfc(distance / (2.0 * math.sqrt(2.0))))
     bad = np.flatnonzero(tails > RANGE_ERROR)
@@ -103,7 +103,7 @@ def unambiguous_range(periods_px: Sequence[float], phase_sigma_rad: float) -> fl
 
 @numba.njit(cache=True, error_model="numpy")
 def _best(sets: Ints, size: float, enough: float) -> int:
-    """Index of the most precise set whose closest rivals are `enough` apart, else of the farthest apart."""
+    """Index of the most precise set with rivals `enough` apart, else of the set with the farthest."""
     best, best_d2, best_weight, safe = 0, -1.0, 0.0, False
     for n in range(len(sets)):
         first = float(sets[n, 0])
@@ -134,7 +134,7 @@ def choose_periods(size_px: int, count: int = 4, shortest_px: int = SHORTEST_PX)
 
     Of all sets of `count` from shortest_px to `LONGEST_RATIO` x shortest_px, the one that gives the place
     most precisely (largest sum of 1 / P^2) while rivals stay `SEPARATION_RAD` apart; where no set reaches
-    that, the one that comes closest.
+    that, the closest to it.
     """
     candidates = range(shortest_px, int(LONGEST_RATIO * shortest_px) + 1)
     sets = np.array(list(combinations(candidates, count)), dtype=np.int64)

@@ -1,14 +1,13 @@
-"""From wrapped phases of several periods to the absolute place, with the likelihood of the next best order.
+"""Temporal unwrapping: absolute places from wrapped phases of several periods, with odds of a wrong order.
 
 Every order of the shortest period is a candidate; the other periods take the order that lies nearest to it,
-and the place is then the weighted mean. chi^2 of that mean tells how well the periods agree:
+and the place is then the weighted mean. chi^2 of that mean measures the agreement of the periods:
 
     chi^2(orders) = sum_j w_j (x_j - x)^2,  x_j = (phase_j / 2 pi + order_j) P_j,  w_j = (2 pi / P_j /
     sigma_j)^2
 
 The best candidate is the maximum-likelihood order. The difference to the next best chi^2 gives the odds that
-it is wrong, exp(-difference / 2); nothing is chosen step by step, so no early wrong turn can lose the right
-order.
+it is wrong, exp(-difference / 2). All orders are compared at once, not period by period.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from zeromethod.decoding.noise import QUANTISATION, NoiseModel
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Absolute place along one axis of the LCD, per pixel (rows, cols); NaN where not sought.
+    """Absolute place along one axis of the LCD, per pixel (rows, cols); NaN where not unwrapped.
 
     x_px: LCD px. sigma_px: from the camera's noise. chi2: disagreement of the periods, of periods - 1 degrees
     of freedom. odds: of the second-best order against the best, 0 to 1. stiffness: d(expected chi2) /
@@ -62,7 +61,7 @@ def _unwrap(
     cosine: Single,
     sine: Single,
     mean: Single,
-    seen: Mask,
+    bright: Mask,
     periods: Float,
     noise: tuple[float, float, float],
     share: float,
@@ -79,7 +78,7 @@ def _unwrap(
     step, at = np.empty(count), np.empty(count)
     for j in range(rows):
         for i in range(cols):
-            if not seen[j, i]:
+            if not bright[j, i]:
                 continue
             total = 0.0
             for n in range(count):
@@ -130,19 +129,19 @@ def _unwrap(
 
 
 def unwrap(
-    phasors: Phasors, axis: int, noise: NoiseModel, mean: Single, size_px: float, seen: Mask
+    phasors: Phasors, axis: int, noise: NoiseModel, mean: Single, size_px: float, bright: Mask
 ) -> Places:
-    """Places along the columns (axis 0) or rows (1) of an LCD of `size_px`, for the pixels `seen`.
+    """Places along the columns (axis 0) or rows (1) of an LCD of `size_px`, for the pixels `bright`.
 
-    mean: (rows, cols) grey, free of disturbances: with the amplitude it tells the noise of every shift's
-    frame. Orders are sought from half a shortest period before the LCD's first pixel to as much past its
+    mean: (rows, cols) grey without disturbances, which with the amplitude gives the noise of every shift's
+    frame. Orders are searched from half a shortest period before the LCD's first pixel to as far past its
     last.
     """
     sequence = phasors.sequence
     order = np.argsort(sequence.periods_px)
     periods = np.asarray(sequence.periods_px, dtype=np.float64)[order]
     waves, solve = fit_matrices(sequence.shifts_rad)
-    shape = seen.shape
+    shape = bright.shape
     x = np.full(shape, np.nan)
     out = np.full((6, *shape), np.nan, dtype=np.float32)
     margin = 0.5 * periods[0]
@@ -150,7 +149,7 @@ def unwrap(
         np.ascontiguousarray(phasors.cosine[axis, order]),
         np.ascontiguousarray(phasors.sine[axis, order]),
         mean,
-        seen,
+        bright,
         periods,
         (noise.constant_grey2, noise.slope_grey, QUANTISATION),
         1.0 / sequence.repeats,

@@ -67,7 +67,8 @@ def _lattice(recording: Recording, moments: Moments, pitch_mm: float | None) -> 
     surface = recording.surface(moments.turns[0])
     assert surface is not None
     inner = recording.grid.inner
-    return Lattice.covering(surface.x_mm[inner], surface.y_mm[inner], pitch_mm)
+    x_mm, y_mm = np.moveaxis(surface.points_mm[inner], -1, 0)
+    return Lattice.covering(x_mm, y_mm, pitch_mm)
 
 
 def _pages(

@@ -96,7 +96,7 @@ def _picture(recording: Recording, moments: Moments) -> Picture:
     if surface is None:
         raise InputError(f"{recording.path}: no surface was read in this time: a video needs one")
     inner = recording.grid.inner
-    x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
+    x_mm, y_mm = np.moveaxis(surface.points_mm[inner], -1, 0)
     scales = Scales.of(images, recording.turns["residual_rms_px"][within], peaks["depth_mm"])
     return Picture(recording.grid, Lattice.covering(x_mm, y_mm), scales)
 

@@ -1,13 +1,13 @@
-"""The delay between display and camera, followed while the loop runs.
+"""The delay between display and camera, estimated while the loop runs.
 
 **The delay** is the time from a picture's presentation, as the display states it, until the panel's first row
-begins to change, as the camera's stated exposures time it. What the timestamps say already is not in it:
-a camera whose stamps are mid-exposures and a panel that starts at once have delay 0, however late frames
-arrive; stamps that come too early make it smaller, stamps that come too late, and a display that holds
-pictures back, larger. It is the rig file's `[display] latency_s`, and all that the pairing of frames with
-pictures needs beside the panel's scan-out and rise.
+begins to change, on the camera's time stamps. It is relative to the time stamps: a camera that stamps
+mid-exposures and a panel that starts at once have delay 0, however late frames arrive. Stamps that are too
+early make it smaller; stamps that are too late, and a display that delays pictures, make it larger. It is the
+rig file's `[display] latency_s`; pairing frames with pictures needs nothing else than it and the panel's
+scan-out and rise.
 
-Every frame that shares two pictures tells it (`zeromethod.exposure.strip_matching`); others only bound it.
+A frame exposed to two pictures measures it (`zeromethod.exposure.strip_matching`); others only bound it.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ MEMORY_FRAMES = 63
 """The running delay is the median of so many frames' delays."""
 
 SETTLED_FRAMES = 3
-"""Frames after which the running delay is believed, if they agree within half a refresh."""
+"""Frames after which the running delay is trusted, if they agree within half a refresh."""
 
 PLATEAU_REFRESHES = 0.12
-"""Range of delays, in refreshes, all as good, of which the middle counts as a frame's own delay."""
+"""Widest plateau of equally good delays, in refreshes, whose middle counts as a frame's own delay."""
 
 FIRST_SPAN_REFRESHES = (-3.0, 9.0)
 """Delays searched at first: less than the 16 pictures after which codes repeat."""
 
 SPAN_REFRESHES = 2.5
-"""Delays searched round a running delay that is believed: pictures may come a refresh or two late."""
+"""Delays searched on either side of a trusted running delay: pictures may be a refresh or two late."""
 
 LOST_AFTER = 8
-"""Frames in a row that say nothing that fits, after which the delay is searched anew."""
+"""Consecutive frames without a fit after which the full range of delays is searched again."""
 
 LEAST_SCATTER_NS = 20_000.0
-"""Scatter from frame to frame that is taken for granted."""
+"""Smallest scatter from frame to frame that is assumed."""
 
 
 class DelayEstimator:
-    """Running delay, robust against frames that are wrong. `prior_ns`: delay to go by at first."""
+    """Running median of the delay, robust against wrong frames. prior_ns: the value before any frame."""
 
     def __init__(self, prior_ns: float, refresh_ns: float) -> None:
         self._refresh_ns = refresh_ns
@@ -58,36 +58,36 @@ class DelayEstimator:
 
     @property
     def value_ns(self) -> float:
-        """Delay to go by."""
+        """The delay, ns."""
         return self._value_ns
 
     @property
     def frames(self) -> int:
-        """Frames that the value is made of, `MEMORY_FRAMES` at most."""
+        """Number of frames behind the value, `MEMORY_FRAMES` at most."""
         return len(self._values)
 
     @property
     def scatter_ns(self) -> float:
-        """Standard deviation of single frames' delays; infinite before two."""
+        """Standard deviation of single frames' delays, ns; infinite before two."""
         return self._scatter_ns
 
     @property
     def sigma_ns(self) -> float:
-        """Standard deviation of the value: of a median, 1.25 times that of a mean."""
+        """Standard deviation of the value, ns: that of a median is 1.25 times that of a mean."""
         return 1.25 * self._scatter_ns / math.sqrt(max(len(self._values), 1))
 
     @property
     def settled(self) -> bool:
-        """Whether the value may be relied on."""
+        """Whether the value can be trusted."""
         return len(self._values) >= SETTLED_FRAMES and self._scatter_ns < 0.5 * self._refresh_ns
 
     def forget(self) -> None:
-        """Start anew, from the value held so far."""
+        """Forget all frames; the value stays until the next."""
         self._values.clear()
         self._scatter_ns = float("inf")
 
     def is_precise(self, found: Match) -> bool:
-        """Whether a frame whose strips fit tells a delay of its own."""
+        """Whether a frame whose strips fit measures the delay, and does not merely bound it."""
         return found.plateau_ns <= PLATEAU_REFRESHES * self._refresh_ns
 
     def note(self, found: Match) -> None:
@@ -109,7 +109,7 @@ class DelayEstimator:
             self._scatter_ns = max(deviation, LEAST_SCATTER_NS)
 
     def for_frame(self, found: Match) -> float:
-        """Delay of one frame, ns: its own and the running one by their variances, within its bounds."""
+        """Delay of one frame, ns: its own and the running one, weighted by variance, within its bounds."""
         if not self.is_precise(found):
             return min(max(self._value_ns, found.low_ns), found.high_ns)
         own = 1 / max(found.sigma_ns, 1.0) ** 2
@@ -119,9 +119,9 @@ class DelayEstimator:
 
 
 class DelayWatch:
-    """Panel timing frame by frame: the rig's, with the delay that the coded strips say.
+    """Panel timing of every frame: the rig's, with the delay measured from the coded strips.
 
-    Keeps to the rig's until the first good strips, and to the running delay where a frame's own are not read.
+    The rig's delay is used until the first strips fit, the running one where a frame's strips are unreadable.
     """
 
     def __init__(self, reader: StripReader, timing: PanelTiming, refresh_hz: float) -> None:
@@ -138,7 +138,7 @@ class DelayWatch:
         return replace(self._timing, latency_ns=self.estimator.value_ns)
 
     def timing_of(self, image: Image, frame: Frame, log: PresentationLog) -> PanelTiming | None:
-        """Timing for the pairing of `frame`; None where its strips contradict the log: it must not be used.
+        """Timing for the pairing of `frame`; None when its strips contradict the log and it must not be used.
 
         image: (rows, cols) grey levels of the frame.
         """

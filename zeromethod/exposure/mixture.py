@@ -1,15 +1,15 @@
-"""What two or more pictures in one exposure do to the residual, exactly as far as a carrier goes.
+"""Mixtures: the effect of two or more pictures in one exposure on the residual, exact for a carrier.
 
-A node sees picture i displaced by d + s_i, where q_i((u, v) + d + s_i) = q_mix((u, v) + d): s_i is the
-displacement of that picture against the mix. Light adds up, so along each carrier the phasor seen is
+At a node picture i is displaced by d + s_i, where q_i((u, v) + d + s_i) = q_mix((u, v) + d): s_i is the
+displacement of that picture against the mix. Light adds up, so along each carrier the observed phasor is
 
     exp(i k d) sum_i w_i exp(i k s_i),
 
-and what is read as the residual is d + b, b = arg(sum_i w_i exp(i k s_i)) / k. The sum's length is the
+and the sensor's residual is d + b, b = arg(sum_i w_i exp(i k s_i)) / k. The sum's length is the
 share of the carrier's amplitude that is left. b is third order in the spread (the weighted mean of s_i is
-zero to first order), so a mix of near pictures acts as the mix of their warps.
+zero to first order), so a mix of similar pictures acts as the mix of their warps.
 
-Left out, as second order: that s_i changes within the sensing window (a picture whose carrier is stretched
+Neglected, as second order: that s_i changes within the sensing window (a picture whose carrier is stretched
 by 10 % weighs 1 % less in the window's sum), and that the mirror moves while the weights change.
 """
 
@@ -24,29 +24,29 @@ import numpy as np
 from zeromethod.arrays import Float, Ints, Mask
 
 LEAST_COHERENCE = 0.5
-"""Share of the carrier's amplitude that the mix must leave: below, errors of weight are large in phase."""
+"""Least share of the carrier's amplitude in the mix: below, small errors of weight shift the phase a lot."""
 
 LARGEST_BIAS_PERIODS = 1 / 16
-"""Bias along a carrier up to which it is taken out.
+"""Largest bias along a carrier that is corrected.
 
-Pictures of a steady motion stay below. A sudden press leaves pictures periods apart, whose spread varies so
-much within the sensing window that what is left out (see the module) counts for tenths of the bias.
+A steady motion stays below. After a sudden press pictures are periods apart, and their spread varies so much
+within the sensing window that the neglected terms (see the module) are tenths of the bias.
 """
 
 SPREAD_ABOVE_PERIODS = 0.125
-"""Spread above which a mix means nothing to a sensor without carriers.
+"""Spread above which a sensor without carriers cannot read a mix.
 
-At 1/8 a mix of 20 % and 80 % is read 0.02 px wrong, at 1/16 0.003 px: the error is third order.
+At 1/8 a mix of 20 % and 80 % is 0.02 px in error, at 1/16 0.003 px: the error is third order.
 """
 
 SPREAD_WEIGHT = 0.02
-"""Pictures that weigh less at a node do not count for its spread."""
+"""Pictures with less weight than this at a node do not count towards its spread."""
 
 SAME_LCD_PX = 1 / 16
-"""Warps closer than this, at a node, are one: their difference is noise, its effect below 1e-5 px."""
+"""Warps closer than this at a node count as equal: the effect of the difference is below 1e-5 px."""
 
 NO_BIAS_PX = 2e-3
-"""Bias, a fifth of the noise, that need not be looked up where the node looks."""
+"""Bias, a fifth of the noise, below which it is not interpolated at (u, v) + d."""
 
 _FAST = {"contract", "reassoc", "nsz", "arcp"}
 
@@ -58,18 +58,18 @@ def _odd_fit(function: str, limit: float, terms: int) -> tuple[float, ...]:
     return tuple(np.linalg.lstsq(powers, getattr(np, function)(x), rcond=None)[0].tolist())
 
 
-# Within 1e-6 rad: branch-free, so that a row of nodes runs on vectors.
+# Within 1e-6 rad; free of branches, so that the compiler vectorises a row of nodes.
 _S0, _S1, _S2, _S3, _S4 = _odd_fit("sin", math.pi / 2, 5)
 _A0, _A1, _A2, _A3, _A4, _A5, _A6 = _odd_fit("arctan", 1.0, 7)
 
 
 @dataclass(frozen=True, slots=True)
 class Mixture:
-    """What mixing does at each node.
+    """Effect of mixing at each node.
 
     mixed: (rows, cols) where the pictures are too different to be read. bias_px: (rows, cols, 2) b above,
-    camera px, at (u, v) + d, that is as a function of where the node looks on the mix; None where the
-    sensor has no carriers.
+    camera px, at (u, v) + d, a function of where the node looks on the mix; None where the sensor has no
+    carriers.
     """
 
     mixed: Mask
@@ -137,7 +137,7 @@ def _displacements(warps: Float, slots: Ints, q: Float, j: int, per_px: float, s
 
 @numba.njit(cache=True, fastmath=_FAST)
 def _shares(weights: Float, place: Float, share: Float, heaviest: Float) -> None:
-    """Share (pictures, cols) of each picture along a node row, and the heaviest one's number."""
+    """Share (pictures, cols) of each picture along a node row, and the index of the largest."""
     last = weights.shape[0] - 1
     for i in range(place.size):
         n = min(int(place[i]), last - 1)
@@ -152,11 +152,11 @@ def _shares(weights: Float, place: Float, share: Float, heaviest: Float) -> None
 
 @numba.njit(cache=True, fastmath=_FAST)
 def _sum_phasors(phase: Float, share: Float, heaviest: Float, total: Float, bias: Float, left: Float) -> None:
-    """Arg of sum w exp(i phase) of a node row into `bias`; the length it leaves, at least, into `left`.
+    """Argument of sum w exp(i phase) of a node row, in `bias`; a lower bound of its length, in `left`.
 
-    The angle is taken from the heaviest picture's, which is continuous from node to node wherever that
+    The angle is relative to the heaviest picture's, which is continuous from node to node wherever that
     outweighs the others. Beyond half a turn from it the length is that at half a turn: a picture a whole
-    turn away agrees in phase again, but no longer tells which turn is meant.
+    turn away agrees in phase again, but the turn is then ambiguous.
     """
     cols = bias.size
     pictures = share.shape[0]
@@ -180,7 +180,7 @@ def _sum_phasors(phase: Float, share: Float, heaviest: Float, total: Float, bias
             side[i] += imaginary if within else 0.0
     for i in range(cols):
         length = math.sqrt(re[i] * re[i] + im[i] * im[i])
-        # a real part under zero is a turn that nothing settles; such nodes have no length left, below
+        # a negative real part leaves the turn ambiguous; such nodes get length 0, below
         half = im[i] / max(length + max(re[i], 0.0), 1e-9)
         bias[i] = middle[i] + 2.0 * _arctan(half)
         kept = math.sqrt(least[i] * least[i] + side[i] * side[i])
@@ -263,12 +263,12 @@ def mixture(
     period_px: float,
     kind: str,
 ) -> Mixture:
-    """What mixing the pictures `warps[slots]` does to the residual against their mix `q`.
+    """Effect of mixing the pictures `warps[slots]` on the residual against their mix `q`.
 
     warps: (any, rows, cols, 2) LCD px. weights: (n, k) share of each at n panel rows. place: (rows, cols)
     where among these each node of the mix looks, 0..n - 1. q: (rows, cols, 2) LCD px. kind: the target's;
-    cosines and lattice carry along u and v, checker along u + v and u - v. Noise has no carrier: no bias,
-    and mixed where the spread passes 1/8 period.
+    cosines and lattice have carriers along u and v, checker along u + v and u - v. Noise has no carrier:
+    no bias, and mixed where the spread exceeds 1/8 period.
 
     Convention: residual d as observed(u, v) = T((u, v) + d), camera px.
     """
@@ -293,7 +293,7 @@ def _unmix(d: Float, bias: Float, per_px: float, out: Float) -> None:
             for _ in range(3 if abs(bu) + abs(bv) > NO_BIAS_PX else 0):
                 x = i + per_px * (d[j, i, 0] - bu)
                 y = j + per_px * (d[j, i, 1] - bv)
-                # what is out of the grid ends at its edge, NaN anywhere
+                # positions outside the grid are clipped to its edge, NaN to node 0
                 x = min(max(x, 0.0), cols - 1.001) if math.isfinite(x) else 0.0
                 y = min(max(y, 0.0), rows - 1.001) if math.isfinite(y) else 0.0
                 m, n = int(x), int(y)
@@ -312,10 +312,9 @@ def _unmix(d: Float, bias: Float, per_px: float, out: Float) -> None:
 
 
 def unmix(d: Float, bias_px: Float, spacing_px: float) -> Float:
-    """Residual against the mix from the one that was read, (rows, cols, 2) camera px: d - b((u, v) + d).
+    """Residual against the mix from the sensor's, (rows, cols, 2) camera px: d - b((u, v) + d).
 
-    Solved by three steps of fixed-point iteration, b linear between nodes; where it is next to nothing, it
-    is the node's own.
+    At most three steps of fixed-point iteration, b linear between nodes; a negligible bias is the node's own.
     """
     out = np.empty_like(d)
     _unmix(d, bias_px, 1 / spacing_px, out)

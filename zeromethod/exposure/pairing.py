@@ -1,4 +1,4 @@
-"""Which warps an exposure saw: the presentation log through the panel's timing.
+"""Pairing of frames with pictures: which warps an exposure contains, by the log and the panel's timing.
 
 A pixel in LCD row r starts to change at T = presentation + latency + s scanout (s = r / (rows - 1), from
 the other end when the panel scans up) and follows as h(t) = 1 - exp(-(t - T) / tau), tau = rise / ln 9 for
@@ -8,8 +8,7 @@ a rise from 10 to 90 %. Light is linear in the pictures, so picture k weighs H_k
     H = [b - c - tau (exp(-(c - T) / tau) - exp(-(b - T) / tau))] / (b - a),  c = max(a, T), 0 when b <= T
 
 Near null the carrier's phase is linear in the warp, so a mix of pictures acts as the mix of their warps
-with the same weights. What is left, and when it is too much, is the concern of
-`zeromethod.exposure.mixture`.
+with the same weights. `zeromethod.exposure.mixture` computes the remaining error and where it is too large.
 """
 
 from __future__ import annotations
@@ -32,18 +31,18 @@ TABLE_ROWS = 257
 """Panel rows at which weights are computed, 65 us of scan-out apart at 60 Hz; linear between them."""
 
 LEAST_WEIGHT = 1e-4
-"""Pictures that weigh less in every row are left out."""
+"""Pictures with less weight than this in every row are left out."""
 
 SAME_ROW = 0.25
-"""Panel rows between the row assumed and that of the mix that need no second round: 4 us of scan-out."""
+"""Panel rows between the assumed row and the mix's that need no second iteration: 4 us of scan-out."""
 
 LIT_SHARE = 0.98
-"""An exposure that started before this share of the first picture's light is of no use."""
+"""Least share of light from logged pictures; an exposure with less has no observation."""
 
 
 @dataclass(frozen=True)
 class PanelTiming:
-    """When an LCD row follows a presentation. Times in ns; see the module."""
+    """Panel timing: when each LCD row follows a presentation. Times in ns; see the module."""
 
     latency_ns: float
     scanout_ns: float
@@ -53,7 +52,7 @@ class PanelTiming:
 
     @classmethod
     def of(cls, display: DisplaySpec) -> PanelTiming:
-        """Take the timing that the rig states."""
+        """Timing stated in the rig file."""
         scanout_s = 1 / display.refresh_hz if display.scanout_s is None else display.scanout_s
         return cls(
             latency_ns=1e9 * display.latency_s,
@@ -89,7 +88,7 @@ class Observation:
 
 
 def lit_share(start_ns: float | Float, end_ns: float | Float, change_ns: Float, tau_ns: float) -> Float:
-    """H above: mean over the exposure of the light of a pixel that starts to change at `change_ns`."""
+    """H of the module: mean light over the exposure of a pixel that starts to change at `change_ns`, 0..1."""
     from_ns = np.clip(change_ns, start_ns, end_ns)
     lit = end_ns - from_ns
     if tau_ns > 0:
@@ -102,8 +101,8 @@ def lit_share(start_ns: float | Float, end_ns: float | Float, change_ns: Float, 
 def entry_weights(times_ns: Ints, complete: bool, frame: Frame, timing: PanelTiming) -> tuple[Float, Float]:
     """Weight of every presentation in the exposure of `frame` at `TABLE_ROWS` rows, in scan-out order.
 
-    Returns ((k, n) weights, (n,) share of light from before the first entry; 0 when older entries are no
-    longer in the log, `complete` False: the oldest one then stands for them).
+    Returns ((k, n) weights, (n,) share of light from before the first entry). The share is 0 when older
+    entries are no longer in the log (`complete` False): the oldest entry then stands for them.
     """
     scan = np.linspace(0.0, timing.scanout_ns, TABLE_ROWS)
     start = -0.5 * frame.exposure_ns
@@ -129,10 +128,10 @@ def _mix(
     q: Float,
     place: Float,
 ) -> None:
-    """Mix of `warps[slots]` by `weights` (n panel rows, entries), each node's own place among the rows.
+    """Mix of `warps[slots]` by `weights` (n panel rows, entries) at each node's panel row, in `q`, `place`.
 
-    The row is that of the mix itself, so that q and the weights belong together at every point of the
-    target; at most two rounds from `look_q` find it to far less than a row.
+    The row is that of the mix itself, so that q and the weights are consistent at every point of the target;
+    at most two iterations from `look_q` find it to far less than a row.
     """
     rows, cols = q.shape[0], q.shape[1]
     last = weights.shape[0] - 1
@@ -161,17 +160,17 @@ def _mix(
 def pair(
     log: PresentationLog, frame: Frame, timing: PanelTiming, look_q: Float, grid: NodeGrid, kind: str
 ) -> Observation | None:
-    """Tell what the exposure of `frame` saw; None when no picture of the log was fully lit before it.
+    """Observation of one frame; None when no picture of the log was fully lit before its exposure.
 
     look_q: (rows, cols, 2) where the nodes look on the panel, LCD px, to some tens of rows: the latest
-    estimate. kind: the target's. Where one picture was alone its warp is returned as logged (a view), and
-    that is the usual case with patterns that are held.
+    estimate. kind: the target's. Where only one picture was lit its warp is returned as logged (a view): the
+    usual case while the pattern does not change.
     """
     times = log.times_ns()
     if not len(times):
         return None
-    # A picture whose last row has long settled hides all before it; a picture that starts after the
-    # exposure was not seen.
+    # A picture whose last row has long settled replaces all before it; a picture that starts after the
+    # exposure has no part in it.
     end_ns = frame.time_ns + 0.5 * frame.exposure_ns
     settled_ns = end_ns - frame.exposure_ns - timing.latency_ns - timing.scanout_ns - 12 * timing.tau_ns
     first = max(int(np.searchsorted(times, settled_ns, side="right")) - 1, 0)

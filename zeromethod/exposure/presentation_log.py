@@ -1,4 +1,4 @@
-"""The presentation log: which warp was given to the panel, and when."""
+"""The presentation log: which warp was presented on the panel, and when."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ CAPACITY = 64
 
 
 class PresentationLog:
-    """Ring of the newest presentations, oldest overwritten; memory taken once.
+    """Ring buffer of the newest presentations; the oldest is overwritten, memory is allocated once.
 
     An entry is the presentation time in ns (see `DisplaySpec`: the panel's first row starts to change
-    `latency_s` later), the warp drawn, (rows, cols, 2) LCD px, and the mid-exposure of the newest frame that
-    the warp was made from, None for a warp made from none, and the code drawn with it, None for none.
+    `latency_s` later), the warp drawn, (rows, cols, 2) LCD px, the mid-exposure of the newest frame that the
+    warp was made from (None without one), and the code of the strips drawn with it (None without).
     """
 
     def __init__(self, shape: tuple[int, int], capacity: int = CAPACITY) -> None:
@@ -33,9 +33,9 @@ class PresentationLog:
         return self._count <= len(self._times_ns)
 
     def record(self, time_ns: int, q: Float, seen_ns: int | None = None, code: int | None = None) -> None:
-        """Note that `q` (copied), made from a frame of `seen_ns`, was presented at `time_ns` with `code`.
+        """Add that `q` (copied), made from a frame of `seen_ns`, was presented at `time_ns` with `code`.
 
-        ValueError when that is before the entry noted last.
+        ValueError when `time_ns` is before the last entry's.
         """
         newest_ns = int(self._times_ns[(self._count - 1) % len(self._times_ns)])
         if self._count and time_ns < newest_ns:
@@ -49,26 +49,26 @@ class PresentationLog:
 
     @property
     def buffer(self) -> Float:
-        """(capacity, rows, cols, 2) all warps, where `slots` says; read only."""
+        """(capacity, rows, cols, 2) all warps, indexed by `slots`; read only."""
         return self._warps
 
     def slots(self, index: Ints) -> Ints:
-        """Places in `buffer` of entries counted from the oldest, 0 <= index < len."""
+        """Indices into `buffer` of entries counted from the oldest, 0 <= index < len."""
         return (self._count - len(self) + index) % len(self._times_ns)
 
     def times_ns(self) -> Ints:
-        """(len,) presentation times, oldest first."""
+        """(len,) presentation times, ns, oldest first."""
         return self._times_ns[self.slots(np.arange(len(self)))]
 
     def codes(self) -> Ints:
-        """(len,) codes, oldest first; -1 where there was none."""
+        """(len,) codes, oldest first; -1 for none."""
         return self._codes[self.slots(np.arange(len(self)))]
 
     def warp(self, index: int) -> Float:
-        """Warp of the entry counted from the oldest; a view, good until it is overwritten."""
+        """Warp (rows, cols, 2) of the entry counted from the oldest; a view, valid until overwritten."""
         view: Float = self._warps[int(self.slots(np.array(index)))]
         return view
 
     def seen_ns(self, index: int) -> int | None:
-        """Mid-exposure of the frame behind the entry counted from the oldest."""
+        """Mid-exposure, ns, of the frame that the entry, counted from the oldest, was made from."""
         return self._seen_ns[int(self.slots(np.array(index)))]

@@ -1,14 +1,14 @@
-"""When the panel truly followed its presentations: the strips of a frame against the presentation log.
+"""The delay of one frame: its strips matched against the presentation log.
 
 For a delay x between presentation and the panel's first row, the timing model (`zeromethod.exposure.pairing`)
-foretells the level of every bit of both strips from the pictures of the log and their codes:
+predicts the level of every bit of both strips from the pictures of the log and their codes:
 
     level = sum over pictures of weight(x, panel row) * bit.
 
-The x that fits all ten levels is found. That takes in any number of pictures in an exposure, uses the bit
-that changes and the check alike (they must agree, or nothing fits), and no picture is taken for another whose
-code is 16 further: the delays searched span less. A frame that saw one picture alone fits over a range of x,
-which then only bounds the delay.
+The x that fits all ten levels is found. Any number of pictures may share an exposure. The bit that changes
+and the check bit must agree, or nothing fits. No picture is taken for another whose code repeats 16 pictures
+later, as the delays searched span less. A frame exposed to one picture alone fits over a range of x, which
+then only bounds the delay.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from zeromethod.exposure.strip_reading import StripReading
 from zeromethod.pattern.strips import CODES, bits_of
 
 MODEL_SIGMA = 0.03
-"""Standard deviation of a level beyond noise: the panel's rise is no exact exponential, mirrors move."""
+"""Model error of a level, standard deviation: the panel's rise is not exactly exponential, mirrors move."""
 
 FITS_WITHIN = 0.2
-"""Largest misfit of any level at which the strips count as explained."""
+"""Largest misfit of any level at which the strips fit."""
 
 POSSIBLE_WITHIN = 0.51
 """Misfit on the coarse scan up to which a fit may lie between its points: half a level at sharp changes.
 
-Above it everywhere, no timing explains what was seen: a whole bit is wrong.
+Where it is above everywhere, no timing explains the strips: a whole bit is wrong.
 """
 
 _MOST_COARSE = 400
@@ -48,10 +48,10 @@ _BITS = np.array([bits_of(code) for code in range(CODES)], dtype=np.float64)
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """Delays that explain a frame's strips, ns: the best, and the ends of those as good within 3 sigma.
+    """Delays that explain a frame's strips, ns: the best, and the ends of the range within 3 sigma of it.
 
-    blur_ns: how far apart noise alone puts these ends. fits: whether they explain it at all; where False
-    nothing of the rest is to be used. contradicts: whether what was seen cannot have been shown.
+    blur_ns: width of the range due to noise alone. fits: whether any delay explains them; the rest is
+    undefined where False. contradicts: whether no picture of the log can have given these strips.
     """
 
     fits: bool
@@ -63,24 +63,24 @@ class Match:
 
     @property
     def plateau_ns(self) -> float:
-        """Range of delays that no noise is needed for: what was seen cannot tell them apart."""
+        """Width of the plateau of delays that fit equally well without noise, ns."""
         return self.high_ns - self.low_ns - self.blur_ns
 
     @property
     def delay_ns(self) -> float:
-        """The best delay; of a plateau wider than noise, whose best may be any, the middle."""
+        """The best delay, ns; the middle of a plateau that is wider than noise."""
         flat = self.plateau_ns > 1.5 * self.blur_ns
         return 0.5 * (self.low_ns + self.high_ns) if flat else self.best_ns
 
     @property
     def sigma_ns(self) -> float:
-        """Standard deviation of the delay, as far as one frame tells it."""
+        """Standard deviation of this frame's delay, ns."""
         return (self.high_ns - self.low_ns) / 6
 
 
 @numba.njit(cache=True)
 def _lit(start: float, end: float, change: float, tau: float) -> float:
-    """Mean over the exposure of the light of a pixel that starts to change at `change`."""
+    """Mean light over the exposure of a pixel that starts to change at `change`, 0..1."""
     if change >= end:
         return 0.0
     since = max(change, start)
@@ -101,7 +101,7 @@ def _misfit(
     scan: Float,
     sigma: Float,
 ) -> tuple[float, float]:
-    """(sum of squares over variance, largest misfit); infinite when a picture before the first was seen."""
+    """(sum of squares over variance, largest misfit); infinite when a picture before the first was lit."""
     start, end = -0.5 * exposure, 0.5 * exposure
     last = times.size - 1
     total = worst = 0.0
@@ -139,13 +139,14 @@ def _scan(
     scan: Float,
     sigma: Float,
 ) -> None:
-    """Misfits at total.size delays from low to high."""
+    """Misfits at total.size delays from low to high, in `total` and `worst`."""
     step = (high - low) / (total.size - 1)
     for n in range(total.size):
         total[n], worst[n] = _misfit(low + n * step, times, bits, exposure, tau, levels, scan, sigma)
 
 
 def _runs(within: Mask) -> list[tuple[int, int]]:
+    """First and last index of every run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], within.astype(np.int8), [0]])))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -159,7 +160,7 @@ def match(
 ) -> Match | None:
     """Find the delay within `span_ns` at which the log explains the readings.
 
-    None where nothing can be told: no readings, or a picture without code may have been seen as well.
+    None without evidence: no readings, or a picture without code may have been lit as well.
     """
     pictures = _possible(log, frame, timing, span_ns)
     if not readings or pictures is None:
@@ -193,7 +194,7 @@ def match(
             found.append(here)
     if len(found) == 1:
         return found[0]
-    # a delay at which a picture without code has a part is never ruled out
+    # a delay at which a picture without code is lit is never ruled out
     return Match(fits=False, contradicts=not runs and bool(np.isfinite(total).all()))
 
 
@@ -244,7 +245,7 @@ def _refined(
 
 
 def _located(a: float, b: float, fine: Float, best: int, near: Ints, blur_ns: float) -> Match:
-    """Best delay and the ends of those as good, of a scan from a to b."""
+    """Best delay and the ends of the range as good, of a scan from a to b."""
     step = (b - a) / (len(fine) - 1)
     shift = 0.0
     if 0 < best < len(fine) - 1 and np.isfinite(fine[best - 1] + fine[best + 1]):

@@ -1,11 +1,11 @@
-"""Reading the coded strips of a frame: how much light of either kind every bit got.
+"""Reading the coded strips of a frame: the share of its light with each bit set.
 
 With a and b the light of a bit's cells and of their complement, (a - b) / (a + b) is 1, -1, or in between
-where pictures with either value shared the exposure. Stray light lowers all of these alike; how far is told
-by the frame itself, as at most three of five bits change within three pictures: the strongest two are whole.
+where pictures with either value shared the exposure. Stray light lowers all of these alike; the frame itself
+shows by how much: at most three of five bits change within three pictures, the strongest two are unmixed.
 
-What cannot be trusted is not read at all: clipped cells, too little contrast, cells that are not even within
-(a press moved them, or something lies on the mirror).
+Strips that cannot be trusted are skipped: clipped cells, too little contrast, uneven cells (a press moved
+them, or something lies on the mirror).
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
 
 LEAST_CONTRAST = 0.3
-"""Of the whole bits; stray light three times the pattern's leaves a quarter."""
+"""Least contrast of the unmixed bits; stray light three times the pattern's leaves a quarter."""
 
 LEAST_GREY = 6.0
 """Grey levels between white and black below which nothing is read."""
 
 GREY_ABOVE = 0.05
-"""Distance of a level from 0 and 1 from which two pictures are behind it."""
+"""Distance of a level from 0 and 1 above which two pictures are mixed in it."""
 
 UNEVEN = 0.1
-"""Largest difference of a cell's quarters from its mean, in units of white minus black."""
+"""Largest deviation of a cell's quarters from its mean, in units of white minus black."""
 
 CLIPPED_SHARE = 0.99
-"""Share of the ceiling from which a cell counts as clipped."""
+"""Share of the largest grey level from which a cell counts as clipped."""
 
 
 def find_strips(rig: Rig, rest: Rest) -> Strips | None:
-    """Strips of a rig, if it asks for any; None also where the panel is not seen along the edges."""
+    """Strips that the rig asks for; None without, and where the panel is not visible along the edges."""
     if rig.control.strips == "none":
         return None
     no_ray = (rest.flags & np.uint16(Flag.NO_RAY)) != 0
@@ -47,7 +47,7 @@ def find_strips(rig: Rig, rest: Rest) -> Strips | None:
 
 @dataclass(frozen=True)
 class StripReading:
-    """What one strip says. levels: (5,) share of the exposure's light with each bit set, 0..1 but for noise.
+    """Reading of one strip. levels: (5,) share of the exposure's light with each bit set, 0..1 but for noise.
 
     sigma: standard deviation of a level. panel_rows: (5,) LCD row of each bit at rest.
     """
@@ -58,7 +58,7 @@ class StripReading:
 
     @property
     def code(self) -> int | None:
-        """Code where one picture alone was seen; None where bits are grey or the check fails."""
+        """Code where one picture alone was lit; None where bits are grey or the check fails."""
         bits = np.rint(self.levels).astype(int)
         if np.abs(self.levels - bits).max() > GREY_ABOVE:
             return None
@@ -92,7 +92,7 @@ def _quarters(image: Image, windows: Ints, along_u: bool, quarters: Float) -> No
 
 @numba.njit(cache=True)
 def _levels(quarters: Float, black: float, levels: Float) -> tuple[float, float]:
-    """Fill levels (bits,); (whole bits' contrast with 0 for none, rms unevenness over white - black)."""
+    """Fill levels (bits,); (contrast of the unmixed bits, 0 if unreadable; rms unevenness / contrast)."""
     bits = quarters.shape[0]
     most = second = white = 0.0
     for k in range(bits):
@@ -141,7 +141,7 @@ def _windows(strip: Strip) -> Ints:
 
 
 class StripReader:
-    """Reads the strips of a rig's frames. noise: the camera's, for its black. bits: its depth.
+    """Reader of the strips of a rig's frames. noise: the camera's, for its black level. bits: its bit depth.
 
     The constructor compiles.
     """
@@ -164,6 +164,6 @@ class StripReader:
             levels = np.empty(BITS)
             contrast, uneven = _levels(self._quarters, self._black, levels)
             if contrast:
-                # a level is made of eight quarters of outer cells' and four of inner cells' means
+                # a level averages eight quarters of outer cells and four of inner cells
                 readings.append(StripReading(levels, uneven / np.sqrt(4), rows))
         return tuple(readings)

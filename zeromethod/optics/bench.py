@@ -1,4 +1,4 @@
-"""The bench's exact ray model, both ways: camera pixel to LCD, and LCD position back to mirror normal."""
+"""Exact ray model of the bench: camera pixel to LCD, and LCD position back to the mirror's normal."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from zeromethod.optics.trace import Lost, Trace
 from zeromethod.optics.vectors import dot, unit
 from zeromethod.rig.model import Rig
 
-# a panel that touches the slab before it may come out this far on its wrong side by rounding
+# a panel that touches the slab before it may be this far on its wrong side by rounding
 _TOUCHES_MM = 1e-9
 
 # in the order in which a ray meets them
@@ -31,18 +31,29 @@ _REASONS = [
 
 
 class Optics:
-    """Rays of one rig. Immutable; methods take arrays of any shape and let NaN rows pass silently.
+    """Rays of one rig. Immutable; methods take arrays of any shape and pass NaN on.
 
-    Rays are followed from the camera to the LCD, against the light. Only the mirror weighs the light: what
-    the faces and layers let through (about 0.97 of it each, nearly even over the view) is left out.
+    Rays are traced from the camera to the LCD, against the light. Only the mirror's reflectance is computed:
+    the transmittance of faces and layers (about 0.97 each, nearly uniform over the view) is ignored.
 
-    Convention: world in mm, origin on the edge P0, x along the mirror towards the captured face, z out of
+    Parameters
+    ----------
+    rig : Rig
+        The bench.
+
+    Raises
+    ------
+    InputError
+        Where the rest surface's height map cannot be used.
+
+    Notes
+    -----
+    World in mm, origin on the edge P0, x along the mirror towards the captured face, z out of
     the rubber, y = z cross x; rubber at z < 0. Camera pixels (u, v) = (column, row) and LCD positions
     q = (column, row) have centres at integers. Directions are unit vectors along the travel.
     """
 
     def __init__(self, rig: Rig) -> None:
-        """Place everything. Raises InputError where the rest surface's height map cannot be used."""
         self.rig = rig
         self.prism = PrismGeometry(rig.prism)
         self.camera = Camera.place(rig.camera)
@@ -88,11 +99,11 @@ class Optics:
         return np.where(met, start, np.nan), np.where(met, inside, np.nan)
 
     def trace(self, u: Float, v: Float, mirror: HeightField) -> Trace:
-        """Where camera pixels u, v (...) look by way of `mirror`."""
+        """Rays of camera pixels u, v (...) by reflection at `mirror`."""
         return self.trace_rays(*self.rubber_rays(u, v), mirror)
 
     def trace_rays(self, origin: Float, direction: Float, mirror: HeightField) -> Trace:
-        """`trace` of rays in the rubber, (..., 3) each, as `rubber_rays` gives them."""
+        """`trace` of rays in the rubber, (..., 3) each, from `rubber_rays`."""
         point = origin + distance_to(mirror, origin, direction)[..., None] * direction
         with np.errstate(invalid="ignore"):
             normal = normal_of(mirror.gradient(point[..., 0], point[..., 1]))
@@ -112,7 +123,7 @@ class Optics:
         return Trace(q, point, cos_incidence, reflectance, path, lost)
 
     def rest_map(self, u: Float, v: Float) -> Float:
-        """LCD positions (..., 2) in px that camera pixels u, v (...) see by the undeformed mirror.
+        """LCD positions (..., 2) in px that camera pixels u, v (...) look at by the undeformed mirror.
 
         NaN where the ray is lost before the LCD's plane.
         """
@@ -136,7 +147,7 @@ class Optics:
         return direction_between(offset, face.normal, indices, np.stack(np.broadcast_arrays(*thicknesses)))
 
     def normal_between(self, incoming: Float, outgoing: Float) -> Float:
-        """Find the unit normal (..., 3), out of the rubber, that reflects one unit vector into another.
+        """Unit normal (..., 3), out of the rubber, that reflects one unit vector into another.
 
         The surface's (dz/dx, dz/dy) is -(nx, ny) / nz, so the depth's slope is the rest surface's gradient
         plus (nx, ny) / nz.
@@ -147,7 +158,7 @@ class Optics:
     def sensitivity(self, u: Float, v: Float) -> Float:
         """LCD shift per depth slope at rest: (..., 2, 2) in LCD px per rad.
 
-        Rows: LCD (column, row); columns: slope (dd/dx, dd/dy), the mirror point held. Closed form; faces
+        Rows: LCD (column, row); columns: slope (dd/dx, dd/dy), at a fixed mirror point. Closed form; faces
         count as unbounded. NaN where the ray never reaches the mirror or the LCD's plane.
         """
         origin, direction = self.rubber_rays(u, v)
@@ -162,7 +173,7 @@ class Optics:
     def _to_display(self, point: Float, outgoing: Float) -> tuple[Float, Float, Float]:
         """LCD position (..., 2), path in mm (...) and exit point (..., 3) on the pattern face's plane.
 
-        q and path are NaN where the panel's plane is not met; the faces' borders are not looked at.
+        q and path are NaN where the panel's plane is not met; the faces' borders are ignored.
         """
         face, index = self.prism.pattern_face, self.rig.prism.index
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -181,8 +192,8 @@ class Optics:
     def _reflectance(self, cos_incidence: Float, outgoing: Float, normal: Float) -> Float:
         """Power reflectance (...) of the mirror, rubber to air, for the LCD's light.
 
-        The LCD's field is laid across the ray in the rubber; its small turn by the unequal s and p
-        transmittances of skew faces is left out.
+        The LCD's field is projected across the ray in the rubber; its small rotation by the unequal s and p
+        transmittances of oblique faces is ignored.
         """
         s, p = fresnel(cos_incidence, self.rig.prism.index, 1.0)
         share = 0.5 if self.panel.field is None else s_share(-outgoing, normal, self.panel.field)

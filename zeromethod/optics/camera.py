@@ -30,12 +30,12 @@ def distort(x: Float, y: Float, k: Distortion) -> tuple[Float, Float]:
     )
 
 
-def undistort(x_seen: Float, y_seen: Float, k: Distortion) -> tuple[Float, Float]:
+def undistort(x_image: Float, y_image: Float, k: Distortion) -> tuple[Float, Float]:
     """Ideal normalised image coordinates of distorted ones, each (...): Newton to machine precision.
 
     NaN where the iteration does not settle (beyond the model's turning point).
     """
-    x, y = x_seen.copy(), y_seen.copy()
+    x, y = x_image.copy(), y_image.copy()
     if not any(k):
         return x, y
     k1, k2, p1, p2, k3 = k
@@ -48,7 +48,7 @@ def undistort(x_seen: Float, y_seen: Float, k: Distortion) -> tuple[Float, Float
             yy = radial + growth * y * y + 6.0 * p1 * y + 2.0 * p2 * x
             xy = growth * x * y + 2.0 * p1 * x + 2.0 * p2 * y
             x_now, y_now = distort(x, y, k)
-            x_miss, y_miss = x_seen - x_now, y_seen - y_now
+            x_miss, y_miss = x_image - x_now, y_image - y_now
             determinant = xx * yy - xy * xy
             x = x + (yy * x_miss - xy * y_miss) / determinant
             y = y + (xx * y_miss - xy * x_miss) / determinant
@@ -74,7 +74,7 @@ class Camera:
 
     @classmethod
     def place(cls, spec: CameraSpec) -> Camera:
-        """Camera of a rig; axes are NaN where it looks nowhere, or along y, which leaves its roll open."""
+        """Camera of a rig; axes are NaN without viewing direction or along y (roll undefined)."""
         position = np.array(spec.position_mm)
         with np.errstate(invalid="ignore"):
             axis = unit(np.array(spec.look_at_mm) - position)

@@ -1,4 +1,4 @@
-"""Whether a rig's parts can see each other at all."""
+"""Check of a rig's geometry: whether the camera can look at the LCD by the mirror."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from zeromethod.rig.model import Rig
 _SAMPLES = 33
 
 _TOUCHING_MM = 1e-9
-"""Rounding allowed before two surfaces that touch count as cutting into each other."""
+"""Rounding allowed before two touching surfaces count as intersecting."""
 
 
 def check_geometry(rig: Rig) -> None:
@@ -22,7 +22,7 @@ def check_geometry(rig: Rig) -> None:
 
     Refused: a camera inside the prism or behind its captured face, a panel tilted into the slabs in front
     of it, a view that misses that face or the mirror altogether, a centre ray that does not end on the LCD, a
-    height map that ends short of what is seen. A view that lies partly off the mirror or the LCD is legal.
+    height map smaller than the view. A view that lies partly off the mirror or the LCD is legal.
     """
     optics = Optics(rig)
     camera = rig.camera
@@ -45,18 +45,18 @@ def check_geometry(rig: Rig) -> None:
     if (view.lost == Lost.MISSES_CAPTURED_FACE).all():
         allowed = "no pixel sees the captured face; look at the mirror through it"
         raise _error(rig, "camera.look_at_mm", camera.look_at_mm, allowed)
-    seen = view.lost != Lost.MISSES_CAPTURED_FACE
-    if (view.lost[seen] == Lost.MISSES_MIRROR).all():
+    through = view.lost != Lost.MISSES_CAPTURED_FACE
+    if (view.lost[through] == Lost.MISSES_MIRROR).all():
         allowed = (
             f"no pixel sees the mirror (x 0 to {optics.length_mm:.6g}, |y| to {rig.prism.width_mm / 2:.6g})"
         )
         raise _error(rig, "camera.look_at_mm", camera.look_at_mm, allowed)
-    _check_map(rig, optics, view.point[seen & (view.lost != Lost.MISSES_MIRROR)])
+    _check_map(rig, optics, view.point[through & (view.lost != Lost.MISSES_MIRROR)])
     _check_centre(rig, optics)
 
 
 def _check_gap(rig: Rig, optics: Optics) -> None:
-    """Refuse a panel that cuts, in front of the pattern face, into the slabs before the last one."""
+    """InputError for a panel that intersects, in front of the pattern face, the slabs before the last one."""
     display, face = rig.display, optics.prism.pattern_face
     column, row = np.meshgrid(
         np.linspace(-0.5, display.columns - 0.5, _SAMPLES), np.linspace(-0.5, display.rows - 0.5, _SAMPLES)
@@ -71,7 +71,7 @@ def _check_gap(rig: Rig, optics: Optics) -> None:
 
 
 def _check_map(rig: Rig, optics: Optics, points: Float) -> None:
-    """Refuse a height map that does not cover every mirror point of the view."""
+    """InputError for a height map that does not cover all mirror points of the view."""
     if not isinstance(optics.rest, GridHeight):
         return
     for axis, (low, high) in enumerate((optics.rest.x_range_mm, optics.rest.y_range_mm)):
@@ -83,7 +83,7 @@ def _check_map(rig: Rig, optics: Optics, points: Float) -> None:
 
 
 def _check_centre(rig: Rig, optics: Optics) -> None:
-    """Refuse a bench whose image centre does not see a pixel of the LCD."""
+    """InputError for a bench whose image centre does not look at a pixel of the LCD."""
     camera, display = rig.camera, rig.display
     centre = optics.trace(
         np.array([(camera.columns - 1) / 2]), np.array([(camera.rows - 1) / 2]), optics.rest

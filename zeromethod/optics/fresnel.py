@@ -1,4 +1,4 @@
-"""How much light an interface reflects: Fresnel's equations and total internal reflection."""
+"""Reflectance of an interface: Fresnel's equations and total internal reflection."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def direction_between(offset: Float, normal: Float, indices: Sequence[float], th
     ----------
     offset : (..., 3) second point minus first, in mm.
     normal : (3,) unit normal of all interfaces, from the first point to the second.
-    indices : index of each slab, in the order met; the first slab holds the first point.
+    indices : index of each slab, in the order met; the first point lies in the first slab.
     thicknesses_mm : (slabs, ...) thickness of each, adding up to `offset`'s part along `normal`.
 
     Returns
@@ -64,7 +64,7 @@ def direction_between(offset: Float, normal: Float, indices: Sequence[float], th
     -----
     Solved for w = tan(angle in the slab of least index m): the sideways shift
     s(w) = sum t m w / sqrt(n^2 + (n^2 - m^2) w^2) rises and is concave, so Newton's steps from below the
-    root rise to it without ever passing it: no case fails to converge, up to grazing rays.
+    root rise to it without passing it and always converge, up to grazing rays.
     """
     along = dot(offset, normal)
     sideways = offset - along[..., None] * normal

@@ -1,4 +1,4 @@
-"""The optical lever: how far the reading on the LCD moves per slope of the mirror, in closed form."""
+"""The optical lever: LCD shift per slope of the mirror, in closed form."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def lcd_per_slope(
     slabs: Sequence[tuple[float, float]],
     last_index: float,
 ) -> Float:
-    """Differentiate the LCD position by the depth's slope (dd/dx, dd/dy): (..., 2, 2), LCD px per rad.
+    """Derivative of the LCD position by the depth's slope (dd/dx, dd/dy): (..., 2, 2), LCD px per rad.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Shapes of the mirror as height fields, and where rays from inside the rubber meet them."""
+"""Shapes of the mirror as height fields, and their intersection with rays from inside the rubber."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class GridHeight:
     """Interpolating bicubic spline (twice continuously differentiable) through a map of heights.
 
     Convention: `heights_mm` (rows along y, cols along x), first point at `origin_mm` = (x, y), equal
-    pitch on both axes. Beyond the map its border's heights go on unchanged.
+    pitch on both axes. Outside the map its border's heights are continued unchanged.
     """
 
     def __init__(self, heights_mm: Float, pitch_mm: float, origin_mm: tuple[float, float]) -> None:
@@ -114,7 +114,7 @@ class GridHeight:
         return self._evaluate(*self._clamped(x, y), 0, 0)
 
     def gradient(self, x: Float, y: Float) -> tuple[Float, Float]:
-        """(dz/dx, dz/dy); across the border, beyond the map, 0."""
+        """(dz/dx, dz/dy); 0 across the border outside the map."""
         x_in, y_in = self._clamped(x, y)
         along_x, along_y = self._evaluate(x_in, y_in, 1, 0), self._evaluate(x_in, y_in, 0, 1)
         return np.where(x == x_in, along_x, 0.0 * along_x), np.where(y == y_in, along_y, 0.0 * along_y)
@@ -139,7 +139,7 @@ class Dented:
 
 
 def rest_surface(rig: Rig) -> HeightField:
-    """Build a rig's undeformed mirror. Raises InputError where its height map cannot be used."""
+    """Undeformed mirror of a rig. Raises InputError where its height map cannot be used."""
     rest = rig.prism.rest
     if rest.shape == "sphere":
         assert rest.radius_mm is not None
@@ -156,7 +156,7 @@ def rest_surface(rig: Rig) -> HeightField:
 
 
 def normal_of(gradient: tuple[Float, Float]) -> Float:
-    """Point the unit normal (..., 3) of a surface with (dz/dx, dz/dy) out of the rubber."""
+    """Unit normal (..., 3), out of the rubber, of a surface with (dz/dx, dz/dy)."""
     zx, zy = gradient
     length = np.sqrt(1.0 + zx * zx + zy * zy)
     return np.stack([-zx / length, -zy / length, 1.0 / length], axis=-1)
@@ -165,9 +165,9 @@ def normal_of(gradient: tuple[Float, Float]) -> Float:
 def distance_to(mirror: HeightField, origin: Float, direction: Float) -> Float:
     """Distance (...) in mm along rays from inside the rubber to the mirror.
 
-    origin, direction: (..., 3), directions unit. Newton from the plane z = 0, kept in the bracket found
-    so far by bisection. NaN where a ray does not rise, or meets no surface. A surface steeper than the ray
-    (some 40 deg, far beyond total reflection) can be met several times: then not always the first is found.
+    origin, direction: (..., 3), directions unit. Newton from the plane z = 0, kept in its bracket by
+    bisection. NaN where a ray does not rise, or meets no surface. A surface steeper than the ray
+    (some 40 deg, far beyond total reflection) can be met several times; not always the first is found.
     """
     x0, y0, z0 = (origin[..., i] for i in range(3))
     dx, dy, dz = (direction[..., i] for i in range(3))

@@ -1,4 +1,4 @@
-"""Where the LCD's pixels lie in the world."""
+"""The LCD panel: its plane and pixel lattice in the world."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Panel:
         return result
 
     def world_to_lcd(self, point: Float) -> Float:
-        """LCD positions (..., 2) in px of world points (..., 3); their distance to the panel is dropped."""
+        """LCD positions (..., 2) in px of world points (..., 3); their distance to the panel is ignored."""
         offset = (point - self.centre) / self.pitch_mm
         column, row = dot(offset, self.column), dot(offset, self.row)
         return np.stack([column + self._middle[0], row + self._middle[1]], axis=-1)

@@ -1,4 +1,4 @@
-"""The prism's faces as bounded planes: where they stand and which points lie on them."""
+"""The prism: its faces as bounded planes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What becomes of a camera pixel's ray."""
+"""Result of tracing a camera pixel's ray."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from zeromethod.arrays import Bytes, Float, Mask
 
 
 class Lost(enum.IntEnum):
-    """Why a ray is lost; the first reason met on the way from the camera, except for BELOW_TIR.
+    """Reason why a ray is lost: the first on the way from the camera, except for BELOW_TIR.
 
-    BELOW_TIR is the least of them, named only where the ray else ends on a pixel of the LCD: light still
-    comes back, but dimmer.
+    BELOW_TIR is given only where the ray otherwise ends on a pixel of the LCD: light still returns, but
+    dimmer.
     """
 
     NONE = 0
@@ -22,8 +22,8 @@ class Lost(enum.IntEnum):
     MISSES_MIRROR = 2
     MISSES_PATTERN_FACE = 3
     NO_REFRACTION = 4  # totally reflected at the pattern face or in its layers
-    OFF_DISPLAY = 5  # ends beside the LCD's pixels (q still given, unless its plane is never met)
-    BELOW_TIR = 6  # the mirror reflects only a part (q given, reflectance < 1)
+    OFF_DISPLAY = 5  # ends outside the LCD's pixels (q still given, unless its plane is not met)
+    BELOW_TIR = 6  # the mirror reflects only partially (q given, reflectance < 1)
 
 
 @dataclass(frozen=True, slots=True)

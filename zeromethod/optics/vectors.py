@@ -1,4 +1,4 @@
-"""Small vector helpers shared by the ray model: arrays whose last axis holds (x, y, z)."""
+"""Vector helpers of the ray model; the last axis is (x, y, z)."""
 
 from __future__ import annotations
 

@@ -98,9 +98,9 @@ class ContactWatch:
         share = _RELEASE if self._touching else 1.0
         # A view may hold places that are dark at rest, so only what had light can lose it.
         self._lit = surface.valid if self._lit is None else self._lit | surface.valid
-        dark = surface.contact & self._lit & np.isfinite(surface.x_mm)
+        dark = surface.contact & self._lit & surface.on_mirror
         # Comparisons with NaN, where nothing was read, are False.
-        if deepest.depth_mm >= share * max(TOUCH_SIGMAS * deepest.sigma_seen_mm, TOUCH_MM):
+        if deepest.depth_mm >= share * max(TOUCH_SIGMAS * deepest.sigma_local_mm, TOUCH_MM):
             return _Place(deepest.x_mm, deepest.y_mm, deepest.depth_mm)
         if np.count_nonzero(dark) < share * TOUCH_NODES:
             return None

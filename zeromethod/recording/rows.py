@@ -129,9 +129,11 @@ class Rows:
         names = ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope", "valid", "contact")
         anchor = surface.anchor
         arrays = {name: getattr(surface, name) for name in names} | {"anchor": anchor.mask}
+        for name in ("x_mm", "y_mm"):
+            arrays[name] = np.where(surface.on_mirror, arrays[name], np.nan)
         items = self._group("surface", turn, arrays)
         if items:
-            about = (ANCHORS.index(anchor.mode), anchor.sigma_mm, anchor.tail_mm)
+            about = (ANCHORS.index(anchor.mode), anchor.sigma_mm, anchor.far_field_mm)
             items.append(self._row("surface/table", surface.time_ns, surface.iterations, *about))
         return items
 

@@ -1,12 +1,14 @@
-"""From window sums to displacement: the carrier's phase, its standard deviation, the node's validity.
+"""Displacement from window sums: the carrier's phase, its standard deviation, the node's validity.
 
 With Z the window sum of grey x exp(-i carrier), d = P / (2 pi) arg Z and the carrier's amplitude is
 2 |Z|. Its variance follows from the pixels' own, s^2 = read^2 + light / electrons + 1/12, and the weights
-w: var d = (P / pi)^2 / A^2 x sum w^2 sin^2(phase) s^2, carrier-dependent light included. For w constant
+w: var d = (P / pi)^2 / A^2 x sum w^2 sin^2(phase) s^2, carrier-dependent light included. For constant w
 it is the Cramer-Rao bound of a cosine in that window.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 
 from zeromethod.arrays import Flags, Float, Single
 from zeromethod.rig.model import Noise
-from zeromethod.sensing.demodulate import FAST, Buffers, Image
+from zeromethod.sensing.demodulate import FAST, Buffers, Image, demodulate
 from zeromethod.sensing.residual import Limits, Residual
 from zeromethod.sensing.window import carrier_power
 from zeromethod.warp.grid import PADDING, NodeGrid
@@ -25,11 +27,28 @@ PI = np.float32(np.pi)
 HALF_PI = np.float32(np.pi / 2)
 
 
+class _Scales(NamedTuple):
+    """Camera noise and limits in the kernels' units, float32.
+
+    px_per_rad: P / 2 pi. still: variance without light, grey^2. per_grey: light's variance per grey. The
+    rest: limits of sigma (px), visibility, clipped pixels and light share.
+    """
+
+    px_per_rad: np.float32
+    still: np.float32
+    per_grey: np.float32
+    black: np.float32
+    sigma_px: np.float32
+    visibility: np.float32
+    clipped: np.float32
+    light_share: np.float32
+
+
 class CarrierEstimator:
-    """Wrapped displacement along the two carriers, +-P/2, of an image (rows, cols).
+    """Estimator of the wrapped displacement along the two carriers, +-P/2, of an image (rows, cols).
 
     Carriers along u and v; where `diagonal`, along u + v and u - v, whose displacements are du + dv and
-    du - dv. `origin_rad`: phases of the two carriers of the target itself at pixel (0, 0).
+    du - dv. origin_rad: phases of the two carriers of the target itself at pixel (0, 0).
     """
 
     def __init__(
@@ -44,52 +63,38 @@ class CarrierEstimator:
     ) -> None:
         rows, cols = (n - 2 * PADDING for n in grid.shape)
         period = grid.period_px
-        self.buffers = Buffers((rows, cols), period, diagonal=diagonal)
+        self._buffers = Buffers.of((rows, cols), period, signs=(1, -1, -1), planes=5)
         self._ceiling, self._diagonal = ceiling, diagonal
         self._origin = np.exp(-1j * np.array(origin_rad)).astype(np.complex64)
         self._gain = carrier_power(period).astype(np.float32)
         per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
-        self._numbers = np.array(
-            [
-                period / (2 * np.pi),
-                noise.read_grey**2 + 1 / 12,
-                per_grey,
-                noise.black_grey,
-                limits.sigma_periods * period,
-                limits.visibility,
-                limits.clipped_share * (2 * period) ** 2,
-                limits.light_share,
-            ],
-            np.float32,
+        numbers = (
+            period / (2 * np.pi),
+            noise.read_grey**2 + 1 / 12,
+            per_grey,
+            noise.black_grey,
+            limits.sigma_periods * period,
+            limits.visibility,
+            limits.clipped_share * (2 * period) ** 2,
+            limits.light_share,
         )
+        self._scales = _Scales(*np.array(numbers, np.float32))
         self._work = np.zeros((6, cols), np.float32)
 
     def estimate(self, image: Image, reference_light: Single, out: Residual) -> None:
         """Fill the measurable nodes of `out`; its d receives the wrapped displacements.
 
-        `reference_light` (node rows, node cols): mean light at rest above black, 0 = not known.
+        reference_light: (node rows, node cols) mean light at rest above black, 0 = unknown.
         """
-        self.buffers.demodulate(image, self._ceiling)
-        _read_phases(
-            self.buffers.planes,
-            self.buffers.clipped,
-            self._diagonal,
-            self._origin,
-            self._gain,
-            self._numbers,
-            reference_light,
-            self._work,
-            out.d,
-            out.sigma,
-            out.flags,
-            out.modulation,
-            out.mean,
-        )
+        buffers, carriers = self._buffers, (self._diagonal, self._origin, self._gain)
+        demodulate(image, self._ceiling, self._diagonal, buffers)
+        light, work = reference_light, self._work
+        _read_phases(buffers.planes, buffers.clipped, *carriers, self._scales, light, work, out.arrays)
 
 
 @numba.njit(cache=True, fastmath=FAST, inline="always")
 def _arctan2(y: np.float32, x: np.float32) -> np.float32:
-    """Branch-free, so that it runs on vectors; within 4e-8 rad before rounding. Polynomial fitted minimax."""
+    """Arc tangent without branches, for vector code; minimax polynomial within 4e-8 rad before rounding."""
     ax, ay = abs(x), abs(y)
     t = min(ax, ay) / max(max(ax, ay), np.float32(1e-30))  # noqa: PLW3301 - pairs vectorise
     q = t * t
@@ -113,11 +118,11 @@ def _read_row(
     diagonal: bool,
     origin: NDArray[np.complex64],
     gain: Single,
-    numbers: Single,
+    scales: _Scales,
     work: Single,
 ) -> None:
     """Phase (px), variance (px^2) and amplitude of both carriers of one node row: six rows of `work`."""
-    scale, still, per_grey, black = numbers[0], numbers[1], numbers[2], numbers[3]
+    scale, still, per_grey, black = scales.px_per_rad, scales.still, scales.per_grey, scales.black
     g0, g1, g2, g3 = gain[0], gain[1], gain[2], gain[3]
     half, quarter, two = np.float32(0.5), np.float32(0.25), np.float32(2)
     tiny = np.float32(1e-30)
@@ -125,7 +130,7 @@ def _read_row(
     o0, p0, o1, p1 = origin[0].real, origin[0].imag, origin[1].real, origin[1].imag
     row_sign = np.float32(1 - 2 * (r & 1))
     for j in range(work.shape[1]):
-        # the carrier turns by half a period from node to node
+        # the carrier advances by half a period from node to node
         odd = np.float32(1 - 2 * (j & 1))
         f0 = odd * row_sign if diagonal else odd
         f1 = odd * row_sign if diagonal else row_sign
@@ -163,32 +168,27 @@ def _read_phases(
     diagonal: bool,
     origin: NDArray[np.complex64],
     gain: Single,
-    numbers: Single,
+    scales: _Scales,
     reference_light: Single,
     work: Single,
-    d: Float,
-    sigma: Float,
-    flags: Flags,
-    modulation: Single,
-    mean: Single,
+    out: tuple[Float, Float, Flags, Single, Single],
 ) -> None:
-    black, visibility, light_share = numbers[3], numbers[5], numbers[7]
-    sigma_limit, clip_limit = numbers[4], numbers[6]
+    d, sigma, flags, modulation, mean = out
     any_clipped = clipped.max() > 0
     for r in range(planes.shape[1]):
-        _read_row(planes, r, diagonal, origin, gain, numbers, work)
+        _read_row(planes, r, diagonal, origin, gain, scales, work)
         for j in range(planes.shape[2]):
             row, col = r + PADDING, j + PADDING
             au, av, grey = work[4, j], work[5, j], planes[4, r, j]
             su = np.sqrt(work[2, j]) if au > 0 else np.inf
             sv = np.sqrt(work[3, j]) if av > 0 else np.inf
-            light = grey - black
+            light = grey - scales.black
             flag = 0
-            if not max(su, sv) <= sigma_limit or min(au, av) < visibility * light:
+            if not max(su, sv) <= scales.sigma_px or min(au, av) < scales.visibility * light:
                 flag |= MODULATION
-            if light < light_share * reference_light[r, j]:
+            if light < scales.light_share * reference_light[r, j]:
                 flag |= LIGHT_LOST
-            if any_clipped and clipped[r : r + 4, j : j + 4].sum() > clip_limit:
+            if any_clipped and clipped[r : r + 4, j : j + 4].sum() > scales.clipped:
                 flag |= SATURATED
             d[row, col, 0], d[row, col, 1] = work[0, j], work[1, j]
             sigma[row, col, 0], sigma[row, col, 1] = su, sv

@@ -1,12 +1,14 @@
-"""One pass over the image: the triangle windows of DC and carrier at every node.
+"""Demodulation: triangle-window sums of grey and grey x carrier at every node, in one pass over the image.
 
 Nodes lie every half period h = P/2, so a window is four blocks of h rows with weights linear in the row,
-and the carrier repeats from block to block but for its sign. Per block and column six sums (grey, and grey
+and the carrier repeats from block to block except for its sign. Per block and column six sums (grey, and grey
 times carrier's cosine and sine, each plain and times the row) serve all four windows that share the block.
-Every pixel is read once; what follows works on one row per node row.
+Every pixel is read once; all further work is on one row per node row.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -16,71 +18,65 @@ from zeromethod.arrays import Bytes, Flags, Single
 from zeromethod.sensing.window import triangle
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}
-"""Fast-math that still knows infinity and NaN."""
+"""Fast-math flags that keep infinity and NaN."""
 
 Image = Bytes | Flags | Single
-"""Grey levels as the camera gives them, or levelled ones."""
+"""Grey levels from the camera, or levelled ones."""
 
 Length = tuple[int, ...]
-"""A tuple stands for its length, which the compiler then knows: sums over the window run 4 times faster."""
+"""A tuple used for its length, which the compiler then knows: sums over the window run 4 times faster."""
 
 
-class Buffers:
-    """Tables and work space for one image shape and period; `planes` receives the result.
+class Buffers(NamedTuple):
+    """Tables and work space for one image shape and period; `planes` and `clipped` receive the results.
 
-    planes: (5, node rows, node cols) float32, measurable nodes only. Phases are relative to the node.
-    0..3: window sums of grey x carrier: (cos u, sin u, cos v, sin v), or of the diagonal carriers
-    (cos(u+v), sin(u+v), cos(u-v), sin(u-v)) where `diagonal`; 4: mean grey.
-    clipped: (node rows + 3, node cols + 3) int32, pixels at the ceiling per h x h block.
+    carrier: (2, h) cosine and sine per row of a block. taps: (3, 2 P) window weights, plain and times cosine
+    and sine. planes: (quantities, node rows, node cols), measurable nodes only. clipped: (node rows + 3,
+    node cols + 3) pixels at the ceiling per h x h block.
     """
 
-    def __init__(self, nodes: tuple[int, int], period_px: int, *, diagonal: bool) -> None:
+    carrier: Single
+    taps: Single
+    window: Length
+    signs: Single
+    blocks: Single
+    rows: Single
+    peak: Flags
+    planes: Single
+    clipped: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, nodes: tuple[int, int], period_px: int, signs: tuple[int, ...], planes: int) -> Buffers:
+        """Buffers for `nodes` (rows, cols); signs: see `window_rows`; planes: window sums per node."""
         rows, cols = nodes
         half = period_px // 2
-        self.diagonal = diagonal
         width = half * (cols + 3)
         turn = 2 * np.pi * np.arange(half) / period_px
-        self.carrier = np.stack([np.cos(turn), np.sin(turn)]).astype(np.float32)
-        offset = np.arange(-period_px, period_px)
-        tri = np.concatenate([[0.0], triangle(period_px)])
-        phase = 2 * np.pi * offset / period_px
-        self.taps = np.stack([tri, tri * np.cos(phase), tri * np.sin(phase)]).astype(np.float32)
-        self.window: Length = (0,) * (2 * period_px)
-        self.signs = np.array([1, -1, -1], np.float32)
-        self.blocks = np.zeros((4, 6, width), np.float32)
-        self.rows = np.zeros((3, width), np.float32)
-        self.peak = np.zeros(width, np.uint16)
-        self.planes = np.zeros((5, rows, cols), np.float32)
-        self.clipped = np.zeros((rows + 3, cols + 3), np.int32)
-
-    def demodulate(self, image: Image, ceiling: int) -> None:
-        """Fill `planes` and `clipped` from an image (rows, cols); `ceiling` = the largest grey level."""
-        _demodulate(
-            image,
-            ceiling,
-            self.diagonal,
-            self.carrier,
-            self.taps,
-            self.window,
-            self.signs,
-            self.blocks,
-            self.rows,
-            self.peak,
-            self.planes,
-            self.clipped,
+        phase = 2 * np.pi * np.arange(-period_px, period_px) / period_px
+        weight = np.concatenate([[0.0], triangle(period_px)])
+        return cls(
+            carrier=np.stack([np.cos(turn), np.sin(turn)]).astype(np.float32),
+            taps=np.stack([weight, weight * np.cos(phase), weight * np.sin(phase)]).astype(np.float32),
+            window=(0,) * (2 * period_px),
+            signs=np.array(signs, np.float32),
+            blocks=np.zeros((4, 2 * len(signs), width), np.float32),
+            rows=np.zeros((len(signs), width), np.float32),
+            peak=np.zeros(width, np.uint16),
+            planes=np.zeros((planes, rows, cols), np.float32),
+            clipped=np.zeros((rows + 3, cols + 3), np.int32),
         )
 
 
 @numba.njit(cache=True, fastmath=FAST)
 def accumulate(image: Image, top: int, carrier: Single, sums: Single, peak: Flags) -> None:
-    """Sum up one block of rows, two rows per sweep (six accumulators fit the first-level cache)."""
+    """Sums (6, width) over one block of rows, two rows per sweep (six accumulators fit the L1 cache)."""
     half, width = carrier.shape[1], sums.shape[1]
     s0, s1, c0, c1, d0, d1 = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
     sums[:] = np.float32(0)
     peak[:] = 0
     for y in range(0, half, 2):
         last = min(y + 1, half - 1)
-        on = np.float32(last - y)  # an odd block's last sweep has one row only
+        on = np.float32(last - y)  # an odd block's last sweep has only one row
         ya, yb = np.float32(y), np.float32(last)
         ca, sa, cb, sb = carrier[0, y], carrier[1, y], carrier[0, last], carrier[1, last]
         row_a, row_b = image[top + y], image[top + last]
@@ -99,7 +95,7 @@ def accumulate(image: Image, top: int, carrier: Single, sums: Single, peak: Flag
 def count_clipped(
     image: Image, top: int, half: int, ceiling: int, peak: Flags, counts: NDArray[np.int32]
 ) -> None:
-    """Count the pixels at the ceiling per block of one row of blocks; `peak`: each column's brightest."""
+    """Count the pixels at the ceiling in each block of a row of blocks; peak: each column's brightest."""
     counts[:] = 0
     if peak.max() < ceiling:
         return
@@ -114,7 +110,7 @@ def window_rows(a: Single, b: Single, c: Single, d: Single, signs: Single, half:
     """Vertical windows of several quantities (each per column) from four blocks' sums, weights P - |k|.
 
     The node is at the third block's first row. Sums come in pairs: plain and times the row. signs: -1 for
-    a quantity that changes its sign from block to block (the carrier), else 1.
+    a quantity whose sign changes from block to block (the carrier), else 1.
     """
     h, scale = np.float32(half), np.float32(1.0 / (4 * half * half))
     for k in range(len(signs)):
@@ -163,29 +159,22 @@ def _diagonal_carriers(rows: Single, taps: Single, window: Length, planes: Singl
 
 
 @numba.njit(cache=True, fastmath=FAST)
-def _demodulate(
-    image: Image,
-    ceiling: int,
-    diagonal: bool,
-    carrier: Single,
-    taps: Single,
-    window: Length,
-    signs: Single,
-    blocks: Single,
-    rows: Single,
-    peak: Flags,
-    planes: Single,
-    clipped: NDArray[np.int32],
-) -> None:
+def demodulate(image: Image, ceiling: int, diagonal: bool, buffers: Buffers) -> None:
+    """Fill `planes` and `clipped` from an image (rows, cols); ceiling: the largest grey level.
+
+    planes 0..3: window sums of grey x (cos u, sin u, cos v, sin v), or x (cos(u+v), sin(u+v), cos(u-v),
+    sin(u-v)) where `diagonal`, phases relative to the node; 4: mean grey.
+    """
+    carrier, blocks, signs, rows = buffers.carrier, buffers.blocks, buffers.signs, buffers.rows
     half = carrier.shape[1]
-    for b in range(clipped.shape[0]):
-        accumulate(image, b * half, carrier, blocks[b & 3], peak)
-        count_clipped(image, b * half, half, ceiling, peak, clipped[b])
+    for b in range(buffers.clipped.shape[0]):
+        accumulate(image, b * half, carrier, blocks[b & 3], buffers.peak)
+        count_clipped(image, b * half, half, ceiling, buffers.peak, buffers.clipped[b])
         if b < 3:
             continue
         r = b - 3
         window_rows(blocks[r & 3], blocks[(r + 1) & 3], blocks[(r + 2) & 3], blocks[b & 3], signs, half, rows)
         if diagonal:
-            _diagonal_carriers(rows, taps, window, planes, r)
+            _diagonal_carriers(rows, buffers.taps, buffers.window, buffers.planes, r)
         else:
-            _axis_carriers(rows, taps, window, planes, r)
+            _axis_carriers(rows, buffers.taps, buffers.window, buffers.planes, r)

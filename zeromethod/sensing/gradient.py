@@ -1,13 +1,14 @@
-"""Residual against a target without a carrier (noise): one Gauss-Newton step per node, near null only.
+"""Displacement against a target without a carrier (noise): one Gauss-Newton step per node, near null only.
 
 In each window grey = gain (T + du T_u + dv T_v) + offset is fitted by weighted least squares (Lucas and
-Kanade 1981, with brightness and contrast left free as in Gennert and Negahdaripour 1987). The normal
+Kanade 1981, with brightness and contrast free as in Gennert and Negahdaripour 1987). The normal
 matrices belong to the target and are inverted once; an image costs four window sums.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.sparse import csr_array
 
 from zeromethod.arrays import Flags, Float, Single
 from zeromethod.rig.model import Noise
-from zeromethod.sensing.demodulate import FAST, Image, Length, count_clipped, window_rows
+from zeromethod.sensing.demodulate import FAST, Buffers, Image, count_clipped, window_rows
 from zeromethod.sensing.residual import Limits, Residual
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.grid import PADDING, NodeGrid
@@ -26,14 +27,28 @@ MODULATION, SATURATED, LIGHT_LOST, AMBIGUOUS = (
     int(flag) for flag in (Flag.MODULATION, Flag.SATURATED, Flag.LIGHT_LOST, Flag.AMBIGUOUS)
 )
 LEAST_MATCH = 0.4
-"""Contrast over the target's own below which the picture is taken for another part of the target."""
+"""Least contrast relative to the target's; below, another part of the target is assumed."""
 
 Light = Callable[[Float, Float], Float]
 """The target's light at camera pixels (u, v)."""
 
 
+class _Scales(NamedTuple):
+    """Camera noise, limits and target in the kernel's units: see `carrier`; mean: of the target's light."""
+
+    still: float
+    per_grey: float
+    black: float
+    sigma_px: float
+    visibility: float
+    clipped: float
+    light_share: float
+    mean: float
+    farthest_px: float
+
+
 class GradientEstimator:
-    """Displacement near null of an image (rows, cols) against the light of a target without a period.
+    """Estimator of the displacement near null of an image (rows, cols) against a target without a period.
 
     Trusted up to a quarter of the grid's period; beyond, or where the contrast does not match, a node is
     AMBIGUOUS: no unwrapping. Modulation is that of a cosine with the pattern's rms.
@@ -42,8 +57,7 @@ class GradientEstimator:
     def __init__(self, grid: NodeGrid, noise: Noise, ceiling: int, limits: Limits, light: Light) -> None:
         rows, cols = (n - 2 * PADDING for n in grid.shape)
         period, half = grid.period_px, grid.period_px // 2
-        width = half * (cols + 3)
-        v, u = np.mgrid[: half * (rows + 3), :width].astype(float)
+        v, u = np.mgrid[: half * (rows + 3), : half * (cols + 3)].astype(float)
         target = light(u, v)
         mean = float(target.mean())
         step = 1e-3
@@ -76,58 +90,25 @@ class GradientEstimator:
         self._rms: Float = np.sqrt(np.maximum(normal[..., 0, 0] - normal[..., 0, 3] ** 2, 0.0))
         self._basis = basis[:3].astype(np.float32)
         per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
-        self._numbers = np.array(
-            [
-                noise.read_grey**2 + 1 / 12,
-                per_grey,
-                noise.black_grey,
-                limits.sigma_periods * period,
-                limits.visibility,
-                limits.clipped_share * (2 * period) ** 2,
-                limits.light_share,
-                mean,
-                period / 4,
-            ]
+        self._scales = _Scales(
+            still=noise.read_grey**2 + 1 / 12,
+            per_grey=per_grey,
+            black=noise.black_grey,
+            sigma_px=limits.sigma_periods * period,
+            visibility=limits.visibility,
+            clipped=limits.clipped_share * (2 * period) ** 2,
+            light_share=limits.light_share,
+            mean=mean,
+            farthest_px=period / 4,
         )
         self._ceiling = ceiling
-        self._taps = np.concatenate([[0.0], triangle(period)]).astype(np.float32)
-        self._window: Length = (0,) * (2 * period)
-        self._signs = np.ones(4, np.float32)
-        self._blocks = np.zeros((4, 8, width), np.float32)
-        self._rows = np.zeros((4, width), np.float32)
-        self._peak = np.zeros(width, np.uint16)
-        self._planes = np.zeros((4, rows, cols), np.float32)
-        self._clipped = np.zeros((rows + 3, cols + 3), np.int32)
+        self._buffers = Buffers.of((rows, cols), period, signs=(1, 1, 1, 1), planes=4)
 
     def estimate(self, image: Image, reference_light: Single, out: Residual) -> None:
         """Fill the measurable nodes of `out`; reference light as for `CarrierEstimator.estimate`."""
-        _project(
-            image,
-            self._ceiling,
-            self._basis,
-            self._taps,
-            self._window,
-            self._signs,
-            self._blocks,
-            self._rows,
-            self._peak,
-            self._planes,
-            self._clipped,
-        )
-        _solve(
-            self._planes,
-            self._clipped,
-            self._inverse,
-            self._spread,
-            self._rms,
-            self._numbers,
-            reference_light,
-            out.d,
-            out.sigma,
-            out.flags,
-            out.modulation,
-            out.mean,
-        )
+        buffers, fit = self._buffers, (self._inverse, self._spread, self._rms)
+        _project(image, self._ceiling, self._basis, buffers)
+        _solve(buffers.planes, buffers.clipped, *fit, self._scales, reference_light, out.arrays)
 
 
 def _window_matrix(nodes: int, period: int) -> csr_array:
@@ -139,20 +120,10 @@ def _window_matrix(nodes: int, period: int) -> csr_array:
 
 
 @numba.njit(cache=True, fastmath=FAST)
-def _project(
-    image: Image,
-    ceiling: int,
-    basis: Single,
-    taps: Single,
-    window: Length,
-    signs: Single,
-    blocks: Single,
-    rows: Single,
-    peak: Flags,
-    planes: Single,
-    clipped: NDArray[np.int32],
-) -> None:
-    """Window sums of grey x (target, its gradients, one) per node."""
+def _project(image: Image, ceiling: int, basis: Single, buffers: Buffers) -> None:
+    """Window sums of grey x (target, its gradients, one) per node, in `planes`."""
+    window, blocks, signs, rows = buffers.window, buffers.blocks, buffers.signs, buffers.rows
+    taps, peak, planes, clipped = buffers.taps[0], buffers.peak, buffers.planes, buffers.clipped
     half, zero = len(window) // 4, np.float32(0)
     for b in range(clipped.shape[0]):
         sums = blocks[b & 3]
@@ -197,16 +168,12 @@ def _solve(
     inverse: Float,
     spread: Float,
     rms: Float,
-    numbers: Float,
+    scales: _Scales,
     reference_light: Single,
-    d: Float,
-    sigma: Float,
-    flags: Flags,
-    modulation: Single,
-    mean: Single,
+    out: tuple[Float, Float, Flags, Single, Single],
 ) -> None:
-    still, per_grey, black, sigma_limit, visibility = numbers[:5]
-    clip_limit, light_share, target_mean, farthest = numbers[5:]
+    d, sigma, flags, modulation, mean = out
+    still, per_grey, black = scales.still, scales.per_grey, scales.black
     for r in range(planes.shape[1]):
         for j in range(planes.shape[2]):
             row, col, m = r + PADDING, j + PADDING, inverse[r, j]
@@ -229,13 +196,13 @@ def _solve(
                     d[row, col, k], sigma[row, col, k] = 0.0, np.inf
                 modulation[row, col, k] = amplitude
             worst = max(sigma[row, col, 0], sigma[row, col, 1])
-            if not worst <= sigma_limit or amplitude < visibility * light:
+            if not worst <= scales.sigma_px or amplitude < scales.visibility * light:
                 flag |= MODULATION
-            if far > farthest or gain * target_mean < LEAST_MATCH * (offset - black):
+            if far > scales.farthest_px or gain * scales.mean < LEAST_MATCH * (offset - black):
                 flag |= AMBIGUOUS
-            if light < light_share * reference_light[r, j]:
+            if light < scales.light_share * reference_light[r, j]:
                 flag |= LIGHT_LOST
-            if clipped[r : r + 4, j : j + 4].sum() > clip_limit:
+            if clipped[r : r + 4, j : j + 4].sum() > scales.clipped:
                 flag |= SATURATED
             mean[row, col] = t
             flags[row, col] = flag

@@ -1,4 +1,4 @@
-"""The residual: per node, how far what was seen is from the target, how sure, and why not."""
+"""The residual: displacement of the observed picture against the target per node, with sigma and flags."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from zeromethod.warp.validity import Flag
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """When a node is not to be trusted.
+    """Limits beyond which a node is flagged.
 
     sigma_periods: largest standard deviation of d, in periods. visibility: smallest carrier amplitude
     over mean light. clipped_share: largest share of the window's pixels at the ceiling. light_share:
@@ -30,10 +30,10 @@ class Limits:
 class Residual:
     """Displacement per node of a `NodeGrid`, padding included.
 
-    Convention: observed(u, v) = target((u, v) + d), so the LCD point seen at (u, v) is the one shown at
-    (u, v) + d; d = (du, dv) in camera px. (Image motion as optical flow has it is -d.)
+    Convention: observed(u, v) = target((u, v) + d), so the LCD point observed at (u, v) is the one shown
+    at (u, v) + d; d = (du, dv) in camera px. (Optical flow would be -d.)
 
-    d: (rows, cols, 2) float64; 0 where OUTSIDE, not to be used where flagged.
+    d: (rows, cols, 2) float64; 0 where OUTSIDE, meaningless where flagged.
     sigma: (rows, cols, 2) float64, standard deviation of d, px; infinite where OUTSIDE or no carrier.
     flags: (rows, cols) uint16 of `Flag` bits; 0 = valid.
     modulation: (rows, cols, 2) float32, carrier amplitude of each component, grey levels.
@@ -48,12 +48,17 @@ class Residual:
 
     @property
     def valid(self) -> Mask:
-        """(rows, cols) nodes that may be trusted."""
+        """(rows, cols) nodes without a flag."""
         return np.equal(self.flags, 0)
+
+    @property
+    def arrays(self) -> tuple[Float, Float, Flags, Single, Single]:
+        """(d, sigma, flags, modulation, mean)."""
+        return self.d, self.sigma, self.flags, self.modulation, self.mean
 
     @classmethod
     def empty(cls, grid: NodeGrid) -> Residual:
-        """Buffers for a grid: everything OUTSIDE. `measure` fills the measurable nodes only."""
+        """Residual of a grid with all nodes OUTSIDE; `measure` fills the measurable nodes only."""
         rows, cols = grid.shape
         return cls(
             d=np.zeros((rows, cols, 2)),
@@ -64,7 +69,6 @@ class Residual:
         )
 
     def copy(self) -> Residual:
-        """Arrays of its own, safe from the sensor's next measurement."""
-        return Residual(
-            self.d.copy(), self.sigma.copy(), self.flags.copy(), self.modulation.copy(), self.mean.copy()
-        )
+        """Copy of all arrays, safe from the sensor's next measurement."""
+        d, sigma, flags, modulation, mean = self.arrays
+        return Residual(d.copy(), sigma.copy(), flags.copy(), modulation.copy(), mean.copy())

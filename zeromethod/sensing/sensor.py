@@ -1,4 +1,4 @@
-"""The sensor that the loop holds: image in, residual out."""
+"""The residual sensor: camera image to residual."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from zeromethod.rig.model import Noise, Rig
 from zeromethod.sensing.carrier import CarrierEstimator
 from zeromethod.sensing.demodulate import Image
 from zeromethod.sensing.gradient import GradientEstimator
-from zeromethod.sensing.levelling import level, noise_factor
 from zeromethod.sensing.residual import Limits, Residual
-from zeromethod.sensing.shading import flag_light_edges
+from zeromethod.sensing.shading import flag_light_edges, level, noise_factor
 from zeromethod.sensing.unwrap import Unwrapper
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.validity import Flag
@@ -22,7 +21,7 @@ from zeromethod.warp.validity import Flag
 _OUTSIDE = np.uint16(Flag.OUTSIDE)
 
 Light = Callable[[Float, Float], Float]
-"""The target's light at camera pixels (u, v), as `Target.light` gives it."""
+"""The target's light at camera pixels (u, v); see `Target.light`."""
 
 CARRIER_KINDS = ("cosines", "checker", "lattice")
 
@@ -41,21 +40,33 @@ def carrier_origin(kind: str, period_px: int, light: Light | None) -> tuple[floa
     return float(np.angle(spectrum[0, 1])), float(np.angle(spectrum[1, 0]))
 
 
-def contiguous(image: Image) -> Image:
-    """Image itself where its memory is in order, else a copy."""
-    return image if image.flags.c_contiguous else image.copy()
-
-
 class ResidualSensor:
-    """Measures the residual of images of one shape against one target.
+    """Sensor of the residual of images of one shape against one target.
 
-    grid: its `image_shape` and `period_px` are the image's and the target's. kind: cosines, checker,
-    lattice (demodulated; any displacement, by unwrapping) or noise (one Gauss-Newton step, near null
-    only). bits: camera's; grey 2^bits - 1 counts as clipped. light: the target's light per camera pixel
-    (`Target.light`); needed for noise and lattice. covered: (rows, cols) nodes to leave alone, where
-    something else than the target is drawn; they count as OUTSIDE.
+    The constructor compiles. Buffers are reused: one sensor serves one thread.
 
-    Buffers are made here and kept; the constructor also compiles. One sensor serves one thread.
+    Parameters
+    ----------
+    grid : NodeGrid
+        Nodes; its `image_shape` and `period_px` are the image's and the target's.
+    kind : str
+        "cosines", "checker", "lattice" (demodulated and unwrapped: any displacement) or "noise" (one
+        Gauss-Newton step: near null only).
+    noise : Noise
+        Of the camera.
+    bits : int
+        Of the camera; grey 2^bits - 1 counts as clipped.
+    light : callable, optional
+        The target's light at camera pixels (u, v) (`Target.light`); needed for noise and lattice.
+    limits : Limits, optional
+        Beyond which nodes are flagged.
+    covered : (rows, cols) bool, optional
+        Nodes where something else than the target is drawn; they count as OUTSIDE.
+
+    Raises
+    ------
+    InputError
+        For another kind, a missing `light`, or an image of 2 periods or less.
     """
 
     def __init__(
@@ -105,19 +116,15 @@ class ResidualSensor:
 
     @classmethod
     def from_rig(
-        cls,
-        rig: Rig,
-        grid: NodeGrid,
-        light: Light | None = None,
-        covered: Mask | None = None,
+        cls, rig: Rig, grid: NodeGrid, light: Light | None = None, covered: Mask | None = None
     ) -> ResidualSensor:
         """Sensor for a rig's camera and target."""
         return cls(grid, rig.target.kind, rig.camera.noise, rig.camera.bits, light=light, covered=covered)
 
     def set_reference(self, residual: Residual | None) -> None:
-        """Take the brightness at rest from a residual; from then on LIGHT_LOST is judged. None forgets.
+        """Set the brightness at rest, against which LIGHT_LOST is judged, from a residual; None forgets it.
 
-        Nodes that have no carrier at rest get no reference.
+        Nodes without a carrier at rest get no reference.
         """
         self._reference_light[:] = 0.0
         if residual is None:
@@ -135,24 +142,40 @@ class ResidualSensor:
         *,
         light_share: Single | None = None,
     ) -> Residual:
-        """Residual of one image (rows, cols), uint8 or uint16.
-
-        guess: (rows, cols, 2) px expected displacement per node, NaN = none; settles the carrier's order
-        of regions that are cut off from the border of the view. out: buffers of `Residual.empty(grid)`;
-        without it the result lives in the sensor's own and is overwritten by the next call.
-        light_share: (rows, cols) of the image, light that its pixels should see over that at rest; taken out
-        of the image first, so that mean, modulation and all rules about light are those at rest's light,
-        while sigma stays that of the image as it was taken. None = the light should be as at rest.
+        """Residual of one image.
 
         After a displacement that varies much over +-P px the result is a first estimate (the window's
         average, `window.curvature_bias_px2`); the loop shows the new warp and measures again.
+
+        Parameters
+        ----------
+        image : (image rows, image cols) uint8 or uint16
+            Grey levels.
+        guess : (rows, cols, 2), optional
+            Expected displacement per node, px, NaN = none; determines the carrier's order in regions that
+            are cut off from the border of the view.
+        out : Residual, optional
+            Receives the result; without it the result is overwritten by the next call.
+        light_share : (image rows, image cols), optional
+            Expected light of every pixel over that at rest, which is divided out first: mean, modulation and
+            all rules about light refer to the light at rest, sigma to the image as taken.
+
+        Returns
+        -------
+        Residual
+
+        Raises
+        ------
+        InputError
+            For an image of another shape or type.
         """
         if image.shape != self.grid.image_shape or image.dtype not in (np.uint8, np.uint16):
             raise InputError(
                 f"image: {image.shape} {image.dtype}: {self.grid.image_shape} of uint8 or uint16"
             )
         out = out or self._out
-        image = contiguous(image)
+        if not image.flags.c_contiguous:
+            image = image.copy()
         if light_share is not None:
             image = self._level(image, light_share)
         self._estimator.estimate(image, self._reference_light, out)
@@ -168,7 +191,7 @@ class ResidualSensor:
         return out
 
     def _level(self, image: Image, light_share: Single) -> Single:
-        """`image` at rest's light, in the sensor's own buffer."""
+        """The image at the light of rest, in the sensor's buffer."""
         if self._levelled is None:
             self._levelled = np.empty(self.grid.image_shape, np.float32)
         level(image, light_share, self._black, self._ceiling, self._levelled)

@@ -1,10 +1,14 @@
-"""Nodes whose window holds an edge of the light (contact, lost reflection): their phase is not to be trusted.
+"""Light that varies over the image: expected variation is divided out, edges of the light are flagged.
 
-A step of the light inside the window moves the phase by up to 2.5 px times the step's share of the light
-(near null; more else). It bends the mean from node to node: by a quarter of the step half a period beside
-it, while at the step itself the two neighbours bend in opposite directions. A linear gradient bends
-nothing and does no harm. While the residual still varies (strain e), the carrier itself leaks e^2 of its
-amplitude into the mean: so much is granted.
+A gradient of the light across the window biases the phase in second order only, but a kink or a step does
+so in first order. Variation that the optics predict is divided out before the carrier is read (`level`);
+then the image is that of an evenly lit target, and all rules about light judge only what is left.
+
+A step of the light inside the window (contact, lost reflection) moves the phase by up to 2.5 px times the
+step's share of the light (near null; more elsewhere). It bends the mean from node to node: by a quarter of
+the step half a period away from it, while at the step itself the two neighbours bend in opposite directions.
+A linear gradient causes no bend. While the residual still varies (strain e), the carrier itself leaks e^2 of
+its amplitude into the mean; the limit allows for that.
 """
 
 from __future__ import annotations
@@ -13,7 +17,8 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Bytes, Flags, Float, Single
-from zeromethod.sensing.demodulate import FAST
+from zeromethod.rig.model import Noise
+from zeromethod.sensing.demodulate import FAST, Image
 from zeromethod.warp.grid import PADDING
 from zeromethod.warp.validity import Flag
 
@@ -21,11 +26,11 @@ LIGHT_LOST, OUTSIDE = int(Flag.LIGHT_LOST), int(Flag.OUTSIDE)
 LARGEST_BEND = 0.02
 """Second difference of the mean over the mean; a step of more than about 10 % of the light shows."""
 LARGEST_SLOPE = 0.25
-"""Half the first difference of the mean over the mean: for what the strain would excuse."""
+"""Half the first difference of the mean over the mean: limit where strain explains the bend."""
 LARGEST_STRAIN = 0.4
-"""More strain than this excuses nothing more: beside an edge the phase itself is wrong and looks strained.
-0.5 instead keeps 0.7 % more of the steepest press, and 1.7 times the nodes that are > 2 px wrong beside a
-dark hole in one (120 random presses with a hole each)."""
+"""Largest strain allowed for: next to an edge the phase itself is wrong and looks like strain. 0.5 instead
+keeps 0.7 % more of the steepest press, and 1.7 times the nodes that are > 2 px wrong next to a dark hole
+(120 random presses with a hole each)."""
 
 
 @numba.njit(cache=True)
@@ -40,7 +45,7 @@ def _bend(mean: Single, r: int, c: int, way: int) -> float:
 
 @numba.njit(cache=True)
 def _leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: int, way: int) -> float:
-    """How much of the carrier the local strain may let into the mean, grey levels."""
+    """Largest leak of the carrier into the mean by the local strain, grey levels."""
     leak = 0.0
     for k in range(2):
         strain = 0.0
@@ -55,7 +60,7 @@ def _leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: 
 
 @numba.njit(cache=True, fastmath=FAST)
 def _is_bent_row(mean: Single, r: int, black: float) -> bool:
-    """Whether any node of a row may have a bend worth looking at: a quick pass, without the leak."""
+    """Whether any node of a row may have a bend near the limit: a quick test that ignores the leak."""
     rows, cols = mean.shape
     share, bent = np.float32(0.3 * LARGEST_BEND), 0
     dark, two = np.float32(black), np.float32(2)
@@ -72,9 +77,9 @@ def _is_bent_row(mean: Single, r: int, black: float) -> bool:
 def flag_light_edges(
     mean: Single, modulation: Single, d: Float, flags: Flags, black: float, period: float, bent: Bytes
 ) -> None:
-    """Add LIGHT_LOST to nodes beside an edge of the light. Arrays as in `Residual`, d still wrapped.
+    """Add LIGHT_LOST to nodes next to an edge of the light. Arrays as in `Residual`, d still wrapped.
 
-    `bent`: (rows,) work space.
+    bent: (rows,) work space.
     """
     rows, cols = flags.shape
     bent[:] = 0
@@ -100,3 +105,29 @@ def flag_light_edges(
                 leak = _leak(modulation, d, flags, period, r, c, way)
                 if bend > LARGEST_BEND * light + 4 * leak or slope > LARGEST_SLOPE * light + 2 * leak:
                     flags[r, c] |= LIGHT_LOST
+
+
+@numba.njit(cache=True, fastmath=True)
+def level(image: Image, share: Single, black: float, ceiling: int, out: Single) -> None:
+    """Grey levels (rows, cols) at light share 1, in `out`; clipped pixels stay at the ceiling.
+
+    Pixels that reach the ceiling only by levelling stay just below it, so that they do not count as clipped.
+    """
+    dark, most = np.float32(black), np.float32(ceiling - 1)
+    for row in range(out.shape[0]):
+        for col in range(out.shape[1]):
+            grey = np.float32(image[row, col])
+            levelled = min(dark + (grey - dark) / share[row, col], most)
+            out[row, col] = grey if image[row, col] >= ceiling else levelled
+
+
+def noise_factor(mean_grey: Single, share: Single, noise: Noise) -> Float:
+    """Standard deviation of levelled grey over that of an equally bright image; arrays of one shape.
+
+    Levelling by s multiplies the variance of read noise by 1/s^2 and of shot noise by 1/s.
+    """
+    still = noise.read_grey**2 + 1 / 12
+    per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
+    light = per_grey * np.maximum(mean_grey.astype(float) - noise.black_grey, 0.0)
+    factor: Float = np.sqrt((still / share**2 + light / share) / (still + light))
+    return factor

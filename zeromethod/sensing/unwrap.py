@@ -1,16 +1,18 @@
-"""Spatial phase unwrapping: which period of the carrier each node sees, after a sudden press.
+"""Spatial phase unwrapping: which period of the carrier each node observes, after a sudden press.
 
-A flood over the lattice of valid nodes, least doubtful edge first (steepness and sigma), carries the order
-from node to node; both components together. What the flood cannot know is flagged AMBIGUOUS: nodes round
-a residue (the order differs with the path), nodes beside an edge that disagrees with the flood, regions
-whose absolute order nothing settles. The absolute order of a connected region comes from a guess of the
+A flood over the lattice of valid nodes, least uncertain edge first (steepness and sigma), carries the order
+from node to node, for both components together. What the flood cannot decide is flagged AMBIGUOUS: nodes
+around a residue (the order differs with the path), nodes at an edge that disagrees with the flood, regions
+whose absolute order is undetermined. The absolute order of a connected region comes from a guess of the
 displacement, where most of the region lies within a quarter period of it, else from its share of the
-border of the view, which is taken to be quiet: the order that most of these nodes have nearest to zero.
+border of the view, which is assumed to be at rest: the order for which most of these nodes are nearest zero.
 
 Quality-guided path following: Ghiglia and Pritt, Two-Dimensional Phase Unwrapping, Wiley 1998, chapter 4.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -23,54 +25,59 @@ from zeromethod.warp.validity import Flag
 
 AMBIGUOUS = int(Flag.AMBIGUOUS)
 STEEPEST = 0.9
-"""Edges steeper than this share of half a period (noise included) carry no order."""
+"""Edges steeper than this share of half a period (noise included) give no order."""
 BORDER_SHARE = 0.25
-"""A region's border nodes settle its order only when they are this share of all border nodes."""
+"""Least share of all border nodes in a region for them to determine its order."""
 MOST_ORDERS = 64
-"""Orders beyond +- this many periods are not counted."""
+"""Largest order considered, periods."""
 
 BLOCKED = 255
 Ints = NDArray[np.int32]
 Jumps = NDArray[np.int8]
 
 
+class _Work(NamedTuple):
+    """Work space: jumps and costs of edges; label, order and border of nodes; the flood's queue and path."""
+
+    jumps: Jumps
+    costs: Bytes
+    label: Ints
+    order: Ints
+    border: Bytes
+    head: Ints
+    after: Ints
+    path: Ints
+    votes: Ints
+
+
 class Unwrapper:
-    """Work space for one grid. `diagonal`: the residual comes as displacements along u + v and u - v."""
+    """Unwrapping on one grid. diagonal: the residual comes as displacements along u + v and u - v."""
 
     def __init__(self, grid: NodeGrid, *, diagonal: bool) -> None:
         rows, cols = (n - 2 * PADDING for n in grid.shape)
         self._period = float(grid.period_px)
         self._diagonal = diagonal
-        self._jumps = np.zeros((2, rows, cols, 2), np.int8)
-        self._costs = np.full((2, rows, cols), BLOCKED, np.uint8)
-        self._label = np.zeros((rows, cols), np.int32)
-        self._order = np.zeros((rows, cols, 2), np.int32)
-        self._border = np.zeros((rows, cols), np.uint8)
-        self._head = np.full(BLOCKED, -1, np.int32)
-        self._next = np.zeros(4 * rows * cols, np.int32)
-        self._path = np.zeros(rows * cols, np.int32)
-        self._votes = np.zeros((2, 2 * MOST_ORDERS + 1), np.int32)
+        self._work = _Work(
+            jumps=np.zeros((2, rows, cols, 2), np.int8),
+            costs=np.full((2, rows, cols), BLOCKED, np.uint8),
+            label=np.zeros((rows, cols), np.int32),
+            order=np.zeros((rows, cols, 2), np.int32),
+            border=np.zeros((rows, cols), np.uint8),
+            head=np.full(BLOCKED, -1, np.int32),
+            after=np.zeros(4 * rows * cols, np.int32),
+            path=np.zeros(rows * cols, np.int32),
+            votes=np.zeros((2, 2 * MOST_ORDERS + 1), np.int32),
+        )
         self._no_guess = np.zeros((0, 0, 2))
 
     def unwrap(self, residual: Residual, guess: Float | None = None) -> None:
-        """Unwrap `residual.d` in place and flag what stays ambiguous; near null nothing needs doing."""
+        """Unwrap `residual.d` in place and flag nodes that stay ambiguous; near null nothing is to be done.
+
+        guess: (rows, cols, 2) px expected displacement, NaN = none.
+        """
         if not _is_near_null(residual.d, residual.flags, self._period):
-            _unwrap(
-                residual.d,
-                residual.sigma,
-                residual.flags,
-                self._no_guess if guess is None else self._to_carriers(guess),
-                self._period,
-                self._jumps,
-                self._costs,
-                self._label,
-                self._order,
-                self._border,
-                self._head,
-                self._next,
-                self._path,
-                self._votes,
-            )
+            expected = self._no_guess if guess is None else self._to_carriers(guess)
+            _unwrap(residual.d, residual.sigma, residual.flags, expected, self._period, self._work)
         if self._diagonal:
             _from_diagonal(residual.d)
 
@@ -86,13 +93,13 @@ _OUTSIDE = int(Flag.OUTSIDE)
 
 @numba.njit(cache=True)
 def _is_near_null(d: Float, flags: Flags, period: float) -> bool:
-    """All within a quarter period, so that no edge jumps, and too few holes to cut a region off."""
+    """Whether all nodes are within a quarter period (no edge jumps) and holes too few to cut off a region."""
     holes, limit = 0, period / 4
     for row in range(PADDING, d.shape[0] - PADDING):
         far = 0
         for col in range(PADDING, d.shape[1] - PADDING):
             good = flags[row, col] == 0
-            # what coded strips cover are whole edges of the view, which cut nothing off
+            # nodes covered by coded strips are whole edges of the view, which cut nothing off
             holes += not good and not (flags[row, col] & _OUTSIDE)
             far += good and max(abs(d[row, col, 0]), abs(d[row, col, 1])) > limit
         if far > 0 or holes > 3:
@@ -110,7 +117,7 @@ def _from_diagonal(d: Float) -> None:
 
 @numba.njit(cache=True)
 def _rate_edges(d: Float, sigma: Float, flags: Flags, period: float, jumps: Jumps, costs: Bytes) -> None:
-    """Jump (periods) and doubt (0..254, or BLOCKED) of every edge: to the right (0), downwards (1)."""
+    """Jump (periods) and cost (0..254, or BLOCKED) of every edge: to the right (0), downwards (1)."""
     rows, cols = costs.shape[1:]
     scale, inverse = 508.0 / period, 1.0 / period
     highest = int(STEEPEST * 254)
@@ -128,8 +135,8 @@ def _rate_edges(d: Float, sigma: Float, flags: Flags, period: float, jumps: Jump
                     step = d[p, q, k] - d[a, b, k]
                     jump = -np.rint(step * inverse)
                     jumps[way, r, c, k] = int(jump)
-                    doubt = sigma[a, b, k] + sigma[p, q, k]
-                    steep = max(steep, abs(step + jump * period) + doubt)
+                    noise = sigma[a, b, k] + sigma[p, q, k]
+                    steep = max(steep, abs(step + jump * period) + noise)
                 cost = int(steep * scale)
                 if cost <= highest:
                     costs[way, r, c] = cost
@@ -137,25 +144,19 @@ def _rate_edges(d: Float, sigma: Float, flags: Flags, period: float, jumps: Jump
 
 @numba.njit(cache=True)
 def _drop_residues(flags: Flags, jumps: Jumps, costs: Bytes) -> None:
-    """Flag the four nodes of every mesh whose jumps do not close, and block their edges."""
+    """Flag the four nodes of every mesh with a residue (jumps that do not close) and block their edges."""
     rows, cols = costs.shape[1:]
+    right, down = jumps[0], jumps[1]
     for r in range(rows - 1):
         for c in range(cols - 1):
+            y, x = r + PADDING, c + PADDING
+            if (flags[y, x] | flags[y, x + 1] | flags[y + 1, x] | flags[y + 1, x + 1]) & ~AMBIGUOUS:
+                continue
             for k in range(2):
-                turn = jumps[0, r, c, k] + jumps[1, r, c + 1, k] - jumps[0, r + 1, c, k] - jumps[1, r, c, k]
-                whole = (
-                    not (
-                        flags[r + PADDING, c + PADDING]
-                        | flags[r + PADDING, c + PADDING + 1]
-                        | flags[r + PADDING + 1, c + PADDING]
-                        | flags[r + PADDING + 1, c + PADDING + 1]
-                    )
-                    & ~AMBIGUOUS
-                )
-                if turn != 0 and whole:
-                    for y in (r, r + 1):
-                        for x in (c, c + 1):
-                            flags[y + PADDING, x + PADDING] |= AMBIGUOUS
+                if right[r, c, k] + down[r, c + 1, k] - right[r + 1, c, k] - down[r, c, k] != 0:
+                    for b in (y, y + 1):
+                        for a in (x, x + 1):
+                            flags[b, a] |= AMBIGUOUS
     for r in range(rows):
         for c in range(cols):
             here = flags[r + PADDING, c + PADDING]
@@ -167,7 +168,7 @@ def _drop_residues(flags: Flags, jumps: Jumps, costs: Bytes) -> None:
 
 @numba.njit(cache=True)
 def _mark_border(flags: Flags, border: Bytes, stack: Ints) -> int:
-    """Mark (1) the valid nodes at the frame, or beside invalid nodes connected to it; return how many."""
+    """Mark (1) the valid nodes at the view's border or next to invalid nodes joined to it; their number."""
     rows, cols = border.shape
     border[:] = 0
     count, top = 0, 0
@@ -198,22 +199,14 @@ def _mark_border(flags: Flags, border: Bytes, stack: Ints) -> int:
 
 
 @numba.njit(cache=True)
-def _flood(
-    seed: int,
-    mark: int,
-    jumps: Jumps,
-    costs: Bytes,
-    label: Ints,
-    order: Ints,
-    head: Ints,
-    after: Ints,
-    path: Ints,
-) -> int:
-    """Carry the order from `seed` through its region; `path` receives its nodes; return how many.
+def _flood(seed: int, mark: int, work: _Work) -> int:
+    """Carry the order from `seed` through its region; `work.path` receives its nodes; their number.
 
-    The queue of edges is 255 stacks (`head`, empty before and after), one per doubt; an edge is
+    The queue of edges is 255 stacks (`head`, empty before and after), one per cost; an edge is
     4 x its source + its way.
     """
+    jumps, costs, label, order = work.jumps, work.costs, work.label, work.order
+    head, after, path = work.head, work.after, work.path
     cols = label.shape[1]
     lowest, count = BLOCKED, 0
     node = seed
@@ -257,57 +250,56 @@ def _flood(
 
 @numba.njit(cache=True)
 def _winner(votes: Ints) -> tuple[int, int]:
-    """(order, votes for it) of one component's count."""
+    """(order with most votes, its votes) of one component."""
     best = int(np.argmax(votes))
     return best - MOST_ORDERS, int(votes[best])
 
 
 @numba.njit(cache=True)
 def _order_from_guess(
-    d: Float, guess: Float, period: float, order: Ints, path: Ints, votes: Ints
+    d: Float, guess: Float, period: float, work: _Work, region: Ints
 ) -> tuple[bool, int, int]:
-    """Order to add so that most of the region lies next to the guess; False when it does not."""
-    cols = order.shape[1]
+    """(whether most of the region then lies next to the guess, the orders to add)."""
+    order, votes = work.order, work.votes
     votes[:] = 0
-    asked = 0
-    for node in path:
-        r, c = node // cols, node % cols
+    nodes = 0
+    for node in region:
+        r, c = node // order.shape[1], node % order.shape[1]
         a, b = r + PADDING, c + PADDING
-        gu, gv = guess[a, b, 0], guess[a, b, 1]
-        if np.isfinite(gu) and np.isfinite(gv):
-            asked += 1
+        if np.isfinite(guess[a, b, 0]) and np.isfinite(guess[a, b, 1]):
+            nodes += 1
             for k in range(2):
                 miss = (guess[a, b, k] - d[a, b, k]) / period - order[r, c, k]
-                turn = int(np.rint(miss))
-                if abs(miss - turn) < 0.25 and abs(turn) <= MOST_ORDERS:
-                    votes[k, turn + MOST_ORDERS] += 1
+                orders = int(np.rint(miss))
+                if abs(miss - orders) < 0.25 and abs(orders) <= MOST_ORDERS:
+                    votes[k, orders + MOST_ORDERS] += 1
     (nu, most_u), (nv, most_v) = _winner(votes[0]), _winner(votes[1])
-    return 2 * min(most_u, most_v) > asked, nu, nv
+    return 2 * min(most_u, most_v) > nodes, nu, nv
 
 
 @numba.njit(cache=True)
 def _order_from_border(
-    d: Float, period: float, order: Ints, border: Bytes, border_nodes: int, path: Ints, votes: Ints
+    d: Float, period: float, work: _Work, border_nodes: int, region: Ints
 ) -> tuple[bool, int, int]:
-    """Order to add so that most of the region's border nodes are nearest zero; False when too few."""
-    cols = order.shape[1]
+    """(whether the border nodes are enough and agree, the orders to add for them to be nearest zero)."""
+    order, votes = work.order, work.votes
     votes[:] = 0
-    asked = 0
-    for node in path:
-        r, c = node // cols, node % cols
-        if border[r, c] == 1:
-            asked += 1
+    nodes = 0
+    for node in region:
+        r, c = node // order.shape[1], node % order.shape[1]
+        if work.border[r, c] == 1:
+            nodes += 1
             for k in range(2):
-                turn = int(np.rint(-d[r + PADDING, c + PADDING, k] / period)) - order[r, c, k]
-                if abs(turn) <= MOST_ORDERS:
-                    votes[k, turn + MOST_ORDERS] += 1
+                orders = int(np.rint(-d[r + PADDING, c + PADDING, k] / period)) - order[r, c, k]
+                if abs(orders) <= MOST_ORDERS:
+                    votes[k, orders + MOST_ORDERS] += 1
     (nu, most_u), (nv, most_v) = _winner(votes[0]), _winner(votes[1])
-    return asked >= BORDER_SHARE * border_nodes and 2 * min(most_u, most_v) > asked, nu, nv
+    return nodes >= BORDER_SHARE * border_nodes and 2 * min(most_u, most_v) > nodes, nu, nv
 
 
 @numba.njit(cache=True)
 def _flag_disagreement(flags: Flags, jumps: Jumps, costs: Bytes, label: Ints, order: Ints) -> None:
-    """Flag both ends of every edge whose own jump is not the one that the flood found."""
+    """Flag both ends of every edge whose jump differs from the flood's."""
     rows, cols = label.shape
     for r in range(rows):
         for c in range(cols):
@@ -322,26 +314,12 @@ def _flag_disagreement(flags: Flags, jumps: Jumps, costs: Bytes, label: Ints, or
 
 
 @numba.njit(cache=True)
-def _unwrap(
-    d: Float,
-    sigma: Float,
-    flags: Flags,
-    guess: Float,
-    period: float,
-    jumps: Jumps,
-    costs: Bytes,
-    label: Ints,
-    order: Ints,
-    border: Bytes,
-    head: Ints,
-    after: Ints,
-    path: Ints,
-    votes: Ints,
-) -> None:
+def _unwrap(d: Float, sigma: Float, flags: Flags, guess: Float, period: float, work: _Work) -> None:
+    jumps, costs, label, order = work.jumps, work.costs, work.label, work.order
     rows, cols = label.shape
     _rate_edges(d, sigma, flags, period, jumps, costs)
     _drop_residues(flags, jumps, costs)
-    border_nodes = _mark_border(flags, border, path)
+    border_nodes = _mark_border(flags, work.border, work.path)
     label[:] = 0
     order[:] = 0
     mark = 0
@@ -350,18 +328,18 @@ def _unwrap(
         if label[r, c] != 0 or flags[r + PADDING, c + PADDING] != 0:
             continue
         mark += 1
-        count = _flood(seed, mark, jumps, costs, label, order, head, after, path)
-        region = path[:count]
-        settled, nu, nv = False, 0, 0
+        count = _flood(seed, mark, work)
+        region = work.path[:count]
+        determined, nu, nv = False, 0, 0
         if guess.size > 0:
-            settled, nu, nv = _order_from_guess(d, guess, period, order, region, votes)
-        if not settled:
-            settled, nu, nv = _order_from_border(d, period, order, border, border_nodes, region, votes)
+            determined, nu, nv = _order_from_guess(d, guess, period, work, region)
+        if not determined:
+            determined, nu, nv = _order_from_border(d, period, work, border_nodes, region)
         for node in region:
             y, x = node // cols, node % cols
             order[y, x, 0] += nu
             order[y, x, 1] += nv
-            if not settled:
+            if not determined:
                 flags[y + PADDING, x + PADDING] |= AMBIGUOUS
     _flag_disagreement(flags, jumps, costs, label, order)
     for r in range(rows):

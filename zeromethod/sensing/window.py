@@ -1,4 +1,4 @@
-"""The sensing window: triangle = box * box, both exactly one period wide.
+"""The sensing window: triangle = box * box, each exactly one period wide.
 
 Weights w_k = (P - |k|) / P^2, |k| < P, sum 1, on each axis. Its transfer function has a *double* zero at
 every harmonic of the carrier, so that neither the mean nor its gradient nor the carrier's harmonics reach
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from zeromethod.arrays import Float
-from zeromethod.warp.overlap import Gradient, overlap_correlation
 
 
 def triangle(period_px: int) -> Float:
@@ -23,7 +22,7 @@ def triangle(period_px: int) -> Float:
 def transfer(period_px: int, cycles_per_px: ArrayLike) -> Float:
     """Response of the residual (one axis) to a displacement of that frequency near null, 0..1.
 
-    W(f) = (sin(pi f P) / (P sin(pi f)))^2; the two axes multiply. Modes where W is near 0 are not seen.
+    W(f) = (sin(pi f P) / (P sin(pi f)))^2; the two axes multiply. Modes with W near 0 are unobservable.
     """
     f = np.asarray(cycles_per_px, dtype=float)
     kernel = np.sinc(f * period_px) / np.sinc(f)
@@ -39,20 +38,8 @@ def curvature_bias_px2(period_px: int) -> float:
     return (period_px**2 - 1) / 12
 
 
-def noise_correlation(period_px: int, nodes: ArrayLike, gradient: Gradient = "flat") -> Float:
-    """Correlation of one component's noise between nodes that many nodes apart on one axis.
-
-    The window's autocorrelation at `nodes` x P/2: 1, 0.72, 0.25, 0.03, 0 for 0 to 4 nodes (the
-    cubic B-spline of P -> infinity: 1, 23/32, 1/4, 1/32); the two axes multiply, the two components are
-    independent. gradient: "sine" along a carrier, "flat" across it (`zeromethod.warp.overlap`).
-    """
-    known = overlap_correlation(period_px, period_px // 2, gradient)
-    lag = np.abs(np.rint(np.asarray(nodes, dtype=float)).astype(int))
-    return np.asarray(known[np.minimum(lag, len(known) - 1)])
-
-
 def carrier_power(period_px: int) -> Float:
-    """(4,) sums of w_k^2 cos(2 pi n k / P) for n = 0..3: how the carrier shapes the noise gain."""
+    """(4,) sums of w_k^2 cos(2 pi n k / P) for n = 0..3: noise gain of the window along the carrier."""
     offset = np.arange(1 - period_px, period_px)
     turns = np.outer(np.arange(4), offset) / period_px
     return np.asarray(np.cos(2 * np.pi * turns) @ triangle(period_px) ** 2)

@@ -1,10 +1,10 @@
-"""The constant that slopes leave open: where the rubber is known, or seen, to be at rest.
+"""Anchor: the constant that slopes leave open, fixed where the rubber is known or found to be at rest.
 
 Depth is fixed up to C h, with h the integrator's scale (see `integrate`); C is fitted to nodes at rest.
 Without a rectangle known to be at rest, these are the quietest nodes of the view's border: rubber's far
 field falls off like 1/r or faster, so a node of residual slope s at distance r from the dent is at most
-s r deep. That bound weighs the nodes. Where their slope still shows a tail, its depth is taken from how slope
-and depth fall off (`far_field`); where they follow no such law, the tail's bound goes into sigma.
+s r deep. That bound weights the nodes. Where their slope still shows a far field, its depth is fitted from
+the decay of slope and depth (`far_field`); where they follow no such law, its bound goes into sigma.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
 
 _BLOCK_SHARE = 0.056
-"""Block over which slope is averaged before it is called quiet, relative to the lattice's shorter side."""
+"""Block over which slope is averaged before it is judged, relative to the lattice's shorter side."""
 _RING_SHARE = 0.16
 """Width of the border ring relative to the lattice's shorter side."""
 _CORE_SHARE = 0.6
 """Share of the ring's weight that must agree on the constant: a smaller flat top is outvoted."""
 _MIN_NODES = 16
 _NEGLIGIBLE = 0.02
-"""Weights below this share of the largest are taken as none."""
+"""Weights below this share of the largest are set to 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class RestFit:
     """Weights (rows, cols), adding up to 1, of depth / h in the constant C; its systematic sigma in mm.
 
-    tail_mm: what the weights' mean of depth / h is believed to be; 0 where the nodes count as at rest.
+    far_field_mm: assumed mean of depth / h with these weights; 0 where the nodes count as at rest.
     """
 
     mode: Literal["known", "quiet"]
     weights: Float
     sigma_mm: float
-    tail_mm: float = 0.0
+    far_field_mm: float = 0.0
 
 
 def known_nodes(known_rest: Sequence[KnownRest], x_mm: Float, y_mm: Float) -> Mask:
@@ -88,14 +88,14 @@ def fit_quiet(
     constant = depth_mm / scale
     block = 2 * max(1, round(0.5 * _BLOCK_SHARE * min(island.shape))) + 1
     slope2, noise2 = _block_slope(slope, variance, island, correlation, block)
-    # The largest nearby: a dent's own centre is flat too.
+    # the largest nearby, as a dent's centre is flat too
     nearby = ndimage.maximum_filter(slope2, block)
     spread = np.maximum(nearby, noise2) / scale**2
     first = np.where(ring, 1.0 / np.where(ring, spread, 1.0), 0.0)
     relative = depth_mm - scale * float((first * constant).sum() / first.sum())
     away = _from_deepest(relative, x_mm, y_mm, island)
     floor2 = (0.25**2) * (np.ptp(x_mm[island]) ** 2 + np.ptp(y_mm[island]) ** 2)
-    # a single node that is left has no extent, and needs no weighing
+    # a single remaining node has no extent and needs no weight
     lever2 = np.maximum((away * away).sum(axis=-1), floor2 or 1.0)
     weights = first / lever2
     weights[weights < _NEGLIGIBLE * weights.max()] = 0.0
@@ -103,45 +103,36 @@ def fit_quiet(
     reach = high - low
     weights[(constant < low - reach) | (constant > high + reach)] = 0.0
     weights /= weights.sum()
-    signed = _tail(slope, variance, away, weights, scale, correlation)
+    signed = _far_field_depth(slope, variance, away, weights, scale, correlation)
     bound2 = weights * lever2 / scale**2
     blocks = 1.0 / float((weights**2).sum()) / (block + len(correlation)) ** 2
-    # A bound without direction, for dents that fill the view; what noise may do to it is taken off.
+    # A bound without direction, for dents that fill the view, less the part that noise can cause.
     noise = float((bound2 * noise2).sum()) * (1.0 + 3.0 * np.sqrt(2.0 / max(blocks, 1.0)))
     unsigned = np.sqrt(max(float((bound2 * slope2).sum()) - noise, 0.0))
     return RestFit("quiet", weights, float(max(signed, unsigned)))
 
 
-def _tail(
-    slope: Float,
-    variance: Float,
-    away: Float,
-    weights: Float,
-    scale: Float,
-    correlation: Float,
+def _far_field_depth(
+    slope: Float, variance: Float, away: Float, weights: Float, scale: Float, correlation: Float
 ) -> float:
-    """Mean depth / h, in mm, that the chosen nodes' slope means if it is the 1/r tail of the deepest node.
+    """Mean depth / h of the chosen nodes, mm, by their slope, if depth decays as 1/r around the deepest node.
 
-    depth A/r has radial slope -depth/r. Only what stands out of twice its own noise counts; a tail that
-    falls off faster (a Gaussian's) is overstated.
+    Depth A/r has radial slope -depth/r. Only the part above twice its noise counts; a field that decays
+    faster (a Gaussian's) is overestimated.
     """
     used = weights > 0.0
     lever = (weights / scale)[used, None] * away[used]
     implied = -float((lever * slope[used]).sum())
-    # Neighbours' noise is correlated over the overlap of their windows, alike on both axes.
+    # neighbours' noise is correlated over the overlap of their windows, equally on both axes
     overlap = (2.0 * float(correlation.sum()) - 1.0) ** 2
     noise2 = overlap * float((lever**2 * variance[used]).sum())
     return float(np.sqrt(max(implied * implied - 4.0 * noise2, 0.0)))
 
 
 def _block_slope(
-    slope: Float,
-    variance: Float,
-    island: Mask,
-    correlation: Float,
-    block: int,
+    slope: Float, variance: Float, island: Mask, correlation: Float, block: int
 ) -> tuple[Float, Float]:
-    """Squared slope (rows, cols) after averaging over a block, and the share of it that noise makes."""
+    """Squared slope (rows, cols) after averaging over a block, and the part of it due to noise."""
     known = island.astype(np.float64)
     share = np.maximum(ndimage.uniform_filter(known, block, mode="constant"), block**-2)
     slope2, noise2 = np.zeros(island.shape), np.zeros(island.shape)
@@ -156,7 +147,7 @@ def _block_slope(
 
 
 def mean_noise_gain(correlation: Float, count: int) -> float:
-    """Variance of the mean of `count` neighbours on a line, each of variance 1 and so correlated."""
+    """Variance of the mean of `count` neighbours on a line, each of variance 1, with this correlation."""
     lags = np.arange(count)
     rho = np.zeros(count)
     rho[: min(count, len(correlation))] = correlation[:count]
@@ -164,12 +155,7 @@ def mean_noise_gain(correlation: Float, count: int) -> float:
     return float((pairs * rho).sum() / count**2)
 
 
-def _from_deepest(
-    relative_mm: Float,
-    x_mm: Float,
-    y_mm: Float,
-    island: Mask,
-) -> Float:
+def _from_deepest(relative_mm: Float, x_mm: Float, y_mm: Float, island: Mask) -> Float:
     """Vectors (rows, cols, 2) in mm from the node of largest |depth|; 0 off the island."""
     deepest = int(np.argmax(np.where(island, np.abs(relative_mm), -1.0)))
     row, col = np.unravel_index(deepest, relative_mm.shape)
@@ -178,7 +164,7 @@ def _from_deepest(
 
 
 def _shortest_interval(values: Float, weights: Float) -> tuple[float, float]:
-    """Shortest interval that holds the core share of the weight."""
+    """Shortest interval that contains the core share of the weight."""
     order = np.argsort(values)
     values, total = values[order], np.cumsum(weights[order])
     start = np.concatenate([[0.0], total[:-1]])

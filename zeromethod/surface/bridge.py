@@ -1,8 +1,8 @@
-"""Depth of what a gap cuts off: islands of nodes behind a fold, tied by the slopes on either side.
+"""Depth of nodes that a gap cuts off: parts behind a fold, tied by the slopes on either side.
 
 The rim of a ball's contact bends the rubber so much that the image folds back along a closed ring. No picture
-nulls a folded node, so that none is measured there; inside the ring all is, and its depth is told by the
-steps over the gap (`zeromethod.surface.gaps`). Their sigma counts as alike all around.
+nulls a folded node, so that none is measured there; inside the ring all are, and their depth follows from the
+steps over the gap (`zeromethod.surface.gaps`). The sigma of these counts as fully correlated around the gap.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.rays import MirrorRays
 
 _LEAST_NODES = 12
-_MOST_ISLANDS = 3
+_MOST_PARTS = 3
 _LEAST_GAPS = 3
 _PASSES = 20
 _SETTLED_MM = 1e-7
@@ -33,15 +33,15 @@ class Lattice:
     point: Float
 
     def copy(self) -> Lattice:
-        """Arrays of its own."""
+        """Copy of all arrays."""
         return Lattice(self.depth.copy(), self.slope.copy(), self.point.copy())
 
 
 @dataclass(frozen=True, slots=True)
 class CutOff:
-    """What lies beyond gaps: its nodes (rows, cols) and the lattice as read there.
+    """Nodes (rows, cols) behind gaps and the lattice as read there.
 
-    sigma_mm: (rows, cols) what the gap leaves open; noise is not in it.
+    sigma_mm: (rows, cols) due to the gap, noise not included.
     """
 
     nodes: Mask
@@ -49,11 +49,11 @@ class CutOff:
     sigma_mm: Float
 
 
-def cut_off_islands(usable: Mask, island: Mask) -> list[Mask]:
-    """Up to three largest sets of connected usable nodes (rows, cols) that are not on the island."""
+def cut_off_parts(usable: Mask, island: Mask) -> list[Mask]:
+    """Up to three largest sets of connected usable nodes (rows, cols) off the largest, the `island`."""
     labels, count = ndimage.label(usable & ~island)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
-    largest = np.argsort(sizes)[::-1][:_MOST_ISLANDS]
+    largest = np.argsort(sizes)[::-1][:_MOST_PARTS]
     return [labels == k + 1 for k in largest if sizes[k] >= _LEAST_NODES]
 
 
@@ -75,15 +75,9 @@ def bridge(
 
 
 def _tie(
-    rays: MirrorRays,
-    q: Float,
-    variance: Float,
-    scale: Float,
-    other: Mask,
-    gaps: Gaps,
-    read: Lattice,
+    rays: MirrorRays, q: Float, variance: Float, scale: Float, other: Mask, gaps: Gaps, read: Lattice
 ) -> float | None:
-    """Fill in what one island reads; its sigma in mm, None where nothing ties it."""
+    """Fill in the lattice of one part; its sigma in mm, None where nothing ties it."""
     box = ndimage.find_objects(other.astype(np.intp))[0]
     if len(gaps) < _LEAST_GAPS or min(other[box].shape) < 2:
         return None

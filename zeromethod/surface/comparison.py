@@ -132,7 +132,7 @@ def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid)
     x, y = surface.x_mm[both], surface.y_mm[both]
     depth_error = surface.depth_mm[both] - truth.depth(x, y)
     slope_error = surface.slope[both] - np.stack(truth.slope(x, y), axis=-1)
-    seen = np.isfinite(surface.x_mm) & np.isfinite(surface.y_mm) & usable
+    seen = surface.on_mirror & usable
     peak_true = true_peak_mm(truth, surface.x_mm[seen], surface.y_mm[seen])
     peak_read = peak(surface).depth_mm
     share = 100 * (peak_read - peak_true) / peak_true if peak_true else float("nan")

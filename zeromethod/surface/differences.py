@@ -1,4 +1,10 @@
-"""Depth differences between neighbouring nodes: the line integral of the slope from one to the next."""
+"""Depth differences between neighbouring nodes: the line integral of the slope from one to the next.
+
+Derivatives along a line of nodes and integrals over one interval are exact for the polynomial through as many
+neighbouring valid nodes as there are, up to seven (derivative) or six (integral). Next to a border or a hole
+the stencils shift to one side, so that they never include a node that was not measured. The trapezoidal rule
+would be 0.4 % in error at the peak of a narrow dent.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +14,42 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.surface.stencils import (
-    BORDER_POINTS,
-    DERIVATIVE_POINTS,
-    INTEGRAL_POINTS,
-    derivative_table,
-    integral_table,
-)
+
+DERIVATIVE_POINTS = 7
+INTEGRAL_POINTS = 6
+BORDER_POINTS = 4
+"""One-sided integrals use fewer points: six of them would amplify noise by 1.24 instead of 0.9."""
+
+
+def _weights(points: int, at: int, moments: Float) -> Float:
+    """Weights (points,) exact for powers of the offset from `at`, on which the rule gives `moments`."""
+    powers = np.vander(np.arange(points) - at, increasing=True).T.astype(np.float64)
+    return np.asarray(np.linalg.solve(powers, moments), dtype=np.float64)
+
+
+def derivative_table() -> Float:
+    """Weights [points, position, k] of d/dtau at `position` among `points` nodes one apart."""
+    size = DERIVATIVE_POINTS
+    table = np.zeros((size + 1, size, size))
+    for points in range(2, size + 1):
+        for at in range(points):
+            table[points, at, :points] = _weights(points, at, np.eye(points)[1])
+    return table
+
+
+def integral_table() -> Float:
+    """Weights [points, first, k] of the integral from node `first` to `first + 1` among `points`.
+
+    points 2 is the trapezoid, 4 in the middle (-1, 13, 13, -1)/24, 6 in the middle
+    (11, -93, 802, 802, -93, 11)/1440.
+    """
+    size = INTEGRAL_POINTS
+    table = np.zeros((size + 1, size - 1, size))
+    for points in range(2, size + 1):
+        for first in range(points - 1):
+            table[points, first, :points] = _weights(points, first, 1.0 / np.arange(1, points + 1))
+    return table
+
 
 _DERIVATIVE = derivative_table()
 _INTEGRAL = integral_table()
@@ -102,13 +137,7 @@ def _along_rows_adjoint(
             start = end
 
 
-def depth_differences_adjoint(
-    across: Float,
-    down: Float,
-    x_mm: Float,
-    y_mm: Float,
-    valid: Mask,
-) -> Float:
+def depth_differences_adjoint(across: Float, down: Float, x_mm: Float, y_mm: Float, valid: Mask) -> Float:
     """Transpose of `depth_differences`: weights (rows, cols, 2), mm, of the slopes in a sum over steps.
 
     across (rows, cols-1), down (rows-1, cols): the steps' weights; those that touch an invalid node count 0.

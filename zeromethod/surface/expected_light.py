@@ -1,9 +1,9 @@
-"""How much of its rest light each camera pixel should see, where the mirror reflects only a part.
+"""Expected light of each camera pixel over that at rest, where the mirror reflects only partially.
 
-Beyond the critical angle the mirror reflects all light whatever the slope, and less light means a touch.
-Below it Fresnel's reflectance follows the slope: at 45 degrees and n = 1.41 a press of 24 mrad swings it from
-0.40 to 1, and within 3 mrad of rest it climbs 0.27 with a kink, a step for the carrier's window. None of this
-is a touch, and all of it is known from the warp: so the image is divided by it before anything is judged.
+Beyond the critical angle the mirror reflects all light at any slope, and less light means contact. Below it
+Fresnel's reflectance follows the slope: at 45 degrees and n = 1.41 a press of 24 mrad changes it from 0.40 to
+1, and within 3 mrad of rest it rises by 0.27 with a kink, a step for the carrier's window. None of this is
+contact, and all of it is known from the warp: the image is divided by it before light is judged.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from zeromethod.warp.rest import Rest
 
 PASSES = 4
 SETTLED_MM = 2e-3
-"""Passes of slope and depth at most, and the change of depth that ends them: a slope of 0.05 mrad, a tenth
-of a pixel's. They start from the last depth, so that one is the rule."""
+"""Most passes of slope and depth, and the change of depth that ends them: a slope of 0.05 mrad, a tenth of a
+pixel's. They start from the last depth, so that one usually suffices."""
 
 LEAST_SHARE = 0.2
-"""Darker than this is not believed: a wrong warp must not blow up noise without bounds."""
+"""Least share that is used, so that a wrong warp cannot amplify noise without bounds."""
 
 
 def _taps(nodes: Float, spacing_px: int, pixels: int) -> tuple[Ints, Single]:
-    """First node (pixels,) and weights (pixels, 4) of Keys' interpolant, with which warps are drawn."""
+    """First node (pixels,) and weights (pixels, 4) of Keys' interpolant, as used to draw warps."""
     place = (np.arange(pixels) - nodes[0]) / spacing_px
     first = np.clip(place.astype(np.int64), 1, nodes.size - 3)
     weights = np.array([keys_weights(t) for t in place - first], np.float32)
@@ -52,7 +52,7 @@ def _share(
     least: float,
     out: Single,
 ) -> None:
-    """Reflectance over that at rest, the cosine of incidence changed by that of the nodes around."""
+    """Reflectance over that at rest, with the change of the cosine of incidence interpolated from nodes."""
     one, n, floor = np.float32(1), np.float32(index), np.float32(least)
     line = np.empty(change.shape[1], np.float32)
     for row in range(out.shape[0]):
@@ -75,10 +75,10 @@ def _share(
 
 
 class ExpectedLight:
-    """Reflectance of the mirror over that at rest, per camera pixel, as a warp foretells it."""
+    """Reflectance of the mirror over that at rest, per camera pixel, predicted from a warp."""
 
     def __init__(self, optics: Optics, rest: Rest) -> None:
-        """Prepare for the rig of `optics`; `needed` says whether the light follows the slope at all."""
+        """Prepare for the rig of `optics`; `needed`: whether the light depends on the slope at all."""
         grid = rest.grid
         index = optics.rig.prism.index
         v, u = np.indices(grid.image_shape, dtype=np.float64)
@@ -87,12 +87,12 @@ class ExpectedLight:
         self.needed = bool((trace.reflectance[known] < 1 - 1e-9).any())
         if not self.needed:
             return
-        # Any angle will do for pixels that miss the mirror: their light is not expected to change.
+        # the angle is arbitrary for pixels that miss the mirror: their light is not expected to change
         cosine = np.where(known, trace.cos_incidence, 1.0)
         s, p = fresnel(cosine, index, 1.0)
         with np.errstate(invalid="ignore", divide="ignore"):
             s_share = np.where(known & (s > p), (trace.reflectance - p) / (s - p), 0.5)
-        # The slope turns the plane of incidence by so little that the share of s light stays that of rest.
+        # the slope hardly turns the plane of incidence, so that the share of s light stays that of rest
         self._rest_light = [a.astype(np.float32) for a in (cosine, s_share, s_share * s + (1 - s_share) * p)]
         self._index = index
         self._prepare_nodes(optics, grid)
@@ -106,7 +106,7 @@ class ExpectedLight:
         self._rest_cosine = self._cosine(rest_slope, rest_point)
         x, y = np.nan_to_num(rest_point[..., 0]), np.nan_to_num(rest_point[..., 1])
         self._integrator = SlopeIntegrator(x, y)
-        usable = self._rays.seen & np.isfinite(self._rest_cosine)
+        usable = self._rays.hits & np.isfinite(self._rest_cosine)
         self._integrator.prepare(usable, np.ones((*grid.shape, 2)))
         rim = np.zeros(grid.shape, np.bool_)
         rim[grid.inner] = True
@@ -127,9 +127,9 @@ class ExpectedLight:
     def share(self, q: Float) -> Single:
         """(rows, cols) of the image: light expected over that at rest, where the nodes look at `q` (LCD px).
 
-        The depth enters because the same LCD position means another slope at another depth (5 mrad at 0.2
-        mm here); it is taken to be 0 at the rim of the view. The lens is left out: blurring the share by its
-        0.7 px brings the reading no nearer. The array is overwritten by the next call.
+        Depth matters because the same LCD position means another slope at another depth (5 mrad at 0.2 mm
+        here); it is assumed to be 0 at the rim of the view. The lens is ignored: blurring the share by its
+        0.7 px does not improve the reading. The array is overwritten by the next call.
         """
         island = self._integrator.island
         for _ in range(PASSES):

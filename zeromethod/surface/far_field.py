@@ -1,4 +1,4 @@
-"""How deep a dent still is where the view ends, from the way its slope and its depth fall off together.
+"""Far field of a dent: its depth where the view ends, from how slope and depth decay together.
 
 A round dent whose depth is A r^-n exp(-k r^2 / 2) about its centre has the slope
 
@@ -10,9 +10,9 @@ h, and then slope with C grad h, so that
 
     r . s - C r . grad h = -(n + k r^2) (D - C h)
 
-gives C with n and k wherever slope is still seen: weighted least squares of the left side, which holds the
-noise, over the far field. Dents that fall off in another way (two of them, edges, bulges around) are
-recognised by what the fit leaves, and by the outer half of the far field asking for another C than the whole.
+gives C with n and k wherever slope is still measurable: weighted least squares of the left side, which
+contains the noise, over the far field. Dents that decay differently (two of them, edges, surrounding bulges)
+are recognised by the misfit, and by a different C from the outer half of the far field than from the whole.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 
 _CORE_SHARE = 0.2
-"""Depth over the largest at which the dent's core, by which its centre is found, ends and the far begins."""
+"""Depth over the largest at which the dent's core, which gives its centre, ends and the far field begins."""
 _MODEL_SHARE = 0.1
-"""Part of the slope that the law may be wrong by, node by node."""
+"""Relative error of the law's slope that is allowed for at each node."""
 _MOST_MISFIT = 2.0
 _LEAST_NODES = 200
-_DOUBT = 2.0
-"""Sigma per difference between the outer half's C and the whole's: that half may be wrong alike."""
+_MODEL_SIGMA = 2.0
+"""Sigma per difference between the outer half's C and the whole's: that half may be wrong too."""
 _SPAN = 6.0
 _STEPS = 121
 
@@ -69,11 +69,10 @@ def fit_far_field(
     bound_mm: float,
     overlap: float,
 ) -> FarField | None:
-    """Fit the law above to the nodes beyond the dent's core; None where it does not hold.
+    """Fit the law of the module to the nodes outside the dent's core; None where it does not apply.
 
     slope, variance, scale_gradient: (rows, cols, 2), rad, rad^2, 1/mm; depth_mm, scale, x_mm, y_mm: (rows,
-    cols). bound_mm: how large |C| may be, roughly. overlap: nodes that share their noise, as a number of
-    nodes.
+    cols). bound_mm: approximate limit of |C|. overlap: number of nodes that share their noise.
     """
     size = np.where(island, np.abs(depth_mm), 0.0)
     core = size > _CORE_SHARE * size.max()
@@ -93,15 +92,15 @@ def fit_far_field(
     whole = _minimum((columns * weight) @ columns.T, bound_mm, overlap, len(D))
     outer = q > 1.0
     part = (columns[:, outer] * weight[outer]) @ columns[:, outer].T
-    beyond = _minimum(part, bound_mm, overlap, int(np.count_nonzero(outer)))
-    if whole is None or beyond is None:
+    half = _minimum(part, bound_mm, overlap, int(np.count_nonzero(outer)))
+    if whole is None or half is None:
         return None
     constant, sigma = whole
-    return FarField(constant, float(np.hypot(sigma, _DOUBT * (constant - beyond[0]))))
+    return FarField(constant, float(np.hypot(sigma, _MODEL_SIGMA * (constant - half[0]))))
 
 
 def _minimum(gram: Float, bound_mm: float, overlap: float, nodes: int) -> tuple[float, float] | None:
-    """C of least misfit and its standard deviation; None where the law misfits or C runs away.
+    """C of least misfit and its standard deviation; None where the law does not fit or C is out of range.
 
     gram: (6, 6) weighted products of outward slope, lift, D, h, q D, q h; n and k enter linearly, are never
     negative, and are eliminated for every C of a grid that closes in on the minimum.
@@ -123,7 +122,7 @@ def _minimum(gram: Float, bound_mm: float, overlap: float, nodes: int) -> tuple[
 
 
 def _misfit(gram: Float, constants: Float) -> Float:
-    """Weighted squares left, (m,), at each C with the best n, k >= 0."""
+    """Weighted sum of squares (m,) at each C with the best n, k >= 0."""
     combine = np.zeros((len(constants), 3, 6))
     combine[:, (0, 1, 2), (0, 2, 4)] = 1.0
     combine[:, (0, 1, 2), (1, 3, 5)] = -constants[:, None]

@@ -1,8 +1,8 @@
-"""Steps of depth over nodes that were not measured, from the slopes on both sides.
+"""Gaps: steps of depth over nodes that were not measured, from the slopes on both sides.
 
-Integrated as a cubic would: the trapezoid with the end correction of Euler and Maclaurin, the bends taken
-from the nodes behind. What slope does between is not seen: a quarter of the correction, and a seventh of the
-difference of the two slopes, count as sigma. At the rim of a dry ball's contact the steps are off by a third
+Exact for a cubic: the trapezoidal rule with the end correction of Euler and Maclaurin, the curvatures taken
+from the nodes next to the gap. As the slope inside is unknown, a quarter of the correction and a seventh of
+the difference of the two slopes count as sigma. At the rim of a dry ball's contact the true error is a third
 of that.
 """
 
@@ -46,9 +46,10 @@ class Gaps:
         return self.ends[:, 1, 0], self.ends[:, 1, 1]
 
     def steps(self, slope: Float, point: Float) -> tuple[Float, Float]:
-        """Depth of the far less the near nodes (n,), mm, and its standard deviation.
+        """Depth of the far minus the near nodes (n,), mm, and its standard deviation.
 
-        slope: (rows, cols, 2) rad; point: (rows, cols, 2 or more) mm. NaN beside counts as even.
+        slope: (rows, cols, 2) rad; point: (rows, cols, 2 or more) mm. NaN next to a gap counts as
+        constant slope.
         """
         way = (point[self.far] - point[self.near])[:, :2]
         apart = self.ends[:, 1] - self.ends[:, 0]
@@ -61,16 +62,16 @@ class Gaps:
     def _bend(self, end: int, away: NDArray[np.intp], slope: Float, way: Float) -> Float:
         """Change (n,) of slope along `way` from an end to its neighbour away from the gap."""
         node = self.ends[:, end]
-        beside = node + away
+        neighbour = node + away
         last = np.array(slope.shape[:2]) - 1
-        beside = np.where((beside < 0) | (beside > last), node, beside)
-        change = slope[beside[:, 0], beside[:, 1]] - slope[node[:, 0], node[:, 1]]
+        neighbour = np.where((neighbour < 0) | (neighbour > last), node, neighbour)
+        change = slope[neighbour[:, 0], neighbour[:, 1]] - slope[node[:, 0], node[:, 1]]
         bend: Float = np.nan_to_num((change * way).sum(axis=-1))
         return bend
 
 
 def gaps_between(near: Mask, far: Mask) -> Gaps:
-    """All gaps between nodes of two masks (rows, cols), with neither's inside; the masks may be the same."""
+    """All gaps between nodes of two masks (rows, cols), without nodes of either inside; may be one mask."""
     found = []
     for axis in (0, 1):
         a, b = np.moveaxis(near, axis, 0), np.moveaxis(far, axis, 0)

@@ -1,4 +1,4 @@
-"""How the noise of a reading reaches the slope, at the mirror as it is and not as it rests."""
+"""Lever: propagation of a warp's noise to the slope, at the deformed mirror."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _DEPTH_STEP_MM = 0.05
 _SLOPE_STEP = 5e-3
 _Q_STEP_PX = 0.25
 _LEAST_SHARE = 0.1
-"""Determinant relative to rest below which the first-order lever is not believed (at P0 it vanishes)."""
+"""Determinant relative to rest below which the first-order lever is not used (at P0 it vanishes)."""
 _LEAST_MIXING = 0.1
-"""Determinant of the squared Jacobian over its rows', from which the components' noise is told apart."""
+"""Determinant of the squared Jacobian over its rows', above which the components' noise is separable."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -46,8 +46,8 @@ def _factor(
             yu, yv = jacobian[j, i, 1, 0], jacobian[j, i, 1, 1]
             x2, y2 = sigma[j, i, 0] ** 2, sigma[j, i, 1] ** 2
             along_x, along_y = xu * xu + xv * xv, yu * yu + yv * yv
-            alike = (x2 + y2) / (along_x + along_y)
-            u2 = v2 = alike
+            equal2 = (x2 + y2) / (along_x + along_y)
+            u2 = v2 = equal2
             mixing = xu * xu * yv * yv - xv * xv * yu * yu
             if abs(mixing) > _LEAST_MIXING * along_x * along_y:
                 p = (yv * yv * x2 - xv * xv * y2) / mixing
@@ -62,11 +62,11 @@ def _factor(
 
 
 class Lever:
-    """LCD px per rad of slope, to first order in depth and slope, and what noise it makes of a warp's.
+    """LCD px per rad of slope, to first order in depth and slope, and the slope's noise from a warp's.
 
     A press of 0.2 mm at 20 mm from the LCD shortens the lever by 1 %, a slope of 20 mrad turns the ray by
-    twice that: both are taken along, their squares (0.1 %) are not. Derivatives by finite differences of
-    `MirrorRays.slope`, made once.
+    twice that: both are included, their squares (0.1 %) are not. Derivatives by finite differences of
+    `MirrorRays.slope`, computed once.
     """
 
     def __init__(self, rays: MirrorRays, sensitivity: Float) -> None:
@@ -87,7 +87,7 @@ class Lever:
         self._by_depth = np.nan_to_num(change / _DEPTH_STEP_MM)
 
     def _at(self, depth_mm: Float, q: Float) -> Float:
-        """Sensitivity (rows, cols, 2, 2) at points at these depths that look at q."""
+        """Sensitivity (rows, cols, 2, 2) at points at these depths that look at `q`."""
         columns = []
         for axis in (0, 1):
             step = _Q_STEP_PX * (np.arange(2) == axis)
@@ -103,8 +103,8 @@ class Lever:
 
         depth_mm (rows, cols) and slope (rows, cols, 2): the mirror as read; NaN counts as at rest. jacobian:
         (rows, cols, 2, 2) of the warp, LCD px per camera px. sigma_q: (rows, cols, 2) LCD px of the warp,
-        taken to come from independent displacements along u and v, sigma_q_i^2 = sum_j (dq_i/du_j sigma_j)^2;
-        of equal size where the equations cannot tell them apart (a camera turned by 45 degrees).
+        from independent displacements along u and v, sigma_q_i^2 = sum_j (dq_i/du_j sigma_j)^2; of equal size
+        where the equations do not separate them (a camera turned by 45 degrees).
         """
         out = np.empty(jacobian.shape)
         _factor(self._rest, self._by_depth, self._by_slope, depth_mm, slope, jacobian, sigma_q, out)

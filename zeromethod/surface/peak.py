@@ -1,4 +1,4 @@
-"""The deepest point of a reading, between the nodes."""
+"""Peak: the deepest point of a reading, between the nodes, and what holes in the reading may conceal."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.surface.holes import around_mm, deeper_inside_mm
+from zeromethod.surface.gaps import gaps_between
 from zeromethod.surface.surface import Surface
 
 _REACH = 2
@@ -20,14 +21,26 @@ _MIN_NODES = 12
 _STEPS = 8
 _MOVES = 4
 _NEAREST = 0.6
-"""Offset from a window's middle beyond which the window moves; a little over half, or it could swing."""
+"""Offset from a window's middle beyond which the window moves; a little over half, or it could oscillate."""
+_SECTORS = 24
+_NOTICEABLE = 0.02
+"""Step over a gap, relative to the peak, from which it counts as lying on the slope."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Peak:
-    """Point of largest |depth|: signed depth, mirror position and depth's standard deviation, all in mm.
+    """Point of largest |depth|.
 
-    deeper_mm: part of sigma that only goes one way: how much deeper the mirror may be inside holes.
+    Attributes
+    ----------
+    depth_mm : float
+        Signed depth, positive into the rubber.
+    x_mm, y_mm : float
+        Place on the mirror.
+    sigma_mm : float
+        Standard deviation of the depth, holes included.
+    deeper_mm : float
+        One-sided part of sigma_mm: how much deeper the mirror may be inside holes.
     """
 
     depth_mm: float
@@ -37,32 +50,48 @@ class Peak:
     deeper_mm: float = 0.0
 
     @property
-    def sigma_seen_mm(self) -> float:
-        """Standard deviation of the depth at this very point, whatever holes may hide."""
+    def sigma_local_mm(self) -> float:
+        """Standard deviation of the depth at this point, holes left out, mm."""
         return math.sqrt(max(self.sigma_mm**2 - self.deeper_mm**2, 0.0))
+
+    def __repr__(self) -> str:
+        at = f"x {self.x_mm:.3f}, y {self.y_mm:.3f} mm"
+        return f"<Peak {self.depth_mm:.6g} mm, sigma {self.sigma_mm:.2g} mm, at {at}>"
 
 
 def peak(surface: Surface) -> Peak:
     """Find the point of largest |depth| by a local polynomial fit.
 
+    Parameters
+    ----------
+    surface : Surface
+        The reading; nodes that a closed fold cuts off (`Surface.cut_off`) count with the valid ones.
+
+    Returns
+    -------
+    Peak
+        All NaN when nothing is valid.
+
+    Notes
+    -----
     A quartic over 5x5 to 13x13 nodes, by the dent's width where it is narrowest (bias 0.02 % for a Gaussian
     of sigma 4 nodes, below 0.01 % from 6 on), about the node nearest to its own summit, which on a ridge is
     not the deepest; a quadratic over 5x5 where border or holes leave too few nodes; the deepest node itself
-    where even these are missing or the summit lies outside the window. All NaN when nothing is valid.
+    where even these are missing or the summit lies outside the window.
 
-    What a closed fold cuts off counts with the valid nodes (`Surface.beyond`). Sigma is the node's, and what
-    holes leave open: the slope around the summit that folds have shut, and depth that goes on inside a hole
-    from the slopes at its rim, as much as it may be deeper than the peak (contact takes the light away, so
-    that a peak beside one is of what is seen, and its sigma nearly as large as the contact is deep).
+    Sigma is the node's, that of gaps in the slope around the summit, and that of holes: depth extrapolated
+    into a hole from the slopes at its rim, as far as it is deeper than the peak. A contact takes the light
+    away, so that a peak next to one is that of the measured nodes, with a sigma nearly as large as the
+    contact is deep.
     """
     if not surface.valid.any():
         return Peak(np.nan, np.nan, np.nan, np.nan)
     found, fitted = _deepest(surface)
     measured, sigma_mm = surface.valid, found.sigma_mm
     gap_mm = around_mm(surface, fitted, found.x_mm, found.y_mm, found.depth_mm)
-    if surface.beyond is not None:
-        measured = measured | surface.beyond.valid
-        inside, fitted_inside = _deepest(surface.beyond)
+    if surface.cut_off is not None:
+        measured = measured | surface.cut_off.valid
+        inside, fitted_inside = _deepest(surface.cut_off)
         if abs(inside.depth_mm) > abs(found.depth_mm):
             found, fitted, gap_mm = inside, fitted_inside, 0.0
             sigma_mm = found.sigma_mm
@@ -71,7 +100,7 @@ def peak(surface: Surface) -> Peak:
 
 
 def _deepest(surface: Surface) -> tuple[Peak, Mask]:
-    """Peak of the valid nodes alone, and the window (rows, cols) of the fit that told it."""
+    """Peak of the valid nodes alone, and the window (rows, cols) of its fit."""
     depth = np.where(surface.valid, surface.depth_mm, np.nan)
     row, col = (int(k) for k in np.unravel_index(int(np.nanargmax(np.abs(depth))), depth.shape))
     at_node = Peak(
@@ -105,7 +134,7 @@ def _summit(surface: Surface, row: int, col: int) -> tuple[Float, Float, int] | 
     coefficients, powers = fitted
     by_power = dict(zip(powers, coefficients[:, 0], strict=True))
     middle, difference = by_power[2, 0] + by_power[0, 2], by_power[2, 0] - by_power[0, 2]
-    # Of the narrower way across: an edge is as narrow as a pad of its width, however long.
+    # along the narrower axis: an edge is as narrow as a pad of its width, however long
     steepest = middle - np.sign(by_power[0, 0]) * np.hypot(difference, by_power[1, 1])
     curvature = -steepest / by_power[0, 0]
     reach = _MAX_REACH if curvature <= 0.0 else round(_REACH_PER_SIGMA / np.sqrt(curvature))
@@ -137,15 +166,11 @@ def _fit(
         return None
     r, c = np.nonzero(known)
     b, a = (r + rows.start - row).astype(np.float64), (c + cols.start - col).astype(np.float64)
-    powers = _powers(degree)
+    powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
     fields = (surface.depth_mm, surface.x_mm, surface.y_mm)
     values = np.stack([field[rows, cols][known] for field in fields], axis=-1)
     solution = np.linalg.lstsq(_terms(a, b, powers), values, rcond=None)[0]
     return np.asarray(solution, dtype=np.float64), powers
-
-
-def _powers(degree: int) -> list[tuple[int, int]]:
-    return [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
 
 
 def _terms(a: Float, b: Float, powers: list[tuple[int, int]], da: int = 0, db: int = 0) -> Float:
@@ -176,3 +201,42 @@ def _stationary(coefficients: Float, powers: list[tuple[int, int]], within: floa
         if np.max(np.abs(step)) < 1e-9:
             break
     return at
+
+
+def deeper_inside_mm(surface: Surface, measured: Mask, fitted: Mask, depth_mm: float) -> float:
+    """How much deeper than depth_mm the mirror may be where it was not measured, mm; 0 for no deeper.
+
+    Depth is extrapolated linearly from the nearest measured node: exact for a cone, twice too deep for a
+    paraboloid. measured, fitted: (rows, cols); nodes inside a fit's window count as known.
+    """
+    unknown = ~measured & ~fitted & surface.on_mirror
+    if not unknown.any():
+        return 0.0
+    _, (row, col) = ndimage.distance_transform_edt(~surface.valid, return_indices=True)
+    rim = row[unknown], col[unknown]
+    away = np.stack([a[unknown] - a[rim] for a in (surface.x_mm, surface.y_mm)], axis=-1)
+    further = surface.depth_mm[rim] + (surface.slope[rim] * away).sum(axis=-1)
+    return max(float(np.nanmax(np.sign(depth_mm) * further)) - abs(depth_mm), 0.0)
+
+
+def around_mm(surface: Surface, fitted: Mask, x_mm: float, y_mm: float, depth_mm: float) -> float:
+    """Standard deviation that gaps across the slope around a summit add to its depth, mm.
+
+    Where a fold runs all around except for an opening, depth is known through that opening alone, past nodes
+    as bent as those that were lost: every closed direction counts with the sigma of its gap. fitted: (rows,
+    cols) nodes among which gaps do no harm.
+    """
+    if not (surface.on_mirror & ~surface.valid).any():
+        return 0.0
+    gaps = gaps_between(surface.valid, surface.valid)
+    if not len(gaps):
+        return 0.0
+    point = np.stack([surface.x_mm, surface.y_mm], axis=-1)
+    step, spread = gaps.steps(surface.slope, point)
+    on_slope = (np.abs(step) > _NOTICEABLE * abs(depth_mm)) & ~(fitted[gaps.near] & fitted[gaps.far])
+    middle = 0.5 * (point[gaps.near] + point[gaps.far]) - (x_mm, y_mm)
+    angle = np.arctan2(middle[:, 1], middle[:, 0]) / (2 * np.pi) + 0.5
+    sector = np.minimum((_SECTORS * angle).astype(np.intp), _SECTORS - 1)[on_slope]
+    count = np.bincount(sector, minlength=_SECTORS)
+    total = np.bincount(sector, spread[on_slope] ** 2, minlength=_SECTORS)
+    return float(np.mean(np.sqrt(total / np.maximum(count, 1))))

@@ -1,4 +1,4 @@
-"""The camera's rays inside the rubber, and the slope that a reading on the LCD means at a given depth."""
+"""Camera rays inside the rubber, and the mirror's slope from a depth and an LCD position."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SETTLED_MM = 1e-12
 
 
 class MirrorRays:
-    """Fixed rays of a set of camera pixels, from the captured face towards the mirror.
+    """Fixed rays of a set of camera pixels, from the camera face towards the mirror.
 
     Convention: depth belongs to the pixel: its mirror point lies on its ray at height
     z = h_rest(x, y) - depth. Points and slopes are NaN where the ray misses the mirror at rest.
@@ -23,15 +23,15 @@ class MirrorRays:
         self._rest = optics.rest
         at_rest = optics.trace(u_px, v_px, optics.rest)
         self.rest_q: Float = at_rest.q
-        seen = np.asarray(np.isfinite(at_rest.q).all(axis=-1))
+        hits = np.asarray(np.isfinite(at_rest.q).all(axis=-1))
         origin, direction = optics.rubber_rays(u_px, v_px)
-        self._direction = np.where(seen[..., None], direction, np.nan)
-        self._rest_point = np.where(seen[..., None], at_rest.point, np.nan)
+        self._direction = np.where(hits[..., None], direction, np.nan)
+        self._rest_point = np.where(hits[..., None], at_rest.point, np.nan)
         gx, gy = self._rest.gradient(self._rest_point[..., 0], self._rest_point[..., 1])
-        # Along the ray, depth below the rest surface changes by this much per mm.
+        # change of depth below the rest surface per mm along the ray
         rise = direction[..., 2] - gx * direction[..., 0] - gy * direction[..., 1]
-        self._distance_per_depth = np.where(seen, -1.0 / rise, np.nan)
-        self.seen: Mask = seen & np.asarray(np.isfinite(origin).all(axis=-1))
+        self._distance_per_depth = np.where(hits, -1.0 / rise, np.nan)
+        self.hits: Mask = hits & np.asarray(np.isfinite(origin).all(axis=-1))
 
     def points(self, depth_mm: Float) -> Float:
         """Mirror points (rows, cols, 3) in mm at the given depths (rows, cols)."""
@@ -51,7 +51,7 @@ class MirrorRays:
         return point
 
     def slope(self, depth_mm: Float, q: Float) -> tuple[Float, Float]:
-        """Slope of depth (rows, cols, 2) at points (rows, cols, 3) at these depths that look at q.
+        """Slope of depth (rows, cols, 2) at points (rows, cols, 3) at these depths that look at `q`.
 
         q: (rows, cols, 2) LCD px. NaN where no ray joins point and LCD position.
         """

@@ -1,49 +1,83 @@
-"""What a reading is: slope and depth of the mirror per node, with what is not known about them."""
+"""The reading of one warp: slope and depth of the mirror per node, with their uncertainty."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from zeromethod.arrays import Float, Mask
+from zeromethod.warp.continuation import continue_smoothly
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Anchor:
-    """Where depth was taken as known.
+    """Nodes whose depth is taken as known.
 
-    mode: "known" (the rig's rectangles at rest), "quiet" (the quietest part of the view's border) or "none"
-    (nothing was read). mask: (rows, cols) nodes used. sigma_mm: standard deviation, rms over the valid nodes,
-    that depth owes to what is not known about the mask's own depth; 0 for "known". tail_mm: depth (over
-    `SurfaceReader.scale`) that the mask's nodes still have, told by the way slope and depth fall off; 0 where
-    they count as at rest.
+    Attributes
+    ----------
+    mode : {"known", "quiet", "none"}
+        The rig's rectangles at rest, the quietest part of the view's border, or nothing was read.
+    mask : (rows, cols) bool
+        Nodes used.
+    sigma_mm : float
+        Standard deviation of depth, rms over the valid nodes, due to the unknown depth of the mask itself;
+        0 for "known".
+    far_field_mm : float
+        Depth (over `SurfaceReader.scale`) that the mask's nodes still have according to the decay of slope
+        and depth with distance; 0 where they count as at rest.
     """
 
     mode: Literal["known", "quiet", "none"]
     mask: Mask
     sigma_mm: float
-    tail_mm: float = 0.0
+    far_field_mm: float = 0.0
+
+    def __repr__(self) -> str:
+        return f"<Anchor {self.mode}: {np.count_nonzero(self.mask)} nodes, sigma {self.sigma_mm:.3g} mm>"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Surface:
     """Slope and depth of the mirror on the full `NodeGrid`; NaN where not read (padding included).
 
-    depth_mm: (rows, cols), positive into the rubber, measured from the rest surface along z at the node's
-        own mirror point; bulges are negative.
-    slope: (rows, cols, 2), (dd/dx, dd/dy) of depth, rad.
-    x_mm, y_mm: (rows, cols) the mirror point; NaN only where the pixel's ray misses the mirror.
-    sigma_depth_mm: (rows, cols) standard deviation of depth: noise of this one warp and the anchor's.
-        Between nodes it is correlated: `SurfaceReader.covariance`.
-    sigma_slope: (rows, cols, 2) standard deviation of slope, rad, the mirror point held (within 1 mm of the
-        LCD, by P0, depth's own noise moves the point and takes up to 14 % off).
-    valid: (rows, cols) nodes with a depth. contact: (rows, cols) light lost: TIR fails or something touches.
-    time_ns: the warp's. iterations: ray-surface intersections taken until depth settled.
-    beyond: what closed gaps, folds above all, cut off from the valid nodes and slopes tie across them
-        (`zeromethod.surface.bridge`); its own valid nodes are no others than these, and their sigma holds
-        what the gap leaves open. None where there is no such thing.
+    Attributes
+    ----------
+    depth_mm : (rows, cols)
+        Positive into the rubber, from the rest surface along z at the node's own mirror point; bulges are
+        negative.
+    slope : (rows, cols, 2)
+        (dd/dx, dd/dy) of depth, rad.
+    x_mm, y_mm : (rows, cols)
+        The mirror point. Finite everywhere, for plots: continued smoothly where the pixel's ray misses the
+        mirror, given as NaN there.
+    sigma_depth_mm : (rows, cols)
+        Standard deviation of depth: noise of this one warp and the anchor's. It is correlated between nodes:
+        `SurfaceReader.covariance`.
+    sigma_slope : (rows, cols, 2)
+        Standard deviation of slope, rad, at a fixed mirror point (within 1 mm of the LCD, by P0, depth's own
+        noise moves the point and takes up to 14 % off).
+    valid : (rows, cols) bool
+        Nodes with a depth.
+    contact : (rows, cols) bool
+        Light lost: total reflection fails or something touches.
+    anchor : Anchor
+        Where depth was taken as known.
+    time_ns : int
+        The warp's.
+    iterations : int
+        Ray-surface intersections until depth settled.
+    cut_off : Surface, optional
+        Nodes that closed gaps, folds above all, separate from the valid nodes, tied to them by the slopes
+        on either side (`zeromethod.surface.bridge`). Its valid nodes are none of these; their sigma includes
+        the gap's.
+    on_mirror : (rows, cols) bool, optional
+        Nodes whose ray meets the mirror; by default those with finite x_mm and y_mm.
 
-    Convention: world frame of `zeromethod.optics`; depth d = h_rest(x, y) - z.
+    Notes
+    -----
+    World frame of `zeromethod.optics`; depth d = h_rest(x, y) - z.
     """
 
     depth_mm: Float
@@ -57,4 +91,40 @@ class Surface:
     anchor: Anchor
     time_ns: int
     iterations: int
-    beyond: Surface | None = None
+    cut_off: Surface | None = None
+    on_mirror: Mask = field(default_factory=lambda: np.zeros((0, 0), bool))
+
+    def __post_init__(self) -> None:
+        """Continue the mirror points where no ray meets the mirror."""
+        if not self.on_mirror.size:
+            points = np.stack([self.x_mm, self.y_mm], axis=-1)
+            object.__setattr__(self, "on_mirror", np.isfinite(points).all(axis=-1))
+            points = continued_points(points)
+            object.__setattr__(self, "x_mm", points[..., 0].copy())
+            object.__setattr__(self, "y_mm", points[..., 1].copy())
+
+    @property
+    def points_mm(self) -> Float:
+        """(rows, cols, 2) mirror points (x, y), NaN where the pixel's ray misses the mirror."""
+        points = np.stack([self.x_mm, self.y_mm], axis=-1)
+        return np.where(self.on_mirror[..., None], points, np.nan)
+
+    def __repr__(self) -> str:
+        deepest = self.depth_mm[self.valid]
+        peak_mm = deepest[np.argmax(np.abs(deepest))] if deepest.size else np.nan
+        return (
+            f"<Surface {100 * np.mean(self.valid):.1f} % of {self.valid.size} nodes valid, "
+            f"peak {peak_mm:.6g} mm, at {1e-9 * self.time_ns:.6f} s>"
+        )
+
+
+def continued_points(points: Float) -> Float:
+    """Points (rows, cols, 2) with NaN replaced by a smooth continuation of the others, if there are any."""
+    known: Mask = np.asarray(np.isfinite(points).all(axis=-1))
+    if known.all() or not known.any():
+        return points
+    rows, cols = np.indices(known.shape)
+    plane = np.stack([rows, cols, np.ones(known.shape)], axis=-1)
+    affine = plane @ np.linalg.lstsq(plane[known], points[known], rcond=None)[0]
+    whole = affine + continue_smoothly(np.where(known[..., None], points - affine, 0.0), known)
+    return np.where(known[..., None], points, whole)

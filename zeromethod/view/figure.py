@@ -96,8 +96,8 @@ def _map(axis: Axes, surface: Surface, values: Float, title: str, unit: str, *, 
     finite = np.abs(shown[np.isfinite(shown)])
     high = float(np.percentile(finite, 99.8)) if finite.size else 1.0
     mesh = axis.pcolormesh(
-        _filled(surface.x_mm[inner]),
-        _filled(surface.y_mm[inner]),
+        surface.x_mm[inner],
+        surface.y_mm[inner],
         shown,
         cmap="RdBu_r" if signed else "viridis",
         vmin=-high if signed else 0.0,
@@ -112,14 +112,6 @@ def _map(axis: Axes, surface: Surface, values: Float, title: str, unit: str, *, 
     axis.figure.colorbar(mesh, ax=axis, label=unit, shrink=0.8)
 
 
-def _filled(values: Float) -> Float:
-    """Coordinates of unread nodes replaced by their neighbours', which pcolormesh needs."""
-    if np.all(np.isfinite(values)):
-        return values
-    mean = np.nanmean(values, axis=0, keepdims=True) if values.shape[0] > 1 else values
-    return np.where(np.isfinite(values), values, np.broadcast_to(mean, values.shape))
-
-
 def _read_maps(axes: list[Axes], result: RunResult, nulled: Step) -> None:
     surface, residual, shown, measured = nulled.surface, nulled.residual, nulled.shown, nulled.measured
     assert surface is not None
@@ -131,7 +123,7 @@ def _read_maps(axes: list[Axes], result: RunResult, nulled: Step) -> None:
     true_mm = None
     if result.true_mirror is not None:
         mirror = result.true_mirror(nulled.time_ns)
-        true_mm = mirror.depth(np.nan_to_num(surface.x_mm), np.nan_to_num(surface.y_mm))
+        true_mm = mirror.depth(surface.x_mm, surface.y_mm)
     _map(axes[0], surface, residual_px, "residual when nulled", "camera px", signed=False)
     _map(axes[1], surface, applied_px[..., 0], "applied warp, along LCD columns", "LCD px")
     _map(axes[2], surface, measured_px[..., 0], "measured warp, along LCD columns", "LCD px")

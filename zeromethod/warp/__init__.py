@@ -1,1 +1,1 @@
-"""Warps: the node lattice, its interpolant, and what one frame's loop does to a warp."""
+"""Warps: the node lattice, its interpolant, composition, continuation and validity."""

@@ -1,12 +1,11 @@
 """Smooth continuation of a displacement into nodes that could not be measured.
 
-A grey node has no carrier and would never come back, so unmeasured nodes are drawn as their
-neighbours foretell. Both the displacement f and its gradient g are continued: g as a membrane between
-the plane fits at the rim of the valid nodes, f by averaging its neighbours' linear predictions
-f_j + (g_i + g_j)/2 . (x_i - x_j). That is exact for planes, needs no boundary condition (neighbours
-beyond the grid are left out), and every step is a mean, so nothing can blow up; g fades over
-`REACH_NODES`, so that f cannot run away either. A pyramid of 2 x 2 means carries values across
-large gaps, a few sweeps per level smooth them.
+A node drawn grey has no carrier and could never be measured again, so unmeasured nodes are drawn by
+prediction from their neighbours. Both the displacement f and its gradient g are continued: g as a membrane
+between the plane fits at the rim of the valid nodes, f by averaging its neighbours' linear predictions f_j +
+(g_i + g_j)/2 . (x_i - x_j). That is exact for planes, needs no boundary condition (neighbours outside the
+grid are left out), and every step is a mean and thus stable; g fades over `REACH_NODES`, so that f stays
+bounded too. A pyramid of 2 x 2 means carries values across large gaps, a few sweeps per level smooth them.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ RIM_RADIUS = 2
 """The rim's gradient is fitted over (2 r + 1)^2 nodes: 5 x 5 halves the noise of three-node slopes."""
 
 LEAST_SPREAD = 2.0
-"""Smallest principal moment (nodes^2) of the fitted nodes for which a gradient is believed."""
+"""Smallest principal moment (nodes^2) of the fitted nodes for which a gradient is used."""
 
 SWEEPS = 3
 
@@ -95,7 +94,7 @@ def _finest(field: Float, valid: Mask, cells: Float, known: Bytes) -> None:
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
 def _merge(fine: Float, known: Bytes, j: int, i: int, cell: Float) -> int:
-    """Coarse cell (j, i) as the mean of its fine cells, over those known; returns what is known of it."""
+    """Coarse cell (j, i) as the mean of its known fine cells; returns 0, 1 or 2 as in `_finest`."""
     cell[:] = 0.0
     values = gradients = 0
     for b in range(2 * j, min(2 * j + 2, known.shape[0])):
@@ -120,7 +119,7 @@ def _merge(fine: Float, known: Bytes, j: int, i: int, cell: Float) -> int:
 
 @numba.njit(cache=True, error_model="numpy")
 def _coarser(fine: Float, known: Bytes, step: float, cells: Float, above: Bytes) -> bool:
-    """Merge 2 x 2 cells into the level above; True when nothing is left unknown there."""
+    """Merge 2 x 2 cells into the level above; True when all cells there are known."""
     complete = True
     for j in range(above.shape[0]):
         for i in range(above.shape[1]):
@@ -239,10 +238,10 @@ def _continue(field: Float, valid: Mask, out: Float) -> None:
 
 
 def continue_smoothly(field: Float, valid: Mask, out: Float | None = None) -> Float:
-    """Displacement with its invalid nodes filled by a smooth, gradient-continuing guess.
+    """Displacement with its invalid nodes filled by a smooth continuation of value and gradient.
 
-    field: (rows, cols, 2), any unit, finite where `valid` (rows, cols). Valid nodes come back bit for
-    bit; what invalid ones hold (NaN too) has no influence. Zeros when nothing is valid. `out` may be
+    field: (rows, cols, 2), any unit, finite where `valid` (rows, cols). Valid nodes are returned bit for
+    bit; the values of invalid ones (NaN too) have no influence. Zeros when nothing is valid. `out` may be
     `field`.
     """
     if out is None:

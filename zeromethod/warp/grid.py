@@ -1,4 +1,4 @@
-"""The nodes: a regular lattice in camera pixels on which every warp lives."""
+"""The node grid: a regular lattice in camera pixels on which all warps are defined."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from zeromethod.arrays import Float
 
 PADDING = 4
-"""Nodes beyond the measurable ones on every side, so that the picture covers the whole view."""
+"""Nodes outside the measurable ones on every side, so that the picture covers the whole view."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,14 @@ class NodeGrid:
     """Nodes every half period of the carrier, in camera pixels; pixel centres at integer coordinates.
 
     A node is measurable when the window of +-(period - 1) px around it lies in the image. The grid
-    holds the measurable nodes and `PADDING` more on every side, whose warp is continued.
+    contains the measurable nodes and `PADDING` more on every side, whose warp is continued.
+
+    Parameters
+    ----------
+    image_shape : (int, int)
+        Rows and columns of the camera image.
+    period_px : int
+        Even period of the target's carrier, camera px.
     """
 
     image_shape: tuple[int, int]

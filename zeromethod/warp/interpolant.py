@@ -1,9 +1,9 @@
-"""The one interpolant of the system: composing, drawing and reading all use it.
+"""The interpolant between nodes, shared by composing, drawing and reading.
 
 Keys' cubic convolution with a = -1/2 (doi:10.1109/TASSP.1981.1163711), tensor product over the
-node lattice: C1, reproduces polynomials up to degree 2, error O(h^3), support 4 x 4 nodes. What is
-drawn between nodes and what is composed between nodes must be the same function, or a steady error
-remains that no iteration removes.
+node lattice: C1, reproduces polynomials up to degree 2, error O(h^3), support 4 x 4 nodes. Drawing
+and composing must use the same function between nodes, or a constant error remains that no iteration
+removes.
 """
 
 from __future__ import annotations

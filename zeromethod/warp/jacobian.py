@@ -1,4 +1,4 @@
-"""What a warp does to areas and to the carrier: folds, stretches, the panel's edge."""
+"""Jacobian of a warp, and the flags that follow from it: folds, aliasing, the panel's edge."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from zeromethod.arrays import Flags, Float
 from zeromethod.warp.validity import Flag
 
 FOLDED_BELOW = 0.02
-"""Area relative to rest under which a node counts as folded: a caustic, no longer one to one."""
+"""Area relative to rest below which a node counts as folded: a caustic, no longer one to one."""
 
 FEWEST_LCD_PX = 4.0
-"""LCD px per carrier period, measured across the fringes, under which the carrier aliases."""
+"""LCD px per carrier period, measured across the fringes, below which the carrier aliases."""
 
 _FOLDED = int(Flag.FOLDED)
 _UNDRAWABLE = int(Flag.UNDRAWABLE)
@@ -44,7 +44,7 @@ def _along(q: Float, j: int, i: int, k: int, dj: int, di: int) -> float:
 @numba.njit(cache=True, error_model="numpy", inline="always")
 def _derivatives(q: Float, j: int, i: int) -> tuple[float, float, float, float]:
     """dx/du, dx/dv, dy/du, dy/dv per node."""
-    if 2 <= j < q.shape[0] - 2 and 2 <= i < q.shape[1] - 2:  # the same without branches: most nodes
+    if 2 <= j < q.shape[0] - 2 and 2 <= i < q.shape[1] - 2:  # shortcut without branches for most nodes
         a, b, c, d = q[j, i - 2], q[j, i - 1], q[j, i + 1], q[j, i + 2]
         e, f, g, h = q[j - 2, i], q[j - 1, i], q[j + 1, i], q[j + 2, i]
         xu = (8.0 * (c[0] - b[0]) - (d[0] - a[0])) / 12.0
@@ -96,10 +96,10 @@ def _flags(q: Float, q_rest: Float, period_nodes: float, columns: float, rows: f
 
 
 def jacobian(q: Float, spacing_px: float) -> Float:
-    """Differentiate a warp by camera position: (rows, cols, 2, 2), [..., i, j] = dq_i / du_j.
+    """Jacobian of a warp by camera position: (rows, cols, 2, 2), [..., i, j] = dq_i / du_j.
 
     q: (rows, cols, 2) LCD px. Result in LCD px per camera px, by fourth-order central differences; of
-    second and first order at the grid's edge and beside NaN nodes.
+    second and first order at the grid's edge and next to NaN nodes.
 
     Convention: q = (column, row), u = (column, row).
     """
@@ -117,13 +117,13 @@ def warp_flags(
     *,
     spacing_px: float | None = None,
 ) -> Flags:
-    """Which nodes of a warp cannot be nulled or drawn, as `Flag` bits, (rows, cols) uint16.
+    """`Flag` bits of nodes that cannot be nulled or drawn, (rows, cols) uint16.
 
-    FOLDED: turned inside out against rest, or its area is under 2 % of that at rest.
+    FOLDED: mirrored against rest, or its area is below 2 % of that at rest.
     UNDRAWABLE: fewer than 4 LCD px per carrier period of either carrier, measured across its fringes
     (period |det J| / |dq/dv| for the carrier along u and the other way round), or q is NaN.
     OFF_DISPLAY: within one carrier period of the node, q leaves the panel (to first order), so the
-    sensing window around the node does not see the target alone.
+    sensing window around the node contains more than the target.
 
     q, q_rest: (rows, cols, 2) LCD px. display_size: (columns, rows) LCD px. spacing_px: camera px between
     nodes, half a period unless given. `out` is overwritten.

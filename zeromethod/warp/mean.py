@@ -1,4 +1,4 @@
-"""The mean of measured warps of a mirror that stands still."""
+"""Mean of measured warps of a stationary mirror."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ LEAST_SHARE = 0.5
 class RunningMean:
     """Mean, node by node, over the warps in which the node is valid, with its sigma.
 
-    Nodes valid in fewer than half of the warps carry all their flags and the mean of all. Beside a fold,
-    nodes flicker between valid and not: leaving out every one that ever did would lose the flank.
+    Nodes valid in fewer than half of the warps have all their flags and the mean of all. Next to a fold,
+    nodes alternate between valid and invalid: excluding all that ever were invalid would lose the flank.
     """
 
     def __init__(self) -> None:
@@ -28,7 +28,7 @@ class RunningMean:
         self._time_ns = 0
 
     def add(self, warp: Warp) -> None:
-        """Take in a warp."""
+        """Add a warp."""
         self.frames += 1
         self._valid.add(warp, warp.valid[..., None])
         self._all.add(warp, np.True_)
@@ -37,7 +37,7 @@ class RunningMean:
 
     @property
     def warp(self) -> Warp:
-        """Mean of the warps so far, of which there is at least one."""
+        """Mean of the warps added, at least one."""
         enough = self._valid.count >= LEAST_SHARE * self.frames
         (q, sigma), (q_all, sigma_all) = self._valid.mean(), self._all.mean()
         flags = np.where(enough[..., 0], np.uint16(0), self._flags)
@@ -63,13 +63,13 @@ class _Sums:
         self._variance = self._variance + np.where(used, warp.sigma, 0.0) ** 2
 
     def mean(self) -> tuple[Float, Float]:
-        """Mean of q and its sigma; 0 where nothing was summed up."""
+        """Mean of q and its sigma; 0 where nothing was added."""
         count = np.maximum(self.count, 1.0)
         return self._q / count, np.sqrt(self._variance) / count
 
 
 def mean_warp(warps: Iterable[Warp]) -> Warp:
-    """Mean of these, at least one; see `RunningMean`."""
+    """Mean of at least one warp; see `RunningMean`."""
     mean = RunningMean()
     for warp in warps:
         mean.add(warp)

@@ -1,10 +1,10 @@
-"""How the noise of neighbouring nodes is correlated: their sensing windows overlap.
+"""Noise correlation of neighbouring nodes, whose sensing windows overlap.
 
 A node's displacement is a sum of pixels, weights w_k c_k with w the triangle window (P - |k|) and c the
-gradient of what is looked for: a sine of the carrier's phase for the displacement along the carrier, one
-across it. Pixels' noise is independent, so nodes L px apart share sum w_k w_(k-L) c_k^2 of it. Near null the
-carriers' phases are those of the target itself, c^2 repeats from node to node and the correlation is one
-and the same over the whole lattice.
+gradient of the pattern: a sine of the carrier's phase for the displacement along the carrier, 1 across it.
+Pixels' noise is independent, so nodes L px apart share sum w_k w_(k-L) c_k^2 of it. Near null the carriers'
+phases are those of the target itself, c^2 repeats from node to node and the correlation is one and the same
+over the whole lattice.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def overlap_correlation(period_px: int, spacing_px: int, gradient: Gradient = "f
     """Correlation of one component's noise between nodes 0, 1, 2, ... apart along one axis.
 
     "flat": the cubic B-spline 1, 0.719, 0.25, 0.031, 0 at half a period per node. "sine", "cosine": with the
-    carrier in the weights, which takes or gives up to 4 %.
+    carrier in the weights, which changes it by up to 4 %.
     """
     k = np.arange(-period_px, period_px + 1)
     phase = 2 * np.pi * k / period_px

@@ -1,4 +1,4 @@
-"""The rest map: the LCD position that every camera pixel sees while the mirror is at rest."""
+"""The rest map: the LCD position that every camera pixel looks at by the mirror at rest."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from zeromethod.warp.warp import Warp
 
 
 class Reason(enum.IntFlag):
-    """Reasons against a pixel; 0 means valid. Stored as uint16 arrays; several may hold at once."""
+    """Reasons why a pixel is invalid, as bits; 0 means valid. Stored as uint16 arrays."""
 
-    NO_MODULATION = 1  # the fringes are not seen: not mirror, or in the dark
-    SATURATED = 2  # grey levels at the camera's ceiling
+    NO_MODULATION = 1  # no fringes: not the mirror, or dark
+    SATURATED = 2  # grey levels at the camera's largest
     DEAD = 4  # a few pixels, of camera or LCD, that do not follow their neighbours
     DISTURBED = 8  # the light changed during the capture: a hand, a moved part
-    SECOND_REFLECTION = 16  # two places of the LCD are seen at once
+    SECOND_REFLECTION = 16  # two places of the LCD in one pixel
     WRONG_ORDER = 32  # whole periods away from its neighbours
-    DOUBTFUL_ORDER = 64  # another order is nearly as likely
-    OFF_DISPLAY = 128  # the place lies past the LCD's edge
+    AMBIGUOUS_ORDER = 64  # another order is nearly as likely
+    OFF_DISPLAY = 128  # the place lies off the LCD
     INCONSISTENT = 256  # the periods disagree by more than noise, in this pixel alone
 
 
 def plain_name(reason: Reason) -> str:
-    """Name of one reason as a person reads it."""
+    """Name of one reason in words."""
     return str(reason.name).lower().replace("_", " ")
 
 
@@ -41,7 +41,7 @@ _ARRAYS = ("column", "row", "sigma", "valid", "reason")
 _STORED = ("lcd_px", "sigma_px", "valid", "reason")
 
 LEAST_SHARE = 0.5
-"""Share of a node's window that must be valid for the node to be."""
+"""Least valid share of a node's window for the node to be valid."""
 
 _LEAST_SIGMA_PX = 1e-6
 
@@ -52,7 +52,7 @@ _FLAGS: tuple[tuple[Reason, Flag], ...] = (
     (Reason.DISTURBED, Flag.LIGHT_LOST),
     (Reason.SECOND_REFLECTION, Flag.MIXED),
     (Reason.WRONG_ORDER, Flag.AMBIGUOUS),
-    (Reason.DOUBTFUL_ORDER, Flag.AMBIGUOUS),
+    (Reason.AMBIGUOUS_ORDER, Flag.AMBIGUOUS),
     (Reason.OFF_DISPLAY, Flag.OFF_DISPLAY),
     (Reason.INCONSISTENT, Flag.MIXED),
 )
@@ -73,7 +73,7 @@ class RestMap:
     reason: Flags
 
     def save(self, path: Path) -> None:
-        """Write `path` (.npz), whole or not at all: column, row, sigma, valid, reason."""
+        """Write `path` (.npz) atomically: column, row, sigma, valid, reason."""
         with atomic_write(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file,
@@ -87,7 +87,7 @@ class RestMap:
 
     @classmethod
     def load(cls, path: Path) -> RestMap:
-        """Read what `save` wrote, or the rest map in a calibration's arrays (.h5).
+        """Rest map from a file of `save`, or from a calibration's arrays (.h5).
 
         Raises InputError for anything else.
         """
@@ -111,23 +111,22 @@ class RestMap:
 
     @classmethod
     def _of_calibration(cls, path: Path) -> RestMap:
-        import h5py  # noqa: PLC0415 - loads slowly, and few need it
+        import h5py  # noqa: PLC0415 - loads slowly, rarely needed
 
         try:
             with h5py.File(path, "r") as file:
                 group = file["rest_map"]
                 lcd_px, sigma_px, valid, reason = (group[name][()] for name in _STORED)
         except (OSError, KeyError) as error:
-            raise InputError(f"{path}: holds no rest map: arrays of a calibration (HDF5)") from error
+            raise InputError(f"{path}: has no rest map; name the arrays (HDF5) of a calibration") from error
         return cls(lcd_px.astype(np.float64), sigma_px.astype(np.float64), valid, reason)
 
     def warp(self, grid: NodeGrid, time_ns: int = 0) -> Warp:
-        """The same as a measured warp: q and sigma at the nodes, from a quadratic fitted around each.
+        """Rest map as a measured warp: q and sigma at the nodes, from a quadratic fitted around each.
 
-        The window is as wide as the nodes are apart, so the noise of neighbouring nodes is all but
-        independent. Nodes of the padding are `OUTSIDE` whether or not the image reaches them (q is given
-        where it does); elsewhere the flag is that of the most frequent reason in the window. Raises
-        InputError for a grid of another image size.
+        The window is as wide as the node spacing, so the noise of neighbouring nodes is nearly independent.
+        Nodes of the padding are `OUTSIDE` (with q where the image reaches them); elsewhere the flag is that
+        of the most frequent reason in the window. Raises InputError for a grid of another image size.
         """
         if grid.image_shape != self.valid.shape:
             raise InputError(
@@ -137,11 +136,11 @@ class RestMap:
         half = max(1, grid.spacing_px // 2)
         q = np.full((*grid.shape, 2), np.nan)
         sigma = np.full((*grid.shape, 2), np.nan)
-        seen = np.zeros(grid.shape, dtype=np.uint16)
-        _fit(self.lcd_px, self.sigma_px, self.valid, self.reason, grid.u_px, grid.v_px, half, q, sigma, seen)
+        found = np.zeros(grid.shape, dtype=np.uint16)
+        _fit(self.lcd_px, self.sigma_px, self.valid, self.reason, grid.u_px, grid.v_px, half, q, sigma, found)
         inner = np.zeros(grid.shape, dtype=np.uint16)
         for reason, flag in _FLAGS:
-            inner[(seen & int(reason)) != 0] |= np.uint16(int(flag))
+            inner[(found & int(reason)) != 0] |= np.uint16(int(flag))
         flags = np.full(grid.shape, int(Flag.OUTSIDE), dtype=np.uint16)
         flags[grid.inner] = inner[grid.inner]
         return Warp(q, sigma, flags, time_ns)
@@ -149,7 +148,7 @@ class RestMap:
 
 @numba.njit(cache=True)
 def _worst(reason: Flags, rows: tuple[int, int], cols: tuple[int, int]) -> int:
-    """The bit that most pixels of the window have."""
+    """The most frequent bit of a window."""
     count = np.zeros(16, dtype=np.int64)
     for j in range(rows[0], rows[1]):
         for i in range(cols[0], cols[1]):
@@ -185,7 +184,7 @@ def _quadratic(
                     right[m] += weight * basis[m] * place[j, i]
                     for n in range(6):
                         normal[m, n] += weight * basis[m] * basis[n]
-    # A ridge far below the data's weight: a window cut down to a few lines of pixels stays solvable.
+    # a ridge far below the data's weight keeps a window of only a few lines of pixels solvable
     for m in range(1, 6):
         normal[m, m] += 1e-9 * normal[0, 0]
     inverse = np.linalg.inv(normal)
@@ -206,15 +205,15 @@ def _fit(
     half: int,
     q: Float,
     sigma: Float,
-    seen: Flags,
+    found: Flags,
 ) -> None:
-    """Weighted least squares of a quadratic per node and component; `seen` gets one reason bit, or 0."""
+    """Weighted least squares of a quadratic per node and component; `found` gets one reason bit, or 0."""
     rows, cols = valid.shape
     for b in range(len(v_px)):
         for a in range(len(u_px)):
             j0, i0 = round(v_px[b]), round(u_px[a])
             if not (half <= j0 < rows - half and half <= i0 < cols - half):
-                seen[b, a] = 1
+                found[b, a] = 1
                 continue
             window = (j0 - half, j0 + half + 1), (i0 - half, i0 + half + 1)
             count = 0
@@ -222,7 +221,7 @@ def _fit(
                 for i in range(window[1][0], window[1][1]):
                     count += valid[j, i]
             if count < max(LEAST_SHARE * (2 * half + 1) ** 2, 7.0):
-                seen[b, a] = _worst(reason, window[0], window[1])
+                found[b, a] = _worst(reason, window[0], window[1])
                 continue
             middle = (u_px[a], v_px[b], float(half))
             for k in range(2):

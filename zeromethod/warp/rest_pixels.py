@@ -1,11 +1,10 @@
-"""What the measured rest tells about the camera: which ray each node really has.
+"""Camera rays from the measured rest: the pixel of the rig file's ideal camera that has each node's true ray.
 
-A camera's pixel-to-ray map is the hardest part of a rig to know (lens distortion, a focal length by the
-data sheet), and a closed loop measures what it does to the mirror at rest, node by node: the LCD position
-that the node sees. Where everything else is known, that position names the ray: it is the ray of the pixel
-(u', v') at which an ideal camera of the rig file would see it. A reader on these pixels is zeroed at rest
-and takes every node's ray, mirror point and lever to be those that it truly has, which subtracting the warp
-at rest does not do.
+A camera's pixel-to-ray map is the part of a rig that is hardest to know (lens distortion, nominal focal
+length), and a closed loop measures its effect at rest, node by node: the LCD position that the node looks at.
+Where everything else is known, that position determines the ray: it is the ray of the pixel (u', v') at which
+an ideal camera of the rig file would observe it. A reader on these pixels is zeroed at rest and has every
+node's true ray, mirror point and lever, unlike one that only subtracts the warp at rest.
 """
 
 from __future__ import annotations
@@ -25,17 +24,17 @@ _SETTLED_PX = 1e-9
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RestGrid(NodeGrid):
-    """Nodes whose camera pixels are not those of the image but of the rig file's ideal camera.
+    """Node grid whose rays are those of the pixels (u', v') of the rig file's ideal camera.
 
-    pixels: (rows, cols, 2) (u', v') px. Everything but `mesh` is as on the grid it was made from: only what
-    asks for the nodes' rays sees a difference.
+    pixels: (rows, cols, 2) (u', v') px. Only `mesh`, which gives the nodes' rays, differs from the grid it
+    was made from.
     """
 
     pixels: Float = field(repr=False)
 
     @classmethod
     def of(cls, grid: NodeGrid, optics: Optics, q_rest: Float) -> RestGrid:
-        """Nodes of `grid` at the pixels whose rays see `q_rest` by the mirror at rest.
+        """Nodes of `grid` at the pixels whose rays meet `q_rest` by the mirror at rest.
 
         q_rest: (rows, cols, 2) LCD px, measured at rest, NaN where unknown: such nodes keep their pixel.
         """
@@ -48,9 +47,9 @@ class RestGrid(NodeGrid):
 
 
 def rest_pixels(optics: Optics, start: Float, q_rest: Float) -> Float:
-    """Pixels (..., 2) of the rig file's camera that see LCD positions `q_rest` by the mirror at rest.
+    """Pixels (..., 2) of the rig file's camera that look at LCD positions `q_rest` by the mirror at rest.
 
-    start: (..., 2) px, where to look first. Newton on the exact rays; a pixel stays at `start` where q_rest
+    start: (..., 2) px, initial guess. Newton on the exact rays; a pixel stays at `start` where q_rest
     is NaN, no ray leads there, or the iteration does not settle.
     """
     pixels = start.copy()

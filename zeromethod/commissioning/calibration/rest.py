@@ -152,7 +152,7 @@ _TOLD = {
     Reason.WRONG_ORDER: (
         "lie whole fringe periods off their neighbours: a step or crease in the mirror, or much noise"
     ),
-    Reason.DOUBTFUL_ORDER: (
+    Reason.AMBIGUOUS_ORDER: (
         "could lie whole fringe periods off: more light, or more frames per picture (--frames)"
     ),
     Reason.SATURATED: "are too bright for the camera: shorten the exposure",

@@ -14,7 +14,7 @@ from zeromethod.surface import Peak, Surface
 
 Figures = dict[str, Any]
 
-_ARRAYS = ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope", "valid", "contact")
+_ARRAYS = ("depth_mm", "slope", "points_mm", "sigma_depth_mm", "sigma_slope", "valid", "contact")
 
 
 def same(recorded: Image, again: Image) -> bool:
@@ -143,6 +143,6 @@ def same_surface(recorded: Surface, again: Surface) -> bool:
         if not same(known, getattr(again, name)):
             return False
     a, b = recorded.anchor, again.anchor
-    same_anchor = (a.mode, a.sigma_mm, a.tail_mm) == (b.mode, b.sigma_mm, b.tail_mm)
+    same_anchor = (a.mode, a.sigma_mm, a.far_field_mm) == (b.mode, b.sigma_mm, b.far_field_mm)
     iterations = recorded.iterations == again.iterations
     return same_anchor and iterations and same(a.mask, b.mask) and recorded.time_ns == again.time_ns

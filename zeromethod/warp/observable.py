@@ -1,8 +1,9 @@
-"""Taking out of a commanded warp what the sensor cannot see, so that it does not drift.
+"""Observable part of a displacement: a low-pass filter that removes modes which the sensor cannot observe.
 
 The residual is measured through the window box_P * box_P, whose response on nodes half a period
 apart is W(f) = sinc(2 f)^2 per axis (f in cycles per node): 0.5 at f = 0.22, 0.15 at 0.34, 0.1 at 0.37, 0 at
-the Nyquist frequency 0.5. A mode with W near 0 returns as whatever was shown and random-walks.
+the Nyquist frequency 0.5. A mode with W near 0 is measured as whatever was shown and would random-walk
+in the commanded warp.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def gain(f_cycles_per_node: float | Float) -> Float:
 
 @numba.njit(cache=True)
 def _pad_line(line: Float) -> None:
-    """Point reflection about both end nodes, in place: a straight line goes on straight."""
+    """Continue a line by point reflection about both end nodes, in place: a straight line stays straight."""
     pad = HALF_WIDTH
     last = line.shape[0] - 1 - pad
     for k in range(1, pad + 1):
@@ -83,7 +84,7 @@ def _filter(field: Float, taps: Float, out: Float) -> None:
     padded = np.empty((rows + 2 * pad, 2 * cols))
     line = np.empty((cols + 2 * pad, 2))
     for j in range(rows):
-        # a loop: numba takes two seconds longer over a slice
+        # a loop, as numba takes two seconds longer to compile a slice
         for i in range(cols):
             for c in range(2):
                 line[pad + i, c] = field[j, i, c]
@@ -93,17 +94,17 @@ def _filter(field: Float, taps: Float, out: Float) -> None:
     _filter_lines(padded, taps, out.reshape(rows, 2 * cols))
 
 
-def filter_unseen(displacement: Float, out: Float | None = None) -> Float:
-    """Displacement without the node modes that the residual cannot see.
+def observable_part(displacement: Float, out: Float | None = None) -> Float:
+    """Displacement without the node modes that the residual cannot observe.
 
     displacement: (rows, cols, 2) float64, C-contiguous, any unit, finite, at least 9 nodes per axis:
     q - q_rest, never q itself (rest must not be filtered). `out` may be `displacement`.
 
     A separable symmetric FIR of 17 taps. Its gain per axis is 1 within 1e-3 where the window passes more
     than half (f <= 0.22), 0.8 at f = 0.28, below 0.05 where the window passes less than a tenth
-    (f >= 0.37) and 0 at Nyquist; so a mode along an axis that W cannot hold is gone in one frame, one
-    along the diagonal (W = 0.1 at 0.28, 0.28) keeps 0.7 per frame and cannot random-walk either. Fewer taps
-    cannot do it: 13 leave 2e-3 and 0.17. Gain 1 at f = 0 to rounding, and cubic polynomials pass
+    (f >= 0.37) and 0 at Nyquist; so an unobservable mode along an axis is gone in one frame, one along
+    the diagonal (W = 0.1 at 0.28, 0.28) keeps 0.7 per frame and cannot random-walk either. Fewer taps do not
+    suffice: 13 leave 2e-3 and 0.17. Gain 1 at f = 0 to rounding, and cubic polynomials pass
     unchanged, so no depth leaks. At the grid's edge the field is continued by point
     reflection: planes stay exact there, an edge node keeps its value along that axis.
     """
