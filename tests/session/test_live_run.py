@@ -282,7 +282,7 @@ def test_a_run_reads_though_no_process_can_be_started_for_it(monkeypatch: pytest
     def refuse(*_arguments: object, **_streams: object) -> Any:
         raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
-    monkeypatch.setattr(process, "start_beside", refuse)
+    monkeypatch.setattr(process, "start_process", refuse)
     with session() as (run, _):
         records = run.steps(seconds=20)
         while len(read(run)) < 3:

@@ -15,8 +15,8 @@ from hanging import eventually
 from processes import has_ended
 from surface_bench import Bench, Gauss, small_rig
 
+from zeromethod.child_process import NICENESS
 from zeromethod.errors import InputError
-from zeromethod.priority import BEHIND
 from zeromethod.session import surface_process as process_module
 from zeromethod.session.surface_process import ReadingLost, SurfaceProcess
 from zeromethod.surface import SurfaceReader, peak
@@ -65,7 +65,7 @@ def test_it_leaves_the_cores_to_the_loop_once_it_has_started(bench, warp):
         process.read(warp)
         process.read(warp)  # it steps back after its first answer
         own = os.getpriority(os.PRIO_PROCESS, 0)
-        assert os.getpriority(os.PRIO_PROCESS, process.process_id) == max(BEHIND, own)
+        assert os.getpriority(os.PRIO_PROCESS, process.process_id) == max(NICENESS, own)
         # within one session, or niceness would not count against the loop where the system groups by sessions
         assert os.getsid(process.process_id) == os.getsid(0)
 

@@ -12,9 +12,8 @@ import time
 import traceback
 from typing import Any
 
-from zeromethod.child_process import heed_run_only, start_beside, take_output
+from zeromethod.child_process import ignore_signals, lower_priority, start_process, take_output
 from zeromethod.optics import Optics
-from zeromethod.priority import step_back
 from zeromethod.rig.model import Rig
 from zeromethod.surface.peak import Peak, peak
 from zeromethod.surface.reader import SurfaceReader
@@ -40,7 +39,7 @@ class SurfaceProcess:
         self._asked_s: float | None = None
         self._why = ""
         try:
-            self._process = start_beside(__name__, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+            self._process = start_process(__name__, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         except OSError as error:
             raise ReadingLost(f"it does not start: {error.strerror}") from None
         self._setting: tuple[Rig, NodeGrid] | None = rig, grid
@@ -121,12 +120,12 @@ def _serve() -> None:
                 answer = error
             pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
             answers.flush()
-            step_back()  # not before the first one: the run waits for it
+            lower_priority()  # not before the first one: the run waits for it
 
 
 def main() -> None:
     """Settings, then warps come in at standard input, surfaces with their peaks go out at standard output."""
-    heed_run_only()
+    ignore_signals()
     limit_threads()
     try:
         _serve()
