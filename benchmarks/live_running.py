@@ -133,7 +133,7 @@ class Running:
         self.loop = self._stack.enter_context(loop)
         if variant.reads:
             surfaces = Surfaces(rig, prepared.optics, loop.grid)
-            self._stack.enter_context(surfaces.beside(warm_up_warp(loop.rest)))
+            self._stack.enter_context(surfaces.in_own_process(warm_up_warp(loop.rest)))
             publisher = self._stack.enter_context(_published(loop, clock, variant.subscriber))
             self._reading = StepReader(_reading(surfaces), publisher, live=True)
             self._stack.callback(self._reading.close)

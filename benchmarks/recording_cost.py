@@ -115,7 +115,7 @@ class Bench:
         camera = OwnFrames(prepared, display, clock)
         self.loop = self._stack.enter_context(Loop(rig, camera, display, clock, optics=prepared.optics))
         surfaces = Surfaces(rig, prepared.optics, self.loop.grid)
-        self._stack.enter_context(surfaces.beside(warm_up_warp(self.loop.rest)))
+        self._stack.enter_context(surfaces.in_own_process(warm_up_warp(self.loop.rest)))
         self.recorder: Recorder | None = None
 
         def read(step: Step) -> Reading:

@@ -21,7 +21,7 @@ from rich.console import Console
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.loop.state import NULLED, State
-from zeromethod.session import surface_process as process
+from zeromethod.session import surfaces as process
 from zeromethod.session.reading import CLOSING_S, StepReader
 from zeromethod.session.result import FrameRecord
 from zeromethod.session.run import Run

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import math
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -21,6 +23,10 @@ _GAIN = ("Gain", "GainAbs", "GainRaw")
 _RATE = ("AcquisitionFrameRate", "AcquisitionFrameRateAbs")
 _TICKS_HZ = ("GevTimestampTickFrequency", "TimestampTickFrequency")
 _TRIGGERS = ("FrameStart", "ExposureStart", "FrameBurstStart", "AcquisitionStart")
+
+
+REPEAT_S = 2.0
+"""How long a triggered frame is waited for."""
 
 
 class FeatureError(Exception):
@@ -81,6 +87,25 @@ class Settings:
     trigger: str = "free"
     trigger_source: str = "Line1"
     features: Mapping[str, Value] = field(default_factory=dict)
+
+
+class SoftwareTrigger:
+    """When to trigger: once per frame, and again where a triggered frame does not come for `REPEAT_S`."""
+
+    def __init__(self) -> None:
+        self._fired_s = -math.inf
+
+    def due(self) -> bool:
+        """Whether to trigger now; then the next one is due after the frame."""
+        now_s = time.monotonic()
+        due = now_s - self._fired_s > REPEAT_S
+        if due:
+            self._fired_s = now_s
+        return due
+
+    def answered(self) -> None:
+        """The frame has come."""
+        self._fired_s = -math.inf
 
 
 @dataclass(frozen=True)

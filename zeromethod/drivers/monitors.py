@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import socket
+import sys
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,6 +45,32 @@ class Monitor:
         size = f"{self.columns} x {self.rows}"
         rate = f", {self.refresh_hz:.2f} Hz" if self.refresh_hz else ""
         return f"{self.index} ({self.name}, {size}{rate}, at {self.x}, {self.y})"
+
+
+class Claim:
+    """A monitor of the present desktop, claimed for one program: a second pattern would hide the first.
+
+    It lasts until `release`, or until the program ends, however that comes about; on Linux only.
+    """
+
+    def __init__(self, index: int) -> None:
+        """Raises FileExistsError when another claim lasts."""
+        desktop = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY", "")
+        self._socket = socket.socket(socket.AF_UNIX) if sys.platform == "linux" else None
+        if self._socket is None:
+            return
+        try:
+            # an abstract socket: no file is left behind
+            self._socket.bind(f"\0zeromethod monitor {index} of {desktop}")
+        except OSError as error:
+            self._socket.close()
+            raise FileExistsError(f"monitor {index} of {desktop}: in use by another process") from error
+
+    def release(self) -> None:
+        """End the claim; safe to call twice."""
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._socket.close()
 
 
 def monitors() -> tuple[Monitor, ...]:

@@ -13,7 +13,6 @@ from zeromethod.arrays import Bytes
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import DisplayLost
 from zeromethod.drivers import monitors
-from zeromethod.drivers.claim import Claim, claim_monitor
 from zeromethod.drivers.desktop import Desktop
 from zeromethod.drivers.glfw_window import GlfwWindow, connect, glfw_errors_as
 from zeromethod.drivers.refresh import Refreshes
@@ -62,12 +61,12 @@ class WindowDisplay:
     def _open(self, monitor: int | None) -> None:
         place = None
         self._name = ""
-        self._claim: Claim | None = None
+        self._claim: monitors.Claim | None = None
         if monitor is not None:
             place, found = monitors.find(monitor, self._size, self._refresh_hz, self._desktop)
             self._name = found.name
             try:
-                self._claim = claim_monitor(monitor)
+                self._claim = monitors.Claim(monitor)
             except FileExistsError:
                 raise InputError(
                     f"display window: monitor {monitor} shows another zeromethod's pattern"

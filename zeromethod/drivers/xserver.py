@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes import POINTER, Structure, byref, c_char_p, c_int, c_ubyte, c_uint, c_ulong, c_ushort, c_void_p
@@ -16,6 +15,7 @@ from functools import cache
 from typing import Any
 
 from zeromethod.errors import InputError
+from zeromethod.worker import call_within
 
 PATIENCE_S = 5.0
 """A server that has not answered by then is not waited for."""
@@ -187,19 +187,17 @@ class XServer:
     def __init__(self) -> None:
         """Connect; OSError without libX11 or server, InputError when it does not answer in time."""
         self._x11 = _x11()
-        opened: list[int | None] = []
-        # A server that takes the connection and says nothing would be waited for for ever.
-        asking = threading.Thread(
-            target=lambda: opened.append(self._x11.XOpenDisplay(None)), name="X server", daemon=True
-        )
-        asking.start()
-        asking.join(PATIENCE_S)
-        if not opened:
+        try:  # a server that accepts the connection and says nothing would be waited for without end
+            self._server: int | None = call_within(
+                PATIENCE_S, lambda: self._x11.XOpenDisplay(None), "X server"
+            )
+        except TimeoutError:
             name = os.environ.get("DISPLAY", "")
-            raise InputError(f"display window: the X server {name} does not answer within {PATIENCE_S:g} s")
-        if not opened[0]:
+            raise InputError(
+                f"display window: the X server {name} does not answer within {PATIENCE_S:g} s"
+            ) from None
+        if not self._server:
             raise OSError("no X server")
-        self._server: int | None = opened[0]
 
     def outputs(self) -> tuple[Output, ...]:
         """Lit outputs, empty where the server cannot tell (no RandR, no libXrandr)."""

@@ -103,7 +103,7 @@ class Run:
             stack.callback(self._finish)
             stack.callback(self._end_recording)
             if self.loop.live:
-                stack.enter_context(self._surfaces.beside(warm_up_warp(self.loop.rest)))
+                stack.enter_context(self._surfaces.in_own_process(warm_up_warp(self.loop.rest)))
             reading = StepReader(self._read, self._publisher, self.loop.live)
             stack.callback(self._take, reading)
             stack.callback(reading.close)

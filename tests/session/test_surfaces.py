@@ -17,8 +17,8 @@ from surface_bench import Bench, Gauss, small_rig
 
 from zeromethod.child_process import NICENESS
 from zeromethod.errors import InputError
-from zeromethod.session import surface_process as process_module
-from zeromethod.session.surface_process import ReadingLost, SurfaceProcess
+from zeromethod.session import surfaces as process_module
+from zeromethod.session.surfaces import ReadingLost, SurfaceProcess
 from zeromethod.surface import SurfaceReader, peak
 
 
@@ -134,7 +134,7 @@ PARENT = """
 import sys
 sys.path[:] = {path!r}
 from pathlib import Path
-from zeromethod.session.surface_process import SurfaceProcess
+from zeromethod.session.surfaces import SurfaceProcess
 from surface_bench import Bench, Gauss, small_rig
 bench = Bench(small_rig())
 process = SurfaceProcess(bench.rig, bench.grid)
