@@ -111,7 +111,7 @@ class Bench:
         display = MemoryDisplay(prepared, False, clock)
         self.clock = clock
         self._stack = ExitStack()
-        self._stack.enter_context(patch("zeromethod.loop.drawer.PatternRenderer", Noted))
+        self._stack.enter_context(patch("zeromethod.loop.drawing.PatternRenderer", Noted))
         camera = OwnFrames(prepared, display, clock)
         self.loop = self._stack.enter_context(Loop(rig, camera, display, clock, optics=prepared.optics))
         surfaces = Surfaces(rig, prepared.optics, self.loop.grid)

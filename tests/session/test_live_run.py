@@ -274,7 +274,7 @@ def test_a_run_whose_reading_process_is_killed_tells_it_and_reads_on() -> None:
                 break
     told = [note for note in run.result.notes if "reads surfaces" in note]
     assert told == [
-        "the process that reads surfaces is lost (signal 9): the run's own does, and is slower",
+        "the process that reads surfaces is lost (signal 9): the run's own process reads now, slower",
     ]
 
 

@@ -126,7 +126,6 @@ class _AravisSource:
         self._clock = HostClock()
         self._stream = 0
         self._control_lost = False
-        self._lost = 0
         self._last_id: int | None = None
         self._number = -1
         self._trigger = SoftwareTrigger()
@@ -196,7 +195,7 @@ class _AravisSource:
         if shape != self.shape:
             raise CameraLost(f"its frames are now {shape}")
         self._trigger.answered()
-        # identities wrap round (16 bits in old cameras) and start anew with the stream
+        # identities wrap round (16 bits in old cameras) and start again with the stream
         step = 1 if self._last_id is None else number - self._last_id
         self._last_id = number
         dropped = step - 1 if 1 <= step < 1000 else 0

@@ -1,4 +1,4 @@
-"""What the desktop does to a picture on its way to a monitor, as far as it can be told, in words."""
+"""What the desktop does to a picture on its way to a monitor, as far as it is known, in words."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Desktop:
     def __init__(self, server: XServer | None) -> None:
         """server: where to ask; None = no X server."""
         self._server = server
-        self._held = False
+        self._kept_awake = False
 
-    def hold_awake(self) -> None:
-        """Light the monitors; hold screen saver and power saving off until `close`, or the process ends."""
-        self._held = self._server is not None and self._server.hold_awake()
+    def keep_awake(self) -> None:
+        """Light the monitors; turn screen saver and power saving off until `close`, or the process ends."""
+        self._kept_awake = self._server is not None and self._server.keep_awake()
 
     def asleep(self) -> str:
         """Monitors that power saving has turned off, in words; "" when lit or not known."""
@@ -36,15 +36,17 @@ class Desktop:
         return state and f"the LCD is asleep (power saving: {state})"
 
     def session_warnings(self) -> tuple[str, ...]:
-        """What holds for every monitor: Wayland, sleep that cannot be held off."""
+        """Warnings for every monitor: Wayland, power saving that cannot be turned off."""
         said = []
         if on_wayland():
             said.append(
                 "Wayland session: the desktop may put the window on another monitor, scale it and change its "
-                "greys, unseen from here; log in to an X11 session"
+                "greys, which zeromethod cannot detect; log in to an X11 session"
             )
-        if not self._held:
-            said.append("screen saver and power saving cannot be held off: turn them off in the settings")
+        if not self._kept_awake:
+            said.append(
+                "screen saver and power saving cannot be turned off from here: turn them off in the settings"
+            )
         else:
             own = set(os.environ.get("XDG_CURRENT_DESKTOP", "").split(":")) & _OWN_POWER_SAVING
             said += [f"{name} may blank the screen by itself: turn that off in its settings" for name in own]
@@ -63,7 +65,7 @@ class Desktop:
         return tuple(said)
 
     def refresh_hz(self, monitor: Any) -> float:
-        """Refresh rate of a glfw monitor, Hz, in whole Hz where no more is told; 0 = not known."""
+        """Refresh rate of a glfw monitor, Hz, in whole Hz where no more is known; 0 = not known."""
         name = os.fsdecode(glfw.get_monitor_name(monitor))
         outputs = self._server.outputs() if self._server else ()
         exact = [output.refresh_hz for output in outputs if output.name == name and output.refresh_hz]

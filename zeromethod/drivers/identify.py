@@ -1,4 +1,4 @@
-"""A picture on each monitor that tells which one it is, how it lies and whether its pixels are exact."""
+"""A picture on each monitor that shows its index, how it lies and whether its pixels are exact."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _UNKNOWN_RATE_HZ = 60.0
 
 @dataclass(frozen=True)
 class Identified:
-    """A monitor that showed its picture, and what its window warned of there."""
+    """A monitor that showed its picture, and the warnings of its window."""
 
     monitor: Monitor
     warnings: tuple[str, ...]
@@ -124,9 +124,9 @@ def _arrow(
 ) -> None:
     first, last = (round(start[0]), round(start[1])), (round(end[0]), round(end[1]))
     cv2.arrowedLine(image, first, last, _INK, max(1, round(unit / 12)), cv2.LINE_AA, tipLength=0.15)
-    beside = 0.45 * unit
+    offset = 0.45 * unit
     middle = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
-    shift = (0.0, beside) if start[1] == end[1] else (1.6 * beside + unit / 4, 0.0)
+    shift = (0.0, offset) if start[1] == end[1] else (1.6 * offset + unit / 4, 0.0)
     _text(image, (middle[0] + shift[0], middle[1] + shift[1]), text, unit / 3)
 
 

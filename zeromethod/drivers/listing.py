@@ -1,4 +1,4 @@
-"""Which cameras are connected, and what would have to be installed to find more."""
+"""The cameras that are connected, and what to install to find more."""
 
 from __future__ import annotations
 

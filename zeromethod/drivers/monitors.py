@@ -1,4 +1,4 @@
-"""Which monitors this computer has, by the index that `display.monitor` takes."""
+"""The monitors of this computer, by the index that `display.monitor` takes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Monitor:
     """A monitor as the desktop has set it.
 
     index: 0 is the primary one. columns, rows: px. refresh_hz: 0 when not known. x, y: its top left corner
-    on the desktop, px. scale: the desktop's. warnings: what becomes of pictures there, one line each.
+    on the desktop, px. scale: the desktop's. warnings: what changes pictures there, one line each.
     """
 
     index: int
@@ -94,7 +94,7 @@ def described(desktop: Desktop) -> tuple[Monitor, ...]:
 def find(index: int, size: tuple[int, int], refresh_hz: float, desktop: Desktop) -> tuple[Any, Monitor]:
     """The glfw monitor of an index, which must be set to (columns, rows) and, within 2 %, to refresh_hz.
 
-    InputError (one line) that lists the monitors when there is no such index, or tells what is set.
+    InputError (one line) that lists the monitors when there is no such index, or says what is set.
     """
     known = described(desktop)
     if index not in range(len(known)):

@@ -95,7 +95,7 @@ class _PylonFeatures:
         try:
             value: Value = self._nodes.GetNode(name).GetValue()
         except self._genicam.GenericException as error:
-            raise FeatureError(_told(error)) from error
+            raise FeatureError(_one_line(error)) from error
         return value
 
     def put(self, name: str, value: Value) -> None:
@@ -103,13 +103,13 @@ class _PylonFeatures:
         try:
             node.SetValue(round(float(value)) if hasattr(node, "GetInc") and _is_integer(node) else value)
         except (self._genicam.GenericException, TypeError, ValueError) as error:
-            raise FeatureError(_told(error)) from error
+            raise FeatureError(_one_line(error)) from error
 
     def execute(self, name: str) -> None:
         try:
             self._nodes.GetNode(name).Execute()
         except self._genicam.GenericException as error:
-            raise FeatureError(_told(error)) from error
+            raise FeatureError(_one_line(error)) from error
 
     def bounds(self, name: str) -> tuple[float, float] | None:
         node = self._nodes.GetNode(name)
@@ -127,8 +127,8 @@ def _is_integer(node: Any) -> bool:
     return isinstance(node.GetMin(), int)
 
 
-def _told(error: Exception) -> str:
-    """What the device says, without where in its library it was said."""
+def _one_line(error: Exception) -> str:
+    """The device's message, without the place in its library."""
     return " ".join(str(error).split(" : ")[0].split())
 
 

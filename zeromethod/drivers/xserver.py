@@ -1,4 +1,4 @@
-"""The X server, asked directly for what glfw does not tell: outputs, sleep, and holding sleep off.
+"""The X server, asked directly for what glfw does not report: outputs, power saving and its inhibition.
 
 Declarations follow the headers Xlib.h, Xrandr.h, dpms.h and scrnsaver.h.
 """
@@ -18,7 +18,7 @@ from zeromethod.errors import InputError
 from zeromethod.worker import call_within
 
 PATIENCE_S = 5.0
-"""A server that has not answered by then is not waited for."""
+"""How long the server is waited for."""
 
 _INTERLACED, _DOUBLE_SCAN = 0x10, 0x20
 _ROTATE_0 = 1
@@ -181,7 +181,7 @@ def _screen_saver() -> ctypes.CDLL:
 class XServer:
     """A connection of its own to the server that DISPLAY names; for one thread at a time.
 
-    What is held off stays so until the connection ends, however the process does.
+    Power saving stays off until the connection ends, however the process ends.
     """
 
     def __init__(self) -> None:
@@ -200,7 +200,7 @@ class XServer:
             raise OSError("no X server")
 
     def outputs(self) -> tuple[Output, ...]:
-        """Lit outputs, empty where the server cannot tell (no RandR, no libXrandr)."""
+        """Lit outputs, empty where the server does not know (no RandR, no libXrandr)."""
         try:
             randr = _xrandr()
         except OSError:
@@ -221,8 +221,8 @@ class XServer:
         state = self._power_state()
         return _DPMS_STATES[state] if state is not None and state < len(_DPMS_STATES) else ""
 
-    def hold_awake(self) -> bool:
-        """Light the monitors and hold screen saver and power saving off; False where the server cannot."""
+    def keep_awake(self) -> bool:
+        """Light the monitors, turn screen saver and power saving off; False where the server cannot."""
         with self._errors_ignored():
             self._x11.XForceScreenSaver(self._server, _FORCE_RESET)
             if self._power_state():
@@ -311,7 +311,7 @@ class XServer:
 
 
 def _refresh_hz(resources: _Resources, mode_id: int) -> float:
-    """Refresh rate of a mode, Hz; 0 when it is not told."""
+    """Refresh rate of a mode, Hz; 0 when it is not known."""
     for mode in resources.modes[: resources.mode_count]:
         lines = (
             mode.v_total * (2 if mode.flags & _DOUBLE_SCAN else 1) / (2 if mode.flags & _INTERLACED else 1)

@@ -157,7 +157,9 @@ class Surfaces:
 
     def _give_up(self, why: ReadingLost) -> None:
         self._process = None
-        self._note = f"the process that reads surfaces is lost ({why}): the run's own does, and is slower"
+        self._note = (
+            f"the process that reads surfaces is lost ({why}): the run's own process reads now, slower"
+        )
 
 
 def _serve() -> None:

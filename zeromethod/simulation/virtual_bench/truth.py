@@ -1,4 +1,4 @@
-"""The truth beside the pictures: one JSON line per frame, for a rehearsal to be held against."""
+"""The truth of the frames, one JSON line each, to compare a rehearsal with."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Deepest(NamedTuple):
 
 
 def deepest(mirror: Mirror) -> Deepest | None:
-    """Largest |depth| of the whole mirror, to 1e-6 of itself and 1 um; None at rest."""
+    """Largest |depth| of the whole mirror, to 1e-6 of itself and 1 µm; None at rest."""
     best: Deepest | None = None
     for dent in mirror.dents:
         found = Deepest(0.0, dent.x_mm, dent.y_mm)
@@ -56,7 +56,7 @@ class TruthFile:
     """Writes the header, then a line per frame, each flushed; a context manager."""
 
     def __init__(self, path: Path, rig: Rig, press: str) -> None:
-        """Begin the file anew; raises OSError where it cannot be written."""
+        """Begin a new file; raises OSError where it cannot be written."""
         self._file = path.open("w", encoding="utf-8")
         self._known: tuple[Mirror, Deepest | None] = Mirror(), None
         header = {
@@ -72,7 +72,7 @@ class TruthFile:
     def frame(
         self, number: int, time_ns: int, scenario_s: float | None, phase: str | None, mirror: Mirror
     ) -> None:
-        """Tell what frame `number` saw at its mid-exposure `time_ns`; scenario_s None: not yet begun."""
+        """Write the mirror of frame `number` at its mid-exposure `time_ns`; scenario_s None: not begun."""
         if mirror != self._known[0]:
             self._known = mirror, deepest(mirror)
         peak = self._known[1]
