@@ -16,6 +16,7 @@ from zeromethod.drivers.desktop import output_warnings, ramp_warnings
 from zeromethod.drivers.identify import identify_picture, p0_place
 from zeromethod.drivers.monitors import Claim, Monitor
 from zeromethod.drivers.xserver import Output
+from zeromethod.errors import InputError
 
 LEFT = Output("LEFT", 0, 0, 640, 480, 60.0)
 RIGHT = Output("RIGHT", 640, 0, 800, 600, 60.0)
@@ -121,7 +122,7 @@ def test_a_monitor_is_claimed_once_per_desktop_and_free_after_its_release(
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setenv("DISPLAY", ":4711")
     first, second = Claim(0), Claim(1)
-    with pytest.raises(FileExistsError, match="monitor 0 of :4711: in use"):
+    with pytest.raises(InputError, match="monitor 0 shows another zeromethod"):
         Claim(0)
     monkeypatch.setenv("DISPLAY", ":4712")
     third = Claim(0)

@@ -12,9 +12,8 @@ import numpy as np
 
 from zeromethod.arrays import Bytes
 from zeromethod.devices.protocols import DisplayLost
-from zeromethod.drivers.monitors import Monitor, monitors
+from zeromethod.drivers.monitors import Monitor, by_index, monitors
 from zeromethod.drivers.window import WindowDisplay
-from zeromethod.errors import InputError
 
 _BACKGROUND, _INK = 96, 255
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -41,9 +40,7 @@ def identify(
     window cannot be opened. A window that is closed ends it too.
     """
     known = monitors()
-    if index is not None and index not in range(len(known)):
-        raise InputError(f"--identify: {index}: allowed: {', '.join(map(str, known)) or 'none is connected'}")
-    chosen = known if index is None else (known[index],)
+    chosen = known if index is None else (by_index(known, index, "--identify"),)
     with ExitStack() as stack:
         displays = []
         for monitor in chosen:

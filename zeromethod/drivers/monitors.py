@@ -6,6 +6,7 @@ import contextlib
 import os
 import socket
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -54,7 +55,7 @@ class Claim:
     """
 
     def __init__(self, index: int) -> None:
-        """Raises FileExistsError when another claim lasts."""
+        """Raises InputError when another claim lasts."""
         desktop = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY", "")
         self._socket = socket.socket(socket.AF_UNIX) if sys.platform == "linux" else None
         if self._socket is None:
@@ -62,9 +63,9 @@ class Claim:
         try:
             # an abstract socket: no file is left behind
             self._socket.bind(f"\0zeromethod monitor {index} of {desktop}")
-        except OSError as error:
+        except OSError:
             self._socket.close()
-            raise FileExistsError(f"monitor {index} of {desktop}: in use by another process") from error
+            raise InputError(f"display window: monitor {index} shows another zeromethod's pattern") from None
 
     def release(self) -> None:
         """End the claim; safe to call twice."""
@@ -91,16 +92,25 @@ def described(desktop: Desktop) -> tuple[Monitor, ...]:
     return tuple(_describe(index, monitor, desktop) for index, monitor in enumerate(glfw.get_monitors()))
 
 
+def by_index(known: Sequence[Monitor], index: int, where: str) -> Monitor:
+    """The monitor of an index, which `where` gives; InputError (one line) that lists the monitors."""
+    if index not in range(len(known)):
+        raise InputError(f"{where}: {index!r}: allowed: {listed(known)}")
+    return known[index]
+
+
+def listed(known: Sequence[Monitor]) -> str:
+    """Monitors in one line."""
+    return ", ".join(map(str, known)) or "none is connected"
+
+
 def find(index: int, size: tuple[int, int], refresh_hz: float, desktop: Desktop) -> tuple[Any, Monitor]:
     """The glfw monitor of an index, which must be set to (columns, rows) and, within 2 %, to refresh_hz.
 
     InputError (one line) that lists the monitors when there is no such index, or says what is set.
     """
-    known = described(desktop)
-    if index not in range(len(known)):
-        listed = ", ".join(map(str, known)) or "none is connected"
-        raise InputError(f"display.monitor: {index!r}: allowed: {listed}")
-    found, wanted = known[index], f"{size[0]} x {size[1]}"
+    found = by_index(described(desktop), index, "display.monitor")
+    wanted = f"{size[0]} x {size[1]}"
     if (found.columns, found.rows) != size:
         is_set = f"{found.columns} x {found.rows}"
         raise InputError(f"display.monitor: {index}: set to {is_set}; the rig's display is {wanted} px")

@@ -59,11 +59,13 @@ class WindowDisplay:
         self._closed = False
         self._fault: str | None = None
         self._picture: moderngl.Framebuffer | None = None
+        self._claim: monitors.Claim | None = None
         with glfw_errors_as(InputError):
             self._desktop = Desktop(connect())
             try:
                 self._open(monitor)
             except BaseException:
+                self._unclaim()
                 self._desktop.close()
                 raise
 
@@ -71,22 +73,12 @@ class WindowDisplay:
         place = None
         self.name = ""
         """The monitor's name, "" for a plain window."""
-        self._claim: monitors.Claim | None = None
         if monitor is not None:
             place, found = monitors.find(monitor, self.size, self.refresh_hz, self._desktop)
             self.name = found.name
-            try:
-                self._claim = monitors.Claim(monitor)
-            except FileExistsError:
-                raise InputError(
-                    f"display window: monitor {monitor} shows another zeromethod's pattern"
-                ) from None
-        try:
-            with current_context_kept():
-                self._open_in(place)
-        except BaseException:
-            self._unclaim()
-            raise
+            self._claim = monitors.Claim(monitor)
+        with current_context_kept():
+            self._open_in(place)
 
     def _open_in(self, place: Any) -> None:
         """Open the window on a glfw monitor, None = the primary one, and time its swaps."""
