@@ -125,15 +125,15 @@ def test_what_the_device_raises_on_opening_comes_through() -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "told"),
+    ("error", "message"),
     [(CameraLost("unplugged"), "^unplugged$"), (OSError("bus\nreset"), "^OSError: bus reset$")],
 )
-def test_whatever_the_device_raises_later_is_a_lost_camera(error: Exception, told: str) -> None:
+def test_whatever_the_device_raises_later_is_a_lost_camera(error: Exception, message: str) -> None:
     def fail(_: int) -> None:
         raise error
 
     camera = opened(lambda: Scripted(fail))
-    with pytest.raises(CameraLost, match=told):
+    with pytest.raises(CameraLost, match=message):
         camera.read(5)
     camera.close()
 

@@ -1,4 +1,4 @@
-"""A run in real time: read beside the loop, published to the end, ended in order."""
+"""A run in real time: read alongside the loop, published to the end, ended in order."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Reading:
 
 
 class Reader:
-    """Reads as slowly as `go` tells."""
+    """Reads once `go` is set."""
 
     def __init__(self) -> None:
         self.go = threading.Event()
@@ -188,7 +188,7 @@ def test_a_run_reads_depth_and_publishes_to_the_end(real: bool) -> None:
     assert (step.state, reading) == (State.STOPPED, None)
     assert step.number == result.records[-1].number + 1
     assert sum(one is not None for _, one in published.turns) == len(read(run))
-    eventually(lambda: not running("read surface", "present"))
+    eventually(lambda: not running("read surface", "drawing"))
 
 
 def test_an_interrupted_run_keeps_what_it_has_and_ends_within_a_second_though_the_camera_hangs() -> None:
@@ -245,7 +245,7 @@ def test_a_run_left_half_way_ends_its_threads() -> None:
             next(steps)
         steps.close()  # type: ignore[attr-defined]
         assert run.loop.status.state is State.STOPPED
-        eventually(lambda: not running("read surface", "present"))
+        eventually(lambda: not running("read surface", "drawing"))
         assert published.turns[-1][0].state is State.STOPPED
 
 
@@ -272,8 +272,8 @@ def test_a_run_whose_reading_process_is_killed_tells_it_and_reads_on() -> None:
                 killed, before = True, len(read(run))
             elif killed and len(read(run)) > before + 5:
                 break
-    told = [note for note in run.result.notes if "reads surfaces" in note]
-    assert told == [
+    notes = [note for note in run.result.notes if "reads surfaces" in note]
+    assert notes == [
         "the process that reads surfaces is lost (signal 9): the run's own process reads now, slower",
     ]
 
@@ -288,8 +288,8 @@ def test_a_run_reads_though_no_process_can_be_started_for_it(monkeypatch: pytest
         while len(read(run)) < 3:
             next(records)
         records.close()  # type: ignore[attr-defined]
-    [told] = [note for note in run.result.notes if "reads surfaces" in note]
-    assert "lost (it does not start: Resource temporarily unavailable)" in told
+    [notes] = [note for note in run.result.notes if "reads surfaces" in note]
+    assert "lost (it does not start: Resource temporarily unavailable)" in notes
 
 
 def lose(_reads: int) -> None:

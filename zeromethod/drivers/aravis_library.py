@@ -34,7 +34,7 @@ SUCCESS = 0
 
 
 class AravisError(Exception):
-    """What Aravis reports, in its words."""
+    """An error that Aravis reports, in its words."""
 
 
 class _GError(ctypes.Structure):
@@ -150,7 +150,7 @@ class Aravis:
             raise AttributeError(name) from None
 
     def release(self, thing: int) -> None:
-        """Give up an object."""
+        """Release a reference to an object."""
         self._gobject.g_object_unref(thing)
 
     def free(self, memory: int) -> None:

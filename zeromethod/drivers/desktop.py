@@ -1,4 +1,4 @@
-"""What the desktop does to a picture on its way to a monitor, as far as it is known, in words."""
+"""The desktop's changes to pictures on their way to a monitor, as far as they are known, in words."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Desktop:
     """The desktop around the windows; in the main thread, after glfw's start."""
 
     def __init__(self, server: XServer | None) -> None:
-        """server: where to ask; None = no X server."""
+        """server: None = no X server."""
         self._server = server
         self._kept_awake = False
 
@@ -53,7 +53,7 @@ class Desktop:
         return tuple(said)
 
     def monitor_warnings(self, monitor: Any) -> tuple[str, ...]:
-        """What becomes of pictures on a glfw monitor: scaled, mirrored, turned, greys changed."""
+        """Changes to pictures on a glfw monitor: scaled, mirrored, turned, greys changed."""
         name = os.fsdecode(glfw.get_monitor_name(monitor))
         scale = max(glfw.get_monitor_content_scale(monitor))
         said = []
@@ -83,7 +83,7 @@ def on_wayland() -> bool:
 
 
 def output_warnings(name: str, outputs: Sequence[Output]) -> list[str]:
-    """What an output does to its picture, given all lit ones, in words."""
+    """Changes that an output makes to its picture, given all lit outputs, in words."""
     said = []
     for own in (output for output in outputs if output.name == name):
         if own.scaled:
@@ -101,7 +101,7 @@ def output_warnings(name: str, outputs: Sequence[Output]) -> list[str]:
 
 
 def ramp_warnings(name: str, ramp: Sequence[Sequence[float]]) -> list[str]:
-    """Whether red, green and blue (each 0..1 over the codes) change the greys, in words."""
+    """Changes to greys by the ramps of red, green and blue (each 0..1 over the codes), in words."""
     linear = np.linspace(0, 1, len(ramp[0]))
     worst = max(float(np.max(np.abs(np.asarray(colour) - linear))) for colour in ramp)
     if worst <= _RAMP_TOLERANCE:

@@ -70,7 +70,7 @@ def identity(features: Features) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class Settings:
-    """What the rig file asks of a camera; see `zeromethod.rig.model.CameraSpec` for the keys.
+    """Settings of a camera in the rig file; see `zeromethod.rig.model.CameraSpec` for the keys.
 
     features: any others, by the device's own names, set before these. trigger_source: input of a hardware
     trigger.
@@ -110,7 +110,7 @@ class SoftwareTrigger:
 
 @dataclass(frozen=True)
 class Configured:
-    """What the camera is set to. exposure_s: as the device has it; tick_ns: of its time stamps."""
+    """Settings that the camera has taken. exposure_s: as the device has it; tick_ns: of its time stamps."""
 
     exposure_s: float
     bits: int

@@ -45,7 +45,7 @@ class Performance:
 
     @property
     def begun(self) -> bool:
-        """Whether its start is set."""
+        """Whether it has been started."""
         return self._start_ns is not None
 
     def over(self, time_ns: int) -> bool:
@@ -64,7 +64,7 @@ class Performance:
 
 
 class Bender:
-    """What the camera sees of exposures: optics, with the mirror of mid-exposure, then the sensor's noise."""
+    """Camera images of exposures: optics, with the mirror of mid-exposure, then the sensor's noise."""
 
     def __init__(self, rig: Rig) -> None:
         """Lay out the rays and compile. Raises InputError where the rig's rest surface cannot be used."""

@@ -19,7 +19,7 @@ CLOCK = "monotonic"
 
 
 class Deepest(NamedTuple):
-    """Where the rubber is deepest (or, under negative dents only, highest): mm."""
+    """The deepest point of the rubber (or, under negative dents only, the highest): mm."""
 
     depth_mm: float
     x_mm: float
@@ -45,7 +45,7 @@ def deepest(mirror: Mirror) -> Deepest | None:
 
 
 def _reach_mm(dent: Dent) -> float:
-    """How far from a dent's centre its deepest point may lie."""
+    """Largest distance of a dent's deepest point from its centre, mm."""
     if dent.shape is Shape.MAP and dent.map is not None:
         return dent.size_mm * float(np.hypot(*dent.map.shape)) / 2
     return dent.length_mm / 2 + (dent.size_mm if dent.shape is not Shape.BALL else 1.0)
