@@ -126,14 +126,14 @@ class Running:
         self._reading: StepReader | None = None
         self._stack = ExitStack()
         renderer = Drawn if variant.drawn else Noted
-        with patch("zeromethod.loop.drawer.PatternRenderer", renderer):
+        with patch("zeromethod.loop.drawing.PatternRenderer", renderer):
             loop = Loop(rig, self._camera, self._display, clock, optics=prepared.optics)
         # the first picture is drawn in the first turn
-        self._stack.enter_context(patch("zeromethod.loop.drawer.PatternRenderer", renderer))
+        self._stack.enter_context(patch("zeromethod.loop.drawing.PatternRenderer", renderer))
         self.loop = self._stack.enter_context(loop)
         if variant.reads:
             surfaces = Surfaces(rig, prepared.optics, loop.grid)
-            self._stack.enter_context(surfaces.beside(warm_up_warp(loop.rest)))
+            self._stack.enter_context(surfaces.in_own_process(warm_up_warp(loop.rest)))
             publisher = self._stack.enter_context(_published(loop, clock, variant.subscriber))
             self._reading = StepReader(_reading(surfaces), publisher, live=True)
             self._stack.callback(self._reading.close)

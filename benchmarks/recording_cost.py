@@ -111,11 +111,11 @@ class Bench:
         display = MemoryDisplay(prepared, False, clock)
         self.clock = clock
         self._stack = ExitStack()
-        self._stack.enter_context(patch("zeromethod.loop.drawer.PatternRenderer", Noted))
+        self._stack.enter_context(patch("zeromethod.loop.drawing.PatternRenderer", Noted))
         camera = OwnFrames(prepared, display, clock)
         self.loop = self._stack.enter_context(Loop(rig, camera, display, clock, optics=prepared.optics))
         surfaces = Surfaces(rig, prepared.optics, self.loop.grid)
-        self._stack.enter_context(surfaces.beside(warm_up_warp(self.loop.rest)))
+        self._stack.enter_context(surfaces.in_own_process(warm_up_warp(self.loop.rest)))
         self.recorder: Recorder | None = None
 
         def read(step: Step) -> Reading:

@@ -1,4 +1,4 @@
-"""Where the shaders and the packaged rigs lie: inside the wheel, or beside the package in a checkout."""
+"""Paths of the shaders and the packaged rigs: inside the wheel, or next to the package in a checkout."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many cores the libraries of a run may take."""
+"""A limit on the threads of the libraries that a run uses."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ def limit_threads(count: int = 1) -> None:
     """Let BLAS, OpenMP, OpenCV and numba use `count` threads each, from now on.
 
     A later call may raise the count again; numba's ends at the number of threads it was started with.
-    The loop is one thread, and its steps are too short to be shared out: pools that each take every core
-    slow it by contending for them.
+    The loop is one thread, and its steps are too short to be divided: pools that each take every core
+    slow it by contention.
     """
     threadpool_limits(limits=count)
     cv2.setNumThreads(count)

@@ -59,12 +59,18 @@ class Worker(Generic[Request, Answer]):
         return 0.0 if began_s is None else time.monotonic() - began_s
 
     def opened(self, timeout_s: float) -> bool:
-        """Whether the context was entered within that time; raises what entering it raised."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._is_open or self._ended, timeout_s)
-        if not self._is_open:
-            self.raise_failure()
-        return self._is_open
+        """Whether the context was entered within that time; else the worker is closed.
+
+        Raises what entering it raised.
+        """
+        try:
+            with self._changed:
+                self._changed.wait_for(lambda: self._is_open or self._ended, timeout_s)
+                return self._is_open
+        finally:
+            if not self._is_open:
+                self.close(0.0)
+                self.raise_failure()
 
     def post(self, request: Request) -> None:
         """Serve a request next. Returns at once."""

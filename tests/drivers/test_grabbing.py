@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -126,15 +125,15 @@ def test_what_the_device_raises_on_opening_comes_through() -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "told"),
+    ("error", "message"),
     [(CameraLost("unplugged"), "^unplugged$"), (OSError("bus\nreset"), "^OSError: bus reset$")],
 )
-def test_whatever_the_device_raises_later_is_a_lost_camera(error: Exception, told: str) -> None:
+def test_whatever_the_device_raises_later_is_a_lost_camera(error: Exception, message: str) -> None:
     def fail(_: int) -> None:
         raise error
 
     camera = opened(lambda: Scripted(fail))
-    with pytest.raises(CameraLost, match=told):
+    with pytest.raises(CameraLost, match=message):
         camera.read(5)
     camera.close()
 
@@ -150,17 +149,49 @@ def test_on_demand_each_read_takes_one_exposure() -> None:
     camera.close()
 
 
-HUNG = """
-import threading
-from zeromethod.drivers.grabbing import GrabbedCamera
-class Hung:
-    shape, bits, on_demand = (2, 2), 8, False
-    def grab(self): threading.Event().wait()
-    def close(self): pass
-GrabbedCamera("hung", Hung, 5.0)
-"""
+def test_frames_lost_before_they_arrived_count_as_dropped_and_once() -> None:
+    go = threading.Event()
+
+    def script(call: int) -> Frame | None:
+        if call == 3:
+            go.wait(5)
+        if call > 3:
+            time.sleep(0.01)
+            return None
+        return replace(frame((3, 7, 8)[call - 1]), dropped=(2, 3, 0)[call - 1])
+
+    source = Scripted(script)
+    camera = opened(lambda: source)
+    while source.calls < 3:
+        time.sleep(0.001)
+    newest = camera.read(5)
+    assert (newest.number, newest.dropped) == (7, 6)
+    go.set()
+    newest = camera.read(5)
+    assert (newest.number, newest.dropped) == (8, 0)
+    with pytest.raises(CameraTimeout, match=r"^no frame within 0\.02 s$"):
+        camera.read(0.02)
+    camera.close()
 
 
-def test_a_hung_device_does_not_keep_the_program_from_ending() -> None:
-    run = subprocess.run([sys.executable, "-c", HUNG], capture_output=True, text=True, timeout=30, check=True)
-    assert run.stderr == ""
+def test_the_last_frame_is_read_before_the_loss_which_stays() -> None:
+    def script(call: int) -> Frame:
+        if call == 2:
+            raise CameraLost("pulled out")
+        return frame(call)
+
+    source = Scripted(script)
+    camera = opened(lambda: source)
+    assert source.closed.wait(5)
+    assert camera.read(5).number == 1
+    for _ in range(2):
+        with pytest.raises(CameraLost, match=r"^pulled out$"):
+            camera.read(5)
+    camera.close()
+
+
+def test_closing_wakes_who_reads() -> None:
+    camera = opened(lambda: Scripted(lambda _: time.sleep(0.01)))
+    threading.Timer(0.1, camera.close).start()
+    with pytest.raises(CameraLost, match=r"^it is closed$"):
+        camera.read(5)

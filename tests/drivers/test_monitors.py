@@ -14,8 +14,9 @@ import pytest
 
 from zeromethod.drivers.desktop import output_warnings, ramp_warnings
 from zeromethod.drivers.identify import identify_picture, p0_place
-from zeromethod.drivers.monitors import Monitor
+from zeromethod.drivers.monitors import Claim, Monitor
 from zeromethod.drivers.xserver import Output
+from zeromethod.errors import InputError
 
 LEFT = Output("LEFT", 0, 0, 640, 480, 60.0)
 RIGHT = Output("RIGHT", 640, 0, 800, 600, 60.0)
@@ -113,3 +114,20 @@ def test_a_server_that_never_answers_is_not_waited_for() -> None:
         said = listed(f"127.0.0.1:{number}")
     assert said == f"display window: the X server 127.0.0.1:{number} does not answer within 0.3 s"
     assert time.monotonic() - before < 20
+
+
+def test_a_monitor_is_claimed_once_per_desktop_and_free_after_its_release(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("DISPLAY", ":4711")
+    first, second = Claim(0), Claim(1)
+    with pytest.raises(InputError, match="monitor 0 shows another zeromethod"):
+        Claim(0)
+    monkeypatch.setenv("DISPLAY", ":4712")
+    third = Claim(0)
+    monkeypatch.setenv("DISPLAY", ":4711")
+    first.release()
+    first.release()
+    for claim in (Claim(0), second, third):
+        claim.release()

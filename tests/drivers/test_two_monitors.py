@@ -244,11 +244,11 @@ def test_night_mode_is_told_also_when_it_comes_during_the_run(
     monkeypatch.setattr("zeromethod.drivers.window._LOOK_AGAIN_S", 0.05)
     desktop.xrandr("--output", "DUMMY1", "--gamma", "1:0.9:0.7")
     until = time.monotonic() + 5
-    while not (told := [said for said in display.warnings if "gamma ramp" in said]):
+    while not (said := [line for line in display.warnings if "gamma ramp" in line]):
         assert time.monotonic() < until
         display.poll()
     # code^(1/0.7) lies at most 12 % of full scale below code: 0.7^(0.7/0.3) - 0.7^(1/0.3) = 0.435 - 0.305
-    assert told[0].startswith("DUMMY1: its gamma ramp changes greys by up to 13% (night mode")
+    assert said[0].startswith("DUMMY1: its gamma ramp changes greys by up to 13% (night mode")
 
 
 def test_the_monitors_are_listed_as_they_are_set(desktop: TwoMonitors) -> None:

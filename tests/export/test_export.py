@@ -7,7 +7,6 @@ from pathlib import Path
 import h5py
 import pytest
 
-from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 from zeromethod.export import SUFFIXES, Selection, prepare
 from zeromethod.recording.recording import Recording
@@ -60,25 +59,6 @@ def test_an_unknown_suffix_and_a_missing_library_say_what_to_do(
     assert refused(recording, "a.tif") == (
         "export: needs the library tifffile: pip install 'zeromethod[export]'"
     )
-
-
-def test_writing_that_ends_early_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
-    path = tmp_path / "a.npz"
-    path.write_text("old")
-    with pytest.raises(KeyboardInterrupt):
-        _write_half(path)
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
-    with atomic_write(path) as part:
-        part.write_text("new")
-    assert path.read_text() == "new"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def _write_half(path: Path) -> None:
-    with atomic_write(path) as part:
-        part.write_text("half")
-        raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize("suffix", list(SUFFIXES))

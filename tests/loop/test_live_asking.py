@@ -126,7 +126,7 @@ def test_the_screen_is_driven_from_one_thread_and_polled_from_the_callers() -> N
         b.eye.before_read = lambda _reads: reading.add(threading.current_thread().name)
         for _ in range(4):
             b.loop.step()
-        assert threads == {"present"}
+        assert threads == {"drawing"}
         assert reading == {"capture"}
         assert b.screen.polled_in is threading.current_thread()
     assert isinstance(b.screen, Screen)

@@ -15,8 +15,7 @@ from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost
 from zeromethod.errors import InputError
 from zeromethod.loop import drawing
 from zeromethod.loop.drawing import Drawing, Drawn
-from zeromethod.loop.frame_source import FrameSource
-from zeromethod.loop.live.capture import GRACE_S, Capture
+from zeromethod.loop.frame_source import GRACE_S, Capture, FrameSource
 from zeromethod.pattern.strips import CODES
 
 # Capture

@@ -18,9 +18,9 @@ import pytest
 from planted_turns import bench, reading, recorder, sizes, turn, wait_for
 from processes import has_ended
 
+from zeromethod.child_process import NICENESS
 from zeromethod.errors import InputError
 from zeromethod.loop.events import Event
-from zeromethod.priority import BEHIND
 from zeromethod.recording.recording import Recording
 
 OLD_S = 0.5
@@ -235,7 +235,7 @@ def test_what_writes_hears_no_ctrl_c_and_leaves_the_cores_to_the_loop(tmp_path: 
         assert os.getpgid(writer) != os.getpgid(0)
         # within one session, or niceness would not count against the loop where the system groups by sessions
         assert os.getsid(writer) == os.getsid(0)
-        assert os.getpriority(os.PRIO_PROCESS, writer) == max(BEHIND, os.getpriority(os.PRIO_PROCESS, 0))
+        assert os.getpriority(os.PRIO_PROCESS, writer) == max(NICENESS, os.getpriority(os.PRIO_PROCESS, 0))
 
 
 def test_a_start_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""A run in real time: read beside the loop, published to the end, ended in order."""
+"""A run in real time: read alongside the loop, published to the end, ended in order."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import StepFigures
-from zeromethod.session import surface_process as process
+from zeromethod.session import surfaces as process
 from zeromethod.session.reading import CLOSING_S, StepReader
 from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
@@ -39,7 +39,7 @@ class Turn:
 
 
 class Reader:
-    """Reads as slowly as `go` tells."""
+    """Reads once `go` is set."""
 
     def __init__(self) -> None:
         self.go = threading.Event()
@@ -185,7 +185,7 @@ def test_a_run_reads_depth_and_publishes_to_the_end(real: bool) -> None:
     assert (step.state, step.surface) == (State.STOPPED, None)
     assert step.number == result.records[-1].number + 1
     assert sum(one.surface is not None for one in published.steps) == len(read(run))
-    eventually(lambda: not running("read surface", "present"))
+    eventually(lambda: not running("read surface", "drawing"))
 
 
 def test_an_interrupted_run_keeps_what_it_has_and_ends_within_a_second_though_the_camera_hangs() -> None:
@@ -242,8 +242,9 @@ def test_a_run_left_half_way_ends_its_threads() -> None:
             next(steps)
         steps.close()  # type: ignore[attr-defined]
         assert run.loop.status.state is State.STOPPED
-        eventually(lambda: not running("read surface", "present"))
+        eventually(lambda: not running("read surface"))
         assert published.steps[-1].state is State.STOPPED
+    eventually(lambda: not running("drawing"))
 
 
 def test_an_error_in_reading_ends_the_run_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -269,9 +270,9 @@ def test_a_run_whose_reading_process_is_killed_tells_it_and_reads_on() -> None:
                 killed, before = True, len(read(run))
             elif killed and len(read(run)) > before + 5:
                 break
-    told = [note for note in run.result.notes if "reads surfaces" in note]
-    assert told == [
-        "the process that reads surfaces is lost (signal 9): the run's own does, and is slower",
+    notes = [note for note in run.result.notes if "reads surfaces" in note]
+    assert notes == [
+        "the process that reads surfaces is lost (signal 9): the run's own process reads now, slower",
     ]
 
 
@@ -279,14 +280,14 @@ def test_a_run_reads_though_no_process_can_be_started_for_it(monkeypatch: pytest
     def refuse(*_arguments: object, **_streams: object) -> Any:
         raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
-    monkeypatch.setattr(process, "start_beside", refuse)
+    monkeypatch.setattr(process, "start_process", refuse)
     with session() as (run, _):
         records = run.run(seconds=20)
         while len(read(run)) < 3:
             next(records)
         records.close()  # type: ignore[attr-defined]
-    [told] = [note for note in run.result.notes if "reads surfaces" in note]
-    assert "lost (it does not start: Resource temporarily unavailable)" in told
+    [notes] = [note for note in run.result.notes if "reads surfaces" in note]
+    assert "lost (it does not start: Resource temporarily unavailable)" in notes
 
 
 def lose(_reads: int) -> None:

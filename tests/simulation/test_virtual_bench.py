@@ -386,7 +386,7 @@ def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_told(
                 bench.terminate()
                 started = time.monotonic()
                 assert bench.wait(PATIENCE_S) == 0
-                # told to end within a second; Python takes longer to end on a busy machine
+                # asked to end within a second; Python takes longer to end on a busy machine
                 assert time.monotonic() - started < 5.0
         finally:
             bench.kill()
@@ -424,18 +424,18 @@ def test_what_cannot_be_used_is_refused_in_one_line(
     desktop: two_monitors.TwoMonitors, arguments: list[str], environment: dict[str, str], said: str
 ) -> None:
     bench = virtual_bench(desktop.environment | environment, arguments)
-    _, told = bench.communicate(timeout=PATIENCE_S)
+    _, errors = bench.communicate(timeout=PATIENCE_S)
     assert bench.returncode == 2
-    assert said in told
-    assert told.count("\n") == 1
+    assert said in errors
+    assert errors.count("\n") == 1
 
 
 def test_a_port_in_use_is_bad_input(desktop: two_monitors.TwoMonitors) -> None:
     with serving() as server:
         bench = virtual_bench(desktop.environment, ["--port", str(server.port)])
-        _, told = bench.communicate(timeout=PATIENCE_S)
+        _, errors = bench.communicate(timeout=PATIENCE_S)
     assert bench.returncode == 2
-    assert told.startswith(f"zeromethod: --port: {server.port}: ")
+    assert errors.startswith(f"zeromethod: --port: {server.port}: ")
 
 
 def test_without_mss_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

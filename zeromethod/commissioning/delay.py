@@ -20,7 +20,7 @@ from zeromethod.exposure.pairing import PanelTiming, pair
 from zeromethod.exposure.presentation_log import PresentationLog
 from zeromethod.exposure.strip_matching import Match
 from zeromethod.exposure.strip_reading import StripReader, find_strips
-from zeromethod.loop.drawer import Drawer
+from zeromethod.loop.drawing import Drawer
 from zeromethod.optics import Optics
 from zeromethod.pattern.strips import CODES
 from zeromethod.rig.model import Rig

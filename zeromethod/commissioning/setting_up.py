@@ -16,7 +16,7 @@ from zeromethod.commissioning.standing_patterns import HeldPictures
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost, Frame
 from zeromethod.errors import MeasurementError
-from zeromethod.loop.drawer import Drawer
+from zeromethod.loop.drawing import Drawer
 from zeromethod.rig.model import Rig
 
 SETTLE_S = 0.2

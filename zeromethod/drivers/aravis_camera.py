@@ -14,16 +14,13 @@ from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import CameraLost, Frame
 from zeromethod.drivers.aravis_library import SUCCESS, Aravis, AravisError, library
 from zeromethod.drivers.device_clock import DeviceClock, MidExposure
-from zeromethod.drivers.genicam import FeatureError, Settings, Value, configure, identity
+from zeromethod.drivers.genicam import FeatureError, Settings, SoftwareTrigger, Value, configure, identity
 from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera
 from zeromethod.errors import InputError
 
 _OPENING_S = 15.0
 _BUFFERS = 4
 """One is filled while one is read; the others take up what comes while the thread waits for its turn."""
-
-_REPEAT_TRIGGER_S = 2.0
-"""A frame that was triggered and did not come for so long is triggered again."""
 
 
 class AravisCamera(GrabbedCamera):
@@ -51,19 +48,8 @@ class AravisCamera(GrabbedCamera):
         features: Mapping[str, Value] | None = None,
     ) -> None:
         """Open and configure it; InputError (one line) without Aravis or camera, or for a refused value."""
-        settings = Settings(
-            columns=columns,
-            rows=rows,
-            bits=bits,
-            rate_hz=rate_hz,
-            exposure_s=exposure_s,
-            gain=gain,
-            pixel_format=pixel_format,
-            region_px=region_px,
-            trigger=trigger,
-            trigger_source=trigger_source,
-            features=features or {},
-        )
+        image = columns, rows, bits, rate_hz, exposure_s, gain, pixel_format, region_px
+        settings = Settings(*image, trigger, trigger_source, features or {})
         super().__init__("aravis", lambda: _AravisSource(address, settings, latency_s), _OPENING_S)
 
 
@@ -140,10 +126,9 @@ class _AravisSource:
         self._clock = HostClock()
         self._stream = 0
         self._control_lost = False
-        self._lost = 0
         self._last_id: int | None = None
         self._number = -1
-        self._fired_ns: int | None = None
+        self._trigger = SoftwareTrigger()
         self.on_demand = settings.trigger == "software"
         self._camera = self._opened(address)
         try:
@@ -186,8 +171,8 @@ class _AravisSource:
         """Newest frame, or None when none came in a moment; raises CameraLost when its control is lost."""
         if self._control_lost:
             raise CameraLost("it no longer answers (control lost)")
-        if self.on_demand:
-            self._fire()
+        if self.on_demand and self._trigger.due():
+            self._features.execute("TriggerSoftware")
         buffer = self._aravis.stream_timeout_pop_buffer(self._stream, round(1e6 * POLL_S))
         if not buffer:
             time.sleep(1e-3)  # a stream that is broken does not wait
@@ -209,8 +194,8 @@ class _AravisSource:
         shape = aravis.buffer_get_image_height(buffer), aravis.buffer_get_image_width(buffer)
         if shape != self.shape:
             raise CameraLost(f"its frames are now {shape}")
-        self._fired_ns = None
-        # identities wrap round (16 bits in old cameras) and start anew with the stream
+        self._trigger.answered()
+        # identities wrap round (16 bits in old cameras) and start again with the stream
         step = 1 if self._last_id is None else number - self._last_id
         self._last_id = number
         dropped = step - 1 if 1 <= step < 1000 else 0
@@ -227,12 +212,6 @@ class _AravisSource:
             raise CameraLost(f"its frames have {size.value} bytes instead of {needed}")
         raw = np.ctypeslib.as_array(ctypes.cast(data, ctypes.POINTER(ctypes.c_uint8)), (needed,))
         return raw.view(self._dtype).reshape(self.shape).copy()
-
-    def _fire(self) -> None:
-        now_ns = self._clock.now_ns()
-        if self._fired_ns is None or now_ns - self._fired_ns > 1e9 * _REPEAT_TRIGGER_S:
-            self._fired_ns = now_ns
-            self._features.execute("TriggerSoftware")
 
     def close(self) -> None:
         """Stop and release the device."""

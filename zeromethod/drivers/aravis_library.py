@@ -34,7 +34,7 @@ SUCCESS = 0
 
 
 class AravisError(Exception):
-    """What Aravis reports, in its words."""
+    """An error that Aravis reports, in its words."""
 
 
 class _GError(ctypes.Structure):
@@ -50,6 +50,7 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "arv_get_device_id": (c_char_p, (c_uint,)),
     "arv_get_device_address": (c_char_p, (c_uint,)),
     "arv_camera_get_device": (c_void_p, (c_void_p,)),
+    "arv_device_get_feature": (c_void_p, (c_void_p, c_char_p)),
     "arv_stream_push_buffer": (None, (c_void_p, c_void_p)),
     "arv_stream_timeout_pop_buffer": (c_void_p, (c_void_p, c_uint64)),
     "arv_stream_try_pop_buffer": (c_void_p, (c_void_p,)),
@@ -85,7 +86,8 @@ _FALLIBLE: dict[str, tuple[Any, tuple[Any, ...]]] = {
         (c_void_p, c_char_p, _OUT_COUNT),
     ),
 }
-_KINDS = ("float", "integer", "boolean", "enumeration", "string")
+_KINDS = ("enumeration", "float", "integer", "boolean", "string")
+"""Of features, by GObject's types; an enumeration is an integer too, so it is asked for first."""
 _SIGNAL = ctypes.CFUNCTYPE(None, c_void_p, c_void_p)
 
 
@@ -107,6 +109,7 @@ class Aravis:
         for name in ("g_free", "g_error_free"):
             getattr(self._glib, name).argtypes = (c_void_p,)
         self._gobject.g_object_unref.argtypes = (c_void_p,)
+        self._gobject.g_type_check_instance_is_a.argtypes = (c_void_p, c_size_t)
         connect = self._gobject.g_signal_connect_data
         connect.argtypes = (c_void_p, c_char_p, _SIGNAL, c_void_p, c_void_p, c_int)
         connect.restype = ctypes.c_ulong
@@ -115,7 +118,9 @@ class Aravis:
             self._functions[name] = self._function(loaded, name, result, arguments)
         for name, (result, arguments) in _FALLIBLE.items():
             self._functions[name] = self._checked(self._function(loaded, name, result, (*arguments, _ERROR)))
-        self._gc_node_kinds = _NodeKinds(loaded)
+        self._types = {
+            kind: self._function(loaded, f"arv_gc_{kind}_get_type", c_size_t, ())() for kind in _KINDS
+        }
 
     @staticmethod
     def _function(
@@ -145,7 +150,7 @@ class Aravis:
             raise AttributeError(name) from None
 
     def release(self, thing: int) -> None:
-        """Give up an object."""
+        """Release a reference to an object."""
         self._gobject.g_object_unref(thing)
 
     def free(self, memory: int) -> None:
@@ -160,27 +165,6 @@ class Aravis:
 
     def kind(self, device: int, feature: str) -> str:
         """Type of a feature: float, integer, boolean, enumeration or string; "" for others."""
-        return self._gc_node_kinds.of(device, feature)
-
-
-class _NodeKinds:
-    """What type of node a feature is, by GObject's types."""
-
-    def __init__(self, loaded: ctypes.CDLL) -> None:
-        gobject = ctypes.CDLL("libgobject-2.0.so.0")
-        self._is_a = gobject.g_type_check_instance_is_a
-        self._is_a.restype, self._is_a.argtypes = c_int, (c_void_p, c_size_t)
-        self._feature = loaded.arv_device_get_feature
-        self._feature.restype, self._feature.argtypes = c_void_p, (c_void_p, c_char_p)
-        self._types = {}
-        # an enumeration is an integer too, so it is asked for first
-        for kind in sorted(_KINDS, key=lambda kind: kind != "enumeration"):
-            get_type = getattr(loaded, f"arv_gc_{kind}_get_type")
-            get_type.restype, get_type.argtypes = c_size_t, ()
-            self._types[kind] = get_type()
-
-    def of(self, device: int, feature: str) -> str:
-        node = self._feature(device, feature.encode())
-        if not node:
-            return ""
-        return next((kind for kind, number in self._types.items() if self._is_a(node, number)), "")
+        node = self.device_get_feature(device, feature.encode())
+        is_a = self._gobject.g_type_check_instance_is_a
+        return next((kind for kind in _KINDS if node and is_a(node, self._types[kind])), "")

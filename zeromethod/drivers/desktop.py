@@ -1,4 +1,4 @@
-"""What the desktop does to a picture on its way to a monitor, as far as it can be told, in words."""
+"""The desktop's changes to pictures on their way to a monitor, as far as they are known, in words."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class Desktop:
     """The desktop around the windows; in the main thread, after glfw's start."""
 
     def __init__(self, server: XServer | None) -> None:
-        """server: where to ask; None = no X server."""
+        """server: None = no X server."""
         self._server = server
-        self._held = False
+        self._kept_awake = False
 
-    def hold_awake(self) -> None:
-        """Light the monitors; hold screen saver and power saving off until `close`, or the process ends."""
-        self._held = self._server is not None and self._server.hold_awake()
+    def keep_awake(self) -> None:
+        """Light the monitors; turn screen saver and power saving off until `close`, or the process ends."""
+        self._kept_awake = self._server is not None and self._server.keep_awake()
 
     def asleep(self) -> str:
         """Monitors that power saving has turned off, in words; "" when lit or not known."""
@@ -36,22 +36,24 @@ class Desktop:
         return state and f"the LCD is asleep (power saving: {state})"
 
     def session_warnings(self) -> tuple[str, ...]:
-        """What holds for every monitor: Wayland, sleep that cannot be held off."""
+        """Warnings for every monitor: Wayland, power saving that cannot be turned off."""
         said = []
         if on_wayland():
             said.append(
                 "Wayland session: the desktop may put the window on another monitor, scale it and change its "
-                "greys, unseen from here; log in to an X11 session"
+                "greys, which zeromethod cannot detect; log in to an X11 session"
             )
-        if not self._held:
-            said.append("screen saver and power saving cannot be held off: turn them off in the settings")
+        if not self._kept_awake:
+            said.append(
+                "screen saver and power saving cannot be turned off from here: turn them off in the settings"
+            )
         else:
             own = set(os.environ.get("XDG_CURRENT_DESKTOP", "").split(":")) & _OWN_POWER_SAVING
             said += [f"{name} may blank the screen by itself: turn that off in its settings" for name in own]
         return tuple(said)
 
     def monitor_warnings(self, monitor: Any) -> tuple[str, ...]:
-        """What becomes of pictures on a glfw monitor: scaled, mirrored, turned, greys changed."""
+        """Changes to pictures on a glfw monitor: scaled, mirrored, turned, greys changed."""
         name = os.fsdecode(glfw.get_monitor_name(monitor))
         scale = max(glfw.get_monitor_content_scale(monitor))
         said = []
@@ -63,7 +65,7 @@ class Desktop:
         return tuple(said)
 
     def refresh_hz(self, monitor: Any) -> float:
-        """Refresh rate of a glfw monitor, Hz, in whole Hz where no more is told; 0 = not known."""
+        """Refresh rate of a glfw monitor, Hz, in whole Hz where no more is known; 0 = not known."""
         name = os.fsdecode(glfw.get_monitor_name(monitor))
         outputs = self._server.outputs() if self._server else ()
         exact = [output.refresh_hz for output in outputs if output.name == name and output.refresh_hz]
@@ -81,7 +83,7 @@ def on_wayland() -> bool:
 
 
 def output_warnings(name: str, outputs: Sequence[Output]) -> list[str]:
-    """What an output does to its picture, given all lit ones, in words."""
+    """Changes that an output makes to its picture, given all lit outputs, in words."""
     said = []
     for own in (output for output in outputs if output.name == name):
         if own.scaled:
@@ -99,7 +101,7 @@ def output_warnings(name: str, outputs: Sequence[Output]) -> list[str]:
 
 
 def ramp_warnings(name: str, ramp: Sequence[Sequence[float]]) -> list[str]:
-    """Whether red, green and blue (each 0..1 over the codes) change the greys, in words."""
+    """Changes to greys by the ramps of red, green and blue (each 0..1 over the codes), in words."""
     linear = np.linspace(0, 1, len(ramp[0]))
     worst = max(float(np.max(np.abs(np.asarray(colour) - linear))) for colour in ramp)
     if worst <= _RAMP_TOLERANCE:

@@ -1,4 +1,4 @@
-"""When a frame was exposed: the camera's own clock mapped onto the run's, or the time of receipt."""
+"""The time of a frame's exposure: the camera's own clock mapped onto the run's, or the time of receipt."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LEAST_SPAN_NS = 4 * BIN_NS
 """Before that, drift (1e-4 at worst: 0.2 ms) is less than what jitter would make of a slope."""
 
 JUMP_NS = 1_000_000_000
-"""A frame this far off the map means that one of the clocks was set anew."""
+"""A frame this far off the map means that one of the clocks was set."""
 
 
 class DeviceClock:
@@ -32,7 +32,7 @@ class DeviceClock:
 
     def _restart(self) -> None:
         # of each bin: its number, then stamp and (receipt - stamp) of the least delayed frame, relative to
-        # the first frame's so that floats hold them to the nanosecond
+        # the first frame's so that floats are exact to the nanosecond
         self._bins: deque[tuple[int, float, float]] = deque(maxlen=BINS)
         self._origin: tuple[float, int] | None = None
         self._last_ticks: int | None = None
@@ -41,7 +41,7 @@ class DeviceClock:
     def map(self, ticks: int, received_ns: int) -> int:
         """Time of a stamp on the run's clock plus the least delay, ns; never after its receipt.
 
-        Stamps must rise. One that does not, or lies a second off, starts the map anew.
+        Stamps must rise. One that does not, or lies a second off, restarts the map.
         """
         device_ns = ticks * self._tick_ns
         if self._last_ticks is not None and ticks <= self._last_ticks:

@@ -1,8 +1,10 @@
-"""Setting up a GenICam camera by its features, whichever library talks to it and whatever it calls them."""
+"""A GenICam camera set up by its features, for any library and any maker's names of them."""
 
 from __future__ import annotations
 
 import contextlib
+import math
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -21,6 +23,10 @@ _GAIN = ("Gain", "GainAbs", "GainRaw")
 _RATE = ("AcquisitionFrameRate", "AcquisitionFrameRateAbs")
 _TICKS_HZ = ("GevTimestampTickFrequency", "TimestampTickFrequency")
 _TRIGGERS = ("FrameStart", "ExposureStart", "FrameBurstStart", "AcquisitionStart")
+
+
+REPEAT_S = 2.0
+"""How long a triggered frame is waited for."""
 
 
 class FeatureError(Exception):
@@ -50,21 +56,21 @@ class Features(Protocol):
 
 
 def identity(features: Features) -> tuple[str, str]:
-    """(serial number, model) as the device tells them, "" for what it does not."""
-    told = []
+    """(serial number, model) of the device, "" for what it does not say."""
+    found = []
     for names in (("DeviceSerialNumber", "DeviceID"), ("DeviceModelName",)):
         value: Value = ""
         for name in names:
             if not value and features.available(name):
                 with contextlib.suppress(FeatureError):
                     value = features.get(name)
-        told.append(str(value))
-    return told[0], told[1]
+        found.append(str(value))
+    return found[0], found[1]
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What the rig file asks of a camera; see `zeromethod.rig.model.CameraSpec` for the keys.
+    """Settings of a camera in the rig file; see `zeromethod.rig.model.CameraSpec` for the keys.
 
     features: any others, by the device's own names, set before these. trigger_source: input of a hardware
     trigger.
@@ -83,9 +89,28 @@ class Settings:
     features: Mapping[str, Value] = field(default_factory=dict)
 
 
+class SoftwareTrigger:
+    """When to trigger: once per frame, and again where a triggered frame does not come for `REPEAT_S`."""
+
+    def __init__(self) -> None:
+        self._fired_s = -math.inf
+
+    def due(self) -> bool:
+        """Whether to trigger now; then the next one is due after the frame."""
+        now_s = time.monotonic()
+        due = now_s - self._fired_s > REPEAT_S
+        if due:
+            self._fired_s = now_s
+        return due
+
+    def answered(self) -> None:
+        """The frame has come."""
+        self._fired_s = -math.inf
+
+
 @dataclass(frozen=True)
 class Configured:
-    """What the camera is set to. exposure_s: as the device has it; tick_ns: of its time stamps."""
+    """Settings that the camera has taken. exposure_s: as the device has it; tick_ns: of its time stamps."""
 
     exposure_s: float
     bits: int
@@ -95,8 +120,8 @@ class Configured:
 def configure(features: Features, settings: Settings) -> Configured:
     """Set a camera up; InputError (one line: key, value, what it allows) for what it refuses.
 
-    A gain, an exposure or a trigger that the device does not have is refused; a frame rate that it cannot
-    be told is left to it.
+    A gain, an exposure or a trigger that the device does not have is refused; a frame rate that
+    cannot be set is left to it.
     """
     for name, value in settings.features.items():
         _put(features, f"features.{name}", name, value)
@@ -136,7 +161,7 @@ def _pixel_format(features: Features, name: str, bits: int) -> int:
 def _region(features: Features, settings: Settings) -> None:
     """Cut the region out of the sensor; without one, its first columns and rows."""
     x, y, columns, rows = settings.region_px or (0, 0, settings.columns, settings.rows)
-    for name in ("OffsetX", "OffsetY"):  # else a smaller width could not be told apart from a shifted one
+    for name in ("OffsetX", "OffsetY"):  # a width may be limited by the offset
         _optionally(features, name, 0)
     key = "region_px" if settings.region_px else ""
     _put(features, key or "columns", "Width", columns)
@@ -173,17 +198,15 @@ def _first(features: Features, key: str, value: Value, names: Sequence[str]) -> 
 
 def _optionally(features: Features, name: str, value: Value) -> None:
     if features.available(name):
-        try:
+        with contextlib.suppress(FeatureError):  # a feature that is fixed on this device
             features.put(name, value)
-        except FeatureError:
-            return  # a feature that is fixed on this device
 
 
 def _put(
-    features: Features, key: str, name: str, value: Value, told: Value | None = None, unit: float = 1.0
+    features: Features, key: str, name: str, value: Value, asked: Value | None = None, unit: float = 1.0
 ) -> None:
-    """Set `name` to `value`; where that fails, refuse `told` for the rig's `key`, in units of `unit`."""
-    where = f"camera.{key}: {_shown(value if told is None else told)}"
+    """Set `name` to `value`; where that fails, refuse `asked` for the rig's `key`, in units of `unit`."""
+    where = f"camera.{key}: {_shown(value if asked is None else asked)}"
     if not features.available(name):
         raise InputError(f"{where}: the device has no {name}")
     bounds = features.bounds(name)

@@ -69,7 +69,7 @@ def connect() -> XServer | None:
 
 
 def _reach_server() -> XServer | None:
-    """Ask the server first: glfw would wait for it for ever."""
+    """Connect to the server first: glfw would wait for it without end."""
     if "X11" not in str(glfw.get_version_string()) or not os.environ.get("DISPLAY"):
         return None
     try:
@@ -79,7 +79,7 @@ def _reach_server() -> XServer | None:
 
 
 def _catch_up(server: XServer) -> None:
-    """Let glfw, which started maybe long ago, hear of monitors that have come, gone or moved since."""
+    """Update glfw, which may have started long ago, with monitors that have come, gone or moved since."""
     until = time.monotonic() + _CATCH_UP_S
     lit = {(output.name, output.x, output.y) for output in server.outputs()}
     while True:
@@ -155,7 +155,7 @@ class GlfwWindow:
         return glfw.get_window_monitor(self._pointer) if self._full_screen else glfw.get_primary_monitor()
 
     def fault(self) -> str | None:
-        """What keeps the window from being the LCD, in words, after looking at its events."""
+        """Why the window cannot serve as the LCD, in words, after handling its events."""
         glfw.poll_events()
         if glfw.window_should_close(self._pointer):
             return "was closed"

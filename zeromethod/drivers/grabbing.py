@@ -69,13 +69,7 @@ class GrabbedCamera:
         self._end = ""
         self._worker: Worker[None, tuple[Frame, int]]
         self._worker = Worker(f"camera {name}", self._source, kept=1, idle=(0.0, None))
-        opened = False
-        try:
-            opened = self._worker.opened(open_timeout_s)
-        finally:
-            if not opened:
-                self._worker.close(0.0)
-        if not opened:
+        if not self._worker.opened(open_timeout_s):
             raise CameraLost(f"{name}: did not open within {open_timeout_s:g} s")
 
     def read(self, timeout_s: float) -> Frame:

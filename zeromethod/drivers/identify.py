@@ -1,4 +1,4 @@
-"""A picture on each monitor that tells which one it is, how it lies and whether its pixels are exact."""
+"""A picture on each monitor that shows its index, how it lies and whether its pixels are exact."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ import numpy as np
 
 from zeromethod.arrays import Bytes
 from zeromethod.devices.protocols import DisplayLost
-from zeromethod.drivers.monitors import Monitor, monitors
+from zeromethod.drivers.monitors import Monitor, by_index, monitors
 from zeromethod.drivers.window import WindowDisplay
-from zeromethod.errors import InputError
 
 _BACKGROUND, _INK = 96, 255
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -24,7 +23,7 @@ _UNKNOWN_RATE_HZ = 60.0
 
 @dataclass(frozen=True)
 class Identified:
-    """A monitor that showed its picture, and what its window warned of there."""
+    """A monitor that showed its picture, and the warnings of its window."""
 
     monitor: Monitor
     warnings: tuple[str, ...]
@@ -41,9 +40,7 @@ def identify(
     window cannot be opened. A window that is closed ends it too.
     """
     known = monitors()
-    if index is not None and index not in range(len(known)):
-        raise InputError(f"--identify: {index}: allowed: {', '.join(map(str, known)) or 'none is connected'}")
-    chosen = known if index is None else (known[index],)
+    chosen = known if index is None else (by_index(known, index, "--identify"),)
     with ExitStack() as stack:
         displays = []
         for monitor in chosen:
@@ -124,9 +121,9 @@ def _arrow(
 ) -> None:
     first, last = (round(start[0]), round(start[1])), (round(end[0]), round(end[1]))
     cv2.arrowedLine(image, first, last, _INK, max(1, round(unit / 12)), cv2.LINE_AA, tipLength=0.15)
-    beside = 0.45 * unit
+    offset = 0.45 * unit
     middle = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
-    shift = (0.0, beside) if start[1] == end[1] else (1.6 * beside + unit / 4, 0.0)
+    shift = (0.0, offset) if start[1] == end[1] else (1.6 * offset + unit / 4, 0.0)
     _text(image, (middle[0] + shift[0], middle[1] + shift[1]), text, unit / 3)
 
 

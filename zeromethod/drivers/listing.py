@@ -1,8 +1,7 @@
-"""Which cameras are connected, and what would have to be installed to find more."""
+"""The cameras that are connected, and what to install to find more."""
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -11,10 +10,11 @@ from pathlib import Path
 from zeromethod.drivers import aravis_camera, pylon_camera
 from zeromethod.drivers.aravis_library import INSTALL, library
 from zeromethod.errors import InputError
+from zeromethod.worker import call_within
 
 _VIDEO = Path("/sys/class/video4linux")
-_PATIENCE_S = 5.0
-"""A maker's library that has not answered by then is not waited for."""
+PATIENCE_S = 5.0
+"""How long a maker's library is waited for."""
 
 
 @dataclass(frozen=True)
@@ -80,18 +80,12 @@ def _text(path: Path) -> str:
 
 def _within(driver: str, look: Callable[[], list[tuple[str, str]]], problems: list[str]) -> list[Found]:
     """Cameras that a maker's library knows, or a problem: it may fail, or never answer."""
-    answers: list[list[tuple[str, str]]] = []
-    errors: list[str] = []
-
-    def ask() -> None:
-        try:
-            answers.append(look())
-        except Exception as error:
-            errors.append(" ".join(str(error).split()) or type(error).__name__)
-
-    thread = threading.Thread(target=ask, name=f"listing {driver}", daemon=True)
-    thread.start()
-    thread.join(_PATIENCE_S)
-    if not answers:
-        problems.append(f"{driver}: {errors[0] if errors else f'no answer within {_PATIENCE_S:g} s'}")
-    return [Found(f"{driver}:{address}", name) for answer in answers for address, name in answer]
+    try:
+        found = call_within(PATIENCE_S, look, f"listing {driver}")
+    except TimeoutError:
+        problems.append(f"{driver}: no answer within {PATIENCE_S:g} s")
+    except Exception as error:
+        problems.append(f"{driver}: {' '.join(str(error).split()) or type(error).__name__}")
+    else:
+        return [Found(f"{driver}:{address}", name) for address, name in found]
+    return []

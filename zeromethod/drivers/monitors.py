@@ -1,8 +1,12 @@
-"""Which monitors this computer has, by the index that `display.monitor` takes."""
+"""The monitors of this computer, by the index that `display.monitor` takes."""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import socket
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +24,7 @@ class Monitor:
     """A monitor as the desktop has set it.
 
     index: 0 is the primary one. columns, rows: px. refresh_hz: 0 when not known. x, y: its top left corner
-    on the desktop, px. scale: the desktop's. warnings: what becomes of pictures there, one line each.
+    on the desktop, px. scale: the desktop's. warnings: what changes pictures there, one line each.
     """
 
     index: int
@@ -44,6 +48,32 @@ class Monitor:
         return f"{self.index} ({self.name}, {size}{rate}, at {self.x}, {self.y})"
 
 
+class Claim:
+    """A monitor of the present desktop, claimed for one program: a second pattern would hide the first.
+
+    It lasts until `release`, or until the program ends, however that comes about; on Linux only.
+    """
+
+    def __init__(self, index: int) -> None:
+        """Raises InputError when another claim lasts."""
+        desktop = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY", "")
+        self._socket = socket.socket(socket.AF_UNIX) if sys.platform == "linux" else None
+        if self._socket is None:
+            return
+        try:
+            # an abstract socket: no file is left behind
+            self._socket.bind(f"\0zeromethod monitor {index} of {desktop}")
+        except OSError:
+            self._socket.close()
+            raise InputError(f"display window: monitor {index} shows another zeromethod's pattern") from None
+
+    def release(self) -> None:
+        """End the claim; safe to call twice."""
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._socket.close()
+
+
 def monitors() -> tuple[Monitor, ...]:
     """Monitors in the order of their indices; within a few seconds, in the main thread.
 
@@ -62,16 +92,25 @@ def described(desktop: Desktop) -> tuple[Monitor, ...]:
     return tuple(_describe(index, monitor, desktop) for index, monitor in enumerate(glfw.get_monitors()))
 
 
+def by_index(known: Sequence[Monitor], index: int, where: str) -> Monitor:
+    """The monitor of an index, which `where` gives; InputError (one line) that lists the monitors."""
+    if index not in range(len(known)):
+        raise InputError(f"{where}: {index!r}: allowed: {listed(known)}")
+    return known[index]
+
+
+def listed(known: Sequence[Monitor]) -> str:
+    """Monitors in one line."""
+    return ", ".join(map(str, known)) or "none is connected"
+
+
 def find(index: int, size: tuple[int, int], refresh_hz: float, desktop: Desktop) -> tuple[Any, Monitor]:
     """The glfw monitor of an index, which must be set to (columns, rows) and, within 2 %, to refresh_hz.
 
-    InputError (one line) that lists the monitors when there is no such index, or tells what is set.
+    InputError (one line) that lists the monitors when there is no such index, or says what is set.
     """
-    known = described(desktop)
-    if index not in range(len(known)):
-        listed = ", ".join(map(str, known)) or "none is connected"
-        raise InputError(f"display.monitor: {index!r}: allowed: {listed}")
-    found, wanted = known[index], f"{size[0]} x {size[1]}"
+    found = by_index(described(desktop), index, "display.monitor")
+    wanted = f"{size[0]} x {size[1]}"
     if (found.columns, found.rows) != size:
         is_set = f"{found.columns} x {found.rows}"
         raise InputError(f"display.monitor: {index}: set to {is_set}; the rig's display is {wanted} px")

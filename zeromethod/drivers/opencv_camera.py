@@ -22,11 +22,11 @@ from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera, Source
 from zeromethod.errors import InputError
 
 # Read each time a stream is opened. The decoder hands every frame over as it comes instead of looking ahead,
-# which costs the first frame.
+# which loses the first frame.
 _OPTIONS = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
 _NO_DELAY = "fflags;nobuffer|flags;low_delay|probesize;32|analyzeduration;0"
 
-# Read once, when OpenCV first opens a stream: what fails is told by exceptions, not on the terminal.
+# Read once, when OpenCV first opens a stream: failures are exceptions, not lines on the terminal.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 _FOURCC = {"Mono8": "GREY", "Mono10": "Y10 ", "Mono12": "Y12 ", "Mono16": "Y16 "}
@@ -52,7 +52,7 @@ class OpenCVCamera(GrabbedCamera):
 
     Colours are read as their brightness. OpenCV scales a stream that changes its size while it runs to the
     size that it began with. A file plays at its own rate from the moment it is opened, and is
-    lost at its end. A stream that says nothing times out; it is lost when its connection ends, and after
+    lost at its end. A silent stream times out; it is lost when its connection ends, and after
     `lost_after_s` of silence.
     """
 
@@ -169,7 +169,7 @@ def _open_local(
 
 
 def _set_up(capture: cv2.VideoCapture, rate_hz: float, exposure_s: float, gain: float | None) -> None:
-    """Set a local camera; a rate or an exposure that it cannot be told is left to it."""
+    """Set a local camera; one without a settable rate or exposure keeps its own."""
     capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
     capture.set(cv2.CAP_PROP_FPS, rate_hz)
     capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, _MANUAL_EXPOSURE)

@@ -9,13 +9,19 @@ from typing import Any
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import CameraLost, Frame
 from zeromethod.drivers.device_clock import DeviceClock, MidExposure
-from zeromethod.drivers.genicam import Configured, FeatureError, Settings, Value, configure, identity
+from zeromethod.drivers.genicam import (
+    Configured,
+    FeatureError,
+    Settings,
+    SoftwareTrigger,
+    Value,
+    configure,
+    identity,
+)
 from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera
 from zeromethod.errors import InputError
 
 _OPENING_S = 15.0
-_REPEAT_TRIGGER_S = 2.0
-"""A frame that was triggered and did not come for so long is triggered again."""
 
 
 class PylonCamera(GrabbedCamera):
@@ -43,19 +49,8 @@ class PylonCamera(GrabbedCamera):
         features: Mapping[str, Value] | None = None,
     ) -> None:
         """Open and configure it; InputError (one line) without pypylon or camera, or for a refused value."""
-        settings = Settings(
-            columns=columns,
-            rows=rows,
-            bits=bits,
-            rate_hz=rate_hz,
-            exposure_s=exposure_s,
-            gain=gain,
-            pixel_format=pixel_format,
-            region_px=region_px,
-            trigger=trigger,
-            trigger_source=trigger_source,
-            features=features or {},
-        )
+        image = columns, rows, bits, rate_hz, exposure_s, gain, pixel_format, region_px
+        settings = Settings(*image, trigger, trigger_source, features or {})
         super().__init__("pylon", lambda: _PylonSource(serial, settings, latency_s), _OPENING_S)
 
 
@@ -100,7 +95,7 @@ class _PylonFeatures:
         try:
             value: Value = self._nodes.GetNode(name).GetValue()
         except self._genicam.GenericException as error:
-            raise FeatureError(_told(error)) from error
+            raise FeatureError(_one_line(error)) from error
         return value
 
     def put(self, name: str, value: Value) -> None:
@@ -108,13 +103,13 @@ class _PylonFeatures:
         try:
             node.SetValue(round(float(value)) if hasattr(node, "GetInc") and _is_integer(node) else value)
         except (self._genicam.GenericException, TypeError, ValueError) as error:
-            raise FeatureError(_told(error)) from error
+            raise FeatureError(_one_line(error)) from error
 
     def execute(self, name: str) -> None:
         try:
             self._nodes.GetNode(name).Execute()
         except self._genicam.GenericException as error:
-            raise FeatureError(_told(error)) from error
+            raise FeatureError(_one_line(error)) from error
 
     def bounds(self, name: str) -> tuple[float, float] | None:
         node = self._nodes.GetNode(name)
@@ -132,8 +127,8 @@ def _is_integer(node: Any) -> bool:
     return isinstance(node.GetMin(), int)
 
 
-def _told(error: Exception) -> str:
-    """What the device says, without where in its library it was said."""
+def _one_line(error: Exception) -> str:
+    """The device's message, without the place in its library."""
     return " ".join(str(error).split(" : ")[0].split())
 
 
@@ -145,7 +140,7 @@ class _PylonSource:
         self._clock = HostClock()
         self._lost = 0
         self._number = -1
-        self._fired_ns: int | None = None
+        self._trigger = SoftwareTrigger()
         self.on_demand = settings.trigger == "software"
         self._camera = self._pylon.InstantCamera(_create(self._pylon, serial))
         try:
@@ -164,7 +159,7 @@ class _PylonSource:
 
     def grab(self) -> Frame | None:
         """Next frame, or None when none came in a moment; raises CameraLost when the device was removed."""
-        if self.on_demand:
+        if self.on_demand and self._trigger.due():
             self._fire()
         result = self._camera.RetrieveResult(round(1e3 * POLL_S), self._pylon.TimeoutHandling_Return)
         received_ns = self._clock.now_ns()
@@ -177,7 +172,7 @@ class _PylonSource:
             self._lost += result.GetNumberOfSkippedImages()
             if not result.GrabSucceeded():
                 self._lost += 1
-                self._fired_ns = None
+                self._trigger.answered()
                 return None
             image = result.Array
             ticks = result.TimeStamp
@@ -185,18 +180,15 @@ class _PylonSource:
             result.Release()
         if image.shape != self.shape:
             raise CameraLost(f"its frames are now {image.shape}")
-        self._fired_ns = None
+        self._trigger.answered()
         dropped, self._lost = self._lost, 0
         self._number += 1 + dropped
         middle_ns = self._times.of(received_ns, ticks)
         return Frame(image, middle_ns, self._times.exposure_ns, self._number, dropped)
 
     def _fire(self) -> None:
-        now_ns = self._clock.now_ns()
-        if self._fired_ns is None or now_ns - self._fired_ns > 1e9 * _REPEAT_TRIGGER_S:
-            self._fired_ns = now_ns
-            if self._camera.WaitForFrameTriggerReady(round(1e3 * POLL_S), self._pylon.TimeoutHandling_Return):
-                self._camera.ExecuteSoftwareTrigger()
+        if self._camera.WaitForFrameTriggerReady(round(1e3 * POLL_S), self._pylon.TimeoutHandling_Return):
+            self._camera.ExecuteSoftwareTrigger()
 
     def close(self) -> None:
         """Stop and close the device."""

@@ -1,4 +1,4 @@
-"""When pictures come to a screen: at its refreshes, or at those of a clock, and which were missed."""
+"""The refreshes of a screen, or of a clock that takes their place, and which of them were missed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LATE = 1.2
 
 
 _ROW = 12
-"""Swaps in a row that tell: a driver may take in four at once after a stall."""
+"""Consecutive swaps that are judged: a driver may take in four at once after a stall."""
 
 
 class Refreshes:
@@ -41,8 +41,8 @@ class Refreshes:
     def judge(self, swaps_ns: list[tuple[int, int]]) -> None:
         """Decide on pacing by trial swaps, each (before, after), ns, without those a driver only queued.
 
-        To be told of another trial as long as `paced` is False: a busy machine makes any swap slow, but a
-        screen that blocks takes no row of swaps in less than half a period each.
+        To be called with another trial as long as `paced` is False: a busy machine makes any swap slow, but a
+        screen that makes swaps wait never takes a row of them in less than half a period each.
         """
         begins, ends = np.array(swaps_ns).T
         self.paced = self._too_fast_to_block(ends)

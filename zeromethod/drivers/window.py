@@ -13,12 +13,11 @@ from zeromethod.arrays import Bytes
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import DisplayLost
 from zeromethod.drivers import monitors
-from zeromethod.drivers.claim import Claim, claim_monitor
 from zeromethod.drivers.desktop import Desktop
 from zeromethod.drivers.glfw_window import GlfwWindow, connect, glfw_errors_as
 from zeromethod.drivers.refresh import Refreshes
 from zeromethod.errors import InputError
-from zeromethod.gl.handle import ContextHandle
+from zeromethod.gl.handle import ContextHandle, current_context_kept
 
 _TRIALS = 3
 _TRIAL_SWAPS = 16
@@ -41,61 +40,59 @@ class WindowDisplay:
     then the main thread polls, for only it may look at the window's events.
     """
 
+    context: moderngl.Context
+    """The GL context of the window."""
+    warnings: tuple[str, ...]
+    """What the operator should know, one line each, as `poll` last found it."""
+    asleep: bool
+    """Whether power saving has turned the LCD off, as `poll` last found it."""
+
     def __init__(self, columns: int, rows: int, refresh_hz: float, monitor: int | None = None) -> None:
         """Open the window; InputError (one line) without a screen, the monitor, or OpenGL 3.3."""
-        self._size = columns, rows
-        self._refresh_hz = refresh_hz
+        self.size = columns, rows
+        """(columns, rows) of the panel, px."""
+        self.refresh_hz = refresh_hz
+        """Nominal refresh rate, Hz, as the rig file gives it."""
         self._clock = HostClock()
         self._opener = threading.get_ident()
         self._drawing = threading.Lock()
         self._closed = False
         self._fault: str | None = None
         self._picture: moderngl.Framebuffer | None = None
+        self._claim: monitors.Claim | None = None
         with glfw_errors_as(InputError):
             self._desktop = Desktop(connect())
             try:
                 self._open(monitor)
             except BaseException:
+                self._unclaim()
                 self._desktop.close()
                 raise
 
     def _open(self, monitor: int | None) -> None:
         place = None
-        self._name = ""
-        self._claim: Claim | None = None
+        self.name = ""
+        """The monitor's name, "" for a plain window."""
         if monitor is not None:
-            place, found = monitors.find(monitor, self._size, self._refresh_hz, self._desktop)
-            self._name = found.name
-            try:
-                self._claim = claim_monitor(monitor)
-            except FileExistsError:
-                raise InputError(
-                    f"display window: monitor {monitor} shows another zeromethod's pattern"
-                ) from None
-        # entered while the window opens, so that its context is current nowhere afterwards
-        nothing = ContextHandle(_Nothing)
-        try:
-            with nothing:
-                self._open_in(place)
-        except BaseException:
-            self._unclaim()
-            raise
-        finally:
-            nothing.release()
+            place, found = monitors.find(monitor, self.size, self.refresh_hz, self._desktop)
+            self.name = found.name
+            self._claim = monitors.Claim(monitor)
+        with current_context_kept():
+            self._open_in(place)
 
     def _open_in(self, place: Any) -> None:
-        """Open the window on a glfw monitor, None = the primary one, and see how its swaps go."""
+        """Open the window on a glfw monitor, None = the primary one, and time its swaps."""
         handle = ContextHandle(lambda: self._create(place))
         settings: dict[str, Any] = {"context": handle}
         try:
-            self._context = moderngl.create_context(**settings)
-            self._context.gc_mode = "context_gc"
-            self._context.info  # noqa: B018 (asked for while current; kept from then on)
-            self._refreshes = Refreshes(self._clock, self._refresh_hz)
+            self.context = moderngl.create_context(**settings)
+            self.context.gc_mode = "context_gc"
+            self.context.info  # noqa: B018 (asked for while current; kept from then on)
+            self._refreshes = Refreshes(self._clock, self.refresh_hz)
             for _ in range(_TRIALS):
                 if not self._refreshes.paced:
                     self._refreshes.judge(self._try_swaps())
-            self._desktop.hold_awake()
+            self._desktop.keep_awake()
             if fault := self._window.fault():
                 raise InputError(f"display window: it {fault}")
             self._look()
@@ -104,39 +101,9 @@ class WindowDisplay:
             raise
 
     @property
-    def name(self) -> str:
-        """The monitor's name, "" for a plain window."""
-        return self._name
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """(columns, rows) of the panel, px."""
-        return self._size
-
-    @property
-    def refresh_hz(self) -> float:
-        """Nominal refresh rate, Hz, as the rig file gives it."""
-        return self._refresh_hz
-
-    @property
-    def context(self) -> moderngl.Context:
-        """The GL context of the window."""
-        return self._context
-
-    @property
     def dropped_refreshes(self) -> int:
         """Refreshes missed so far: see `Refreshes.end`."""
         return self._refreshes.dropped
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the operator should know, one line each, as `poll` last found it."""
-        return self._warnings
-
-    @property
-    def asleep(self) -> bool:
-        """Whether power saving has turned the LCD off, as `poll` last found it."""
-        return self._asleep
 
     @property
     def key_pressed(self) -> bool:
@@ -170,8 +137,8 @@ class WindowDisplay:
                 raise DisplayLost("display window: it is closed")
             self._raise_fault()
             self._refreshes.begin()
-            with self._context, glfw_errors_as(DisplayLost):
-                render(self._context.screen)
+            with self.context, glfw_errors_as(DisplayLost):
+                render(self.context.screen)
                 if self._refreshes.paced:
                     self._window.finish()
                 self._refreshes.wait()
@@ -184,16 +151,16 @@ class WindowDisplay:
 
         Raises DisplayLost as `draw`, or InputError for a picture of another shape or type.
         """
-        expected = self._size[1], self._size[0]
+        expected = self.size[1], self.size[0]
         if image.shape != expected or image.dtype != np.uint8:
             raise InputError(f"picture: shape {image.shape}, {image.dtype}: allowed {expected}, uint8")
 
         def copy(screen: moderngl.Framebuffer) -> None:
             if self._picture is None:
-                self._texture = self._context.texture(self._size, 4)
-                self._picture = self._context.framebuffer([self._texture])
+                self._texture = self.context.texture(self.size, 4)
+                self._picture = self.context.framebuffer([self._texture])
             self._texture.write(np.repeat(image[::-1, :, None], 4, axis=2))
-            self._context.copy_framebuffer(screen, self._picture)
+            self.context.copy_framebuffer(screen, self._picture)
 
         return self.draw(copy)
 
@@ -206,7 +173,7 @@ class WindowDisplay:
         self._desktop.close()
         # A swap that hangs still needs the window: it then stays open until the process ends.
         if self._drawing.acquire(timeout=_HUNG_S):
-            self._context.release()
+            self.context.release()
             self._drawing.release()
 
     def _unclaim(self) -> None:
@@ -218,25 +185,25 @@ class WindowDisplay:
             raise DisplayLost(f"display window: it {self._fault}")
 
     def _create(self, monitor: Any) -> GlfwWindow:
-        self._window = GlfwWindow(self._size, monitor)
+        self._window = GlfwWindow(self.size, monitor)
         return self._window
 
     def _look(self) -> None:
-        """Find out what the desktop does to the picture."""
+        """Note what the desktop does to the picture."""
         asleep, place = self._desktop.asleep(), self._window.monitor
         found = [asleep] if asleep else []
         found += self._desktop.session_warnings()
         found += self._desktop.monitor_warnings(place) if place else ()
         if self._refreshes.paced:
-            rate = f"{self._refresh_hz:g} Hz"
+            rate = f"{self.refresh_hz:g} Hz"
             found.append(f"swaps do not wait for the screen: paced by the clock at {rate}, may tear")
-        self._warnings, self._asleep = tuple(found), bool(asleep)
+        self.warnings, self.asleep = tuple(found), bool(asleep)
         self._looked_ns = self._clock.now_ns()
 
     def _try_swaps(self) -> list[tuple[int, int]]:
         """Swap black pictures; time before and after each, ns."""
         times_ns = []
-        with self._context as ctx:
+        with self.context as ctx:
             for _ in range(_TRIAL_SWAPS):
                 ctx.screen.clear()
                 self._window.finish()
@@ -245,20 +212,3 @@ class WindowDisplay:
                 self._window.finish()
                 times_ns.append((before_ns, self._clock.now_ns()))
         return times_ns[_QUEUED_SWAPS:]
-
-
-class _Nothing:
-    """No context at all, as a `NativeContext`."""
-
-    def bind(self) -> None:
-        """Nothing to make current."""
-
-    def unbind(self) -> None:
-        """Nothing was current."""
-
-    def address(self, name: str) -> int:  # noqa: ARG002
-        """No functions."""
-        return 0
-
-    def destroy(self) -> None:
-        """Nothing to free."""

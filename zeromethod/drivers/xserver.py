@@ -1,4 +1,4 @@
-"""The X server, asked directly for what glfw does not tell: outputs, sleep, and holding sleep off.
+"""The X server, asked directly for what glfw does not report: outputs, power saving and its inhibition.
 
 Declarations follow the headers Xlib.h, Xrandr.h, dpms.h and scrnsaver.h.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes import POINTER, Structure, byref, c_char_p, c_int, c_ubyte, c_uint, c_ulong, c_ushort, c_void_p
@@ -16,9 +15,10 @@ from functools import cache
 from typing import Any
 
 from zeromethod.errors import InputError
+from zeromethod.worker import call_within
 
 PATIENCE_S = 5.0
-"""A server that has not answered by then is not waited for."""
+"""How long the server is waited for."""
 
 _INTERLACED, _DOUBLE_SCAN = 0x10, 0x20
 _ROTATE_0 = 1
@@ -181,28 +181,26 @@ def _screen_saver() -> ctypes.CDLL:
 class XServer:
     """A connection of its own to the server that DISPLAY names; for one thread at a time.
 
-    What is held off stays so until the connection ends, however the process does.
+    Power saving stays off until the connection ends, however the process ends.
     """
 
     def __init__(self) -> None:
         """Connect; OSError without libX11 or server, InputError when it does not answer in time."""
         self._x11 = _x11()
-        opened: list[int | None] = []
-        # A server that takes the connection and says nothing would be waited for for ever.
-        asking = threading.Thread(
-            target=lambda: opened.append(self._x11.XOpenDisplay(None)), name="X server", daemon=True
-        )
-        asking.start()
-        asking.join(PATIENCE_S)
-        if not opened:
+        try:  # a server that accepts the connection and says nothing would be waited for without end
+            self._server: int | None = call_within(
+                PATIENCE_S, lambda: self._x11.XOpenDisplay(None), "X server"
+            )
+        except TimeoutError:
             name = os.environ.get("DISPLAY", "")
-            raise InputError(f"display window: the X server {name} does not answer within {PATIENCE_S:g} s")
-        if not opened[0]:
+            raise InputError(
+                f"display window: the X server {name} does not answer within {PATIENCE_S:g} s"
+            ) from None
+        if not self._server:
             raise OSError("no X server")
-        self._server: int | None = opened[0]
 
     def outputs(self) -> tuple[Output, ...]:
-        """Lit outputs, empty where the server cannot tell (no RandR, no libXrandr)."""
+        """Lit outputs, empty where the server does not know (no RandR, no libXrandr)."""
         try:
             randr = _xrandr()
         except OSError:
@@ -223,8 +221,8 @@ class XServer:
         state = self._power_state()
         return _DPMS_STATES[state] if state is not None and state < len(_DPMS_STATES) else ""
 
-    def hold_awake(self) -> bool:
-        """Light the monitors and hold screen saver and power saving off; False where the server cannot."""
+    def keep_awake(self) -> bool:
+        """Light the monitors, turn screen saver and power saving off; False where the server cannot."""
         with self._errors_ignored():
             self._x11.XForceScreenSaver(self._server, _FORCE_RESET)
             if self._power_state():
@@ -313,7 +311,7 @@ class XServer:
 
 
 def _refresh_hz(resources: _Resources, mode_id: int) -> float:
-    """Refresh rate of a mode, Hz; 0 when it is not told."""
+    """Refresh rate of a mode, Hz; 0 when it is not known."""
     for mode in resources.modes[: resources.mode_count]:
         lines = (
             mode.v_total * (2 if mode.flags & _DOUBLE_SCAN else 1) / (2 if mode.flags & _INTERLACED else 1)

@@ -8,7 +8,8 @@ library, binds its own, and puts the old state back at the end.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Protocol
 
 
@@ -45,6 +46,16 @@ def _switch(to: ContextHandle | None) -> None:
         # Also when it is current by our book: a window library may have made its own one current.
         to.native.bind()
         _thread.current = to
+
+
+@contextmanager
+def current_context_kept() -> Iterator[None]:
+    """Make the context that is current now, or none, current again at the end."""
+    before = _current()
+    try:
+        yield
+    finally:
+        _switch(before)
 
 
 class ContextHandle:

@@ -10,8 +10,7 @@ from zeromethod.exposure.exposures import Exposures
 from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.exposure.strip_reading import StripReader, find_strips
 from zeromethod.loop.circle import Circle, Sensor, controller_of
-from zeromethod.loop.drawer import Drawer
-from zeromethod.loop.drawing import Drawing
+from zeromethod.loop.drawing import Drawer, Drawing
 from zeromethod.loop.warm_up import warm_up
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target

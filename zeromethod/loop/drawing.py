@@ -6,12 +6,16 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 
 from zeromethod.arrays import Float
-from zeromethod.devices.protocols import DisplayLost
+from zeromethod.devices.protocols import Display, DisplayLost, DrawingDisplay
 from zeromethod.errors import InputError
-from zeromethod.loop.drawer import Drawer
+from zeromethod.gl import create_context
+from zeromethod.pattern import PatternRenderer, Response, Strips, Target
 from zeromethod.pattern.strips import CODES
+from zeromethod.rig.model import Rig
+from zeromethod.warp.rest import Rest
 from zeromethod.worker import SameThread, Worker
 
 OPENING_S = 60.0
@@ -36,6 +40,53 @@ class Drawn:
     draw_ms: float
 
 
+class Drawer:
+    """Draws warps on one display: through its own GL context, or as images where it has none.
+
+    A display's own context is only used inside the display's `draw`, where it is current: the renderer is
+    made with the first picture.
+    """
+
+    def __init__(self, rig: Rig, display: Display, rest: Rest, strips: Strips | None = None) -> None:
+        """InputError where no GL context can be had. strips: where codes are drawn."""
+        self._rig = rig
+        self._strips = strips
+        self._rest = rest
+        self._display = display
+        self._drawing = display if isinstance(display, DrawingDisplay) else None
+        self._context = self._drawing.context if self._drawing else create_context()
+
+    @property
+    def gl_renderer(self) -> str:
+        """Name of what draws, as GL gives it."""
+        return str(self._context.info["GL_RENDERER"])
+
+    def draw(self, q: Float, code: int | None = None) -> int:
+        """Show the target warped by `q` (rows, cols, 2) LCD px, with `code` in its strips; time in ns.
+
+        Raises DisplayLost; TypeError where the display does not say when.
+        """
+        if self._drawing is not None:
+            time_ns = self._drawing.draw(lambda framebuffer: self._renderer.render(framebuffer, q, code))
+        else:
+            with self._context:
+                image = self._renderer.image(q, code)
+            time_ns = self._display.show(image)
+        return round(time_ns)
+
+    def close(self) -> None:
+        """Free a GL context of its own; a display's belongs to the display."""
+        if self._drawing is None:
+            self._context.release()
+
+    @cached_property
+    def _renderer(self) -> PatternRenderer:
+        rig, rest = self._rig, self._rest
+        target, response = Target.from_spec(rig.target), Response.from_rig(rig.display)
+        lattice = rest.grid, rest.q, rest.display_size
+        return PatternRenderer(self._context, *lattice, target, response, self._strips)
+
+
 class Drawing:
     """Draws warps and numbers them by codes: at once, or live in a thread of its own, the newest only.
 
@@ -56,7 +107,6 @@ class Drawing:
         self._worker: Worker[tuple[Float, int | None], Drawn] | SameThread[tuple[Float, int | None], Drawn]
         self._worker = Worker("drawing", self._drawer) if live else SameThread(self._drawer)
         if not self._worker.opened(OPENING_S):
-            self._worker.close(0.0)
             raise InputError(f"display: not ready to be drawn on within {OPENING_S:g} s")
 
     def post(self, q: Float, seen_ns: int | None) -> None:

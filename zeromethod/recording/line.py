@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from zeromethod.arrays import Image
-from zeromethod.child_process import start_beside
+from zeromethod.child_process import start_process
 from zeromethod.errors import InputError
 from zeromethod.recording.message import Item, send
 from zeromethod.recording.ring import Ring, aligned
@@ -62,7 +62,7 @@ class Line:
         handles = theirs_in, theirs_out, self._ring.handle
         arguments = str(path), json.dumps(list(names)), *map(str, handles)
         try:
-            self._process = start_beside(
+            self._process = start_process(
                 "zeromethod.recording.writing",
                 *arguments,
                 pass_fds=handles,

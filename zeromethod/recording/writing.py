@@ -14,8 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from zeromethod.child_process import heed_run_only
-from zeromethod.priority import step_back
+from zeromethod.child_process import ignore_signals, lower_priority
 from zeromethod.recording.growing import DiskFull, GrowingFile
 from zeromethod.recording.message import WITH_ROOM, WITHOUT_ROOM, Message, receive
 
@@ -88,7 +87,7 @@ def serve(path: Path, names: list[str], messages: int, news: int, shared: int) -
     """Write until the sender says that the run is over (a message without items), or is gone."""
     file = GrowingFile(path, names)
     writing = Writing(file, memoryview(mmap.mmap(shared, 0, prot=mmap.PROT_READ)), news)
-    step_back()  # not before: the run waits for it to start
+    lower_priority()  # not before: the run waits for it to start
     writing.tell(ready=True)
     complete = False
     try:
@@ -116,7 +115,7 @@ def _follow(writing: Writing, messages: int) -> bool:
 
 def main() -> None:
     """Arguments: path, JSON list of the datasets' names, file descriptors: messages, news, memory."""
-    heed_run_only()
+    ignore_signals()
     path, names, messages, news, shared = sys.argv[1:]
     try:
         serve(Path(path), json.loads(names), int(messages), int(news), int(shared))

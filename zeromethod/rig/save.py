@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import re
-import tempfile
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +11,7 @@ import numpy as np
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 from zeromethod.rig.load import parse_rig, read_text
 from zeromethod.rig.refusal import shown
@@ -40,30 +38,6 @@ def _set(document: tomlkit.TOMLDocument, key: str, value: Any) -> None:
             table[step] = tomlkit.table()
         table = table[step]
     table[steps[-1]] = _plain(value)
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file so that at every instant the old or the new one is there, whole."""
-    path = path.resolve()  # a link stays a link
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".new")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        mode = path.stat().st_mode if path.exists() else 0o666 & ~_umask()
-        os.chmod(name, mode & 0o7777)
-        os.replace(name, path)
-    except BaseException:
-        with suppress(FileNotFoundError):
-            os.unlink(name)
-        raise
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def save_values(path: Path, values: Mapping[str, Any], destination: Path | None = None) -> None:
@@ -93,7 +67,8 @@ def save_values(path: Path, values: Mapping[str, Any], destination: Path | None 
     text = tomlkit.dumps(document)
     parse_rig(text, target)
     try:
-        _replace(target, text)
+        with atomic_write(target) as part:
+            part.write_text(text, encoding="utf-8", newline="")
     except OSError as error:
         raise InputError(
             f"{target}: cannot be written: {error.strerror}: a file in a folder of yours"

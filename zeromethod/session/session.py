@@ -154,7 +154,7 @@ class Session:
         with ExitStack() as stack:
             stack.callback(self._note_end)
             if self.loop.live:
-                stack.enter_context(self._surfaces.beside(warm_up_warp(self.loop.rest)))
+                stack.enter_context(self._surfaces.in_own_process(warm_up_warp(self.loop.rest)))
             reading = StepReader(self._read, self._publisher, self.loop.live)
             stack.callback(self._collect, reading)
             stack.callback(reading.close)

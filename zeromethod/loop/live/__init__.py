@@ -1,1 +1,1 @@
-"""A loop in real time: threads for camera and display, reopening, and garbage collection in the pauses."""
+"""A loop in real time: reopening, watching the clock, garbage collection in the pauses."""

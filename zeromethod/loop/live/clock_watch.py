@@ -1,28 +1,28 @@
-"""Noticing that the host slept or the program stood still: what was waited for in the meantime is stale."""
+"""Detection of a host that was suspended or a program that stood still: frames from before are stale."""
 
 from __future__ import annotations
 
 import time
 
 STOOD_STILL_S = 1.5
-"""A turn of the loop, beyond what it may wait for a frame, that is no turn."""
+"""How long a step may take, beyond its wait for a frame, before the program counts as having stood still."""
 
 SUSPENDED_S = 0.1
-"""Time beyond the monotonic clock's by which the host must have slept."""
+"""Growth of the suspended time from which the host counts as having slept."""
 
 
 def slept_ns() -> int:
-    """Time that the host has been suspended since it was started, ns; 0 where it does not tell."""
+    """Time that the host has been suspended since it was started, ns; 0 where it is not known."""
     if not hasattr(time, "CLOCK_BOOTTIME"):
         return 0
     return time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
 
 
 class ClockWatch:
-    """To be asked once per turn, in real time only."""
+    """Watches the clocks of a live loop; `look` is called once per step."""
 
     def __init__(self, longest_wait_s: float) -> None:
-        """longest_wait_s: how long a turn may wait for a frame."""
+        """longest_wait_s: how long a step may wait for a frame."""
         self._longest_s = longest_wait_s + STOOD_STILL_S
         self._last_ns: int | None = None
         self._slept_ns = slept_ns()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import sys
-from types import TracebackType
 
 SWITCH_S = 0.0005
 """How long another thread may go on computing once the loop wants to; Python's own default is 5 ms."""
@@ -33,9 +32,7 @@ class PausedGC:
         if gc.get_count()[0] > COLLECTED_ABOVE:
             gc.collect(1)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         gc.unfreeze()
         if self._collected:
             gc.enable()

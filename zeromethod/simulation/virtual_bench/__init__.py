@@ -1,1 +1,1 @@
-"""The virtual bench: prism and camera played by a process of their own, between simulation and hardware."""
+"""The virtual bench: prism and camera played by a process of their own."""

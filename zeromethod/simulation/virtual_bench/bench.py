@@ -1,4 +1,4 @@
-"""Prism and camera as a process of their own: monitor in, bent camera frames and their truth out."""
+"""Prism and camera in a process of their own: monitor in, bent camera frames and their truth out."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Performance:
 
     @property
     def begun(self) -> bool:
-        """Whether it was told when to begin."""
+        """Whether it has been started."""
         return self._start_ns is not None
 
     def over(self, time_ns: int) -> bool:
@@ -64,7 +64,7 @@ class Performance:
 
 
 class Bender:
-    """What the camera sees of exposures: optics, with the mirror of mid-exposure, then the sensor's noise."""
+    """Camera images of exposures: optics, with the mirror of mid-exposure, then the sensor's noise."""
 
     def __init__(self, rig: Rig) -> None:
         """Lay out the rays and compile. Raises InputError where the rig's rest surface cannot be used."""
@@ -91,11 +91,11 @@ class Bender:
 
 
 class VirtualBench:
-    """Serves a monitor, bent by the rig's simulated optics, as a camera, and tells the truth.
+    """Serves a monitor, bent by the rig's simulated optics, as a camera, and writes the truth.
 
-    Frames are exposed at `rate_hz` whoever listens, are bent only while a client is there, and are sent
-    `simulation.camera_latency_s` after their exposure, or as soon as they are ready. One that is not ready
-    when the next but one is exposed is not made: newest only. The scenario starts `start_after_s` after the
+    Frames are exposed at `rate_hz` with or without a client, are bent only while a client is there, and are
+    sent `simulation.camera_latency_s` after their exposure, or as soon as they are ready; where bending takes
+    longer than a frame, only the newest exposure is bent. The scenario starts `start_after_s` after the
     first client has connected. Exposures are global and instantaneous in the mirror, and know the monitor at
     `exposure.GRABS` instants; the monitor's own rise is left out.
     """
@@ -128,7 +128,8 @@ class VirtualBench:
     def run(self, stop: threading.Event, say: Callable[[str], None]) -> None:
         """Serve until `stop` is set, or the scenario is over and the client has gone.
 
-        say: told in words what happens. Raises MeasurementError when the monitor cannot be grabbed any more.
+        say: called with what happens, in words. Raises MeasurementError when the monitor cannot be grabbed
+        any more.
         """
         exposer = Exposer(self._camera, self._rate_hz, self._opened)
         try:

@@ -1,4 +1,4 @@
-"""A monitor's pixels, as another program has drawn them."""
+"""The pixels of a monitor that another program draws on."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.arrays import Bytes
-from zeromethod.drivers.monitors import Monitor, monitors
+from zeromethod.drivers.monitors import Monitor, by_index, listed, monitors
 from zeromethod.errors import InputError, MeasurementError
 
 _GREEN = 1
@@ -24,14 +24,11 @@ def find_monitor(index: int, size: tuple[int, int]) -> Monitor:
     if find_spec("mss") is None:
         raise InputError("--monitor: mss is missing: pip install 'zeromethod[virtual]'")
     known = monitors()
-    listed = ", ".join(map(str, known)) or "none is connected"
-    if index not in range(len(known)):
-        raise InputError(f"--monitor: {index}: allowed: {listed}")
-    found = known[index]
+    found = by_index(known, index, "--monitor")
     if (found.columns, found.rows) != size:
         raise InputError(
             f"--monitor: {index}: set to {found.columns} x {found.rows}; the rig's display is "
-            f"{size[0]} x {size[1]} px; monitors: {listed}"
+            f"{size[0]} x {size[1]} px; monitors: {listed(known)}"
         )
     return found
 

@@ -1,4 +1,4 @@
-"""Where camera pixels look, fast enough to bend a moving picture: rays on a lattice, cubics between them."""
+"""Ray maps fast enough to bend a moving picture: rays on a lattice, cubics between them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class LatticeRays:
 
     Between nodes LCD position and reflectance follow the cubic through four nodes on each axis. Cells where
     that would be off by more than `TOLERANCE`, judged by the nodes themselves, or where a ray is lost, are
-    traced ray by ray: the border of total reflection, the rim of a ball. What touches is looked up at every
+    traced ray by ray: the border of total reflection, the rim of a ball. Contact is looked up at every
     pixel's own mirror point.
     """
 
@@ -38,19 +38,21 @@ class LatticeRays:
         self._nodes = self._optics.rubber_rays(SPACING_PX * (u - MARGIN), SPACING_PX * (v - MARGIN))
 
     def trace(self, mirror: Mirror) -> tuple[Float, Float]:
-        """(q (rows, cols, 2) LCD px, NaN where lost; gain (rows, cols), reflectance with touch, 0 there)."""
+        """(q (rows, cols, 2) LCD px, NaN where lost; gain (rows, cols), reflectance with contact, 0 lost)."""
         surface = Dented(self._optics.rest, mirror) if mirror.dents else self._optics.rest
-        seen = self._optics.trace_rays(*self._nodes, surface)
-        place = seen.point[..., :2]
-        nodes = np.concatenate([seen.q, seen.reflectance[..., None], place], axis=-1)
+        traced = self._optics.trace_rays(*self._nodes, surface)
+        place = traced.point[..., :2]
+        nodes = np.concatenate([traced.q, traced.reflectance[..., None], place], axis=-1)
         field = np.empty((*self._shape, nodes.shape[-1]))
         _interpolate(nodes, SPACING_PX, MARGIN, field)
         coarse = _coarse_cells(nodes).repeat(SPACING_PX, axis=0).repeat(SPACING_PX, axis=1)
         exact = coarse[: self._shape[0], : self._shape[1]]
         if exact.any():
             v, u = np.nonzero(exact)
-            seen = self._optics.trace(u.astype(np.float64), v.astype(np.float64), surface)
-            field[exact] = np.concatenate([seen.q, seen.reflectance[:, None], seen.point[:, :2]], axis=-1)
+            traced = self._optics.trace(u.astype(np.float64), v.astype(np.float64), surface)
+            field[exact] = np.concatenate(
+                [traced.q, traced.reflectance[:, None], traced.point[:, :2]], axis=-1
+            )
         q, gain = field[..., :2], field[..., 2]
         if any(dent.touches for dent in mirror.dents):
             gain = gain * mirror.reflectance_factor(field[..., 3], field[..., 4])

@@ -31,7 +31,7 @@ _THREADS = 2
 
 
 def bending_renderer(rig: Rig) -> BenchRenderer:
-    """Return what bends pictures fast on this rig.
+    """The fastest renderer for this rig.
 
     `LatticeRenderer`; for ghosts, colour stripes or a lens without blur, which it leaves out, the one that
     the rig names, to be used in this thread. Raises InputError where the rest surface cannot be used, or
@@ -134,7 +134,7 @@ class LatticeRenderer:
 
 @numba.njit(cache=True, inline="always")
 def _step(q: Float, row: int, col: int, down: int, right: int, axis: int) -> float:
-    """Change of q over one camera px: central, one-sided beside what is lost or the border."""
+    """Change of q over one camera px: central, one-sided next to a lost ray or the border."""
     here, rise, sides = q[row, col, axis], 0.0, 0
     if row + down < q.shape[0] and col + right < q.shape[1]:
         after = q[row + down, col + right, axis]

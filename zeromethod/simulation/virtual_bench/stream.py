@@ -6,8 +6,7 @@ import contextlib
 import select
 import socket
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from fractions import Fraction
 
 import numpy as np
@@ -55,7 +54,7 @@ class FrameServer:
         self.port: int = self._socket.getsockname()[1]
         self._socket.setblocking(False)
         self._worker: Worker[bytes | None, None]
-        self._worker = Worker("frame server", self._serving, idle=(POLL_S, None))
+        self._worker = Worker("frame server", lambda: nullcontext(self._serve), idle=(POLL_S, None))
 
     @property
     def connected(self) -> bool:
@@ -74,14 +73,8 @@ class FrameServer:
         """Disconnect the client and stop listening; safe to call twice."""
         self._stop.set()
         self._worker.close(1.0)
+        self._disconnect()
         self._socket.close()
-
-    @contextmanager
-    def _serving(self) -> Iterator[Callable[[bytes | None], None]]:
-        try:
-            yield self._serve
-        finally:
-            self._disconnect()
 
     def _serve(self, data: bytes | None) -> None:
         """Send a frame; without one, let a client in, or notice that it has gone."""

@@ -1,4 +1,4 @@
-"""The truth beside the pictures: one JSON line per frame, for a rehearsal to be held against."""
+"""The truth of the frames, one JSON line each, to compare a rehearsal with."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import time
 from importlib.metadata import version
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ CLOCK = "monotonic"
 
 
 class Deepest(NamedTuple):
-    """Where the rubber is deepest (or, under negative dents only, highest): mm."""
+    """The deepest point of the rubber (or, under negative dents only, the highest): mm."""
 
     depth_mm: float
     x_mm: float
@@ -28,7 +27,7 @@ class Deepest(NamedTuple):
 
 
 def deepest(mirror: Mirror) -> Deepest | None:
-    """Largest |depth| of the whole mirror, to 1e-6 of itself and 1 um; None at rest."""
+    """Largest |depth| of the whole mirror, to 1e-6 of itself and 1 µm; None at rest."""
     best: Deepest | None = None
     for dent in mirror.dents:
         found = Deepest(0.0, dent.x_mm, dent.y_mm)
@@ -46,7 +45,7 @@ def deepest(mirror: Mirror) -> Deepest | None:
 
 
 def _reach_mm(dent: Dent) -> float:
-    """How far from a dent's centre its deepest point may lie."""
+    """Largest distance of a dent's deepest point from its centre, mm."""
     if dent.shape is Shape.MAP and dent.map is not None:
         return dent.size_mm * float(np.hypot(*dent.map.shape)) / 2
     return dent.length_mm / 2 + (dent.size_mm if dent.shape is not Shape.BALL else 1.0)
@@ -56,7 +55,7 @@ class TruthFile:
     """Writes the header, then a line per frame, each flushed; a context manager."""
 
     def __init__(self, path: Path, rig: Rig, press: str) -> None:
-        """Begin the file anew; raises OSError where it cannot be written."""
+        """Begin a new file; raises OSError where it cannot be written."""
         self._file = path.open("w", encoding="utf-8")
         self._known: tuple[Mirror, Deepest | None] = Mirror(), None
         header = {
@@ -72,7 +71,7 @@ class TruthFile:
     def frame(
         self, number: int, time_ns: int, scenario_s: float | None, phase: str | None, mirror: Mirror
     ) -> None:
-        """Tell what frame `number` saw at its mid-exposure `time_ns`; scenario_s None: not yet begun."""
+        """Write the mirror of frame `number` at its mid-exposure `time_ns`; scenario_s None: not begun."""
         if mirror != self._known[0]:
             self._known = mirror, deepest(mirror)
         peak = self._known[1]
@@ -104,7 +103,5 @@ class TruthFile:
     def __enter__(self) -> TruthFile:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.close()

@@ -15,10 +15,10 @@ from hanging import eventually
 from processes import has_ended
 from surface_bench import Bench, Gauss, small_rig
 
+from zeromethod.child_process import NICENESS
 from zeromethod.errors import InputError
-from zeromethod.priority import BEHIND
-from zeromethod.session import surface_process as process_module
-from zeromethod.session.surface_process import ReadingLost, SurfaceProcess
+from zeromethod.session import surfaces as process_module
+from zeromethod.session.surfaces import ReadingLost, SurfaceProcess
 from zeromethod.surface import SurfaceReader, peak
 
 
@@ -33,7 +33,7 @@ def warp(bench):
 
 
 @contextmanager
-def beside(bench):
+def own_process(bench):
     process = SurfaceProcess(bench.rig, bench.grid)
     try:
         yield process
@@ -46,7 +46,7 @@ def test_the_same_warps_give_the_same_surfaces_bit_for_bit(bench, warp):
     lost = replace(warp, flags=warp.flags.copy())
     lost.flags[20:24, 20:24] = 1
     here = SurfaceReader(bench.rig, bench.optics, bench.grid)
-    with beside(bench) as process:
+    with own_process(bench) as process:
         for one in (warp, lost, warp):
             there, there_peak = process.read(one)
             surface = here.read(one)
@@ -59,19 +59,19 @@ def test_the_same_warps_give_the_same_surfaces_bit_for_bit(bench, warp):
             assert np.isfinite(there.depth_mm).sum() > 100
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="niceness is told by Linux")
+@pytest.mark.skipif(sys.platform != "linux", reason="niceness is as Linux counts it")
 def test_it_leaves_the_cores_to_the_loop_once_it_has_started(bench, warp):
-    with beside(bench) as process:
+    with own_process(bench) as process:
         process.read(warp)
-        process.read(warp)  # it steps back after its first answer
+        process.read(warp)  # it lowers its priority after its first answer
         own = os.getpriority(os.PRIO_PROCESS, 0)
-        assert os.getpriority(os.PRIO_PROCESS, process.process_id) == max(BEHIND, own)
+        assert os.getpriority(os.PRIO_PROCESS, process.process_id) == max(NICENESS, own)
         # within one session, or niceness would not count against the loop where the system groups by sessions
         assert os.getsid(process.process_id) == os.getsid(0)
 
 
 def test_what_reading_raises_is_raised_and_the_next_is_read(bench, warp):
-    with beside(bench) as process:
+    with own_process(bench) as process:
         with pytest.raises(InputError, match=r"warp\.q: shape .*: must be") as caught:
             process.read(replace(warp, q=warp.q[1:]))
         # where it went wrong over there
@@ -79,8 +79,8 @@ def test_what_reading_raises_is_raised_and_the_next_is_read(bench, warp):
         assert process.read(warp)[0].valid.any()
 
 
-def test_a_process_that_was_killed_is_told_at_once(bench, warp):
-    with beside(bench) as process:
+def test_a_process_that_was_killed_is_reported_at_once(bench, warp):
+    with own_process(bench) as process:
         process.read(warp)
         os.kill(process.process_id, signal.SIGKILL)
         for _ in range(2):
@@ -89,7 +89,7 @@ def test_a_process_that_was_killed_is_told_at_once(bench, warp):
 
 
 def test_a_process_that_stands_still_is_given_up(bench, warp, monkeypatch):
-    with beside(bench) as process:
+    with own_process(bench) as process:
         process.read(warp)
         process.give_up_if_late()  # nothing is asked of it
         process.read(warp)
@@ -113,13 +113,13 @@ def test_closing_ends_a_reading_under_way(bench, warp):
     process = SurfaceProcess(bench.rig, bench.grid)
     process.read(warp)
     os.kill(process.process_id, signal.SIGSTOP)
-    told = []
+    reasons = []
 
     def read():
         try:
             process.read(warp)
         except ReadingLost as why:
-            told.append(str(why))
+            reasons.append(str(why))
 
     reading = threading.Thread(target=read)
     reading.start()
@@ -127,14 +127,14 @@ def test_closing_ends_a_reading_under_way(bench, warp):
     process.close()
     process.close()
     reading.join(10)
-    assert told == ["it was ended"]
+    assert reasons == ["it was ended"]
 
 
 PARENT = """
 import sys
 sys.path[:] = {path!r}
 from pathlib import Path
-from zeromethod.session.surface_process import SurfaceProcess
+from zeromethod.session.surfaces import SurfaceProcess
 from surface_bench import Bench, Gauss, small_rig
 bench = Bench(small_rig())
 process = SurfaceProcess(bench.rig, bench.grid)
@@ -144,7 +144,7 @@ input()
 """
 
 
-def test_it_heeds_no_ctrl_c_and_ends_when_its_parent_was_killed():
+def test_it_ignores_ctrl_c_and_ends_when_its_parent_was_killed():
     parent = subprocess.Popen(
         [sys.executable, "-c", PARENT.format(path=[os.getcwd(), *sys.path])],
         stdin=subprocess.PIPE,

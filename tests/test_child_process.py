@@ -1,4 +1,4 @@
-"""Who steps back leaves the others' priority as it was."""
+"""Child processes: a lowered priority leaves that of other threads as it was."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import threading
 
 import pytest
 
-from zeromethod.priority import BEHIND, step_back
+from zeromethod.child_process import NICENESS, lower_priority
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="niceness is a process's as a whole")
-def test_a_thread_steps_back_alone() -> None:
+def test_a_thread_lowers_its_own_priority_only() -> None:
     found: list[int] = []
     before = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
 
     def look() -> None:
-        step_back()
+        lower_priority()
         found.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
 
     thread = threading.Thread(target=look)
     thread.start()
     thread.join()
     # a process that is further back already stays there
-    assert found == [max(BEHIND, before)]
+    assert found == [max(NICENESS, before)]
     assert os.getpriority(os.PRIO_PROCESS, threading.get_native_id()) == before
