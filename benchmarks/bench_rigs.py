@@ -65,7 +65,7 @@ def pressed(
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "press.toml"
         file.write_text(text)
-        yield rig.model_copy(update={"press": str(file)})
+        yield rig.model_copy(update={"scenario": str(file)})
 
 
 def step_path(time_s: float, depth_mm: float = 0.2) -> list[tuple[float, float]]:

@@ -21,7 +21,7 @@ def small_rig(press: str = "step", seed: int = 0) -> Rig:
     """The packaged bench at a quarter of the pixels on each axis, of camera and LCD."""
     rig = coarser(load_rig("simulated"), 4)
     simulation = rig.simulation.model_copy(update={"seed": seed})
-    return rig.model_copy(update={"press": press, "simulation": simulation})
+    return rig.model_copy(update={"scenario": press, "simulation": simulation})
 
 
 def recorded(

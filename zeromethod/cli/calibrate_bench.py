@@ -272,7 +272,7 @@ def _bench(rig_name: str, options: BenchOptions, plan: Plan, lens: CameraFile | 
     """The rig as it is to be opened."""
     rig = with_devices(load_rig(rig_name), options)
     if not plan.presses:
-        rig = rig.model_copy(update={"press": "none"})
+        rig = rig.model_copy(update={"scenario": "none"})
     check_geometry(rig)
     check_known(rig, plan.known, lens)
     check_depths(rig, plan.press_depths_mm)

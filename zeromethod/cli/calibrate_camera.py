@@ -180,7 +180,7 @@ def _from_files(frames: tuple[Path, ...], board: Board, rig_name: str | None) ->
 def _live(board: Board, rig_name: str | None, options: BenchOptions, count: int, patience_s: float) -> Views:
     if rig_name is None:
         raise InputError("FRAMES: missing: picture files, or --rig and --camera for live pictures")
-    rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"press": "none"})
+    rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"scenario": "none"})
     if rig.camera.driver == SIMULATED:
         raise InputError(
             "--camera: missing: the simulated camera never sees a board; allowed: a camera's address"

@@ -31,7 +31,7 @@ def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, writ
     if write and not path.is_file():
         raise InputError(f"--write: {rig_name!r}: with --rig and a rig file of your own")
     loaded = load_rig(rig_name)
-    rig = with_devices(loaded, options).model_copy(update={"press": "none"})
+    rig = with_devices(loaded, options).model_copy(update={"scenario": "none"})
     check_geometry(rig)
     tell_simulated(rig)
     try:

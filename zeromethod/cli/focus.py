@@ -31,7 +31,7 @@ _KEYS = "q ends"
 
 def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, summary: Path | None) -> None:
     """Show figures until told to stop; the last ones as a table, and as `summary`. Raises as `SettingUp`."""
-    rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"press": "none"})
+    rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"scenario": "none"})
     with_lcd = rig.camera.driver not in REAL_CAMERAS or rig.display.driver != "simulated"
     if not with_lcd:
         rig = without_display(rig)

@@ -126,7 +126,7 @@ def grid_bias_px(view: SampledView) -> Float:
     carrier = target.carrier / target.mean
     orders = (3 if rig.display.stripes == "rgb" else 1, 1)
     largest = np.zeros(view.seen.shape)
-    for k, (order, fill) in enumerate(zip(orders, rig.display.fill, strict=True)):
+    for k, (order, fill) in enumerate(zip(orders, rig.display.fill_factor, strict=True)):
         u, v = order * view.lcd_per_camera[..., k, 0], order * view.lcd_per_camera[..., k, 1]
         lens = np.exp(-2 * (np.pi * rig.camera.psf_px) ** 2 * (u * u + v * v))
         depth = 2 * abs(np.sinc(fill)) * lens * np.abs(np.sinc(u) * np.sinc(v))

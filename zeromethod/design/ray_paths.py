@@ -48,7 +48,7 @@ def _path(optics: Optics, u: float, v: float) -> RayPath:
 def _through_captured_layers(optics: Optics, entry: Float, air: Float) -> list[Float]:
     """Points on the layers' surfaces in the order met, from the outermost on; the face itself left out."""
     face = optics.prism.captured_face
-    slabs = [(slab.index, slab.thickness_mm) for slab in reversed(optics.rig.captured_layers)]
+    slabs = [(slab.index, slab.thickness_mm) for slab in reversed(optics.rig.camera_layers)]
     whole, _ = through_slabs(air, -face.normal, 1.0, slabs, optics.rig.prism.index)
     outermost = entry - whole
     points = []

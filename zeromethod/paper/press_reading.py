@@ -94,7 +94,7 @@ def read_whole_image(
 
 
 def read_zero(rig: Rig, truth: TrueMirror, seconds: float) -> SurfaceReading:
-    """Close the loop on the simulated bench for `seconds` under `rig.press` and read the held press, nulled.
+    """Close the loop on the simulated bench for `seconds` under `rig.scenario`; read the held press, nulled.
 
     Peak and view: medians over the nulled frames of the hold; line: one of them.
     """

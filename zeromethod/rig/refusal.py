@@ -14,6 +14,15 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
+RENAMED = {
+    "press": "scenario",
+    "prism.captured_angle_deg": "prism.camera_angle_deg",
+    "prism.leg_mm": "prism.pattern_length_mm",
+    "captured_layers": "camera_layers",
+    "display.fill": "display.fill_factor",
+}
+"""Keys of schema 1 by what they are called since."""
+
 _LONGEST = 60
 _NAMES: dict[Any, str] = {
     float: "a number",
@@ -116,10 +125,11 @@ def dotted(place: tuple[int | str, ...]) -> str:
 
 
 def unknown_key(place: tuple[int | str, ...], known: list[str]) -> str:
-    """Refusal of a key that nobody knows, with the nearest one that is known."""
-    nearest = difflib.get_close_matches(str(place[-1]), known, n=1)
-    hint = f"did you mean {nearest[0]}?" if nearest else f"known are {', '.join(known)}"
-    return f"{dotted(place)}: unknown key: {hint}"
+    """Refusal of an unknown key, with its new name or the nearest known key."""
+    key = dotted(place)
+    near = [RENAMED[key]] if key in RENAMED else difflib.get_close_matches(str(place[-1]), known, n=1)
+    hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+    return f"{key}: unknown key: {hint}"
 
 
 def _known(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
@@ -130,7 +140,7 @@ def _known(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
     return list(_split(annotation)[0].model_fields)
 
 
-def _told(model: type[BaseModel], detail: ErrorDetails) -> str:
+def _complaint(model: type[BaseModel], detail: ErrorDetails) -> str:
     place = detail["loc"]
     if detail["type"] == "extra_forbidden":
         return unknown_key(place, _known(model, place[:-1]))
@@ -147,4 +157,4 @@ def first_refusal(error: ValidationError, model: type[BaseModel]) -> str:
     """First complaint as "key: value: what is allowed"; a misspelt key goes before the key it left out."""
     details = error.errors(include_url=False)
     unknown = [detail for detail in details if detail["type"] == "extra_forbidden"]
-    return _told(model, (unknown or details)[0])
+    return _complaint(model, (unknown or details)[0])

@@ -114,7 +114,7 @@ def summarise(result: RunResult) -> Figures:
     seen = (record.valid_share for record in reversed(records) if np.isfinite(record.residual_rms_px))
     figures = {
         "rig": result.rig.name,
-        "press": result.rig.press,
+        "press": result.rig.scenario,
         "controller": result.rig.control.controller,
         "gain": result.rig.control.gain,
         "seed": result.rig.simulation.seed,

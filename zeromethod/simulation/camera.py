@@ -31,7 +31,7 @@ class SimulatedCamera:
         self._rig = rig
         self._clock = clock
         self._display = display
-        self.scenario: Scenario = load_scenario(rig.press)
+        self.scenario: Scenario = load_scenario(rig.scenario)
         self._delivery = Delivery(rig)
         self._sensor = Sensor(rig)
         self._closed = False

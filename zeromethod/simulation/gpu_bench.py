@@ -26,8 +26,8 @@ def mirror_length_mm(prism: Prism) -> float:
     """L0: given, or leg sin(alpha0 + beta0) / sin(beta0)."""
     if prism.mirror_length_mm is not None:
         return prism.mirror_length_mm
-    alpha, beta = np.radians([prism.pattern_angle_deg, prism.captured_angle_deg])
-    return float((prism.leg_mm or 0.0) * np.sin(alpha + beta) / np.sin(beta))
+    alpha, beta = np.radians([prism.pattern_angle_deg, prism.camera_angle_deg])
+    return float((prism.pattern_length_mm or 0.0) * np.sin(alpha + beta) / np.sin(beta))
 
 
 def mirror_middle_mm(prism: Prism) -> Float:
@@ -55,7 +55,7 @@ class _Face:
 
 def _faces(prism: Prism) -> tuple[_Face, _Face]:
     """(pattern face, captured face)."""
-    alpha, beta = np.radians([prism.pattern_angle_deg, prism.captured_angle_deg])
+    alpha, beta = np.radians([prism.pattern_angle_deg, prism.camera_angle_deg])
     half = mirror_length_mm(prism) / 2
     pattern = _Face(
         np.array([-half, 0.0, 0.0]),
@@ -129,11 +129,11 @@ def bench_values(rig: Rig) -> Values:
     """Constants of bench_rays.frag that belong to the rig."""
     prism, layers = rig.prism, rig.pattern_layers
     pattern, captured = _faces(prism)
-    captured_stack = sum(layer.thickness_mm for layer in rig.captured_layers)
+    captured_stack = sum(layer.thickness_mm for layer in rig.camera_layers)
     stack = sum(layer.thickness_mm for layer in layers)
     last_mm = layers[-1].thickness_mm if layers else 0.0
     slabs = {
-        "captured_layers": np.array([(s.index, s.thickness_mm) for s in rig.captured_layers], dtype=float),
+        "camera_layers": np.array([(s.index, s.thickness_mm) for s in rig.camera_layers], dtype=float),
         "inner_layers": np.array([(s.index, s.thickness_mm) for s in layers[:-1]], dtype=float),
     }
     return {
@@ -154,7 +154,7 @@ def bench_values(rig: Rig) -> Values:
 def bench_defines(rig: Rig) -> dict[str, int]:
     """Preprocessor constants of bench_rays.frag that belong to the rig."""
     return {
-        "CAPTURED_LAYERS": len(rig.captured_layers),
+        "CAPTURED_LAYERS": len(rig.camera_layers),
         "INNER_LAYERS": max(len(rig.pattern_layers) - 1, 0),
         "ORTHOGRAPHIC": int(rig.camera.projection == "orthographic"),
         "DISTORTED": int(any(rig.camera.distortion)),

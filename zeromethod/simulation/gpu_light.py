@@ -81,7 +81,7 @@ class CameraLight:
     """
 
     def __init__(self, context: moderngl.Context, rig: Rig) -> None:
-        fill = [max(float(share), 1e-3) for share in rig.display.fill]
+        fill = [max(float(share), 1e-3) for share in rig.display.fill_factor]
         self._ambient = rig.simulation.ambient
         self._sum = Target(context, (rig.camera.columns, rig.camera.rows), 1)
         defines = {

@@ -64,7 +64,7 @@ class NumpyRenderer:
                     beam.by_u,
                     beam.by_v,
                     beam.gain,
-                    display.fill,
+                    display.fill_factor,
                     stripes,
                     camera.psf_px,
                     out,

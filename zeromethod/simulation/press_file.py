@@ -12,8 +12,8 @@ from pydantic import Field, ValidationError, model_validator
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
-from zeromethod.rig.model import NotNegative, Positive, Share, Table
 from zeromethod.rig.refusal import shown
+from zeromethod.rig.tables import NotNegative, Positive, Share, Table
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 

@@ -110,7 +110,7 @@ def test_it_can_be_recorded_and_that_sensed_again(recording, tmp_path: Path, unc
     relived(recording, [], Window.of(recording, None, 0.3), record=path, command_line="replay")
     with Recording(path) as again:
         assert again.complete
-        assert again.rig.press == "none"
+        assert again.rig.scenario == "none"
         warps, depths = resense(again, again.rig, Window.of(again))
         assert warps.turns > 10
         assert warps.different == depths.different == []
@@ -135,7 +135,7 @@ def test_a_real_bench_becomes_a_simulated_one_with_its_delays() -> None:
             "camera.driver=aravis",
             "camera.latency_s=0.011",
             "simulation.camera_latency_s=0.004",
-            "press=step",
+            "scenario=step",
         ],
     )
     bench = bench_of(rig)

@@ -119,7 +119,7 @@ class LatticeRenderer:
         return self._maps[mirror]
 
     def _gather(self, light: Single, q: Float, gain: Float, out: Single, first: int, end: int) -> None:
-        fill = self._rig.display.fill
+        fill = self._rig.display.fill_factor
         _gather(light, q, gain, fill, self._lens, self._reach, self._spread, first, end, out)
 
     def _panel_light(self, piece: Piece) -> Single:
