@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.devices.opening import open_devices
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.step import Step
 from zeromethod.optics import Dented, DepthField, Optics
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.truth import TrueMirror, TruthSource, usable_nodes
+from zeromethod.session.truth import TruthSource, usable_nodes
 
 Array = NDArray[np.float64]
 

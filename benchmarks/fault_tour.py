@@ -21,9 +21,10 @@ import numpy as np
 
 from benchmarks.bench_report import Figure, Report, finish, options, progress
 from benchmarks.bench_rigs import changed, opened, pressed, small_rig
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
-from zeromethod.session.truth import TrueMirror, true_peak_mm
+from zeromethod.session.truth import true_peak_mm
 from zeromethod.surface import SurfaceReader, peak
 from zeromethod.thread_limits import limit_threads
 

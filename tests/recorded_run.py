@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from benchmarks.against_peers.open_loop import coarser
+from zeromethod.devices.abilities import script_of
 from zeromethod.devices.opening import open_devices
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.step import Step
@@ -42,7 +43,7 @@ def recorded(
     rig = rig or small_rig()
     optics = Optics(rig)
     with open_devices(rig) as devices:
-        scenario = getattr(devices.camera, "scenario", None)
+        scenario = script_of(devices.camera)
         loop = Loop(
             rig,
             devices.camera,

@@ -47,6 +47,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.clock import SimulatedClock
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.errors import MeasurementError
 from zeromethod.loop.circle import Sensor
 from zeromethod.loop.loop import Loop
@@ -59,7 +60,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.sensing.sensor import ResidualSensor
-from zeromethod.session.truth import AT_REST, Comparison, TrueMirror, compare
+from zeromethod.session.truth import AT_REST, Comparison, compare
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
 from zeromethod.simulation.path import PathPoint, PressPath

@@ -33,6 +33,7 @@ from zeromethod.commissioning.calibration import (
     store_calibration,
 )
 from zeromethod.commissioning.calibration.procedure import Known
+from zeromethod.devices.abilities import warnings_of
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
@@ -217,7 +218,7 @@ def calibrate_bench(
     with _home(home):
         with stopped_by_signals():
             with open_devices(rig) as opened:
-                for warning in getattr(opened.display, "warnings", ()):
+                for warning in warnings_of(opened.display):
                     click.echo(f"! {warning}", err=True)
                 recorded, found = record(rig, opened, plan, Telling())
             calibrated = evaluate_with(recorded, found, rig_name)

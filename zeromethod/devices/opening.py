@@ -21,6 +21,7 @@ from types import TracebackType
 from typing import Any, Literal, cast
 
 from zeromethod.clock import Clock, HostClock, SimulatedClock
+from zeromethod.devices.abilities import poll_of
 from zeromethod.devices.bounded import call_within
 from zeromethod.devices.protocols import Camera, Display
 from zeromethod.errors import InputError, MeasurementError
@@ -135,7 +136,7 @@ class Devices:
             self.camera.close()
 
     def _close_display(self, timeout_s: float) -> None:
-        if isinstance(self.clock, HostClock) and not hasattr(self.display, "poll"):
+        if isinstance(self.clock, HostClock) and poll_of(self.display) is None:
             call_within(timeout_s, self.display.close, "display closing")
         else:
             self.display.close()

@@ -8,6 +8,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from zeromethod.devices.abilities import identity_of
 from zeromethod.devices.protocols import CameraLost, Frame
 from zeromethod.drivers.newest import Newest
 
@@ -69,8 +70,7 @@ def _grab(open_source: Callable[[], Source], link: _Link) -> None:
         link.opened.set_exception(error)
         return
     try:
-        serial, model = (str(getattr(source, name, "")) for name in ("serial", "model"))
-        link.opened.set_result(_Opened(source.shape, source.bits, serial, model))
+        link.opened.set_result(_Opened(source.shape, source.bits, *identity_of(source)))
         while not link.stop.is_set():
             if source.on_demand and not link.asked.wait(POLL_S):
                 continue

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import Dented, Optics
 from zeromethod.paper.picks import Picks, pick
@@ -16,7 +17,6 @@ from zeromethod.paper.press import LatticeView
 from zeromethod.paper.printed_lattice import photograph
 from zeromethod.paper.series import Series
 from zeromethod.rig.model import Rig
-from zeromethod.session.truth import TrueMirror
 from zeromethod.simulation.press import Dent, Mirror, Shape
 
 DEPTH_MM, SIGMA_MM = 0.2, 5.0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float, Image
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.loop.state import NULLED
 from zeromethod.optics import Optics
 from zeromethod.paper.press import PITCH_MM
@@ -14,7 +15,7 @@ from zeromethod.passive import correlate
 from zeromethod.passive.passive_warp import measured_warp
 from zeromethod.rig.model import Rig
 from zeromethod.session.run import run
-from zeromethod.session.truth import TrueMirror, compare
+from zeromethod.session.truth import compare
 from zeromethod.surface import Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
 

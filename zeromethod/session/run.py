@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from zeromethod.control.stability_margin import margin_words, stability_margin
+from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
@@ -68,8 +69,8 @@ class Run:
         self._publisher = publisher
         self._recorder = None if record is None else self._opened(record)
         self._recording = ""
-        self._truth: TruthSource | None = getattr(devices.camera, "truth", None)
-        self._scenario = getattr(devices.camera, "scenario", None)
+        self._truth: TruthSource | None = truth_of(devices.camera)
+        self._scenario = script_of(devices.camera)
         phases = self._scenario.phases if self._scenario is not None else ()
         self._has_hold = any(phase.name == "hold" for phase in phases)
         self._start_ns: int | None = None
@@ -157,7 +158,7 @@ class Run:
 
     def _finish(self) -> None:
         display = self._devices.display
-        self.result.dropped_refreshes = getattr(display, "dropped_refreshes", None)
+        self.result.dropped_refreshes = dropped_refreshes_of(display)
 
     def _read(self, step: Step) -> Reading:
         """Read one step; in real time in a thread of its own."""
@@ -169,7 +170,7 @@ class Run:
             phase = self._phase(step.time_ns)
             if phase == "untouched":
                 untouched = (_rms_nm(surface), _rms_nm(self._filtered_reader.read(step.filtered)))
-            elif phase in COMPARED_PHASES:
+            elif self._scenario is None or phase in COMPARED_PHASES:
                 truth = compare(surface, self._truth(step.time_ns), self._optics, self._grid)
         return Reading(step, surface, deepest, read_ms, truth, untouched)
 

@@ -108,7 +108,8 @@ def summarise(result: RunResult) -> Figures:
     held = [record for record in records if record.phase == "hold"] or records
     nulled = [record for record in held if record.state in NULLED]
     peak_mm, sigma_mm = _depth_peak_mm(nulled)
-    truth = _against_truth(records, "hold", NULLED)
+    # without a scenario, every nulled frame was compared
+    truth = _against_truth(records, "hold" if any(record.phase for record in records) else "", NULLED)
     residuals = [record.residual_rms_px for record in nulled or held if np.isfinite(record.residual_rms_px)]
     last = result.last
     seen = (record.valid_share for record in reversed(records) if np.isfinite(record.residual_rms_px))

@@ -142,5 +142,5 @@ def test_a_real_bench_becomes_a_simulated_one_with_its_delays() -> None:
     assert (bench.display.driver, bench.camera.driver) == ("simulated", "simulated")
     assert bench.display.latency_s == 0.02
     assert bench.simulation.camera_latency_s == 0.011
-    assert bench.press == "none"
+    assert bench.scenario == "none"
     assert bench.control == rig.control
