@@ -63,9 +63,9 @@ from zeromethod.sensing.sensor import ResidualSensor
 from zeromethod.session.truth import AT_REST, Comparison, compare
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
+from zeromethod.simulation.panel import light_of_codes
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Mirror, Shape
-from zeromethod.simulation.response import light_of_codes
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface import SurfaceReader
 from zeromethod.warp.grid import NodeGrid

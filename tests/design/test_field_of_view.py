@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from zeromethod.design import SampledView
-from zeromethod.design.field_of_view import field_of_view
+from zeromethod.design.figures import field_of_view
 
 from .design_benches import PIXEL_MM, telecentric
 

@@ -49,7 +49,7 @@ def test_slope_noise_is_displacement_noise_by_the_lever() -> None:
     view = SampledView(telecentric())
     lever = 2 * view.x_mm * np.sin(np.radians(50.0)) / 0.1  # camera px per rad along x
     expected = 1e6 * displacement_sigma_px(view) / lever
-    np.testing.assert_allclose(slope_sigma_urad(view)[view.seen][:, 0], expected[view.seen], rtol=1e-6)
+    np.testing.assert_allclose(slope_sigma_urad(view)[view.on_lcd][:, 0], expected[view.on_lcd], rtol=1e-6)
 
 
 def test_depth_noise_follows_the_light() -> None:

@@ -16,7 +16,7 @@ from zeromethod.errors import InputError
 from zeromethod.gl.context import VARIABLE
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
-from zeromethod.simulation.response import code_of_light, light_of_codes
+from zeromethod.simulation.panel import code_of_light, light_of_codes
 
 EXACT = {"camera_jitter_s": 0.0, "display_refresh_hz": 60.0, "camera_phase": 0.3}
 QUIET = {"noise": {"read_grey": 0.0, "black_grey": 0.0}}

@@ -121,7 +121,7 @@ def smallest_total_angle(rig: Rig, highest_deg: float = 75.0) -> float | None:
             view = SampledView(varied(rig, "angle", angle_deg))
         except InputError:
             return False
-        return bool((view.trace.reflectance[view.seen] >= 1.0).all())
+        return bool((view.trace.reflectance[view.on_lcd] >= 1.0).all())
 
     high = next((angle for angle in np.arange(np.ceil(low), highest_deg + 0.5, 1.0) if total(angle)), None)
     if high is None:

@@ -1,4 +1,4 @@
-"""What a device can do beyond its protocol. This is the only place that asks.
+"""Optional abilities of devices; the only place that asks for them.
 
 The abilities are the optional protocols of `zeromethod.devices.protocols`. A device that lacks one, or has
 something else by its name (a lab's own `scenario`), does not have the ability.
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.devices.protocols import Phase, Script, TrueMirror
+from zeromethod.devices.protocols import Script, ScriptPhase, TrueMirror
 
 
 def poll_of(display: object) -> Callable[[], None] | None:
@@ -60,7 +60,9 @@ def script_of(camera: object) -> Script | None:
     script = getattr(camera, "scenario", None)
     if not (isinstance(script, Script) and isinstance(script.duration_s, int | float)):
         return None
-    known = isinstance(script.phases, list | tuple) and all(isinstance(one, Phase) for one in script.phases)
+    known = isinstance(script.phases, list | tuple) and all(
+        isinstance(one, ScriptPhase) for one in script.phases
+    )
     return script if known and _method(script, "phase_at", 0) is not None else None
 
 

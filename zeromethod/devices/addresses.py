@@ -1,4 +1,4 @@
-"""What `--camera` takes: an index, a URL, a file, `pylon[:serial]`, `aravis[:address]` or a driver's name."""
+"""Camera addresses, as `--camera` takes them: an index, a URL, a file, a camera kind or a driver's name."""
 
 from __future__ import annotations
 

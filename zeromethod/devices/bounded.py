@@ -1,4 +1,4 @@
-"""Calling what may hang: a thread of its own, and a bound on how long it is waited for."""
+"""A call with a time limit, in a daemon thread of its own."""
 
 from __future__ import annotations
 

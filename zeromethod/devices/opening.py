@@ -1,4 +1,4 @@
-"""From a rig's `[camera]` and `[display]` tables to opened devices.
+"""Opening of the devices that a rig's `[camera]` and `[display]` tables name.
 
 A driver is any callable: the entry points of the groups `zeromethod.cameras` and `zeromethod.displays`
 by name, or `package.module:Name` (the working directory is searched too, so a lab's own file will do).
@@ -45,12 +45,12 @@ OPENING_S = 30.0
 """How long a camera may take to open in the host's time."""
 
 _SETTINGS = frozenset({"gain", "pixel_format", "region_px", "trigger"})
-"""Keys that a device must be set to: one that the driver does not name would go unheeded."""
+"""Keys that a device must be set to: one that the driver does not name would have no effect."""
 
 
 @cache
 def _installed(kind: Kind) -> Mapping[str, EntryPoint]:
-    """Entry points by name; looked up once, for every package of the environment is opened for it."""
+    """Entry points by name; looked up once, because it reads every installed package."""
     return {entry.name: entry for entry in entry_points(group=f"zeromethod.{kind}s")}
 
 
@@ -61,23 +61,17 @@ def load_driver(kind: Kind, name: str) -> Factory:
     cannot be imported.
     """
     where = f"{kind}.driver: {name!r}"
-    if ":" in name:
-        if os.getcwd() not in sys.path:
-            sys.path.insert(0, os.getcwd())
-        module, _, attribute = name.partition(":")
-        try:
-            factory = getattr(importlib.import_module(module), attribute)
-        except Exception as error:  # a driver is somebody else's code: whatever it raises is told, not traced
-            raise InputError(f"{where}: cannot be imported: {_one_line(error)}") from error
-    else:
-        known = _installed(kind)
-        if name not in known:
-            listed = ", ".join(sorted(known)) or "none is installed"
-            raise InputError(f"{where}: unknown; allowed: {listed}, or package.module:Name")
-        try:
-            factory = known[name].load()
-        except Exception as error:
-            raise InputError(f"{where}: cannot be imported: {_one_line(error)}") from error
+    module, colon, attribute = name.partition(":")
+    known = {} if colon else _installed(kind)
+    if not colon and name not in known:
+        listed = ", ".join(sorted(known)) or "none is installed"
+        raise InputError(f"{where}: unknown; allowed: {listed}, or package.module:Name")
+    if colon and os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        factory = getattr(importlib.import_module(module), attribute) if colon else known[name].load()
+    except Exception as error:  # whatever somebody else's code raises is reported in one line
+        raise InputError(f"{where}: cannot be imported: {_one_line(error)}") from error
     if not callable(factory):
         raise InputError(f"{where}: not callable; allowed: a class or function that returns a {kind}")
     return cast(Factory, factory)
@@ -95,7 +89,7 @@ class Devices:
     _openings: int = 0
 
     def reopen_camera(self) -> Camera:
-        """Close the camera and open it anew; raises InputError when that fails.
+        """Close the camera and open it again; raises InputError when that fails.
 
         One that opens only when it was asked for again, or after `close`, is its caller's alone.
         """
@@ -150,7 +144,7 @@ class Devices:
         if error is None:
             self.close()
             return
-        # what went wrong first is what is told
+        # what went wrong first is what is reported
         with contextlib.suppress(MeasurementError):
             self.close(CLOSING_S)
 

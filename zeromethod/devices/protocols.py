@@ -242,7 +242,7 @@ class TruthfulCamera(Protocol):
 
 
 @runtime_checkable
-class Phase(Protocol):
+class ScriptPhase(Protocol):
     """A named part of a run: errors against the truth are given for "hold" and "slide"."""
 
     @property
@@ -259,7 +259,7 @@ class Script(Protocol):
         """How long a run lasts when nobody asks for another length, s."""
 
     @property
-    def phases(self) -> Sequence[Phase]:
+    def phases(self) -> Sequence[ScriptPhase]:
         """All parts, in any order."""
 
     def phase_at(self, time_ns: int) -> str | None:

@@ -13,9 +13,8 @@ from zeromethod.devices.protocols import DisplayLost
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
-from zeromethod.simulation.panel import Panel, Presentation
+from zeromethod.simulation.panel import Presentation, SimulatedPanel, code_of_light
 from zeromethod.simulation.renderer import BenchRenderer
-from zeromethod.simulation.response import code_of_light
 from zeromethod.simulation.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -49,7 +48,7 @@ class SimulatedDisplay:
         display, spec = rig.display, rig.simulation
         refresh_hz = spec.display_refresh_hz or display.refresh_hz
         self._vsync = Timeline(refresh_hz, 0.0, spec.display_jitter_s, spec.seed, _STREAM)
-        self.panel = Panel(display, refresh_hz)
+        self.panel = SimulatedPanel(display, refresh_hz)
         grey = np.full((display.rows, display.columns), code_of_light(display, rig.target.mean), np.uint8)
         self.presentations = [Presentation(clock.now_ns(), self.renderer.upload(grey))]
         self._needed_from_ns: int | None = None

@@ -68,7 +68,7 @@ def _pixels(view: SampledView) -> tuple[Float, Float]:
     """Pixels from edge to edge of the image, through its middle, along which x on the mirror grows."""
     camera = view.rig.camera
     middle = np.array([(camera.columns - 1) / 2, (camera.rows - 1) / 2])
-    growth = np.nanmedian(view.mirror_per_camera[..., 0, :][view.seen], axis=0)
+    growth = np.nanmedian(view.mirror_per_camera[..., 0, :][view.on_lcd], axis=0)
     direction = growth / np.linalg.norm(growth)
     with np.errstate(divide="ignore"):
         reach = float(np.min(middle / np.abs(direction)))
@@ -224,7 +224,7 @@ def _maps(view: SampledView, figures: dict[str, Any]) -> list[tuple[str, str, Fl
 
 
 def _map(axis: Axes, view: SampledView, values: Float, title: str, unit: str) -> None:
-    shown = view.seen & np.isfinite(values)
+    shown = view.on_lcd & np.isfinite(values)
     axis.set_title(title)
     axis.set_xlabel("x, mm")
     axis.set_ylabel("y, mm")
