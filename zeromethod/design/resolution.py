@@ -38,8 +38,7 @@ def footprint_per_pupil(view: SampledView) -> Float:
         ends = []
         for sign in (1, -1):
             position = camera.position + sign * _STEP_MM * axis
-            spec = view.rig.camera.model_copy(update={"position_mm": tuple(float(c) for c in position)})
-            optics = Optics(view.rig.model_copy(update={"camera": spec}))
+            optics = Optics(view.rig.replace({"camera.position_mm": position}))
             ends.append(optics.trace(view.u_px, view.v_px, optics.rest))
         moved_point.append((ends[0].point - ends[1].point)[..., :2] / (2 * _STEP_MM))
         moved_q.append((ends[0].q - ends[1].q) / (2 * _STEP_MM))

@@ -148,15 +148,15 @@ def _check_key(rig: Rig, variation: Variation) -> None:
 
 
 def _with_angle(rig: Rig, angle_deg: float) -> Rig:
-    """Both faces at one angle; the camera keeps its place before the captured face.
+    """Both faces at one angle; the camera keeps its place before the camera face.
 
-    It looks at the same share of the mirror's length, at the same angle to the captured face, through the
+    It looks at the same share of the mirror's length, at the same angle to the camera face, through the
     same length of air. The LCD goes with its face.
     """
     changed = rig.replace({"prism.pattern_angle_deg": angle_deg, "prism.camera_angle_deg": angle_deg})
     before, after = PrismGeometry(rig.prism), PrismGeometry(changed.prism)
     turn = np.radians(angle_deg - rig.prism.camera_angle_deg)
-    # the captured face's normal (sin b, 0, -cos b) turns from -z towards x as b grows
+    # the camera face's normal (sin b, 0, -cos b) turns from -z towards x as b grows
     rotation = np.array([[np.cos(turn), 0, -np.sin(turn)], [0, 1, 0], [np.sin(turn), 0, np.cos(turn)]])
     look_at = np.array(rig.camera.look_at_mm)
     away = np.array(rig.camera.position_mm) - look_at
@@ -169,7 +169,7 @@ def _with_angle(rig: Rig, angle_deg: float) -> Rig:
 
 
 def _inside_mm(prism: PrismGeometry, look_at: np.ndarray, direction: np.ndarray) -> float:
-    """Length, along the optical axis, from the point looked at to the captured face's plane."""
+    """Length, along the optical axis, from the point looked at to the camera face's plane."""
     face = prism.captured_face
     return float(face.depth_below(look_at)) / float(direction @ face.normal)
 

@@ -10,7 +10,6 @@ import numpy as np
 from zeromethod.arrays import Bytes
 from zeromethod.clock import Clock
 from zeromethod.devices.protocols import DisplayLost
-from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.panel import Presentation, SimulatedPanel, code_of_light
@@ -71,9 +70,6 @@ class SimulatedDisplay:
         Raises DisplayLost, or InputError for a picture of another shape or type.
         """
         self._check()
-        expected = self._rig.display.rows, self._rig.display.columns
-        if image.shape != expected or image.dtype != np.uint8:
-            raise InputError(f"picture: shape {image.shape}, {image.dtype}: allowed {expected}, uint8")
         return self._present(self.renderer.upload(image))
 
     def keep_from(self, time_ns: int | None) -> None:
