@@ -3,7 +3,7 @@
 //
 // Light is followed backwards, from the camera: air, camera layers, rubber, mirror, rubber, pattern layers,
 // LCD. Lengths in mm from the mirror's middle, which keeps float32 to a few 1e-6 mm.
-// GHOST 0: the main ray. 1: reflected once more by the LCD's glass and the near side of its gap. 2: reflected
+// GHOST 0: the main ray. 1: reflected again by the LCD's glass and the near side of its gap. 2: reflected
 // inside at the pattern face and at the camera face, so that it meets the mirror three times.
 // The rig's numbers are constants that the CPU writes, RIG: as uniforms they would be looked up for each pixel, and
 // on a CPU that costs more than all rays.
@@ -38,10 +38,10 @@ bool on_mirror(vec3 point) {
     return all(lessThanEqual(abs(point.xy), half_mirror));
 }
 
-// Ideal normalised coordinates of the seen ones: Newton on OpenCV's model (k1, k2, p1, p2, k3).
-// False beyond the model's turning point, where none are seen there.
-bool undistort(vec2 seen, out vec2 at) {
-    at = seen;
+// Ideal normalised coordinates of distorted ones: Newton on OpenCV's model (k1, k2, p1, p2, k3).
+// False beyond the model's turning point, where no pixel has any.
+bool undistort(vec2 distorted, out vec2 at) {
+    at = distorted;
     vec2 miss = vec2(0.0);
 #if DISTORTED
     for (int i = 0; i < 8; ++i) {
@@ -50,7 +50,7 @@ bool undistort(vec2 seen, out vec2 at) {
         float growth = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3));
         vec2 shift = radial * at + vec2(
             2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y);
-        miss = (seen - at) - shift;
+        miss = (distorted - at) - shift;
         float xx = 1.0 + radial + growth * x * x + 2.0 * p1 * y + 6.0 * p2 * x;
         float yy = 1.0 + radial + growth * y * y + 6.0 * p1 * y + 2.0 * p2 * x;
         float xy = growth * x * y + 2.0 * p1 * x + 2.0 * p2 * y;

@@ -1,4 +1,4 @@
-"""What is seen: known spans of parallel rays, and where the rest goes."""
+"""Field of view: known spans of parallel rays, and where the rest goes."""
 
 import numpy as np
 import pytest

@@ -256,7 +256,7 @@ def test_target_period_must_fit_four_times_into_the_image(tmp_path: Path) -> Non
     assert refusal(tmp_path, text).startswith("target.period_px: 18: at most a quarter of 68 camera px")
 
 
-def test_only_the_first_error_is_told(tmp_path: Path) -> None:
+def test_only_the_first_error_is_reported(tmp_path: Path) -> None:
     text = changed("pattern_length_mm = 60.0", "pattern_length_mm = -1.0").replace("bits = 8", "bits = 9")
     assert refusal(tmp_path, text) == "prism.pattern_length_mm: -1.0: a number above 0"
 

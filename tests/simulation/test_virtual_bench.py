@@ -282,7 +282,7 @@ class Counting:
         pass
 
 
-def test_exposures_come_at_the_cameras_rate_and_what_fails_is_told() -> None:
+def test_exposures_come_at_the_cameras_rate_and_what_fails_is_reported() -> None:
     camera = load_rig("virtual").camera
     exposer = Exposer(camera, 50.0, Counting)
     taken: list[Exposure] = []

@@ -98,7 +98,7 @@ class Devices:
             opening = self._openings
         # a camera that is gone may well fail to close, too
         with contextlib.suppress(Exception):
-            self._close_camera(CLOSING_S)
+            self._close("camera", self.camera, CLOSING_S)
         camera = self._open_camera()
         with self._lock:
             if opening == self._openings:
@@ -115,25 +115,19 @@ class Devices:
             self._openings += 1
         failed = []
         end_s = time.monotonic() + timeout_s
-        for name, close in (("camera", self._close_camera), ("display", self._close_display)):
+        for kind, device in (("camera", self.camera), ("display", self.display)):
             try:
-                close(max(end_s - time.monotonic(), LEAST_CLOSING_S))
+                self._close(kind, device, max(end_s - time.monotonic(), LEAST_CLOSING_S))
             except Exception as error:
-                failed.append(f"{name}: cannot be closed: {_one_line(error)}")
+                failed.append(f"{kind}: cannot be closed: {_one_line(error)}")
         if failed:
             raise MeasurementError("; ".join(failed))
 
-    def _close_camera(self, timeout_s: float) -> None:
-        if isinstance(self.clock, HostClock):
-            call_within(timeout_s, self.camera.close, "camera closing")
+    def _close(self, kind: str, device: Camera | Display, timeout_s: float) -> None:
+        if isinstance(self.clock, HostClock) and (kind == "camera" or poll_of(device) is None):
+            call_within(timeout_s, device.close, f"{kind} closing")
         else:
-            self.camera.close()
-
-    def _close_display(self, timeout_s: float) -> None:
-        if isinstance(self.clock, HostClock) and poll_of(self.display) is None:
-            call_within(timeout_s, self.display.close, "display closing")
-        else:
-            self.display.close()
+            device.close()
 
     def __enter__(self) -> Devices:
         return self

@@ -51,7 +51,7 @@ def set_value(data: Any, key: str, value: Any) -> None:
 def plain(value: Any) -> Any:
     """Value as TOML has it: numpy's, tuples, paths and tables become numbers, lists, text and dicts."""
     if isinstance(value, BaseModel):
-        return plain(value.model_dump(exclude_unset=True, exclude_none=True))
+        return plain(value.model_dump(exclude_unset=True))
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
