@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.devices.opening import open_devices
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.step import Step
 from zeromethod.optics import Dented, DepthField, Optics
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.surface.comparison import TrueMirror, TruthSource, usable_nodes
+from zeromethod.surface.comparison import TruthSource, usable_nodes
 
 Array = NDArray[np.float64]
 
@@ -65,7 +66,7 @@ def pressed(
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "press.toml"
         file.write_text(text)
-        yield rig.model_copy(update={"press": str(file)})
+        yield rig.model_copy(update={"scenario": str(file)})
 
 
 def step_path(time_s: float, depth_mm: float = 0.2) -> list[tuple[float, float]]:

@@ -90,7 +90,7 @@ def nominal() -> Rig:
         display={**coarser, "pitch_mm": 2 * rig.display.pitch_mm},
         target={"period_px": PERIOD_PX},
     )
-    return binned(rig, BINNING).model_copy(update={"press": "none"})
+    return binned(rig, BINNING).model_copy(update={"scenario": "none"})
 
 
 def drawn(given: Rig, rng: np.random.Generator, seed: int) -> Rig:

@@ -21,10 +21,11 @@ import numpy as np
 
 from benchmarks.bench_report import Figure, Report, finish, options, progress
 from benchmarks.bench_rigs import changed, opened, pressed, small_rig
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 from zeromethod.surface import SurfaceReader, peak
-from zeromethod.surface.comparison import TrueMirror, true_peak_mm
+from zeromethod.surface.comparison import true_peak_mm
 from zeromethod.thread_limits import limit_threads
 
 PRESS_S = 0.15

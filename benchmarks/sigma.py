@@ -33,7 +33,7 @@ from zeromethod.pattern import PatternRenderer, Response, Target
 from zeromethod.rig.model import Rig
 from zeromethod.sensing import ResidualSensor
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
-from zeromethod.simulation.panel import Panel, Presentation
+from zeromethod.simulation.panel import Presentation, SimulatedPanel
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
@@ -142,7 +142,7 @@ class Bench:
             for time_ns, q in zip(times, pictures, strict=True):
                 log.record(time_ns, q, time_ns)
                 presentations.append(Presentation(time_ns, self._light.upload(self._pattern.image(q))))
-        panel = Panel(self.rig.display, self.rig.display.refresh_hz)
+        panel = SimulatedPanel(self.rig.display, self.rig.display.refresh_hz)
         half = exposure_ns // 2
         shares = panel.weights(presentations, middle_ns - half, middle_ns + half)
         light = self._light.expose([Piece(1.0, self.mirror(case.press_mm), shares)])

@@ -1,17 +1,17 @@
 #version 330 core
 // Where each camera pixel looks: LCD position q (px), reflectance, and whether the ray arrives.
 //
-// Light is followed backwards, from the camera: air, captured layers, rubber, mirror, rubber, pattern layers,
+// Light is followed backwards, from the camera: air, camera layers, rubber, mirror, rubber, pattern layers,
 // LCD. Lengths in mm from the mirror's middle, which keeps float32 to a few 1e-6 mm.
-// GHOST 0: the main ray. 1: reflected once more by the LCD's glass and the near side of its gap. 2: reflected
-// inside at the pattern face and at the captured face, so that it meets the mirror three times.
+// GHOST 0: the main ray. 1: reflected again by the LCD's glass and the near side of its gap. 2: reflected
+// inside at the pattern face and at the camera face, so that it meets the mirror three times.
 // The rig's numbers are constants that the CPU writes, RIG: as uniforms they would be looked up for each pixel, and
 // on a CPU that costs more than all rays.
-//   captured_..., pattern_...: edge, along, normal, length of the faces
+//   camera_face_..., pattern_...: edge, along, normal, length of the faces
 //   half_mirror: half length along x, half width along y; rubber_index
 //   camera_axis, camera_u, camera_v; camera_centre px; camera_scale: 1 / focal px, or mm per px; k1, k2, p1, p2, k3
-//   entry: where the optical axis meets the outermost captured plane; entry_way: mm from the camera to there
-//   captured_layers, inner_layers: (index, mm) each; captured_stack, inner_stack: mm of them all
+//   entry: where the optical axis meets the outermost plane on the camera side; entry_way: mm from the camera to there
+//   camera_layers, inner_layers: (index, mm) each; camera_stack, inner_stack: mm of them all
 //   last_index, last_mm: the last slab in front of the LCD is apart: its thickness may vary
 //   lcd_centre, lcd_column, lcd_row, lcd_normal, lcd_field, lcd_middle px, lcd_pitch
 //   rest_sphere: centre x, y, radius (> 0 bulges out of the rubber); rest_grid: x, y of the first coefficient, pitch
@@ -24,7 +24,7 @@ struct Face {
     vec3 normal;    // out of the rubber
     float length;
 };
-const Face captured = Face(captured_edge, captured_along, captured_normal, captured_length);
+const Face camera_face = Face(camera_face_edge, camera_face_along, camera_face_normal, camera_face_length);
 const Face pattern = Face(pattern_edge, pattern_along, pattern_normal, pattern_length);
 
 layout(location = 0) out vec4 ray;
@@ -38,10 +38,10 @@ bool on_mirror(vec3 point) {
     return all(lessThanEqual(abs(point.xy), half_mirror));
 }
 
-// Ideal normalised coordinates of the seen ones: Newton on OpenCV's model (k1, k2, p1, p2, k3).
-// False beyond the model's turning point, where none are seen there.
-bool undistort(vec2 seen, out vec2 at) {
-    at = seen;
+// Ideal normalised coordinates of distorted ones: Newton on OpenCV's model (k1, k2, p1, p2, k3).
+// False beyond the model's turning point, where no pixel has any.
+bool undistort(vec2 distorted, out vec2 at) {
+    at = distorted;
     vec2 miss = vec2(0.0);
 #if DISTORTED
     for (int i = 0; i < 8; ++i) {
@@ -50,7 +50,7 @@ bool undistort(vec2 seen, out vec2 at) {
         float growth = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3));
         vec2 shift = radial * at + vec2(
             2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y);
-        miss = (seen - at) - shift;
+        miss = (distorted - at) - shift;
         float xx = 1.0 + radial + growth * x * x + 2.0 * p1 * y + 6.0 * p2 * x;
         float yy = 1.0 + radial + growth * y * y + 6.0 * p1 * y + 2.0 * p2 * x;
         float xy = growth * x * y + 2.0 * p1 * x + 2.0 * p2 * y;
@@ -60,19 +60,19 @@ bool undistort(vec2 seen, out vec2 at) {
     return dot(miss, miss) < 1e-10;
 }
 
-// The pixel's ray where it meets the plane of the outermost captured layer, and its unit direction.
+// The pixel's ray where it meets the plane of the outermost camera layer, and its unit direction.
 bool camera_ray(vec2 pixel, out vec3 from, out vec3 direction) {
     vec2 off = (pixel - camera_centre) * camera_scale;
 #if ORTHOGRAPHIC
     vec3 across = off.x * camera_u + off.y * camera_v;
     direction = camera_axis;
-    from = entry + across - dot(captured.normal, across) / dot(captured.normal, camera_axis) * camera_axis;
+    from = entry + across - dot(camera_face.normal, across) / dot(camera_face.normal, camera_axis) * camera_axis;
     return true;
 #else
     vec2 at;
     bool settled = undistort(off, at);
     vec3 across = at.x * camera_u + at.y * camera_v;
-    float facing = dot(captured.normal, camera_axis), turned = dot(captured.normal, across);
+    float facing = dot(camera_face.normal, camera_axis), turned = dot(camera_face.normal, across);
     float way = entry_way * facing / (facing + turned);
     from = entry + way * across - entry_way * turned / (facing + turned) * camera_axis;
     direction = normalize(camera_axis + across);
@@ -80,26 +80,26 @@ bool camera_ray(vec2 pixel, out vec3 from, out vec3 direction) {
 #endif
 }
 
-// Through the captured layers into the rubber; index x tangential direction is the same in every slab.
+// Through the camera layers into the rubber; index x tangential direction is the same in every slab.
 bool enter_rubber(inout vec3 at, inout vec3 direction) {
-    float inward = -dot(direction, captured.normal);
+    float inward = -dot(direction, camera_face.normal);
     if (inward <= 0.0) {
         return false;
     }
-    vec3 tangent = direction + inward * captured.normal;
+    vec3 tangent = direction + inward * camera_face.normal;
     float t2 = dot(tangent, tangent);
-    at -= captured_stack * captured.normal;
-#if CAPTURED_LAYERS > 0
-    for (int i = 0; i < CAPTURED_LAYERS; ++i) {
-        float n2 = captured_layers[i].x * captured_layers[i].x - t2;
+    at -= camera_stack * camera_face.normal;
+#if CAMERA_LAYERS > 0
+    for (int i = 0; i < CAMERA_LAYERS; ++i) {
+        float n2 = camera_layers[i].x * camera_layers[i].x - t2;
         if (n2 <= 0.0) {
             return false;
         }
-        at += tangent * (captured_layers[i].y * inversesqrt(n2));
+        at += tangent * (camera_layers[i].y * inversesqrt(n2));
     }
 #endif
-    direction = (tangent - captured.normal * sqrt(rubber_index * rubber_index - t2)) / rubber_index;
-    return on_face(captured, at);
+    direction = (tangent - camera_face.normal * sqrt(rubber_index * rubber_index - t2)) / rubber_index;
+    return on_face(camera_face, at);
 }
 
 // Power reflectance of the mirror for the LCD's polarisation; `travel` leaves it towards the LCD.
@@ -181,10 +181,10 @@ bool trace(vec2 pixel, out vec2 q, out float light) {
     }
 #if GHOST == 2
     direction = reflect(direction, pattern.normal);
-    if (!reflect_off_mirror(at, direction, light) || !go_to_face(captured, at, direction)) {
+    if (!reflect_off_mirror(at, direction, light) || !go_to_face(camera_face, at, direction)) {
         return false;
     }
-    direction = reflect(direction, captured.normal);
+    direction = reflect(direction, camera_face.normal);
     if (!reflect_off_mirror(at, direction, light) || !go_to_face(pattern, at, direction)) {
         return false;
     }

@@ -71,7 +71,7 @@ float exponent(vec2 here) {
 #endif
 
 #if STRIPS
-// Light of the coded strips at a camera position; negative beside them. A bit's cells: bit, not, not, bit.
+// Light of the coded strips at a camera position; negative outside them. A bit's cells: bit, not, not, bit.
 float strip_light(vec2 camera) {
     float across = ALONG_U == 1 ? camera.y : camera.x, along = ALONG_U == 1 ? camera.x : camera.y;
     bool first = across < strip_edges.x;

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from benchmarks.against_peers.open_loop import coarser
+from zeromethod.devices.abilities import script_of
 from zeromethod.devices.opening import open_devices
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.step import Step
@@ -21,7 +22,7 @@ def small_rig(press: str = "step", seed: int = 0) -> Rig:
     """The packaged bench at a quarter of the pixels on each axis, of camera and LCD."""
     rig = coarser(load_rig("simulated"), 4)
     simulation = rig.simulation.model_copy(update={"seed": seed})
-    return rig.model_copy(update={"press": press, "simulation": simulation})
+    return rig.model_copy(update={"scenario": press, "simulation": simulation})
 
 
 def recorded(
@@ -42,7 +43,7 @@ def recorded(
     rig = rig or small_rig()
     optics = Optics(rig)
     with open_devices(rig) as devices:
-        scenario = getattr(devices.camera, "scenario", None)
+        scenario = script_of(devices.camera)
         loop = Loop(
             rig,
             devices.camera,

@@ -57,7 +57,7 @@ class _Watched:
 
 def measure(figures: Figures, on_step: OnStep, quick: bool) -> None:
     """Fill `figures`: ms with percentiles, frames per second, depth noise; errors against the truth."""
-    rig = binned(load_rig("simulated").model_copy(update={"press": PRESS}), 2 if quick else 1)
+    rig = binned(load_rig("simulated").model_copy(update={"scenario": PRESS}), 2 if quick else 1)
     flow = dis_solver("FAST")
     dis_ms: list[float] = []
     with open_devices(rig) as devices:

@@ -47,6 +47,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.clock import SimulatedClock
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.errors import MeasurementError
 from zeromethod.loop.circle import Sensor
 from zeromethod.loop.loop import Loop
@@ -61,12 +62,12 @@ from zeromethod.sensing.residual import Residual
 from zeromethod.sensing.sensor import ResidualSensor
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
+from zeromethod.simulation.panel import light_of_codes
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Mirror, Shape
-from zeromethod.simulation.response import light_of_codes
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface import SurfaceReader
-from zeromethod.surface.comparison import AT_REST, Comparison, TrueMirror, compare
+from zeromethod.surface.comparison import AT_REST, Comparison, compare
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_pixels import RestGrid
 from zeromethod.warp.warp import Warp

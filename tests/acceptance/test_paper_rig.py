@@ -19,7 +19,7 @@ from zeromethod.warp.grid import NodeGrid
 
 
 def paper(press: str | Path) -> Rig:
-    return load_rig("paper").model_copy(update={"press": str(press)})
+    return load_rig("paper").model_copy(update={"scenario": str(press)})
 
 
 def scenario(

@@ -51,7 +51,7 @@ def test_heading_turns_the_axis_from_x_to_z_and_elevation_lifts_it_to_y() -> Non
 
 def test_the_captured_face_follows_the_pattern_face() -> None:
     rig = build(load_rig("simulated"), {"prism.pattern_angle_deg": 51.0})
-    assert rig.prism.captured_angle_deg == pytest.approx(51.0)
+    assert rig.prism.camera_angle_deg == pytest.approx(51.0)
 
 
 def test_a_gap_is_only_what_is_air() -> None:

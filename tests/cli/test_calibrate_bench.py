@@ -65,7 +65,7 @@ def rig_file(planted: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> P
         "camera.focal_px": rig.camera.focal_px,
         "camera.centre_px": rig.camera.centre_px,
         "target.period_px": rig.target.period_px,
-        "press": "none",
+        "scenario": "none",
     }
     save_values(REPOSITORY / "calibration" / "rigs" / "simulated.toml", values, path)
     return path
@@ -190,7 +190,7 @@ def test_redo_adds_what_was_measured_later_and_diff_tells_the_change(
         (("--rig", "simulated", "--known", "gap_mm=-3:0.01"), "gap_mm=-3: a number at least 0"),
         (
             ("--rig", "simulated", "--known", "prism.captured_less_pattern_deg=80:1"),
-            "captured_angle_deg: 130",
+            "camera_angle_deg: 130",
         ),
         (("--rig", "simulated", "--known", "prism.pattern_angle_deg=90:1"), "at least 5 and at most 85"),
         (("--rig", "paper", "--known", "camera.k1=0:0.1"), "this rig has none"),

@@ -146,7 +146,7 @@ def handheld_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "camera.driver": "handheld:HandheldCamera",
         "camera.columns": pictures.SHAPE[1],
         "camera.rows": pictures.SHAPE[0],
-        "press": "none",
+        "scenario": "none",
     }
     save_values(Path(__file__).parents[2] / "calibration" / "rigs" / "simulated.toml", values, path)
     return path

@@ -49,7 +49,12 @@ def test_options_end_up_in_the_file(path: Path) -> None:
     assert told(path, *(part for pair in options.items() for part in pair)).exit_code == 0
     rig = load_rig(path)
     prism, display, camera = rig.prism, rig.display, rig.camera
-    found = [prism.pattern_angle_deg, prism.leg_mm, prism.index, rig.pattern_layers[-1].thickness_mm]
+    found = [
+        prism.pattern_angle_deg,
+        prism.pattern_length_mm,
+        prism.index,
+        rig.pattern_layers[-1].thickness_mm,
+    ]
     found += [display.columns, display.pitch_mm, camera.rows, camera.rate_hz, camera.exposure_s]
     assert found == list(options.values())
     assert rig.name == "my"
@@ -100,7 +105,7 @@ def test_answers_take_the_place_of_what_was_not_given(path: Path) -> None:
     result = told(path, "--ask", "--leg", 58, answers="51.5\n" + "\n" * 30)
     assert result.exit_code == 0
     prism = load_rig(path).prism
-    assert (prism.pattern_angle_deg, prism.captured_angle_deg, prism.leg_mm) == (51.5, 50.0, 58.0)
+    assert (prism.pattern_angle_deg, prism.camera_angle_deg, prism.pattern_length_mm) == (51.5, 50.0, 58.0)
     assert "length of the pattern face" not in result.output
 
 

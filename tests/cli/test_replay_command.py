@@ -19,7 +19,7 @@ Outcome = tuple[int, str, str]
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Half a second of a small bench, pressed at once at 0.2 s."""
-    rig = coarser(load_rig("simulated"), 8).model_copy(update={"press": "step"})
+    rig = coarser(load_rig("simulated"), 8).model_copy(update={"scenario": "step"})
     return recorded(tmp_path_factory.mktemp("replay") / "session.h5", 0.45, rig=rig)
 
 

@@ -14,7 +14,7 @@ from zeromethod.rig.model import Rig
 def coarse(rig: Rig) -> Rig:
     """The same bench with an eighth of the camera's pixels on each axis and a quarter of the LCD's: quick."""
     lcd = rig.display.model_copy(update={"columns": 480, "rows": 270, "pitch_mm": 4 * rig.display.pitch_mm})
-    return binned(rig, 8).model_copy(update={"display": lcd, "press": "none"})
+    return binned(rig, 8).model_copy(update={"display": lcd, "scenario": "none"})
 
 
 RIG = coarse(load_rig("simulated"))

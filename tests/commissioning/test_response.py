@@ -35,7 +35,7 @@ BLACK = 9.0
 def small(rig: Rig) -> Rig:
     """The same bench with 80 x 64 camera px and an eighth of the LCD's on each axis: quick."""
     lcd = rig.display.model_copy(update={"columns": 240, "rows": 135, "pitch_mm": 8 * rig.display.pitch_mm})
-    return binned(rig, 16).model_copy(update={"display": lcd, "press": "none"})
+    return binned(rig, 16).model_copy(update={"display": lcd, "scenario": "none"})
 
 
 def changed(rig: Rig, **tables: dict[str, Any]) -> Rig:

@@ -24,7 +24,7 @@ CODES = (0, 15, 30, 255, 0, 128, 255, 240, 15)
 def bench() -> Rig:
     rig = load_rig("simulated")
     lcd = rig.display.model_copy(update={"columns": 240, "rows": 135, "pitch_mm": 8 * rig.display.pitch_mm})
-    return binned(rig, 16).model_copy(update={"display": lcd, "press": "none"})
+    return binned(rig, 16).model_copy(update={"display": lcd, "scenario": "none"})
 
 
 class LateFrames:

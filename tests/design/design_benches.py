@@ -38,7 +38,7 @@ def telecentric(angle_deg=50.0, layers=(), pixel_mm=PIXEL_MM, **parts) -> Rig:
         "position_mm": tuple(position),
         "look_at_mm": tuple(look),
     } | parts.pop("camera", {})
-    prism = {"pattern_angle_deg": angle_deg, "captured_angle_deg": angle_deg} | parts.pop("prism", {})
+    prism = {"pattern_angle_deg": angle_deg, "camera_angle_deg": angle_deg} | parts.pop("prism", {})
     return small(camera=camera, prism=prism, pattern_layers=tuple(layers), **parts)
 
 

@@ -27,9 +27,9 @@ def test_the_sum_is_that_of_its_steps() -> None:
 
 def test_scan_out_reaches_the_rows_that_are_seen() -> None:
     view = SampledView(telecentric(display={"scan": "down", "scanout_s": 0.01}))
-    rows = view.trace.q[view.seen][:, 1] / (view.rig.display.rows - 1)
-    down = budget(display={"scan": "down", "scanout_s": 0.01})["scan-out to the rows seen"]
-    up = budget(display={"scan": "up", "scanout_s": 0.01})["scan-out to the rows seen"]
+    rows = view.trace.q[view.on_lcd][:, 1] / (view.rig.display.rows - 1)
+    down = budget(display={"scan": "down", "scanout_s": 0.01})["scan-out to the rows in view"]
+    up = budget(display={"scan": "up", "scanout_s": 0.01})["scan-out to the rows in view"]
     assert down.worst_s == pytest.approx(0.01 * rows.max())
     assert up.worst_s == pytest.approx(0.01 * (1 - rows.min()))
     assert down.mean_s + up.mean_s == pytest.approx(0.01)

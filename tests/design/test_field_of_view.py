@@ -1,10 +1,10 @@
-"""What is seen: known spans of parallel rays, and where the rest goes."""
+"""Field of view: known spans of parallel rays, and where the rest goes."""
 
 import numpy as np
 import pytest
 
 from zeromethod.design import SampledView
-from zeromethod.design.field_of_view import field_of_view
+from zeromethod.design.figures import field_of_view
 
 from .design_benches import PIXEL_MM, telecentric
 

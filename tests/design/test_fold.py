@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from zeromethod.design import SampledView
-from zeromethod.design.fold import GAUSSIAN_RING, gaussian_fold_mm, largest_curvature_per_mm
+from zeromethod.design.lever import GAUSSIAN_RING, gaussian_fold_mm, largest_curvature_per_mm
 
 from .design_benches import telecentric
 
@@ -15,7 +15,7 @@ def test_the_sharpest_bend_focuses_on_the_lcd() -> None:
     view = SampledView(telecentric())
     # a mirror of radius R at incidence i focuses parallel light at R cos(i) / 2 in the plane of incidence
     expected = COS / (2 * view.x_mm * SIN)
-    np.testing.assert_allclose(largest_curvature_per_mm(view)[view.seen], expected[view.seen], rtol=1e-6)
+    np.testing.assert_allclose(largest_curvature_per_mm(view)[view.on_lcd], expected[view.on_lcd], rtol=1e-6)
 
 
 def test_the_ring_of_a_gaussian_bends_0_446_times_as_much_as_its_middle() -> None:
@@ -26,5 +26,5 @@ def test_the_ring_of_a_gaussian_bends_0_446_times_as_much_as_its_middle() -> Non
 
 def test_the_depth_that_folds_grows_with_the_square_of_the_size() -> None:
     view = SampledView(telecentric())
-    curvature = largest_curvature_per_mm(view)[view.seen]
-    np.testing.assert_allclose(gaussian_fold_mm(view, 3.0)[view.seen], 9 * curvature / GAUSSIAN_RING)
+    curvature = largest_curvature_per_mm(view)[view.on_lcd]
+    np.testing.assert_allclose(gaussian_fold_mm(view, 3.0)[view.on_lcd], 9 * curvature / GAUSSIAN_RING)

@@ -23,28 +23,28 @@ def test_the_lcd_moves_by_twice_the_slope_times_the_path(layers: tuple) -> None:
     reach, pitch = reach_mm(view, layers), view.rig.display.pitch_mm
     found = lcd_px_per_mrad(view)
     # closed form against closed form: rounding only
-    np.testing.assert_allclose(found[view.seen][:, 0], 2e-3 * reach[view.seen] / pitch, rtol=1e-9)
+    np.testing.assert_allclose(found[view.on_lcd][:, 0], 2e-3 * reach[view.on_lcd] / pitch, rtol=1e-9)
     # across the plane of incidence the ray turns by 2 slope cos(incidence)
-    np.testing.assert_allclose(found[view.seen][:, 1], 2e-3 * COS * reach[view.seen] / pitch, rtol=1e-9)
+    np.testing.assert_allclose(found[view.on_lcd][:, 1], 2e-3 * COS * reach[view.on_lcd] / pitch, rtol=1e-9)
 
 
 def test_the_image_moves_by_as_many_of_its_own_pixels() -> None:
     view = SampledView(telecentric(layers=(GAP,)))
-    reach = reach_mm(view, (GAP,))[view.seen]
+    reach = reach_mm(view, (GAP,))[view.on_lcd]
     # parallel rays at right angles: the image of the LCD has the camera's own scale
-    found = camera_px_per_mrad(view)[view.seen]
+    found = camera_px_per_mrad(view)[view.on_lcd]
     np.testing.assert_allclose(found, 2e-3 * np.outer(reach, [1.0, COS]) / PIXEL_MM, rtol=1e-6)
 
 
 def test_a_pixel_covers_more_of_the_mirror_along_x() -> None:
     view = SampledView(telecentric())
-    found = mirror_mm_per_px(view)[view.seen]
+    found = mirror_mm_per_px(view)[view.on_lcd]
     np.testing.assert_allclose(found, [[PIXEL_MM / COS, PIXEL_MM]] * len(found), rtol=1e-6)
 
 
 def test_depth_per_pixel_is_the_slope_of_one_pixel_over_the_width_of_one_pixel() -> None:
     view = SampledView(telecentric())
-    reach = reach_mm(view, ())[view.seen]
+    reach = reach_mm(view, ())[view.on_lcd]
     expected = 1e6 * PIXEL_MM**2 / (2 * reach * COS)  # the same along x and y
-    found = depth_nm_per_px(view)[view.seen]
+    found = depth_nm_per_px(view)[view.on_lcd]
     np.testing.assert_allclose(found, np.stack([expected, expected], axis=-1), rtol=1e-6)

@@ -49,7 +49,7 @@ def test_slope_noise_is_displacement_noise_by_the_lever() -> None:
     view = SampledView(telecentric())
     lever = 2 * view.x_mm * np.sin(np.radians(50.0)) / 0.1  # camera px per rad along x
     expected = 1e6 * displacement_sigma_px(view) / lever
-    np.testing.assert_allclose(slope_sigma_urad(view)[view.seen][:, 0], expected[view.seen], rtol=1e-6)
+    np.testing.assert_allclose(slope_sigma_urad(view)[view.on_lcd][:, 0], expected[view.on_lcd], rtol=1e-6)
 
 
 def test_depth_noise_follows_the_light() -> None:
@@ -90,14 +90,14 @@ def test_means_fall_with_the_root_of_the_frames_and_the_filter_with_its_gain() -
 def test_lcd_pixels_beat_only_where_they_fold_onto_the_carrier() -> None:
     # 1.0625 LCD px per camera px: the grid is seen as waves of 16 camera px, as long as the carrier's
     pitch_mm = 0.1 / 1.0625
-    display = {"pitch_mm": pitch_mm, "columns": 1000, "rows": 800, "fill": (0.9, 0.85)}
+    display = {"pitch_mm": pitch_mm, "columns": 1000, "rows": 800, "fill_factor": (0.9, 0.85)}
     sharp = {"psf_px": 0.0}
     beating = np.nanmax(grid_bias_px(SampledView(telecentric(camera=sharp, display=display))))
     # rows: sinc(fill) of light, through a square camera pixel, over the carrier's share of the mean
     wave = 2 * np.sinc(0.85) * np.sinc(1.0625)
     expected = 16 / (2 * np.pi) * abs(wave) / (0.45 * np.sinc(1 / 16))
     assert beating == pytest.approx(expected, rel=1e-4)
-    whole = {"fill": (1.0, 1.0)}
+    whole = {"fill_factor": (1.0, 1.0)}
     assert np.nanmax(grid_bias_px(SampledView(telecentric(camera=sharp, display=display | whole)))) < 1e-12
     aside = display | {"pitch_mm": 0.1 / 0.75}
     assert np.nanmax(grid_bias_px(SampledView(telecentric(camera=sharp, display=aside)))) < 0.02 * beating

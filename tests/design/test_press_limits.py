@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from zeromethod.design import PressKind, SampledView, press_limit
-from zeromethod.design.fold import gaussian_fold_mm
+from zeromethod.design.lever import gaussian_fold_mm
 from zeromethod.design.press_limits import nulled_mm
 from zeromethod.errors import InputError
 from zeromethod.simulation.press import Shape

@@ -17,7 +17,7 @@ def unit(vector: np.ndarray) -> np.ndarray:
 def oblique() -> tuple[Optics, list]:
     rig = small(
         pattern_layers=(PLATE, GAP),
-        captured_layers=(PLATE,),
+        camera_layers=(PLATE,),
         camera={"position_mm": (270.0, 12.0, -215.0)},
     )
     optics = Optics(rig)

@@ -25,7 +25,7 @@ def test_the_critical_angle_is_that_of_snell() -> None:
 def test_at_rest_the_margin_is_the_prisms_angle_less_the_critical_one(angle_deg: float) -> None:
     view = SampledView(telecentric(angle_deg))
     expected = angle_deg - np.degrees(np.arcsin(1 / 1.41))
-    np.testing.assert_allclose(margin_deg(view)[view.seen], expected, atol=1e-9)
+    np.testing.assert_allclose(margin_deg(view)[view.on_lcd], expected, atol=1e-9)
 
 
 def test_a_slope_along_x_takes_off_its_own_angle_and_the_other_sign_adds_it() -> None:
@@ -42,7 +42,7 @@ def test_a_slope_along_y_turns_the_normal_out_of_the_plane() -> None:
     slope = 0.05
     cosine = np.cos(np.radians(50.0)) / np.sqrt(1 + slope**2)
     expected = np.degrees(np.arccos(cosine)) - critical_deg(view.rig)
-    np.testing.assert_allclose(margin_deg(view, (0.0, slope))[view.seen], expected, atol=1e-7)
+    np.testing.assert_allclose(margin_deg(view, (0.0, slope))[view.on_lcd], expected, atol=1e-7)
 
 
 def test_the_least_margin_over_directions_is_towards_the_camera() -> None:
@@ -54,7 +54,7 @@ def test_the_least_margin_over_directions_is_towards_the_camera() -> None:
 
 def test_the_slope_to_loss_leaves_no_margin() -> None:
     view = SampledView(small())
-    slope = 1e-3 * float(slope_to_loss_mrad(view)[view.seen].min())
+    slope = 1e-3 * float(slope_to_loss_mrad(view)[view.on_lcd].min())
     left = min(np.nanmin(margin_deg(view, (sign * slope, 0.0))) for sign in (1, -1))
     # rays leave the plane y = 0 by 3 deg: turning about y then misses the worst direction by 0.03 deg
     assert left == pytest.approx(0.0, abs=0.05)
@@ -64,5 +64,5 @@ def test_below_the_critical_angle_reflectance_is_fresnels() -> None:
     rig = telecentric(45.0, display={"polarisation_deg": 0.0})
     s, _ = fresnel(np.array(np.cos(np.radians(45.0))), 1.41, 1.0)
     view = SampledView(rig)
-    np.testing.assert_allclose(reflectance(view)[view.seen], float(s), atol=1e-9)
+    np.testing.assert_allclose(reflectance(view)[view.on_lcd], float(s), atol=1e-9)
     assert float(s) == pytest.approx(0.733, abs=1e-3)

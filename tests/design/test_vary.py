@@ -104,7 +104,7 @@ def test_whole_numbers_stay_whole() -> None:
         curves(small(), Variation("display.columns", 1000.0, 1001.0, 3), 5.0)
 
 
-def test_where_nothing_works_the_reason_is_told() -> None:
+def test_where_nothing_works_the_reason_is_reported() -> None:
     with pytest.raises(InputError, match=r"prism\.index"):
         curves(small(), Variation("index", 5.0, 6.0, 2), 5.0)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from zeromethod.errors import InputError
-from zeromethod.gl import backend_of, collect, create_context, egl, osmesa, renderer_name
+from zeromethod.gl import backend_of, collect, context, create_context, osmesa, renderer_name
 from zeromethod.gl.context import BACKENDS, VARIABLE
 
 GREEN, RED = (0.0, 1.0, 0.0, 1.0), (1.0, 0.0, 0.0, 1.0)
@@ -127,7 +127,7 @@ def nothing_installed(monkeypatch: pytest.MonkeyPatch) -> None:
     def no_osmesa() -> None:
         raise osmesa.OSMesaError("libOSMesa.so.8: cannot open shared object file")
 
-    monkeypatch.setattr(egl, "_open", no_egl)
+    monkeypatch.setattr(context, "_open_egl", no_egl)
     monkeypatch.setattr(osmesa, "load_osmesa", no_osmesa)
 
 
@@ -161,14 +161,14 @@ def test_a_failed_creation_leaves_the_current_context_current(
 
 
 def test_egl_devices_that_are_closed_to_the_user_are_skipped(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = egl._open
+    real = context._open_egl
 
     def gpu_first(device: int) -> object:
         if device == 0:
             raise Exception("eglInitialize failed (0x3001)")
         return real(device - 1)
 
-    monkeypatch.setattr(egl, "_open", gpu_first)
+    monkeypatch.setattr(context, "_open_egl", gpu_first)
     ctx = created(monkeypatch, "egl")
     assert cleared(ctx, GREEN) == [0, 255, 0, 255]
     ctx.release()

@@ -175,7 +175,7 @@ def small_rig(camera: str = "live_devices:RealEye", display: str = "live_devices
     rig = binned(load_rig("simulated"), 8)
     values = rig.display.model_dump(exclude_unset=True)
     coarse = {"driver": display, "columns": 480, "rows": 270, "pitch_mm": 0.252, "scanout_s": 0.0}
-    panel = DisplaySpec.model_validate(values | coarse | {"rise_s": 0.0, "fill": (1.0, 1.0)})
+    panel = DisplaySpec.model_validate(values | coarse | {"rise_s": 0.0, "fill_factor": (1.0, 1.0)})
     eye = rig.camera.model_copy(update={"driver": camera, "exposure_s": 0.004})
     control = rig.control.model_copy(update={"timeout_s": 0.2})
     return rig.model_copy(update={"display": panel, "camera": eye, "control": control})

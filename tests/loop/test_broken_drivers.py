@@ -15,7 +15,7 @@ from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import State
 from zeromethod.rig.load import load_rig
 
-RIG = coarser(load_rig("simulated"), 4).model_copy(update={"press": "none"})
+RIG = coarser(load_rig("simulated"), 4).model_copy(update={"scenario": "none"})
 
 
 def raising(error: BaseException) -> Callable[..., Any]:

@@ -219,7 +219,7 @@ def test_stopping_and_interrupting_leave_the_loop_stopped(monkeypatch: pytest.Mo
 def bench(press: str, factor: int = 4, **simulation: Any) -> Rig:
     rig = coarser(load_rig("simulated"), factor)
     changed = rig.simulation.model_copy(update=simulation)
-    return rig.model_copy(update={"press": press, "simulation": changed})
+    return rig.model_copy(update={"scenario": press, "simulation": changed})
 
 
 def run(rig: Rig, frames: int) -> list[Step]:

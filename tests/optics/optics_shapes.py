@@ -85,13 +85,13 @@ def random_rig(rng):
     return small(
         prism={
             "pattern_angle_deg": a,
-            "captured_angle_deg": b,
-            "leg_mm": None,
+            "camera_angle_deg": b,
+            "pattern_length_mm": None,
             "mirror_length_mm": mirror_mm,
             "index": rng.uniform(1.38, 1.5),
         },
         pattern_layers=layers,
-        captured_layers=layers[:1],
+        camera_layers=layers[:1],
         display={
             "centre_mm": (28.0, rng.uniform(-3, 3)),
             "turn_deg": rng.uniform(-180, 180),

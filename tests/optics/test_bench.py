@@ -33,7 +33,7 @@ def test_a_flat_mirror_shows_the_mirror_image():
 
 
 def test_rays_enter_the_rubber_by_snell_and_from_the_face():
-    optics = Optics(small(captured_layers=(Layer(index=1.49, thickness_mm=3.0),)))
+    optics = Optics(small(camera_layers=(Layer(index=1.49, thickness_mm=3.0),)))
     u, v = pixels(optics.rig)
     _, air = optics.camera_rays(u, v)
     origin, inside = optics.rubber_rays(u, v)
@@ -47,7 +47,7 @@ def test_rays_enter_the_rubber_by_snell_and_from_the_face():
 
 def test_a_plate_on_the_captured_face_shifts_the_ray():
     """Met 3 mm before the face, the ray runs 3 mm tan(angle in the plate) sideways, not in the air."""
-    optics = Optics(small(captured_layers=(Layer(index=1.49, thickness_mm=3.0),)))
+    optics = Optics(small(camera_layers=(Layer(index=1.49, thickness_mm=3.0),)))
     u, v = pixels(optics.rig)
     start, air = optics.camera_rays(u, v)
     face = optics.prism.captured_face

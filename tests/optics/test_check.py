@@ -48,7 +48,7 @@ def test_a_bench_that_cannot_see_is_refused(parts, key):
 def test_a_camera_within_the_captured_layers_is_refused():
     plate = (Layer(index=1.49, thickness_mm=500.0),)
     with pytest.raises(InputError, match=r"camera\.position_mm"):
-        check_geometry(small(captured_layers=plate))
+        check_geometry(small(camera_layers=plate))
 
 
 def test_a_height_map_that_ends_within_the_view_is_refused(tmp_path):

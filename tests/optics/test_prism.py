@@ -15,7 +15,7 @@ def prism(**update):
 
 @pytest.mark.parametrize(("a", "b"), [(50.0, 50.0), (45.0, 45.0), (40.0, 63.0)])
 def test_the_faces_close_the_triangle(a, b):
-    geometry = prism(pattern_angle_deg=a, captured_angle_deg=b)
+    geometry = prism(pattern_angle_deg=a, camera_angle_deg=b)
     pattern, captured = geometry.pattern_face, geometry.captured_face
     assert pattern.length_mm == pytest.approx(60.0)
     np.testing.assert_allclose(
@@ -28,7 +28,7 @@ def test_the_faces_close_the_triangle(a, b):
 
 def test_leg_and_mirror_length_say_the_same():
     by_leg = prism()
-    by_mirror = prism(leg_mm=None, mirror_length_mm=by_leg.length_mm)
+    by_mirror = prism(pattern_length_mm=None, mirror_length_mm=by_leg.length_mm)
     assert by_leg.length_mm == pytest.approx(60.0 * np.sin(np.radians(100)) / np.sin(np.radians(50)))
     assert by_mirror.pattern_face.length_mm == pytest.approx(60.0)
 

@@ -266,8 +266,8 @@ def test_a_file_that_the_rig_names_comes_along(tmp_path: Path) -> None:
     text = press.read_text()
     press.unlink()
     with Recording(path) as found:
-        assert Path(found.rig.press).read_text() == text
-        folder = Path(found.rig.press).parent
+        assert Path(found.rig.scenario).read_text() == text
+        folder = Path(found.rig.scenario).parent
     assert not folder.exists()
 
 

@@ -73,9 +73,9 @@ def test_broken_toml_is_refused_with_its_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("schema_version = 1\n", "", "schema_version: missing: 1 is what"),
-        ("schema_version = 1", "schema_version = 2", "schema_version: 2: 1 is what"),
-        ("schema_version = 1", "schema_version = true", "schema_version: true: 1 is what"),
+        ("schema_version = 2\n", "", "schema_version: missing: 2 is what"),
+        ("schema_version = 2", "schema_version = 3", "schema_version: 3: 2 is what"),
+        ("schema_version = 2", "schema_version = true", "schema_version: true: 2 is what"),
         ('name = "simulated"', 'name = ""', 'name: "": text that is not empty'),
         ("[target]", "[targets]", "targets: unknown key: did you mean target?"),
         ("width_mm", "widht_mm", "prism.widht_mm: unknown key: did you mean width_mm?"),
@@ -94,14 +94,6 @@ def test_broken_toml_is_refused_with_its_line(tmp_path: Path) -> None:
             "",
             'camera.projection: missing: one of "perspective", "orthographic"',
         ),
-        ("leg_mm = 60.0", 'leg_mm = "60"', 'prism.leg_mm: "60": a number above 0'),
-        ("leg_mm = 60.0", "leg_mm = true", "prism.leg_mm: true: a number above 0"),
-        ("leg_mm = 60.0", "leg_mm = [60.0]", "prism.leg_mm: [60.0]: a number above 0"),
-        ("leg_mm = 60.0", "leg_mm = {a = 1}", "prism.leg_mm: a table: a number above 0"),
-        ("leg_mm = 60.0", "leg_mm = 2024-01-01", 'prism.leg_mm: "2024-01-01": a number above 0'),
-        ("leg_mm = 60.0", "leg_mm = nan", "prism.leg_mm: nan: a number above 0"),
-        ("leg_mm = 60.0", "leg_mm = inf", "prism.leg_mm: inf: a number above 0"),
-        ("leg_mm = 60.0", "leg_mm = -60.0", "prism.leg_mm: -60.0: a number above 0"),
         (
             "columns = 1920",
             "columns = 1920.5",
@@ -110,13 +102,21 @@ def test_broken_toml_is_refused_with_its_line(tmp_path: Path) -> None:
         ("columns = 1920", "columns = 8", "display.columns: 8: a whole number at least 16"),
         ("position_mm = [277.1102, 0.0, -197.2809]", "position_mm = [1.0, 2.0]", "camera.position_mm"),
         ("[277.1102, 0.0, -197.2809]", "[275.7, nan, 0.0]", "camera.position_mm[1]: nan: a number"),
-        ("fill = [0.9, 0.85]", "fill = [0.9, 0.0]", "display.fill[1]: 0.0: a number above 0 and at most 1"),
-        ("fill = [0.9, 0.85]", "fill = 1.0", "display.fill: 1.0: a list of 2 numbers, each a number above 0"),
+        (
+            "fill_factor = [0.9, 0.85]",
+            "fill_factor = [0.9, 0.0]",
+            "display.fill_factor[1]: 0.0: a number above 0 and at most 1",
+        ),
+        (
+            "fill_factor = [0.9, 0.85]",
+            "fill_factor = 1.0",
+            "display.fill_factor: 1.0: a list of 2 numbers, each a number above 0",
+        ),
         ("[prism]", "prism = 3\n[other]", "other: unknown key"),
         ("[control]", "[control]\ntimeout_s = 1e400", "control.timeout_s: inf: a number above 0"),
         ("index = 1.41", "index = 1.41\nrest = 3", "prism.rest: 3: a table"),
         ("index = 1.41", "index = 1.41\nrest = {file = 3}", "prism.rest.file: 3: a file name"),
-        ('press = "default"', "press = 3", "press: 3: text that is not empty"),
+        ('scenario = "default"', "scenario = 3", "scenario: 3: text that is not empty"),
         ('stripes = "none"', "mirrored = 1", "display.mirrored: 1: true or false"),
         ("gamma = 2.2", "response_light = [0.0, 2.0]", "display.response_light[1]: 2.0: a number at least 0"),
         (
@@ -138,13 +138,47 @@ def test_wrong_key_or_value_is_refused(tmp_path: Path, old: str, new: str, messa
 
 
 @pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        ('"60"', '"60"'),
+        ("true", "true"),
+        ("[60.0]", "[60.0]"),
+        ("{a = 1}", "a table"),
+        ("2024-01-01", '"2024-01-01"'),
+        ("nan", "nan"),
+        ("inf", "inf"),
+        ("-60.0", "-60.0"),
+    ],
+)
+def test_what_is_no_length_is_refused(tmp_path: Path, value: str, shown: str) -> None:
+    text = changed("pattern_length_mm = 60.0", f"pattern_length_mm = {value}")
+    assert refusal(tmp_path, text) == f"prism.pattern_length_mm: {shown}: a number above 0"
+
+
+def test_an_older_file_is_refused_with_what_to_rename(tmp_path: Path) -> None:
+    text = changed("schema_version = 2", "schema_version = 1")
+    assert refusal(tmp_path, text) == "schema_version: 1: 2 is what this version of zeromethod reads"
+    for new, old in (("scenario", "press"), ("pattern_length_mm", "leg_mm"), ("fill_factor", "fill")):
+        text = text.replace(f"{new} = ", f"{old} = ")
+    text = text.replace("camera_angle_deg", "captured_angle_deg") + "[[captured_layers]]\nindex = 1.5\n"
+    assert refusal(tmp_path, text).partition(", after renaming ")[2] == (
+        "press to scenario, prism.captured_angle_deg to camera_angle_deg, prism.leg_mm to pattern_length_mm, "
+        "captured_layers to camera_layers, display.fill to fill_factor"
+    )
+
+
+@pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("leg_mm = 60.0", "", "prism.leg_mm: missing: exactly one of leg_mm and mirror_length_mm"),
         (
-            "leg_mm = 60.0",
-            "leg_mm = 60.0\nmirror_length_mm = 77.0",
-            "prism.mirror_length_mm: 77.0: exactly one of leg_mm and mirror_length_mm",
+            "pattern_length_mm = 60.0",
+            "",
+            "prism.pattern_length_mm: missing: exactly one of pattern_length_mm and mirror_length_mm",
+        ),
+        (
+            "pattern_length_mm = 60.0",
+            "pattern_length_mm = 60.0\nmirror_length_mm = 77.0",
+            "prism.mirror_length_mm: 77.0: exactly one of pattern_length_mm and mirror_length_mm",
         ),
         ("focal_px = [9000.0, 9000.0]", "", "camera.focal_px: missing: two numbers above 0"),
         ('"perspective"', '"orthographic"', "camera.pixel_mm: missing: a number above 0"),
@@ -199,7 +233,11 @@ def test_wrong_key_or_value_is_refused(tmp_path: Path, old: str, new: str, messa
             'index = 1.41\nrest = {shape = "map", file = "a.npy", pitch_mm = 1.0}',
             'prism.rest.file: "a.npy": an existing .npy file',
         ),
-        ('press = "default"', 'press = "nowhere.toml"', 'press: "nowhere.toml": an existing press file'),
+        (
+            'scenario = "default"',
+            'scenario = "nowhere.toml"',
+            'scenario: "nowhere.toml": an existing press file',
+        ),
     ],
 )
 def test_keys_that_contradict_each_other_are_refused(
@@ -218,15 +256,15 @@ def test_target_period_must_fit_four_times_into_the_image(tmp_path: Path) -> Non
     assert refusal(tmp_path, text).startswith("target.period_px: 18: at most a quarter of 68 camera px")
 
 
-def test_only_the_first_error_is_told(tmp_path: Path) -> None:
-    text = changed("leg_mm = 60.0", "leg_mm = -1.0").replace("bits = 8", "bits = 9")
-    assert refusal(tmp_path, text) == "prism.leg_mm: -1.0: a number above 0"
+def test_only_the_first_error_is_reported(tmp_path: Path) -> None:
+    text = changed("pattern_length_mm = 60.0", "pattern_length_mm = -1.0").replace("bits = 8", "bits = 9")
+    assert refusal(tmp_path, text) == "prism.pattern_length_mm: -1.0: a number above 0"
 
 
 def test_whole_numbers_are_numbers(tmp_path: Path) -> None:
     file = tmp_path / "rig.toml"
-    file.write_text(changed("leg_mm = 60.0", "leg_mm = 60"))
-    assert load_rig(file).prism.leg_mm == 60.0
+    file.write_text(changed("pattern_length_mm = 60.0", "pattern_length_mm = 60"))
+    assert load_rig(file).prism.pattern_length_mm == 60.0
 
 
 @pytest.mark.parametrize("table", ["camera", "display"])
@@ -250,7 +288,7 @@ def test_files_lie_relative_to_the_rig_file(tmp_path: Path, monkeypatch: pytest.
     folder.mkdir()
     np.save(folder / "rest.npy", np.zeros((4, 4)))
     (folder / "press.toml").write_text("")
-    text = changed('press = "default"', 'press = "press.toml"')
+    text = changed('scenario = "default"', 'scenario = "press.toml"')
     text = text.replace(
         "index = 1.41", 'index = 1.41\nrest = {shape = "map", file = "rest.npy", pitch_mm = 1.0}'
     )
@@ -258,4 +296,4 @@ def test_files_lie_relative_to_the_rig_file(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     rig = load_rig("bench/rig.toml")
     assert rig.prism.rest.file == Path("bench/rest.npy")
-    assert rig.press == str(Path("bench/press.toml"))
+    assert rig.scenario == str(Path("bench/press.toml"))

@@ -13,7 +13,7 @@ def test_every_ray_through_the_captured_face_lands_on_the_display() -> None:
     # 45/45 degrees and a camera square to the captured face: a ray at distance w from R0 along that face
     # leaves the pattern face square at the same distance from R0's mirror image, leg - w from P0.
     rig = load_rig("paper")
-    leg, camera, display = rig.prism.leg_mm, rig.camera, rig.display
+    leg, camera, display = rig.prism.pattern_length_mm, rig.camera, rig.display
     assert leg is not None
     assert camera.pixel_mm is not None
     axis = [a - p for a, p in zip(camera.look_at_mm, camera.position_mm, strict=True)]

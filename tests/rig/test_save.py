@@ -86,7 +86,8 @@ def test_destination_leaves_the_original_alone(file: Path, tmp_path: Path) -> No
         ({"pattern_layers[3].index": 1.5}, r"pattern_layers\[3\].index: 1.5: a key of a rig file"),
         ({"name.first": 1.5}, "name.first: 1.5: a key of a rig file"),
         ({"": 1.5}, ": 1.5: a key of a rig file"),
-        ({"prism.index": None}, "prism.index: null: a key of a rig file and a value of TOML"),
+        ({"prism.index": None}, "prism.index: missing: a number above 1"),
+        ({"prism..index": 1.5}, "prism..index: 1.5: a key of a rig file"),
         ({"prism.index": object}, "a value of TOML"),
     ],
 )

@@ -31,7 +31,7 @@ def make_rig() -> MakeRig:
             "display": _changed(base.display, **display),
             "camera": _changed(base.camera, **camera),
             "simulation": _changed(base.simulation, **simulation),
-            "press": press,
+            "scenario": press,
         }
         return base.model_copy(update=update)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from zeromethod.simulation.exposure import exposure_pieces
-from zeromethod.simulation.panel import Panel, Presentation
+from zeromethod.simulation.camera import exposure_pieces
+from zeromethod.simulation.panel import Presentation, SimulatedPanel
 from zeromethod.simulation.scenario import load_scenario
 
 MS = 1_000_000
@@ -12,8 +12,8 @@ SHOWN = [Presentation(0, 1), Presentation(503 * MS, 2)]
 
 
 @pytest.fixture
-def panel(make_rig) -> Panel:
-    return Panel(make_rig().display, 60.0)
+def panel(make_rig) -> SimulatedPanel:
+    return SimulatedPanel(make_rig().display, 60.0)
 
 
 def test_a_still_mirror_is_one_piece(panel) -> None:

@@ -1,4 +1,4 @@
-"""Every planted fault, seen from the outside as a loop would see it."""
+"""Every planted fault, observed from outside as a loop would observe it."""
 
 import numpy as np
 import pytest

@@ -69,7 +69,7 @@ def context() -> Iterator[moderngl.Context]:
 
 @pytest.mark.parametrize("fill", [(1.0, 1.0), (0.9, 0.85)])
 def test_white_panel_gives_the_reflectance(fill: tuple[float, float], gl_context: moderngl.Context) -> None:
-    rig = _sharp(display={"fill": fill, "polarisation_deg": 90.0}, prism={"index": 1.33})
+    rig = _sharp(display={"fill_factor": fill, "polarisation_deg": 90.0}, prism={"index": 1.33})
     renderer = GpuRenderer(rig, gl_context)
     light = _seen(renderer, rig, np.full((rig.display.rows, rig.display.columns), 255, np.uint8), PRESSED)
     q, reflectance = renderer.ray_map(PRESSED)
@@ -108,7 +108,7 @@ def _integrated(
     share /= share.sum()
     whole = np.rint(q).astype(int)
     off = q - whole
-    fill = rig.display.fill
+    fill = rig.display.fill_factor
     if rig.display.stripes == "rgb":
         off[..., 0] = (off[..., 0] * 3 - np.rint(off[..., 0] * 3)) / 3
         lit = (np.abs(off[..., 0]) < fill[0] / 6) & (np.abs(off[..., 1]) < fill[1] / 2)
@@ -124,14 +124,14 @@ def _integrated(
     [
         # 25600 points, and float32 of positions up to 1000 px
         ({}, 0.0, REST, 0.002),
-        ({"stripes": "rgb", "fill": (0.7, 0.6)}, 0.0, REST, 0.002),
+        ({"stripes": "rgb", "fill_factor": (0.7, 0.6)}, 0.0, REST, 0.002),
         ({"turn_deg": 90.0}, 0.0, REST, 0.002),
         ({}, 0.0, PRESSED, 0.02),
         # turned boxes stand in for the parallelogram: random codes are the worst that a panel can show
         ({"turn_deg": 30.0}, 0.0, REST, 0.03),
         # with a lens the points lie further apart and count unequally
         ({}, 0.7, REST, 0.005),
-        ({"stripes": "rgb", "fill": (0.7, 0.6)}, 0.7, REST, 0.005),
+        ({"stripes": "rgb", "fill_factor": (0.7, 0.6)}, 0.7, REST, 0.005),
         ({"turn_deg": 90.0}, 0.7, REST, 0.005),
         ({"turn_deg": 30.0}, 0.7, REST, 0.006),
         # sheared by 0.2 and more, two products of the same moments stand in: 0.009 rms of noise of 0.17
@@ -165,11 +165,11 @@ BENCHES = {
     "plain": _sharp,
     "ghosts": lambda: _sharp(simulation={"ghost_gap": 0.05, "ghost_faces": 0.1, "ambient": 0.03}),
     "turned, striped": lambda: _sharp(
-        display={"turn_deg": 20.0, "stripes": "rgb", "fill": (0.6, 0.8), "gamma": 1.8}
+        display={"turn_deg": 20.0, "stripes": "rgb", "fill_factor": (0.6, 0.8), "gamma": 1.8}
     ),
     "lens": lambda: _sharp(camera={"psf_px": 1.3}),
     "lens, turned, striped": lambda: _sharp(
-        camera={"psf_px": 0.4}, display={"turn_deg": 20.0, "stripes": "rgb", "fill": (0.6, 0.8)}
+        camera={"psf_px": 0.4}, display={"turn_deg": 20.0, "stripes": "rgb", "fill_factor": (0.6, 0.8)}
     ),
     "paper": lambda: load_rig("paper"),
 }

@@ -104,7 +104,7 @@ RIGS: dict[str, Callable[[], Rig]] = {
             Layer(index=1.0, thickness_mm=0.5),
             Layer(index=1.52, thickness_mm=0.7),
         ),
-        captured_layers=(Layer(index=1.49, thickness_mm=3.0), Layer(index=1.33, thickness_mm=1.0)),
+        camera_layers=(Layer(index=1.49, thickness_mm=3.0), Layer(index=1.33, thickness_mm=1.0)),
     ),
     "no layers": lambda: _rig(pattern_layers=()),
     "distorted": lambda: _rig(camera={"distortion": (-3.0, 20.0, 0.02, -0.03, 5.0), "roll_deg": -7.0}),

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from zeromethod.optics import Dented, Optics
-from zeromethod.simulation.exposure import exposure_pieces
+from zeromethod.simulation.camera import exposure_pieces
 from zeromethod.simulation.gpu import GpuRenderer
-from zeromethod.simulation.moving_map import BEND_MM, STILL_MM, Lattice, MovingMap
+from zeromethod.simulation.moving_map import BEND_MM, STILL_MM, MapLattice, MovingMap
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
-from zeromethod.simulation.panel import Panel, Presentation
+from zeromethod.simulation.panel import Presentation, SimulatedPanel
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.scattered import ScatteredMap
 from zeromethod.simulation.scenario import Scenario
 
 MS = 1_000_000
-LATTICE = Lattice((40.0, 0.0), 1.0)
+LATTICE = MapLattice((40.0, 0.0), 1.0)
 PLACE = np.array([40.0]), np.array([0.5])
 
 
@@ -73,7 +73,7 @@ def test_a_mirror_without_maps_is_at_rest() -> None:
 def test_the_pieces_of_an_exposure_average_to_the_motion_in_it(make_rig) -> None:
     scenario = Scenario("recorded", (moving([0, 10, 20], [0.0, 0.1, 0.0]),), 0.02)
     pieces = exposure_pieces(
-        scenario, Panel(make_rig().display, 60.0), [Presentation(-200 * MS, 1)], 6 * MS, 16 * MS
+        scenario, SimulatedPanel(make_rig().display, 60.0), [Presentation(-200 * MS, 1)], 6 * MS, 16 * MS
     )
     depth = sum(piece.weight * float(piece.mirror.depth(*PLACE)[0]) for piece in pieces)
     whole = depth_at(moving([0], [0.1]), 0)
@@ -90,7 +90,7 @@ def test_both_renderers_see_it_as_the_exact_rays_do(make_rig) -> None:
     fit = ScatteredMap(point[:, 0], point[:, 1], 1.0)
     depth_mm = 0.1 * np.exp(-((point[:, 0] - 40) ** 2 + point[:, 1] ** 2) / 50)
     maps = [fit.fit(point[:, 0], point[:, 1], share * depth_mm) for share in (0.5, 1.0)]
-    press = MovingMap(Lattice(fit.centre_mm, fit.pitch_mm), [0, 10 * MS], lambda index: maps[index])
+    press = MovingMap(MapLattice(fit.centre_mm, fit.pitch_mm), [0, 10 * MS], lambda index: maps[index])
     mirror = Scenario("recorded", (press,), 0.01).mirror_at(4 * MS)
     exact = optics.trace(u, v, Dented(optics.rest, mirror)).q
     gpu = GpuRenderer(rig)

@@ -11,7 +11,7 @@ from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import BenchRenderer, Piece
 
 DENTED = Mirror((Dent(Shape.GAUSSIAN, 38.0, 2.0, 0.1, 5.0),))
-FULL = {"fill": (1.0, 1.0), "gamma": 1.0}
+FULL = {"fill_factor": (1.0, 1.0), "gamma": 1.0}
 
 
 def exposed(rig, picture, mirror=DENTED) -> np.ndarray:
@@ -41,7 +41,7 @@ def test_a_white_lcd_without_gaps_gives_light_one_wherever_rays_arrive(make_rig)
 
 
 def test_apertures_are_normalised_by_their_fill(make_rig) -> None:
-    rig = make_rig(display={"fill": (0.6, 0.5), "gamma": 1.0, "stripes": "rgb"})
+    rig = make_rig(display={"fill_factor": (0.6, 0.5), "gamma": 1.0, "stripes": "rgb"})
     light = exposed(rig, grey(rig, 255))
     # not normalised it were 0.3; the beat of camera and LCD lattice over a finite view leaves some 0.3 %
     assert light[arriving(rig)].mean() == pytest.approx(1.0, abs=0.01)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from zeromethod.simulation.panel import Panel, Presentation
+from zeromethod.simulation.panel import Presentation, SimulatedPanel
 
 MS = 1_000_000
 
@@ -38,7 +38,7 @@ def test_shares_match_stepping_through_time(make_rig, scan: str) -> None:
     timing = {"rows": 16, "scanout_s": 0.012, "latency_s": 0.003, "rise_s": 0.004, "scan": scan}
     rig = make_rig(display=timing)
     shown = [Presentation(0, 7), Presentation(5 * MS, 8), Presentation(20 * MS, 9)]
-    got = Panel(rig.display, 60.0).weights(shown, 18 * MS, 26 * MS)
+    got = SimulatedPanel(rig.display, 60.0).weights(shown, 18 * MS, 26 * MS)
     expected = stepped(rig, shown, 0.018, 0.026)
     assert [handle for handle, _ in got] == [7, 8, 9]
     for (_, share), row in zip(got, expected, strict=True):
@@ -48,14 +48,14 @@ def test_shares_match_stepping_through_time(make_rig, scan: str) -> None:
 def test_shares_add_up_to_one_and_settled_pictures_are_left_out(make_rig) -> None:
     rig = make_rig()
     shown = [Presentation(k * 16 * MS, k) for k in range(12)]
-    got = Panel(rig.display, 60.0).weights(shown, 150 * MS, 158 * MS)
+    got = SimulatedPanel(rig.display, 60.0).weights(shown, 150 * MS, 158 * MS)
     np.testing.assert_allclose(sum(share for _, share in got), 1.0, atol=1e-6)  # float32
     assert {handle for handle, _ in got} <= {6, 7, 8, 9}
     assert all(share.dtype == np.float32 for _, share in got)
 
 
 def test_first_picture_is_shown_since_ever(make_rig) -> None:
-    panel = Panel(make_rig().display, 60.0)
+    panel = SimulatedPanel(make_rig().display, 60.0)
     ((handle, share),) = panel.weights([Presentation(50 * MS, 3)], 0, 8 * MS)
     assert handle == 3
     assert np.all(share == 1.0)
@@ -63,7 +63,7 @@ def test_first_picture_is_shown_since_ever(make_rig) -> None:
 
 def test_rows_change_when_the_scan_reaches_them(make_rig) -> None:
     rig = make_rig(display={"rows": 101, "scanout_s": 0.010, "latency_s": 0.002, "rise_s": 0.0})
-    panel = Panel(rig.display, 60.0)
+    panel = SimulatedPanel(rig.display, 60.0)
     shown = [Presentation(0, 1), Presentation(0, 2)]
     shares = dict(panel.weights(shown, 6 * MS, 8 * MS))
     # row r changes at 2 + r / 10 ms: rows 40 to 60 change inside 6..8 ms
@@ -72,7 +72,7 @@ def test_rows_change_when_the_scan_reaches_them(make_rig) -> None:
 
 def test_rise_takes_from_10_to_90_percent_in_rise_s(make_rig) -> None:
     rig = make_rig(display={"scanout_s": 0.0, "latency_s": 0.0, "rise_s": 0.005})
-    panel = Panel(rig.display, 60.0)
+    panel = SimulatedPanel(rig.display, 60.0)
     shown = [Presentation(0, 1), Presentation(0, 2)]
     tau_ns = 0.005e9 / np.log(9)
     for level in (0.1, 0.9):
@@ -81,7 +81,7 @@ def test_rise_takes_from_10_to_90_percent_in_rise_s(make_rig) -> None:
 
 
 def test_a_picture_is_forgotten_only_when_it_gives_no_light(make_rig) -> None:
-    panel = Panel(make_rig().display, 60.0)
+    panel = SimulatedPanel(make_rig().display, 60.0)
     shown = [Presentation(0, 1), Presentation(16 * MS, 2)]
     gone = panel.forgotten_at(16 * MS)
     assert [handle for handle, _ in panel.weights(shown, gone + 1, gone + MS)] == [2]

@@ -16,11 +16,11 @@ from zeromethod.errors import InputError
 from zeromethod.gl.context import VARIABLE
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
-from zeromethod.simulation.response import code_of_light, light_of_codes
+from zeromethod.simulation.panel import code_of_light, light_of_codes
 
 EXACT = {"camera_jitter_s": 0.0, "display_refresh_hz": 60.0, "camera_phase": 0.3}
 QUIET = {"noise": {"read_grey": 0.0, "black_grey": 0.0}}
-FAST_LCD = {"rise_s": 0.0, "scanout_s": 0.0, "fill": (1.0, 1.0), "gamma": 1.0}
+FAST_LCD = {"rise_s": 0.0, "scanout_s": 0.0, "fill_factor": (1.0, 1.0), "gamma": 1.0}
 
 
 def opened(rig) -> tuple[SimulatedClock, SimulatedDisplay, SimulatedCamera]:
@@ -46,7 +46,7 @@ def test_devices_meet_the_protocols(make_rig) -> None:
 
 def test_on_the_gpu_a_drawn_picture_is_seen_as_a_shown_one(make_rig, gl_backend, monkeypatch) -> None:
     monkeypatch.setenv(VARIABLE, gl_backend)
-    rig = make_rig(display={"fill": (1.0, 1.0)}, camera=QUIET, simulation=EXACT | {"renderer": "gpu"})
+    rig = make_rig(display={"fill_factor": (1.0, 1.0)}, camera=QUIET, simulation=EXACT | {"renderer": "gpu"})
     medians = []
     for drawn in (True, False):
         _, display, camera = opened(rig)
@@ -118,7 +118,7 @@ def test_a_camera_opened_later_starts_with_a_frame_exposed_after_that(make_rig, 
 
 
 def test_before_the_first_picture_the_panel_shows_the_targets_mean_light(make_rig) -> None:
-    rig = make_rig(display={"fill": (1.0, 1.0)}, camera=QUIET, simulation=EXACT)
+    rig = make_rig(display={"fill_factor": (1.0, 1.0)}, camera=QUIET, simulation=EXACT)
     _, _, camera = opened(rig)
     light = light_of_codes(rig.display)[code_of_light(rig.display, 0.5)]
     assert light == pytest.approx(0.5, abs=0.005)

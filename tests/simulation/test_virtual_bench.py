@@ -153,11 +153,11 @@ def truth_lines(path: Path) -> list[dict[str, Any]]:
 
 def test_the_truth_is_told_line_by_line_as_the_press_file_has_it(tmp_path: Path) -> None:
     rig = load_rig("virtual")
-    scenario = load_scenario(rig.press)
+    scenario = load_scenario(rig.scenario)
     performance = Performance(scenario, loops=2)
     start_ns = 7_000_000_000
     path = tmp_path / "truth.jsonl"
-    with TruthFile(path, rig, rig.press) as truth:
+    with TruthFile(path, rig, rig.scenario) as truth:
         head = truth_lines(path)[0]
         assert (head["rig"], head["press"], head["clock"]) == ("virtual", "rehearsal", "monotonic")
         assert head["version"]
@@ -282,7 +282,7 @@ class Counting:
         pass
 
 
-def test_exposures_come_at_the_cameras_rate_and_what_fails_is_told() -> None:
+def test_exposures_come_at_the_cameras_rate_and_what_fails_is_reported() -> None:
     camera = load_rig("virtual").camera
     exposer = Exposer(camera, 50.0, Counting)
     taken: list[Exposure] = []

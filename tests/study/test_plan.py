@@ -88,7 +88,7 @@ def test_a_task_survives_its_message() -> None:
         ("[press]\ndepth_mm = 'a'\n", "s.toml: press.depth_mm"),
         ('"rig.binning" = 7\n', "s.toml: rig.binning: 7: a whole number that divides 1280 and 1024"),
         ('"rig.file" = "mine.toml"\n', "s.toml: rig.file: mine.toml: cannot be read"),
-        ('press = "nothing"\n', "press: nothing: a readable press file"),
+        ('scenario = "nothing"\n', "press: nothing: a readable press file"),
         ("[figure]\nkind = 'map'\nvalue = 'state'\n", "s.toml: figure.x: missing"),
         ("[figure]\nkind = 'curves'\nvalue = 'depth'\n", 's.toml: figure.value: "depth": one of'),
         ("[figure]\nkind = 'pie'\nvalue = 'state'\n", 's.toml: figure.kind: "pie": one of'),

@@ -43,13 +43,13 @@ def test_a_run_reads_the_press_of_the_study() -> None:
 
 
 def test_a_wrong_rig_file_shows_in_the_residual() -> None:
-    right = outcome("run", 'press = "none"\n')
-    wrong = outcome("run", 'press = "none"\n"bench.camera.roll_deg" = 1.0\n')
+    right = outcome("run", 'scenario = "none"\n')
+    wrong = outcome("run", 'scenario = "none"\n"bench.camera.roll_deg" = 1.0\n')
     assert wrong["residual_px_rms"] is None or wrong["residual_px_rms"] > 2 * right["residual_px_rms"]
 
 
 def test_averaging_takes_noise_away_with_the_root_of_the_frames() -> None:
-    noisy = 'press = "none"\n"camera.noise.read_grey" = 8.0\naveraged_frames = '
+    noisy = 'scenario = "none"\n"camera.noise.read_grey" = 8.0\naveraged_frames = '
     one, sixteen = (outcome("averaging", noisy + count) for count in ("1", "16"))
     assert sixteen["averaged_s"] == pytest.approx(16 / 60)
     assert one["stated_depth_rms_nm"] / sixteen["stated_depth_rms_nm"] == pytest.approx(4.0, rel=0.1)

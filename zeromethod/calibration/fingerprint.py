@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from zeromethod.devices.abilities import identity_of, name_of
 from zeromethod.rig.model import Rig
 
 Fingerprint = dict[str, dict[str, Any]]
@@ -49,10 +50,10 @@ def take_fingerprint(rig: Rig, camera: object = None, display: object = None) ->
     `serial` that the rig file asks for.
     """
     asked = str((rig.camera.model_extra or {}).get("serial", ""))
+    serial, model = identity_of(camera)
     tables = {
-        "camera": _given(rig.camera, _CAMERA)
-        | {"serial": _text(camera, "serial") or asked, "model": _text(camera, "model")},
-        "display": _given(rig.display, _DISPLAY) | {"name": _text(display, "name")},
+        "camera": _given(rig.camera, _CAMERA) | {"serial": serial or asked, "model": model},
+        "display": _given(rig.display, _DISPLAY) | {"name": name_of(display)},
         "pattern": _given(rig.target, _PATTERN),
     }
     return {
@@ -81,11 +82,6 @@ def check(
 def _given(spec: object, names: tuple[str, ...]) -> dict[str, Any]:
     values = {name: getattr(spec, name) for name in names}
     return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
-
-
-def _text(device: object, name: str) -> str:
-    value = getattr(device, name, "")
-    return value if isinstance(value, str) else ""
 
 
 def _alike(before: Any, now: Any) -> bool:

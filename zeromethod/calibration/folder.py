@@ -243,8 +243,8 @@ def _moved_files(source: Path, folder: Path) -> dict[str, str]:
     """Keys of files that a rig file names, as they are called from `folder`."""
     rig = load_rig(source)
     moved = {}
-    if rig.press.endswith(".toml"):
-        moved["press"] = os.path.relpath(rig.press, folder)
+    if rig.scenario.endswith(".toml"):
+        moved["scenario"] = os.path.relpath(rig.scenario, folder)
     if rig.prism.rest.file is not None:
         moved["prism.rest.file"] = os.path.relpath(rig.prism.rest.file, folder)
     if rig.camera.rest_map is not None:

@@ -75,7 +75,7 @@ def describe(rig: Rig) -> dict[str, float]:
     display, camera, prism = rig.display, rig.camera, rig.prism
     axis = np.subtract(camera.look_at_mm, camera.position_mm)
     axis /= np.linalg.norm(axis)
-    length_mm = prism.leg_mm if prism.leg_mm is not None else prism.mirror_length_mm
+    length_mm = prism.pattern_length_mm if prism.pattern_length_mm is not None else prism.mirror_length_mm
     assert length_mm is not None
     values = {
         "display.along_mm": display.centre_mm[0],
@@ -94,7 +94,7 @@ def describe(rig: Rig) -> dict[str, float]:
         "camera.centre_v_px": camera.centre_px[1],
         "prism.index": prism.index,
         "prism.pattern_angle_deg": prism.pattern_angle_deg,
-        "prism.captured_less_pattern_deg": prism.captured_angle_deg - prism.pattern_angle_deg,
+        "prism.captured_less_pattern_deg": prism.camera_angle_deg - prism.pattern_angle_deg,
         "prism.length_mm": length_mm,
     }
     if rig.pattern_layers and rig.pattern_layers[-1].index == 1.0:
@@ -136,8 +136,10 @@ def build(rig: Rig, values: Mapping[str, float]) -> Rig:
     prism = {
         "index": p["prism.index"],
         "pattern_angle_deg": p["prism.pattern_angle_deg"],
-        "captured_angle_deg": p["prism.pattern_angle_deg"] + p["prism.captured_less_pattern_deg"],
-        "leg_mm" if rig.prism.leg_mm is not None else "mirror_length_mm": p["prism.length_mm"],
+        "camera_angle_deg": p["prism.pattern_angle_deg"] + p["prism.captured_less_pattern_deg"],
+        "pattern_length_mm" if rig.prism.pattern_length_mm is not None else "mirror_length_mm": p[
+            "prism.length_mm"
+        ],
     }
     layers = rig.pattern_layers
     if "gap_mm" in p:

@@ -33,6 +33,7 @@ from zeromethod.commissioning.calibration import (
     store_calibration,
 )
 from zeromethod.commissioning.calibration.procedure import Known
+from zeromethod.devices.abilities import warnings_of
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
@@ -217,7 +218,7 @@ def calibrate_bench(
     with _home(home):
         with stopped_by_signals():
             with open_devices(rig) as opened:
-                for warning in getattr(opened.display, "warnings", ()):
+                for warning in warnings_of(opened.display):
                     click.echo(f"! {warning}", err=True)
                 recorded, found = record(rig, opened, plan, Telling())
             calibrated = evaluate_with(recorded, found, rig_name)
@@ -272,7 +273,7 @@ def _bench(rig_name: str, options: BenchOptions, plan: Plan, lens: CameraFile | 
     """The rig as it is to be opened."""
     rig = with_devices(load_rig(rig_name), options)
     if not plan.presses:
-        rig = rig.model_copy(update={"press": "none"})
+        rig = rig.model_copy(update={"scenario": "none"})
     check_geometry(rig)
     check_known(rig, plan.known, lens)
     check_depths(rig, plan.press_depths_mm)

@@ -34,6 +34,7 @@ from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.cli.telling import Telling
 from zeromethod.commissioning.calibration.board_views import Views, board_for_lcd, live_views, views_in_files
+from zeromethod.devices.abilities import warnings_of
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
@@ -180,7 +181,7 @@ def _from_files(frames: tuple[Path, ...], board: Board, rig_name: str | None) ->
 def _live(board: Board, rig_name: str | None, options: BenchOptions, count: int, patience_s: float) -> Views:
     if rig_name is None:
         raise InputError("FRAMES: missing: picture files, or --rig and --camera for live pictures")
-    rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"press": "none"})
+    rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"scenario": "none"})
     if rig.camera.driver == SIMULATED:
         raise InputError(
             "--camera: missing: the simulated camera never sees a board; allowed: a camera's address"
@@ -191,7 +192,7 @@ def _live(board: Board, rig_name: str | None, options: BenchOptions, count: int,
     if shown:
         board_for_lcd(board, rig)
     with open_devices(rig) as opened:
-        for warning in getattr(opened.display, "warnings", ()):
+        for warning in warnings_of(opened.display):
             click.echo(f"! {warning}", err=True)
         return live_views(opened, rig, board, count, patience_s, shown=shown, tell=Telling())
 

@@ -90,8 +90,8 @@ def check_known(rig: Rig, known: Sequence[Known], lens: CameraFile | None) -> No
 def check_depths(rig: Rig, depths_mm: Sequence[float]) -> None:
     """Refuse, with InputError, presses deeper than a rubber of this size takes."""
     prism = rig.prism
-    name = "leg" if prism.leg_mm is not None else "mirror"
-    length_mm = prism.leg_mm if prism.leg_mm is not None else prism.mirror_length_mm
+    name = "leg" if prism.pattern_length_mm is not None else "mirror"
+    length_mm = prism.pattern_length_mm if prism.pattern_length_mm is not None else prism.mirror_length_mm
     assert length_mm is not None
     deepest_mm = DEEPEST_SHARE * length_mm
     for depth_mm in depths_mm:

@@ -13,6 +13,7 @@ from zeromethod.cli.device_options import BenchOptions, tell_simulated, with_dev
 from zeromethod.commissioning.delay import DEFAULT_SECONDS, DelayResult, measure_delay, store_timing
 from zeromethod.commissioning.panel_timing import measure_panel_timing
 from zeromethod.control.stability_margin import Margin, margin_words, stability_margin
+from zeromethod.devices.abilities import warnings_of
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.errors import InputError, MeasurementError
@@ -31,12 +32,12 @@ def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, writ
     if write and not path.is_file():
         raise InputError(f"--write: {rig_name!r}: with --rig and a rig file of your own")
     loaded = load_rig(rig_name)
-    rig = with_devices(loaded, options).model_copy(update={"press": "none"})
+    rig = with_devices(loaded, options).model_copy(update={"scenario": "none"})
     check_geometry(rig)
     tell_simulated(rig)
     try:
         with open_devices(rig) as devices:
-            for warning in getattr(devices.display, "warnings", ()):
+            for warning in warnings_of(devices.display):
                 click.echo(f"! {warning}")
             seconds = seconds or DEFAULT_SECONDS
             with progress(round(seconds * rig.camera.rate_hz), _FRAMES) as advance:

@@ -8,14 +8,12 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import click
-from pydantic import ValidationError
 
 from zeromethod.cli.numbers import Whole
 from zeromethod.commissioning.delay import with_strips
 from zeromethod.devices.addresses import with_camera
 from zeromethod.errors import InputError
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
-from zeromethod.rig.refusal import first_refusal
 from zeromethod.simulation.clone import SIMULATED
 
 REAL_CAMERAS = frozenset({"opencv", "pylon", "aravis"})
@@ -176,9 +174,9 @@ def _with_camera(rig: Rig, options: BenchOptions) -> Rig:
         if options.address is not None:
             rig = with_camera(rig, options.address, given)
         elif given:
-            rig = rig.model_copy(update={"camera": _changed(rig.camera, given)})
+            rig = rig.replace({f"camera.{key}": value for key, value in given.items()})
     except InputError as error:
-        key, _, rest = str(error).removeprefix("camera.").partition(":")
+        key, _, rest = str(error).removeprefix("rig: ").removeprefix("camera.").partition(":")
         if key not in given:
             raise
         raise InputError(f"{_NAMES[key]}:{rest}") from None
@@ -186,13 +184,6 @@ def _with_camera(rig: Rig, options: BenchOptions) -> Rig:
     if rig.camera.driver == SIMULATED and unheeded:
         raise InputError(f"{_NAMES[unheeded[0]]}: the simulated camera has none; allowed: with --camera")
     return rig
-
-
-def _changed(camera: CameraSpec, settings: dict[str, Any]) -> CameraSpec:
-    try:
-        return CameraSpec.model_validate(camera.model_dump(exclude_unset=True) | settings)
-    except ValidationError as error:
-        raise InputError(f"camera.{first_refusal(error, CameraSpec)}") from None
 
 
 def _with_monitor(rig: Rig, index: int) -> Rig:

@@ -17,6 +17,7 @@ from zeromethod.cli.keys import Keys
 from zeromethod.cli.output import write_summary
 from zeromethod.clock import SimulatedClock
 from zeromethod.commissioning.setting_up import SettingUp, Sight
+from zeromethod.devices.abilities import warnings_of
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import check_geometry
@@ -31,7 +32,7 @@ _KEYS = "q ends"
 
 def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, summary: Path | None) -> None:
     """Show figures until told to stop; the last ones as a table, and as `summary`. Raises as `SettingUp`."""
-    rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"press": "none"})
+    rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"scenario": "none"})
     with_lcd = rig.camera.driver not in REAL_CAMERAS or rig.display.driver != "simulated"
     if not with_lcd:
         rig = without_display(rig)
@@ -43,7 +44,7 @@ def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, sum
         with open_devices(rig) as devices:
             if seconds is None and isinstance(devices.clock, SimulatedClock):
                 seconds = _SIMULATED_S
-            for warning in getattr(devices.display, "warnings", ()):
+            for warning in warnings_of(devices.display):
                 console.print(f"! {warning}", soft_wrap=True, highlight=False, markup=False)
             with Keys() as keys, FocusView(console, _KEYS if keys.active else "") as view:
                 for sight in SettingUp(rig, devices, with_lcd).sights(seconds):

@@ -27,8 +27,8 @@ _COUNT = Whole(16, 16384)
 
 _QUESTIONS = (
     ("pattern_angle_deg", "--pattern-angle", _ANGLE, "angle between mirror and pattern face, degrees"),
-    ("captured_angle_deg", "--captured-angle", _ANGLE, "angle between mirror and captured face, degrees"),
-    ("leg_mm", "--leg", _LENGTH, "length of the pattern face, from P0 to its far edge, mm"),
+    ("camera_angle_deg", "--captured-angle", _ANGLE, "angle between mirror and captured face, degrees"),
+    ("pattern_length_mm", "--leg", _LENGTH, "length of the pattern face, from P0 to its far edge, mm"),
     ("width_mm", "--width", _LENGTH, "width of the prism, mm"),
     ("index", "--index", _INDEX, "refractive index of the rubber"),
     ("gap_mm", "--gap", _GAP, "gap between prism and LCD, its glass counted in, mm"),

@@ -183,7 +183,7 @@ def _with_overrides(
         control["controller"] = controller
     update: dict[str, Any] = {"control": rig.control.model_copy(update=control)}
     if press is not None:
-        update["press"] = press
+        update["scenario"] = press
     if seed is not None:
         update["simulation"] = rig.simulation.model_copy(update={"seed": seed})
     return rig.model_copy(update=update)

@@ -84,7 +84,7 @@ def virtual_bench_command(
 def _with_overrides(rig: Rig, press: str | None, seed: int | None, rate_hz: float | None) -> Rig:
     update: dict[str, Any] = {}
     if press is not None:
-        update["press"] = press
+        update["scenario"] = press
     if seed is not None:
         update["simulation"] = rig.simulation.model_copy(update={"seed": seed})
     if rate_hz is not None:
@@ -112,7 +112,7 @@ def _play(
     from zeromethod.simulation.virtual_bench.stream import FrameServer, stream_header  # noqa: PLC0415
     from zeromethod.simulation.virtual_bench.truth import TruthFile  # noqa: PLC0415
 
-    scenario = load_scenario(rig.press)
+    scenario = load_scenario(rig.scenario)
     found = find_monitor(monitor, (rig.display.columns, rig.display.rows))
     camera = rig.camera
     header = stream_header(camera.columns, camera.rows, camera.rate_hz, camera.bits)
@@ -121,7 +121,7 @@ def _play(
         stack.callback(bender.close)
         server = FrameServer(port, header)
         stack.callback(server.close)
-        truth = stack.enter_context(TruthFile(truth_path, rig, rig.press)) if truth_path else None
+        truth = stack.enter_context(TruthFile(truth_path, rig, rig.scenario)) if truth_path else None
         bench = VirtualBench(
             rig,
             scenario,

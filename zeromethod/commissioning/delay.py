@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from zeromethod.devices.abilities import poll_of
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraTimeout, Frame
 from zeromethod.errors import MeasurementError
@@ -106,7 +107,7 @@ def measure_delay(
     horizons_ns: list[float] = []
     newest: Frame | None = None
     clock, refresh_ns = devices.clock, 1e9 / rig.display.refresh_hz
-    poll = getattr(devices.display, "poll", lambda: None)
+    poll = poll_of(devices.display) or (lambda: None)
     start_ns = came_ns = clock.now_ns()
     while clock.now_ns() - start_ns < 1e9 * seconds:
         poll()

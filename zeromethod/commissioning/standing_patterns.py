@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from zeromethod.arrays import Bytes
+from zeromethod.devices.abilities import poll_of
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraTimeout, Frame
 from zeromethod.errors import MeasurementError
@@ -67,7 +68,7 @@ class HeldPictures:
 
     def read(self) -> Frame:
         """Newest frame. Raises MeasurementError for a silent camera; CameraLost passes."""
-        poll = getattr(self._devices.display, "poll", None)
+        poll = poll_of(self._devices.display)
         for _ in range(TIMEOUTS_TO_FAIL):
             if poll is not None:
                 poll()

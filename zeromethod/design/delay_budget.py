@@ -1,4 +1,4 @@
-"""Where the time goes from a frame to the frame that sees what was made of it."""
+"""Delay from a frame to the frame that shows the answer to it, step by step."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Delay:
 
 
 def delay_budget(view: SampledView, computing_s: float) -> list[Delay]:
-    """Steps from the middle of one exposure to that of the exposure that sees the answer, in order.
+    """Steps from the middle of one exposure to that of the exposure that shows the answer, in order.
 
     Display and camera run on their own clocks: whoever waits for either waits half a period on average, a
     whole one at worst. A pixel's light rises exponentially; its delay is the time constant.
@@ -32,7 +32,7 @@ def delay_budget(view: SampledView, computing_s: float) -> list[Delay]:
     rig, display = view.rig, view.rig.display
     refresh_s, frame_s = 1 / display.refresh_hz, 1 / rig.camera.rate_hz
     scanout_s = refresh_s if display.scanout_s is None else display.scanout_s
-    share = np.clip(view.trace.q[view.seen][:, 1], 0, display.rows - 1) / (display.rows - 1)
+    share = np.clip(view.trace.q[view.on_lcd][:, 1], 0, display.rows - 1) / (display.rows - 1)
     share = 1 - share if display.scan == "up" else share
     rise_s = display.rise_s / math.log(9)
     camera_s = camera_latency_s(rig)
@@ -42,7 +42,9 @@ def delay_budget(view: SampledView, computing_s: float) -> list[Delay]:
         Delay("computing and drawing", computing_s, computing_s),
         Delay("waiting for the refresh", refresh_s / 2, refresh_s),
         Delay("latency of the display", display.latency_s, display.latency_s),
-        Delay("scan-out to the rows seen", scanout_s * float(share.mean()), scanout_s * float(share.max())),
+        Delay(
+            "scan-out to the rows in view", scanout_s * float(share.mean()), scanout_s * float(share.max())
+        ),
         Delay("rise of the pixels", rise_s, rise_s),
         Delay("waiting for the exposure", frame_s / 2, frame_s),
     ]

@@ -9,9 +9,14 @@ from typing import Any
 import numpy as np
 
 from zeromethod.design.delay_budget import delay_budget, total_s
-from zeromethod.design.field_of_view import field_of_view
-from zeromethod.design.fold import gaussian_fold_mm, largest_curvature_per_mm
-from zeromethod.design.lever import camera_px_per_mrad, depth_nm_per_px, lcd_px_per_mrad
+from zeromethod.design.lever import (
+    camera_px_per_mrad,
+    depth_nm_per_px,
+    gaussian_fold_mm,
+    largest_curvature_per_mm,
+    lcd_px_per_mrad,
+    mirror_mm_per_px,
+)
 from zeromethod.design.noise_floor import noise_floor, slope_sigma_urad
 from zeromethod.design.press_limits import PressKind, press_limit
 from zeromethod.design.resolution import footprint_mm, resolution
@@ -24,6 +29,7 @@ from zeromethod.design.tir import (
     margins_by_slope_deg,
     slope_to_loss_mrad,
 )
+from zeromethod.optics import Lost
 
 Figures = dict[str, Any]
 
@@ -71,8 +77,8 @@ def headline(view: SampledView, pupil_mm: float) -> dict[str, float]:
         "gaussian_fold_mm": float(np.nanmedian(gaussian_fold_mm(view, HEADLINE_SIGMA_MM)[mask])),
         "footprint_mm": median_over(footprint_mm(view, pupil_mm), mask)[0],
         "slope_sigma_urad": median_over(slope_sigma_urad(view), mask)[0],
-        "mirror_seen_mm": float(np.ptp(view.x_mm[view.seen])),
-        "sees_lcd_share": float(view.seen.mean()),
+        "mirror_seen_mm": float(np.ptp(view.x_mm[view.on_lcd])),
+        "sees_lcd_share": float(view.on_lcd.mean()),
     }
 
 
@@ -82,14 +88,14 @@ def _tir(view: SampledView) -> Figures:
     centre = view.optics.trace(
         np.array([(camera.columns - 1) / 2]), np.array([(camera.rows - 1) / 2]), view.optics.rest
     )
-    seen = view.seen
+    on_lcd = view.on_lcd
     return {
         "critical_deg": critical,
         "centre_incidence_deg": float(incidence_deg(centre)[0]),
         "centre_margin_deg": float(incidence_deg(centre)[0]) - critical,
         "centre_reflectance": float(centre.reflectance[0]),
-        "least_margin_deg": float(incidence[seen].min()) - critical,
-        "below_share": float(np.mean(incidence[seen] < critical)),
+        "least_margin_deg": float(incidence[on_lcd].min()) - critical,
+        "below_share": float(np.mean(incidence[on_lcd] < critical)),
         "slopes_mrad": list(SLOPES_MRAD),
     }
 
@@ -125,3 +131,30 @@ def _presses(view: SampledView, kinds: Sequence[PressKind], on_press: Callable[[
             on_press()
         found.append({"press": str(kind), "limits": limits})
     return found
+
+
+def field_of_view(view: SampledView) -> dict[str, Any]:
+    """Ranges over the nodes that see the LCD, shares of all nodes, medians of what a pixel covers."""
+    on_lcd, trace, rig = view.on_lcd, view.trace, view.rig
+    x, y, q = view.x_mm[on_lcd], view.y_mm[on_lcd], trace.q[on_lcd]
+    corners = [(0, 0), (0, -1), (-1, -1), (-1, 0)]
+    outline = np.array([(view.x_mm[corner], view.y_mm[corner]) for corner in corners])
+    lost = {
+        reason.name.lower(): float(np.mean(trace.lost == reason))
+        for reason in Lost
+        if reason not in (Lost.NONE, Lost.BELOW_TIR) and np.any(trace.lost == reason)
+    }
+    across = np.linalg.norm(view.lcd_per_camera, axis=-2)
+    return {
+        "mirror_x_mm": [float(x.min()), float(x.max())],
+        "mirror_y_mm": [float(y.min()), float(y.max())],
+        "corners_mm": outline.tolist(),
+        "mirror_length_mm": view.optics.length_mm,
+        "mirror_width_mm": rig.prism.width_mm,
+        "mirror_mm_per_px": median_over(mirror_mm_per_px(view), on_lcd),
+        "lcd_columns": [float(q[:, 0].min()), float(q[:, 0].max())],
+        "lcd_rows": [float(q[:, 1].min()), float(q[:, 1].max())],
+        "lcd_px_per_camera_px": median_over(across, on_lcd),
+        "sees_lcd_share": float(on_lcd.mean()),
+        "lost_share": lost,
+    }

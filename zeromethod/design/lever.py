@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Mask
 from zeromethod.design.sampled_view import SampledView, inverse
 
 
@@ -35,4 +35,33 @@ def depth_nm_per_px(view: SampledView) -> Float:
     """
     with np.errstate(divide="ignore"):
         result: Float = 1e6 * mirror_mm_per_px(view) * 1e-3 / camera_px_per_mrad(view)
+    return result
+
+
+GAUSSIAN_RING = 2.0 * np.exp(-1.5)
+"""Largest concave curvature of a Gaussian, on the ring at sqrt(3) sigma, in units of depth / sigma^2."""
+
+
+def largest_curvature_per_mm(view: SampledView) -> Float:
+    """Curvature of depth, in its worst direction, at which the node folds, (rows, cols), 1/mm.
+
+    A mirror of curvature k along a unit vector e changes dq/dp by k (dq/dslope) e e', whose determinant
+    vanishes at k = -1 / (e' (dq/dp)^-1 (dq/dslope) e). For a flat mirror that is
+    cos(incidence) / (2 path) in the plane of incidence and 1 / (2 path cos(incidence)) across, the path
+    as long as if it were all in rubber. Curvature counts as positive where the mirror is concave seen from
+    the rubber (the ring round a dent). Infinite where no such curvature folds.
+    """
+    by_point = view.lcd_per_camera @ inverse(view.mirror_per_camera)
+    bending = -inverse(by_point) @ view.sensitivity
+    known: Mask = np.asarray(np.isfinite(bending).all(axis=(-1, -2)))
+    symmetric = np.where(known[..., None, None], 0.5 * (bending + np.swapaxes(bending, -1, -2)), 0.0)
+    largest = np.linalg.eigvalsh(symmetric)[..., -1]
+    with np.errstate(divide="ignore"):
+        result = np.where(largest > 0.0, 1.0 / largest, np.inf)
+    return np.where(known & view.on_lcd, result, np.nan)
+
+
+def gaussian_fold_mm(view: SampledView, sigma_mm: float) -> Float:
+    """Depth of a Gaussian press whose ring folds, the lever even over the press, (rows, cols), mm."""
+    result: Float = largest_curvature_per_mm(view) * sigma_mm**2 / GAUSSIAN_RING
     return result

@@ -22,7 +22,7 @@ from zeromethod.surface import SurfaceReader
 from zeromethod.warp.warp import Warp
 
 FRAMES = (1, 10, 100, 1000)
-"""Numbers of frames whose mean is told."""
+"""Numbers of frames whose mean is given."""
 
 _SAMPLES = 64
 """Samples per period of a periodic target."""
@@ -72,15 +72,15 @@ def displacement_sigma_px(view: SampledView) -> Float:
     sigma = s sqrt(sum w^2) / rms(dI/du), w the sensing window, s^2 = read^2 + light / electrons + 1/12 in
     grey^2. That is the Cramer-Rao bound in that window, which the carrier estimator meets.
     """
-    rig, seen = view.rig, contrast(view.rig)
+    rig, image = view.rig, contrast(view.rig)
     noise = rig.camera.noise
     white = rig.simulation.peak_grey_share * (2**rig.camera.bits - 1) - noise.black_grey
     light = white * reflectance(view)
     electrons = noise.electrons_per_grey
-    variance = noise.read_grey**2 + 1 / 12 + (seen.mean * light / electrons if electrons else 0.0)
+    variance = noise.read_grey**2 + 1 / 12 + (image.mean * light / electrons if electrons else 0.0)
     weight = carrier_power(rig.target.period_px)[0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        result: Float = weight * np.sqrt(variance) / (seen.gradient * light)
+        result: Float = weight * np.sqrt(variance) / (image.gradient * light)
     return result
 
 
@@ -104,11 +104,11 @@ def depth_sigma_nm(view: SampledView) -> Float:
     by_camera = np.linalg.norm(view.lcd_per_camera, axis=-1)
     sigma[grid.inner] = by_camera * displacement_sigma_px(view)[..., None]
     flags = np.ones(grid.shape, np.uint16)
-    flags[grid.inner] = ~view.seen
+    flags[grid.inner] = ~view.on_lcd
     try:
         reader = SurfaceReader(view.rig, view.optics, grid)
     except InputError:
-        return np.full(view.seen.shape, np.nan)
+        return np.full(view.on_lcd.shape, np.nan)
     surface = reader.read(Warp(q, sigma, flags, 0))
     return 1e6 * surface.sigma_depth_mm[grid.inner]
 
@@ -125,8 +125,8 @@ def grid_bias_px(view: SampledView) -> Float:
     target = contrast(rig)
     carrier = target.carrier / target.mean
     orders = (3 if rig.display.stripes == "rgb" else 1, 1)
-    largest = np.zeros(view.seen.shape)
-    for k, (order, fill) in enumerate(zip(orders, rig.display.fill, strict=True)):
+    largest = np.zeros(view.on_lcd.shape)
+    for k, (order, fill) in enumerate(zip(orders, rig.display.fill_factor, strict=True)):
         u, v = order * view.lcd_per_camera[..., k, 0], order * view.lcd_per_camera[..., k, 1]
         lens = np.exp(-2 * (np.pi * rig.camera.psf_px) ** 2 * (u * u + v * v))
         depth = 2 * abs(np.sinc(fill)) * lens * np.abs(np.sinc(u) * np.sinc(v))
@@ -137,7 +137,7 @@ def grid_bias_px(view: SampledView) -> Float:
                     transfer(period, along - beats / period), transfer(period, along + beats / period)
                 ) * transfer(period, across)
                 largest = np.maximum(largest, depth * weight * passed)
-    return np.where(view.seen, period / (2 * np.pi) * largest / carrier, np.nan)
+    return np.where(view.on_lcd, period / (2 * np.pi) * largest / carrier, np.nan)
 
 
 def noise_floor(view: SampledView) -> dict[str, Any]:
@@ -145,15 +145,15 @@ def noise_floor(view: SampledView) -> dict[str, Any]:
 
     The controller's own filter passes a frame's noise whole at gain 1, at gain g it leaves sqrt(g / (2 - g)).
     """
-    seen, rig = view.seen, view.rig
-    depth = depth_sigma_nm(view)[seen]
+    on_lcd, rig = view.on_lcd, view.rig
+    depth = depth_sigma_nm(view)[on_lcd]
     known = depth[np.isfinite(depth)]
     rms = float(np.sqrt(np.mean(known**2))) if known.size else np.nan
     gain = rig.control.gain
     return {
         "peak_grey_share": rig.simulation.peak_grey_share,
-        "displacement_px": float(np.median(displacement_sigma_px(view)[seen])),
-        "slope_urad": median_over(slope_sigma_urad(view), seen),
+        "displacement_px": float(np.median(displacement_sigma_px(view)[on_lcd])),
+        "slope_urad": median_over(slope_sigma_urad(view), on_lcd),
         "depth_rms_nm": rms,
         "depth_median_nm": float(np.median(known)) if known.size else np.nan,
         "filter_share": float(np.sqrt(gain / (2 - gain))),

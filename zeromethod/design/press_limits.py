@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.design.fold import largest_curvature_per_mm
-from zeromethod.design.lever import mirror_mm_per_px
+from zeromethod.design.lever import largest_curvature_per_mm, mirror_mm_per_px
 from zeromethod.design.sampled_view import SampledView
 from zeromethod.design.tir import critical_deg
 from zeromethod.errors import InputError
@@ -98,19 +97,6 @@ class PressLimit:
     total_mm: float
 
 
-class _Dip:
-    """A press as `optics` takes a dent."""
-
-    def __init__(self, dent: Dent) -> None:
-        self._mirror = Mirror((dent,))
-
-    def depth(self, x: Float, y: Float) -> Float:
-        return self._mirror.depth(x, y)
-
-    def slope(self, x: Float, y: Float) -> tuple[Float, Float]:
-        return self._mirror.slope(x, y)
-
-
 def press_limit(view: SampledView, kind: PressKind, x_mm: float, y_mm: float) -> PressLimit:
     """Limits of a press in the middle (x_mm, y_mm), to 3 %.
 
@@ -121,19 +107,19 @@ def press_limit(view: SampledView, kind: PressKind, x_mm: float, y_mm: float) ->
     size = view.rig.display.columns, view.rig.display.rows
     period, spacing = view.rig.target.period_px, view.grid.spacing_px
     at_rest = warp_flags(view.trace.q, view.trace.q, period, size, spacing_px=spacing)
-    judged = view.seen & (at_rest == 0)
+    judged = view.on_lcd & (at_rest == 0)
 
     def flags_at(depth_mm: float) -> int:
         patch = _around(view, x_mm, y_mm, kind.reach_mm(depth_mm))
-        dented = Dented(view.optics.rest, _Dip(kind.dent(x_mm, y_mm, depth_mm)))
+        dented = Dented(view.optics.rest, Mirror((kind.dent(x_mm, y_mm, depth_mm),)))
         q = view.optics.trace(view.u_px[patch], view.v_px[patch], dented).q
         flags = warp_flags(q, view.trace.q[patch], period, size, spacing_px=spacing)
         return int(np.bitwise_or.reduce(flags[judged[patch] & np.isfinite(q).all(axis=-1)], initial=0))
 
     here = _around(view, x_mm, y_mm, 0.0)
     if not judged[here].any():
-        seen = view.seen[here]
-        because = f"{_reason(int(at_rest[here][seen].max()))} at rest" if seen.any() else "not seen"
+        on_lcd = view.on_lcd[here]
+        because = f"{_reason(int(at_rest[here][on_lcd].max()))} at rest" if on_lcd.any() else "not seen"
         return PressLimit(0.0, 0.0, because, 0.0)
     nulled_mm = _largest(lambda depth: not flags_at(depth) & _NOT_DRAWN, SHALLOWEST_MM)
     fold_mm = _largest(lambda depth: not flags_at(depth) & int(Flag.FOLDED), max(nulled_mm, SHALLOWEST_MM))
@@ -154,7 +140,7 @@ def nulled_mm(view: SampledView, limits: Sequence[Mapping[str, Any]]) -> Float:
         away = np.hypot(view.x_mm - limit["x_mm"], view.y_mm - limit["y_mm"])
         if not (np.isfinite(away).any() and 0.0 < limit["nulled_mm"] < np.inf):
             continue
-        here = curvature.ravel()[np.nanargmin(np.where(view.seen, away, np.nan))]
+        here = curvature.ravel()[np.nanargmin(np.where(view.on_lcd, away, np.nan))]
         weight = 1.0 / (away**2 + _NEAR_MM**2)
         weights += weight
         total += weight * limit["nulled_mm"] / here

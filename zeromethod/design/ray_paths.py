@@ -33,7 +33,7 @@ def _path(optics: Optics, u: float, v: float) -> RayPath:
     entry, inside = (part[0] for part in optics.rubber_rays(*at))
     points = [start]
     if np.isfinite(entry).all():
-        points += [*_through_captured_layers(optics, entry, air), entry]
+        points += [*_through_camera_layers(optics, entry, air), entry]
     mirror = trace.point[0]
     if np.isfinite(mirror).all():
         points.append(mirror)
@@ -45,10 +45,10 @@ def _path(optics: Optics, u: float, v: float) -> RayPath:
     return RayPath(np.array(points), Lost(int(trace.lost[0])))
 
 
-def _through_captured_layers(optics: Optics, entry: Float, air: Float) -> list[Float]:
+def _through_camera_layers(optics: Optics, entry: Float, air: Float) -> list[Float]:
     """Points on the layers' surfaces in the order met, from the outermost on; the face itself left out."""
     face = optics.prism.captured_face
-    slabs = [(slab.index, slab.thickness_mm) for slab in reversed(optics.rig.captured_layers)]
+    slabs = [(slab.index, slab.thickness_mm) for slab in reversed(optics.rig.camera_layers)]
     whole, _ = through_slabs(air, -face.normal, 1.0, slabs, optics.rig.prism.index)
     outermost = entry - whole
     points = []

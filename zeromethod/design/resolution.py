@@ -1,4 +1,4 @@
-"""How fine a detail of the mirror is told apart: the lens's aperture, the sensing window, the pixel.
+"""The finest detail of the mirror that is resolved: the lens's aperture, the sensing window, the pixel.
 
 The camera is focused on the LCD's image, not on the mirror: the cone of light of one camera pixel still has a
 width where it meets the mirror, and the slope is averaged over it. That is for good; what the sensing window
@@ -38,8 +38,7 @@ def footprint_per_pupil(view: SampledView) -> Float:
         ends = []
         for sign in (1, -1):
             position = camera.position + sign * _STEP_MM * axis
-            spec = view.rig.camera.model_copy(update={"position_mm": tuple(float(c) for c in position)})
-            optics = Optics(view.rig.model_copy(update={"camera": spec}))
+            optics = Optics(view.rig.replace({"camera.position_mm": position}))
             ends.append(optics.trace(view.u_px, view.v_px, optics.rest))
         moved_point.append((ends[0].point - ends[1].point)[..., :2] / (2 * _STEP_MM))
         moved_q.append((ends[0].q - ends[1].q) / (2 * _STEP_MM))
@@ -63,8 +62,8 @@ def resolution(view: SampledView, pupil_mm: float) -> dict[str, Any]:
     the lens's blur.
     """
     period = view.rig.target.period_px
-    per_px = np.array(median_over(mirror_mm_per_px(view), view.seen))
-    width = np.array(median_over(footprint_mm(view, pupil_mm), view.seen))
+    per_px = np.array(median_over(mirror_mm_per_px(view), view.on_lcd))
+    width = np.array(median_over(footprint_mm(view, pupil_mm), view.on_lcd))
     return {
         "pupil_mm": pupil_mm,
         "mirror_mm_per_px": per_px.tolist(),

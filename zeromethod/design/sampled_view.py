@@ -1,4 +1,4 @@
-"""What every node of the camera's view sees of the mirror at rest: the ground of all design figures."""
+"""Rays of every node by the mirror at rest, on which all design figures are based."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class SampledView:
         self.u_px: Float = u[self.grid.inner]
         self.v_px: Float = v[self.grid.inner]
         self.trace: Trace = self.optics.trace(self.u_px, self.v_px, self.optics.rest)
-        self.seen: Mask = self.trace.reaches_display
-        if np.count_nonzero(self.seen) < 4:
+        self.on_lcd: Mask = self.trace.reaches_display
+        if np.count_nonzero(self.on_lcd) < 4:
             raise InputError(f"rig {rig.name}: no camera pixel sees the LCD by the mirror at rest")
 
     @property
@@ -92,16 +92,16 @@ class SampledView:
     @cached_property
     def regions(self) -> list[Region]:
         """The image's thirds by thirds, by rising x and y; parts that see no LCD are left out."""
-        rows, cols = self.seen.shape
+        rows, cols = self.on_lcd.shape
         found = []
         for i in range(_REGIONS):
             for j in range(_REGIONS):
-                mask = np.zeros_like(self.seen)
+                mask = np.zeros_like(self.on_lcd)
                 mask[
                     j * rows // _REGIONS : (j + 1) * rows // _REGIONS,
                     i * cols // _REGIONS : (i + 1) * cols // _REGIONS,
                 ] = True
-                mask &= self.seen
+                mask &= self.on_lcd
                 if mask.any():
                     found.append(
                         Region(float(np.median(self.x_mm[mask])), float(np.median(self.y_mm[mask])), mask)
@@ -110,8 +110,8 @@ class SampledView:
 
     @property
     def central(self) -> Region:
-        """The region nearest to the middle of what is seen."""
-        x, y = (float(np.nanmedian(values[self.seen])) for values in (self.x_mm, self.y_mm))
+        """The region nearest to the middle of the view."""
+        x, y = (float(np.nanmedian(values[self.on_lcd])) for values in (self.x_mm, self.y_mm))
         return min(self.regions, key=lambda region: np.hypot(region.x_mm - x, region.y_mm - y))
 
 

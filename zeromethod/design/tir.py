@@ -1,4 +1,4 @@
-"""How far every node is from losing total internal reflection, at rest and when the mirror slopes."""
+"""Margin of every node to the critical angle, at rest and when the mirror slopes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from zeromethod.optics import HeightField, Trace, critical_angle_rad
 from zeromethod.rig.model import Rig
 
 SLOPES_MRAD = (0.0, 5.0, 10.0, 20.0, 50.0)
-"""Slopes of the mirror, of either sign along x and along y, for which the margin is told."""
+"""Slopes of the mirror, of either sign along x and along y, for which the margin is given."""
 
 _DIRECTIONS = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 
@@ -53,13 +53,13 @@ def margin_deg(view: SampledView, slope: tuple[float, float] = (0.0, 0.0)) -> Fl
     Below 0 the reflection is no longer total. NaN where the node does not see the LCD at rest.
     """
     trace = view.trace if slope == (0.0, 0.0) else _tilted(view, slope)
-    return np.where(view.seen, incidence_deg(trace) - critical_deg(view.rig), np.nan)
+    return np.where(view.on_lcd, incidence_deg(trace) - critical_deg(view.rig), np.nan)
 
 
 def reflectance(view: SampledView, slope: tuple[float, float] = (0.0, 0.0)) -> Float:
     """Power reflectance of the mirror for the LCD's light at a slope (rad), (rows, cols)."""
     trace = view.trace if slope == (0.0, 0.0) else _tilted(view, slope)
-    return np.where(view.seen, trace.reflectance, np.nan)
+    return np.where(view.on_lcd, trace.reflectance, np.nan)
 
 
 def margins_by_slope_deg(view: SampledView) -> Float:
@@ -76,7 +76,7 @@ def margins_by_slope_deg(view: SampledView) -> Float:
 
 
 def slope_to_loss_mrad(view: SampledView) -> Float:
-    """Slope, in the plane of incidence and towards the camera, that eats the margin, mrad, (rows, cols).
+    """Slope, in the plane of incidence and towards the camera, that uses up the margin, mrad, (rows, cols).
 
     Turning the normal by an angle towards the ray takes as much off the angle of incidence; below 0: lost at
     rest already. Exact where the rest surface is flat.

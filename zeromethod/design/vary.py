@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from zeromethod.design.figures import headline
 from zeromethod.design.sampled_view import SampledView
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
 from zeromethod.optics.prism import PrismGeometry
+from zeromethod.rig.keys import value_at
 from zeromethod.rig.model import Rig
-from zeromethod.rig.refusal import first_refusal
 
 STEPS = 16
 MOST_STEPS = 200
 
 _PATTERN = re.compile(r"(?P<key>[^=]+)=(?P<low>[^:=]+):(?P<high>[^:=]+)(:(?P<steps>[^:=]+))?")
-_KEY = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)|\[(\d+)\]")
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,9 @@ def varied(rig: Rig, key: str, value: float) -> Rig:
     """
     if key in NAMES:
         return NAMES[key].changed(rig, value)
-    return _with_values(rig, {key: value})
+    if isinstance(value_at(rig.model_dump(), key), int):
+        value = round(value)
+    return rig.replace({key: value})
 
 
 def curves(
@@ -121,7 +121,7 @@ def smallest_total_angle(rig: Rig, highest_deg: float = 75.0) -> float | None:
             view = SampledView(varied(rig, "angle", angle_deg))
         except InputError:
             return False
-        return bool((view.trace.reflectance[view.seen] >= 1.0).all())
+        return bool((view.trace.reflectance[view.on_lcd] >= 1.0).all())
 
     high = next((angle for angle in np.arange(np.ceil(low), highest_deg + 0.5, 1.0) if total(angle)), None)
     if high is None:
@@ -136,54 +136,27 @@ def smallest_total_angle(rig: Rig, highest_deg: float = 75.0) -> float | None:
 def _check_key(rig: Rig, variation: Variation) -> None:
     if variation.key in NAMES:
         return
-    steps = [int(index) if index else name for name, index in _KEY.findall(variation.key)]
-    value: Any = rig.model_dump()
-    for step in steps:
-        try:
-            value = value[step]
-        except (KeyError, IndexError, TypeError):
-            value = None
-            break
+    value = value_at(rig.model_dump(), variation.key)
     if isinstance(value, bool) or not isinstance(value, int | float):
         words = ", ".join(NAMES)
         raise InputError(
             f"--vary: {variation.key!r}: {words}, or a number of the rig file by its dotted key "
-            "(prism.leg_mm, pattern_layers[0].thickness_mm)"
+            "(prism.pattern_length_mm, pattern_layers[0].thickness_mm)"
         )
     if isinstance(value, int) and any(number != round(number) for number in variation.values):
         raise InputError(f"--vary: {variation.key!r}: a whole number: choose the steps so that each is")
 
 
-def _with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
-    """Rig with values at dotted keys, checked as a rig file is."""
-    data = rig.model_dump(exclude_unset=True)
-    for key, value in values.items():
-        steps = [int(index) if index else name for name, index in _KEY.findall(key)]
-        table: Any = data
-        for step in steps[:-1]:
-            if isinstance(table.get(step) if isinstance(table, dict) else None, tuple):
-                table[step] = list(table[step])
-            table = table[step] if not isinstance(step, str) or step in table else table.setdefault(step, {})
-        last = steps[-1]
-        old = table[last] if isinstance(last, int) else table.get(last)
-        table[last] = round(value) if isinstance(old, int) else value
-    try:
-        return Rig.model_validate(data)
-    except ValidationError as error:
-        raise InputError(f"{rig.name}: {first_refusal(error, Rig)}") from None
-
-
 def _with_angle(rig: Rig, angle_deg: float) -> Rig:
-    """Both faces at one angle; the camera keeps its place before the captured face.
+    """Both faces at one angle; the camera keeps its place before the camera face.
 
-    It looks at the same share of the mirror's length, at the same angle to the captured face, through the
+    It looks at the same share of the mirror's length, at the same angle to the camera face, through the
     same length of air. The LCD goes with its face.
     """
-    prism = rig.prism.model_copy(update={"pattern_angle_deg": angle_deg, "captured_angle_deg": angle_deg})
-    changed = rig.model_copy(update={"prism": prism})
-    before, after = PrismGeometry(rig.prism), PrismGeometry(prism)
-    turn = np.radians(angle_deg - rig.prism.captured_angle_deg)
-    # the captured face's normal (sin b, 0, -cos b) turns from -z towards x as b grows
+    changed = rig.replace({"prism.pattern_angle_deg": angle_deg, "prism.camera_angle_deg": angle_deg})
+    before, after = PrismGeometry(rig.prism), PrismGeometry(changed.prism)
+    turn = np.radians(angle_deg - rig.prism.camera_angle_deg)
+    # the camera face's normal (sin b, 0, -cos b) turns from -z towards x as b grows
     rotation = np.array([[np.cos(turn), 0, -np.sin(turn)], [0, 1, 0], [np.sin(turn), 0, np.cos(turn)]])
     look_at = np.array(rig.camera.look_at_mm)
     away = np.array(rig.camera.position_mm) - look_at
@@ -196,7 +169,7 @@ def _with_angle(rig: Rig, angle_deg: float) -> Rig:
 
 
 def _inside_mm(prism: PrismGeometry, look_at: np.ndarray, direction: np.ndarray) -> float:
-    """Length, along the optical axis, from the point looked at to the captured face's plane."""
+    """Length, along the optical axis, from the point looked at to the camera face's plane."""
     face = prism.captured_face
     return float(face.depth_below(look_at)) / float(direction @ face.normal)
 
@@ -208,26 +181,25 @@ def _with_distance(rig: Rig, distance_mm: float) -> Rig:
 
 
 def _with_camera(rig: Rig, position: np.ndarray, look_at: np.ndarray) -> Rig:
-    update = {"position_mm": tuple(map(float, position)), "look_at_mm": tuple(map(float, look_at))}
-    return rig.model_copy(update={"camera": rig.camera.model_copy(update=update)})
+    return rig.replace({"camera.position_mm": position, "camera.look_at_mm": look_at})
 
 
 def _with_gap(rig: Rig, gap_mm: float) -> Rig:
     if not rig.pattern_layers:
         raise InputError("--vary: gap: the rig has no pattern_layers, the last of which is the gap")
-    return _with_values(rig, {f"pattern_layers[{len(rig.pattern_layers) - 1}].thickness_mm": gap_mm})
+    return rig.replace({f"pattern_layers[{len(rig.pattern_layers) - 1}].thickness_mm": gap_mm})
 
 
 def _with_focal(rig: Rig, focal_px: float) -> Rig:
     if rig.camera.focal_px is None:
         raise InputError("--vary: focal: an orthographic camera has no focal length")
     ratio = rig.camera.focal_px[1] / rig.camera.focal_px[0]
-    return _with_values(rig, {"camera.focal_px[0]": focal_px, "camera.focal_px[1]": focal_px * ratio})
+    return rig.replace({"camera.focal_px[0]": focal_px, "camera.focal_px[1]": focal_px * ratio})
 
 
 NAMES: dict[str, Named] = {
     "angle": Named("angle of both faces, deg", _with_angle),
-    "index": Named("index of the rubber", lambda rig, value: _with_values(rig, {"prism.index": value})),
+    "index": Named("index of the rubber", lambda rig, value: rig.replace({"prism.index": value})),
     "gap": Named("gap before the LCD, mm", _with_gap),
     "distance": Named("camera to the point looked at, mm", _with_distance),
     "focal": Named("focal length, camera px", _with_focal),

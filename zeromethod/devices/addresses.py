@@ -1,4 +1,4 @@
-"""What `--camera` takes: an index, a URL, a file, `pylon[:serial]`, `aravis[:address]` or a driver's name."""
+"""Camera addresses, as `--camera` takes them: an index, a URL, a file, a camera kind or a driver's name."""
 
 from __future__ import annotations
 
@@ -8,11 +8,8 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from zeromethod.errors import InputError
-from zeromethod.rig.model import CameraSpec, Rig
-from zeromethod.rig.refusal import first_refusal
+from zeromethod.rig.model import Rig
 
 ALLOWED = (
     "an index (0), a URL (tcp://, http://, rtsp://), a video file, pylon[:serial], aravis[:address], "
@@ -54,7 +51,6 @@ def with_camera(rig: Rig, address: str, settings: Mapping[str, Any] | None = Non
     own = (camera.model_extra or {}) if camera.driver == driver else {}
     values = camera.given() | own | {"driver": driver} | options | dict(settings or {})
     try:
-        changed = CameraSpec.model_validate(values)
-    except ValidationError as error:
-        raise InputError(f"camera.{first_refusal(error, CameraSpec)}") from None
-    return rig.model_copy(update={"camera": changed})
+        return rig.replace(camera=values)
+    except InputError as error:
+        raise InputError(str(error).removeprefix("rig: ")) from None

@@ -1,4 +1,4 @@
-"""From a rig's `[camera]` and `[display]` tables to opened devices.
+"""Opening of the devices that a rig's `[camera]` and `[display]` tables name.
 
 A driver is any callable: the entry points of the groups `zeromethod.cameras` and `zeromethod.displays`
 by name, or `package.module:Name` (the working directory is searched too, so a lab's own file will do).
@@ -21,6 +21,7 @@ from types import TracebackType
 from typing import Any, Literal, cast
 
 from zeromethod.clock import Clock, HostClock, SimulatedClock
+from zeromethod.devices.abilities import poll_of
 from zeromethod.devices.protocols import Camera, Display
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
@@ -44,12 +45,12 @@ OPENING_S = 30.0
 """How long a camera may take to open in the host's time."""
 
 _SETTINGS = frozenset({"gain", "pixel_format", "region_px", "trigger"})
-"""Keys that a device must be set to: one that the driver does not name would go unheeded."""
+"""Keys that a device must be set to: one that the driver does not name would have no effect."""
 
 
 @cache
 def _installed(kind: Kind) -> Mapping[str, EntryPoint]:
-    """Entry points by name; looked up once, for every package of the environment is opened for it."""
+    """Entry points by name; looked up once, because it reads every installed package."""
     return {entry.name: entry for entry in entry_points(group=f"zeromethod.{kind}s")}
 
 
@@ -60,23 +61,17 @@ def load_driver(kind: Kind, name: str) -> Factory:
     cannot be imported.
     """
     where = f"{kind}.driver: {name!r}"
-    if ":" in name:
-        if os.getcwd() not in sys.path:
-            sys.path.insert(0, os.getcwd())
-        module, _, attribute = name.partition(":")
-        try:
-            factory = getattr(importlib.import_module(module), attribute)
-        except Exception as error:  # a driver is somebody else's code: whatever it raises is told, not traced
-            raise InputError(f"{where}: cannot be imported: {_one_line(error)}") from error
-    else:
-        known = _installed(kind)
-        if name not in known:
-            listed = ", ".join(sorted(known)) or "none is installed"
-            raise InputError(f"{where}: unknown; allowed: {listed}, or package.module:Name")
-        try:
-            factory = known[name].load()
-        except Exception as error:
-            raise InputError(f"{where}: cannot be imported: {_one_line(error)}") from error
+    module, colon, attribute = name.partition(":")
+    known = {} if colon else _installed(kind)
+    if not colon and name not in known:
+        listed = ", ".join(sorted(known)) or "none is installed"
+        raise InputError(f"{where}: unknown; allowed: {listed}, or package.module:Name")
+    if colon and os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    try:
+        factory = getattr(importlib.import_module(module), attribute) if colon else known[name].load()
+    except Exception as error:  # whatever somebody else's code raises is reported in one line
+        raise InputError(f"{where}: cannot be imported: {_one_line(error)}") from error
     if not callable(factory):
         raise InputError(f"{where}: not callable; allowed: a class or function that returns a {kind}")
     return cast(Factory, factory)
@@ -94,7 +89,7 @@ class Devices:
     _openings: int = 0
 
     def reopen_camera(self) -> Camera:
-        """Close the camera and open it anew; raises InputError when that fails.
+        """Close the camera and open it again; raises InputError when that fails.
 
         One that opens only when it was asked for again, or after `close`, is its caller's alone.
         """
@@ -103,7 +98,7 @@ class Devices:
             opening = self._openings
         # a camera that is gone may well fail to close, too
         with contextlib.suppress(Exception):
-            self._close_camera(CLOSING_S)
+            self._close("camera", self.camera, CLOSING_S)
         camera = self._open_camera()
         with self._lock:
             if opening == self._openings:
@@ -120,25 +115,19 @@ class Devices:
             self._openings += 1
         failed = []
         end_s = time.monotonic() + timeout_s
-        for name, close in (("camera", self._close_camera), ("display", self._close_display)):
+        for kind, device in (("camera", self.camera), ("display", self.display)):
             try:
-                close(max(end_s - time.monotonic(), LEAST_CLOSING_S))
+                self._close(kind, device, max(end_s - time.monotonic(), LEAST_CLOSING_S))
             except Exception as error:
-                failed.append(f"{name}: cannot be closed: {_one_line(error)}")
+                failed.append(f"{kind}: cannot be closed: {_one_line(error)}")
         if failed:
             raise MeasurementError("; ".join(failed))
 
-    def _close_camera(self, timeout_s: float) -> None:
-        if isinstance(self.clock, HostClock):
-            call_within(timeout_s, self.camera.close, "camera closing")
+    def _close(self, kind: str, device: Camera | Display, timeout_s: float) -> None:
+        if isinstance(self.clock, HostClock) and (kind == "camera" or poll_of(device) is None):
+            call_within(timeout_s, device.close, f"{kind} closing")
         else:
-            self.camera.close()
-
-    def _close_display(self, timeout_s: float) -> None:
-        if isinstance(self.clock, HostClock) and not hasattr(self.display, "poll"):
-            call_within(timeout_s, self.display.close, "display closing")
-        else:
-            self.display.close()
+            device.close()
 
     def __enter__(self) -> Devices:
         return self
@@ -149,7 +138,7 @@ class Devices:
         if error is None:
             self.close()
             return
-        # what went wrong first is what is told
+        # what went wrong first is what is reported
         with contextlib.suppress(MeasurementError):
             self.close(CLOSING_S)
 

@@ -1,16 +1,16 @@
-"""Camera and display as the loop sees them: the whole contract, failures included.
+"""Cameras and displays as the loop uses them: what they must do, what they may do, and how they fail.
 
-Any object with these members is a device; nothing has to be subclassed. All times are
-nanoseconds on the run's clock (`zeromethod.clock`).
+Any object with these members is a device; nothing has to be subclassed. All times are nanoseconds on the
+run's clock (`zeromethod.clock`). Optional abilities are asked for in `zeromethod.devices.abilities` only.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from zeromethod.arrays import Bytes, Image
+from zeromethod.arrays import Bytes, Float, Image
 
 if TYPE_CHECKING:
     import moderngl
@@ -57,9 +57,24 @@ class Camera(Protocol):
         """Significant bits per pixel: 8 to 16."""
 
     def read(self, timeout_s: float) -> Frame:
-        """Newest frame not yet returned, waiting for one up to `timeout_s`.
+        """Newest frame not yet returned; never a stale frame, never a wrong shape.
 
-        Never a stale frame, never a wrong shape; raises CameraTimeout or CameraLost.
+        Parameters
+        ----------
+        timeout_s
+            How long to wait for one, s.
+
+        Returns
+        -------
+        Frame
+            The newest frame; the ones skipped are counted in `dropped`.
+
+        Raises
+        ------
+        CameraTimeout
+            None came in time.
+        CameraLost
+            The camera is gone.
         """
 
     def close(self) -> None:
@@ -68,12 +83,7 @@ class Camera(Protocol):
 
 @runtime_checkable
 class Display(Protocol):
-    """A panel that shows pictures.
-
-    It may also have `poll()`, called often in the main thread, where it is then closed too (may raise
-    DisplayLost); `asleep`, whether it shows nothing now; `warnings`, lines that the operator should know;
-    `dropped_refreshes`, how many it missed. Without `poll` it may be closed in another thread.
-    """
+    """A panel that shows pictures. Without `poll` it may be closed in another thread."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -84,9 +94,22 @@ class Display(Protocol):
         """Refresh rate, Hz."""
 
     def show(self, image: Bytes) -> int:
-        """Show (rows, cols) grey codes; return the presentation time in ns when the swap is done.
+        """Show a picture and wait until the swap is done.
 
-        Raises DisplayLost.
+        Parameters
+        ----------
+        image
+            (rows, cols) uint8 grey codes.
+
+        Returns
+        -------
+        int
+            Presentation time: when the swap was done, ns.
+
+        Raises
+        ------
+        DisplayLost
+            The display or its window is gone.
         """
 
     def close(self) -> None:
@@ -102,9 +125,151 @@ class DrawingDisplay(Display, Protocol):
         """The GL context that owns the display's framebuffer."""
 
     def draw(self, render: Callable[[moderngl.Framebuffer], None]) -> int:
-        """Call `render` with the framebuffer to fill (red channel = grey code / 255), then swap.
+        """Draw a picture in place and wait until the swap is done.
 
-        LCD row 0 is the framebuffer's top line, as in a window (y = 1 in clip space).
+        Parameters
+        ----------
+        render
+            Draws into the framebuffer it gets: red channel = grey code / 255, LCD row 0 in the framebuffer's
+            top line, as in a window (y = 1 in clip space).
 
-        Returns the presentation time in ns; raises DisplayLost.
+        Returns
+        -------
+        int
+            Presentation time: when the swap was done, ns.
+
+        Raises
+        ------
+        DisplayLost
+            The display or its window is gone.
         """
+
+
+@runtime_checkable
+class PollingDisplay(Protocol):
+    """A display with events of its own to handle; it is opened, polled and closed in the main thread."""
+
+    def poll(self) -> None:
+        """Handle events; called often.
+
+        Raises
+        ------
+        DisplayLost
+            The display or its window is gone.
+        """
+
+
+@runtime_checkable
+class SleepingDisplay(Protocol):
+    """A display that reports whether it shows nothing now."""
+
+    @property
+    def asleep(self) -> bool:
+        """Whether the panel is switched off by power saving; frames are not used meanwhile."""
+
+
+@runtime_checkable
+class WarningDisplay(Protocol):
+    """A display that knows what may spoil its picture."""
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """Lines that the operator should know, as of now."""
+
+
+@runtime_checkable
+class CountingDisplay(Protocol):
+    """A display that counts the refreshes it missed."""
+
+    @property
+    def dropped_refreshes(self) -> int:
+        """Refreshes missed since it was opened."""
+
+
+@runtime_checkable
+class IdentifiedCamera(Protocol):
+    """A camera that names itself, so that a calibration made with another one is refused."""
+
+    @property
+    def serial(self) -> str:
+        """Serial number; "" where it is not known."""
+
+    @property
+    def model(self) -> str:
+        """Maker's name of the model; "" where it is not known."""
+
+
+@runtime_checkable
+class NamedDisplay(Protocol):
+    """A display that names its panel, so that a calibration made with another one is refused."""
+
+    @property
+    def name(self) -> str:
+        """Name of the panel."""
+
+
+@runtime_checkable
+class TrueMirror(Protocol):
+    """The mirror at one instant, as a simulated bench knows it."""
+
+    def depth(self, x: Float, y: Float) -> Float:
+        """Depth in mm, positive into the rubber, at points of the mirror in mm."""
+
+    def slope(self, x: Float, y: Float) -> tuple[Float, Float]:
+        """(dd/dx, dd/dy)."""
+
+    def reflectance_factor(self, x: Float, y: Float) -> Float:
+        """1 where nothing touches, less where an object takes the light."""
+
+
+@runtime_checkable
+class TruthfulCamera(Protocol):
+    """A simulated camera that knows the true mirror; only reports use it, never the loop or the reading."""
+
+    def truth(self, time_ns: int) -> TrueMirror:
+        """The mirror as it truly is.
+
+        Parameters
+        ----------
+        time_ns
+            Time on the run's clock, ns.
+
+        Returns
+        -------
+        TrueMirror
+            The mirror at that time.
+        """
+
+
+@runtime_checkable
+class ScriptPhase(Protocol):
+    """A named part of a run: errors against the truth are given for "hold" and "slide"."""
+
+    @property
+    def name(self) -> str:
+        """What the part is called."""
+
+
+@runtime_checkable
+class Script(Protocol):
+    """What will happen in a simulated run: how long it lasts, and its parts."""
+
+    @property
+    def duration_s(self) -> float:
+        """How long a run lasts when nobody asks for another length, s."""
+
+    @property
+    def phases(self) -> Sequence[ScriptPhase]:
+        """All parts, in any order."""
+
+    def phase_at(self, time_ns: int) -> str | None:
+        """Name of the part that a time (ns) lies in, None outside of all."""
+
+
+@runtime_checkable
+class ScriptedCamera(Protocol):
+    """A simulated camera that knows what will happen."""
+
+    @property
+    def scenario(self) -> Script:
+        """The script of the run."""

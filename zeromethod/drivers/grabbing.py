@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Protocol
 
+from zeromethod.devices.abilities import identity_of
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
 from zeromethod.worker import Worker
 
@@ -114,7 +115,7 @@ class GrabbedCamera:
             return frame, self._counted
 
         try:
-            self.serial, self.model = (str(getattr(source, name, "")) for name in ("serial", "model"))
+            self.serial, self.model = identity_of(source)
             self.shape, self.bits = source.shape, source.bits
             yield grab
         finally:

@@ -14,26 +14,68 @@ from collections.abc import Callable
 from typing import Any
 from weakref import WeakKeyDictionary
 
+import glcontext
 import moderngl
 
 from zeromethod.errors import InputError
-from zeromethod.gl.egl import EGLContext
 from zeromethod.gl.handle import ContextHandle, NativeContext
 from zeromethod.gl.osmesa import OSMesaContext
 
 VARIABLE = "ZEROMETHOD_GL"
 """Environment variable that forces a backend."""
 
-BACKENDS = ("egl", "osmesa")
-"""In the order in which they are tried."""
-
 _PACKAGES = {"egl": "libegl1 libgl1 libgl1-mesa-dri libglx-mesa0", "osmesa": "libosmesa6"}
 _OPENGL = 330
+_MAX_DEVICES = 8
 
 _backends: WeakKeyDictionary[moderngl.Context, str] = WeakKeyDictionary()
 
 
-_CREATE: dict[str, Callable[[], NativeContext]] = {"egl": EGLContext, "osmesa": OSMesaContext}
+def _open_egl(device: int) -> Any:
+    create = glcontext.get_backend_by_name("egl")
+    libraries = {"libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+    return create(mode="standalone", glversion=_OPENGL, device_index=device, **libraries)
+
+
+class EGLContext:
+    """Core-profile context (3.3 or newer) of the first EGL device that gives one.
+
+    Raises RuntimeError with the first device's reason when none does (a GPU may be there but closed to
+    this user, with llvmpipe listed after it). `GLCONTEXT_DEVICE_INDEX` picks one device.
+    """
+
+    def __init__(self) -> None:
+        reason = ""
+        for device in range(_MAX_DEVICES):
+            try:
+                self._binding = _open_egl(device)
+            except Exception as error:  # the binding raises bare Exception
+                reason = reason or str(error)
+                if "device index" in str(error) or "not loaded" in str(error):
+                    break
+            else:
+                return
+        raise RuntimeError(reason)
+
+    def bind(self) -> None:
+        """Make it current in this thread."""
+        self._binding.__enter__()
+
+    def unbind(self) -> None:
+        """Make no EGL context current in this thread."""
+        self._binding.__exit__(None, None, None)
+
+    def address(self, name: str) -> int:
+        """Address of a GL function, 0 when there is none."""
+        return int(self._binding.load_opengl_function(name) or 0)
+
+    def destroy(self) -> None:
+        """Free the context; it is not current."""
+        self._binding.release()
+
+
+BACKENDS: dict[str, Callable[[], NativeContext]] = {"egl": EGLContext, "osmesa": OSMesaContext}
+"""In the order in which they are tried."""
 
 
 def _moderngl(create: Callable[[], NativeContext]) -> moderngl.Context:
@@ -56,11 +98,11 @@ def create_context() -> moderngl.Context:
     forced = os.environ.get(VARIABLE, "")
     if forced and forced not in BACKENDS:
         raise InputError(f"{VARIABLE}: {forced!r}: allowed are {', '.join(BACKENDS)}")
-    tried = (forced,) if forced else BACKENDS
+    tried = (forced,) if forced else tuple(BACKENDS)
     reasons = []
     for backend in tried:
         try:
-            context = _moderngl(_CREATE[backend])
+            context = _moderngl(BACKENDS[backend])
         except (RuntimeError, ValueError) as error:
             reasons.append(f"{backend}: {' '.join(str(error).split())}")
             continue
@@ -92,6 +134,6 @@ def backend_of(ctx: moderngl.Context) -> str:
 
 
 def renderer_name(ctx: moderngl.Context) -> str:
-    """Tell renderer and OpenGL version in words, for logs and summaries."""
+    """Renderer and OpenGL version in words, for logs and summaries."""
     info = ctx.info
     return f"{info['GL_RENDERER']}, OpenGL {info['GL_VERSION']}"

@@ -1,7 +1,7 @@
-"""Which context is current: `with ctx:` that nests, whatever library each context comes from.
+"""Context handles: `with ctx:` that nests, whatever library each context comes from.
 
 The EGL binding of moderngl leaves nothing current when a `with` block ends, and EGL and OSMesa do not
-know of each other. A handle keeps the book per thread: it unbinds the context before in that one's own
+know of each other. A handle keeps track per thread: it unbinds the context before in that one's own
 library, binds its own, and puts the old state back at the end.
 """
 
@@ -43,7 +43,7 @@ def _switch(to: ContextHandle | None) -> None:
         before.native.unbind()
     _thread.current = None
     if to is not None and to.native is not None:
-        # Also when it is current by our book: a window library may have made its own one current.
+        # Also when it is recorded as current: a window library may have made its own one current.
         to.native.bind()
         _thread.current = to
 
@@ -67,8 +67,8 @@ class ContextHandle:
     def __init__(self, create: Callable[[], NativeContext]) -> None:
         self._before: list[ContextHandle | None] = []
         before = _current()
-        # EGL binds what it creates and later skips a bind that it takes for done, so that OSMesa must
-        # have let go before.
+        # EGL binds what it creates and later skips a bind that it considers done, so OSMesa must be unbound
+        # before.
         _switch(None)
         try:
             self.native: NativeContext | None = create()

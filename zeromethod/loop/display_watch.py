@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from zeromethod.devices.abilities import is_asleep, poll_of, warnings_of
 from zeromethod.devices.protocols import Display
 from zeromethod.loop.events import Event, Notice
 from zeromethod.loop.live.clock_watch import ClockWatch
@@ -16,7 +17,7 @@ class DisplayWatch:
     def __init__(self, display: Display, longest_wait_s: float | None) -> None:
         """longest_wait_s: how long the loop waits for a frame in the host's time; None in simulated time."""
         self._display = display
-        self._poll = getattr(display, "poll", None)
+        self._poll = poll_of(display)
         self._asleep = False
         self._warnings: tuple[str, ...] = ()
         self._clock = None if longest_wait_s is None else ClockWatch(longest_wait_s)
@@ -33,8 +34,8 @@ class DisplayWatch:
         """Let the display process its events, and read its state; raises DisplayLost, or what it raises."""
         if self._poll is not None:
             self._poll()
-        self._asleep = bool(getattr(self._display, "asleep", False))
-        self._warnings = tuple(getattr(self._display, "warnings", ()))
+        self._asleep = is_asleep(self._display)
+        self._warnings = warnings_of(self._display)
 
     def stale(self, now_ns: int) -> Notice | None:
         """Why a frame that came to hand at `now_ns` must not be used; None where it may be."""

@@ -89,7 +89,7 @@ class Optics:
         """
         origin, direction = self.camera.rays(u, v)
         face = self.prism.captured_face
-        slabs = [(s.index, s.thickness_mm) for s in reversed(self.rig.captured_layers)]
+        slabs = [(s.index, s.thickness_mm) for s in reversed(self.rig.camera_layers)]
         outside = -face.depth_below(origin) - sum(t for _, t in slabs)
         with np.errstate(invalid="ignore", divide="ignore"):
             distance = outside / -dot(direction, face.normal)

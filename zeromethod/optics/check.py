@@ -26,7 +26,7 @@ def check_geometry(rig: Rig) -> None:
     """
     optics = Optics(rig)
     camera = rig.camera
-    stack = sum(layer.thickness_mm for layer in rig.captured_layers)
+    stack = sum(layer.thickness_mm for layer in rig.camera_layers)
     if not np.isfinite(optics.camera.axis @ optics.camera.u_axis):
         raise _error(
             rig, "camera.look_at_mm", camera.look_at_mm, "must not lie straight along y from position_mm"

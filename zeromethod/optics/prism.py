@@ -54,16 +54,16 @@ class PrismGeometry:
     @cached_property
     def captured_angle_rad(self) -> float:
         """Angle beta0 of the captured face, at R0."""
-        return float(np.radians(self.spec.captured_angle_deg))
+        return float(np.radians(self.spec.camera_angle_deg))
 
     @cached_property
     def length_mm(self) -> float:
         """Length L0 of the mirror, P0 to R0 (law of sines where the leg is given)."""
-        if self.spec.leg_mm is None:
+        if self.spec.pattern_length_mm is None:
             assert self.spec.mirror_length_mm is not None
             return self.spec.mirror_length_mm
         apex = np.sin(self.pattern_angle_rad + self.captured_angle_rad)
-        return float(self.spec.leg_mm * apex / np.sin(self.captured_angle_rad))
+        return float(self.spec.pattern_length_mm * apex / np.sin(self.captured_angle_rad))
 
     @property
     def half_width_mm(self) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import Dented, Optics
 from zeromethod.paper.picks import Picks, pick

@@ -230,11 +230,11 @@ def _rig(needle: Needle, pixel_mm: float, period_px: int) -> Rig:
     window_mm = 2 * period_px * pixel_mm / np.cos(needle.beta0)
     wide_mm = 4 * rows * pixel_mm
     return Rig(
-        schema_version=1,
+        schema_version=2,
         name="needle",
         prism=Prism(
             pattern_angle_deg=float(np.degrees(needle.alpha0)),
-            captured_angle_deg=float(np.degrees(needle.beta0)),
+            camera_angle_deg=float(np.degrees(needle.beta0)),
             mirror_length_mm=whole_mm,
             width_mm=wide_mm,
             index=1.41,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float, Image
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.loop.state import NULLED
 from zeromethod.optics import Optics
 from zeromethod.paper.press import PITCH_MM
@@ -15,7 +16,7 @@ from zeromethod.passive.passive_warp import measured_warp
 from zeromethod.rig.model import Rig
 from zeromethod.session.session import run
 from zeromethod.surface import Surface, SurfaceReader, peak
-from zeromethod.surface.comparison import TrueMirror, compare
+from zeromethod.surface.comparison import compare
 from zeromethod.warp.grid import NodeGrid
 
 NOTHING = float("nan")
@@ -94,7 +95,7 @@ def read_whole_image(
 
 
 def read_zero(rig: Rig, truth: TrueMirror, seconds: float) -> SurfaceReading:
-    """Close the loop on the simulated bench for `seconds` under `rig.press` and read the held press, nulled.
+    """Close the loop on the simulated bench for `seconds` under `rig.scenario`; read the held press, nulled.
 
     Peak and view: medians over the nulled frames of the hold; line: one of them.
     """

@@ -147,7 +147,7 @@ def reproduce(advance: Callable[[str], None] | None = None, *, quick: bool = Fal
         if advance is not None:
             advance(name)
 
-    rig = load_rig("paper").model_copy(update={"press": PRESS})
+    rig = load_rig("paper").model_copy(update={"scenario": PRESS})
     scenario = load_scenario(PRESS)
     press = scenario.mirror_at(round(0.5e9 * scenario.duration_s))
     needle = reproduce_needle()

@@ -63,7 +63,7 @@ class PatternRenderer:
     one that `compose` uses. (Newton in the mesh's own fragments costs twice as much on a CPU, where small
     triangles leave most lanes idle; subdividing by 4 costs more still and is less exact.) What is
     turned inside out against `q_rest` is not drawn. Carriers fade out between 6 and 4 LCD px per period.
-    Beside the mesh, and where the 4 x 4 nodes around hold a NaN: the mean light.
+    Outside the mesh, and where the 4 x 4 nodes around hold a NaN: the mean light.
 
     grid, q_rest: node lattice and warp at rest, (rows, cols, 2) LCD px. size: (columns, rows) of the LCD.
     strips: where coded strips go; they are drawn in pictures that are given a code, over the target.

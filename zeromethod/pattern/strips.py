@@ -10,7 +10,7 @@ mean light is the target's. White and black are the target's brightest and darke
 the target does not clip the strips.
 
 The strips lie at the two edges that see the panel's first and last rows: where both can be read, the scan-out
-between them is seen and not assumed.
+between them is measured, not assumed.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def _place(
     height_px: int,
     at_end: bool,
 ) -> Strip | None:
-    """Outermost place, a node's spacing at a time, where the panel is seen over enough of the edge."""
+    """Outermost place, a node's spacing at a time, where the panel is visible over enough of the edge."""
     step = along_px[1] - along_px[0]
     along = (along_px >= 0) & (along_px <= length_px - 1)
     for shift in np.arange(0, DEEPEST_SHARE * depth_px, step):

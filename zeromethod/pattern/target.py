@@ -1,4 +1,4 @@
-"""The target: the light that every camera pixel is to see, as a function of camera position."""
+"""The target: the light that every camera pixel should receive, as a function of camera position."""
 
 from __future__ import annotations
 

@@ -63,9 +63,9 @@ def rig_text(rig: Rig) -> tuple[str, dict[str, bytes]]:
     if rig.prism.rest.file is not None:
         data["prism"]["rest"]["file"] = "rest.npy"
         files["rest.npy"] = rig.prism.rest.file.read_bytes()
-    if rig.press.endswith(".toml"):
-        data["press"] = "press.toml"
-        files["press.toml"] = Path(rig.press).read_bytes()
+    if rig.scenario.endswith(".toml"):
+        data["scenario"] = "press.toml"
+        files["press.toml"] = Path(rig.scenario).read_bytes()
     return tomlkit.dumps(data), files
 
 

@@ -1,4 +1,4 @@
-"""The same bench seen with fewer, larger camera pixels: for quick looks and quick tests."""
+"""The same rig with fewer, larger camera pixels: for quick runs and tests."""
 
 from __future__ import annotations
 

@@ -1,109 +1,59 @@
-"""What a rig file may say: every table, key, unit and bound.
+"""The rig: a whole bench as a rig file describes it, with the tables of its devices.
 
-One pydantic model per TOML table. All models are frozen, refuse unknown keys and NaN. Lengths in
-mm, angles in degrees, times in s, camera and LCD pixels in px (centres at integers). The world
-frame is that of `zeromethod.optics`: origin on the edge P0 where pattern face and mirror meet,
-x along the mirror towards the captured face, z out of the rubber, y = z cross x.
+`Rig.checked` is the one way from unchecked values to a rig: of files, edits (`Rig.replace`) and recordings.
 """
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, ValidationError, model_validator
 
-from zeromethod.rig.refusal import refused
+from zeromethod.errors import InputError
+from zeromethod.rig.keys import plain, set_value, value_at
+from zeromethod.rig.refusal import RENAMED, first_refusal, refused, shown, unknown_key
+from zeromethod.rig.tables import (
+    Angle,
+    ControlSpec,
+    Count,
+    Faults,
+    KnownRest,
+    Lag,
+    Layer,
+    LitShare,
+    NotNegative,
+    Positive,
+    Prism,
+    Rate,
+    RestSurface,
+    Share,
+    SimulationSpec,
+    SurfaceSpec,
+    Table,
+    TargetSpec,
+    Text,
+    Vector2,
+    Vector3,
+)
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
-Share = Annotated[float, Field(ge=0, le=1)]
-LitShare = Annotated[float, Field(gt=0, le=1)]
+__all__ = [
+    "CameraSpec", "ControlSpec", "DisplaySpec", "Faults", "KnownRest", "Layer", "Noise", "Prism",
+    "RestSurface", "Rig", "SimulationSpec", "SurfaceSpec", "Table", "TargetSpec",
+]  # fmt: skip
+
+SCHEMA_VERSION = 2
+
+REST_MAP_SUFFIXES = (".npz", ".h5")
+"""Suffixes that a file with a rest map may have."""
+
 Exponent = Annotated[float, Field(ge=0.2, le=5)]
-Angle = Annotated[float, Field(ge=-360, le=360)]
 Tilt = Annotated[float, Field(ge=-45, le=45)]
-Rate = Annotated[float, Field(gt=0, le=10000)]
 Focal = Annotated[float, Field(ge=1, le=1e7)]
-Lag = Annotated[float, Field(ge=0, le=10)]
 Delay = Annotated[float, Field(ge=-1, le=10)]
-Count = Annotated[int, Field(ge=0)]
-Text = Annotated[str, Field(min_length=1)]
-Index = Annotated[float, Field(ge=1, le=4)]
-Vector2 = tuple[float, float]
-Vector3 = tuple[float, float, float]
-
-
-class Table(BaseModel):
-    """A TOML table: frozen, strict about its keys, no NaN or infinity."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    def given(self) -> dict[str, Any]:
-        """Keys of the schema that were given, a driver's own options left out."""
-        return {key: getattr(self, key) for key in self.model_fields_set & set(type(self).model_fields)}
-
-
-class Layer(Table):
-    """One slab parallel to a prism face: plate, bond or air gap (index 1)."""
-
-    index: Index
-    thickness_mm: NotNegative
-
-
-class RestSurface(Table):
-    """Height of the undeformed mirror above z = 0, positive out of the rubber.
-
-    flat; sphere (`radius_mm` > 0 bulges outwards, height 0 at `centre_mm`); map: a .npy of heights
-    in mm, (rows along y, cols along x), bicubic between points, first point at `origin_mm`.
-    """
-
-    shape: Literal["flat", "sphere", "map"] = "flat"
-    radius_mm: float | None = None
-    centre_mm: Vector2 = (0.0, 0.0)
-    file: Path | None = None
-    pitch_mm: Positive | None = None
-    origin_mm: Vector2 = (0.0, 0.0)
-
-    @model_validator(mode="after")
-    def _complete(self) -> RestSurface:
-        if self.shape == "sphere" and not self.radius_mm:
-            raise refused("radius_mm", self.radius_mm, "a number other than 0 for shape 'sphere'")
-        if self.shape == "map" and self.file is None:
-            raise refused("file", None, "a .npy file for shape 'map'")
-        if self.shape == "map" and self.pitch_mm is None:
-            raise refused("pitch_mm", None, "a number above 0 for shape 'map'")
-        if self.shape != "sphere" and self.radius_mm is not None:
-            raise refused("radius_mm", self.radius_mm, "only with shape 'sphere'")
-        if self.shape != "map" and self.file is not None:
-            raise refused("file", str(self.file), "only with shape 'map'")
-        return self
-
-
-class Prism(Table):
-    """The rubber: angles of its faces to the mirror, one length, index.
-
-    pattern_angle_deg: alpha0 at P0; captured_angle_deg: beta0 at R0. `leg_mm` is the length of the
-    pattern face, `mirror_length_mm` the paper's L0: give exactly one. The prism spans
-    -width_mm/2 <= y <= width_mm/2.
-    """
-
-    pattern_angle_deg: Annotated[float, Field(gt=5, lt=85)]
-    captured_angle_deg: Annotated[float, Field(gt=5, lt=85)]
-    leg_mm: Positive | None = None
-    mirror_length_mm: Positive | None = None
-    width_mm: Positive
-    index: Annotated[float, Field(gt=1, le=4)]
-    rest: RestSurface = RestSurface()
-
-    @model_validator(mode="after")
-    def _one_length(self) -> Prism:
-        rule = "exactly one of leg_mm and mirror_length_mm"
-        if self.leg_mm is None and self.mirror_length_mm is None:
-            raise refused("leg_mm", None, rule)
-        if self.leg_mm is not None and self.mirror_length_mm is not None:
-            raise refused("mirror_length_mm", self.mirror_length_mm, rule)
-        return self
 
 
 class DisplaySpec(Table):
@@ -121,8 +71,8 @@ class DisplaySpec(Table):
     exponentially, `rise_s` from 10 to 90 %. Response: light = (code/255)^gamma, or `response_light`,
     the light (0..1, rising) at equally spaced codes 0..255; where the view's angle changes it over the panel,
     raised to `response_exponent`, rows of numbers on a lattice whose corners are the panel's corner pixels,
-    bilinear between. `fill` = lit share of the pixel pitch
-    (columns, rows); stripes "rgb" splits a pixel into three along the columns. Polarisation: angle of
+    bilinear between. `fill_factor` = lit share of the pixel
+    pitch (columns, rows); stripes "rgb" splits a pixel into three along the columns. Polarisation: angle of
     the emitted light's field to y in the panel's plane (0 = s at the mirror, 90 = p);
     None = unpolarised.
     """
@@ -145,9 +95,13 @@ class DisplaySpec(Table):
     gamma: Annotated[float, Field(ge=0.2, le=5)] = 1.0
     response_light: tuple[Share, ...] | None = None
     response_exponent: tuple[tuple[Exponent, ...], ...] | None = None
-    fill: tuple[LitShare, LitShare] = (1.0, 1.0)
+    fill_factor: tuple[LitShare, LitShare] = (1.0, 1.0)
     stripes: Literal["none", "rgb"] = "none"
     polarisation_deg: Angle | None = None
+
+    def __repr__(self) -> str:
+        size = f"{self.columns}x{self.rows} px @ {self.refresh_hz:g} Hz"
+        return f"DisplaySpec({self.driver!r}, {size}, pitch {self.pitch_mm:g} mm)"
 
     @model_validator(mode="after")
     def _rising(self) -> DisplaySpec:
@@ -216,6 +170,10 @@ class CameraSpec(Table):
     noise: Noise = Noise()
     rest_map: Path | None = None
 
+    def __repr__(self) -> str:
+        size = f"{self.columns}x{self.rows} px @ {self.rate_hz:g} Hz"
+        return f"CameraSpec({self.driver!r}, {size}, {self.bits} bits, {self.projection})"
+
     @model_validator(mode="after")
     def _complete(self) -> CameraSpec:
         if self.projection == "perspective" and self.focal_px is None:
@@ -238,114 +196,21 @@ class CameraSpec(Table):
         return self
 
 
-class TargetSpec(Table):
-    """The picture that the camera is to see, in camera pixels.
-
-    Light = mean +- contrast x mean; the period is even and a node lies every half period.
-    """
-
-    kind: Literal["cosines", "checker", "lattice", "noise"] = "cosines"
-    period_px: Annotated[int, Field(ge=8, le=64, multiple_of=2)] = 16
-    mean: Annotated[float, Field(gt=0, lt=1)] = 0.5
-    contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
-
-    @model_validator(mode="after")
-    def _displayable(self) -> TargetSpec:
-        if self.mean * (1 + self.contrast) > 1 + 1e-9:
-            raise refused("contrast", self.contrast, f"at most 1 / mean - 1 = {1 / self.mean - 1:.6g}")
-        return self
-
-
-class ControlSpec(Table):
-    """The loop: who controls, and how boldly.
-
-    `gain` 0..1: share of each correction applied at once (composition: filter's upper limit;
-    integrator: its gain); `leak` is the integrator's alone, per frame. `strips` "edges": coded strips at two
-    edges of the view tell which pictures a frame saw.
-    """
-
-    controller: Literal["composition", "integrator"] = "composition"
-    gain: Annotated[float, Field(gt=0, le=1)] = 1.0
-    leak: Annotated[float, Field(ge=0, lt=1)] = 0.01
-    timeout_s: Positive = 1.0
-    strips: Literal["none", "edges"] = "none"
-
-
-class KnownRest(Table):
-    """A rectangle of the mirror known to stay at rest (a clamped rim): x and y from, to in mm."""
-
-    x_mm: Vector2
-    y_mm: Vector2
-
-    @model_validator(mode="after")
-    def _not_empty(self) -> KnownRest:
-        for key, (start, end) in (("x_mm", self.x_mm), ("y_mm", self.y_mm)):
-            if start >= end:
-                raise refused(key, [start, end], "from, to with from below to")
-        return self
-
-
-class SurfaceSpec(Table):
-    """Reading depth: where the rubber is known to be at rest (else the quietest region serves)."""
-
-    known_rest: tuple[KnownRest, ...] = ()
-
-
-class Faults(Table):
-    """Planted faults of the simulated devices; frame numbers count from 0, None = never."""
-
-    drop_frames: tuple[Count, ...] = ()
-    repeat_frames: tuple[Count, ...] = ()
-    late_frames: tuple[Count, ...] = ()
-    late_s: NotNegative = 0.05
-    torn_frames: tuple[Count, ...] = ()
-    stall_at_frame: Count | None = None
-    stall_s: NotNegative = 0.0
-    camera_lost_at_frame: Count | None = None
-    camera_back_after_s: NotNegative | None = None
-    display_lost_at_show: Count | None = None
-    light_off_frames: tuple[Count, Count] | None = None
-
-
-class SimulationSpec(Table):
-    """What only the simulated bench knows: its own clocks, stray light, faults.
-
-    The reading side never looks here. Unset rates equal the rig's. `camera_phase`: start of the first
-    exposure, in camera frames after time 0. `camera_latency_s`: end of exposure to frame in hand.
-    `ghost_faces`, `ghost_gap`: light of the second reflections (both prism faces; pattern face and LCD
-    glass across the gap) relative to the main one. `ambient`: stray light, share of full scale.
-    """
-
-    seed: Count = 0
-    renderer: Literal["gpu", "numpy"] = "gpu"
-    display_refresh_hz: Rate | None = None
-    display_jitter_s: Lag = 0.0
-    camera_rate_hz: Rate | None = None
-    camera_phase: float = 0.0
-    camera_jitter_s: Lag = 0.0
-    camera_latency_s: Lag = 0.004
-    peak_grey_share: LitShare = 0.8
-    ghost_faces: Share = 0.0
-    ghost_gap: Share = 0.0
-    ambient: Share = 0.0
-    faults: Faults = Faults()
-
-
 class Rig(Table):
-    """A whole bench. `press` names a packaged scenario or a press file (see `simulation.press`)."""
+    """A whole bench. `scenario` names a packaged press scenario or a press file (`simulation.press_file`)."""
 
-    schema_version: Literal[1]
+    schema_version: Literal[2]
     name: Text
     prism: Prism
     pattern_layers: tuple[Layer, ...] = ()
-    captured_layers: tuple[Layer, ...] = ()
+    camera_layers: tuple[Layer, ...] = ()
     display: DisplaySpec
     camera: CameraSpec
     target: TargetSpec = TargetSpec()
     control: ControlSpec = ControlSpec()
     surface: SurfaceSpec = SurfaceSpec()
     simulation: SimulationSpec = SimulationSpec()
-    press: Text = "default"
+    scenario: Text = "default"
 
     @model_validator(mode="after")
     def _periods(self) -> Rig:
@@ -355,3 +220,115 @@ class Rig(Table):
                 "target.period_px", self.target.period_px, f"at most a quarter of {smaller} camera px"
             )
         return self
+
+    def __repr__(self) -> str:
+        camera, lcd, prism = self.camera, self.display, self.prism
+        return (
+            f"Rig({self.name!r}, camera {camera.columns}x{camera.rows} @ {camera.rate_hz:g} Hz, "
+            f"LCD {lcd.columns}x{lcd.rows}, prism {prism.pattern_angle_deg:g}/{prism.camera_angle_deg:g} deg)"
+        )
+
+    @classmethod
+    def checked(cls, data: dict[str, Any], where: str | Path, folder: Path, *, measured: bool = True) -> Rig:
+        """Rig of a rig file's values; `where` begins messages, `folder` is where the files it names lie.
+
+        measured: with `camera.rest_map`. Raises InputError, one line "where: key: value: what is allowed".
+        """
+        if refusal := _check_version(data) or _check_simulated_options(data):
+            raise InputError(f"{where}: {refusal}")
+        try:
+            # By way of JSON, where pydantic's strict mode still takes a list for a tuple and text for a path.
+            rig = cls.model_validate_json(json.dumps(data, default=str), strict=True)
+        except ValidationError as error:
+            raise InputError(f"{where}: {first_refusal(error, cls)}") from None
+        if not measured:
+            rig = rig.model_copy(update={"camera": rig.camera.model_copy(update={"rest_map": None})})
+        try:
+            return rig.model_copy(update=_files(rig, folder))
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+
+    def replace(self, values: Mapping[str, Any] | None = None, /, **tables: Any) -> Rig:
+        """Rig with other values, checked as a rig file is.
+
+        Parameters
+        ----------
+        values
+            Values by dotted key: `{"display.pitch_mm": 0.06, "camera.focal_px[1]": 9000.0}`. None takes the
+            key out, so that its default holds.
+        **tables
+            Keys of the top level: `scenario="step"`, `control=ControlSpec(gain=0.5)`.
+
+        Returns
+        -------
+        Rig
+            The changed rig; this one stays as it is.
+
+        Raises
+        ------
+        InputError
+            One line "rig: key: value: what is allowed", in the words of a rig file.
+        """
+        return replaced(self, {**(values or {}), **tables}, "rig")
+
+
+def replaced(rig: Rig, values: Mapping[str, Any], where: str | Path, folder: Path = Path()) -> Rig:
+    """`Rig.replace` for values from elsewhere; `where` and `folder` as in `Rig.checked`."""
+    data = plain(rig)
+    for key, value in values.items():
+        try:
+            set_value(data, key, value)
+        except (KeyError, IndexError, TypeError, ValueError):
+            raise InputError(f"{where}: {key}: {shown(value)}: a dotted key of a rig file") from None
+    return Rig.checked(data, where, folder)
+
+
+def _check_version(data: dict[str, Any]) -> str | None:
+    version = data.get("schema_version")
+    if type(version) is int and version == SCHEMA_VERSION:
+        return None
+    value = shown(version) if "schema_version" in data else "missing"
+    old = [
+        f"{key} to {new.rpartition('.')[2]}"
+        for key, new in RENAMED.items()
+        if value_at(data, key) is not None
+    ]
+    rename = f", after renaming {', '.join(old)}" if old else ""
+    return f"schema_version: {value}: {SCHEMA_VERSION} is what this version of zeromethod reads{rename}"
+
+
+def _check_simulated_options(data: dict[str, Any]) -> str | None:
+    """Refuse keys that a lab's own driver could take but the simulated device does not."""
+    for table, model in (("display", DisplaySpec), ("camera", CameraSpec)):
+        given = data.get(table)
+        if not isinstance(given, dict) or given.get("driver", "simulated") != "simulated":
+            continue
+        known = list(model.model_fields)
+        for key in given:
+            if key not in known:
+                return unknown_key((table, key), known)
+    return None
+
+
+def _files(rig: Rig, folder: Path) -> dict[str, Any]:
+    """Changes by which the files that a rig names are found from here; refuses missing files."""
+    update: dict[str, Any] = {}
+    if rig.prism.rest.file is not None:
+        file = folder / rig.prism.rest.file
+        if not file.is_file():
+            raise InputError(f"prism.rest.file: {shown(str(rig.prism.rest.file))}: an existing .npy file")
+        update["prism"] = rig.prism.model_copy(
+            update={"rest": rig.prism.rest.model_copy(update={"file": file})}
+        )
+    if rig.camera.rest_map is not None:
+        file = folder / rig.camera.rest_map
+        if not (file.is_file() and file.suffix in REST_MAP_SUFFIXES):
+            allowed = f"an existing {' or '.join(REST_MAP_SUFFIXES)} file with a rest map"
+            raise InputError(f"camera.rest_map: {shown(str(rig.camera.rest_map))}: {allowed}")
+        update["camera"] = rig.camera.model_copy(update={"rest_map": file})
+    if rig.scenario.endswith(".toml"):
+        file = folder / rig.scenario
+        if not file.is_file():
+            raise InputError(f"scenario: {shown(rig.scenario)}: an existing press file or a packaged name")
+        update["scenario"] = str(file)
+    return update

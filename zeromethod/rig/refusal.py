@@ -1,4 +1,4 @@
-"""Why a rig file is refused, in one line a lab person can act on: key, value, what is allowed."""
+"""One-line messages that refuse a rig file: key, value, what is allowed."""
 
 from __future__ import annotations
 
@@ -13,6 +13,15 @@ from annotated_types import Ge, Gt, Le, Lt, MinLen, MultipleOf
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
+
+RENAMED = {
+    "press": "scenario",
+    "prism.captured_angle_deg": "prism.camera_angle_deg",
+    "prism.leg_mm": "prism.pattern_length_mm",
+    "captured_layers": "camera_layers",
+    "display.fill": "display.fill_factor",
+}
+"""Keys of schema 1 by what they are called since."""
 
 _LONGEST = 60
 _NAMES: dict[Any, str] = {
@@ -63,7 +72,7 @@ def _split(annotation: Any) -> tuple[Any, list[Any]]:
 
 
 def allowed(annotation: Any, more: list[Any] | None = None) -> str:
-    """Say what a field of this annotation takes, e.g. "a number above 0"."""
+    """What a field of this annotation takes, e.g. "a number above 0"."""
     kind, bounds = _split(annotation)
     bounds = bounds + (more or [])
     if get_origin(kind) is Literal:
@@ -89,22 +98,20 @@ def allowed(annotation: Any, more: list[Any] | None = None) -> str:
     return f"{name} {' and '.join(words)}" if words else name
 
 
-def _field(model: type[BaseModel], place: tuple[int | str, ...]) -> str:
-    """Say what is allowed at a place in a model, e.g. ("camera", "focal_px", 1)."""
+def _field(model: type[BaseModel], place: tuple[int | str, ...]) -> tuple[Any, list[Any]]:
+    """Type and bounds at a place in a model, e.g. ("camera", "focal_px", 1)."""
     annotation: Any = model
     bounds: list[Any] = []
     for step in place:
         kind, _ = _split(annotation)
-        bounds = []
         if isinstance(step, int):
             items = get_args(kind)
-            annotation = items[0] if items[-1] is Ellipsis else items[min(step, len(items) - 1)]
+            annotation, bounds = items[0] if items[-1] is Ellipsis else items[min(step, len(items) - 1)], []
         elif isinstance(kind, type) and issubclass(kind, BaseModel) and step in kind.model_fields:
-            field = kind.model_fields[step]
-            annotation, bounds = field.annotation, field.metadata
+            annotation, bounds = kind.model_fields[step].annotation, kind.model_fields[step].metadata
         else:
             break
-    return allowed(annotation, bounds)
+    return annotation, bounds
 
 
 def dotted(place: tuple[int | str, ...]) -> str:
@@ -116,35 +123,28 @@ def dotted(place: tuple[int | str, ...]) -> str:
 
 
 def unknown_key(place: tuple[int | str, ...], known: list[str]) -> str:
-    """Refusal of a key that nobody knows, with the nearest one that is known."""
-    nearest = difflib.get_close_matches(str(place[-1]), known, n=1)
-    hint = f"did you mean {nearest[0]}?" if nearest else f"known are {', '.join(known)}"
-    return f"{dotted(place)}: unknown key: {hint}"
+    """Refusal of an unknown key, with its new name or the nearest known key."""
+    key = dotted(place)
+    near = [RENAMED[key]] if key in RENAMED else difflib.get_close_matches(str(place[-1]), known, n=1)
+    hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+    return f"{key}: unknown key: {hint}"
 
 
-def _known(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
-    annotation: Any = model
-    for step in place:
-        kind, _ = _split(annotation)
-        annotation = get_args(kind)[0] if isinstance(step, int) else kind.model_fields[step].annotation
-    return list(_split(annotation)[0].model_fields)
-
-
-def _told(model: type[BaseModel], detail: ErrorDetails) -> str:
+def _complaint(model: type[BaseModel], detail: ErrorDetails) -> str:
     place = detail["loc"]
     if detail["type"] == "extra_forbidden":
-        return unknown_key(place, _known(model, place[:-1]))
+        return unknown_key(place, list(_split(_field(model, place[:-1])[0])[0].model_fields))
     if detail["type"] == "rig":
         rule = detail["ctx"]
         place = (*place, rule["key"])
         value = "missing" if rule["value"] is None else shown(rule["value"])
         return f"{dotted(place)}: {value}: {rule['allowed']}"
     value = "missing" if detail["type"] == "missing" else shown(detail["input"])
-    return f"{dotted(place)}: {value}: {_field(model, place)}"
+    return f"{dotted(place)}: {value}: {allowed(*_field(model, place))}"
 
 
 def first_refusal(error: ValidationError, model: type[BaseModel]) -> str:
     """First complaint as "key: value: what is allowed"; a misspelt key goes before the key it left out."""
     details = error.errors(include_url=False)
     unknown = [detail for detail in details if detail["type"] == "extra_forbidden"]
-    return _told(model, (unknown or details)[0])
+    return _complaint(model, (unknown or details)[0])

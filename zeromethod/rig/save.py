@@ -2,49 +2,25 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
+from zeromethod.rig.keys import set_value
 from zeromethod.rig.load import parse_rig, read_text
 from zeromethod.rig.refusal import shown
-
-_STEP = re.compile(r"([A-Za-z0-9_-]+)|\[(\d+)\]")
-
-
-def _plain(value: Any) -> Any:
-    """Value with numpy's numbers and arrays, tuples and paths as TOML has them."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return str(value) if isinstance(value, Path) else value
-
-
-def _set(document: tomlkit.TOMLDocument, key: str, value: Any) -> None:
-    steps = [int(index) if index else name for name, index in _STEP.findall(key)]
-    if not steps or isinstance(steps[0], int):
-        raise KeyError(key)
-    table: Any = document
-    for step in steps[:-1]:
-        if isinstance(step, str) and step not in table:
-            table[step] = tomlkit.table()
-        table = table[step]
-    table[steps[-1]] = _plain(value)
 
 
 def save_values(path: Path, values: Mapping[str, Any], destination: Path | None = None) -> None:
     """Set values in a rig file by dotted key: `{"display.gamma": 2.15, "pattern_layers[0].index": 1.0}`.
 
-    Comments, order and all other values stay. Tables that are missing are added. `destination`: write
-    there and leave `path` as it is. The result is checked as `load_rig` would before anything is
+    Comments, order and all other values stay. Missing tables are added; None takes a key out. `destination`:
+    write there and leave `path` as it is. The result is checked as `load_rig` would before anything is
     written, and the file is replaced in one step, so that it is never half written.
 
     Raises
@@ -59,7 +35,7 @@ def save_values(path: Path, values: Mapping[str, Any], destination: Path | None 
         raise InputError(f"{path}: {error}: not TOML") from None
     for key, value in values.items():
         try:
-            _set(document, key, value)
+            set_value(document, key, value)
         except (KeyError, IndexError, TypeError, ValueError, TOMLKitError):
             raise InputError(
                 f"{path}: {key}: {shown(value)}: a key of a rig file and a value of TOML"

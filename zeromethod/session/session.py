@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from zeromethod.control.stability_margin import margin_words, stability_margin
+from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
@@ -96,8 +97,8 @@ class Session:
             self._grid: NodeGrid = self.loop.grid
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
             self._publisher = publisher
-            self._truth: TruthSource | None = getattr(self._devices.camera, "truth", None)
-            self._scenario = getattr(self._devices.camera, "scenario", None)
+            self._truth: TruthSource | None = truth_of(self._devices.camera)
+            self._scenario = script_of(self._devices.camera)
             self._worst_px = 0.0
             self._deepest_mm = 0.0
             self._recording_words = ""
@@ -180,7 +181,7 @@ class Session:
         self.loop.stop()
 
     def _note_end(self) -> None:
-        self.result.dropped_refreshes = getattr(self._devices.display, "dropped_refreshes", None)
+        self.result.dropped_refreshes = dropped_refreshes_of(self._devices.display)
 
     def _post_end(self, reading: StepReader) -> None:
         """Whoever follows the run learns how it ended."""
@@ -205,7 +206,7 @@ class Session:
             if step.phase == "untouched":
                 filtered = self._filtered_reader.read(step.filtered)
                 found["untouched_rms_nm"] = (_rms_nm(surface), _rms_nm(filtered))
-            elif step.phase in COMPARED_PHASES:
+            elif self._scenario is None or step.phase in COMPARED_PHASES:
                 found["truth"] = compare(surface, self._truth(step.time_ns), self._optics, self._grid)
         return replace(step, surface=surface, peak=deepest, read_ms=read_ms, **found)
 

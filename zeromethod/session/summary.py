@@ -111,7 +111,7 @@ def summarise(result: RunResult) -> Figures:
     last = result.last
     figures = {
         "rig": result.rig.name,
-        "press": result.rig.press,
+        "press": result.rig.scenario,
         "controller": result.rig.control.controller,
         "gain": result.rig.control.gain,
         "seed": result.rig.simulation.seed,
@@ -150,7 +150,8 @@ def _depth_figures(result: RunResult, nulled: list[StepFigures]) -> Figures:
     """Depth, how much of the view it covers, and its errors where the truth is known."""
     records = result.records
     peak_mm, sigma_mm = _depth_peak_mm(nulled)
-    truth = _against_truth(records, "hold", NULLED)
+    # without a scenario, every nulled frame was compared
+    truth = _against_truth(records, "hold" if any(record.phase for record in records) else "", NULLED)
     valid = (record.valid_share for record in reversed(records) if np.isfinite(record.residual_rms_px))
     return {
         "usable_share": truth["usable_share"] if truth else result.usable_share_at_rest,

@@ -30,7 +30,7 @@ class Beam:
 
     @classmethod
     def of(cls, q: Float, gain: Float) -> Beam:
-        """Beam whose footprints are the differences of `q`: central, one-sided beside what is lost."""
+        """Beam whose footprints are the differences of `q`: central, one-sided next to what is lost."""
         gain = np.where(np.isnan(q[..., 0]) | np.isnan(gain), 0.0, gain)
         return cls(q, _difference(q, axis=1), _difference(q, axis=0), gain)
 
@@ -48,9 +48,9 @@ def _difference(q: Float, axis: int) -> Float:
 class Beams:
     """Rays of a rig for any mirror; what does not depend on the mirror is kept.
 
-    Main beam: camera, captured face, mirror, pattern face, LCD. Ghost of the gap: between the LCD's glass
-    and the near side of the last slab light goes once more to and fro. Ghost of the faces: light that is
-    reflected inside at the captured face and at the pattern face, meeting the mirror three times.
+    Main beam: camera, camera face, mirror, pattern face, LCD. Ghost of the gap: between the LCD's glass
+    and the near side of the last slab light is reflected to and fro. Ghost of the faces: light that is
+    reflected inside at the camera face and at the pattern face, meeting the mirror three times.
     """
 
     def __init__(self, rig: Rig) -> None:

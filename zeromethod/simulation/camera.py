@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
 from zeromethod.arrays import Image, Single
 from zeromethod.clock import Clock
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.display import SimulatedDisplay
-from zeromethod.simulation.exposure import exposure_pieces
 from zeromethod.simulation.faults import Delivery
+from zeromethod.simulation.panel import Presentation, SimulatedPanel
 from zeromethod.simulation.press import Mirror
+from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.scenario import Scenario, load_scenario
 from zeromethod.simulation.sensor import Sensor
 
@@ -20,7 +26,7 @@ class SimulatedCamera:
 
     Frame n starts at (phase + n) / rate plus jitter, whoever reads or not; numbers count from time 0 of the
     clock. Only frames that `read` returns are drawn, and a frame depends on its number and on what was
-    shown, not on which frames were read before. Opening anew after a loss goes on with the same count.
+    shown, not on which frames were read before. After a loss and reopening the count goes on.
     """
 
     def __init__(self, rig: Rig, clock: Clock, display: object) -> None:
@@ -31,7 +37,7 @@ class SimulatedCamera:
         self._rig = rig
         self._clock = clock
         self._display = display
-        self.scenario: Scenario = load_scenario(rig.press)
+        self.scenario: Scenario = load_scenario(rig.scenario)
         self._delivery = Delivery(rig)
         self._sensor = Sensor(rig)
         self._closed = False
@@ -125,3 +131,38 @@ class SimulatedCamera:
         )
         light: Single = self._display.renderer.expose(pieces)
         return self._sensor.image(light, number)
+
+
+_GAUSS_LEGENDRE = 1 / np.sqrt(3.0)
+
+
+def exposure_pieces(
+    scenario: Scenario,
+    panel: SimulatedPanel,
+    presentations: Sequence[Presentation],
+    from_ns: int,
+    to_ns: int,
+    lit: bool = True,
+) -> list[Piece]:
+    """Pieces of the exposure [from_ns, to_ns]; their weights add up to 1.
+
+    It is cut where the scenario jumps or bends. A part in which the mirror stands still is one piece; one in
+    which it moves is two, with the mirror at the two Gauss-Legendre instants (exact for motion whose effect
+    is cubic in time) and the panel's light of each half. `lit` False: the panel's light is off.
+    """
+    cuts = [from_ns, *scenario.bends_ns(from_ns, to_ns), to_ns]
+    pieces = []
+    for start, end in pairwise(cuts):
+        middle, half = (start + end) // 2, (end - start) / 2
+        if scenario.moving(start, end):
+            shift = round(half * _GAUSS_LEGENDRE)
+            parts = [(start, middle, middle - shift), (middle, end, middle + shift)]
+        else:
+            parts = [(start, end, middle)]
+        for part_from, part_to, at in parts:
+            pictures = panel.weights(presentations, part_from, part_to)
+            if not lit:
+                pictures = [(handle, np.zeros_like(share)) for handle, share in pictures]
+            weight = (part_to - part_from) / (to_ns - from_ns)
+            pieces.append(Piece(weight, scenario.mirror_at(at), pictures))
+    return pieces

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
+from zeromethod.rig.model import Rig
 
 SIMULATED = "simulated"
 
@@ -32,11 +30,7 @@ def simulated_clone(rig: Rig) -> Rig:
     if early_s < 0.0:
         display["latency_s"] = 0.0
         camera["latency_s"] = max(rig.camera.latency_s + early_s, 0.0)
-    changed: dict[str, Any] = {
-        "display": DisplaySpec.model_validate(display | {"driver": SIMULATED}),
-        "camera": CameraSpec.model_validate(camera | {"driver": SIMULATED}),
-    }
-    if "camera_latency_s" not in rig.simulation.model_fields_set:
-        latency = {"camera_latency_s": changed["camera"].latency_s}
-        changed["simulation"] = rig.simulation.model_copy(update=latency)
-    return rig.model_copy(update=changed)
+    clone = rig.replace(display=display | {"driver": SIMULATED}, camera=camera | {"driver": SIMULATED})
+    if "camera_latency_s" in rig.simulation.model_fields_set:
+        return clone
+    return clone.replace({"simulation.camera_latency_s": clone.camera.latency_s})

@@ -10,12 +10,10 @@ import numpy as np
 from zeromethod.arrays import Bytes
 from zeromethod.clock import Clock
 from zeromethod.devices.protocols import DisplayLost
-from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
-from zeromethod.simulation.panel import Panel, Presentation
+from zeromethod.simulation.panel import Presentation, SimulatedPanel, code_of_light
 from zeromethod.simulation.renderer import BenchRenderer
-from zeromethod.simulation.response import code_of_light
 from zeromethod.simulation.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -49,7 +47,7 @@ class SimulatedDisplay:
         display, spec = rig.display, rig.simulation
         refresh_hz = spec.display_refresh_hz or display.refresh_hz
         self._vsync = Timeline(refresh_hz, 0.0, spec.display_jitter_s, spec.seed, _STREAM)
-        self.panel = Panel(display, refresh_hz)
+        self.panel = SimulatedPanel(display, refresh_hz)
         grey = np.full((display.rows, display.columns), code_of_light(display, rig.target.mean), np.uint8)
         self.presentations = [Presentation(clock.now_ns(), self.renderer.upload(grey))]
         self._needed_from_ns: int | None = None
@@ -72,9 +70,6 @@ class SimulatedDisplay:
         Raises DisplayLost, or InputError for a picture of another shape or type.
         """
         self._check()
-        expected = self._rig.display.rows, self._rig.display.columns
-        if image.shape != expected or image.dtype != np.uint8:
-            raise InputError(f"picture: shape {image.shape}, {image.dtype}: allowed {expected}, uint8")
         return self._present(self.renderer.upload(image))
 
     def keep_from(self, time_ns: int | None) -> None:

@@ -1,4 +1,4 @@
-"""Which frames reach the host, and when: the camera's timeline with its planted faults."""
+"""Delivery of camera frames: the camera's timeline with its planted faults."""
 
 from __future__ import annotations
 
@@ -54,19 +54,18 @@ class Delivery:
 
     def newest_until(self, time_ns: int, after: int) -> int | None:
         """Newest frame above `after` that has arrived by `time_ns`."""
-        newest = self._timeline.last_until(time_ns - self._behind_ns)
-        for number in range(newest, after, -1):
-            if self.delivered(number) and self.arrival_ns(number) <= time_ns:
-                return number
-        return None
+        return next((n for n in reversed(self._due(time_ns, after)) if self._arrived(n, time_ns)), None)
 
     def next_until(self, time_ns: int, after: int) -> int | None:
         """First frame above `after` that arrives by `time_ns`."""
-        last = self._timeline.last_until(time_ns - self._behind_ns)
-        for number in range(after + 1, last + 1):
-            if self.delivered(number) and self.arrival_ns(number) <= time_ns:
-                return number
-        return None
+        return next((n for n in self._due(time_ns, after) if self._arrived(n, time_ns)), None)
+
+    def _due(self, time_ns: int, after: int) -> range:
+        """Frames above `after` that are there by `time_ns` if nothing delays them."""
+        return range(after + 1, self._timeline.last_until(time_ns - self._behind_ns) + 1)
+
+    def _arrived(self, number: int, time_ns: int) -> bool:
+        return self.delivered(number) and self.arrival_ns(number) <= time_ns
 
     def lost_at(self) -> int | None:
         """When the camera vanishes, ns; None = never."""
@@ -81,7 +80,7 @@ class Delivery:
         return back_s is None or time_ns < lost_ns + round(back_s * 1e9)
 
     def repeated(self, number: int) -> bool:
-        """Whether frame `number` brings the image of the frame before it once more."""
+        """Whether frame `number` repeats the image of the frame before it."""
         return number in self._faults.repeat_frames
 
     def torn(self, number: int) -> bool:

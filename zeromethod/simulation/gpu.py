@@ -1,4 +1,4 @@
-"""The bench drawn by fragment shaders: mirror, refraction, LCD apertures seen through the lens."""
+"""The bench drawn by fragment shaders: mirror, refraction, LCD apertures imaged by the lens."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 Worked out from the rig file alone and not with `zeromethod.optics`, so that the drawn bench and the reading
 side's ray model check each other.
 
-Convention: world axes as everywhere (x along the mirror from P0 to the captured face, z out of the rubber,
+Convention: world axes as everywhere (x along the mirror from P0 to the camera face, z out of the rubber,
 y = z cross x) but counted from the middle of the mirror, mm.
 """
 
@@ -26,8 +26,8 @@ def mirror_length_mm(prism: Prism) -> float:
     """L0: given, or leg sin(alpha0 + beta0) / sin(beta0)."""
     if prism.mirror_length_mm is not None:
         return prism.mirror_length_mm
-    alpha, beta = np.radians([prism.pattern_angle_deg, prism.captured_angle_deg])
-    return float((prism.leg_mm or 0.0) * np.sin(alpha + beta) / np.sin(beta))
+    alpha, beta = np.radians([prism.pattern_angle_deg, prism.camera_angle_deg])
+    return float((prism.pattern_length_mm or 0.0) * np.sin(alpha + beta) / np.sin(beta))
 
 
 def mirror_middle_mm(prism: Prism) -> Float:
@@ -54,8 +54,8 @@ class _Face:
 
 
 def _faces(prism: Prism) -> tuple[_Face, _Face]:
-    """(pattern face, captured face)."""
-    alpha, beta = np.radians([prism.pattern_angle_deg, prism.captured_angle_deg])
+    """(pattern face, camera face)."""
+    alpha, beta = np.radians([prism.pattern_angle_deg, prism.camera_angle_deg])
     half = mirror_length_mm(prism) / 2
     pattern = _Face(
         np.array([-half, 0.0, 0.0]),
@@ -63,13 +63,13 @@ def _faces(prism: Prism) -> tuple[_Face, _Face]:
         np.array([-np.sin(alpha), 0.0, -np.cos(alpha)]),
         float(2 * half * np.sin(beta) / np.sin(alpha + beta)),
     )
-    captured = _Face(
+    camera_face = _Face(
         np.array([half, 0.0, 0.0]),
         np.array([-np.cos(beta), 0.0, -np.sin(beta)]),
         np.array([np.sin(beta), 0.0, -np.cos(beta)]),
         float(2 * half * np.sin(alpha) / np.sin(alpha + beta)),
     )
-    return pattern, captured
+    return pattern, camera_face
 
 
 def _turned(vector: Float, axis: Float, angle_deg: float) -> Float:
@@ -80,15 +80,15 @@ def _turned(vector: Float, axis: Float, angle_deg: float) -> Float:
     return turned
 
 
-def _camera_values(camera: CameraSpec, captured: _Face, stack_mm: float, middle: Float) -> Values:
+def _camera_values(camera: CameraSpec, camera_face: _Face, stack_mm: float, middle: Float) -> Values:
     position = np.array(camera.position_mm) - middle
     axis = np.array(camera.look_at_mm) - middle - position
     axis /= np.linalg.norm(axis)
     v_axis = _Y - axis * axis[1]
     v_axis /= np.linalg.norm(v_axis)
     u_axis = np.cross(v_axis, axis)
-    outer = captured.edge + stack_mm * captured.normal
-    way = float((outer - position) @ captured.normal / (axis @ captured.normal))
+    outer = camera_face.edge + stack_mm * camera_face.normal
+    way = float((outer - position) @ camera_face.normal / (axis @ camera_face.normal))
     if camera.projection == "orthographic":
         scale = np.full(2, camera.pixel_mm)
     else:
@@ -128,25 +128,25 @@ def _display_values(display: DisplaySpec, pattern: _Face, stack_mm: float) -> Va
 def bench_values(rig: Rig) -> Values:
     """Constants of bench_rays.frag that belong to the rig."""
     prism, layers = rig.prism, rig.pattern_layers
-    pattern, captured = _faces(prism)
-    captured_stack = sum(layer.thickness_mm for layer in rig.captured_layers)
+    pattern, camera_face = _faces(prism)
+    camera_stack = sum(layer.thickness_mm for layer in rig.camera_layers)
     stack = sum(layer.thickness_mm for layer in layers)
     last_mm = layers[-1].thickness_mm if layers else 0.0
     slabs = {
-        "captured_layers": np.array([(s.index, s.thickness_mm) for s in rig.captured_layers], dtype=float),
+        "camera_layers": np.array([(s.index, s.thickness_mm) for s in rig.camera_layers], dtype=float),
         "inner_layers": np.array([(s.index, s.thickness_mm) for s in layers[:-1]], dtype=float),
     }
     return {
         **pattern.values("pattern"),
-        **captured.values("captured"),
+        **camera_face.values("camera_face"),
         "half_mirror": np.array([mirror_length_mm(prism), prism.width_mm]) / 2,
         "rubber_index": prism.index,
-        "captured_stack": float(captured_stack),
+        "camera_stack": float(camera_stack),
         "inner_stack": float(stack - last_mm),
         "last_mm": float(last_mm),
         "last_index": layers[-1].index if layers else prism.index,
         **{name: values for name, values in slabs.items() if values.size},
-        **_camera_values(rig.camera, captured, captured_stack, mirror_middle_mm(prism)),
+        **_camera_values(rig.camera, camera_face, camera_stack, mirror_middle_mm(prism)),
         **_display_values(rig.display, pattern, stack),
     }
 
@@ -154,7 +154,7 @@ def bench_values(rig: Rig) -> Values:
 def bench_defines(rig: Rig) -> dict[str, int]:
     """Preprocessor constants of bench_rays.frag that belong to the rig."""
     return {
-        "CAPTURED_LAYERS": len(rig.captured_layers),
+        "CAMERA_LAYERS": len(rig.camera_layers),
         "INNER_LAYERS": max(len(rig.pattern_layers) - 1, 0),
         "ORTHOGRAPHIC": int(rig.camera.projection == "orthographic"),
         "DISTORTED": int(any(rig.camera.distortion)),

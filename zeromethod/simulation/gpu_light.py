@@ -13,8 +13,8 @@ from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_lens import lens_defines
 from zeromethod.simulation.gpu_mirror import float_texture
 from zeromethod.simulation.gpu_rays import RayMap, Region
-from zeromethod.simulation.gpu_target import Pass, Target
-from zeromethod.simulation.response import exponents, light_of_codes
+from zeromethod.simulation.gpu_target import Pass, RenderTarget
+from zeromethod.simulation.panel import exponents, light_of_codes
 
 Lit = Sequence[tuple[moderngl.Texture, Single]]
 """Pictures (8-bit red, LCD size) and the share (lcd rows,) that each row gives of their light."""
@@ -26,8 +26,8 @@ class PanelLight:
     def __init__(self, context: moderngl.Context, rig: Rig) -> None:
         self._context = context
         size = rig.display.columns, rig.display.rows
-        self._sum = Target(context, size, 1)
-        self._five = Target(context, size, 4, "u4")
+        self._sum = RenderTarget(context, size, 1)
+        self._five = RenderTarget(context, size, 4, "u4")
         regions = rig.display.response_exponent is not None
         shader = program(context, "bench_screen.vert", "bench_panel.frag", REGIONS=int(regions))
         self._pass = Pass(context, shader)
@@ -42,8 +42,8 @@ class PanelLight:
     def draw(self, names: Sequence[int], lit: Lit, region: Region) -> moderngl.Texture:
         """Texture with the light of `lit` in `region`, as bench_five.frag packs it.
 
-        Texel (i, j) holds columns i to i + 4 of row j; beyond the panel they are dark. `names` tell
-        pictures apart for good.
+        Texel (i, j) holds columns i to i + 4 of row j; beyond the panel they are dark. `names` identify
+        pictures for good.
         """
         if self._shows(names, lit) and region == self._region.joined(region):
             return self._five.texture
@@ -81,9 +81,9 @@ class CameraLight:
     """
 
     def __init__(self, context: moderngl.Context, rig: Rig) -> None:
-        fill = [max(float(share), 1e-3) for share in rig.display.fill]
+        fill = [max(float(share), 1e-3) for share in rig.display.fill_factor]
         self._ambient = rig.simulation.ambient
-        self._sum = Target(context, (rig.camera.columns, rig.camera.rows), 1)
+        self._sum = RenderTarget(context, (rig.camera.columns, rig.camera.rows), 1)
         defines = {
             "RGB": int(rig.display.stripes == "rgb"),
             "FILL_X": fill[0],

@@ -22,8 +22,7 @@ from zeromethod.simulation.gpu_mirror import (
     rest_texture,
     rest_values,
 )
-from zeromethod.simulation.gpu_target import Pass, Target
-from zeromethod.simulation.gpu_uniforms import constants
+from zeromethod.simulation.gpu_target import Pass, RenderTarget, constants
 from zeromethod.simulation.press import Dent, Mirror
 
 KEPT = 3
@@ -59,8 +58,8 @@ class RayMap:
     share: light relative to the main map. region: the LCD's part that any pixel gets light from.
     """
 
-    rays: Target
-    footprints: Target
+    rays: RenderTarget
+    footprints: RenderTarget
     share: float
     region: Region
 
@@ -85,7 +84,7 @@ class RayTracer:
         self._bounds = Pass(context, bounds, {"reach": reach_px(rig.camera.psf_px)})
         size = rig.camera.columns, rig.camera.rows
         self._size = size
-        self._tiles = Target(context, (-(-size[0] // _BLOCK), -(-size[1] // _BLOCK)), 4)
+        self._tiles = RenderTarget(context, (-(-size[0] // _BLOCK), -(-size[1] // _BLOCK)), 4)
         self._kept: OrderedDict[Mirror, list[RayMap]] = OrderedDict()
         simulation = rig.simulation
         ghosts = ((1, simulation.ghost_gap), (2, simulation.ghost_faces))
@@ -118,7 +117,7 @@ class RayTracer:
         context, size = self._context, self._size
         nothing = Region(0, 0, 0, 0)
         return [
-            RayMap(Target(context, size, 4), Target(context, size, 4), share, nothing)
+            RayMap(RenderTarget(context, size, 4), RenderTarget(context, size, 4), share, nothing)
             for _, share in self._ways
         ]
 

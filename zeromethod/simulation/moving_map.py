@@ -1,11 +1,11 @@
-"""A mirror that moves as it was once read: maps of depth at given times, straight lines between them."""
+"""A press given by maps of depth at given times, linear in between: a recorded surface."""
 
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from zeromethod.arrays import Float
 from zeromethod.simulation.press import Dent, Shape
 
 STILL_MM = 1e-4
-"""Motion within an exposure, anywhere, up to which the mirror counts as still: it is then seen where it is in
-the middle of the exposure, which is the mean of a straight line."""
+"""Motion within an exposure, anywhere, up to which the mirror counts as still: the camera then sees it where
+it is in the middle of the exposure, which is the mean of a straight line."""
 
 BEND_MM = 2e-3
 """Change of the way from one map to the next, anywhere, from which an exposure is cut there."""
@@ -27,7 +27,7 @@ _KEPT_INSTANTS = 4
 
 
 @dataclass(frozen=True)
-class Lattice:
+class MapLattice:
     """Where a map lies: middle (x, y) in mm, pitch in mm; rows along y, columns along x."""
 
     centre_mm: tuple[float, float]
@@ -41,29 +41,23 @@ class MovingMap:
     newest few are kept.
     """
 
-    def __init__(self, lattice: Lattice, times_ns: Sequence[int], coefficients: Maps) -> None:
+    def __init__(self, lattice: MapLattice, times_ns: Sequence[int], coefficients: Maps) -> None:
         """times_ns: rising. coefficients: of map number index, (rows, cols) in mm, always of one shape."""
         self._lattice = lattice
         self._times_ns = list(times_ns)
-        self._read = coefficients
-        self._maps: OrderedDict[int, Float] = OrderedDict()
-        self._dents: OrderedDict[int, Dent] = OrderedDict()
+        self._map = lru_cache(_KEPT_MAPS)(coefficients)
+        self._dent = lru_cache(_KEPT_INSTANTS)(self._new_dent)
 
     def dent_at(self, time_ns: int) -> Dent | None:
         """Return the dent at `time_ns`, the same object for the newest few instants; None without maps."""
         if not self._times_ns:
             return None
-        time_ns = min(max(time_ns, self._times_ns[0]), self._times_ns[-1])
-        dent = self._dents.pop(time_ns, None)
-        if dent is None:
-            depth = self._depth_at(time_ns)
-            x_mm, y_mm = self._lattice.centre_mm
-            pitch_mm = self._lattice.pitch_mm
-            dent = Dent(Shape.MAP, x_mm, y_mm, 1.0, pitch_mm, map=depth, map_coefficients=depth)
-        self._dents[time_ns] = dent
-        if len(self._dents) > _KEPT_INSTANTS:
-            self._dents.popitem(last=False)
-        return dent
+        return self._dent(min(max(time_ns, self._times_ns[0]), self._times_ns[-1]))
+
+    def _new_dent(self, time_ns: int) -> Dent:
+        depth = self._depth_at(time_ns)
+        place = *self._lattice.centre_mm, 1.0, self._lattice.pitch_mm
+        return Dent(Shape.MAP, *place, map=depth, map_coefficients=depth)
 
     def moving(self, from_ns: int, to_ns: int) -> bool:
         """Whether the mirror changes by more than `STILL_MM` inside (from, to)."""
@@ -100,12 +94,3 @@ class MovingMap:
         after = self._map(index + 1)
         share = (time_ns - times[index]) / (times[index + 1] - times[index])
         return before if after is before else before + share * (after - before)
-
-    def _map(self, index: int) -> Float:
-        found = self._maps.pop(index, None)
-        if found is None:
-            found = self._read(index)
-        self._maps[index] = found
-        if len(self._maps) > _KEPT_MAPS:
-            self._maps.popitem(last=False)
-        return found

@@ -1,8 +1,9 @@
-"""The reference bench: exact rays and exact aperture integrals on the CPU, clear before fast."""
+"""The reference bench: exact rays and exact aperture integrals on the CPU, written for clarity."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -10,10 +11,10 @@ from zeromethod.arrays import Bytes, Float, Single
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.aperture import gather
-from zeromethod.simulation.beams import Beam, Beams
+from zeromethod.simulation.beams import Beams
+from zeromethod.simulation.panel import exponents, light_of_codes
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Handle, Piece
-from zeromethod.simulation.response import exponents, light_of_codes
 
 _KEPT_MIRRORS = 3
 """Ray maps kept: rest, and the two instants of a moving exposure."""
@@ -30,7 +31,7 @@ class NumpyRenderer:
         self._exponents = exponents(rig.display) if rig.display.response_exponent is not None else None
         self._pictures: dict[Handle, Bytes] = {}
         self._next_handle = 1
-        self._maps: dict[Mirror, list[Beam]] = {}
+        self._beams_of = lru_cache(_KEPT_MIRRORS)(self._beams.all)
 
     def upload(self, image: Bytes) -> Handle:
         """Take over LCD grey codes (rows, cols); raises InputError for another shape or type."""
@@ -58,17 +59,8 @@ class NumpyRenderer:
         out = np.zeros((camera.rows, camera.columns))
         for mirror, light in by_mirror.items():
             for beam in self._beams_of(mirror):
-                gather(
-                    light,
-                    beam.q,
-                    beam.by_u,
-                    beam.by_v,
-                    beam.gain,
-                    display.fill,
-                    stripes,
-                    camera.psf_px,
-                    out,
-                )
+                footprint = beam.q, beam.by_u, beam.by_v, beam.gain
+                gather(light, *footprint, display.fill_factor, stripes, camera.psf_px, out)
         out += self._rig.simulation.ambient
         return out.astype(np.float32)
 
@@ -81,7 +73,7 @@ class NumpyRenderer:
     def close(self) -> None:
         """Forget all pictures and maps."""
         self._pictures.clear()
-        self._maps.clear()
+        self._beams_of.cache_clear()
 
     def _panel_light(self, piece: Piece) -> Float:
         light = np.zeros((self._rig.display.rows, self._rig.display.columns))
@@ -89,13 +81,3 @@ class NumpyRenderer:
             shown = self._response[self._pictures[handle]]
             light += share[:, None] * (shown if self._exponents is None else shown**self._exponents)
         return piece.weight * light
-
-    def _beams_of(self, mirror: Mirror) -> list[Beam]:
-        if mirror in self._maps:
-            self._maps[mirror] = self._maps.pop(mirror)
-            return self._maps[mirror]
-        beams = self._beams.all(mirror)
-        self._maps[mirror] = beams
-        while len(self._maps) > _KEPT_MIRRORS:
-            del self._maps[next(iter(self._maps))]
-        return beams

@@ -1,4 +1,4 @@
-"""How one press moves: straight lines between points in time, at rest before the first and after the last."""
+"""Path of one press: straight lines between points in time, at rest before the first and after the last."""
 
 from __future__ import annotations
 

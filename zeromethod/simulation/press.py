@@ -1,4 +1,4 @@
-"""What presses on the mirror at one instant, in closed form: the truth that a reading is held against.
+"""Dents and the pressed mirror at one instant, in closed form: the truth that a reading is compared with.
 
 Convention: depth d > 0 into the rubber, slope = (dd/dx, dd/dy), world millimetres. Dents add up, as
 they do in linear elasticity.
@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.simulation.shapes import Field, ball, cone, edge, gaussian, height_map
-from zeromethod.simulation.spline import spline_coefficients
+from zeromethod.simulation.shapes import Field, ball, cone, edge, gaussian, height_map, spline_coefficients
 
 
 class Shape(enum.StrEnum):

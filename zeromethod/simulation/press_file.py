@@ -12,10 +12,12 @@ from pydantic import Field, ValidationError, model_validator
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
-from zeromethod.rig.model import NotNegative, Positive, Share, Table
 from zeromethod.rig.refusal import shown
+from zeromethod.rig.tables import NotNegative, Positive, Share, Table
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
+
+_SIZES = ("sigma_mm", "radius_mm", "contact_radius_mm", "pitch_mm")
 
 MAP_LIMIT = 4096
 """Most samples of a height map on a side."""
@@ -30,14 +32,14 @@ class PointTable(Table):
     depth_mm: float
 
 
-class PressTable(Table):
+class PathTable(Table):
     """What every press has: a path and how much light is left where it touches."""
 
     path: Annotated[tuple[PointTable, ...], Field(min_length=1)]
     touch_reflectance: Share = 0.05
 
     @model_validator(mode="after")
-    def _times_rise(self) -> PressTable:
+    def _times_rise(self) -> PathTable:
         times = [point.time_s for point in self.path]
         if times != sorted(times):
             raise ValueError("time_s must not fall along the path")
@@ -48,7 +50,7 @@ class PressTable(Table):
         return tuple(PathPoint(round(p.time_s * 1e9), p.x_mm, p.y_mm, p.depth_mm) for p in self.path)
 
 
-class GaussianTable(PressTable):
+class GaussianTable(PathTable):
     """Soft pad; `contact_mm` > 0 makes it couple light out inside that radius."""
 
     shape: Literal["gaussian"]
@@ -56,7 +58,7 @@ class GaussianTable(PressTable):
     contact_mm: NotNegative = 0.0
 
 
-class BallTable(PressTable):
+class BallTable(PathTable):
     """Ball of `radius_mm`; `touches`: couples light out over its contact area."""
 
     shape: Literal["ball"]
@@ -64,7 +66,7 @@ class BallTable(PressTable):
     touches: bool = False
 
 
-class ConeTable(PressTable):
+class ConeTable(PathTable):
     """Cone or needle in contact out to `contact_radius_mm`; `touches`: couples light out there."""
 
     shape: Literal["cone"]
@@ -72,7 +74,7 @@ class ConeTable(PressTable):
     touches: bool = False
 
 
-class EdgeTable(PressTable):
+class EdgeTable(PathTable):
     """Straight edge along `angle_deg` (from x towards y); couples out within `contact_mm` of its line."""
 
     shape: Literal["edge"]
@@ -82,8 +84,8 @@ class EdgeTable(PressTable):
     contact_mm: NotNegative = 0.0
 
 
-class MapTable(PressTable):
-    """Height map from a .npy beside the press file: (rows along y, cols along x), times depth_mm."""
+class MapTable(PathTable):
+    """Height map from a .npy next to the press file: (rows along y, cols along x), times depth_mm."""
 
     shape: Literal["map"]
     file: Path
@@ -138,26 +140,18 @@ def _load_map(where: str, file: Path) -> Float:
 
 
 def _path_of(where: str, folder: Path, table: AnyPress) -> PressPath:
-    touch = table.touch_reflectance
-    base = (Shape(table.shape), 0.0, 0.0, 0.0)
-    if isinstance(table, GaussianTable):
-        made = Dent(*base, table.sigma_mm, contact_mm=table.contact_mm, touch_reflectance=touch)
-        return PressPath(made, table.points())
-    if isinstance(table, BallTable):
-        return PressPath(Dent(*base, table.radius_mm, touch_reflectance=touch), table.points(), table.touches)
-    if isinstance(table, ConeTable):
-        made = Dent(*base, table.contact_radius_mm, touch_reflectance=touch)
-        return PressPath(made, table.points(), table.touches)
-    if isinstance(table, EdgeTable):
-        size, length = table.sigma_mm, table.length_mm
-        made = Dent(*base, size, length, table.angle_deg, table.contact_mm, touch)
-        return PressPath(made, table.points())
-    samples = _load_map(f"{where}.file", folder / table.file)
-    made = Dent(*base, table.pitch_mm, 0.0, table.angle_deg, table.contact_mm, touch, samples)
-    return PressPath(made, table.points())
+    given = table.model_dump()
+    samples = _load_map(f"{where}.file", folder / table.file) if isinstance(table, MapTable) else None
+    dent = Dent(
+        Shape(table.shape), 0.0, 0.0, 0.0,
+        size_mm=next(given[key] for key in _SIZES if key in given),
+        length_mm=given.get("length_mm", 0.0), angle_deg=given.get("angle_deg", 0.0),
+        contact_mm=given.get("contact_mm", 0.0), touch_reflectance=table.touch_reflectance, map=samples,
+    )  # fmt: skip
+    return PressPath(dent, table.points(), given.get("touches", False))
 
 
-def _told(error: ValidationError) -> str:
+def _complaint(error: ValidationError) -> str:
     """`key: value: what is allowed` of the first thing that is wrong with a press file."""
     first = error.errors(include_url=False)[0]
     # The union's tag stands in the place as if it were a key.
@@ -192,7 +186,7 @@ def read_press_file(path: Path, asked: str) -> tuple[tuple[PressPath, ...], floa
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not TOML: {error}") from error
     except ValidationError as error:
-        raise InputError(f"{path}: {_told(error)}") from error
+        raise InputError(f"{path}: {_complaint(error)}") from error
     presses = tuple(
         _path_of(f"{path}: press.{index}", path.parent, table) for index, table in enumerate(file.press)
     )

@@ -1,4 +1,4 @@
-"""What draws the simulated camera's light: the contract that the numpy and the GPU bench both meet."""
+"""Protocol of the renderers that compute the simulated camera's light, in numpy or on the GPU."""
 
 from __future__ import annotations
 

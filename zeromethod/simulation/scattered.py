@@ -14,11 +14,11 @@ from scipy.sparse.linalg import splu
 
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
-from zeromethod.simulation.spline import evaluate_spline, spline_weights
+from zeromethod.simulation.shapes import evaluate_spline, spline_weights
 
 STIFFNESS = 1e-3
-"""Little beside the points, whose own square is about 1 per coefficient; what it still takes off what they
-say is given back by `REFINEMENTS`."""
+"""Small compared with the points, whose own square is about 1 per coefficient; `REFINEMENTS` gives back what
+it still takes off."""
 
 REFINEMENTS = 3
 """Times that the misfit at the points is fitted, too. It also moves points to where they are: the matrix is

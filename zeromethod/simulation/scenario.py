@@ -1,4 +1,4 @@
-"""A press in time: what the mirror truly is at every instant of a simulated run."""
+"""Scenario of a simulated run: the true mirror at every instant."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When things happen: a seeded, jittering clock of its own for each simulated device.
+"""Times of a simulated device's events: a seeded, jittering clock for each device.
 
 Event k happens at (phase + k) / rate plus a jitter that depends on seed, stream and k alone, so any event
 can be asked for in any order and is the same in every run.

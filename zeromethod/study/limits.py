@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zeromethod.design.fold import gaussian_fold_mm
-from zeromethod.design.lever import lcd_px_per_mrad
+from zeromethod.design.lever import gaussian_fold_mm, lcd_px_per_mrad
 from zeromethod.design.press_limits import PressKind, press_limit
 from zeromethod.design.sampled_view import SampledView, median_over
 from zeromethod.design.tir import incidence_deg, margin_deg
@@ -31,7 +30,7 @@ def limits(task: Task) -> Figures:
         "incidence_deg": float(np.median(incidence_deg(view.trace)[region.mask])),
         "tir_least_margin_deg": float(np.nanmin(margin_deg(view))),
         "lcd_px_per_mrad": median_over(lcd_px_per_mrad(view), region.mask)[0],
-        "sees_lcd_share": float(view.seen.mean()),
+        "sees_lcd_share": float(view.on_lcd.mean()),
     }
 
 

@@ -16,8 +16,8 @@ from pydantic import Field, ValidationError
 
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
-from zeromethod.rig.model import Count, Positive, Table, Text
 from zeromethod.rig.refusal import first_refusal, shown
+from zeromethod.rig.tables import Count, Positive, Table, Text
 from zeromethod.study.axes import DRAW_WORDS, RANGE_WORDS, axis_values, draw, run_seed
 from zeromethod.study.task import LIMIT_S
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from zeromethod.rig.model import NotNegative, Positive, Table
+from zeromethod.rig.tables import NotNegative, Positive, Table
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 from zeromethod.simulation.press_file import Phase

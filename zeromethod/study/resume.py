@@ -44,7 +44,7 @@ def fingerprint(tasks: Sequence[Message]) -> dict[str, Any]:
 
 def _files(task: Message) -> list[str]:
     """What tells the files of a task from changed ones."""
-    press, rest = task["rig"].get("press", ""), task["rig"]["prism"].get("rest", {}).get("file")
+    press, rest = task["rig"].get("scenario", ""), task["rig"]["prism"].get("rest", {}).get("file")
     names = [press if press.endswith(".toml") else None, rest, task["recording"]]
     told = []
     for name in names:

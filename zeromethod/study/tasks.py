@@ -132,12 +132,12 @@ def _loaded(name: str) -> Rig:
 def _whole(rig: Rig) -> Rig:
     """Rig whose files are named by whole paths, its press looked at."""
     update: dict[str, Any] = {}
-    if rig.press.endswith(".toml"):
-        update["press"] = str(Path(rig.press).absolute())
+    if rig.scenario.endswith(".toml"):
+        update["scenario"] = str(Path(rig.scenario).absolute())
     if rig.prism.rest.file is not None:
         rest = rig.prism.rest.model_copy(update={"file": rig.prism.rest.file.absolute()})
         update["prism"] = rig.prism.model_copy(update={"rest": rest})
-    _scenario_exists(update.get("press", rig.press))
+    _scenario_exists(update.get("scenario", rig.scenario))
     return rig.model_copy(update=update) if update else rig
 
 

@@ -7,27 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.optics import Dented, Optics
 from zeromethod.surface import Surface, peak
 from zeromethod.warp.grid import NodeGrid
-
-
-class TrueMirror(Protocol):
-    """The mirror at one instant, as a simulated bench knows it."""
-
-    def depth(self, x: Float, y: Float) -> Float:
-        """Depth in mm, positive into the rubber."""
-
-    def slope(self, x: Float, y: Float) -> tuple[Float, Float]:
-        """(dd/dx, dd/dy)."""
-
-    def reflectance_factor(self, x: Float, y: Float) -> Float:
-        """1 where nothing touches, less where an object takes the light."""
 
 
 class _AtRest:

@@ -68,7 +68,7 @@ def _pixels(view: SampledView) -> tuple[Float, Float]:
     """Pixels from edge to edge of the image, through its middle, along which x on the mirror grows."""
     camera = view.rig.camera
     middle = np.array([(camera.columns - 1) / 2, (camera.rows - 1) / 2])
-    growth = np.nanmedian(view.mirror_per_camera[..., 0, :][view.seen], axis=0)
+    growth = np.nanmedian(view.mirror_per_camera[..., 0, :][view.on_lcd], axis=0)
     direction = growth / np.linalg.norm(growth)
     with np.errstate(divide="ignore"):
         reach = float(np.min(middle / np.abs(direction)))
@@ -103,7 +103,7 @@ def _bench(axis: Axes, view: SampledView, rays: list[RayPath]) -> None:
     prism = view.optics.prism
     triangle = np.array([prism.pattern_face.edge, prism.captured_face.edge, prism.apex_mm])[:, [0, 2]]
     axis.add_patch(Polygon(triangle, closed=True, facecolor=_RUBBER, edgecolor="black", linewidth=0.8))
-    stacks = ((prism.pattern_face, view.rig.pattern_layers), (prism.captured_face, view.rig.captured_layers))
+    stacks = ((prism.pattern_face, view.rig.pattern_layers), (prism.captured_face, view.rig.camera_layers))
     for face, layers in stacks:
         depth = 0.0
         for layer in layers:
@@ -179,7 +179,7 @@ def _label_near(axis: Axes, view: SampledView, figures: dict[str, Any]) -> None:
     axis.set_ylim(low[1], high[1] + _MARGIN_MM)
     axis.set_title("prism, layers and LCD, true to scale")
     _say(axis, f"P0, {rig.prism.pattern_angle_deg:.4g}°", corners[0], (16, 12))
-    _say(axis, f"R0, {rig.prism.captured_angle_deg:.4g}°", corners[1], (-4, 12))
+    _say(axis, f"R0, {rig.prism.camera_angle_deg:.4g}°", corners[1], (-4, 12))
     _say(axis, f"mirror, {prism.length_mm:.1f} mm", np.array([prism.length_mm / 2, 0.0]), (0, 12))
     _say(axis, f"index {rig.prism.index:.4g}", corners.mean(axis=0), (0, 0))
     # the LCD's label lies beyond its end, away from the prism, where no ray goes
@@ -191,7 +191,7 @@ def _label_near(axis: Axes, view: SampledView, figures: dict[str, Any]) -> None:
     _say(axis, name, middle, tuple(18 * normal), rotation=upright, rotation_mode="anchor")
     words = [
         _layer_words("pattern face to LCD", rig.pattern_layers),
-        _layer_words("captured face to air", reversed(rig.captured_layers)),
+        _layer_words("captured face to air", reversed(rig.camera_layers)),
         f"camera px per mrad of slope along x: {_range(figures, 'camera_px_per_mrad')}",
         f"nm of depth per camera px along x: {_range(figures, 'depth_nm_per_px')}",
     ]
@@ -224,7 +224,7 @@ def _maps(view: SampledView, figures: dict[str, Any]) -> list[tuple[str, str, Fl
 
 
 def _map(axis: Axes, view: SampledView, values: Float, title: str, unit: str) -> None:
-    shown = view.seen & np.isfinite(values)
+    shown = view.on_lcd & np.isfinite(values)
     axis.set_title(title)
     axis.set_xlabel("x, mm")
     axis.set_ylabel("y, mm")

@@ -139,15 +139,19 @@ def rig_rows(rig: Rig) -> Iterator[tuple[str, str]]:
     """The bench in a few lines."""
     prism, display, camera = rig.prism, rig.display, rig.camera
     yield "name", rig.name
-    length = f"leg {prism.leg_mm:g}" if prism.leg_mm is not None else f"mirror {prism.mirror_length_mm:g}"
+    length = (
+        f"leg {prism.pattern_length_mm:g}"
+        if prism.pattern_length_mm is not None
+        else f"mirror {prism.mirror_length_mm:g}"
+    )
     yield (
         "prism",
-        f"{prism.pattern_angle_deg:g}° and {prism.captured_angle_deg:g}°, index {prism.index:g}, "
+        f"{prism.pattern_angle_deg:g}° and {prism.camera_angle_deg:g}°, index {prism.index:g}, "
         f"{length} mm, {prism.width_mm:g} mm wide, {prism.rest.shape} at rest",
     )
     for label, layers in (
         ("layers to the LCD", rig.pattern_layers),
-        ("layers to the camera", rig.captured_layers),
+        ("layers to the camera", rig.camera_layers),
     ):
         if layers:
             yield label, ", ".join(f"{layer.thickness_mm:g} mm of index {layer.index:g}" for layer in layers)
@@ -212,7 +216,7 @@ def settings_rows(recording: Recording) -> Iterator[tuple[str, str]]:
     yield "camera timeout", f"{control.timeout_s:g} s"
     yield "coded strips", control.strips
     if not recording.live:
-        yield "press", rig.press
+        yield "press", rig.scenario
         yield "seed", str(recording.seed)
     known = [
         f"x {one.x_mm[0]:g} to {one.x_mm[1]:g}, y {one.y_mm[0]:g} to {one.y_mm[1]:g} mm"

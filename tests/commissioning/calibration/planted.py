@@ -41,7 +41,7 @@ def nominal() -> Rig:
     rig = load_rig("simulated")
     lcd = rig.display.model_copy(update={"columns": 960, "rows": 540, "pitch_mm": 2 * rig.display.pitch_mm})
     target = rig.target.model_copy(update={"period_px": 8})
-    return binned(rig, 8).model_copy(update={"display": lcd, "press": "none", "target": target})
+    return binned(rig, 8).model_copy(update={"display": lcd, "scenario": "none", "target": target})
 
 
 def quarter() -> Rig:

@@ -43,7 +43,7 @@ def rig_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "camera.focal_px": camera.focal_px,
         "camera.centre_px": camera.centre_px,
         "target.period_px": 8,
-        "press": "none",
+        "scenario": "none",
     }
     save_values(source, values, path)
     return path

@@ -57,7 +57,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     folder = tmp_path_factory.mktemp("replay")
     press = folder / "press.toml"
     press.write_text(PRESS)
-    made = Session(folder / "session.h5", small().model_copy(update={"press": str(press)}))
+    made = Session(folder / "session.h5", small().model_copy(update={"scenario": str(press)}))
 
     def on_step(loop: Loop, step: Step) -> None:
         made.steps.append(step)

@@ -110,7 +110,7 @@ def test_it_can_be_recorded_and_that_sensed_again(recording, tmp_path: Path, unc
     relived(recording, [], Window.of(recording, None, 0.3), record=path, command_line="replay")
     with Recording(path) as again:
         assert again.complete
-        assert again.rig.press == "none"
+        assert again.rig.scenario == "none"
         warps, depths = resense(again, again.rig, Window.of(again))
         assert warps.turns > 10
         assert warps.different == depths.different == []
@@ -135,12 +135,12 @@ def test_a_real_bench_becomes_a_simulated_one_with_its_delays() -> None:
             "camera.driver=aravis",
             "camera.latency_s=0.011",
             "simulation.camera_latency_s=0.004",
-            "press=step",
+            "scenario=step",
         ],
     )
     bench = bench_of(rig)
     assert (bench.display.driver, bench.camera.driver) == ("simulated", "simulated")
     assert bench.display.latency_s == 0.02
     assert bench.simulation.camera_latency_s == 0.011
-    assert bench.press == "none"
+    assert bench.scenario == "none"
     assert bench.control == rig.control

@@ -47,7 +47,7 @@ def test_frames_that_were_faulty_and_a_new_zero_are_gone_through_alike(session, 
         update={"repeat_frames": (12,), "drop_frames": (15, 16), "light_off_frames": (8, 9)}
     )
     simulation = session.rig.simulation.model_copy(update={"faults": faults})
-    rig = session.rig.model_copy(update={"press": "none", "simulation": simulation})
+    rig = session.rig.model_copy(update={"scenario": "none", "simulation": simulation})
     zeros = []
 
     def on_step(loop: Loop, step: object) -> None:
@@ -63,7 +63,7 @@ def test_frames_that_were_faulty_and_a_new_zero_are_gone_through_alike(session, 
 
 
 def test_coded_strips_are_read_again(tmp_path: Path) -> None:
-    rig = with_settings(coarser(load_rig("simulated"), 4), ["control.strips=edges", "press=step"])
+    rig = with_settings(coarser(load_rig("simulated"), 4), ["control.strips=edges", "scenario=step"])
     path = recorded(tmp_path / "r.h5", 0.25, rig=rig)
     with Recording(path) as opened:
         assert opened.presentations["code"].max() > 0

@@ -10,6 +10,7 @@ import numpy as np
 
 from zeromethod.calibration.charuco import Board, BoardNotFoundError, View, margined, on_lcd
 from zeromethod.commissioning.calibration.prompts import Silence, Teller
+from zeromethod.devices.abilities import poll_of
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout
 from zeromethod.errors import InputError, MeasurementError
@@ -127,7 +128,7 @@ def _take(
     tell: Teller,
     advance: Callable[[], object],
 ) -> None:
-    poll = getattr(devices.display, "poll", None)
+    poll = poll_of(devices.display)
     before: View | None = None
     last_ns = devices.clock.now_ns()
     why = "no frame came"

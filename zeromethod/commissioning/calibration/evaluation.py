@@ -238,7 +238,7 @@ def geometry_values(rig: Rig) -> dict[str, Any]:
     camera, display, prism = rig.camera, rig.display, rig.prism
     values: dict[str, Any] = {
         "prism.pattern_angle_deg": prism.pattern_angle_deg,
-        "prism.captured_angle_deg": prism.captured_angle_deg,
+        "prism.camera_angle_deg": prism.camera_angle_deg,
         "prism.index": prism.index,
         "display.centre_mm": display.centre_mm,
         "display.turn_deg": display.turn_deg,
@@ -252,7 +252,7 @@ def geometry_values(rig: Rig) -> dict[str, Any]:
         values |= {"camera.focal_px": camera.focal_px, "camera.distortion": camera.distortion}
     else:
         values["camera.pixel_mm"] = camera.pixel_mm
-    length = "leg_mm" if prism.leg_mm is not None else "mirror_length_mm"
+    length = "pattern_length_mm" if prism.pattern_length_mm is not None else "mirror_length_mm"
     values[f"prism.{length}"] = getattr(prism, length)
     if rig.pattern_layers and rig.pattern_layers[-1].index == 1.0:
         last = len(rig.pattern_layers) - 1

@@ -26,8 +26,8 @@ class Calipers:
     """
 
     pattern_angle_deg: float
-    captured_angle_deg: float
-    leg_mm: float
+    camera_angle_deg: float
+    pattern_length_mm: float
     width_mm: float
     index: float
     gap_mm: float
@@ -48,20 +48,21 @@ class Calipers:
     def of(cls, rig: Rig) -> Calipers:
         """The same of a rig that is there already, for a lens of 50 mm in front of its pixels."""
         prism, display, camera = rig.prism, rig.display, rig.camera
-        if camera.projection != "perspective" or prism.leg_mm is None or not rig.pattern_layers:
+        if camera.projection != "perspective" or prism.pattern_length_mm is None or not rig.pattern_layers:
             raise InputError(
-                f"--from: {rig.name}: a rig with a perspective camera, prism.leg_mm and a pattern layer"
+                f"--from: {rig.name}: a rig with a perspective camera, prism.pattern_length_mm and a pattern "
+                "layer"
             )
         assert camera.focal_px is not None
         away = math.dist(camera.position_mm, camera.look_at_mm)
-        length = _mirror_mm(prism.leg_mm, prism.pattern_angle_deg, prism.captured_angle_deg)
-        inside = (length - camera.look_at_mm[0]) * math.sin(math.radians(prism.captured_angle_deg))
+        length = _mirror_mm(prism.pattern_length_mm, prism.pattern_angle_deg, prism.camera_angle_deg)
+        inside = (length - camera.look_at_mm[0]) * math.sin(math.radians(prism.camera_angle_deg))
         distance, lens = away - inside, 50.0
-        image = _image_mm(lens, _focus_mm(distance, prism.leg_mm, prism.index))
+        image = _image_mm(lens, _focus_mm(distance, prism.pattern_length_mm, prism.index))
         return cls(
             prism.pattern_angle_deg,
-            prism.captured_angle_deg,
-            prism.leg_mm,
+            prism.camera_angle_deg,
+            prism.pattern_length_mm,
             prism.width_mm,
             prism.index,
             rig.pattern_layers[-1].thickness_mm,
@@ -82,7 +83,7 @@ class Calipers:
     @property
     def focal_px(self) -> float:
         """Focal length in camera px, of a lens focused on the LCD's image in the mirror."""
-        focus = _focus_mm(self.distance_mm, self.leg_mm, self.index)
+        focus = _focus_mm(self.distance_mm, self.pattern_length_mm, self.index)
         return 1e3 * _image_mm(self.lens_mm, focus) / self.pixel_um
 
     @property
@@ -93,24 +94,24 @@ class Calipers:
     @property
     def position_mm(self) -> tuple[float, float, float]:
         """The camera's place, on the captured face's normal through what it looks at."""
-        beta = math.radians(self.captured_angle_deg)
+        beta = math.radians(self.camera_angle_deg)
         away = self.distance_mm + (self._length_mm - self.look_at_mm) * math.sin(beta)
         return self.look_at_mm + away * math.sin(beta), 0.0, -away * math.cos(beta)
 
     @property
     def _length_mm(self) -> float:
-        return _mirror_mm(self.leg_mm, self.pattern_angle_deg, self.captured_angle_deg)
+        return _mirror_mm(self.pattern_length_mm, self.pattern_angle_deg, self.camera_angle_deg)
 
 
-def _mirror_mm(leg_mm: float, pattern_deg: float, captured_deg: float) -> float:
+def _mirror_mm(pattern_length_mm: float, pattern_deg: float, captured_deg: float) -> float:
     """Mirror's length, from the triangle with the pattern face's."""
     top = math.radians(180.0 - pattern_deg - captured_deg)
-    return leg_mm * math.sin(top) / math.sin(math.radians(captured_deg))
+    return pattern_length_mm * math.sin(top) / math.sin(math.radians(captured_deg))
 
 
-def _focus_mm(distance_mm: float, leg_mm: float, index: float) -> float:
+def _focus_mm(distance_mm: float, pattern_length_mm: float, index: float) -> float:
     """From the lens to the LCD's image: rubber brings it nearer."""
-    return distance_mm + leg_mm / index
+    return distance_mm + pattern_length_mm / index
 
 
 def _image_mm(lens_mm: float, focus_mm: float) -> float:
@@ -133,14 +134,14 @@ def rig_text(calipers: Calipers, name: str, path: Path) -> str:
 #   zeromethod calibrate --rig {file} --display 1 --camera 0       finds what calipers cannot
 # World: origin on the edge P0 where pattern face and mirror meet, x along the mirror towards the captured
 # face, z out of the rubber.
-schema_version = 1
+schema_version = 2
 name = "{name}"
-press = "default"          # of the simulated bench
+scenario = "default"       # of the simulated bench
 
 [prism]
 pattern_angle_deg = {c.pattern_angle_deg!r}   # between mirror and pattern face; to 0.3 degrees
-captured_angle_deg = {c.captured_angle_deg!r}  # between mirror and captured face
-leg_mm = {c.leg_mm!r}              # length of the pattern face; to 0.05 mm
+camera_angle_deg = {c.camera_angle_deg!r}  # between mirror and captured face
+pattern_length_mm = {c.pattern_length_mm!r}              # length of the pattern face; to 0.05 mm
 width_mm = {c.width_mm!r}            # along y
 index = {c.index!r}               # of the rubber; silicone 1.40 to 1.43
 

@@ -37,7 +37,7 @@ def bench_of(rig: Rig) -> Rig:
     if rig.camera.driver != SIMULATED:
         simulation = simulation.model_copy(update={"camera_latency_s": clone.camera.latency_s})
     camera = clone.camera.model_copy(update={"rest_map": None})
-    return clone.model_copy(update={"press": "none", "simulation": simulation, "camera": camera})
+    return clone.model_copy(update={"scenario": "none", "simulation": simulation, "camera": camera})
 
 
 class Reliving:

@@ -60,7 +60,7 @@ def same_geometry(rig: Rig, recorded: Rig) -> bool:
     def of(one: Rig) -> tuple[object, ...]:
         camera = tuple(getattr(one.camera, key) for key in _CAMERA)
         display = tuple(getattr(one.display, key) for key in _DISPLAY)
-        return one.prism, one.pattern_layers, one.captured_layers, camera, display
+        return one.prism, one.pattern_layers, one.camera_layers, camera, display
 
     return of(rig) == of(recorded)
 

@@ -15,9 +15,9 @@ from zeromethod.arrays import Bytes, Float, Single
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_lens import LEAST_PSF_PX, SIGMAS, before
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
+from zeromethod.simulation.panel import light_of_codes
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import BenchRenderer, Handle, Piece
-from zeromethod.simulation.response import light_of_codes
 from zeromethod.simulation.virtual_bench.rays import LatticeRays
 
 _STEPS = 4096
@@ -119,7 +119,7 @@ class LatticeRenderer:
         return self._maps[mirror]
 
     def _gather(self, light: Single, q: Float, gain: Float, out: Single, first: int, end: int) -> None:
-        fill = self._rig.display.fill
+        fill = self._rig.display.fill_factor
         _gather(light, q, gain, fill, self._lens, self._reach, self._spread, first, end, out)
 
     def _panel_light(self, piece: Piece) -> Single:

@@ -1,0 +1,222 @@
+"""Tables of a rig file but those of the devices: every key, unit and bound.
+
+One pydantic model per TOML table. All models are frozen, refuse unknown keys and NaN. Lengths in
+mm, angles in degrees, times in s, camera and LCD pixels in px (centres at integers). The world
+frame is that of `zeromethod.optics`: origin on the edge P0 where pattern face and mirror meet,
+x along the mirror towards the camera face, z out of the rubber, y = z cross x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from zeromethod.errors import InputError
+from zeromethod.rig.refusal import first_refusal, refused, unknown_key
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
+LitShare = Annotated[float, Field(gt=0, le=1)]
+Angle = Annotated[float, Field(ge=-360, le=360)]
+Rate = Annotated[float, Field(gt=0, le=10000)]
+Lag = Annotated[float, Field(ge=0, le=10)]
+Count = Annotated[int, Field(ge=0)]
+Text = Annotated[str, Field(min_length=1)]
+Index = Annotated[float, Field(ge=1, le=4)]
+Vector2 = tuple[float, float]
+Vector3 = tuple[float, float, float]
+
+
+class Table(BaseModel):
+    """A TOML table: frozen, strict about its keys, no NaN or infinity."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def __init__(self, **values: Any) -> None:
+        """Table of these values; raises InputError, one line, for the first that is not allowed."""
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            kind = type(self)
+            raise InputError(f"{kind.__name__}: {first_refusal(error, kind)}") from None
+
+    # a table inside another is checked with it, not by its own __init__
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    def __str__(self) -> str:
+        return repr(self)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Copy with unchecked values in place of its own; refuses keys that the table does not have."""
+        fields = type(self).model_fields
+        unknown = [key for key in update or () if key not in fields]
+        if unknown and self.model_config["extra"] == "forbid":
+            raise InputError(unknown_key((type(self).__name__, unknown[0]), list(fields)))
+        return super().model_copy(update=update, deep=deep)
+
+    def given(self) -> dict[str, Any]:
+        """Keys of the schema that were given, a driver's own options left out."""
+        return {key: getattr(self, key) for key in self.model_fields_set & set(type(self).model_fields)}
+
+
+class Layer(Table):
+    """One slab parallel to a prism face: plate, bond or air gap (index 1)."""
+
+    index: Index
+    thickness_mm: NotNegative
+
+
+class RestSurface(Table):
+    """Height of the undeformed mirror above z = 0, positive out of the rubber.
+
+    flat; sphere (`radius_mm` > 0 bulges outwards, height 0 at `centre_mm`); map: a .npy of heights
+    in mm, (rows along y, cols along x), bicubic between points, first point at `origin_mm`.
+    """
+
+    shape: Literal["flat", "sphere", "map"] = "flat"
+    radius_mm: float | None = None
+    centre_mm: Vector2 = (0.0, 0.0)
+    file: Path | None = None
+    pitch_mm: Positive | None = None
+    origin_mm: Vector2 = (0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _complete(self) -> RestSurface:
+        if self.shape == "sphere" and not self.radius_mm:
+            raise refused("radius_mm", self.radius_mm, "a number other than 0 for shape 'sphere'")
+        if self.shape == "map" and self.file is None:
+            raise refused("file", None, "a .npy file for shape 'map'")
+        if self.shape == "map" and self.pitch_mm is None:
+            raise refused("pitch_mm", None, "a number above 0 for shape 'map'")
+        if self.shape != "sphere" and self.radius_mm is not None:
+            raise refused("radius_mm", self.radius_mm, "only with shape 'sphere'")
+        if self.shape != "map" and self.file is not None:
+            raise refused("file", str(self.file), "only with shape 'map'")
+        return self
+
+
+class Prism(Table):
+    """The rubber prism: angles of its faces to the mirror, one length, refractive index.
+
+    pattern_angle_deg: of the pattern face, alpha0 at P0; camera_angle_deg: of the camera face, beta0 at R0.
+    `pattern_length_mm` is the length of the pattern face, `mirror_length_mm` the paper's L0: exactly one.
+    The prism spans -width_mm/2 <= y <= width_mm/2.
+    """
+
+    pattern_angle_deg: Annotated[float, Field(gt=5, lt=85)]
+    camera_angle_deg: Annotated[float, Field(gt=5, lt=85)]
+    pattern_length_mm: Positive | None = None
+    mirror_length_mm: Positive | None = None
+    width_mm: Positive
+    index: Annotated[float, Field(gt=1, le=4)]
+    rest: RestSurface = RestSurface()
+
+    def __repr__(self) -> str:
+        angles = f"{self.pattern_angle_deg:g}/{self.camera_angle_deg:g} deg"
+        return f"Prism({angles}, index {self.index:g}, {self.width_mm:g} mm wide)"
+
+    @model_validator(mode="after")
+    def _one_length(self) -> Prism:
+        rule = "exactly one of pattern_length_mm and mirror_length_mm"
+        if self.pattern_length_mm is None and self.mirror_length_mm is None:
+            raise refused("pattern_length_mm", None, rule)
+        if self.pattern_length_mm is not None and self.mirror_length_mm is not None:
+            raise refused("mirror_length_mm", self.mirror_length_mm, rule)
+        return self
+
+
+class TargetSpec(Table):
+    """The target: the picture that the camera should see, in camera pixels.
+
+    Light = mean +- contrast x mean; the period is even and a node lies every half period.
+    """
+
+    kind: Literal["cosines", "checker", "lattice", "noise"] = "cosines"
+    period_px: Annotated[int, Field(ge=8, le=64, multiple_of=2)] = 16
+    mean: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
+
+    @model_validator(mode="after")
+    def _displayable(self) -> TargetSpec:
+        if self.mean * (1 + self.contrast) > 1 + 1e-9:
+            raise refused("contrast", self.contrast, f"at most 1 / mean - 1 = {1 / self.mean - 1:.6g}")
+        return self
+
+
+class ControlSpec(Table):
+    """The loop: which controller, with what gain.
+
+    `gain` 0..1: share of each correction applied at once (composition: filter's upper limit;
+    integrator: its gain); `leak` is the integrator's alone, per frame. `strips` "edges": coded strips at two
+    edges of the view identify the pictures that a frame was exposed to.
+    """
+
+    controller: Literal["composition", "integrator"] = "composition"
+    gain: Annotated[float, Field(gt=0, le=1)] = 1.0
+    leak: Annotated[float, Field(ge=0, lt=1)] = 0.01
+    timeout_s: Positive = 1.0
+    strips: Literal["none", "edges"] = "none"
+
+
+class KnownRest(Table):
+    """A rectangle of the mirror known to stay at rest (a clamped rim): x and y from, to in mm."""
+
+    x_mm: Vector2
+    y_mm: Vector2
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> KnownRest:
+        for key, (start, end) in (("x_mm", self.x_mm), ("y_mm", self.y_mm)):
+            if start >= end:
+                raise refused(key, [start, end], "from, to with from below to")
+        return self
+
+
+class SurfaceSpec(Table):
+    """Reading depth: where the rubber is known to be at rest (without any, the quietest region is used)."""
+
+    known_rest: tuple[KnownRest, ...] = ()
+
+
+class Faults(Table):
+    """Planted faults of the simulated devices; frame numbers count from 0, None = never."""
+
+    drop_frames: tuple[Count, ...] = ()
+    repeat_frames: tuple[Count, ...] = ()
+    late_frames: tuple[Count, ...] = ()
+    late_s: NotNegative = 0.05
+    torn_frames: tuple[Count, ...] = ()
+    stall_at_frame: Count | None = None
+    stall_s: NotNegative = 0.0
+    camera_lost_at_frame: Count | None = None
+    camera_back_after_s: NotNegative | None = None
+    display_lost_at_show: Count | None = None
+    light_off_frames: tuple[Count, Count] | None = None
+
+
+class SimulationSpec(Table):
+    """The simulated bench's own clocks, stray light and faults, which reading never uses.
+
+    Unset rates equal the rig's. `camera_phase`: start of the first
+    exposure, in camera frames after time 0. `camera_latency_s`: end of exposure to frame in hand.
+    `ghost_faces`, `ghost_gap`: light of the second reflections (both prism faces; pattern face and LCD
+    glass across the gap) relative to the main one. `ambient`: stray light, share of full scale.
+    """
+
+    seed: Count = 0
+    renderer: Literal["gpu", "numpy"] = "gpu"
+    display_refresh_hz: Rate | None = None
+    display_jitter_s: Lag = 0.0
+    camera_rate_hz: Rate | None = None
+    camera_phase: float = 0.0
+    camera_jitter_s: Lag = 0.0
+    camera_latency_s: Lag = 0.004
+    peak_grey_share: LitShare = 0.8
+    ghost_faces: Share = 0.0
+    ghost_gap: Share = 0.0
+    ambient: Share = 0.0
+    faults: Faults = Faults()
