@@ -77,12 +77,12 @@ def plant(path: Path, keep: tuple[str, ...] = ("frames", "residual", "warps", "s
             filtered = Warp(rest.q, np.ones_like(rest.q), rest.flags, time_ns)
             step = Step(turn, time_ns, State.STARTING, "", (), rest.q, filtered)
             if turn == 1:
-                recorder.turn(step)
+                recorder.add_step(step)
                 continue
             residual = Residual.empty(rest.grid)
             residual.d[..., 0] = 0.02 * turn
             residual.flags[rest.grid.inner] = 0
-            recorder.turn(
+            recorder.add_step(
                 replace(
                     step,
                     state=State.LOCKED,
@@ -109,7 +109,7 @@ def plant(path: Path, keep: tuple[str, ...] = ("frames", "residual", "warps", "s
                 time_ns,
                 3,
             )
-            recorder.reading(step, surface, Peak(float(depths[turn - 1]), *DENT_MM, SIGMA_MM), 1.0)
+            recorder.add_reading(step, surface, Peak(float(depths[turn - 1]), *DENT_MM, SIGMA_MM), 1.0)
     return planted
 
 

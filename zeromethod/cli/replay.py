@@ -145,10 +145,10 @@ def _again(
     figure: Path | None,
 ) -> None:
     """Read or sense again, print the differences and put them into `about`."""
-    turns = recording.turns
+    turns = recording.steps
     upto = turns["number"][turns["time_ns"] <= window.to_ns]
     if again == "read":
-        with progress(int(np.isin(recording.peaks["turn"], upto).sum()), "reading") as advance:
+        with progress(int(np.isin(recording.peaks["step"], upto).sum()), "reading") as advance:
             depths = reread(recording, rig, window, speed=speed, on_turn=_telling(advance))
         figures = depths.figures
         equal = not depths.different

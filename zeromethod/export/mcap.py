@@ -37,7 +37,7 @@ def export_mcap(
     writer_of = needed("mcap_ros2.writer").Writer
     rest = rest_surface(recording.rig)
     inner = recording.grid.inner
-    peaks = {int(row["turn"]): row for row in recording.peaks}
+    peaks = {int(row["step"]): row for row in recording.peaks}
     with atomic_write(path) as part, part.open("wb") as file, writer_of(file) as writer:
         topics = _Topics(writer)
         writer.add_metadata("zeromethod", {"started_utc": recording.started_utc, "rig": recording.rig_text})

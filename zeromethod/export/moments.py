@@ -71,7 +71,7 @@ class Selection:
             times = _moments(recording, found).time_s
             return _moments(recording, found[[int(np.argmin(np.abs(times - self.at_s)))]])
         found = self._within(recording, ("surface",))
-        depth = dict(zip(recording.peaks["turn"].tolist(), recording.peaks["depth_mm"].tolist(), strict=True))
+        depth = dict(zip(recording.peaks["step"].tolist(), recording.peaks["depth_mm"].tolist(), strict=True))
         depths = np.abs([depth.get(turn, math.nan) for turn in found["number"].tolist()])
         locked = np.array([recording.state_of(row) is State.LOCKED for row in found])
         if np.isfinite(depths[locked]).any():
@@ -80,13 +80,13 @@ class Selection:
         return _moments(recording, found[[deepest]])
 
     def _within(self, recording: Recording, groups: Sequence[str]) -> NDArray[np.void]:
-        turns = recording.turns
+        turns = recording.steps
         if not len(turns):
             raise InputError(f"{recording.path}: nothing was recorded yet")
         if groups:
-            kept = np.concatenate([recording.turns_kept(group) for group in groups])
+            kept = np.concatenate([recording.steps_with(group) for group in groups])
             turns = turns[np.isin(turns["number"], kept)]
-        time_s = 1e-9 * (turns["time_ns"] - recording.turns["time_ns"][0])
+        time_s = 1e-9 * (turns["time_ns"] - recording.steps["time_ns"][0])
         low = -math.inf if self.from_s is None else self.from_s
         high = math.inf if self.to_s is None else self.to_s
         found: NDArray[np.void] = turns[(time_s >= low) & (time_s <= high)]
@@ -111,7 +111,7 @@ def require(recording: Recording, parts: Sequence[str], purpose: str) -> None:
 
 
 def _moments(recording: Recording, rows: NDArray[np.void]) -> Moments:
-    since_ns = rows["time_ns"] - recording.turns["time_ns"][0]
+    since_ns = rows["time_ns"] - recording.steps["time_ns"][0]
     started = datetime.fromisoformat(recording.started_utc)
     unix_ns = round(started.timestamp() * 1e6) * 1000 + since_ns
     states = tuple(recording.state_of(row).value for row in rows)

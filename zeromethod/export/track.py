@@ -22,7 +22,7 @@ def export_track(
 
     Returns what was written: lines, and those with a peak.
     """
-    peaks = {int(row["turn"]): row for row in recording.peaks}
+    peaks = {int(row["step"]): row for row in recording.peaks}
     read = 0
     with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file, lineterminator="\n")

@@ -88,8 +88,8 @@ def _shown(moments: Moments, rate_hz: float) -> Ints:
 
 def _picture(recording: Recording, moments: Moments) -> Picture:
     """The picture with its scales, which hold for all moments."""
-    within = np.isin(recording.turns["number"], moments.turns)
-    peaks = recording.peaks[np.isin(recording.peaks["turn"], moments.turns)]
+    within = np.isin(recording.steps["number"], moments.turns)
+    peaks = recording.peaks[np.isin(recording.peaks["step"], moments.turns)]
     some = moments.turns[np.linspace(0, len(moments.turns) - 1, _LOOKED_AT).astype(int)]
     images = [image for image in map(recording.image, some) if image is not None]
     surface = next((found for found in map(recording.surface, moments.turns) if found is not None), None)
@@ -97,7 +97,7 @@ def _picture(recording: Recording, moments: Moments) -> Picture:
         raise InputError(f"{recording.path}: no surface was read in this time: a video needs one")
     inner = recording.grid.inner
     x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
-    scales = Scales.of(images, recording.turns["residual_rms_px"][within], peaks["depth_mm"])
+    scales = Scales.of(images, recording.steps["residual_rms_px"][within], peaks["depth_mm"])
     return Picture(recording.grid, Lattice.covering(x_mm, y_mm), scales)
 
 
@@ -109,10 +109,10 @@ def _pictures(
     advance: Callable[[], None],
 ) -> Iterator[Bytes]:
     """Picture of every frame of the video: each moment drawn once, the last surface kept until the next."""
-    peaks = {int(row["turn"]): row for row in recording.peaks}
+    peaks = {int(row["step"]): row for row in recording.peaks}
     surface: Surface | None = None
     rms_px = dict(
-        zip(recording.turns["number"].tolist(), recording.turns["residual_rms_px"].tolist(), strict=True)
+        zip(recording.steps["number"].tolist(), recording.steps["residual_rms_px"].tolist(), strict=True)
     )
     peak_words = ""
     image = np.zeros((*picture.shape, 3), np.uint8)

@@ -7,7 +7,7 @@ import re
 import time
 import uuid
 from collections import deque
-from types import TracebackType
+from contextlib import AbstractContextManager
 from typing import Any
 
 from zeromethod.clock import Clock
@@ -27,7 +27,7 @@ _LEAVING_S = 0.05
 """What `close` gives the last message, which says why the run ended: newest-only sockets do not linger."""
 
 
-class Publisher:
+class Publisher(AbstractContextManager["Publisher"]):
     """Publishes every turn of a run; a subscriber gets the newest message that it had not yet.
 
     Each subscriber has room for one message, which the next one replaces: one that reads slowly or not at all
@@ -94,12 +94,7 @@ class Publisher:
         self._socket.close()
         self._context.term()
 
-    def __enter__(self) -> Publisher:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

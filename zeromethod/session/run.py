@@ -20,6 +20,7 @@ from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
+from zeromethod.recording.status import Condition
 from zeromethod.rig.model import Rig
 from zeromethod.session.reading import Publisher, Reading, ReadInThread, ReadInTurn, timed, warm_up_warp
 from zeromethod.session.result import FrameRecord, RunResult, Snapshot
@@ -67,7 +68,7 @@ class Run:
         self._surfaces = Surfaces(rig, self._optics, self._grid)
         self._publisher = publisher
         self._recorder = None if record is None else self._opened(record)
-        self._recording = ""
+        self._recording = Condition.ALL_KEPT
         self._truth: TruthSource | None = getattr(devices.camera, "truth", None)
         self._scenario = getattr(devices.camera, "scenario", None)
         phases = self._scenario.phases if self._scenario is not None else ()
@@ -115,7 +116,7 @@ class Run:
                 for step in steps:
                     reading.post(step)
                     if self._recorder is not None:
-                        self._recorder.turn(step, self._phase(step.time_ns))
+                        self._recorder.add_step(step, self._phase(step.time_ns))
                     yield self._record(step, reading)
             except KeyboardInterrupt:
                 self.result.interrupted = True
@@ -142,18 +143,16 @@ class Run:
         if self._recorder is None:
             return
         if self.loop.ended is not None:
-            self._recorder.turn(self.loop.ended)
+            self._recorder.add_step(self.loop.ended)
         self._recorder.close()
-        self.result.recording = self._recorder.state
+        self.result.recording = str(self._recorder.status)
 
     def _recording_note(self) -> tuple[str, ...]:
         """What the operator should know of the recording, when that changes."""
-        told = "" if self._recorder is None else self._recorder.state
-        kind = told.partition(":")[0]  # counts that follow it may change with every frame
-        if kind == self._recording:
+        if self._recorder is None or self._recorder.status.condition is self._recording:
             return ()
-        self._recording = kind
-        return (f"recording: {told or 'all is kept again'}",)
+        self._recording = self._recorder.status.condition
+        return (self._recorder.status.note,)
 
     def _finish(self) -> None:
         display = self._devices.display
@@ -239,7 +238,7 @@ class Run:
             self.result.records[index] = record
             self._newest_peak_mm = one.peak.depth_mm
             if self._recorder is not None:
-                self._recorder.reading(one.step, one.surface, one.peak, one.read_ms)
+                self._recorder.add_reading(one.step, one.surface, one.peak, one.read_ms)
             self._keep(one.step, record.phase, one.surface, one.peak.depth_mm)
 
     def _phase(self, time_ns: int) -> str:

@@ -40,7 +40,7 @@ def test_the_mirror_is_where_it_was_read(session, recording) -> None:
     window = Window.of(recording)
     mirror = RecordedMirror(recording, window)
     scenario = mirror.scenario("again")
-    for turn in recording.turns_kept("surface")[[5, 20, 35, 45]]:
+    for turn in recording.steps_with("surface")[[5, 20, 35, 45]]:
         surface = recording.surface(int(turn))
         there = scenario.mirror_at(surface.time_ns - mirror.shift_ns)
         off = there.depth(surface.x_mm, surface.y_mm)[surface.valid] - surface.depth_mm[surface.valid]
@@ -51,7 +51,7 @@ def test_the_mirror_is_where_it_was_read(session, recording) -> None:
 def test_at_rest_the_noise_of_single_readings_does_not_move_it(session, recording) -> None:
     mirror = RecordedMirror(recording, Window.of(recording))
     scenario = mirror.scenario("again")
-    turns = [int(turn) for turn in recording.turns_kept("surface")]
+    turns = [int(turn) for turn in recording.steps_with("surface")]
     surfaces = [recording.surface(turn) for turn in turns]
     still = [surface for surface in surfaces if surface.time_ns < 0.13e9]
     assert len(still) >= 5

@@ -57,7 +57,7 @@ def test_other_surface_settings_read_as_a_reader_with_them_does(recording) -> No
     again = reread(recording, rig, Window.of(recording, None, 0.4))
     assert len(again.different) == again.turns
     reader = SurfaceReader(rig, Optics(rig), recording.grid)
-    turns = recording.peaks["turn"][: again.turns].tolist()
+    turns = recording.peaks["step"][: again.turns].tolist()
     expected = [peak(reader.read(recording.measured(turn))).depth_mm for turn in turns]
     assert again.again_mm == expected
 

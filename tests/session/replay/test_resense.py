@@ -58,7 +58,7 @@ def test_frames_that_were_faulty_and_a_new_zero_are_gone_through_alike(session, 
     path = recorded(tmp_path / "r.h5", 0.7, rig=rig, on_step=on_step)
     assert zeros[-1] is not None
     with Recording(path) as opened:
-        assert not opened.turns["sensed"].all()
+        assert not opened.steps["sensed"].all()
     assert_all_equal(path, 30)
 
 
@@ -66,7 +66,7 @@ def test_coded_strips_are_read_again(tmp_path: Path) -> None:
     rig = with_settings(coarser(load_rig("simulated"), 4), ["control.strips=edges", "press=step"])
     path = recorded(tmp_path / "r.h5", 0.25, rig=rig)
     with Recording(path) as opened:
-        assert opened.presentations["code"].max() > 0
+        assert opened.presentation_log["strip_code"].max() > 0
     assert_all_equal(path, 10)
 
 
@@ -81,7 +81,7 @@ def test_a_session_in_real_time_is_gone_through_in_its_own_order(session, tmp_pa
     ):
         # frames, not seconds: however slow the machine is
         for step in loop.run(frames=12):
-            recorder.turn(step)
+            recorder.add_step(step)
     # on a busy machine the loop may hold back some for their age
     assert_all_equal(path, 3)
 
@@ -119,12 +119,12 @@ def test_what_is_missing_is_told_in_one_line(session, tmp_path: Path, keep, ever
 
 def test_a_frame_that_was_not_kept_ends_what_can_be_sensed(session, tmp_path: Path, monkeypatch) -> None:
     with Recording(session.path) as opened:
-        missing = int(opened.turns["number"][20])
+        missing = int(opened.steps["number"][20])
         whole = opened.frame
         monkeypatch.setattr(opened, "frame", lambda turn: None if turn == missing else whole(turn))
         with pytest.raises(InputError, match=f"the frame of turn {missing} .* was not kept"):
             resense(opened, opened.rig, Window.of(opened))
-        before_s = 1e-9 * float(opened.turns["time_ns"][19] - opened.turns["time_ns"][0])
+        before_s = 1e-9 * float(opened.steps["time_ns"][19] - opened.steps["time_ns"][0])
         warps, _ = resense(opened, opened.rig, Window.of(opened, None, before_s + 1e-6))
     assert warps.different == []
 
@@ -135,7 +135,7 @@ def test_what_is_damaged_ends_what_can_be_sensed_and_is_not_called_unkept(
 ) -> None:
     turn = session.steps[25].number
     with Recording(session.path) as opened:
-        after = opened.presentations["after_turn"]
+        after = opened.presentation_log["after_step"]
     pictures = name == "pictures/q"
     path = damaged(name, int(np.flatnonzero(after == turn - 1)[0]) if pictures else turn)
     words = f"what was shown before turn {turn}" if pictures else f"the frame of turn {turn} "

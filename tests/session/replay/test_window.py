@@ -9,7 +9,7 @@ from zeromethod.session.replay.window import Pace, Window
 
 def test_a_window_counts_from_the_first_frame(recording) -> None:
     whole, part = Window.of(recording), Window.of(recording, 0.2, 0.5)
-    turns = recording.turns
+    turns = recording.steps
     assert whole.from_start
     assert whole.start_ns == whole.from_ns == int(turns["time_ns"][0])
     assert whole.to_ns == int(turns["time_ns"][turns["frame_number"] >= 0][-1])
@@ -35,7 +35,7 @@ def test_times_outside_the_recording_are_refused(recording, from_s, to_s, word: 
 
 
 def test_where_a_recording_ends_is_told_as_everywhere(recording) -> None:
-    turns = recording.turns
+    turns = recording.steps
     # the turn that ended it has no frame
     assert turns["frame_number"][-1] < 0
     last_s = 1e-9 * float(turns["time_ns"][turns["frame_number"] >= 0][-1] - turns["time_ns"][0])

@@ -79,7 +79,7 @@ class DepthDifferences:
 
     def add(self, turn: int, surface: Surface, peak: Peak) -> None:
         """Take in one reading."""
-        row = self.recording.peaks[self.recording.peaks["turn"] == turn][0]
+        row = self.recording.peaks[self.recording.peaks["step"] == turn][0]
         known = Peak(*(float(row[one.name]) for one in fields(Peak)))
         recorded = self._recorded(turn)
         equal = same(_numbers(known), _numbers(peak))

@@ -87,19 +87,19 @@ class Reliving:
                     self._pace.wait_for(step.time_ns)
                     read = None if step.measured is None else _read(reader, step)
                     if recorder is not None:
-                        recorder.turn(step)
+                        recorder.add_step(step)
                         if read is not None:
-                            recorder.reading(step, *read)
+                            recorder.add_reading(step, *read)
                     if self._mirror.settled_ns <= step.time_ns <= self._mirror.end_ns:
                         self.track.moments.append(self._moment(step, read, camera, optics, loop, nodes))
                     if on_step is not None:
                         on_step(1e-9 * step.time_ns)
                 if recorder is not None and loop.ended is not None:
-                    recorder.turn(loop.ended)
+                    recorder.add_step(loop.ended)
             finally:
                 if recorder is not None:
                     recorder.close()
-                    self.recorder_state = recorder.state
+                    self.recorder_state = str(recorder.status)
 
     def _recorder(self, rest: Rest) -> Recorder | None:
         if self._record is None:
@@ -148,9 +148,9 @@ def _read(reader: SurfaceReader, step: Step) -> tuple[Surface, Peak, float]:
 
 def recorded_track(recording: Recording, window: Window) -> Track:
     """What the recorded session did, by its own figures. Nodes are left out where no warps were kept."""
-    track, nodes = Track("recorded"), Nodes(recording.rest, len(recording.turns))
-    peaks = dict(zip(recording.peaks["turn"].tolist(), recording.peaks["depth_mm"].tolist(), strict=True))
-    for row in recording.turns:
+    track, nodes = Track("recorded"), Nodes(recording.rest, len(recording.steps))
+    peaks = dict(zip(recording.peaks["step"].tolist(), recording.peaks["depth_mm"].tolist(), strict=True))
+    for row in recording.steps:
         time_ns, turn = int(row["time_ns"]), int(row["number"])
         if time_ns not in window or row["frame_number"] < 0:
             continue

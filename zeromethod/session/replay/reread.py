@@ -87,7 +87,7 @@ def reread(
         raise InputError(f"{recording.path}: recorded without warps: nothing to read depth from")
     reader = Reader(recording, rig, grid_for(recording, rig))
     differences, pace = DepthDifferences(recording, window.start_ns), Pace(speed)
-    for turn in recording.peaks["turn"].tolist():
+    for turn in recording.peaks["step"].tolist():
         warp = recording.measured(turn)
         if warp is None:
             _leave_out(recording, turn, window, differences)

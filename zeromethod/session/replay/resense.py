@@ -142,7 +142,7 @@ def resense(
     rest = recording.rest if grid_for(recording, rig) is recording.grid else None
     parts = make_circle(rig, Optics(rig), rest=rest)
     reader = Reader(recording, rig, parts.rest.grid)
-    read = frozenset(recording.peaks["turn"].tolist())
+    read = frozenset(recording.peaks["step"].tolist())
     warps, depths = WarpDifferences(recording), DepthDifferences(recording, window.start_ns)
     pace = Pace(speed)
     for row, taken in _taken(recording, parts.circle, window):
@@ -169,15 +169,15 @@ def resense(
 
 def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tuple[Any, Taken]]:
     """Rows of the turns that reached the circle up to the window's end, and what it makes of them."""
-    presentations, shown = recording.presentations, 0
+    presentations, shown = recording.presentation_log, 0
     referenced = False
-    for row in recording.turns:
+    for row in recording.steps:
         if int(row["time_ns"]) > window.to_ns:
             return
         if row["frame_number"] < 0:
             continue
         turn = int(row["number"])
-        while shown < len(presentations) and int(presentations["after_turn"][shown]) < turn:
+        while shown < len(presentations) and int(presentations["after_step"][shown]) < turn:
             _present(recording, window, shown, circle)
             shown += 1
         taken = None
@@ -188,7 +188,7 @@ def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tup
                 at_s = 1e-9 * (int(row["time_ns"]) - window.start_ns)
                 told = f"the frame of turn {turn} ({at_s:.3f} s) {why}"
                 raise InputError(_ends_at(recording, window, turn, told))
-            taken = circle.take(own(frame), bool(row["held"]))
+            taken = circle.take(own(frame), bool(row["frozen"]))
         if not referenced and recording.state_of(row) in NULLED:
             referenced = True
             if taken is not None:
@@ -199,12 +199,12 @@ def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tup
 
 def _present(recording: Recording, window: Window, index: int, circle: Circle) -> None:
     """Hand the circle a picture: row `index` of the presentations."""
-    row, q = recording.presentations[index], recording.presented_q(index)
+    row, q = recording.presentation_log[index], recording.picture_q(index)
     if q is None:
         why = "is damaged" if recording.is_damaged("pictures", index) else "was not kept"
-        turn = int(row["after_turn"]) + 1
+        turn = int(row["after_step"]) + 1
         raise InputError(_ends_at(recording, window, turn, f"what was shown before turn {turn} {why}"))
-    code, seen_ns = int(row["code"]), int(row["seen_ns"])
+    code, seen_ns = int(row["strip_code"]), int(row["newest_frame_ns"])
     circle.presented(
         int(row["time_ns"]),
         q,
@@ -215,7 +215,7 @@ def _present(recording: Recording, window: Window, index: int, circle: Circle) -
 
 def _ends_at(recording: Recording, window: Window, turn: int, why: str) -> str:
     """Why frames cannot be sensed again from a turn on, and up to where they can."""
-    turns = recording.turns
+    turns = recording.steps
     before = turns["time_ns"][turns["sensed"] & (turns["number"] < turn)]
     if not before.size:
         return f"{recording.path}: {why}: frames cannot be sensed again"

@@ -30,7 +30,7 @@ class Window:
 
         Raises InputError for a recording without frames and for times that leave nothing of it.
         """
-        turns = recording.turns
+        turns = recording.steps
         for option, value in (("--from", from_s), ("--to", to_s)):
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{option}: {value}: seconds from the start of the recording, from 0 on")
