@@ -68,12 +68,12 @@ def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp
     files = ("--summary", summary, "--figure", figure, "--record", record)
     code, out, _ = replay(session, "--again", "loop", "--controller", "integrator", "--gain", "0.2", *files)
     assert code == 0
-    assert all(name in out for name in ("recorded", "relived", "changed", "picture behind the mirror"))
+    assert all(name in out for name in ("recorded", "simulated", "changed", "picture behind the mirror"))
     figures = json.loads(summary.read_text())
     sessions = figures["sessions"]
-    assert list(sessions) == ["recorded", "relived", "changed"]
-    assert sessions["recorded"]["frames"] == sessions["relived"]["frames"] > 20
-    assert sessions["changed"]["residual_rms_px"] > sessions["relived"]["residual_rms_px"]
+    assert list(sessions) == ["recorded", "simulated", "changed"]
+    assert sessions["recorded"]["frames"] == sessions["simulated"]["frames"] > 20
+    assert sessions["changed"]["residual_rms_px"] > sessions["simulated"]["residual_rms_px"]
     assert len(figures["curves"]["changed"]["residual_rms_px"]) == sessions["changed"]["frames"]
     assert figures["settings"] == ["control.gain=0.2", "control.controller=integrator"]
     assert figure.read_bytes().startswith(b"\x89PNG")
@@ -88,7 +88,7 @@ def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp
 def test_the_loop_unchanged_stands_beside_the_recorded_session_alone(session: Path, replay) -> None:
     code, out, _ = replay(session, "--again", "loop", "--to", "0.15")
     assert code == 0
-    assert "relived" in out
+    assert "simulated" in out
     assert "changed" not in out
 
 

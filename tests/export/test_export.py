@@ -136,10 +136,10 @@ def test_few_of_the_maps_are_in_memory_at_a_time(
     most = 0
     read = recording.surface
 
-    def watched(turn: int):
+    def watched(step: int):
         nonlocal most
         most = max(most, sum(one() is not None for one in alive))
-        surface = read(turn)
+        surface = read(step)
         if surface is not None:
             alive.append(weakref.ref(surface.depth_mm))
         return surface

@@ -130,7 +130,7 @@ def _write(export: Export) -> dict[str, Any]:
 
 
 def _line(export: Export, figures: dict[str, Any]) -> str:
-    times = export.moments.time_s
+    times = export.selected.time_s
     when = (
         f"{times[0]:.3f} s" if len(times) == 1 else f"{len(times)} times, {times[0]:.3f} to {times[-1]:.3f} s"
     )

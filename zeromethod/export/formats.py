@@ -12,8 +12,8 @@ from zeromethod.errors import InputError
 from zeromethod.export.extras import needed
 from zeromethod.export.mcap import export_mcap
 from zeromethod.export.mesh import export_mesh
-from zeromethod.export.moments import Moments, Selection, require
 from zeromethod.export.npz import export_npz
+from zeromethod.export.selection import SelectedSteps, Selection, require
 from zeromethod.export.tiff import export_tiff
 from zeromethod.export.track import export_track
 from zeromethod.recording.recording import Recording
@@ -33,13 +33,13 @@ class Export:
     recording: Recording
     form: str
     path: Path
-    moments: Moments
+    selected: SelectedSteps
     pitch_mm: float | None = None
 
     @property
     def total(self) -> int:
-        """Moments to go through."""
-        return len(self.moments.turns)
+        """SelectedSteps to go through."""
+        return len(self.selected.steps)
 
     def write(self, advance: Advance = _nothing) -> dict[str, Any]:
         """Write the file, whole or not at all. Returns its figures, which depend on the format.
@@ -55,7 +55,7 @@ class Export:
                 raise InputError(str(warning)) from None
 
     def _write(self, advance: Advance) -> dict[str, Any]:
-        common = (self.recording, self.moments, self.path, advance)
+        common = (self.recording, self.selected, self.path, advance)
         if self.form == "npz":
             return export_npz(*common)
         if self.form == "tiff":
@@ -121,16 +121,16 @@ def prepare(
         needed(_LIBRARIES[form])
     selection = selection or Selection()
     if form == "csv":
-        moments = selection.several(recording)
+        selected = selection.several(recording)
     elif form == "mcap":
         groups = [part for part in ("frames", "surface") if part in recording.kept]
         if not groups:
             require(recording, ("frames", "surface"), "an MCAP file")
-        moments = selection.several(recording, groups)
+        selected = selection.several(recording, groups)
     elif form == "mp4":
         require(recording, ("frames", "residual", "surface"), "a video")
-        moments = selection.several(recording, ("frames",))
+        selected = selection.several(recording, ("frames",))
     else:
         require(recording, ("surface",), f"a .{form} file")
-        moments = selection.one(recording) if form in MESHES else selection.several(recording, ("surface",))
-    return Export(recording, form, path, moments, pitch_mm)
+        selected = selection.one(recording) if form in MESHES else selection.several(recording, ("surface",))
+    return Export(recording, form, path, selected, pitch_mm)

@@ -20,7 +20,7 @@ _BORDER = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Lattice:
+class MapLattice:
     """Points (x0 + i pitch, y0 + j pitch): row j grows with y, column i with x; all in mm.
 
     The origin is a multiple of the pitch, so that lattices of equal pitch share their points.
@@ -32,8 +32,8 @@ class Lattice:
     shape: tuple[int, int]
 
     @classmethod
-    def covering(cls, x_mm: Float, y_mm: Float, pitch_mm: float | None = None) -> Lattice:
-        """Lattice over nodes (rows, cols), NaN where there are none.
+    def covering(cls, x_mm: Float, y_mm: Float, pitch_mm: float | None = None) -> MapLattice:
+        """MapLattice over nodes (rows, cols), NaN where there are none.
 
         Without a pitch, it is the nodes' own distance on the axis where that is less, to two digits and not
         above. Raises InputError where the pitch is no length, or its lattice would be empty or too large;
@@ -67,7 +67,7 @@ class Lattice:
 class Resampler:
     """Brings maps at nodes to a lattice: cubic, NaN wherever a corner of the cell is not valid."""
 
-    def __init__(self, lattice: Lattice) -> None:
+    def __init__(self, lattice: MapLattice) -> None:
         self._lattice = lattice
         self._at: Float | None = None
 

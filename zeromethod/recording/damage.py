@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from zeromethod.arrays import Mask
 from zeromethod.errors import InputError
 from zeromethod.recording.checksums import checksum_of
-from zeromethod.recording.source import Source
+from zeromethod.recording.source import RecordingFile
 from zeromethod.surface import Anchor, Surface
 
 KINDS = {
@@ -26,7 +26,9 @@ KINDS = {
 """Words for one item of a group, and for several."""
 
 
-def damaged_items(source: Source, lengths: Mapping[str, int], advance: Callable[[], None]) -> dict[str, int]:
+def damaged_items(
+    source: RecordingFile, lengths: Mapping[str, int], advance: Callable[[], None]
+) -> dict[str, int]:
     """Number of items with a damaged array, by group; groups without any are left out.
 
     lengths: complete items of every group. advance: called after each of `KINDS`, there or not.
@@ -40,7 +42,7 @@ def damaged_items(source: Source, lengths: Mapping[str, int], advance: Callable[
     return found
 
 
-def _damaged_in(source: Source, group: str, length: int) -> int:
+def _damaged_in(source: RecordingFile, group: str, length: int) -> int:
     try:
         checksums = source.checksums(group)
     except InputError:
@@ -59,7 +61,7 @@ def _damaged_in(source: Source, group: str, length: int) -> int:
     return int(np.count_nonzero(damaged))
 
 
-def _damaged_rows(source: Source, name: str, checksums: NDArray[np.uint64]) -> Mask | bool:
+def _damaged_rows(source: RecordingFile, name: str, checksums: NDArray[np.uint64]) -> Mask | bool:
     """(items,) whose row does not fit its checksum; many rows share a chunk, which is read once."""
     try:
         rows = source.table(name)

@@ -19,7 +19,7 @@ from zeromethod.recording.line import Content, Line
 from zeromethod.recording.message import Topic, Write
 from zeromethod.recording.rows import Added, Rows, WaitingReading, WaitingStep, without_arrays
 from zeromethod.recording.schema import KEEP, number_name, parts
-from zeromethod.recording.source import Source
+from zeromethod.recording.source import RecordingFile
 from zeromethod.recording.status import Condition, RecorderStatus
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface
@@ -327,7 +327,7 @@ def frames_in(path: Path, wanted: Callable[[int], bool]) -> int | None:
     None where it cannot be read.
     """
     try:
-        source = Source(path)
+        source = RecordingFile(path)
     except InputError:
         return None
     try:

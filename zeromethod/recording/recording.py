@@ -21,7 +21,7 @@ from zeromethod.recording.checksums import checksum_of
 from zeromethod.recording.damage import damaged_items, unknown_surface
 from zeromethod.recording.opening import Refusal, RefusedRecording
 from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, number_name
-from zeromethod.recording.source import Source
+from zeromethod.recording.source import RecordingFile
 from zeromethod.rig.load import parse_rig
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -62,7 +62,7 @@ class Recording(AbstractContextManager["Recording"]):
         """Open it. Raises `RefusedRecording`, an InputError of one line."""
         self.path = Path(path)
         self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._source = Source(self.path)
+        self._source = RecordingFile(self.path)
         try:
             self._open()
         except BaseException:

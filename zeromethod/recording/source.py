@@ -25,7 +25,7 @@ class DamagedWarning(UserWarning):
     """Arrays of a recording are damaged and left out."""
 
 
-class Source:
+class RecordingFile:
     """The file, open for reading. Parts that cannot be read raise RefusedRecording, one line."""
 
     def __init__(self, path: Path) -> None:

@@ -6,11 +6,11 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from zeromethod.loop.step import Step
+from zeromethod.publishing.publisher import Publisher
 from zeromethod.session.truth import Comparison
 from zeromethod.surface import Peak, Surface
 from zeromethod.warp.rest import Rest
@@ -26,13 +26,6 @@ def warm_up_warp(rest: Rest) -> Warp:
     It leaves its mark on the reader's weights: who reads a session again begins with it, too.
     """
     return Warp(rest.q, np.full_like(rest.q, 0.01), rest.flags, 0)
-
-
-class Publisher(Protocol):
-    """Anything that wants the readings of a run while it goes on, as `zeromethod.publishing.Publisher`."""
-
-    def publish(self, step: Step, reading: tuple[Surface, Peak] | None = None) -> None:
-        """Take one turn of the loop, with its surface and that one's peak where it was read."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """How well sessions followed their mirror: residual, lag, rejection over frequency, depth error.
 
-All from what a loop knows, so that a recorded session and a simulated one are judged alike: where the mirror
-was is what each frame measured, whatever was shown. The truth, known to the simulated ones alone, is held
-against depth only.
+All figures come from what a loop knows, so that recorded and simulated sessions are judged alike: the mirror
+is where each frame measured it, whatever was shown. Only depth is compared with the truth, which only
+simulated sessions have.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ BANDS_HZ = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 """Borders of the bands in which rejection is given as a number."""
 
 ABOVE_NOISE = 3.0
-"""Times the noise's power from which motion at a frequency is believed."""
+"""Times the noise's power from which motion at a frequency counts."""
 
 DEEP_SHARE = 0.5
-"""Share of the deepest true peak from which a peak's error is told."""
+"""Share of the deepest true peak from which a peak's error counts."""
 
 MOST_GAPS = 0.1
 """Share of frames without a measurement up to which a node's spectrum is taken; gaps are bridged."""
 
 
 def lag_ms(track: Track) -> float | None:
-    """Time, ms, by which the picture that frames saw was behind the mirror; negative: ahead. None at rest.
+    """Time, ms, by which the shown picture was behind the mirror; negative: ahead. None at rest.
 
     Least squares of shown - true = -lag x velocity over all nodes that move. Velocity is the central
     difference of the frames before and after, whose noise is not the frame's own.
@@ -134,7 +134,7 @@ def _rms(values: Float) -> float | None:
 
 
 def figures_of(track: Track) -> Figures:
-    """Figures of one session, JSON-ready; None where there is nothing to tell.
+    """Figures of one session, JSON-ready; None where it is not known.
 
     residual_rms_px: over all measured frames. residual_nulled_px: median over nulled ones. depth_*: against
     the truth. peak_error_percent: the worst among the nulled frames in which the true peak is at least half

@@ -70,8 +70,8 @@ class RecordedMirror:
         if "surface" not in recording.kept:
             raise InputError(f"{recording.path}: recorded without surfaces: nothing to move a mirror by")
         self._recording = recording
-        turns = recording.steps_with("surface")
-        times_ns = recording.steps["time_ns"][np.searchsorted(recording.steps["number"], turns)]
+        steps = recording.steps_with("surface")
+        times_ns = recording.steps["time_ns"][np.searchsorted(recording.steps["number"], steps)]
         if not np.any((times_ns >= window.from_ns) & (times_ns <= window.to_ns)):
             raise InputError(f"{recording.path}: nothing was read in this part to move a mirror by")
         period_ns = round(1e9 / recording.rig.camera.rate_hz)
@@ -85,7 +85,7 @@ class RecordedMirror:
         # a reading beyond the end tells where the mirror goes
         last = min(bisect_right(times, self.end_ns) + 1, len(times))
         self._lead = len(lead)
-        self._turns = [int(turn) for turn in turns[first:last]]
+        self._steps = [int(step) for step in steps[first:last]]
         self._lay_out()
         self._fits: OrderedDict[int, _Fit | None] = OrderedDict()
         self._first: Float | None = None
@@ -136,7 +136,7 @@ class RecordedMirror:
         total, count = here.coefficients.copy(), 1
         for step in (-1, 1):
             for k in range(index + step, index + step * (AVERAGED + 1), step):
-                other = self._fit(k) if 0 <= k < len(self._turns) else None
+                other = self._fit(k) if 0 <= k < len(self._steps) else None
                 if other is None or not here.same_as(other):
                     break
                 total += other.coefficients
@@ -154,7 +154,7 @@ class RecordedMirror:
         return self._fits[index]
 
     def _fitted(self, index: int) -> _Fit | None:
-        surface = self._recording.surface(self._turns[index])
+        surface = self._recording.surface(self._steps[index])
         if surface is None:
             return None
         read = surface.valid & self._used & np.isfinite(surface.depth_mm)

@@ -21,8 +21,8 @@ MOST_VALUES = 4_000_000
 
 
 @dataclass(frozen=True)
-class Moment:
-    """One turn. Times in s from the start of what is compared.
+class TrackPoint:
+    """One step. Times in s from the start of what is compared.
 
     moved: (nodes, 2) LCD px, where the mirror is by this frame alone, less the warp at rest; NaN where it
     could not be measured. behind: (nodes, 2) the warp that was shown less the one measured. sigma: rms noise
@@ -52,7 +52,7 @@ class Track:
     """Moments of one session. name: how it is called in tables and pictures."""
 
     name: str
-    moments: list[Moment] = field(default_factory=list)
+    moments: list[TrackPoint] = field(default_factory=list)
 
     @property
     def time_s(self) -> Float:
@@ -90,7 +90,7 @@ class Nodes:
     def pick(
         self, measured: Warp | None, shown_q: NDArray[np.floating] | None, zero: Float | None
     ) -> tuple[Single, Single, float]:
-        """(moved, behind, sigma) of a `Moment`. measured: from `zero` (None for rest), as a step gives it."""
+        """(moved, behind, sigma) of a `TrackPoint`. measured: from `zero` (None for rest), as a step gives it."""
         if measured is None or shown_q is None:
             nothing = np.full((self._at[0].size, 2), np.nan, np.float32)
             return nothing, nothing, float("nan")

@@ -1,4 +1,4 @@
-"""Closing the loop again: the recorded surface moves a simulated bench, which another controller may null.
+"""Closed-loop replay: the recorded surface moves a simulated bench, which another controller may null.
 
 The bench is the recorded rig's, simulated: same geometry, timing and noise; its mirror is that of
 `zeromethod.session.replay.mirror`.
@@ -19,7 +19,7 @@ from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import Rig
 from zeromethod.session.reading import timed
 from zeromethod.session.replay.mirror import RecordedMirror
-from zeromethod.session.replay.track import Moment, Nodes, Track
+from zeromethod.session.replay.track import Nodes, Track, TrackPoint
 from zeromethod.session.replay.window import Pace, Window
 from zeromethod.session.truth import compare
 from zeromethod.simulation.clone import SIMULATED, simulated_clone
@@ -27,10 +27,10 @@ from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.warp.rest import Rest
 
 
-def bench_of(rig: Rig) -> Rig:
+def simulated_bench(rig: Rig) -> Rig:
     """The simulated bench of a recorded rig, pressed by nothing of its own.
 
-    The delay of the camera goes along. Readings are zeroed by the geometry, which the bench has exactly.
+    It keeps the camera's delay. Readings are zeroed by the geometry, which is exact on the bench.
     """
     clone = simulated_clone(rig)
     simulation = clone.simulation
@@ -40,8 +40,8 @@ def bench_of(rig: Rig) -> Rig:
     return clone.model_copy(update={"press": "none", "simulation": simulation, "camera": camera})
 
 
-class Reliving:
-    """One session to be lived through again on a simulated bench; `track` is what it did."""
+class ClosedLoopReplay:
+    """One session on a simulated bench whose mirror moves as recorded; `track` is what the loop did."""
 
     def __init__(
         self,
@@ -53,19 +53,19 @@ class Reliving:
         command_line: str = "",
         speed: float | None = None,
     ) -> None:
-        """rig: of the bench (`bench_of`) and of the loop. record: write a recording of it there."""
+        """rig: of the bench (`simulated_bench`) and of the loop. record: write a recording of it there."""
         self.track = Track(name)
         self.rig = rig
         self.gl_renderer = ""
         self.recorder_state = ""
-        """What the operator should know of the recording, at its end; "" where all is well."""
+        """What was not kept of the new recording; "" while all is kept."""
         self._mirror = mirror
         self._record = record
         self._command_line = command_line
         self._pace = Pace(speed)
 
     def run(self, on_step: Callable[[float], None] | None = None) -> Track:
-        """Live through it; on_step gets the seconds of the bench's time so far.
+        """Run it; on_step gets the seconds of the bench's time so far.
 
         Raises InputError for settings with which no loop can run.
         """
@@ -104,8 +104,8 @@ class Reliving:
     def _recorder(self, rest: Rest) -> Recorder | None:
         if self._record is None:
             return None
-        told, renderer = self._command_line, self.gl_renderer
-        return Recorder(self._record, self.rig, rest, command_line=told, gl_renderer=renderer)
+        command, renderer = self._command_line, self.gl_renderer
+        return Recorder(self._record, self.rig, rest, command_line=command, gl_renderer=renderer)
 
     def _moment(
         self,
@@ -115,13 +115,13 @@ class Reliving:
         optics: Optics,
         loop: Loop,
         nodes: Nodes,
-    ) -> Moment:
+    ) -> TrackPoint:
         moved, behind, sigma = nodes.pick(step.measured, step.shown_q, step.zero)
         time_s = 1e-9 * (step.time_ns - self._mirror.settled_ns)
         if read is None:
-            return Moment(time_s, step.state, step.residual_rms_px, moved, behind, sigma)
+            return TrackPoint(time_s, step.state, step.residual_rms_px, moved, behind, sigma)
         truth = compare(read[0], camera.truth(step.time_ns), optics, loop.grid)
-        return Moment(
+        return TrackPoint(
             time_s,
             step.state,
             step.residual_rms_px,
@@ -151,20 +151,20 @@ def recorded_track(recording: Recording, window: Window) -> Track:
     track, nodes = Track("recorded"), Nodes(recording.rest, len(recording.steps))
     peaks = dict(zip(recording.peaks["step"].tolist(), recording.peaks["depth_mm"].tolist(), strict=True))
     for row in recording.steps:
-        time_ns, turn = int(row["time_ns"]), int(row["number"])
+        time_ns, step = int(row["time_ns"]), int(row["number"])
         if time_ns not in window or row["frame_number"] < 0:
             continue
-        measured, shown = recording.measured(turn), recording.shown(turn)
-        moved, behind, sigma = nodes.pick(measured, shown, recording.zero(turn))
+        measured, shown = recording.measured(step), recording.shown(step)
+        moved, behind, sigma = nodes.pick(measured, shown, recording.zero(step))
         track.moments.append(
-            Moment(
+            TrackPoint(
                 1e-9 * (time_ns - window.from_ns),
                 recording.state_of(row),
                 float(row["residual_rms_px"]),
                 moved,
                 behind,
                 sigma,
-                peaks.get(turn, float("nan")),
+                peaks.get(step, float("nan")),
             )
         )
     return track
