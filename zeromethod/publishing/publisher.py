@@ -24,7 +24,7 @@ _CONTACTS = 16
 _SEND_BUFFER_BYTES = 1 << 19
 """Kernel buffer per subscriber: about one message, or a slow line would always be late."""
 _LEAVING_S = 0.05
-"""Time that `close` gives the last message, which says why the run ended: newest-only sockets do not linger."""
+"""Time that `close` gives the last message to leave: newest-only sockets do not linger."""
 
 
 class Publisher(AbstractContextManager["Publisher"]):

@@ -20,9 +20,10 @@ from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
+from zeromethod.publishing.publisher import Publisher
 from zeromethod.recording.status import Condition
 from zeromethod.rig.model import Rig
-from zeromethod.session.reading import Publisher, Reading, ReadInThread, ReadInTurn, timed, warm_up_warp
+from zeromethod.session.reading import Reading, ReadInThread, ReadInTurn, timed, warm_up_warp
 from zeromethod.session.result import FrameRecord, RunResult, Snapshot
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.session.truth import AT_REST, TruthSource, compare, usable_nodes

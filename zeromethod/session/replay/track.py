@@ -90,7 +90,7 @@ class Nodes:
     def pick(
         self, measured: Warp | None, shown_q: NDArray[np.floating] | None, zero: Float | None
     ) -> tuple[Single, Single, float]:
-        """(moved, behind, sigma) of a `TrackPoint`. measured: from `zero` (None for rest), as a step gives it."""
+        """(moved, behind, sigma) of a `TrackPoint`. measured: from `zero` (None for rest)."""
         if measured is None or shown_q is None:
             nothing = np.full((self._at[0].size, 2), np.nan, np.float32)
             return nothing, nothing, float("nan")
