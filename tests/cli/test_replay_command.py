@@ -59,8 +59,8 @@ def test_sensing_again_with_another_setting_tells_what_it_changes(
     figures = json.loads(summary.read_text())
     assert (figures["changed"], figures["equal"]) == (True, False)
     assert figures["settings"] == ["camera.noise.read_grey=9"]
-    assert 5 <= figures["turns"] <= 7
-    assert figures["sigma_lcd_px"]["again"] > figures["sigma_lcd_px"]["recorded"]
+    assert 5 <= figures["steps"] <= 7
+    assert figures["sigma_lcd_px"]["replayed"] > figures["sigma_lcd_px"]["recorded"]
 
 
 def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp_path: Path, replay) -> None:
@@ -79,7 +79,7 @@ def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp
     assert figure.read_bytes().startswith(b"\x89PNG")
     with Recording(record) as again:
         assert again.rig.control.controller == "integrator"
-        assert np.count_nonzero(again.turns["sensed"]) >= sessions["changed"]["frames"]
+        assert np.count_nonzero(again.steps["sensed"]) >= sessions["changed"]["frames"]
     code, _, err = replay(session, "--again", "loop", "--record", record)
     assert code == 2
     assert "not overwritten" in err

@@ -29,7 +29,7 @@ def test_what_keep_left_out_is_named(without_surface: Path, without_frames: Path
                 recording, name
             )
         # The peak's track is always there.
-        assert prepare(recording, Path("a.csv")).total == 9
+        assert len(prepare(recording, Path("a.csv")).selected.steps) == 9
     with Recording(without_frames) as recording:
         assert "a video needs frames, residual, surface: frames, residual not kept" in refused(
             recording, "a.mp4"

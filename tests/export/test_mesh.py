@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from zeromethod.export import Selection, prepare
-from zeromethod.export.surface_points import surface_points
+from zeromethod.export.mesh import surface_points
 from zeromethod.optics.mirror import Sphere
 
 DEEPEST_MM, WIDTH_MM, CENTRE_MM = 0.2, 6.0, (42.0, 3.0)

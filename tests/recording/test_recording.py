@@ -256,7 +256,7 @@ def test_what_is_no_recording_is_refused(truth: Truth, tmp_path: Path) -> None:
     text.write_text("no HDF5")
     with pytest.raises(InputError, match="cannot be read as a recording"):
         Recording(text)
-    with pytest.raises(InputError, match="there is no such file"):
+    with pytest.raises(InputError, match="not there: give the path"):
         Recording(tmp_path / "missing.h5")
 
 

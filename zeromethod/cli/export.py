@@ -120,7 +120,7 @@ def _check_options(forms: list[str], every: int, at_s: float | None, pitch_mm: f
 def _write(export: Export) -> dict[str, Any]:
     """Write one file and say what is in it."""
     with ExitStack() as opened:
-        advance = opened.enter_context(progress(export.total, first=export.path.name))
+        advance = opened.enter_context(progress(len(export.selected.steps), first=export.path.name))
         opened.enter_context(writing("OUT", export.path))
         figures = export.write(lambda: advance(export.path.name))
     figures = {"file": str(export.path), "format": export.form, **figures}

@@ -10,10 +10,9 @@ import numpy as np
 
 from zeromethod.arrays import Image
 from zeromethod.atomic_write import atomic_write
-from zeromethod.export.extras import needed
+from zeromethod.export.mesh import surface_points
 from zeromethod.export.ros2_types import DEFINITIONS
-from zeromethod.export.selection import SelectedSteps
-from zeromethod.export.surface_points import surface_points
+from zeromethod.export.selection import SelectedSteps, needed
 from zeromethod.optics.mirror import HeightField, rest_surface
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface

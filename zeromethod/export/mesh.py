@@ -11,10 +11,8 @@ import numpy as np
 from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import MeasurementError
-from zeromethod.export.extras import needed
-from zeromethod.export.selection import SelectedSteps
-from zeromethod.export.surface_points import surface_points
-from zeromethod.optics.mirror import rest_surface
+from zeromethod.export.selection import SelectedSteps, needed
+from zeromethod.optics.mirror import HeightField, rest_surface
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
 
@@ -55,6 +53,16 @@ def export_mesh(
         "faces": len(faces),
         "depth_largest_mm": float(depth_mm[np.argmax(np.abs(depth_mm))]),
     }
+
+
+def surface_points(surface: Surface, rest: HeightField) -> Float:
+    """World points (rows, cols, 3) in mm of every node; z NaN where not valid.
+
+    Convention: origin P0, x along the mirror, z = h_rest(x, y) - depth out of the rubber.
+    """
+    x, y = (np.asarray(values, dtype=np.float64) for values in (surface.x_mm, surface.y_mm))
+    z = rest.height(x, y) - np.where(surface.valid, surface.depth_mm, np.nan)
+    return np.stack([x, y, z], axis=-1)
 
 
 def _triangles(recording: Recording, surface: Surface) -> tuple[Float, Ints, Mask]:

@@ -78,13 +78,8 @@ def export_npz(
                 np.lib.format.write_array(member, np.asarray(values), allow_pickle=False)
         for name, (dtype, _, _) in _MAPS.items():
             pair = (2,) if "slope" in name else ()
-            _add(
-                archive,
-                name,
-                np.dtype(dtype),
-                (len(selected.steps), len(v_px), len(u_px), *pair),
-                scratch[name],
-            )
+            shape = (len(selected.steps), len(v_px), len(u_px), *pair)
+            _add(archive, name, np.dtype(dtype), shape, scratch[name])
         archive.close()
     return {"times": len(selected.steps), "rows": len(v_px), "columns": len(u_px)}
 

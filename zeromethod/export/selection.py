@@ -1,11 +1,13 @@
-"""Which steps of a recording to export."""
+"""What an export needs: the steps selected, parts of the recording, libraries (extra `export`)."""
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +48,7 @@ class Selection:
     at_s: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be meant."""
+        """Refuse impossible times."""
         for option, value in (("--from", self.from_s), ("--to", self.to_s), ("--at", self.at_s)):
             if value is not None and not (math.isfinite(value) and value >= 0.0):
                 raise InputError(f"{option}: {value:g}: seconds since the recording's first step, 0 or more")
@@ -61,8 +63,8 @@ class Selection:
     def one(self, recording: Recording) -> SelectedSteps:
         """The step with a surface next to `at_s`; without, the one with the peak of largest |depth|.
 
-        That is looked for where the loop was locked, if it ever was: a peak that is still being followed may
-        lie in a hole. Raises InputError where there is no surface.
+        Only locked steps count, where there are any: a peak that is still being followed may lie in a
+        hole. Raises InputError where there is no surface.
         """
         if self.at_s is not None:
             if self.at_s > recording.seconds:
@@ -71,13 +73,12 @@ class Selection:
             times = _selected(recording, found).time_s
             return _selected(recording, found[[int(np.argmin(np.abs(times - self.at_s)))]])
         found = self._within(recording, ("surface",))
-        depth = dict(zip(recording.peaks["step"].tolist(), recording.peaks["depth_mm"].tolist(), strict=True))
-        depths = np.abs([depth.get(step, math.nan) for step in found["number"].tolist()])
-        locked = np.array([recording.state_of(row) is State.LOCKED for row in found])
-        if np.isfinite(depths[locked]).any():
-            depths[~locked] = math.nan
-        deepest = int(np.nanargmax(depths)) if np.isfinite(depths).any() else len(depths) - 1
-        return _selected(recording, found[[deepest]])
+        peaks = recording.peaks[np.isin(recording.peaks["step"], found["number"])]
+        peaks = peaks[np.isfinite(peaks["depth_mm"])]
+        if (locked := peaks[peaks["state"] == State.LOCKED.value]).size:
+            peaks = locked
+        deepest = peaks["step"][np.argmax(np.abs(peaks["depth_mm"]))] if peaks.size else found["number"][-1]
+        return _selected(recording, found[found["number"] == deepest])
 
     def _within(self, recording: Recording, groups: Sequence[str]) -> NDArray[np.void]:
         steps = recording.steps
@@ -108,6 +109,15 @@ def require(recording: Recording, parts: Sequence[str], purpose: str) -> None:
             f"{recording.path}: {purpose} needs {', '.join(parts)}: {', '.join(missing)} not kept "
             f"by the run's --keep (kept: {kept})"
         )
+
+
+def needed(module: str) -> Any:
+    """Import a module of the extra. Raises InputError that says how to install it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        library = module.partition(".")[0]
+        raise InputError(f"export: needs the library {library}: pip install 'zeromethod[export]'") from error
 
 
 def _selected(recording: Recording, rows: NDArray[np.void]) -> SelectedSteps:

@@ -10,9 +10,8 @@ import numpy as np
 
 from zeromethod.arrays import Single
 from zeromethod.atomic_write import atomic_write
-from zeromethod.export.extras import needed
 from zeromethod.export.lattice import MapLattice, Resampler
-from zeromethod.export.selection import SelectedSteps
+from zeromethod.export.selection import SelectedSteps, needed
 from zeromethod.recording.recording import Recording
 
 CHANNELS = ("depth, mm", "slope d depth / dx, rad", "slope d depth / dy, rad")

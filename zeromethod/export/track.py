@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from zeromethod.atomic_write import atomic_write
 from zeromethod.export.selection import SelectedSteps
 from zeromethod.recording.recording import Recording
@@ -22,20 +24,15 @@ def export_track(
 
     Returns what was written: lines, and those with a peak.
     """
-    peaks = {int(row["step"]): row for row in recording.peaks}
-    read = 0
+    peaks = {int(row["step"]): row for row in recording.peaks if np.isfinite(row["depth_mm"])}
     with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(COLUMNS)
         for step, time_s, state in zip(selected.steps, selected.time_s, selected.states, strict=True):
             row = peaks.get(int(step))
             values = [math.nan if row is None else float(row[name]) for name in COLUMNS[1:-1]]
-            read += math.isfinite(values[0])
-            lines.writerow([f"{time_s:.9f}", *(_number(value) for value in values), state])
+            # shortest text that gives the same number back
+            numbers = [repr(value) if math.isfinite(value) else "" for value in values]
+            lines.writerow([f"{time_s:.9f}", *numbers, state])
             advance()
-    return {"times": len(selected.steps), "peaks": read}
-
-
-def _number(value: float) -> str:
-    """Shortest text that gives the same number back; nothing for what is none."""
-    return repr(value) if math.isfinite(value) else ""
+    return {"times": len(selected.steps), "peaks": len(peaks.keys() & set(selected.steps.tolist()))}

@@ -12,10 +12,9 @@ import numpy as np
 from zeromethod.arrays import Bytes, Ints
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
-from zeromethod.export.extras import needed
 from zeromethod.export.lattice import MapLattice
 from zeromethod.export.picture import Picture, Scales
-from zeromethod.export.selection import SelectedSteps
+from zeromethod.export.selection import SelectedSteps, needed
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
 

@@ -1,6 +1,6 @@
-"""Lattice crossings in two images: found, told apart, followed from the first into the second.
+"""Lattice crossings in two images: found, numbered, followed from the first into the second.
 
-Section 5 of the paper picks them by hand, at whole pixels; here an eye of its own does, and `whole` rounds.
+Section 5 of the paper picks them by hand, at whole pixels; here between pixels, which `whole` rounds.
 Convention: positions (u, v) = (column, row) in px, pixel centres at integers.
 """
 
@@ -21,7 +21,7 @@ _SMOOTHING = 0.09
 _LIGHTING = 0.8
 """Gaussian sigma over the period of the brightness that the image is divided by."""
 _QUADRANT = 0.2
-"""Distance over the period, along u and v, at which arms and squares of a crossing are looked at."""
+"""Distance over the period, along u and v, at which arms and squares of a crossing are sampled."""
 _RISE = 0.15
 """How much brighter than the arms the squares must be, as a share of the local brightness."""
 _STILL = 0.2
@@ -109,11 +109,11 @@ def _edge(profile: Float, reach: int) -> float:
 def pick(
     before: NDArray[np.generic], after: NDArray[np.generic], period_px: float, origin_px: tuple[float, float]
 ) -> Picks:
-    """Crossings that both images show, numbered from the one at `origin_px` (u, v) in the first.
+    """Crossings visible in both images, numbered from the one at `origin_px` (u, v) in the first.
 
     The first image is of the mirror at rest: its lattice is square, `period_px` apart. In the second the
     numbers are carried from crossing to crossing, starting at the lattice's border, where they hardly
-    moved: displacements of more than a period are told apart. Crossings whose neighbours contradict them
+    moved: so displacements of more than a period are followed. Crossings whose neighbours contradict them
     (a fold, a missed one) are left out. Raises MeasurementError where an image shows no lattice.
     """
     at_rest = find_crossings(before, period_px)
@@ -121,11 +121,11 @@ def pick(
     near = np.max(np.abs(at_rest - origin_px - period_px * index), axis=-1) < _STILL * period_px
     rest = {(int(i), int(j)): place for (i, j), place in zip(index[near], at_rest[near], strict=True)}
     if len(rest) < 4:
-        raise MeasurementError("no lattice is seen in the image before the press")
+        raise MeasurementError("no lattice is visible in the image before the press")
     candidates = find_crossings(after, period_px)
     followed = _follow(rest, candidates, _neighbours(candidates, period_px), period_px)
     if not followed:
-        raise MeasurementError("no lattice is seen in the image after the press")
+        raise MeasurementError("no lattice is visible in the image after the press")
     keys = sorted(followed)
     return Picks(
         np.array(keys, dtype=np.int64),

@@ -51,7 +51,7 @@ def padded(field: Float) -> Float:
 
 
 class Matcher:
-    """Compares one pair of images, again and again, for ever better fields. Keeps its buffers."""
+    """Compares one pair of images repeatedly, for ever better fields. Keeps its buffers."""
 
     def __init__(self, reference: Single, image: Single, size: int) -> None:
         """reference, image: (rows, cols) grey. size: of the cells in px."""
@@ -65,7 +65,7 @@ class Matcher:
         self._grey = np.empty((*self.shape, 6))
 
     def compare(self, field: Float) -> CellMatches:
-        """Warp the image by field (cell rows, cell cols, 2) px and hold it against the reference."""
+        """Warp the image by field (cell rows, cell cols, 2) px and compare it with the reference."""
         warp_image(self._coefficients, padded(field), PADDING, self.size, self._warped)
         grey_sums(self._reference, self._warped, self.size, self._grey)
         seen = self._grey[..., 0] > 0.5 * self.size**2

@@ -42,7 +42,7 @@ class Publisher(AbstractContextManager["Publisher"]):
         """
         parts = _ADDRESS.fullmatch(address)
         if parts is None or (parts[2] != "*" and not 0 < int(parts[2]) <= _LAST_PORT):
-            raise InputError(f"--publish: {address!r}: is not an address: use {_ALLOWED}")
+            raise InputError(f"--publish: {address!r}: not an address: {_ALLOWED}")
         zmq = _import_zmq()
         self._clock = clock
         self._session = uuid.uuid4().hex

@@ -34,7 +34,7 @@ with its own 100 attempts it waits for ever.
 class Refusal(Enum):
     """Why a file is refused as a recording, each with its sentence."""
 
-    MISSING = "there is no such file: give the path of a recording (.h5)"
+    MISSING = "not there: give the path of a recording (.h5)"
     UNREADABLE = "cannot be read as a recording (HDF5): {error}"
     CUT_SHORT = "cut short, {count} bytes are missing: copy the whole recording again"
     NO_RECORDING = "an HDF5 file, but no recording of zeromethod"
