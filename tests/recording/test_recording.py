@@ -131,8 +131,20 @@ def test_turns_keep_figures_states_and_words(truth: Truth, opened: Recording) ->
         np.testing.assert_equal(row["residual_rms_px"], step.residual_rms_px)
     peaks = {int(row["step"]): row for row in opened.peaks}
     assert peaks.keys() == truth.readings.keys()
-    for turn, (_, peak) in truth.readings.items():
-        assert peaks[turn]["depth_mm"] == peak.depth_mm
+    steps = {step.number: step for step in truth.steps}
+    start_ns = truth.steps[0].time_ns
+    for number, (_, peak) in truth.readings.items():
+        row = peaks[number]
+        assert (row["depth_mm"], row["depth_sigma_mm"]) == (peak.depth_mm, peak.sigma_mm)
+        assert (row["possibly_deeper_mm"], row["x_mm"], row["y_mm"]) == (peak.deeper_mm, peak.x_mm, peak.y_mm)
+        assert (row["state"], row["time_ns"]) == (steps[number].state.value, steps[number].time_ns)
+        assert row["time_s"] == pytest.approx(1e-9 * (steps[number].time_ns - start_ns), abs=1e-12)
+
+
+def test_a_recording_describes_itself_in_one_line(truth: Truth, opened: Recording) -> None:
+    frames = sum(step.frame_number is not None for step in truth.steps)
+    seconds = f"{opened.seconds:.1f} s, {frames} frames"
+    assert repr(opened) == f"<Recording {truth.path}: {seconds}, rig simulated, complete>"
 
 
 def test_rig_and_rest_are_those_of_the_run(opened: Recording) -> None:

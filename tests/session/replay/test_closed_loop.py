@@ -64,7 +64,7 @@ def test_at_rest_the_noise_of_single_readings_does_not_move_it(session, recordin
     assert np.mean(moved) < 0.5 * np.mean(read)
 
 
-def test_relived_unchanged_it_does_what_the_session_did(was: Track, unchanged: Track) -> None:
+def test_unchanged_it_does_what_the_session_did(was: Track, unchanged: Track) -> None:
     recorded_figures, again = figures_of(was), figures_of(unchanged)
     assert again["frames"] == recorded_figures["frames"]
     assert again["depth_peak_mm"] == pytest.approx(0.1, rel=0.03)

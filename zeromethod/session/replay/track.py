@@ -1,4 +1,4 @@
-"""What a session did over time at some of its nodes, recorded or relived."""
+"""What a session did over time at some of its nodes, recorded or simulated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
 
 MOST_NODES = 300
-"""Nodes followed, evenly spread over those seen at rest; fewer, `LEAST_NODES` at least, of long sessions."""
+"""Nodes followed, evenly spread over those measurable at rest; fewer, `LEAST_NODES` at least, of long sessions."""
 
 LEAST_NODES = 20
 MOST_VALUES = 4_000_000
