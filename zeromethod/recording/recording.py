@@ -270,8 +270,7 @@ class Recording(AbstractContextManager["Recording"]):
         return self.steps[index] if index < len(numbers) and numbers[index] == step else None
 
     def _arrays(self, group: str, step: int, *names: str) -> list[Any] | None:
-        index = self._at(group, step)
-        if index is None:
+        if (index := self._at(group, step)) is None:
             return None
         found = self._source.items(group, index, names)
         return [found[name] for name in names] if len(found) == len(names) else None
@@ -333,14 +332,9 @@ class Recording(AbstractContextManager["Recording"]):
         *floats, valid, contact, mask, about = found
         values = {name: array.astype(np.float64) for name, array in zip(names, floats, strict=True)}
         sigma_mm, tail_mm = float(about["anchor_sigma_mm"]), float(about["anchor_tail_mm"])
-        return Surface(
-            **values,
-            valid=valid,
-            contact=contact,
-            anchor=Anchor(ANCHORS[int(about["anchor"])], mask, sigma_mm, tail_mm),
-            time_ns=int(about["time_ns"]),
-            iterations=int(about["iterations"]),
-        )
+        anchor = Anchor(ANCHORS[int(about["anchor"])], mask, sigma_mm, tail_mm)
+        at_ns, count = int(about["time_ns"]), int(about["iterations"])
+        return Surface(**values, valid=valid, contact=contact, anchor=anchor, time_ns=at_ns, iterations=count)
 
     def zero(self, step: int) -> Float | None:
         """(rows, cols, 2) LCD px, the zero from which `measured` of this step starts; None for the rig's."""

@@ -77,7 +77,7 @@ def test_unchanged_it_does_what_the_session_did(was: Track, unchanged: Track) ->
 
 def test_the_same_seed_is_the_same_session_bit_for_bit(session, recording, unchanged: Track) -> None:
     again = closed_loop(recording, [])
-    assert len(again.moments) == len(unchanged.moments)
+    assert len(again.points) == len(unchanged.points)
     assert np.array_equal(again.moved, unchanged.moved, equal_nan=True)
     assert np.array_equal(again.behind, unchanged.behind, equal_nan=True)
     for name in ("residual_rms_px", "depth_peak_mm", "depth_error_um"):
@@ -101,8 +101,8 @@ def test_a_timid_integrator_nulls_the_same_mirror_worse(recording, unchanged: Tr
 def test_a_part_begins_locked_though_the_mirror_is_pressed(recording) -> None:
     # pressed down at 0.35 s, held until 0.55 s
     track = closed_loop(recording, [], Window.of(recording, 0.46, 0.54))
-    assert len(track.moments) >= 4
-    assert all(moment.nulled for moment in track.moments)
+    assert len(track.points) >= 4
+    assert all(point.nulled for point in track.points)
     assert track.values("depth_peak_mm") == pytest.approx(0.1, rel=0.03)
     assert 0 <= track.time_s[0] < 0.02
 

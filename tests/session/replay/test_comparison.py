@@ -21,8 +21,8 @@ def made_up(motion, delay_s: float, frames: int = 200, noise: float = SIGMA_PX, 
         time_s = k / RATE_HZ
         true, shown = motion(time_s) * size, motion(time_s - delay_s) * size
         measured = true + noise * rng.standard_normal((NODES, 2))
-        moment = TrackPoint(time_s, State.LOCKED, 0.01, measured, shown - measured, max(noise, 1e-4))
-        track.moments.append(moment)
+        point = TrackPoint(time_s, State.LOCKED, 0.01, measured, shown - measured, max(noise, 1e-4))
+        track.points.append(point)
     return track
 
 
@@ -64,8 +64,8 @@ def test_a_delay_leaves_of_each_frequency_what_it_must(at_hz: float) -> None:
 def test_gaps_in_the_measurement_are_bridged() -> None:
     track = made_up(swing, 0.03, frames=400)
     whole = rejection(track)[1]
-    for moment in track.moments[10::20]:
-        moment.moved[:] = moment.behind[:] = np.nan
+    for point in track.points[10::20]:
+        point.moved[:] = point.behind[:] = np.nan
     gaps = rejection(track)[1]
     both = np.isfinite(whole) & np.isfinite(gaps)
     both[4:] = False  # a bridge is a kink, which has high frequencies

@@ -7,6 +7,7 @@ The bench is the recorded rig's, simulated: same geometry, timing and noise; its
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +92,7 @@ class ClosedLoopReplay:
                         if read is not None:
                             recorder.add_reading(step, *read)
                     if self._mirror.settled_ns <= step.time_ns <= self._mirror.end_ns:
-                        self.track.moments.append(self._moment(step, read, camera, optics, loop, nodes))
+                        self.track.points.append(self._moment(step, read, camera, optics, loop, nodes))
                     if on_step is not None:
                         on_step(1e-9 * step.time_ns)
                 if recorder is not None and loop.ended is not None:
@@ -116,22 +117,18 @@ class ClosedLoopReplay:
         loop: Loop,
         nodes: Nodes,
     ) -> TrackPoint:
-        moved, behind, sigma = nodes.pick(step.measured, step.shown_q, step.zero)
         time_s = 1e-9 * (step.time_ns - self._mirror.settled_ns)
+        followed = nodes.pick(step.measured, step.shown_q, step.zero)
+        point = TrackPoint(time_s, step.state, step.residual_rms_px, *followed)
         if read is None:
-            return TrackPoint(time_s, step.state, step.residual_rms_px, moved, behind, sigma)
+            return point
         truth = compare(read[0], camera.truth(step.time_ns), optics, loop.grid)
-        return TrackPoint(
-            time_s,
-            step.state,
-            step.residual_rms_px,
-            moved,
-            behind,
-            sigma,
-            read[1].depth_mm,
-            truth.depth_rms_error_um,
-            truth.depth_peak_error_percent,
-            truth.depth_peak_mm,
+        return replace(
+            point,
+            depth_peak_mm=read[1].depth_mm,
+            depth_error_um=truth.depth_rms_error_um,
+            peak_error_percent=truth.depth_peak_error_percent,
+            true_peak_mm=truth.depth_peak_mm,
         )
 
 
@@ -154,17 +151,10 @@ def recorded_track(recording: Recording, window: Window) -> Track:
         time_ns, step = int(row["time_ns"]), int(row["number"])
         if time_ns not in window or row["frame_number"] < 0:
             continue
-        measured, shown = recording.measured(step), recording.shown(step)
-        moved, behind, sigma = nodes.pick(measured, shown, recording.zero(step))
-        track.moments.append(
-            TrackPoint(
-                1e-9 * (time_ns - window.from_ns),
-                recording.state_of(row),
-                float(row["residual_rms_px"]),
-                moved,
-                behind,
-                sigma,
-                peaks.get(step, float("nan")),
-            )
+        followed = nodes.pick(recording.measured(step), recording.shown(step), recording.zero(step))
+        time_s, residual_px = 1e-9 * (time_ns - window.from_ns), float(row["residual_rms_px"])
+        depth_mm = peaks.get(step, float("nan"))
+        track.points.append(
+            TrackPoint(time_s, recording.state_of(row), residual_px, *followed, depth_peak_mm=depth_mm)
         )
     return track

@@ -48,7 +48,7 @@ def lag_ms(track: Track) -> float | None:
     Least squares of shown - true = -lag x velocity over all nodes that move. Velocity is the central
     difference of the frames before and after, whose noise is not the frame's own.
     """
-    if len(track.moments) < 3:
+    if len(track.points) < 3:
         return None
     time_s, moved, behind = track.time_s, track.moved, track.behind
     span_s = (time_s[2:] - time_s[:-2])[:, None, None]
@@ -71,7 +71,7 @@ def rejection(track: Track) -> tuple[Float, Float]:
     measurement's white noise, which is in both, is taken off by its sigma.
     """
     nothing = np.zeros(0), np.zeros(0)
-    if len(track.moments) < LEAST_FRAMES:
+    if len(track.points) < LEAST_FRAMES:
         return nothing
     time_s = track.time_s
     step_s = float(np.median(np.diff(time_s)))
@@ -101,7 +101,7 @@ def rejection(track: Track) -> tuple[Float, Float]:
 
 def _columns(track: Track) -> tuple[Float, Float]:
     """(n, columns) of both fields for the components of nodes that were measured nearly always."""
-    n = len(track.moments)
+    n = len(track.points)
     moved, behind = track.moved.reshape(n, -1), track.behind.reshape(n, -1)
     known = np.isfinite(moved) & np.isfinite(behind)
     good = known.mean(axis=0) >= 1.0 - MOST_GAPS
@@ -140,7 +140,7 @@ def figures_of(track: Track) -> Figures:
     the truth. peak_error_percent: the worst among the nulled frames in which the true peak is at least half
     as deep as it ever is.
     """
-    nulled = np.array([moment.nulled for moment in track.moments], dtype=np.bool_)
+    nulled = np.array([point.nulled for point in track.points], dtype=np.bool_)
     residual, depth = track.values("residual_rms_px"), track.values("depth_error_um")
     quiet = residual[nulled & np.isfinite(residual)] if residual.size else residual
     true_mm, error = np.abs(track.values("true_peak_mm")), track.values("peak_error_percent")
@@ -149,7 +149,7 @@ def figures_of(track: Track) -> Figures:
         deep = (true_mm >= DEEP_SHARE * deepest) & np.isfinite(error) & nulled
     peaks = np.abs(track.values("depth_peak_mm"))
     return {
-        "frames": len(track.moments),
+        "frames": len(track.points),
         "nulled_share": float(nulled.mean()) if nulled.size else None,
         "residual_rms_px": _rms(residual),
         "residual_nulled_px": float(np.median(quiet)) if quiet.size else None,

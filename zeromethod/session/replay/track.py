@@ -13,7 +13,7 @@ from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
 
 MOST_NODES = 300
-"""Nodes followed, evenly spread over those measurable at rest; fewer, `LEAST_NODES` at least, of long sessions."""
+"""Nodes followed, evenly spread over the rest mask; fewer, `LEAST_NODES` at least, of long sessions."""
 
 LEAST_NODES = 20
 MOST_VALUES = 4_000_000
@@ -49,29 +49,29 @@ class TrackPoint:
 
 @dataclass
 class Track:
-    """Moments of one session. name: how it is called in tables and pictures."""
+    """Points of one session. name: how it is called in tables and pictures."""
 
     name: str
-    moments: list[TrackPoint] = field(default_factory=list)
+    points: list[TrackPoint] = field(default_factory=list)
 
     @property
     def time_s(self) -> Float:
         """(n,) s."""
-        return np.array([moment.time_s for moment in self.moments])
+        return np.array([point.time_s for point in self.points])
 
     @property
     def moved(self) -> Float:
         """(n, nodes, 2) LCD px."""
-        return np.array([moment.moved for moment in self.moments], dtype=np.float64)
+        return np.array([point.moved for point in self.points], dtype=np.float64)
 
     @property
     def behind(self) -> Float:
         """(n, nodes, 2) LCD px."""
-        return np.array([moment.behind for moment in self.moments], dtype=np.float64)
+        return np.array([point.behind for point in self.points], dtype=np.float64)
 
     def values(self, name: str) -> Float:
-        """(n,) of one of the single figures of a moment."""
-        return np.array([getattr(moment, name) for moment in self.moments], dtype=np.float64)
+        """(n,) of one of the single figures of a point."""
+        return np.array([getattr(point, name) for point in self.points], dtype=np.float64)
 
 
 class Nodes:
