@@ -50,9 +50,15 @@ def test_every_text_from_the_recording_is_escaped(edited: Edited) -> None:
         file.attrs["command_line"] = f"zeromethod run {HOSTILE}"
         file.attrs["gl_renderer"] = HOSTILE
         time_ns = file["steps/table"]["time_ns"][5]
-        add_row(file, "notes", turn=6, time_ns=time_ns, text=f"note {HOSTILE}".encode())
+        add_row(file, "notes", step=6, time_ns=time_ns, text=f"note {HOSTILE}".encode())
         add_row(
-            file, "drops", turn=6, time_ns=time_ns, count=2, what=b"camera", why=f"why {HOSTILE}".encode()
+            file,
+            "drops",
+            step=6,
+            time_ns=time_ns,
+            count=2,
+            lost_by=b"camera",
+            reason=f"why {HOSTILE}".encode(),
         )
 
     page = page_of(edited(fill))
@@ -88,7 +94,7 @@ def test_depth_is_shown_when_first_locked_at_its_largest_and_at_the_end(recordin
         locked = [int(row["number"]) for row in recording.steps if str(recording.state_of(row)) == "locked"]
         names = {name: turn for turn, names in shown.items() for name in names}
         assert names["first locked"] == locked[0]
-        assert names["largest |depth|"] == summarise_recording(recording)["largest"]["step"]
+        assert names["largest |depth|"] == summarise_recording(recording)["largest"]["turn"]
         assert names["last"] == recording.steps_with("surface")[-1]
 
 
@@ -128,7 +134,7 @@ def test_recording_that_was_not_closed_says_so(edited: Edited) -> None:
 
 def test_recording_without_a_single_turn_still_makes_a_page(edited: Edited) -> None:
     def empty(file: h5py.File) -> None:
-        for name in ("turns", "peaks", "notes", "drops", "presentations"):
+        for name in ("steps", "peaks", "notes", "drops", "presentation_log"):
             file[f"{name}/table"].resize(0, axis=0)
 
     page = page_of(edited(empty))
@@ -141,7 +147,7 @@ def test_peaks_and_surfaces_of_turns_that_were_not_flushed_do_no_harm(edited: Ed
     page = page_of(path)
     with Recording(path) as recording:
         assert max(key_turns(recording)) <= recording.steps["number"][-1]
-        assert summarise_recording(recording)["last"]["step"] <= recording.steps["number"][-1]
+        assert summarise_recording(recording)["last"]["turn"] <= recording.steps["number"][-1]
     assert "20 turns of the loop" in page.text
 
 

@@ -47,8 +47,12 @@ def test_a_fault_and_drops_are_told_with_time_count_and_reason(edited: Edited) -
         turns["reason"][10:13] = "the camera is lost: unplugged"
         turns["events"][10] |= 1 << EVENTS.index("camera lost")
         table[...] = turns
-        add_row(file, "drops", turn=16, time_ns=turns["time_ns"][15], count=4, what=b"camera", why=b"late")
-        add_row(file, "drops", turn=17, time_ns=turns["time_ns"][16], count=2, what=b"recorder", why=b"slow")
+        add_row(
+            file, "drops", step=16, time_ns=turns["time_ns"][15], count=4, lost_by=b"camera", reason=b"late"
+        )
+        add_row(
+            file, "drops", step=17, time_ns=turns["time_ns"][16], count=2, lost_by=b"recorder", reason=b"slow"
+        )
 
     with Recording(edited(plant)) as recording:
         at = 1e-9 * (recording.steps["time_ns"] - recording.steps["time_ns"][0])

@@ -100,16 +100,16 @@ class Resampler:
         at = _by_plane(places, wanted) if self._at is None else self._at
         largest = np.array(places.shape[1::-1]) - 2.0
         for _ in range(_STEPS):
-            held = np.clip(at + _BORDER, 1.0, largest)
-            missed = wanted - sample(places, held[..., 0], held[..., 1])
-            xc, yc, xr, yr = np.moveaxis(sample(tangents, held[..., 0], held[..., 1]), -1, 0)
+            inside = np.clip(at + _BORDER, 1.0, largest)
+            missed = wanted - sample(places, inside[..., 0], inside[..., 1])
+            xc, yc, xr, yr = np.moveaxis(sample(tangents, inside[..., 0], inside[..., 1]), -1, 0)
             area = xc * yr - xr * yc
             step = np.stack(
                 [yr * missed[..., 0] - xr * missed[..., 1], xc * missed[..., 1] - yc * missed[..., 0]],
                 axis=-1,
             )
             step /= area[..., None]
-            at = held - _BORDER + step
+            at = inside - _BORDER + step
             within = np.all((at + _BORDER > 1.0) & (at + _BORDER < largest), axis=-1)
             if not within.any() or np.max(np.abs(step[within])) < _SETTLED_NODES:
                 break

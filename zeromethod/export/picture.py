@@ -1,4 +1,4 @@
-"""One picture of a moment: camera, residual and depth side by side, on scales that hold for all of them."""
+"""One picture of a moment: camera, residual and depth side by side, on the scales of the whole video."""
 
 from __future__ import annotations
 

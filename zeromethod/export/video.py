@@ -86,7 +86,7 @@ def _shown(selected: SelectedSteps, rate_hz: float) -> Ints:
 
 
 def _picture(recording: Recording, selected: SelectedSteps) -> Picture:
-    """The picture with its scales, which hold for all selected."""
+    """The picture, with scales for all selected steps."""
     within = np.isin(recording.steps["number"], selected.steps)
     peaks = recording.peaks[np.isin(recording.peaks["step"], selected.steps)]
     some = selected.steps[np.linspace(0, len(selected.steps) - 1, _LOOKED_AT).astype(int)]

@@ -32,7 +32,7 @@ from zeromethod.warp.warp import Warp
 MM_PER_PX = 0.1
 """Section 5: 1 pixel is about 0.1 mm."""
 FINE_PIXEL_MM = 0.01
-"""Camera pixel of the own reading: its window must be small beside the needle, whose tip is a kink."""
+"""Camera pixel of the own reading: its window must be small against the needle, whose tip is a kink."""
 PERIOD_PX = 8
 """Carrier, camera px: the smallest that a rig file allows."""
 _RIM_MM = 20.0

@@ -61,19 +61,19 @@ def find_crossings(image: NDArray[np.generic], period_px: float) -> Float:
     smooth = cv2.GaussianBlur(grey, (0, 0), _SMOOTHING * period_px, borderType=cv2.BORDER_REFLECT)
     smooth = smooth / np.maximum(lighting, 1e-3 * float(grey.max()) + 1e-9)
     lowest = cv2.erode(smooth, np.ones((3, 3)))
-    beside = round(_QUADRANT * period_px)
-    margin = beside + 2
+    arm = round(_QUADRANT * period_px)
+    margin = arm + 2
     v, u = np.nonzero(smooth[margin:-margin, margin:-margin] == lowest[margin:-margin, margin:-margin])
     u, v = u + margin, v + margin
-    squares = np.stack([smooth[v + b, u + a] for a in (-beside, beside) for b in (-beside, beside)])
-    arms = np.stack([lowest[v + beside * b, u + beside * a] for a, b in _SIDES])
+    squares = np.stack([smooth[v + b, u + a] for a in (-arm, arm) for b in (-arm, arm)])
+    arms = np.stack([lowest[v + arm * b, u + arm * a] for a, b in _SIDES])
     crossed = squares.min(axis=0) > arms.max(axis=0) + _RISE
     u, v = u[crossed], v[crossed]
-    places = [_between_edges(grey, int(a), int(b), beside) for a, b in zip(u, v, strict=True)]
+    places = [_between_edges(grey, int(a), int(b), arm) for a, b in zip(u, v, strict=True)]
     return np.array(places, dtype=np.float64).reshape(-1, 2)
 
 
-def _between_edges(grey: Float, u: int, v: int, beside: int) -> tuple[float, float]:
+def _between_edges(grey: Float, u: int, v: int, arm: int) -> tuple[float, float]:
     """Place (u, v) of a crossing near a whole pixel: the middle of its dark lines, half an arm away from it.
 
     Each edge lies where the grey passes half way from the line's darkest to the light on that edge's own
@@ -84,13 +84,13 @@ def _between_edges(grey: Float, u: int, v: int, beside: int) -> tuple[float, flo
         along, across = centre
         middles = []
         for side in (-1, 1):
-            rows = slice(along + side * beside - 1, along + side * beside + 2)
-            profile = patch[rows, max(across - 2 * beside, 0) : across + 2 * beside + 1].mean(axis=0)
-            start = min(across, 2 * beside)
-            first = start - beside // 2
-            bottom = first + int(np.argmin(profile[first : start + beside // 2 + 1]))
-            right = _edge(profile[bottom:], beside)
-            left = _edge(profile[bottom::-1], beside)
+            rows = slice(along + side * arm - 1, along + side * arm + 2)
+            profile = patch[rows, max(across - 2 * arm, 0) : across + 2 * arm + 1].mean(axis=0)
+            start = min(across, 2 * arm)
+            first = start - arm // 2
+            bottom = first + int(np.argmin(profile[first : start + arm // 2 + 1]))
+            right = _edge(profile[bottom:], arm)
+            left = _edge(profile[bottom::-1], arm)
             middles.append(across - start + bottom + (right - left) / 2)
         arms.append(sum(middles) / 2)
     return arms[0], arms[1]
@@ -170,7 +170,7 @@ def _follow(
                 queue.append(there)
     followed: dict[tuple[int, int], int] = {}
     for here, (i, j) in names.items():
-        beside = [(int(neighbours[here, side]), (i + a, j + b)) for side, (a, b) in enumerate(_SIDES)]
-        if (i, j) in rest and all(there < 0 or names[there] == name for there, name in beside):
+        around = [(int(neighbours[here, side]), (i + a, j + b)) for side, (a, b) in enumerate(_SIDES)]
+        if (i, j) in rest and all(there < 0 or names[there] == name for there, name in around):
             followed[i, j] = here
     return followed

@@ -47,7 +47,7 @@ def correlate(
     before, tried in addition to the search from nothing; the better match is kept.
 
     Sigma is the images' noise through the fit's own weights, the noise being taken from the grey differences
-    left by the match and held equal in both images. It does not contain what the window smooths away.
+    left by the match and taken as equal in both images. It does not contain what the window smooths away.
 
     Convention: reference(u, v) = image(u + du, v + dv). Raises InputError for what cannot be compared.
     """

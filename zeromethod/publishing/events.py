@@ -95,7 +95,7 @@ class ContactWatch:
     def _touched(self, surface: Surface, deepest: Peak) -> _Place | None:
         """Where a reading shows a touch, None where it shows none."""
         share = _RELEASE if self._touching else 1.0
-        # A view may hold places that are dark at rest, so only what had light can lose it.
+        # Some nodes may be dark at rest: only lit ones can lose their light.
         self._lit = surface.valid if self._lit is None else self._lit | surface.valid
         dark = surface.contact & self._lit & np.isfinite(surface.x_mm)
         # Comparisons with NaN, where nothing was read, are False.

@@ -186,8 +186,8 @@ def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tup
             if frame is None:
                 why = "is damaged" if recording.is_damaged("frames", step) else "was not kept"
                 at_s = 1e-9 * (int(row["time_ns"]) - window.start_ns)
-                told = f"the frame of step {step} ({at_s:.3f} s) {why}"
-                raise InputError(_ends_at(recording, window, step, told))
+                damage = f"the frame of step {step} ({at_s:.3f} s) {why}"
+                raise InputError(_ends_at(recording, window, step, damage))
             taken = circle.take(own(frame), bool(row["frozen"]))
         if not referenced and recording.state_of(row) in NULLED:
             referenced = True

@@ -46,8 +46,8 @@ class Window:
             last_s = 1e-9 * (end_ns - start_ns)
             asked = f"from {from_s or 0:g} s to {'the end' if to_s is None else f'{to_s:g} s'}"
             # the step that ended it came later
-            told = f"the last frame came at {last_s:.3f} s, the recording lasts {recording.seconds:.3f} s"
-            raise InputError(f"--from, --to: {asked}: nothing is there; {told}")
+            length = f"the last frame came at {last_s:.3f} s, the recording lasts {recording.seconds:.3f} s"
+            raise InputError(f"--from, --to: {asked}: nothing is there; {length}")
         return cls(start_ns, from_ns, to_ns, not from_s)
 
     def __contains__(self, time_ns: int) -> bool:
@@ -55,7 +55,7 @@ class Window:
 
 
 class Pace:
-    """Holds a replay to a speed. speed: 1 is that of the session, 2 twice as fast; None or 0: no holding."""
+    """Limits the speed of a replay. speed: 1 is that of the session, 2 twice as fast; None or 0: no limit."""
 
     def __init__(self, speed: float | None) -> None:
         self._speed = speed
