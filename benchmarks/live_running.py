@@ -42,7 +42,7 @@ SUBSCRIBER = """
 import sys, zmq
 socket = zmq.Context().socket(zmq.SUB)
 socket.setsockopt(zmq.CONFLATE, 1)
-socket.subscribe(b"zeromethod.v1\\n")
+socket.subscribe(b"zeromethod.v2\\n")
 socket.connect(sys.argv[1])
 socket.recv()
 print("connected", flush=True)

@@ -123,7 +123,7 @@ class Bench:
             assert measured is not None
             surface, deepest, read_ms = timed(lambda: surfaces.read(measured))
             if self.recorder is not None:
-                self.recorder.reading(step, surface, deepest, read_ms)
+                self.recorder.add_reading(replace(step, surface=surface, peak=deepest, read_ms=read_ms))
             return Reading(step, surface, deepest, read_ms)
 
         self._reading = StepReader(read, None, live=True)
@@ -145,7 +145,7 @@ class Bench:
             self._reading.post(step)
             self._reading.collect()
             if self.recorder is not None:
-                self.recorder.turn(step)
+                self.recorder.add_step(step)
             yield step
 
     def part(self, name: str, seconds: float) -> Part:
@@ -195,10 +195,10 @@ def lost_rates(blocks: list[Part]) -> np.ndarray:
 def missing_frames(path: Path) -> tuple[int, int]:
     """(frames that the loop took and that are not in the file, frames in it)."""
     with Recording(path) as found:
-        turns = found.turns
+        turns = found.steps
         taken = turns["number"][turns["frame_number"] >= 0]
         group = "frames" if "frames" in found.kept else "warps/commanded"
-        kept = found.turns_kept(group)
+        kept = found.steps_with(group)
     return int(np.setdiff1d(taken, kept).size), int(kept.size)
 
 
@@ -247,7 +247,7 @@ def kill_in_the_middle(path: Path, keep: list[str], seconds: float) -> Killed:
     os.kill(writer, signal.SIGKILL)
     process.wait()
     with Recording(path) as found:
-        there = {int(turn) for turn in found.turns_kept("frames" if "frames" in keep else "warps/commanded")}
+        there = {int(turn) for turn in found.steps_with("frames" if "frames" in keep else "warps/commanded")}
         images = sum(found.image(turn) is not None for turn in sorted(there)[-30:])
     old = {turn for turn, at_ns in handed.items() if killed_ns - at_ns > 1e9 * OLD_S}
     newest_s = 1e-9 * (killed_ns - handed[max(there & handed.keys())])
@@ -265,7 +265,7 @@ def measure(rig: Rig, folder: Path, keep: list[str], seconds: float) -> Report:
         bar.step()
         with recording(bench, path, keep) as recorder:
             during = bench.part("recording", seconds)
-            state, waiting_mb = recorder.state, 1e-6 * recorder.waiting_bytes
+            state, waiting_mb = str(recorder.status), 1e-6 * recorder.waiting_bytes
         writer = resource.getrusage(resource.RUSAGE_CHILDREN)
         size_mb = 1e-6 * path.stat().st_size
         bar.step()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -87,6 +87,12 @@ def reading(number: int) -> tuple[Surface, Peak]:
         one[0], two[0], one[1], one[2], one[3], two[1], masks[1], masks[2], anchor, number * FRAME_NS, 5
     )
     return surface, Peak(0.2, 42.0, -1.0, 1e-4)
+
+
+def read(step: Step) -> Step:
+    """The step with its reading."""
+    surface, peak = reading(step.number)
+    return replace(step, surface=surface, peak=peak, read_ms=1.0)
 
 
 @dataclass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.against_peers.open_loop import coarser
@@ -65,15 +66,15 @@ def recorded(
         ) as recorder:
             for step in loop.run(seconds=seconds):
                 phase = (scenario.phase_at(step.time_ns) if scenario is not None else None) or ""
-                recorder.turn(step, phase)
+                recorder.add_step(replace(step, phase=phase))
                 if on_step is not None:
                     on_step(loop, step)
                 if step.measured is not None:
                     surface = reader.read(step.measured)
                     deepest = peak(surface)
-                    recorder.reading(step, surface, deepest, 0.0)
+                    recorder.add_reading(replace(step, surface=surface, peak=deepest, read_ms=0.0))
                     if on_reading is not None:
                         on_reading(step, surface, deepest)
             if loop.ended is not None:
-                recorder.turn(loop.ended)
+                recorder.add_step(loop.ended)
     return path

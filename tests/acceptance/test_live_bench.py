@@ -119,7 +119,7 @@ def _headers(address: str, running: subprocess.Popen[str]) -> list[Line]:
     context = zmq.Context()
     subscriber = context.socket(zmq.SUB)
     subscriber.setsockopt(zmq.CONFLATE, 1)
-    subscriber.subscribe(b"zeromethod.v1\n")
+    subscriber.subscribe(b"zeromethod.v2\n")
     subscriber.connect(address)
     headers = []
     try:

@@ -59,8 +59,8 @@ def test_sensing_again_with_another_setting_tells_what_it_changes(
     figures = json.loads(summary.read_text())
     assert (figures["changed"], figures["equal"]) == (True, False)
     assert figures["settings"] == ["camera.noise.read_grey=9"]
-    assert 5 <= figures["turns"] <= 7
-    assert figures["sigma_lcd_px"]["again"] > figures["sigma_lcd_px"]["recorded"]
+    assert 5 <= figures["steps"] <= 7
+    assert figures["sigma_lcd_px"]["replayed"] > figures["sigma_lcd_px"]["recorded"]
 
 
 def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp_path: Path, replay) -> None:
@@ -68,18 +68,18 @@ def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp
     files = ("--summary", summary, "--figure", figure, "--record", record)
     code, out, _ = replay(session, "--again", "loop", "--controller", "integrator", "--gain", "0.2", *files)
     assert code == 0
-    assert all(name in out for name in ("recorded", "relived", "changed", "picture behind the mirror"))
+    assert all(name in out for name in ("recorded", "simulated", "changed", "picture behind the mirror"))
     figures = json.loads(summary.read_text())
     sessions = figures["sessions"]
-    assert list(sessions) == ["recorded", "relived", "changed"]
-    assert sessions["recorded"]["frames"] == sessions["relived"]["frames"] > 20
-    assert sessions["changed"]["residual_rms_px"] > sessions["relived"]["residual_rms_px"]
+    assert list(sessions) == ["recorded", "simulated", "changed"]
+    assert sessions["recorded"]["frames"] == sessions["simulated"]["frames"] > 20
+    assert sessions["changed"]["residual_rms_px"] > sessions["simulated"]["residual_rms_px"]
     assert len(figures["curves"]["changed"]["residual_rms_px"]) == sessions["changed"]["frames"]
     assert figures["settings"] == ["control.gain=0.2", "control.controller=integrator"]
     assert figure.read_bytes().startswith(b"\x89PNG")
     with Recording(record) as again:
         assert again.rig.control.controller == "integrator"
-        assert np.count_nonzero(again.turns["sensed"]) >= sessions["changed"]["frames"]
+        assert np.count_nonzero(again.steps["sensed"]) >= sessions["changed"]["frames"]
     code, _, err = replay(session, "--again", "loop", "--record", record)
     assert code == 2
     assert "not overwritten" in err
@@ -88,7 +88,7 @@ def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp
 def test_the_loop_unchanged_stands_beside_the_recorded_session_alone(session: Path, replay) -> None:
     code, out, _ = replay(session, "--again", "loop", "--to", "0.15")
     assert code == 0
-    assert "relived" in out
+    assert "simulated" in out
     assert "changed" not in out
 
 

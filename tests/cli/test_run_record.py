@@ -32,11 +32,11 @@ def test_a_recorded_run_is_the_run(tmp_path: Path, capsys: pytest.CaptureFixture
     assert figures["recording"] == ""
     with Recording(path) as recording:
         assert recording.complete
-        frames = recording.turns[recording.turns["frame_number"] >= 0]
+        frames = recording.steps[recording.steps["frame_number"] >= 0]
         assert len(frames) == figures["frames"] == 30
-        held = recording.turns["phase"] == b"hold"
+        held = recording.steps["phase"] == b"hold"
         in_hold = recording.peaks["depth_mm"][
-            np.isin(recording.peaks["turn"], recording.turns["number"][held])
+            np.isin(recording.peaks["step"], recording.steps["number"][held])
         ]
         # the summary's peak is the median over the nulled frames of the hold
         assert min(in_hold) <= figures["depth_peak_mm"] <= max(in_hold)
@@ -54,7 +54,7 @@ def test_only_what_is_asked_for_is_kept(tmp_path: Path, capsys: pytest.CaptureFi
         assert set(recording.kept) == {"surface"}
         assert recording.every == 3
         assert recording.image(4) is None
-        read = [turn for turn in recording.turns["number"] if recording.surface(int(turn)) is not None]
+        read = [turn for turn in recording.steps["number"] if recording.surface(int(turn)) is not None]
         assert read
         assert all((turn - 1) % 3 == 0 for turn in read)
 
@@ -67,7 +67,7 @@ def test_the_tables_alone_may_be_kept(tmp_path: Path, capsys: pytest.CaptureFixt
     assert code == 0
     with Recording(path) as recording:
         assert set(recording.kept) == set()
-        assert len(recording.turns) >= 6
+        assert len(recording.steps) >= 6
 
 
 @pytest.mark.parametrize(

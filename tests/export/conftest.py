@@ -24,26 +24,26 @@ STEP_NS = 20_000_000
 DENT_MM = (42.0, 3.0)
 WIDTH_MM = 6.0
 DEEPEST_MM = 0.2
-"""Of the last turn; depth grows evenly from the second."""
+"""Of the last step; depth grows evenly from the second."""
 SIGMA_MM = 1e-4
 
 
 @dataclass(frozen=True)
 class Planted:
-    """turns: numbers. time_s: since the first. depth_mm: peak of each, NaN where nothing was read."""
+    """steps: numbers. time_s: since the first. depth_mm: peak of each, NaN where nothing was read."""
 
     path: Path
-    turns: np.ndarray
+    steps: np.ndarray
     time_s: np.ndarray
     depth_mm: np.ndarray
     image: np.ndarray
 
-    def depth_at(self, turn: int, x_mm: np.ndarray, y_mm: np.ndarray) -> np.ndarray:
+    def depth_at(self, step: int, x_mm: np.ndarray, y_mm: np.ndarray) -> np.ndarray:
         away = (x_mm - DENT_MM[0]) ** 2 + (y_mm - DENT_MM[1]) ** 2
-        return self.depth_mm[turn - 1] * np.exp(-0.5 * away / WIDTH_MM**2)
+        return self.depth_mm[step - 1] * np.exp(-0.5 * away / WIDTH_MM**2)
 
-    def slope_at(self, turn: int, x_mm: np.ndarray, y_mm: np.ndarray) -> np.ndarray:
-        depth = self.depth_at(turn, x_mm, y_mm)
+    def slope_at(self, step: int, x_mm: np.ndarray, y_mm: np.ndarray) -> np.ndarray:
+        depth = self.depth_at(step, x_mm, y_mm)
         away = np.stack([x_mm - DENT_MM[0], y_mm - DENT_MM[1]], axis=-1)
         return -depth[..., None] * away / WIDTH_MM**2
 
@@ -53,7 +53,7 @@ HOLE = (slice(8, 11), slice(30, 34))
 
 
 def plant(path: Path, keep: tuple[str, ...] = ("frames", "residual", "warps", "surface")) -> Planted:
-    """Turn 1 without a frame, turns 2 to 9 a growing dent; between turns 6 and 7 three frames are missing."""
+    """Turn 1 without a frame, steps 2 to 9 a growing dent; between steps 6 and 7 three frames are missing."""
     rig = small_rig()
     optics = Optics(rig)
     rest = Rest.of(rig, optics)
@@ -72,38 +72,37 @@ def plant(path: Path, keep: tuple[str, ...] = ("frames", "residual", "warps", "s
     contact[HOLE] = True
     # What is rubber at rest does not matter here: the mirror is flat.
     with Recorder(path, rig, rest, keep=keep) as recorder:
-        for turn, tick in zip(planted.turns.tolist(), ticks, strict=True):
+        for number, tick in zip(planted.steps.tolist(), ticks, strict=True):
             time_ns = FIRST_NS + int(tick) * STEP_NS
             commanded = Warp.drawn(rest.q, Role.COMMANDED, time_ns)
             filtered = Warp(rest.q, np.ones_like(rest.q), rest.flags, time_ns)
             step = Step(
-                number=turn,
+                number=number,
                 time_ns=time_ns,
                 time_s=0.0,
                 state=State.STARTING,
                 commanded=commanded,
                 filtered=filtered,
             )
-            if turn == 1:
-                recorder.turn(step)
+            if number == 1:
+                recorder.add_step(step)
                 continue
             residual = Residual.empty(rest.grid)
-            residual.d[..., 0] = 0.02 * turn
+            residual.d[..., 0] = 0.02 * number
             residual.flags[rest.grid.inner] = 0
-            recorder.turn(
-                replace(
-                    step,
-                    state=State.LOCKED,
-                    frame_number=turn,
-                    exposure_ns=1_000_000,
-                    image=planted.image,
-                    residual=residual,
-                    measured=filtered,
-                    shown=Warp.drawn(rest.q, Role.SHOWN, time_ns),
-                    residual_rms_px=0.02 * turn,
-                )
+            step = replace(
+                step,
+                state=State.LOCKED,
+                frame_number=number,
+                exposure_ns=1_000_000,
+                image=planted.image,
+                residual=residual,
+                measured=filtered,
+                shown=Warp.drawn(rest.q, Role.SHOWN, time_ns),
+                residual_rms_px=0.02 * number,
             )
-            depth, slope = planted.depth_at(turn, x, y), planted.slope_at(turn, x, y)
+            recorder.add_step(step)
+            depth, slope = planted.depth_at(number, x, y), planted.slope_at(number, x, y)
             surface = Surface(
                 np.where(valid, depth, np.nan),
                 np.where(valid[..., None], slope, np.nan),
@@ -117,7 +116,8 @@ def plant(path: Path, keep: tuple[str, ...] = ("frames", "residual", "warps", "s
                 time_ns,
                 3,
             )
-            recorder.reading(step, surface, Peak(float(depths[turn - 1]), *DENT_MM, SIGMA_MM), 1.0)
+            peak = Peak(float(depths[number - 1]), *DENT_MM, SIGMA_MM)
+            recorder.add_reading(replace(step, surface=surface, peak=peak, read_ms=1.0))
     return planted
 
 

@@ -28,7 +28,7 @@ def test_what_keep_left_out_is_named(without_surface: Path, without_frames: Path
                 recording, name
             )
         # The peak's track is always there.
-        assert prepare(recording, Path("a.csv")).total == 9
+        assert len(prepare(recording, Path("a.csv")).selected.steps) == 9
     with Recording(without_frames) as recording:
         assert "a video needs frames, residual, surface: frames, residual not kept" in refused(
             recording, "a.mp4"
@@ -116,10 +116,10 @@ def test_few_of_the_maps_are_in_memory_at_a_time(
     most = 0
     read = recording.surface
 
-    def watched(turn: int):
+    def watched(step: int):
         nonlocal most
         most = max(most, sum(one() is not None for one in alive))
-        surface = read(turn)
+        surface = read(step)
         if surface is not None:
             alive.append(weakref.ref(surface.depth_mm))
         return surface

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from zeromethod.errors import InputError
-from zeromethod.export.lattice import Lattice, Resampler
+from zeromethod.export.lattice import MapLattice, Resampler
 
 WIDTH_MM = 6.0
 
@@ -23,7 +23,7 @@ def dent(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("turned", [1, -1])
 def test_a_dent_comes_out_where_it_is_and_as_deep(turned: int) -> None:
     x, y = view(turned)
-    lattice = Lattice.covering(x, y, 0.5)
+    lattice = MapLattice.covering(x, y, 0.5)
     known = np.ones(x.shape, bool)
     fields = np.stack([dent(x, y), 3.0 * x + y, y], axis=-1)
     found = Resampler(lattice)(x, y, known, fields)
@@ -40,7 +40,7 @@ def test_nothing_is_told_beyond_the_nodes_or_beside_an_invalid_one() -> None:
     x, y = view()
     known = np.ones(x.shape, bool)
     known[10, 20] = False
-    lattice = Lattice.covering(x, y, 0.25)
+    lattice = MapLattice.covering(x, y, 0.25)
     found = Resampler(lattice)(x, y, known, np.where(known, dent(x, y), np.nan)[..., None])[..., 0]
     at_x, at_y = lattice.mesh()
     hole = np.hypot(at_x - x[10, 20], at_y - y[10, 20])
@@ -52,7 +52,7 @@ def test_nothing_is_told_beyond_the_nodes_or_beside_an_invalid_one() -> None:
 
 def test_a_second_map_of_moved_nodes_needs_no_new_start() -> None:
     x, y = view()
-    lattice = Lattice.covering(x, y, 0.5)
+    lattice = MapLattice.covering(x, y, 0.5)
     resampled = Resampler(lattice)
     known = np.ones(x.shape, bool)
     resampled(x, y, known, dent(x, y)[..., None])
@@ -67,7 +67,7 @@ def test_a_second_map_of_moved_nodes_needs_no_new_start() -> None:
 
 def test_the_pitch_is_the_finer_of_the_nodes_own_and_the_origin_a_multiple() -> None:
     x, y = view()
-    lattice = Lattice.covering(x, y)
+    lattice = MapLattice.covering(x, y)
     finer = min(np.median(np.hypot(np.diff(x, axis=a), np.diff(y, axis=a))) for a in (0, 1))
     assert 0.9 * finer < lattice.pitch_mm <= finer
     assert lattice.pitch_mm == pytest.approx(round(lattice.pitch_mm, 2), abs=1e-12)
@@ -78,4 +78,4 @@ def test_the_pitch_is_the_finer_of_the_nodes_own_and_the_origin_a_multiple() -> 
 @pytest.mark.parametrize("pitch", [1e-4, 1e4])
 def test_a_pitch_that_gives_no_picture_is_refused(pitch: float) -> None:
     with pytest.raises(InputError, match=r"--pitch: .* mm: gives .* at least 2 x 2"):
-        Lattice.covering(*view(), pitch)
+        MapLattice.covering(*view(), pitch)

@@ -7,11 +7,11 @@ import pytest
 import trimesh
 
 from zeromethod.export import Selection, prepare
-from zeromethod.export.surface_points import surface_points
+from zeromethod.export.mesh import surface_points
 from zeromethod.optics.mirror import Sphere
 
 DEEPEST_MM, WIDTH_MM, CENTRE_MM = 0.2, 6.0, (42.0, 3.0)
-"""The planted dent of the last turn."""
+"""The planted dent of the last step."""
 
 
 @pytest.mark.parametrize("form", ["ply", "stl"])

@@ -26,15 +26,15 @@ def test_pages_are_maps_in_mm_on_the_lattice_told(planted, recording, tmp_path: 
         figures["x0_mm"] + 0.5 * np.arange(figures["columns"]),
         figures["y0_mm"] + 0.5 * np.arange(figures["rows"]),
     )
-    for k, turn in enumerate(range(2, 10)):
+    for k, step in enumerate(range(2, 10)):
         read = np.isfinite(maps[k, 0])
         assert read.mean() > 0.9
-        peak = planted.depth_mm[turn - 1]
+        peak = planted.depth_mm[step - 1]
         # Nodes of this bench lie up to 1.7 mm apart, and the dent is 6 mm wide: 0.1 % by the cubic.
-        assert np.abs(maps[k, 0] - planted.depth_at(turn, x, y))[read].max() < 1.5e-3 * peak
+        assert np.abs(maps[k, 0] - planted.depth_at(step, x, y))[read].max() < 1.5e-3 * peak
         slope = np.moveaxis(maps[k, 1:], 0, -1)
         steepest = peak / WIDTH_MM * np.exp(-0.5)
-        assert np.abs(slope - planted.slope_at(turn, x, y))[read].max() < 1e-2 * steepest
+        assert np.abs(slope - planted.slope_at(step, x, y))[read].max() < 1e-2 * steepest
 
 
 def test_spacing_names_and_times_carry_their_units(planted, recording, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from zeromethod.export import Selection, prepare
-from zeromethod.export.lattice import Lattice
+from zeromethod.export.lattice import MapLattice
 from zeromethod.export.picture import Picture, Scales
 from zeromethod.recording.recording import Recording
 
@@ -71,7 +71,7 @@ def test_one_frame_is_a_video_as_well(recording, tmp_path: Path) -> None:
 def test_panels_show_the_frame_the_residual_and_the_dent_in_its_place(planted, recording) -> None:
     surface, inner = recording.surface(9), recording.grid.inner
     x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
-    lattice = Lattice.covering(x_mm, y_mm)
+    lattice = MapLattice.covering(x_mm, y_mm)
     picture = Picture(recording.grid, lattice, Scales(150.0, (0.01, 1.0), 0.2))
     dark, bright = (np.full((256, 320), level, np.uint8) for level in (0, 150))
     camera, _, depth = picture.places

@@ -93,5 +93,5 @@ def test_crossings_behind_a_blot_are_left_out_and_the_others_keep_their_numbers(
 @pytest.mark.parametrize(("before", "after", "which"), [(False, True, "before"), (True, False, "after")])
 def test_an_image_without_a_lattice_is_refused(before, after, which):
     images = [lattice_image() if drawn else np.full(SHAPE, 100.0) for drawn in (before, after)]
-    with pytest.raises(MeasurementError, match=f"no lattice is seen in the image {which}"):
+    with pytest.raises(MeasurementError, match=f"no lattice is visible in the image {which}"):
         pick(*images, PERIOD, ORIGIN)

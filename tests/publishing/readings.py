@@ -17,7 +17,7 @@ SHAPE = (30, 40)
 SIGMA_MM = 1e-4
 DENT_MM = 3.0
 """Width of the dent (one sigma): six nodes, from where on the peak's fit is within 0.01 %."""
-TOPIC = b"zeromethod.v1\n"
+TOPIC = b"zeromethod.v2\n"
 
 
 def dent(

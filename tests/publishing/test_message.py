@@ -29,8 +29,8 @@ def test_the_header_tells_time_state_peak_and_where_it_is() -> None:
         7, dent(0.2), time_ns=2**60 + 1, frame_number=11, dropped=2, residual_rms_px=0.013, valid_share=0.9
     )
     header, _ = message(step)
-    told = {name: header[name] for name in ("schema_version", "session", "turn", "frame", "time_ns")}
-    assert told == {"schema_version": 1, "session": "s", "turn": 7, "frame": 11, "time_ns": 2**60 + 1}
+    told = {name: header[name] for name in ("schema_version", "session", "step", "frame", "time_ns")}
+    assert told == {"schema_version": 2, "session": "s", "step": 7, "frame": 11, "time_ns": 2**60 + 1}
     assert header["unix_time_ns"] == 1234
     assert (header["state"], header["reason"]) == ("locked", "as planted")
     assert (header["events"], header["dropped"]) == (["frames dropped"], 2)
@@ -39,7 +39,7 @@ def test_the_header_tells_time_state_peak_and_where_it_is() -> None:
     assert header["peak"]["depth_mm"] == pytest.approx(0.2, rel=1e-4)
     assert header["peak"]["x_mm"] == pytest.approx(9.75, abs=1e-3)
     assert header["peak"]["y_mm"] == pytest.approx(7.25, abs=1e-3)
-    assert header["peak"]["sigma_mm"] == 1e-4
+    assert header["peak"]["depth_sigma_mm"] == 1e-4
     assert header["pose"]["frame_id"] == "zeromethod/P0"
     assert header["pose"]["matrix"] == [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 

@@ -31,10 +31,10 @@ SUBSCRIBER = """
 import json, sys, zmq
 socket = zmq.Context().socket(zmq.SUB)
 socket.setsockopt(zmq.CONFLATE, 1)
-socket.subscribe(b"zeromethod.v1\\n")
+socket.subscribe(b"zeromethod.v2\\n")
 socket.connect(sys.argv[1])
 while True:
-    print(json.loads(socket.recv().split(b"\\n", 2)[1])["turn"], flush=True)
+    print(json.loads(socket.recv().split(b"\\n", 2)[1])["step"], flush=True)
 """
 
 
@@ -71,7 +71,7 @@ def test_a_subscriber_that_slept_gets_the_newest() -> None:
             publisher.publish(turn(number, reading))
             time.sleep(0.02)
         # One message may still be on its way.
-        assert received(listening)["turn"] >= 99
+        assert received(listening)["step"] >= 99
 
 
 def test_a_stopped_subscriber_costs_neither_time_nor_memory_and_then_gets_the_newest() -> None:
@@ -127,7 +127,7 @@ def test_contact_events_are_repeated_for_those_who_skip_messages() -> None:
             depth_mm = 0.1 if (number - 1) // 3 % 2 == 0 else 0.0
             publisher.publish(turn(number, dent(depth_mm, shape=(16, 16))))
         publisher.publish(turn(1000, state=State.HOLDING))
-        while (header := received(listening))["turn"] != 1000:
+        while (header := received(listening))["step"] != 1000:
             pass
         numbers = [contact["number"] for contact in header["contacts"]]
         assert numbers == list(range(27, 43))
@@ -139,7 +139,7 @@ def test_the_last_message_still_leaves() -> None:
         publisher.publish(turn(8, dent(0.1, shape=NodeGrid((1024, 1280)).shape)))
         publisher.publish(turn(9, state=State.STOPPED))
         publisher.close()
-        while (header := received(listening))["turn"] != 9:
+        while (header := received(listening))["step"] != 9:
             pass
         assert header["state"] == "stopped"
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from planted_turns import reading, recorder, turn, wait_for
+from planted_turns import read, recorder, turn, wait_for
 
 from zeromethod.errors import InputError
 from zeromethod.recording import DamagedWarning
@@ -28,13 +28,13 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     ended, cut = folder / "ended.h5", folder / "cut.h5"
     with recorder(ended) as recording:
         for number in range(1, TURNS + 1):
-            recording.turn(turn(number))
-            recording.reading(turn(number), *reading(number), 1.0)
+            recording.add_step(turn(number))
+            recording.add_reading(read(turn(number)))
         with Recording(ended) as along:
 
             def all_there() -> bool:
                 along.refresh()
-                return len(along.turns_kept("surface")) == TURNS
+                return len(along.steps_with("surface")) == TURNS
 
             wait_for(all_there)
         shutil.copy(ended, cut)
@@ -64,7 +64,7 @@ from zeromethod.recording.recording import Recording
 for path in sys.argv[1:]:
     try:
         with Recording(path) as found:
-            found.turns
+            found.steps
     except InputError as error:
         print(error)
 """
@@ -86,13 +86,13 @@ def test_where_the_order_of_the_file_is_damaged_it_is_refused_and_not_waited_for
 def test_a_file_that_a_killed_writer_left_reads_as_the_same(files: dict[str, Path]) -> None:
     with Recording(files["cut"]) as cut, Recording(files["ended"]) as ended:
         assert (cut.complete, ended.complete) == (False, True)
-        assert len(cut.turns) == TURNS
+        assert len(cut.steps) == TURNS
         for number in range(1, TURNS + 1):
             np.testing.assert_array_equal(cut.image(number), ended.image(number))
 
 
 @pytest.mark.parametrize("how", ["ended", "cut"])
-@pytest.mark.parametrize("name", ["turns/table", "surface", "warps/measured/q", "rest/flags"])
+@pytest.mark.parametrize("name", ["steps/table", "surface", "warps/measured/q", "rest/flags"])
 def test_what_cannot_be_read_is_named(how: str, name: str, files: dict[str, Path], tmp_path: Path) -> None:
     with h5py.File(files[how], "r", swmr=True) as file:
         start = h5py.h5o.get_info(file[name].id).addr
@@ -140,7 +140,7 @@ def test_all_that_is_damaged_is_counted_in_silence(how: str, files: dict[str, Pa
     ):
         damaged(path, path, place(path, name, item) + 40, 2)
     # and a number, and a row of a table
-    damaged(path, path, place(path, "warps/shown/turn") + 8, 1)
+    damaged(path, path, place(path, "warps/shown/step") + 8, 1)
     damaged(path, path, place(path, "surface/table"), 1)
     told: list[None] = []
     with Recording(path) as found, warnings.catch_warnings():
@@ -166,7 +166,7 @@ def test_of_a_recording_that_goes_on_what_is_complete_is_checked(tmp_path: Path)
     path = tmp_path / "run.h5"
     with recorder(path) as recording, Recording(path) as along:
         for number in range(1, 30):
-            recording.turn(turn(number))
+            recording.add_step(turn(number))
             along.refresh()
             assert along.damaged() == {}
         wait_for(lambda: recording.waiting_bytes == 0)
@@ -187,10 +187,10 @@ def test_a_damaged_surface_has_no_valid_node(files: dict[str, Path], tmp_path: P
 
 def test_arrays_are_never_given_for_another_turn(files: dict[str, Path], tmp_path: Path) -> None:
     path = files["ended"]
-    path = damaged(path, tmp_path / "damaged.h5", place(path, "frames/turn") + 8, 1)
+    path = damaged(path, tmp_path / "damaged.h5", place(path, "frames/step") + 8, 1)
     with Recording(path) as found:
-        with pytest.warns(DamagedWarning, match="frames/turn"):
-            kept = found.turns_kept("frames")
+        with pytest.warns(DamagedWarning, match="frames/step"):
+            kept = found.steps_with("frames")
         assert list(kept) == [1, *range(3, TURNS + 1)]
         assert found.image(2) is None
         np.testing.assert_array_equal(found.image(3), turn(3).image)
@@ -216,7 +216,7 @@ def test_where_warnings_are_errors_every_damaged_array_is_one(files: dict[str, P
 ADD = """
 import sys, h5py
 with h5py.File(sys.argv[1], "r+", libver="latest", locking=False) as file:
-    turns = file["turns/table"]
+    turns = file["steps/table"]
     turns.resize(len(turns) + 3, axis=0)
 """
 
@@ -227,7 +227,7 @@ def test_what_is_written_after_a_file_was_opened_whole_is_seen(
     path = tmp_path / "more.h5"
     shutil.copy(files["ended"], path)
     with Recording(path) as found:
-        assert len(found.turns) == TURNS
+        assert len(found.steps) == TURNS
         subprocess.run([sys.executable, "-c", ADD, str(path)], timeout=60, check=True)
         found.refresh()
-        assert len(found.turns) == TURNS + 3
+        assert len(found.steps) == TURNS + 3

@@ -10,12 +10,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from planted_turns import FRAME_NS, reading, recorder, sizes, turn, wait_for
+from planted_turns import FRAME_NS, read, recorder, sizes, turn, wait_for
 
 from zeromethod.recording.growing import TABLES_BYTES, DiskFull, GrowingFile
-from zeromethod.recording.message import WITH_ROOM, Item, Message
+from zeromethod.recording.message import Item, Message, Topic, Write
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
+from zeromethod.recording.status import Condition
 from zeromethod.recording.writing import Writing
 
 
@@ -30,23 +31,25 @@ def test_a_full_disk_ends_the_arrays_and_not_the_tables(tmp_path: Path) -> None:
     with recorder(path) as recording:
         fill_disk(recording, TABLES_BYTES + room * sizes().turn)
         for number in range(1, 41):
-            recording.turn(turn(number))
+            recording.add_step(turn(number))
         wait_for(lambda: recording.waiting_bytes == 0 and recording.unkept > 0)
-        said = recording.state
+        said = str(recording.status)
     first = 1e-9 * FRAME_NS * (40 - recording.unkept)
     assert said.startswith(f"disk full: recording stopped at {first:.1f} s (File too large), ")
     with Recording(path) as found:
         assert found.complete
         # when it was noticed, and with the count at the end
-        noted = [found.words(row["text"]) for row in found.notes]
+        noted = [found.text(row["text"]) for row in found.notes]
         assert noted[0].startswith(f"recording: disk full: recording stopped at {first:.1f} s")
-        assert noted[-1] == f"recording: {recording.state}"
-        kept = found.turns_kept("frames")
+        assert noted[-1] == f"recording: {recording.status}"
+        kept = found.steps_with("frames")
         assert 0 < len(kept) <= room
-        assert len(found.turns) == 40
+        assert len(found.steps) == 40
         lost = set(range(1, 41)) - set(kept.tolist())
-        assert {int(row["turn"]) for row in found.drops} == lost
-        assert {(row["what"], row["why"]) for row in found.drops} == {(b"recorder", b"the disk is full")}
+        assert {int(row["step"]) for row in found.drops} == lost
+        assert {(row["lost_by"], row["reason"]) for row in found.drops} == {
+            (b"recorder", b"the disk is full")
+        }
         for number in kept:
             np.testing.assert_array_equal(found.image(number), turn(int(number)).image)
     assert path.stat().st_size < TABLES_BYTES
@@ -61,11 +64,11 @@ def test_what_is_small_enough_for_a_full_disk_does_not_make_it_one_that_was_full
         # the arrays of a reading are smaller than those of a turn
         fill_disk(recording, TABLES_BYTES + int((4 + left) * sizes().turn))
         for number in range(1, 21):
-            recording.turn(turn(number))
-            recording.reading(turn(number), *reading(number), 1.0)
+            recording.add_step(turn(number))
+            recording.add_reading(read(turn(number)))
             wait_for(lambda: recording.waiting_bytes == 0)
     with Recording(path) as found:
-        noted = [found.words(row["text"]) for row in found.notes]
+        noted = [found.text(row["text"]) for row in found.notes]
     assert noted
     assert all(words.startswith("recording: disk full: recording stopped at ") for words in noted)
 
@@ -88,19 +91,19 @@ class Disk:
 def test_room_is_told_again_once_as_much_fits_as_did_not(monkeypatch: pytest.MonkeyPatch) -> None:
     disk = Disk(room=15)
     writing = Writing(disk, memoryview(bytes(100)), -1)  # type: ignore[arg-type]
-    told: list[str] = []
-    monkeypatch.setattr(writing, "tell", lambda **news: told.append(next(iter(news))))
+    reported: list[Topic] = []
+    monkeypatch.setattr(writing, "report", lambda topic, *_: reported.append(topic))
 
-    def take(size: int) -> list[str]:
-        told.clear()
-        writing.take(Message(0, [Item(0, WITH_ROOM, 0, size)]))
-        return [news for news in told if news != "done"]
+    def take(size: int) -> list[Topic]:
+        reported.clear()
+        writing.take(Message(0, [Item(0, Write.WITH_ROOM, 0, size)]))
+        return [topic for topic in reported if topic is not Topic.WRITTEN]
 
-    assert take(20) == ["full"]
+    assert take(20) == [Topic.FULL]
     # smaller ones find the room that is left
-    assert [take(7), take(7), take(7)] == [[], [], ["full"]]
+    assert [take(7), take(7), take(7)] == [[], [], [Topic.FULL]]
     disk.room = 100
-    assert [take(5), take(5), take(20)] == [[], ["room"], []]
+    assert [take(5), take(5), take(20)] == [[], [Topic.ROOM], []]
 
 
 def test_where_even_tables_have_no_room_the_file_stays_readable(tmp_path: Path) -> None:
@@ -109,19 +112,18 @@ def test_where_even_tables_have_no_room_the_file_stays_readable(tmp_path: Path) 
     with recorder(path, keep=()) as recording:
         fill_disk(recording, 3 << 20)
         number = 0
-        while not recording.state and number < 10_000:
+        while recording.status.condition is Condition.ALL_KEPT and number < 10_000:
             number += 1
-            recording.turn(turn(number, notes=("x" * 240,) * 40, **bare))
+            recording.add_step(turn(number, notes=("x" * 240,) * 40, **bare))
             time.sleep(0.002)
-        assert recording.state.startswith("recording stopped: the disk is full")
-        recording.turn(turn(number + 1))
+        assert recording.status.condition is Condition.STOPPED
+        assert recording.status.reason.startswith("the disk is full (")
+        recording.add_step(turn(number + 1))
         unkept = recording.unkept
     with Recording(path) as found:
-        assert unkept == number + 1 - len(found.turns) > 0
+        assert unkept == number + 1 - len(found.steps) > 0
         # all but what was on its way
-        assert len(found.turns) > 0.5 * number
-        assert len(found.newest("turns", 3)) == 3
-        assert found.newest("turns")[0]["number"] == found.turns[-1]["number"]
+        assert len(found.steps) > 0.5 * number
 
 
 @pytest.mark.parametrize(

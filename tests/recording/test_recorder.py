@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -22,21 +23,22 @@ from zeromethod.child_process import NICENESS
 from zeromethod.errors import InputError
 from zeromethod.loop.events import Event
 from zeromethod.recording.recording import Recording
+from zeromethod.recording.status import Condition, RecorderStatus
 
 OLD_S = 0.5
 """What is older than this is in the file."""
 
 RUN = """
 import sys, time
-from planted_turns import bench, reading, recorder, turn
+from planted_turns import bench, read, recorder, turn
 from pathlib import Path
 bench()
 recorder = recorder(Path(sys.argv[1]))
 print(recorder.writer_id, flush=True)
 for number in range(1, 100_000):
     step = turn(number)
-    recorder.turn(step)
-    recorder.reading(step, *reading(number), 1.0)
+    recorder.add_step(step)
+    recorder.add_reading(read(step))
     print(number, time.monotonic_ns(), flush=True)
     if number == int(sys.argv[2]):
         {then}
@@ -75,7 +77,7 @@ def test_killed_in_the_middle_all_but_the_newest_is_there(tmp_path: Path) -> Non
     old = [number for number, at_ns in handed.items() if killed_ns - at_ns > 4e9 * OLD_S]
     with Recording(path) as found:
         assert not found.complete
-        newest = int(found.turns["number"][-1])
+        newest = int(found.steps["number"][-1])
         assert newest >= max(old, default=0)
         for number in range(1, newest + 1):
             image, warp = found.image(number), found.measured(number)
@@ -100,7 +102,7 @@ def test_what_was_handed_over_is_soon_there_though_nothing_follows(tmp_path: Pat
 
             def all_there() -> bool:
                 found.refresh()
-                return len(found.turns) == len(found.turns_kept("surface")) == 20
+                return len(found.steps) == len(found.steps_with("surface")) == 20
 
             wait_for(all_there)
         for number in (writer, process.pid):
@@ -119,14 +121,14 @@ def test_without_an_end_the_recording_still_gets_one(tmp_path: Path, then: str) 
         wait_for(lambda: has_ended(writer))
     # closed in order: the plain way of opening does
     with h5py.File(path, "r") as file:
-        assert len(file["turns/table"]) == 10
+        assert len(file["steps/table"]) == 10
         assert not file["complete"][()]
 
 
 READER = """
 import sys, h5py, time
 with h5py.File(sys.argv[1], "r", swmr=True) as file:
-    frames, turns = file["frames/image"], file["turns/table"]
+    frames, turns = file["frames/image"], file["steps/table"]
     while len(turns) < int(sys.argv[2]):
         time.sleep(0.01)
         turns.refresh()
@@ -139,17 +141,17 @@ def test_another_process_reads_along_with_h5py_alone(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     with recorder(path) as recording:
         for number in range(1, 6):
-            recording.turn(turn(number))
+            recording.add_step(turn(number))
         command = [sys.executable, "-c", READER, str(path), "5"]
         told = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
         for number in range(6, 9):
-            recording.turn(turn(number))
+            recording.add_step(turn(number))
     image = turn(5).image
     assert image is not None
     assert told.stdout.split() == [str(int(image.sum())), "5", "False"]
     with Recording(path) as found:
         assert found.complete
-        assert len(found.turns) == 8
+        assert len(found.steps) == 8
 
 
 def test_a_disk_that_takes_nothing_holds_nobody_up(tmp_path: Path) -> None:
@@ -163,26 +165,26 @@ def test_a_disk_that_takes_nothing_holds_nobody_up(tmp_path: Path) -> None:
         steps = [turn(number) for number in range(1, 61)]
         began_s = time.thread_time()
         for step in steps:
-            recording.turn(step)
+            recording.add_step(step)
         spent_s = time.thread_time() - began_s
         assert recording.waiting_bytes <= most
         unkept = recording.unkept
         # some were on their way already
         assert 60 - 2 * room < unkept <= 60 - room
-        assert recording.state == f"disk too slow: {unkept} frames not kept"
+        assert recording.status == RecorderStatus(Condition.DISK_TOO_SLOW, unkept)
         # 0.03 ms each on a quiet machine
         assert spent_s / 60 < 0.002
         os.kill(recording.writer_id, signal.SIGCONT)
     with Recording(path) as found:
         assert found.complete
-        assert len(found.turns) == len(found.presentations) == 60
-        late = {int(row["turn"]) for row in found.drops}
+        assert len(found.steps) == len(found.presentation_log) == 60
+        late = {int(row["step"]) for row in found.drops}
         assert len(found.drops) == unkept
-        assert late | set(found.turns_kept("frames").tolist()) == set(range(1, 61))
-        assert {found.words(row["why"]) for row in found.drops} == {"the disk is too slow"}
+        assert late | set(found.steps_with("frames").tolist()) == set(range(1, 61))
+        assert {found.text(row["reason"]) for row in found.drops} == {"the disk is too slow"}
         # pictures stand by their own rows
         for index in range(60):
-            q, shown = found.presented_q(index), turn(index + 1).presented[0].q
+            q, shown = found.picture_q(index), turn(index + 1).presented[0].q
             assert (q is None) == (index + 1 in late)
             if q is not None:
                 np.testing.assert_array_equal(q, shown)
@@ -192,10 +194,10 @@ def test_in_simulated_time_the_disk_is_waited_for(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     with recorder(path, waiting_bytes=2 * (sizes().turn + 100)) as recording:
         for number in range(1, 41):
-            recording.turn(turn(number))
-        assert recording.state == ""
+            recording.add_step(turn(number))
+        assert recording.status == RecorderStatus()
     with Recording(path) as found:
-        assert len(found.turns_kept("frames")) == 40
+        assert len(found.steps_with("frames")) == 40
 
 
 def test_when_what_writes_is_killed_the_run_goes_on_and_every_frame_is_accounted_for(
@@ -208,24 +210,25 @@ def test_when_what_writes_is_killed_the_run_goes_on_and_every_frame_is_accounted
         def hand_over() -> bool:
             nonlocal handed
             handed += 1
-            recording.turn(turn(handed))
-            return recording.state != ""
+            recording.add_step(turn(handed))
+            return recording.status != RecorderStatus()
 
         def some_kept() -> bool:
             hand_over()
             with Recording(path) as found:
-                return len(found.turns_kept("frames")) > 0
+                return len(found.steps_with("frames")) > 0
 
         wait_for(some_kept)
         os.kill(recording.writer_id, signal.SIGKILL)
         wait_for(hand_over)
-        assert recording.state.startswith("recording stopped: the process that writes has ended, ")
+        assert recording.status.condition is Condition.STOPPED
+        assert recording.status.reason == "the process that writes has ended"
         hand_over()
     with Recording(path) as found:
         assert not found.complete
-        kept = len(found.turns_kept("frames"))
+        kept = len(found.steps_with("frames"))
     assert kept > 0
-    assert recording.state.endswith(f", {handed - kept} frames not kept")
+    assert recording.status.unkept == handed - kept
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="niceness is told by Linux")
@@ -250,9 +253,9 @@ def test_a_start_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: p
             recorder(path)
     assert not path.exists()
     with recorder(path) as recording:
-        recording.turn(turn(1))
+        recording.add_step(turn(1))
     with Recording(path) as found:
-        assert len(found.turns) == 1
+        assert len(found.steps) == 1
 
 
 def test_a_disk_that_takes_nothing_does_not_keep_the_run_from_ending(
@@ -262,43 +265,46 @@ def test_a_disk_that_takes_nothing_does_not_keep_the_run_from_ending(
     recording = recorder(tmp_path / "run.h5")
     os.kill(recording.writer_id, signal.SIGSTOP)
     for number in range(1, 31):
-        recording.turn(turn(number))
+        recording.add_step(turn(number))
     began_s = time.monotonic()
     recording.close()
     assert time.monotonic() - began_s < 10.0
-    assert recording.state.startswith("recording stopped: the disk took nothing for 0.3 s")
+    assert recording.status.condition is Condition.STOPPED
+    assert recording.status.reason.startswith("the disk took nothing for 0.3 s")
     os.kill(recording.writer_id, signal.SIGCONT)
     wait_for(lambda: has_ended(recording.writer_id))
     # what was handed over is written, should the disk come back
     with Recording(tmp_path / "run.h5") as found:
-        assert len(found.turns) == 30
+        assert len(found.steps) == 30
 
 
 def test_frames_that_the_camera_lost_are_records(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     wrong = np.zeros((4, 4), np.uint8)
     with recorder(path) as recording:
-        recording.turn(turn(1))
-        recording.turn(turn(2, dropped=3, events=(Event.FRAMES_DROPPED,)))
-        recording.turn(turn(3, image=wrong, events=(Event.FRAME_WRONG,), reason="the frame is (4, 4) uint8"))
+        recording.add_step(turn(1))
+        recording.add_step(turn(2, dropped=3, events=(Event.FRAMES_DROPPED,)))
+        recording.add_step(
+            turn(3, image=wrong, events=(Event.FRAME_WRONG,), reason="the frame is (4, 4) uint8")
+        )
     with Recording(path) as found:
-        rows = [(row["turn"], row["count"], row["what"], found.words(row["why"])) for row in found.drops]
+        rows = [(row["step"], row["count"], row["lost_by"], found.text(row["reason"])) for row in found.drops]
         assert rows == [
             (2, 3, b"camera", "lost before frame 1002"),
             (3, 1, b"camera", "the frame is (4, 4) uint8"),
         ]
-        assert list(found.turns_kept("frames")) == [1, 2]
+        assert list(found.steps_with("frames")) == [1, 2]
         assert found.events_of(found.row(2)) == (Event.FRAMES_DROPPED,)
 
 
 def test_words_of_any_length_and_script_are_kept_as_far_as_they_fit(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     with recorder(path, keep=()) as recording:
-        recording.turn(turn(1, reason="µ" * 200, notes=("first", "zweite Ä")))
+        recording.add_step(turn(1, reason="µ" * 200, notes=("first", "zweite Ä")))
     with Recording(path) as found:
         # a field of 160 bytes, characters of two
-        assert found.words(found.turns[0]["reason"]) == "µ" * 80
-        assert [found.words(row["text"]) for row in found.notes] == ["first", "zweite Ä"]
+        assert found.text(found.steps[0]["reason"]) == "µ" * 80
+        assert [found.text(row["text"]) for row in found.notes] == ["first", "zweite Ä"]
 
 
 def test_a_zero_is_kept_once_and_tells_from_when(tmp_path: Path) -> None:
@@ -306,9 +312,9 @@ def test_a_zero_is_kept_once_and_tells_from_when(tmp_path: Path) -> None:
     zero = np.full_like(bench()[1].q, 0.125)
     with recorder(path) as recording:
         for number in range(1, 6):
-            recording.turn(turn(number, zero=zero if number > 2 else None))
+            recording.add_step(turn(number, zero=zero if number > 2 else None))
     with Recording(path) as found:
-        assert list(found.turns_kept("zeros")) == [3]
+        assert list(found.steps_with("zeros")) == [3]
         assert found.zero(2) is None
         for number in (3, 5):
             np.testing.assert_array_equal(found.zero(number), zero)
@@ -318,11 +324,11 @@ def test_readings_are_kept_with_their_turns(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     with recorder(path) as recording:
         for number in range(1, 4):
-            recording.turn(turn(number))
+            recording.add_step(turn(number))
         surface, peak = reading(2)
-        recording.reading(turn(2), surface, peak, 3.5)
+        recording.add_reading(replace(turn(2), surface=surface, peak=peak, read_ms=3.5))
     with Recording(path) as found:
-        assert list(found.turns_kept("surface")) == [2]
+        assert list(found.steps_with("surface")) == [2]
         back = found.surface(2)
         assert back is not None
         np.testing.assert_array_equal(back.slope, surface.slope.astype(np.float32))

@@ -20,6 +20,7 @@ from zeromethod.errors import InputError
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
+from zeromethod.recording.opening import Refusal, RefusedRecording
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
 from zeromethod.surface import Peak, Surface, SurfaceReader
@@ -86,11 +87,11 @@ def test_all_pictures_are_there_with_their_warps(truth: Truth, opened: Recording
         for index, one in enumerate(step.presented)
     ]
     assert len(shown) > 5
-    rows = opened.presentations[: len(shown)]
+    rows = opened.presentation_log[: len(shown)]
     for index, ((one, after), row) in enumerate(zip(shown, rows, strict=True)):
-        assert (row["time_ns"], row["after_turn"]) == (one.time_ns, after)
-        assert row["seen_ns"] == (-1 if one.seen_ns is None else one.seen_ns)
-        q = opened.presented_q(index)
+        assert (row["time_ns"], row["after_step"]) == (one.time_ns, after)
+        assert row["newest_frame_ns"] == (-1 if one.seen_ns is None else one.seen_ns)
+        q = opened.picture_q(index)
         assert q is not None
         assert q.tobytes() == one.q.tobytes()
 
@@ -120,18 +121,30 @@ def test_the_rest_is_as_single_precision_has_it(truth: Truth, opened: Recording)
 def test_turns_keep_figures_states_and_words(truth: Truth, opened: Recording) -> None:
     assert opened.complete
     # and how it ended
-    assert len(opened.turns) == len(truth.steps) + 1
-    assert opened.state_of(opened.turns[-1]).value == "stopped"
-    for step, row in zip(truth.steps, opened.turns, strict=False):
+    assert len(opened.steps) == len(truth.steps) + 1
+    assert opened.state_of(opened.steps[-1]).value == "stopped"
+    for step, row in zip(truth.steps, opened.steps, strict=False):
         assert row["number"] == step.number
         assert opened.state_of(row) is step.state
         assert set(opened.events_of(row)) == set(step.events)
-        assert opened.words(row["reason"]) == step.reason
+        assert opened.text(row["reason"]) == step.reason
         np.testing.assert_equal(row["residual_rms_px"], step.residual_rms_px)
-    peaks = {int(row["turn"]): row for row in opened.peaks}
+    peaks = {int(row["step"]): row for row in opened.peaks}
     assert peaks.keys() == truth.readings.keys()
-    for turn, (_, peak) in truth.readings.items():
-        assert peaks[turn]["depth_mm"] == peak.depth_mm
+    steps = {step.number: step for step in truth.steps}
+    start_ns = truth.steps[0].time_ns
+    for number, (_, peak) in truth.readings.items():
+        row = peaks[number]
+        assert (row["depth_mm"], row["depth_sigma_mm"]) == (peak.depth_mm, peak.sigma_mm)
+        assert (row["possibly_deeper_mm"], row["x_mm"], row["y_mm"]) == (peak.deeper_mm, peak.x_mm, peak.y_mm)
+        assert (row["state"], row["time_ns"]) == (steps[number].state.value, steps[number].time_ns)
+        assert row["time_s"] == pytest.approx(1e-9 * (steps[number].time_ns - start_ns), abs=1e-12)
+
+
+def test_a_recording_describes_itself_in_one_line(truth: Truth, opened: Recording) -> None:
+    frames = sum(step.frame_number is not None for step in truth.steps)
+    seconds = f"{opened.seconds:.1f} s, {frames} frames"
+    assert repr(opened) == f"<Recording {truth.path}: {seconds}, rig simulated, complete>"
 
 
 def test_rig_and_rest_are_those_of_the_run(opened: Recording) -> None:
@@ -141,7 +154,7 @@ def test_rig_and_rest_are_those_of_the_run(opened: Recording) -> None:
     assert opened.seed == rig.simulation.seed
     assert opened.versions.keys() >= {"python", "numpy", "h5py", "hdf5"}
     reader = SurfaceReader(opened.rig, Optics(opened.rig), opened.grid)
-    turn = int(opened.turns_kept("surface")[-1])
+    turn = int(opened.steps_with("surface")[-1])
     warp = opened.measured(turn)
     assert warp is not None
     again, then = reader.read(warp), opened.surface(turn)
@@ -167,10 +180,10 @@ def test_every_dataset_tells_its_units_and_meaning(truth: Truth) -> None:
 
     with h5py.File(truth.path, "r", swmr=True) as file:
         file.visititems(look)
-        assert list(file["turns/table"].attrs["states"])[:2] == ["starting", "resting"]
+        assert list(file["steps/table"].attrs["states"])[:2] == ["starting", "resting"]
     assert not silent
     assert sum(name.endswith("/table") for name in tables) == 6
-    assert sum(name.endswith("/sums") for name in tables) == 8
+    assert sum(name.endswith("/checksums") for name in tables) == 8
 
 
 def test_a_frame_is_one_chunk(truth: Truth) -> None:
@@ -185,35 +198,35 @@ def test_only_what_is_asked_for_is_kept(tmp_path: Path, keep: tuple[str, ...]) -
     path = recorded(tmp_path / "run.h5", 0.15, keep=keep)
     with Recording(path) as found:
         assert found.kept == set(keep)
-        turn = int(found.peaks["turn"][-1])
+        turn = int(found.peaks["step"][-1])
         kept = (found.image(turn), found.surface(turn), found.residual(turn), found.measured(turn))
         assert [array is not None for array in kept] == ["frames" in keep, "surface" in keep, False, False]
-        assert len(found.turns) > 5
-        assert found.presented_q(0) is None
+        assert len(found.steps) > 5
+        assert found.picture_q(0) is None
 
 
 def test_arrays_of_every_third_turn(tmp_path: Path) -> None:
     path = recorded(tmp_path / "run.h5", 0.25, every=3)
     with Recording(path) as found:
-        assert list(np.diff(found.turns["number"])) == [1] * (len(found.turns) - 1)
+        assert list(np.diff(found.steps["number"])) == [1] * (len(found.steps) - 1)
         for group in ("frames", "surface"):
-            kept = found.turns_kept(group)
+            kept = found.steps_with(group)
             assert len(kept) > 2
             assert set((kept - 1) % 3) == {0}
-        assert len(found.presentations) > 3
-        assert found.presented_q(0) is None
+        assert len(found.presentation_log) > 3
+        assert found.picture_q(0) is None
 
 
 def test_compressed_it_is_the_same(tmp_path: Path, truth: Truth) -> None:
     path = recorded(tmp_path / "run.h5", 0.15, compress=True)
     with Recording(path) as found, Recording(truth.path) as plain:
-        for turn in found.turns_kept("warps/measured"):
+        for turn in found.steps_with("warps/measured"):
             one, other = found.measured(turn), plain.measured(turn)
             assert one is not None
             assert other is not None
             assert one.q.tobytes() == other.q.tobytes()
             np.testing.assert_array_equal(found.image(turn), plain.image(turn))
-        count = len(found.turns_kept("frames"))
+        count = len(found.steps_with("frames"))
     with h5py.File(path, "r", swmr=True) as file:
         frames = file["frames/image"]
         # shot noise leaves little to be had
@@ -238,12 +251,14 @@ def test_a_file_that_was_cut_short_is_refused_at_once(share: float, truth: Truth
 
 
 def test_another_schema_is_refused_with_a_clear_word(truth: Truth, tmp_path: Path) -> None:
-    path = _changed(truth, tmp_path / "later.h5", schema_version=2, zeromethod_version="9.9")
-    with pytest.raises(
-        InputError, match=r"schema_version: 2, written by zeromethod 9\.9: 1 is what"
-    ) as refused:
+    path = _changed(truth, tmp_path / "first.h5", schema_version=1, zeromethod_version="0.1.0")
+    with pytest.raises(RefusedRecording) as refused:
         Recording(path)
-    assert "\n" not in str(refused.value)
+    assert refused.value.refusal is Refusal.OTHER_FORMAT
+    assert str(refused.value) == (
+        f"{path}: recorded in format 1 by zeromethod 0.1.0; this version reads format 2: "
+        "open it with zeromethod 0.1.0"
+    )
 
 
 def test_what_is_no_recording_is_refused(truth: Truth, tmp_path: Path) -> None:
@@ -253,7 +268,7 @@ def test_what_is_no_recording_is_refused(truth: Truth, tmp_path: Path) -> None:
     text.write_text("no HDF5")
     with pytest.raises(InputError, match="cannot be read as a recording"):
         Recording(text)
-    with pytest.raises(InputError, match="not there"):
+    with pytest.raises(InputError, match="not there: give the path"):
         Recording(tmp_path / "missing.h5")
 
 

@@ -49,10 +49,16 @@ def test_every_text_from_the_recording_is_escaped(edited: Edited) -> None:
     def fill(file: h5py.File) -> None:
         file.attrs["command_line"] = f"zeromethod run {HOSTILE}"
         file.attrs["gl_renderer"] = HOSTILE
-        time_ns = file["turns/table"]["time_ns"][5]
-        add_row(file, "notes", turn=6, time_ns=time_ns, text=f"note {HOSTILE}".encode())
+        time_ns = file["steps/table"]["time_ns"][5]
+        add_row(file, "notes", step=6, time_ns=time_ns, text=f"note {HOSTILE}".encode())
         add_row(
-            file, "drops", turn=6, time_ns=time_ns, count=2, what=b"camera", why=f"why {HOSTILE}".encode()
+            file,
+            "drops",
+            step=6,
+            time_ns=time_ns,
+            count=2,
+            lost_by=b"camera",
+            reason=f"why {HOSTILE}".encode(),
         )
 
     page = page_of(edited(fill))
@@ -64,7 +70,7 @@ def test_every_text_from_the_recording_is_escaped(edited: Edited) -> None:
 def test_figures_are_those_of_the_tables_and_of_the_planted_press(recording_path: Path) -> None:
     with Recording(recording_path) as recording:
         figures = summarise_recording(recording)
-        turns, peaks = recording.turns, recording.peaks
+        turns, peaks = recording.steps, recording.peaks
         names = [str(recording.state_of(row)) for row in turns]
     assert figures["complete"]
     assert figures["frames"] == np.count_nonzero(turns["frame_number"] >= 0)
@@ -79,17 +85,17 @@ def test_figures_are_those_of_the_tables_and_of_the_planted_press(recording_path
     largest = figures["largest"]
     assert largest["depth_mm"] == pytest.approx(0.2, rel=0.01)
     assert largest["state"] == "locked"
-    assert largest["depth_mm"] == peaks["depth_mm"][np.isin(peaks["turn"], turns["number"][nulled])].max()
+    assert largest["depth_mm"] == peaks["depth_mm"][np.isin(peaks["step"], turns["number"][nulled])].max()
 
 
 def test_depth_is_shown_when_first_locked_at_its_largest_and_at_the_end(recording_path: Path) -> None:
     with Recording(recording_path) as recording:
         shown = key_turns(recording)
-        locked = [int(row["number"]) for row in recording.turns if str(recording.state_of(row)) == "locked"]
+        locked = [int(row["number"]) for row in recording.steps if str(recording.state_of(row)) == "locked"]
         names = {name: turn for turn, names in shown.items() for name in names}
         assert names["first locked"] == locked[0]
         assert names["largest |depth|"] == summarise_recording(recording)["largest"]["turn"]
-        assert names["last"] == recording.turns_kept("surface")[-1]
+        assert names["last"] == recording.steps_with("surface")[-1]
 
 
 def test_peak_is_told_to_two_digits_of_its_sigma() -> None:
@@ -128,7 +134,7 @@ def test_recording_that_was_not_closed_says_so(edited: Edited) -> None:
 
 def test_recording_without_a_single_turn_still_makes_a_page(edited: Edited) -> None:
     def empty(file: h5py.File) -> None:
-        for name in ("turns", "peaks", "notes", "drops", "presentations"):
+        for name in ("steps", "peaks", "notes", "drops", "presentation_log"):
             file[f"{name}/table"].resize(0, axis=0)
 
     page = page_of(edited(empty))
@@ -137,11 +143,11 @@ def test_recording_without_a_single_turn_still_makes_a_page(edited: Edited) -> N
 
 
 def test_peaks_and_surfaces_of_turns_that_were_not_flushed_do_no_harm(edited: Edited) -> None:
-    path = edited(lambda file: file["turns/table"].resize(20, axis=0))
+    path = edited(lambda file: file["steps/table"].resize(20, axis=0))
     page = page_of(path)
     with Recording(path) as recording:
-        assert max(key_turns(recording)) <= recording.turns["number"][-1]
-        assert summarise_recording(recording)["last"]["turn"] <= recording.turns["number"][-1]
+        assert max(key_turns(recording)) <= recording.steps["number"][-1]
+        assert summarise_recording(recording)["last"]["turn"] <= recording.steps["number"][-1]
     assert "20 turns of the loop" in page.text
 
 
@@ -203,7 +209,7 @@ def without_sums(file: h5py.File) -> None:
     names: list[str] = []
     file.visit(names.append)
     for name in names:
-        if name.endswith("/sums"):
+        if name.endswith("/checksums"):
             del file[name]
 
 
@@ -242,11 +248,11 @@ def test_coordinates_that_are_partly_unknown_make_a_map(edited: Edited) -> None:
 
 def test_tables_without_a_number_make_a_page(edited: Edited) -> None:
     def strike(file: h5py.File) -> None:
-        peaks, turns = file["peaks/table"][()], file["turns/table"][()]
-        for name in ("depth_mm", "sigma_mm", "x_mm", "y_mm"):
+        peaks, turns = file["peaks/table"][()], file["steps/table"][()]
+        for name in ("depth_mm", "depth_sigma_mm", "x_mm", "y_mm"):
             peaks[name] = np.nan
         turns["residual_rms_px"] = np.nan
-        file["peaks/table"][...], file["turns/table"][...] = peaks, turns
+        file["peaks/table"][...], file["steps/table"][...] = peaks, turns
 
     page = page_of(edited(strike))
     assert "nothing was measured" in page.source
@@ -255,9 +261,9 @@ def test_tables_without_a_number_make_a_page(edited: Edited) -> None:
 
 @pytest.mark.parametrize("turns", [1, 2, 9, 10])
 def test_a_short_recording_has_no_empty_curve(edited: Edited, turns: int) -> None:
-    path = edited(lambda file: file["turns/table"].resize(turns, axis=0))
+    path = edited(lambda file: file["steps/table"].resize(turns, axis=0))
     with Recording(path) as recording:
-        frames = np.count_nonzero(recording.turns["frame_number"] >= 0)
+        frames = np.count_nonzero(recording.steps["frame_number"] >= 0)
     page = page_of(path)
     told = f"No curve of frames per second: {frames} frames are too few for one (10 make it)."
     assert (told in page.text) == ("frames per second" not in page.source.split("</svg>")[0]) == (frames < 10)
@@ -284,9 +290,9 @@ def test_frames_that_are_not_read_are_not_called_drops(recording_path: Path, edi
 
 def test_a_curve_within_a_decade_has_plain_numbers(edited: Edited) -> None:
     def narrow(file: h5py.File) -> None:
-        turns = file["turns/table"][()]
+        turns = file["steps/table"][()]
         turns["residual_rms_px"] = np.linspace(0.0102, 0.0118, len(turns))
-        file["turns/table"][...] = turns
+        file["steps/table"][...] = turns
 
     svg = page_of(edited(narrow)).source.split("</svg>")[0]
     assert "mathdefault" not in svg
@@ -299,7 +305,7 @@ def test_all_that_is_damaged_is_counted_though_no_map_shows_it(
     def strike(file: h5py.File) -> None:
         with Recording(recording_path) as whole:
             shown = key_turns(whole)
-        hidden = [i for i, turn in enumerate(file["surface/turn"]) if turn not in shown]
+        hidden = [i for i, turn in enumerate(file["surface/step"]) if turn not in shown]
         # one surface in two of its arrays, one in a row; two frames
         file["surface/depth_mm"][hidden[0], 5, 5] = 7.0
         file["surface/slope"][hidden[0], 5, 5, 0] = 7.0

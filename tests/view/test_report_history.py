@@ -41,17 +41,21 @@ def test_shares_are_of_time_not_of_turns() -> None:
 
 def test_a_fault_and_drops_are_told_with_time_count_and_reason(edited: Edited) -> None:
     def plant(file: h5py.File) -> None:
-        table = file["turns/table"]
+        table = file["steps/table"]
         turns = table[()]
         turns["state"][10:13] = STATES.index("fault")
         turns["reason"][10:13] = "the camera is lost: unplugged"
         turns["events"][10] |= 1 << EVENTS.index("camera lost")
         table[...] = turns
-        add_row(file, "drops", turn=16, time_ns=turns["time_ns"][15], count=4, what=b"camera", why=b"late")
-        add_row(file, "drops", turn=17, time_ns=turns["time_ns"][16], count=2, what=b"recorder", why=b"slow")
+        add_row(
+            file, "drops", step=16, time_ns=turns["time_ns"][15], count=4, lost_by=b"camera", reason=b"late"
+        )
+        add_row(
+            file, "drops", step=17, time_ns=turns["time_ns"][16], count=2, lost_by=b"recorder", reason=b"slow"
+        )
 
     with Recording(edited(plant)) as recording:
-        at = 1e-9 * (recording.turns["time_ns"] - recording.turns["time_ns"][0])
+        at = 1e-9 * (recording.steps["time_ns"] - recording.steps["time_ns"][0])
         told = {one.what: one for one in happenings(recording)}
         (fault,) = [one for one in episodes(recording) if one.state == "fault"]
     assert told["fault"] == Happening(at[10], at[13], "fault", 1, "the camera is lost: unplugged")

@@ -120,7 +120,7 @@ def _check_options(forms: list[str], every: int, at_s: float | None, pitch_mm: f
 def _write(export: Export) -> dict[str, Any]:
     """Write one file and say what is in it."""
     with ExitStack() as opened:
-        advance = opened.enter_context(progress(export.total, first=export.path.name))
+        advance = opened.enter_context(progress(len(export.selected.steps), first=export.path.name))
         opened.enter_context(writing("OUT", export.path))
         figures = export.write(lambda: advance(export.path.name))
     figures = {"file": str(export.path), "format": export.form, **figures}
@@ -130,7 +130,7 @@ def _write(export: Export) -> dict[str, Any]:
 
 
 def _line(export: Export, figures: dict[str, Any]) -> str:
-    times = export.moments.time_s
+    times = export.selected.time_s
     when = (
         f"{times[0]:.3f} s" if len(times) == 1 else f"{len(times)} times, {times[0]:.3f} to {times[-1]:.3f} s"
     )

@@ -21,11 +21,11 @@ from zeromethod.optics import check_geometry
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.session.replay.closed_loop import ClosedLoopReplay, recorded_track, simulated_bench
 from zeromethod.session.replay.comparison import figures_of, rejection
+from zeromethod.session.replay.from_frames import replay_from_frames
+from zeromethod.session.replay.from_warps import replay_from_warps
 from zeromethod.session.replay.mirror import RecordedMirror
-from zeromethod.session.replay.relive import Reliving, bench_of, recorded_track
-from zeromethod.session.replay.reread import reread
-from zeromethod.session.replay.resense import resense
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.track import Track
 from zeromethod.session.replay.window import Window
@@ -145,16 +145,16 @@ def _again(
     figure: Path | None,
 ) -> None:
     """Read or sense again, print the differences and put them into `about`."""
-    turns = recording.turns
+    turns = recording.steps
     upto = turns["number"][turns["time_ns"] <= window.to_ns]
     if again == "read":
-        with progress(int(np.isin(recording.peaks["turn"], upto).sum()), "reading") as advance:
-            depths = reread(recording, rig, window, speed=speed, on_turn=_telling(advance))
+        with progress(int(np.isin(recording.peaks["step"], upto).sum()), "reading") as advance:
+            depths = replay_from_warps(recording, rig, window, speed=speed, on_step=_telling(advance))
         figures = depths.figures
         equal = not depths.different
     else:
         with progress(int(turns["sensed"][: len(upto)].sum()), "sensing") as advance:
-            warps, depths = resense(recording, rig, window, speed=speed, on_turn=_telling(advance))
+            warps, depths = replay_from_frames(recording, rig, window, speed=speed, on_step=_telling(advance))
         figures = depths.figures | warps.figures
         equal = not (depths.different or warps.different)
     about |= {"changed": rig != recording.rig, "equal": equal, **figures}
@@ -186,9 +186,9 @@ def _relive(
 ) -> None:
     """Live through it as it was, and with other settings if there are any; print all beside each other."""
     drawn_by = () if renderer is None else (f"simulation.renderer={renderer}",)
-    benches = {"relived": with_settings(bench_of(recording.rig), drawn_by)}
-    changed = with_settings(bench_of(rig), (*drawn_by, *settings))
-    if changed != benches["relived"]:
+    benches = {"simulated": with_settings(simulated_bench(recording.rig), drawn_by)}
+    changed = with_settings(simulated_bench(rig), (*drawn_by, *settings))
+    if changed != benches["simulated"]:
         benches["changed"] = changed
     tracks = [recorded_track(recording, window)]
     for number, (name, bench) in enumerate(benches.items(), start=1):
@@ -196,7 +196,7 @@ def _relive(
         last = number == len(benches)
         mirror = RecordedMirror(recording, window)
         told = shlex.join(["zeromethod", *sys.argv[1:]])
-        session = Reliving(
+        session = ClosedLoopReplay(
             name, bench, mirror, record=record if last else None, command_line=told, speed=speed
         )
         with progress(math.ceil(mirror.duration_s * bench.camera.rate_hz), name) as advance:
@@ -215,7 +215,7 @@ def _relive(
     if figure is not None:
         from zeromethod.view.replay_figure import draw_sessions  # noqa: PLC0415 - matplotlib loads slowly
 
-        draw_sessions(curves, f"zeromethod  {recording.path.name} relived", figure)
+        draw_sessions(curves, f"zeromethod  {recording.path.name} simulated", figure)
 
 
 def _tell_interrupted(record: Path | None) -> None:

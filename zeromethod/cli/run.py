@@ -29,9 +29,9 @@ from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.state import State
 from zeromethod.optics import check_geometry
+from zeromethod.publishing.publisher import Publisher
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.reading import Publisher
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
@@ -157,9 +157,7 @@ def _publishing(address: str | None, devices: Devices) -> Iterator[Publisher | N
     if address is None:
         yield None
         return
-    from zeromethod.publishing import Publisher as Socket  # noqa: PLC0415 - only who publishes needs it
-
-    with Socket(address, devices.clock) as socket:
+    with Publisher(address, devices.clock) as socket:
         click.echo(f"publishing at {socket.address}", err=True)
         yield socket
 

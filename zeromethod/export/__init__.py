@@ -8,6 +8,6 @@ with Recording("session.h5") as recording:
 """
 
 from zeromethod.export.formats import FORMATS, MESHES, SUFFIXES, Export, form_of, prepare
-from zeromethod.export.moments import Moments, Selection
+from zeromethod.export.selection import SelectedSteps, Selection
 
-__all__ = ["FORMATS", "MESHES", "SUFFIXES", "Export", "Moments", "Selection", "form_of", "prepare"]
+__all__ = ["FORMATS", "MESHES", "SUFFIXES", "Export", "SelectedSteps", "Selection", "form_of", "prepare"]

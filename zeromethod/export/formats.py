@@ -5,15 +5,15 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from zeromethod.errors import InputError
-from zeromethod.export.extras import needed
 from zeromethod.export.mcap import export_mcap
 from zeromethod.export.mesh import export_mesh
-from zeromethod.export.moments import Moments, Selection, require
 from zeromethod.export.npz import export_npz
+from zeromethod.export.selection import SelectedSteps, Selection, needed, require
 from zeromethod.export.tiff import export_tiff
 from zeromethod.export.track import export_track
 from zeromethod.recording.recording import Recording
@@ -22,53 +22,43 @@ from zeromethod.recording.source import DamagedWarning
 Advance = Callable[[], None]
 
 
-def _nothing() -> None:
-    """No progress to tell."""
-
-
 @dataclass(frozen=True, slots=True)
 class Export:
-    """One file to be written: `total` calls of `advance`, then what was written comes back."""
+    """One file to be written."""
 
     recording: Recording
     form: str
     path: Path
-    moments: Moments
+    selected: SelectedSteps
     pitch_mm: float | None = None
 
-    @property
-    def total(self) -> int:
-        """Moments to go through."""
-        return len(self.moments.turns)
-
-    def write(self, advance: Advance = _nothing) -> dict[str, Any]:
+    def write(self, advance: Advance = lambda: None) -> dict[str, Any]:
         """Write the file, whole or not at all. Returns its figures, which depend on the format.
 
-        Raises MeasurementError where nothing was read that the file could hold, InputError where the
-        recording is damaged.
+        advance: called once for every selected step. Raises MeasurementError where nothing was read that the
+        file could hold, InputError where the recording is damaged.
         """
+        writers: dict[str, Callable[..., dict[str, Any]]] = {
+            "npz": export_npz,
+            "tiff": partial(export_tiff, pitch_mm=self.pitch_mm),
+            "ply": partial(export_mesh, form="ply"),
+            "stl": partial(export_mesh, form="stl"),
+            "csv": export_track,
+            "mcap": export_mcap,
+            "mp4": _export_video,
+        }
         with warnings.catch_warnings():
             warnings.simplefilter("error", DamagedWarning)
             try:
-                return self._write(advance)
+                return writers[self.form](self.recording, self.selected, self.path, advance)
             except DamagedWarning as warning:
                 raise InputError(str(warning)) from None
 
-    def _write(self, advance: Advance) -> dict[str, Any]:
-        common = (self.recording, self.moments, self.path, advance)
-        if self.form == "npz":
-            return export_npz(*common)
-        if self.form == "tiff":
-            return export_tiff(*common, pitch_mm=self.pitch_mm)
-        if self.form in MESHES:
-            return export_mesh(*common, form=self.form)
-        if self.form == "csv":
-            return export_track(*common)
-        if self.form == "mcap":
-            return export_mcap(*common)
-        from zeromethod.export.video import export_video  # noqa: PLC0415 - matplotlib loads slowly
 
-        return export_video(*common)
+def _export_video(*common: Any) -> dict[str, Any]:
+    from zeromethod.export.video import export_video  # noqa: PLC0415 - matplotlib loads slowly
+
+    return export_video(*common)
 
 
 SUFFIXES = {
@@ -121,16 +111,16 @@ def prepare(
         needed(_LIBRARIES[form])
     selection = selection or Selection()
     if form == "csv":
-        moments = selection.several(recording)
+        selected = selection.several(recording)
     elif form == "mcap":
         groups = [part for part in ("frames", "surface") if part in recording.kept]
         if not groups:
             require(recording, ("frames", "surface"), "an MCAP file")
-        moments = selection.several(recording, groups)
+        selected = selection.several(recording, groups)
     elif form == "mp4":
         require(recording, ("frames", "residual", "surface"), "a video")
-        moments = selection.several(recording, ("frames",))
+        selected = selection.several(recording, ("frames",))
     else:
         require(recording, ("surface",), f"a .{form} file")
-        moments = selection.one(recording) if form in MESHES else selection.several(recording, ("surface",))
-    return Export(recording, form, path, moments, pitch_mm)
+        selected = selection.one(recording) if form in MESHES else selection.several(recording, ("surface",))
+    return Export(recording, form, path, selected, pitch_mm)

@@ -20,7 +20,7 @@ _BORDER = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Lattice:
+class MapLattice:
     """Points (x0 + i pitch, y0 + j pitch): row j grows with y, column i with x; all in mm.
 
     The origin is a multiple of the pitch, so that lattices of equal pitch share their points.
@@ -32,8 +32,8 @@ class Lattice:
     shape: tuple[int, int]
 
     @classmethod
-    def covering(cls, x_mm: Float, y_mm: Float, pitch_mm: float | None = None) -> Lattice:
-        """Lattice over nodes (rows, cols), NaN where there are none.
+    def covering(cls, x_mm: Float, y_mm: Float, pitch_mm: float | None = None) -> MapLattice:
+        """MapLattice over nodes (rows, cols), NaN where there are none.
 
         Without a pitch, it is the nodes' own distance on the axis where that is less, to two digits and not
         above. Raises InputError where the pitch is no length, or its lattice would be empty or too large;
@@ -67,7 +67,7 @@ class Lattice:
 class Resampler:
     """Brings maps at nodes to a lattice: cubic, NaN wherever a corner of the cell is not valid."""
 
-    def __init__(self, lattice: Lattice) -> None:
+    def __init__(self, lattice: MapLattice) -> None:
         self._lattice = lattice
         self._at: Float | None = None
 
@@ -100,16 +100,16 @@ class Resampler:
         at = _by_plane(places, wanted) if self._at is None else self._at
         largest = np.array(places.shape[1::-1]) - 2.0
         for _ in range(_STEPS):
-            held = np.clip(at + _BORDER, 1.0, largest)
-            missed = wanted - sample(places, held[..., 0], held[..., 1])
-            xc, yc, xr, yr = np.moveaxis(sample(tangents, held[..., 0], held[..., 1]), -1, 0)
+            inside = np.clip(at + _BORDER, 1.0, largest)
+            missed = wanted - sample(places, inside[..., 0], inside[..., 1])
+            xc, yc, xr, yr = np.moveaxis(sample(tangents, inside[..., 0], inside[..., 1]), -1, 0)
             area = xc * yr - xr * yc
             step = np.stack(
                 [yr * missed[..., 0] - xr * missed[..., 1], xc * missed[..., 1] - yc * missed[..., 0]],
                 axis=-1,
             )
             step /= area[..., None]
-            at = held - _BORDER + step
+            at = inside - _BORDER + step
             within = np.all((at + _BORDER > 1.0) & (at + _BORDER < largest), axis=-1)
             if not within.any() or np.max(np.abs(step[within])) < _SETTLED_NODES:
                 break

@@ -10,10 +10,9 @@ import numpy as np
 
 from zeromethod.arrays import Image
 from zeromethod.atomic_write import atomic_write
-from zeromethod.export.extras import needed
-from zeromethod.export.moments import Moments
+from zeromethod.export.mesh import surface_points
 from zeromethod.export.ros2_types import DEFINITIONS
-from zeromethod.export.surface_points import surface_points
+from zeromethod.export.selection import SelectedSteps, needed
 from zeromethod.optics.mirror import HeightField, rest_surface
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
@@ -28,7 +27,7 @@ _FIELDS = ("x", "y", "z", "depth", "sigma")
 
 
 def export_mcap(
-    recording: Recording, moments: Moments, path: Path, advance: Callable[[], None]
+    recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None]
 ) -> dict[str, Any]:
     """Write what every moment has: camera image, depth image, point cloud, peak and state.
 
@@ -37,25 +36,25 @@ def export_mcap(
     writer_of = needed("mcap_ros2.writer").Writer
     rest = rest_surface(recording.rig)
     inner = recording.grid.inner
-    peaks = {int(row["turn"]): row for row in recording.peaks}
+    peaks = {int(row["step"]): row for row in recording.peaks}
     with atomic_write(path) as part, part.open("wb") as file, writer_of(file) as writer:
         topics = _Topics(writer)
         writer.add_metadata("zeromethod", {"started_utc": recording.started_utc, "rig": recording.rig_text})
-        for turn, unix_ns, state in zip(moments.turns, moments.unix_ns, moments.states, strict=True):
-            topics.at(int(unix_ns), int(turn))
+        for step, unix_ns, state in zip(selected.steps, selected.unix_ns, selected.states, strict=True):
+            topics.at(int(unix_ns), int(step))
             topics.write("/zeromethod/state", "std_msgs/msg/String", {"data": state})
-            if (image := recording.image(turn)) is not None:
+            if (image := recording.image(step)) is not None:
                 topics.write("/zeromethod/camera/image", *_image(topics.header(CAMERA_FRAME), image))
-            if (surface := recording.surface(turn)) is not None:
+            if (surface := recording.surface(step)) is not None:
                 depth_m = _METRES * np.where(surface.valid, surface.depth_mm, np.nan)[inner]
                 topics.write(
                     "/zeromethod/depth/image", *_image(topics.header(CAMERA_FRAME), depth_m.astype("<f4"))
                 )
                 topics.write("/zeromethod/points", *_cloud(topics.header(FRAME), surface, rest))
-            if (peak := peaks.get(int(turn))) is not None and np.isfinite(peak["depth_mm"]):
+            if (peak := peaks.get(int(step))) is not None and np.isfinite(peak["depth_mm"]):
                 topics.write("/zeromethod/peak", *_peak(topics.header(FRAME), peak, rest))
             advance()
-    return {"times": len(moments.turns), "messages": topics.counts}
+    return {"times": len(selected.steps), "messages": topics.counts}
 
 
 class _Topics:
@@ -65,12 +64,12 @@ class _Topics:
         self._writer = writer
         self._schemas: dict[str, Any] = {}
         self._unix_ns = 0
-        self._turn = 0
+        self._step = 0
         self.counts: dict[str, int] = {}
 
-    def at(self, unix_ns: int, turn: int) -> None:
+    def at(self, unix_ns: int, step: int) -> None:
         """Stamp what follows."""
-        self._unix_ns, self._turn = unix_ns, turn
+        self._unix_ns, self._step = unix_ns, step
 
     def header(self, frame_id: str) -> dict[str, Any]:
         """Header of a message of now."""
@@ -82,7 +81,7 @@ class _Topics:
         if kind not in self._schemas:
             self._schemas[kind] = self._writer.register_msgdef(kind, DEFINITIONS[kind])
         self._writer.write_message(
-            topic, self._schemas[kind], message, log_time=self._unix_ns, sequence=self._turn
+            topic, self._schemas[kind], message, log_time=self._unix_ns, sequence=self._step
         )
         self.counts[topic] = self.counts.get(topic, 0) + 1
 

@@ -11,10 +11,8 @@ import numpy as np
 from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import MeasurementError
-from zeromethod.export.extras import needed
-from zeromethod.export.moments import Moments
-from zeromethod.export.surface_points import surface_points
-from zeromethod.optics.mirror import rest_surface
+from zeromethod.export.selection import SelectedSteps, needed
+from zeromethod.optics.mirror import HeightField, rest_surface
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
 
@@ -22,7 +20,7 @@ _HEADER = "zeromethod: mm; z = rest - depth out of the rubber, x along the mirro
 
 
 def export_mesh(
-    recording: Recording, moments: Moments, path: Path, advance: Callable[[], None], *, form: str
+    recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None], *, form: str
 ) -> dict[str, Any]:
     """Write the surface of the one moment given; `form` is "ply" or "stl".
 
@@ -30,11 +28,11 @@ def export_mesh(
     MeasurementError where no three neighbouring nodes were read.
     """
     trimesh = needed("trimesh")
-    surface = recording.surface(moments.turns[0])
+    surface = recording.surface(selected.steps[0])
     assert surface is not None
     vertices, faces, nodes = _triangles(recording, surface)
     if not len(faces):
-        raise MeasurementError(f"at {moments.time_s[0]:.3f} s no part of the surface was read")
+        raise MeasurementError(f"at {selected.time_s[0]:.3f} s no part of the surface was read")
     depth_mm = surface.depth_mm[nodes]
     mesh = trimesh.Trimesh(vertices=vertices, faces=faces, process=False)
     mesh.units = "mm"
@@ -50,11 +48,21 @@ def export_mesh(
         part.write_bytes(data)
     advance()
     return {
-        "time_s": float(moments.time_s[0]),
+        "time_s": float(selected.time_s[0]),
         "vertices": len(vertices),
         "faces": len(faces),
         "depth_largest_mm": float(depth_mm[np.argmax(np.abs(depth_mm))]),
     }
+
+
+def surface_points(surface: Surface, rest: HeightField) -> Float:
+    """World points (rows, cols, 3) in mm of every node; z NaN where not valid.
+
+    Convention: origin P0, x along the mirror, z = h_rest(x, y) - depth out of the rubber.
+    """
+    x, y = (np.asarray(values, dtype=np.float64) for values in (surface.x_mm, surface.y_mm))
+    z = rest.height(x, y) - np.where(surface.valid, surface.depth_mm, np.nan)
+    return np.stack([x, y, z], axis=-1)
 
 
 def _triangles(recording: Recording, surface: Surface) -> tuple[Float, Ints, Mask]:

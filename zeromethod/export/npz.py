@@ -13,7 +13,7 @@ from typing import IO, Any
 import numpy as np
 
 from zeromethod.atomic_write import atomic_write
-from zeromethod.export.moments import Moments
+from zeromethod.export.selection import SelectedSteps
 from zeromethod.recording.recording import Recording
 
 _BLOCK = 1 << 22
@@ -31,9 +31,9 @@ _MAPS = {
 """Type, unit and meaning of every map, (times, rows, columns[, 2])."""
 
 _REST = {
-    "time_s": ("s", "mid-exposure, since the recording's first turn"),
+    "time_s": ("s", "mid-exposure, since the recording's first step"),
     "time_ns": ("ns", "the same on the run's clock"),
-    "turn": ("1", "turn of the loop"),
+    "step": ("1", "step of the loop"),
     "state": ("1", "the loop's state"),
     "u_px": ("px", "camera column of every column of nodes"),
     "v_px": ("px", "camera row of every row of nodes"),
@@ -42,7 +42,7 @@ _REST = {
 
 
 def export_npz(
-    recording: Recording, moments: Moments, path: Path, advance: Callable[[], None]
+    recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None]
 ) -> dict[str, Any]:
     """Write the maps of every moment; one of them at a time is in memory.
 
@@ -55,8 +55,8 @@ def export_npz(
         scratch = {
             name: opened.enter_context(tempfile.TemporaryFile(dir=path.absolute().parent)) for name in _MAPS
         }
-        for turn in moments.turns:
-            surface = recording.surface(turn)
+        for step in selected.steps:
+            surface = recording.surface(step)
             assert surface is not None
             for name, (dtype, _, _) in _MAPS.items():
                 scratch[name].write(np.ascontiguousarray(getattr(surface, name)[inner], dtype).data)
@@ -65,10 +65,10 @@ def export_npz(
             zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED, allowZip64=True, compresslevel=1)
         )
         small = {
-            "time_s": moments.time_s,
-            "time_ns": moments.time_ns,
-            "turn": moments.turns,
-            "state": np.array(moments.states),
+            "time_s": selected.time_s,
+            "time_ns": selected.time_ns,
+            "step": selected.steps,
+            "state": np.array(selected.states),
             "u_px": u_px,
             "v_px": v_px,
             "about": np.array(json.dumps(_about(recording))),
@@ -78,15 +78,10 @@ def export_npz(
                 np.lib.format.write_array(member, np.asarray(values), allow_pickle=False)
         for name, (dtype, _, _) in _MAPS.items():
             pair = (2,) if "slope" in name else ()
-            _add(
-                archive,
-                name,
-                np.dtype(dtype),
-                (len(moments.turns), len(v_px), len(u_px), *pair),
-                scratch[name],
-            )
+            shape = (len(selected.steps), len(v_px), len(u_px), *pair)
+            _add(archive, name, np.dtype(dtype), shape, scratch[name])
         archive.close()
-    return {"times": len(moments.turns), "rows": len(v_px), "columns": len(u_px)}
+    return {"times": len(selected.steps), "rows": len(v_px), "columns": len(u_px)}
 
 
 def _about(recording: Recording) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""One picture of a moment: camera, residual and depth side by side, on scales that hold for all of them."""
+"""One picture of a moment: camera, residual and depth side by side, on the scales of the whole video."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from zeromethod.arrays import Bytes, Float, Image
-from zeromethod.export.lattice import Lattice, Resampler
+from zeromethod.export.lattice import MapLattice, Resampler
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Surface
 from zeromethod.warp.grid import NodeGrid
@@ -42,7 +42,7 @@ class Scales:
 
     @classmethod
     def of(cls, images: Iterable[Image], rms_px: Float, peaks_mm: Float) -> Scales:
-        """Scales that hold what a recording tells: some frames, residuals per turn, peaks."""
+        """Scales for some frames, the residuals of all steps, and all peaks."""
         grey = max(float(np.percentile(image, 99.9)) for image in images)
         rms = rms_px[np.isfinite(rms_px) & (rms_px > 0.0)]
         quiet, loud = (float(np.percentile(rms, 5)), float(rms.max())) if rms.size else (0.01, 1.0)
@@ -115,13 +115,13 @@ class _Panel:
 
 
 class Picture:
-    """Draws moments of one recording; axes, colour bars and titles are drawn once."""
+    """Draws the steps of one recording; axes, colour bars and titles are drawn once."""
 
-    def __init__(self, grid: NodeGrid, lattice: Lattice, scales: Scales) -> None:
+    def __init__(self, grid: NodeGrid, lattice: MapLattice, scales: Scales) -> None:
         """Lay the picture out: camera pixels with v downwards, mm with y upwards as in all pictures."""
         self._grid = grid
         self._resampled = Resampler(lattice)
-        unit, self._per_mm = ("um", 1e3) if scales.depth_mm < 0.1 else ("mm", 1.0)
+        unit, self._per_mm = ("µm", 1e3) if scales.depth_mm < 0.1 else ("mm", 1.0)
         limit = self._per_mm * scales.depth_mm
         rows, cols = grid.image_shape
         camera = (-0.5, cols - 0.5, rows - 0.5, -0.5)
@@ -192,7 +192,7 @@ class Picture:
         return self._resampled(surface.x_mm[inner], surface.y_mm[inner], surface.valid[inner], depth)[..., 0]
 
 
-def _extent(lattice: Lattice) -> tuple[float, float, float, float]:
+def _extent(lattice: MapLattice) -> tuple[float, float, float, float]:
     """Borders (left, right, bottom, top) in mm of the lattice's pixels: x to the right, y upwards."""
     rows, cols = lattice.shape
     half = 0.5 * lattice.pitch_mm

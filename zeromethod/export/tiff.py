@@ -10,9 +10,8 @@ import numpy as np
 
 from zeromethod.arrays import Single
 from zeromethod.atomic_write import atomic_write
-from zeromethod.export.extras import needed
-from zeromethod.export.lattice import Lattice, Resampler
-from zeromethod.export.moments import Moments
+from zeromethod.export.lattice import MapLattice, Resampler
+from zeromethod.export.selection import SelectedSteps, needed
 from zeromethod.recording.recording import Recording
 
 CHANNELS = ("depth, mm", "slope d depth / dx, rad", "slope d depth / dy, rad")
@@ -23,7 +22,7 @@ _LARGEST_CLASSIC = 4_000_000_000
 
 def export_tiff(
     recording: Recording,
-    moments: Moments,
+    selected: SelectedSteps,
     path: Path,
     advance: Callable[[], None],
     *,
@@ -35,9 +34,9 @@ def export_tiff(
     Returns what was written: times, rows, columns, pitch and the first point, mm.
     """
     tifffile = needed("tifffile")
-    lattice = _lattice(recording, moments, pitch_mm)
+    lattice = _lattice(recording, selected, pitch_mm)
     rows, cols = lattice.shape
-    shape = (len(moments.turns), len(CHANNELS), rows, cols)
+    shape = (len(selected.steps), len(CHANNELS), rows, cols)
     with (
         atomic_write(path) as part,
         tifffile.TiffWriter(
@@ -45,13 +44,13 @@ def export_tiff(
         ) as file,
     ):
         file.write(
-            _pages(recording, moments, lattice, advance),
+            _pages(recording, selected, lattice, advance),
             shape=shape,
             dtype=np.float32,
             photometric="minisblack",
             resolution=(10.0 / lattice.pitch_mm, 10.0 / lattice.pitch_mm),
             resolutionunit="CENTIMETER",
-            metadata=_metadata(moments, lattice),
+            metadata=_metadata(selected, lattice),
         )
     return {
         "times": shape[0],
@@ -63,21 +62,21 @@ def export_tiff(
     }
 
 
-def _lattice(recording: Recording, moments: Moments, pitch_mm: float | None) -> Lattice:
-    surface = recording.surface(moments.turns[0])
+def _lattice(recording: Recording, selected: SelectedSteps, pitch_mm: float | None) -> MapLattice:
+    surface = recording.surface(selected.steps[0])
     assert surface is not None
     inner = recording.grid.inner
     x_mm, y_mm = np.moveaxis(surface.points_mm[inner], -1, 0)
-    return Lattice.covering(x_mm, y_mm, pitch_mm)
+    return MapLattice.covering(x_mm, y_mm, pitch_mm)
 
 
 def _pages(
-    recording: Recording, moments: Moments, lattice: Lattice, advance: Callable[[], None]
+    recording: Recording, selected: SelectedSteps, lattice: MapLattice, advance: Callable[[], None]
 ) -> Iterator[Single]:
     resampled = Resampler(lattice)
     inner = recording.grid.inner
-    for turn in moments.turns:
-        surface = recording.surface(turn)
+    for step in selected.steps:
+        surface = recording.surface(step)
         assert surface is not None
         values = np.concatenate([surface.depth_mm[..., None], surface.slope], axis=-1)[inner]
         maps = resampled(surface.x_mm[inner], surface.y_mm[inner], surface.valid[inner], values)
@@ -85,20 +84,20 @@ def _pages(
         advance()
 
 
-def _metadata(moments: Moments, lattice: Lattice) -> dict[str, Any]:
+def _metadata(selected: SelectedSteps, lattice: MapLattice) -> dict[str, Any]:
     """What OME-XML can say: spacing, the first point's place, names and units, times."""
-    planes = len(moments.turns) * len(CHANNELS)
+    planes = len(selected.steps) * len(CHANNELS)
     return {
         "axes": "TCYX",
         "PhysicalSizeX": lattice.pitch_mm,
         "PhysicalSizeXUnit": "mm",
         "PhysicalSizeY": lattice.pitch_mm,
         "PhysicalSizeYUnit": "mm",
-        "TimeIncrement": moments.interval_s,
+        "TimeIncrement": selected.interval_s,
         "TimeIncrementUnit": "s",
         "Channel": {"Name": list(CHANNELS)},
         "Plane": {
-            "DeltaT": np.repeat(moments.time_s, len(CHANNELS)).tolist(),
+            "DeltaT": np.repeat(selected.time_s, len(CHANNELS)).tolist(),
             "DeltaTUnit": ["s"] * planes,
             "PositionX": [lattice.x0_mm] * planes,
             "PositionXUnit": ["mm"] * planes,

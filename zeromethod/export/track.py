@@ -1,4 +1,4 @@
-"""The peak's track: one line per turn of the loop, as CSV."""
+"""The peak's track: one line per step of the loop, as CSV."""
 
 from __future__ import annotations
 
@@ -8,34 +8,31 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from zeromethod.atomic_write import atomic_write
-from zeromethod.export.moments import Moments
+from zeromethod.export.selection import SelectedSteps
 from zeromethod.recording.recording import Recording
 
-COLUMNS = ("time_s", "depth_mm", "sigma_mm", "x_mm", "y_mm", "state")
+COLUMNS = ("time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "state")
 
 
 def export_track(
-    recording: Recording, moments: Moments, path: Path, advance: Callable[[], None]
+    recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None]
 ) -> dict[str, Any]:
     """Write the peak of every moment, empty where nothing was read.
 
     Returns what was written: lines, and those with a peak.
     """
-    peaks = {int(row["turn"]): row for row in recording.peaks}
-    read = 0
+    peaks = {int(row["step"]): row for row in recording.peaks if np.isfinite(row["depth_mm"])}
     with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(COLUMNS)
-        for turn, time_s, state in zip(moments.turns, moments.time_s, moments.states, strict=True):
-            row = peaks.get(int(turn))
+        for step, time_s, state in zip(selected.steps, selected.time_s, selected.states, strict=True):
+            row = peaks.get(int(step))
             values = [math.nan if row is None else float(row[name]) for name in COLUMNS[1:-1]]
-            read += math.isfinite(values[0])
-            lines.writerow([f"{time_s:.9f}", *(_number(value) for value in values), state])
+            # shortest text that gives the same number back
+            numbers = [repr(value) if math.isfinite(value) else "" for value in values]
+            lines.writerow([f"{time_s:.9f}", *numbers, state])
             advance()
-    return {"times": len(moments.turns), "peaks": read}
-
-
-def _number(value: float) -> str:
-    """Shortest text that gives the same number back; nothing for what is none."""
-    return repr(value) if math.isfinite(value) else ""
+    return {"times": len(selected.steps), "peaks": len(peaks.keys() & set(selected.steps.tolist()))}

@@ -12,10 +12,9 @@ import numpy as np
 from zeromethod.arrays import Bytes, Ints
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
-from zeromethod.export.extras import needed
-from zeromethod.export.lattice import Lattice
-from zeromethod.export.moments import Moments
+from zeromethod.export.lattice import MapLattice
 from zeromethod.export.picture import Picture, Scales
+from zeromethod.export.selection import SelectedSteps, needed
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
 
@@ -28,17 +27,17 @@ _LOOKED_AT = 9
 
 
 def export_video(
-    recording: Recording, moments: Moments, path: Path, advance: Callable[[], None]
+    recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None]
 ) -> dict[str, Any]:
-    """Write an MP4 of constant frame rate, one frame per median interval of the moments.
+    """Write an MP4 of constant frame rate, one frame per median interval of the selected.
 
     Each frame shows the newest moment until then: a pause of the recording is a pause of the video.
     Returns what was written: times, frames, rate, length, size, codec.
     """
     av = needed("av")
-    rate = _rate(moments)
-    shown = _shown(moments, float(rate))
-    picture = _picture(recording, moments)
+    rate = _rate(selected)
+    shown = _shown(selected, float(rate))
+    picture = _picture(recording, selected)
     with atomic_write(path) as part, av.open(str(part), "w", format="mp4") as file:
         codec = next(name for name in CODECS if _has(av, name))
         stream = file.add_stream(codec, rate=rate)
@@ -48,13 +47,13 @@ def export_video(
             stream.options = {"crf": "18", "preset": "veryfast"}
         else:
             stream.bit_rate = 12_000_000
-        for number, image in enumerate(_pictures(recording, moments, picture, shown, advance)):
+        for number, image in enumerate(_pictures(recording, selected, picture, shown, advance)):
             frame = av.VideoFrame.from_ndarray(image, format="rgb24")
             frame.pts, frame.time_base = number, 1 / rate
             file.mux(stream.encode(frame))
         file.mux(stream.encode(None))
     return {
-        "times": len(moments.turns),
+        "times": len(selected.steps),
         "frames": len(shown),
         "rate_hz": float(rate),
         "length_s": len(shown) / float(rate),
@@ -72,64 +71,64 @@ def _has(av: Any, name: str) -> bool:
     return True
 
 
-def _rate(moments: Moments) -> Fraction:
+def _rate(selected: SelectedSteps) -> Fraction:
     """Frames per second."""
-    hz = min(1.0 / moments.interval_s, _FASTEST_HZ) if moments.interval_s > 0.0 else 1.0
+    hz = min(1.0 / selected.interval_s, _FASTEST_HZ) if selected.interval_s > 0.0 else 1.0
     return Fraction(hz).limit_denominator(1001)
 
 
-def _shown(moments: Moments, rate_hz: float) -> Ints:
+def _shown(selected: SelectedSteps, rate_hz: float) -> Ints:
     """Which moment every frame of the video shows."""
-    since = moments.time_s - moments.time_s[0]
+    since = selected.time_s - selected.time_s[0]
     frames = round(float(since[-1]) * rate_hz) + 1
     until = (np.arange(frames) + 0.5) / rate_hz
     return np.maximum(np.searchsorted(since, until, side="right") - 1, 0)
 
 
-def _picture(recording: Recording, moments: Moments) -> Picture:
-    """The picture with its scales, which hold for all moments."""
-    within = np.isin(recording.turns["number"], moments.turns)
-    peaks = recording.peaks[np.isin(recording.peaks["turn"], moments.turns)]
-    some = moments.turns[np.linspace(0, len(moments.turns) - 1, _LOOKED_AT).astype(int)]
+def _picture(recording: Recording, selected: SelectedSteps) -> Picture:
+    """The picture, with scales for all selected steps."""
+    within = np.isin(recording.steps["number"], selected.steps)
+    peaks = recording.peaks[np.isin(recording.peaks["step"], selected.steps)]
+    some = selected.steps[np.linspace(0, len(selected.steps) - 1, _LOOKED_AT).astype(int)]
     images = [image for image in map(recording.image, some) if image is not None]
-    surface = next((found for found in map(recording.surface, moments.turns) if found is not None), None)
+    surface = next((found for found in map(recording.surface, selected.steps) if found is not None), None)
     if surface is None:
         raise InputError(f"{recording.path}: no surface was read in this time: a video needs one")
     inner = recording.grid.inner
     x_mm, y_mm = np.moveaxis(surface.points_mm[inner], -1, 0)
-    scales = Scales.of(images, recording.turns["residual_rms_px"][within], peaks["depth_mm"])
-    return Picture(recording.grid, Lattice.covering(x_mm, y_mm), scales)
+    scales = Scales.of(images, recording.steps["residual_rms_px"][within], peaks["depth_mm"])
+    return Picture(recording.grid, MapLattice.covering(x_mm, y_mm), scales)
 
 
 def _pictures(
     recording: Recording,
-    moments: Moments,
+    selected: SelectedSteps,
     picture: Picture,
     shown: Ints,
     advance: Callable[[], None],
 ) -> Iterator[Bytes]:
     """Picture of every frame of the video: each moment drawn once, the last surface kept until the next."""
-    peaks = {int(row["turn"]): row for row in recording.peaks}
+    peaks = {int(row["step"]): row for row in recording.peaks}
     surface: Surface | None = None
     rms_px = dict(
-        zip(recording.turns["number"].tolist(), recording.turns["residual_rms_px"].tolist(), strict=True)
+        zip(recording.steps["number"].tolist(), recording.steps["residual_rms_px"].tolist(), strict=True)
     )
     peak_words = ""
     image = np.zeros((*picture.shape, 3), np.uint8)
     done = 0
     for index in shown:
         while done <= index:
-            turn = int(moments.turns[done])
-            surface = recording.surface(turn) or surface
-            if turn in peaks and np.isfinite(peaks[turn]["depth_mm"]):
-                peak_words = f"   peak {1e3 * float(peaks[turn]['depth_mm']):8.3f} um"
+            step = int(selected.steps[done])
+            surface = recording.surface(step) or surface
+            if step in peaks and np.isfinite(peaks[step]["depth_mm"]):
+                peak_words = f"   peak {1e3 * float(peaks[step]['depth_mm']):8.3f} um"
             if done == index:
-                seen = recording.image(turn)
+                seen = recording.image(step)
                 if seen is None:
-                    raise InputError(f"{recording.path}: turn {turn}: its frame is damaged")
-                words = f"{moments.time_s[done]:8.3f} s   {moments.states[done]:<9}"
-                words += f"   residual rms {rms_px[turn]:7.4f} px{peak_words}"
-                image = picture.draw(seen, recording.residual(turn), surface, words)
+                    raise InputError(f"{recording.path}: step {step}: its frame is damaged")
+                words = f"{selected.time_s[done]:8.3f} s   {selected.states[done]:<9}"
+                words += f"   residual rms {rms_px[step]:7.4f} px{peak_words}"
+                image = picture.draw(seen, recording.residual(step), surface, words)
             advance()
             done += 1
         yield image

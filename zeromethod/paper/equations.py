@@ -140,7 +140,7 @@ def expanded_angle_change(m: ArrayLike, l: ArrayLike, d: ArrayLike, alpha0: floa
     root is of order 1. It is computed as -C / (B + sqrt(B^2 - C A)), the same number without cancellation.
 
     Holds where x is small, with an error of third order, (2/3) x^3 at alpha0 = 45 deg, and where d / l is
-    small beside x: gamma = 0 makes delta alpha too small by about d / l. On a flank that starts straight
+    small against x: gamma = 0 makes delta alpha too small by about d / l. On a flank that starts straight
     from P0 that is half of delta alpha itself.
     The root is real for every m.
     """

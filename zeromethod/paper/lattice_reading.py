@@ -18,7 +18,6 @@ from zeromethod.paper.printed_lattice import photograph
 from zeromethod.paper.series import Series
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
-from zeromethod.surface.comparison import TrueMirror
 
 DEPTH_MM, SIGMA_MM = 0.2, 5.0
 """The press of section 5: "about 0.2 mm" is given; its width is not, 5 mm is this project's choice."""
@@ -57,7 +56,7 @@ class LatticeReading:
 def read_picks(
     view: LatticeView, line: Picks, truth: TrueMirror, *, step: Literal["printed", "centred"] = "printed"
 ) -> LatticeReading:
-    """Reconstruct the mirror along one line of picks and hold it against the truth at y = 0.
+    """Reconstruct the mirror along one line of picks and compare it with the truth at y = 0.
 
     step: equation 19 as printed, or without its lag of one interval; see `lattice.series.reconstruct`.
     """
@@ -76,12 +75,12 @@ def read_images(
 ) -> tuple[LatticeReading, LatticeReading]:
     """Read a press off the middle line of two images: with whole-pixel picks, as by hand, and between pixels.
 
-    Raises MeasurementError where fewer than three crossings are seen.
+    Raises MeasurementError where fewer than three crossings are visible.
     """
     view = LatticeView.of(rig)
     line = pick(before, after, view.period_px, view.origin_px).line(0)
     if len(line.index) < _MIN_CROSSINGS:
-        raise MeasurementError(f"only {len(line.index)} crossings are seen along the middle of the image")
+        raise MeasurementError(f"only {len(line.index)} crossings are visible along the middle of the image")
     return read_picks(view, line.whole(), truth), read_picks(view, line, truth)
 
 

@@ -17,6 +17,8 @@ from zeromethod.paper.series import Inverse, Rim, Series, Step, reconstruct
 PAPER_THETA_ERROR_RAD = 0.0008
 PAPER_DEPTH_ERROR_PX = 0.4
 """Figures 8 and 9: "suppressed under"."""
+SPACING_PX = 2.0
+"""Distance of points along the mirror, if nothing else is asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +91,7 @@ def column(
     invert: Inverse,
     step: Step = "centred",
     rim: Rim = "straight",
-    spacing_px: float = 2.0,
+    spacing_px: float = SPACING_PX,
     away_px: float = 32.0,
 ) -> Column:
     """Pick the needle on exact geometry or on the paper's own gamma = 0 model, and reconstruct it."""
@@ -98,11 +100,9 @@ def column(
     bench = {"alpha0": needle.alpha0, "beta0": needle.beta0, "length": needle.length_px}
     m, w = picks(l, needle.depth(l), needle.theta(l), **bench)
     series = reconstruct(m, w, **bench, invert=invert, step=step, rim=rim, keep_gamma=exact)
-    return Column(
-        name,
-        l,
-        series,
-        errors_of(needle, l, series.theta_rises, series.depth_rises, away_px),
-        errors_of(needle, l, series.theta_drops, series.depth_drops, away_px),
-        errors_of(needle, l, series.theta, series.depth, away_px),
+    readings = (
+        (series.theta_rises, series.depth_rises),
+        (series.theta_drops, series.depth_drops),
+        (series.theta, series.depth),
     )
+    return Column(name, l, series, *(errors_of(needle, l, *reading, away_px) for reading in readings))

@@ -5,7 +5,7 @@ The paper's px is a length on the mirror; the bench of the own reading makes it 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from zeromethod.optics import Dented, Flat, Optics
 from zeromethod.paper.needle import (
     PAPER_DEPTH_ERROR_PX,
     PAPER_THETA_ERROR_RAD,
+    SPACING_PX,
     Column,
     Errors,
     Needle,
@@ -31,7 +32,7 @@ from zeromethod.warp.warp import Warp
 MM_PER_PX = 0.1
 """Section 5: 1 pixel is about 0.1 mm."""
 FINE_PIXEL_MM = 0.01
-"""Camera pixel of the own reading: its window must be small beside the needle, whose tip is a kink."""
+"""Camera pixel of the own reading: its window must be small against the needle, whose tip is a kink."""
 PERIOD_PX = 8
 """Carrier, camera px: the smallest that a rig file allows."""
 _RIM_MM = 20.0
@@ -106,17 +107,9 @@ class NeedleResult:
         }
 
     def _column(self, part: Column) -> dict[str, Any]:
-        worst = Errors(
-            *np.max(
-                [list(asdict(e).values()) for e in (part.rises, part.drops, part.average)], axis=0
-            ).tolist()
-        )
-        return {
-            **self._errors(worst),
-            "rises": self._errors(part.rises),
-            "drops": self._errors(part.drops),
-            "average": self._errors(part.average),
-        }
+        series = {"rises": part.rises, "drops": part.drops, "average": part.average}
+        worst = Errors(*np.max([astuple(errors) for errors in series.values()], axis=0).tolist())
+        return self._errors(worst) | {name: self._errors(errors) for name, errors in series.items()}
 
     def _reading(self, part: NeedleReading) -> dict[str, float]:
         return {
@@ -145,10 +138,8 @@ class _Tent:
         return np.where(self._inside(x), np.tan(self._needle.theta(x / MM_PER_PX)), 0.0), np.zeros_like(y)
 
 
-def reproduce_needle(needle: Needle | None = None, *, spacing_px: float = 2.0) -> NeedleResult:
-    """Section 3.1, all columns.
-
-    spacing_px: distance of the points along the mirror for the paper's method; the paper does not say.
+def reproduce_needle() -> NeedleResult:
+    """Section 3.1, all columns, with points 2 px apart along the mirror (the paper does not say).
 
     printed comes to 0.00034 rad and 0.28 px in every series: equation 17 is short by (8/3) theta^3, which
     sums up to the tip and back. The paper says "under" 0.0008 rad and 0.4 px. Depth stays below 0.4 px at
@@ -156,32 +147,15 @@ def reproduce_needle(needle: Needle | None = None, *, spacing_px: float = 2.0) -
     Points within some px of P0 read theta worst, for an error of depth weighs d / l^2 there: at 1 px the
     very last point of the drops goes to 0.00094 rad, with the lagged sum to some mrad.
     """
-    tent = needle or Needle()
+    tent = Needle()
+    printed, exact = "equation 17, gamma = 0", "exact geometry"
     return NeedleResult(
         needle=tent,
-        spacing_px=spacing_px,
-        printed=column(
-            tent, "equation 17, gamma = 0", exact=False, invert="equation 17", spacing_px=spacing_px
-        ),
-        lagged=column(
-            tent,
-            "equation 17, gamma = 0, lagged sum",
-            exact=False,
-            invert="equation 17",
-            step="printed",
-            spacing_px=spacing_px,
-        ),
-        exact_17=column(
-            tent, "equation 17, exact geometry", exact=True, invert="equation 17", spacing_px=spacing_px
-        ),
-        exact_12=column(
-            tent,
-            "equation 12, exact geometry",
-            exact=True,
-            invert="equation 12",
-            rim="closed",
-            spacing_px=spacing_px,
-        ),
+        spacing_px=SPACING_PX,
+        printed=column(tent, printed, exact=False, invert="equation 17"),
+        lagged=column(tent, f"{printed}, lagged sum", exact=False, invert="equation 17", step="printed"),
+        exact_17=column(tent, f"equation 17, {exact}", exact=True, invert="equation 17"),
+        exact_12=column(tent, f"equation 12, {exact}", exact=True, invert="equation 12", rim="closed"),
         zero_method=read_needle(tent, FINE_PIXEL_MM),
         coarse=read_needle(tent, MM_PER_PX),
     )

@@ -1,6 +1,6 @@
-"""Lattice crossings in two images: found, told apart, followed from the first into the second.
+"""Lattice crossings in two images: found, numbered, followed from the first into the second.
 
-Section 5 of the paper picks them by hand, at whole pixels; here an eye of its own does, and `whole` rounds.
+Section 5 of the paper picks them by hand, at whole pixels; here between pixels, which `whole` rounds.
 Convention: positions (u, v) = (column, row) in px, pixel centres at integers.
 """
 
@@ -21,7 +21,7 @@ _SMOOTHING = 0.09
 _LIGHTING = 0.8
 """Gaussian sigma over the period of the brightness that the image is divided by."""
 _QUADRANT = 0.2
-"""Distance over the period, along u and v, at which arms and squares of a crossing are looked at."""
+"""Distance over the period, along u and v, at which arms and squares of a crossing are sampled."""
 _RISE = 0.15
 """How much brighter than the arms the squares must be, as a share of the local brightness."""
 _STILL = 0.2
@@ -61,19 +61,19 @@ def find_crossings(image: NDArray[np.generic], period_px: float) -> Float:
     smooth = cv2.GaussianBlur(grey, (0, 0), _SMOOTHING * period_px, borderType=cv2.BORDER_REFLECT)
     smooth = smooth / np.maximum(lighting, 1e-3 * float(grey.max()) + 1e-9)
     lowest = cv2.erode(smooth, np.ones((3, 3)))
-    beside = round(_QUADRANT * period_px)
-    margin = beside + 2
+    arm = round(_QUADRANT * period_px)
+    margin = arm + 2
     v, u = np.nonzero(smooth[margin:-margin, margin:-margin] == lowest[margin:-margin, margin:-margin])
     u, v = u + margin, v + margin
-    squares = np.stack([smooth[v + b, u + a] for a in (-beside, beside) for b in (-beside, beside)])
-    arms = np.stack([lowest[v + beside * b, u + beside * a] for a, b in _SIDES])
+    squares = np.stack([smooth[v + b, u + a] for a in (-arm, arm) for b in (-arm, arm)])
+    arms = np.stack([lowest[v + arm * b, u + arm * a] for a, b in _SIDES])
     crossed = squares.min(axis=0) > arms.max(axis=0) + _RISE
     u, v = u[crossed], v[crossed]
-    places = [_between_edges(grey, int(a), int(b), beside) for a, b in zip(u, v, strict=True)]
+    places = [_between_edges(grey, int(a), int(b), arm) for a, b in zip(u, v, strict=True)]
     return np.array(places, dtype=np.float64).reshape(-1, 2)
 
 
-def _between_edges(grey: Float, u: int, v: int, beside: int) -> tuple[float, float]:
+def _between_edges(grey: Float, u: int, v: int, arm: int) -> tuple[float, float]:
     """Place (u, v) of a crossing near a whole pixel: the middle of its dark lines, half an arm away from it.
 
     Each edge lies where the grey passes half way from the line's darkest to the light on that edge's own
@@ -84,13 +84,13 @@ def _between_edges(grey: Float, u: int, v: int, beside: int) -> tuple[float, flo
         along, across = centre
         middles = []
         for side in (-1, 1):
-            rows = slice(along + side * beside - 1, along + side * beside + 2)
-            profile = patch[rows, max(across - 2 * beside, 0) : across + 2 * beside + 1].mean(axis=0)
-            start = min(across, 2 * beside)
-            first = start - beside // 2
-            bottom = first + int(np.argmin(profile[first : start + beside // 2 + 1]))
-            right = _edge(profile[bottom:], beside)
-            left = _edge(profile[bottom::-1], beside)
+            rows = slice(along + side * arm - 1, along + side * arm + 2)
+            profile = patch[rows, max(across - 2 * arm, 0) : across + 2 * arm + 1].mean(axis=0)
+            start = min(across, 2 * arm)
+            first = start - arm // 2
+            bottom = first + int(np.argmin(profile[first : start + arm // 2 + 1]))
+            right = _edge(profile[bottom:], arm)
+            left = _edge(profile[bottom::-1], arm)
             middles.append(across - start + bottom + (right - left) / 2)
         arms.append(sum(middles) / 2)
     return arms[0], arms[1]
@@ -109,11 +109,11 @@ def _edge(profile: Float, reach: int) -> float:
 def pick(
     before: NDArray[np.generic], after: NDArray[np.generic], period_px: float, origin_px: tuple[float, float]
 ) -> Picks:
-    """Crossings that both images show, numbered from the one at `origin_px` (u, v) in the first.
+    """Crossings visible in both images, numbered from the one at `origin_px` (u, v) in the first.
 
     The first image is of the mirror at rest: its lattice is square, `period_px` apart. In the second the
     numbers are carried from crossing to crossing, starting at the lattice's border, where they hardly
-    moved: displacements of more than a period are told apart. Crossings whose neighbours contradict them
+    moved: so displacements of more than a period are followed. Crossings whose neighbours contradict them
     (a fold, a missed one) are left out. Raises MeasurementError where an image shows no lattice.
     """
     at_rest = find_crossings(before, period_px)
@@ -121,11 +121,11 @@ def pick(
     near = np.max(np.abs(at_rest - origin_px - period_px * index), axis=-1) < _STILL * period_px
     rest = {(int(i), int(j)): place for (i, j), place in zip(index[near], at_rest[near], strict=True)}
     if len(rest) < 4:
-        raise MeasurementError("no lattice is seen in the image before the press")
+        raise MeasurementError("no lattice is visible in the image before the press")
     candidates = find_crossings(after, period_px)
     followed = _follow(rest, candidates, _neighbours(candidates, period_px), period_px)
     if not followed:
-        raise MeasurementError("no lattice is seen in the image after the press")
+        raise MeasurementError("no lattice is visible in the image after the press")
     keys = sorted(followed)
     return Picks(
         np.array(keys, dtype=np.int64),
@@ -170,7 +170,7 @@ def _follow(
                 queue.append(there)
     followed: dict[tuple[int, int], int] = {}
     for here, (i, j) in names.items():
-        beside = [(int(neighbours[here, side]), (i + a, j + b)) for side, (a, b) in enumerate(_SIDES)]
-        if (i, j) in rest and all(there < 0 or names[there] == name for there, name in beside):
+        around = [(int(neighbours[here, side]), (i + a, j + b)) for side, (a, b) in enumerate(_SIDES)]
+        if (i, j) in rest and all(there < 0 or names[there] == name for there, name in around):
             followed[i, j] = here
     return followed

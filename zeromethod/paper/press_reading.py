@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,18 +21,18 @@ from zeromethod.warp.grid import NodeGrid
 
 NOTHING = float("nan")
 WINDOW_PITCHES = 0.4
-"""Gaussian window (standard deviation) of the image correlation: it must hold lines of both directions,
-and a square of the lattice has nothing to see inside.
+"""Gaussian window (standard deviation) of the image correlation: it must cover lines of both directions,
+because the inside of a lattice square has no texture.
 
-Picked with the truth in sight from 6, 8, 10 and 12 px (0.24 to 0.48 pitches), which read the peak of
-`reproduce` 1.2 to 0.4 % low: 10 px. It favours the passive reading; the window that the correlation
-chooses by itself, without any truth, is reported beside it.
+Chosen with the truth known from 6, 8, 10 and 12 px (0.24 to 0.48 pitches), which read the peak of
+`reproduce` 1.2 to 0.4 % low: 10 px. This favours the passive reading; the window that the correlation
+chooses by itself, without any truth, is reported as well.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class SurfaceReading:
-    """A press read as a surface, held against the truth.
+    """A press read as a surface, compared with the truth.
 
     peak_mm: deepest point read, its error against the deepest true point; line_rms_um: error along the
     nodes nearest y = 0 (l_mm, depth_mm: (n,)); view_rms_um: error over all nodes read; points: their number;
@@ -56,7 +56,7 @@ def _unread(reason: str) -> SurfaceReading:
 
 
 def against_truth(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid) -> SurfaceReading:
-    """Hold one surface against the truth."""
+    """Compare one surface with the truth."""
     if not surface.valid.any():
         return _unread("no point was read")
     errors = compare(surface, truth, optics, grid)
@@ -95,16 +95,12 @@ def read_whole_image(
 
 
 def read_zero(rig: Rig, truth: TrueMirror, seconds: float) -> SurfaceReading:
-    """Close the loop on the simulated bench for `seconds` under `rig.scenario`; read the held press, nulled.
+    """Close the loop on the simulated bench for `seconds` under `rig.scenario`; read the press while nulled.
 
     Peak and view: medians over the nulled frames of the hold; line: one of them.
     """
     result = run(rig, seconds=seconds)
-    held = [
-        record
-        for record in result.records
-        if record.phase == "hold" and record.state in NULLED and record.truth is not None
-    ]
+    held = [one for one in result.records if one.phase == "hold" and one.state in NULLED and one.truth]
     nulled = result.nulled
     if not held or nulled is None or nulled.surface is None:
         last = result.records[-1].reason if result.records else "no frame"
@@ -112,13 +108,10 @@ def read_zero(rig: Rig, truth: TrueMirror, seconds: float) -> SurfaceReading:
     grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
     one = against_truth(nulled.surface, truth, Optics(rig), grid)
     truths = [record.truth for record in held if record.truth is not None]
-    return SurfaceReading(
+    return replace(
+        one,
         peak_mm=float(np.median([record.depth_peak_mm for record in held])),
         peak_error_percent=float(np.median([each.depth_peak_error_percent for each in truths])),
-        line_rms_um=one.line_rms_um,
         view_rms_um=float(np.median([each.depth_rms_error_um for each in truths])),
-        l_mm=one.l_mm,
-        depth_mm=one.depth_mm,
-        points=one.points,
         frames=len(held),
     )

@@ -1,4 +1,4 @@
-"""The paper's sensor on the simulated bench: a lattice that stands still, photographed with every press.
+"""The paper's sensor on the simulated bench: a fixed lattice, photographed with every press.
 
 Pictures are drawn with exact rays (see `zeromethod.simulation.numpy_renderer`) and the camera's own noise.
 """

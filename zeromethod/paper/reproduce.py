@@ -1,4 +1,4 @@
-"""The paper's figures and tables on the simulated bench, beside what this system reads of the same press."""
+"""The paper's figures and tables on the simulated bench, and what this system reads of the same press."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Reproduction:
         return along, self.press.depth(along, np.zeros_like(along))
 
     def figures(self) -> Figures:
-        """All figures as JSON can say them; None where there is none."""
+        """All figures, JSON-ready; None where there is none."""
         columns = {
             "paper": PAPER_PRESS,
             "whole_pixel_picks": _of_lattice(self.whole),
@@ -105,24 +105,13 @@ class Reproduction:
 
 
 def _of_lattice(reading: LatticeReading) -> Figures:
-    return {
-        "peak_mm": reading.peak_mm,
-        "peak_error_percent": reading.peak_error_percent,
-        "line_rms_um": reading.line_rms_um,
-        "points": len(reading.true_mm),
-    }
+    names = ("peak_mm", "peak_error_percent", "line_rms_um")
+    return {name: getattr(reading, name) for name in names} | {"points": len(reading.true_mm)}
 
 
 def _of_surface(reading: SurfaceReading) -> Figures:
-    return {
-        "peak_mm": reading.peak_mm,
-        "peak_error_percent": reading.peak_error_percent,
-        "line_rms_um": reading.line_rms_um,
-        "view_rms_um": reading.view_rms_um,
-        "points": reading.points,
-        "frames": reading.frames,
-        "reason": reading.reason,
-    }
+    names = ("peak_mm", "peak_error_percent", "line_rms_um", "view_rms_um", "points", "frames", "reason")
+    return {name: getattr(reading, name) for name in names}
 
 
 def _spread(errors: Float) -> Figures:
@@ -136,17 +125,13 @@ def _spread(errors: Float) -> Figures:
 
 
 def reproduce(advance: Callable[[str], None] | None = None, *, quick: bool = False) -> Reproduction:
-    """Do sections 3.1 and 5 of the paper again, on the packaged rig "paper"; the same figures every time.
+    """Reproduce sections 3.1 and 5 of the paper on the packaged rig "paper"; the same figures every time.
 
     advance: called after each of `STEPS` with the name of the next. quick: fewer positions in the scatter
-    and frames in the loop. Raises MeasurementError where the lattice is not seen; a zero method that never
+    and frames in the loop. Raises MeasurementError where no lattice is found; a zero method that never
     nulls says so in its reading.
     """
-
-    def next_step(name: str) -> None:
-        if advance is not None:
-            advance(name)
-
+    next_step = advance or (lambda _: None)
     rig = load_rig("paper").model_copy(update={"scenario": PRESS})
     scenario = load_scenario(PRESS)
     press = scenario.mirror_at(round(0.5e9 * scenario.duration_s))

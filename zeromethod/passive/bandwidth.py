@@ -33,11 +33,6 @@ _NOISE_AREA = 4.0 * np.pi / 2.5
 """1 / integral of the squared kernel of a quadratic fit under a Gaussian window, per product of widths."""
 
 
-def windows(widths_px: tuple[float, ...]) -> list[Window]:
-    """All windows (columns, rows) in px, every one after those that are narrower."""
-    return [(across, down) for across, down in itertools.product(widths_px, widths_px)]
-
-
 @functools.cache
 def _difference_variance(ratio: float) -> float:
     """Variance of (wide fit - narrow fit) over the narrow fit's, windows wider by `ratio` on one axis.
@@ -64,7 +59,8 @@ def adaptive_fit(
     sums, field: see `moving_fit`. grey_variance: (rows, cols) of the images' difference. size: of the cells
     in px. widths_px: rising. NaN where no window determines the displacement.
     """
-    names = windows(widths_px)
+    # (columns, rows) in px, every window after those that are narrower
+    names: list[Window] = list(itertools.product(widths_px, widths_px))
     fits: dict[Window, Float] = {}
     variances: dict[Window, Float] = {}
     bias2: dict[Window, Float] = {}
@@ -96,7 +92,7 @@ def adaptive_fit(
 def _bias2(
     fits: dict[Window, Float], variances: dict[Window, Float], narrow: Window, wide: Window, size: int
 ) -> Float:
-    """Squared bias of the wide fit as the narrow one sees it; 0 where noise explains the difference."""
+    """Squared bias of the wide fit against the narrow one; 0 where noise explains the difference."""
     noise = variances[narrow] * _difference_variance(max(wide[0] / narrow[0], wide[1] / narrow[1]))
     # In units of the noise, so that badly determined cells do not drown their neighbours.
     ratio = (fits[wide] - fits[narrow]) ** 2 / noise

@@ -32,7 +32,7 @@ def grey_sums(reference: Single, warped: Single, size: int, out: Float) -> None:
 
 @numba.njit(cache=True, inline="always")
 def _slope(a: Single, b: Single, v: int, u: int, dv: int, du: int, gain: float) -> float:
-    """Fourth-order central difference of (a + gain b) / 2 along (dv, du); NaN beside a NaN."""
+    """Fourth-order central difference of (a + gain b) / 2 along (dv, du); NaN next to a NaN."""
     v1, v2, v3, v4 = v - 2 * dv, v - dv, v + dv, v + 2 * dv
     u1, u2, u3, u4 = u - 2 * du, u - du, u + du, u + 2 * du
     of_a = 8.0 * (a[v3, u3] - a[v2, u2]) - (a[v4, u4] - a[v1, u1])

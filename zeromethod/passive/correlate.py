@@ -44,10 +44,10 @@ def correlate(
     reference, image: (rows, cols) grey, one shape, any real type, finite. spacing_px: pixels from point to
     point, each the centre of a square of that size. window_px: standard deviation of the Gaussian window;
     None chooses it per point and axis. guess: a displacement from the same reference, say that of the frame
-    before, tried besides the search from nothing; the one that matches more of the image is kept.
+    before, tried in addition to the search from nothing; the better match is kept.
 
     Sigma is the images' noise through the fit's own weights, the noise being taken from the grey differences
-    left by the match and held equal in both images. It does not contain what the window smooths away.
+    left by the match and taken as equal in both images. It does not contain what the window smooths away.
 
     Convention: reference(u, v) = image(u + du, v + dv). Raises InputError for what cannot be compared.
     """

@@ -22,7 +22,7 @@ LIGHT_PX = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class CellMatches:
     """Sums per cell (see `cells.normal_sums`) and how well the images agree round it.
 
     match: (rows, cols) correlation coefficient in a window. alike: (rows, cols) cells that both images show,
@@ -51,7 +51,7 @@ def padded(field: Float) -> Float:
 
 
 class Matcher:
-    """Compares one pair of images, again and again, for ever better fields. Keeps its buffers."""
+    """Compares one pair of images repeatedly, for ever better fields. Keeps its buffers."""
 
     def __init__(self, reference: Single, image: Single, size: int) -> None:
         """reference, image: (rows, cols) grey. size: of the cells in px."""
@@ -64,8 +64,8 @@ class Matcher:
         self._misfit = np.empty((*self.shape, 2))
         self._grey = np.empty((*self.shape, 6))
 
-    def compare(self, field: Float) -> Comparison:
-        """Warp the image by field (cell rows, cell cols, 2) px and hold it against the reference."""
+    def compare(self, field: Float) -> CellMatches:
+        """Warp the image by field (cell rows, cell cols, 2) px and compare it with the reference."""
         warp_image(self._coefficients, padded(field), PADDING, self.size, self._warped)
         grey_sums(self._reference, self._warped, self.size, self._grey)
         seen = self._grey[..., 0] > 0.5 * self.size**2
@@ -80,7 +80,7 @@ class Matcher:
         # The rim of a hole is alike in a window, but not in its own pixels.
         own = self._misfit[..., 0] <= 2.0 * (1.0 - ALIKE) * contrast * self._misfit[..., 1]
         alike = seen & (match > ALIKE) & own
-        return Comparison(self._sums, match, alike, seen, np.where(count > 0.0, variance, np.nan))
+        return CellMatches(self._sums, match, alike, seen, np.where(count > 0.0, variance, np.nan))
 
     def _light(self) -> tuple[Float, Float, Float]:
         """(gain, offset) of the warped image per cell; correlation and reference's variance in its window."""

@@ -14,6 +14,7 @@ from zeromethod.arrays import Image
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.passive import Displacement, correlate
+from zeromethod.passive.correlate import SPACING_PX
 from zeromethod.passive.passive_warp import measured_warp
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
@@ -35,9 +36,9 @@ class StillReading:
 
 
 def read_grey(path: Path) -> Image:
-    """Image file as grey levels (rows, cols), 8 or 16 bits; colour is weighed as the eye does.
+    """Image file as grey levels (rows, cols), 8 or 16 bits; colour as luminance.
 
-    Raises InputError for what is missing or no image.
+    Raises InputError for a file that is missing or no image.
     """
     try:
         data = np.fromfile(path, dtype=np.uint8)
@@ -49,10 +50,8 @@ def read_grey(path: Path) -> Image:
         image = None
     if image is None or image.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{path}: not an image of 8 or 16 bits that can be read (tif, bmp, png, ...)")
-    if image.ndim == 2:
-        return np.asarray(image)
-    if image.shape[2] == 1:
-        return np.asarray(image[..., 0])
+    if image.ndim == 2 or image.shape[2] == 1:
+        return np.asarray(image.reshape(image.shape[:2]))
     code = cv2.COLOR_BGRA2GRAY if image.shape[2] == 4 else cv2.COLOR_BGR2GRAY
     return np.asarray(cv2.cvtColor(image, code))
 
@@ -69,7 +68,7 @@ class Measurement:
         reference: Path,
         *,
         rig: Rig | None = None,
-        spacing_px: int | None = None,
+        spacing_px: int = SPACING_PX,
         window_px: float | None = None,
     ) -> None:
         """Read the reference, taken with the mirror at rest; place the rig's rays.
@@ -78,9 +77,7 @@ class Measurement:
         """
         self.reference = read_grey(reference)
         self._rig = rig
-        self._options: dict[str, Any] = {"window_px": window_px}
-        if spacing_px is not None:
-            self._options["spacing_px"] = spacing_px
+        self._options: dict[str, Any] = {"window_px": window_px, "spacing_px": spacing_px}
         self._before: Displacement | None = None
         if rig is not None:
             expected = rig.camera.rows, rig.camera.columns
@@ -146,28 +143,13 @@ def figures(reading: StillReading) -> dict[str, Any]:
 def arrays(reading: StillReading) -> dict[str, Image]:
     """Everything that was measured, by the names that a result file has."""
     found = reading.displacement
-    out: dict[str, Image] = {
-        "u": found.u,
-        "v": found.v,
-        "du": found.du,
-        "dv": found.dv,
-        "sigma": found.sigma,
-        "sigma_u": found.sigma_u,
-        "sigma_v": found.sigma_v,
-        "valid": found.valid,
-        "doubts": found.doubts,
-    }
+    names = ("u", "v", "du", "dv", "sigma", "sigma_u", "sigma_v", "valid", "doubts")
+    out: dict[str, Image] = {name: getattr(found, name) for name in names}
     if reading.surface is not None and reading.grid is not None:
-        surface = reading.surface
         out["node_u"], out["node_v"] = reading.grid.mesh()
-        out |= {
-            "depth_mm": surface.depth_mm,
-            "sigma_depth_mm": surface.sigma_depth_mm,
-            "slope": surface.slope,
-            "x_mm": surface.x_mm,
-            "y_mm": surface.y_mm,
-            "depth_valid": surface.valid,
-        }
+        for name in ("depth_mm", "sigma_depth_mm", "slope", "x_mm", "y_mm"):
+            out[name] = getattr(reading.surface, name)
+        out["depth_valid"] = reading.surface.valid
     return out
 
 

@@ -49,7 +49,7 @@ def _clamped(field: Float, col: Float, row: Float) -> Float:
 def measured_warp(displacement: Displacement, optics: Optics, grid: NodeGrid) -> Warp:
     """Warp that the image shows, by the rig's rest map at the pixels where its parts came from.
 
-    An image pixel (u, v) sees what the reference pixel x with x + d(x) = (u, v) saw: q(u, v) = q_rest(x).
+    q(u, v) = q_rest(x): an image pixel (u, v) looks where the reference pixel x with x + d(x) = (u, v) did.
     Sigma is such that averages over many nodes come out with the noise they have: the reading counts errors
     as shared by the nodes of one target period, while those of image correlation reach as far as its windows.
     """

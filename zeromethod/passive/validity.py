@@ -33,7 +33,7 @@ def stretch(field: Float, spacing_px: float) -> tuple[Float, Float]:
     return both - apart, both + apart
 
 
-def _beside_jump(field: Float, spacing_px: float) -> Mask:
+def _next_to_jump(field: Float, spacing_px: float) -> Mask:
     """Points (rows, cols) that differ from a neighbour by more than the distance to it."""
     out = np.zeros(field.shape[:2], dtype=bool)
     down = np.abs(np.diff(field, axis=0)).max(axis=-1) > spacing_px
@@ -74,7 +74,7 @@ def doubts(field: Float, sigma: Float, step: Float, seen: Mask, alike: Mask, spa
     out[seen & ~(_worst(sigma) <= WEAK_PX)] |= np.uint8(Doubt.TEXTURE)
     out[seen & unsettled(sigma, step)] |= np.uint8(Doubt.UNSETTLED)
     least, most = stretch(field, spacing_px)
-    torn = (least < LEAST_STRETCH) | (most > MOST_STRETCH) | _beside_jump(field, spacing_px)
+    torn = (least < LEAST_STRETCH) | (most > MOST_STRETCH) | _next_to_jump(field, spacing_px)
     out[torn] |= np.uint8(Doubt.ORDER)
     sound = out == 0
     out[sound & ~largest_part(sound)] |= np.uint8(Doubt.ORDER)

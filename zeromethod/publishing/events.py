@@ -1,9 +1,9 @@
-"""When something touches the mirror and when it lets go, told from readings alone."""
+"""Contacts: when something touches the mirror and when it lets go, from readings alone."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from zeromethod.arrays import Mask
 from zeromethod.surface import Peak, Surface
 
 TOUCH_SIGMAS = 5.0
-"""Depth, in its own standard deviations, that is a touch. The highest of all nodes reaches 3.6 by noise."""
+"""Depth of a touch in its own standard deviations. The highest of all nodes reaches 3.6 by noise."""
 
 TOUCH_MM = 1e-3
 """Depth below which nothing is a touch, however low the noise: what temperature alone may do."""
@@ -20,7 +20,7 @@ TOUCH_NODES = 9
 """Nodes without light that are a touch without depth: 3 by 3, more than a speck within one node's window."""
 
 TOUCH_FRAMES = 3
-"""Readings running that begin a touch, and that end it."""
+"""Consecutive readings that begin a touch, and that end it."""
 
 _RELEASE = 0.8
 """Share of the limits below which a touch ends."""
@@ -33,7 +33,7 @@ class ContactEvent:
     number: events so far, this one included. time_ns: mid-exposure of the first frame with, or again
     without, the touch. x_mm, y_mm, depth_mm: of the deepest point (world frame; depth positive into the
     rubber), for "began" as just read, for "ended" where it was deepest during the touch. Where light is lost
-    and no depth is seen: the middle of the dark nodes, depth NaN.
+    and there is no depth: the middle of the dark nodes, depth NaN.
     """
 
     number: int
@@ -44,8 +44,7 @@ class ContactEvent:
     depth_mm: float
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
+class _Place(NamedTuple):
     x_mm: float
     y_mm: float
     depth_mm: float
@@ -55,14 +54,14 @@ class ContactWatch:
     """Follows one touch, the deepest.
 
     A reading shows a touch when its deepest point is at least max(5 sigma, 1 um) deep, or at least nine nodes
-    that were read before have lost their light. Three such readings running begin it, three running below
-    0.8 of both limits end it. Frames that were not read count for neither; a bulge is no touch.
+    that were read before have lost their light. Three consecutive such readings begin it, three below 0.8 of
+    both limits end it. Frames that were not read count for neither; a bulge is no touch.
     """
 
     def __init__(self) -> None:
         self._touching = False
         self._number = 0
-        self._running = 0
+        self._consecutive = 0
         self._since_ns = 0
         self._deepest: _Place | None = None
         self._lit: Mask | None = None
@@ -78,25 +77,25 @@ class ContactWatch:
         if place is not None:
             self._follow(place)
         if (place is not None) == self._touching:
-            self._running = 0
+            self._consecutive = 0
             return None
-        if self._running == 0:
+        if self._consecutive == 0:
             self._since_ns = surface.time_ns
-        self._running += 1
-        if self._running < TOUCH_FRAMES:
+        self._consecutive += 1
+        if self._consecutive < TOUCH_FRAMES:
             return None
-        self._running = 0
+        self._consecutive = 0
         self._touching = place is not None
         self._number += 1
         at = place or self._deepest
         assert at is not None
         kind: Literal["began", "ended"] = "began" if self._touching else "ended"
-        return ContactEvent(self._number, kind, self._since_ns, at.x_mm, at.y_mm, at.depth_mm)
+        return ContactEvent(self._number, kind, self._since_ns, *at)
 
     def _touched(self, surface: Surface, deepest: Peak) -> _Place | None:
         """Where a reading shows a touch, None where it shows none."""
         share = _RELEASE if self._touching else 1.0
-        # A view may hold places that are dark at rest, so only what had light can lose it.
+        # Some nodes may be dark at rest: only lit ones can lose their light.
         self._lit = surface.valid if self._lit is None else self._lit | surface.valid
         dark = surface.contact & self._lit & surface.on_mirror
         # Comparisons with NaN, where nothing was read, are False.
@@ -109,7 +108,7 @@ class ContactWatch:
     def _follow(self, place: _Place) -> None:
         """Keep the deepest place of this touch, from the first reading that shows it."""
         kept = self._deepest
-        begins = not self._touching and self._running == 0
+        begins = not self._touching and self._consecutive == 0
         # A place without depth gives way to one with, never the other way round.
         if kept is None or begins or np.isnan(kept.depth_mm) or place.depth_mm > kept.depth_mm:
             self._deepest = place

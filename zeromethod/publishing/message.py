@@ -1,6 +1,6 @@
-"""What one message says, and how: a line that names the version, a line of JSON, then the maps.
+"""One message: a line that names the version, a line of JSON, then the maps.
 
-One part, not several, so that a socket can keep the newest message and forget the others.
+It is one part, so that a socket can keep the newest message and drop the others.
 The layout is documented in docs/live-output.md; a change that a reader would notice raises SCHEMA_VERSION.
 """
 
@@ -18,20 +18,20 @@ from zeromethod.loop.step import Step
 from zeromethod.publishing.events import ContactEvent
 from zeromethod.surface import Peak, Surface
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 TOPIC = f"zeromethod.v{SCHEMA_VERSION}\n".encode()
-"""How every message begins; what to subscribe to."""
+"""First line of every message; subscribe to it."""
 
 WORLD_FRAME = {
     "frame_id": "zeromethod/P0",
     "unit": "mm",
     "origin": "P0: the edge where pattern face and mirror meet",
-    "x": "along the mirror, towards the captured face",
+    "x": "along the mirror, towards the camera face",
     "y": "z cross x",
     "z": "out of the rubber; z = h_rest(x, y) - depth",
     "matrix": np.eye(4).tolist(),
 }
-"""The pose that maps are stamped with; `matrix` takes their x, y, z to `frame_id`."""
+"""Pose of the maps; `matrix` takes their x, y, z to `frame_id`."""
 
 
 def encode(
@@ -42,26 +42,24 @@ def encode(
     touching: bool,
     contacts: Iterable[ContactEvent],
 ) -> bytes:
-    """Message of one step of the loop; without a surface it carries no maps."""
-    parts, described = [], []
-    offset = 0
-    for name, values, unit in () if step.surface is None else _maps(step.surface):
-        described.append(
-            {
-                "name": name,
-                "dtype": values.dtype.str,
-                "shape": values.shape,
-                "order": "C",
-                "unit": unit,
-                "offset": offset,
-            }
-        )
-        parts.append(values.data)
-        offset += values.nbytes
+    """Message of one step of the loop; without a surface it has no maps."""
+    maps = [] if step.surface is None else _maps(step.surface)
+    offsets = np.cumsum([0, *(values.nbytes for _, values, _ in maps)]).tolist()
+    described = [
+        {
+            "name": name,
+            "dtype": values.dtype.str,
+            "shape": values.shape,
+            "order": "C",
+            "unit": unit,
+            "offset": offset,
+        }
+        for (name, values, unit), offset in zip(maps, offsets, strict=False)
+    ]
     header = {
         "schema_version": SCHEMA_VERSION,
         "session": session,
-        "turn": step.number,
+        "step": step.number,
         "frame": step.frame_number,
         "time_ns": step.time_ns,
         "unix_time_ns": unix_time_ns,
@@ -77,7 +75,9 @@ def encode(
         "contacts": [_contact(event) for event in contacts],
         "arrays": described,
     }
-    return b"".join((TOPIC, json.dumps(header, allow_nan=False).encode(), b"\n", *parts))
+    return b"".join(
+        (TOPIC, json.dumps(header, allow_nan=False).encode(), b"\n", *(values.data for _, values, _ in maps))
+    )
 
 
 def _maps(surface: Surface) -> list[tuple[str, Image, str]]:
@@ -101,15 +101,10 @@ def _number(value: float) -> float | None:
 
 
 def _peak(peak: Peak) -> dict[str, float | None]:
-    return {name: _number(getattr(peak, name)) for name in ("depth_mm", "sigma_mm", "x_mm", "y_mm")}
+    numbers = {name: _number(getattr(peak, name)) for name in ("depth_mm", "x_mm", "y_mm")}
+    return numbers | {"depth_sigma_mm": _number(peak.sigma_mm)}
 
 
 def _contact(event: ContactEvent) -> dict[str, Any]:
-    return {
-        "number": event.number,
-        "kind": event.kind,
-        "time_ns": event.time_ns,
-        "x_mm": _number(event.x_mm),
-        "y_mm": _number(event.y_mm),
-        "depth_mm": _number(event.depth_mm),
-    }
+    place = {name: _number(getattr(event, name)) for name in ("x_mm", "y_mm", "depth_mm")}
+    return {"number": event.number, "kind": event.kind, "time_ns": event.time_ns, **place}

@@ -1,4 +1,4 @@
-"""A ZeroMQ socket that anyone may listen to, and that waits for nobody (extra `publish`)."""
+"""ZeroMQ publisher of a run: it never waits for a subscriber (extra `publish`)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 import time
 import uuid
 from collections import deque
-from types import TracebackType
+from contextlib import AbstractContextManager
 from typing import Any
 
 from zeromethod.clock import Clock
@@ -20,25 +20,25 @@ _ADDRESS = re.compile(r"tcp://(\[[^\]]+\]|[^:/\[\]]+):(\d{1,5}|\*)")
 _LAST_PORT = 65535
 _ALLOWED = "tcp://HOST:PORT with a free port, such as tcp://127.0.0.1:5556 (tcp://*:5556: from anywhere)"
 _CONTACTS = 16
-"""Contact events that every message repeats, so that who reads only some messages misses none."""
+"""Contact events that every message repeats, so that a subscriber that skips messages misses none."""
 _SEND_BUFFER_BYTES = 1 << 19
-"""What the kernel may hold back for a subscriber: about one message, or a slow line would always be late."""
+"""Kernel buffer per subscriber: about one message, or a slow line would always be late."""
 _LEAVING_S = 0.05
-"""What `close` gives the last message, which says why the run ended: newest-only sockets do not linger."""
+"""Time that `close` gives the last message to leave: newest-only sockets do not linger."""
 
 
-class Publisher:
-    """Publishes every turn of a run; a subscriber gets the newest message that it had not yet.
+class Publisher(AbstractContextManager["Publisher"]):
+    """Publishes every step of a run; a subscriber gets the newest message only.
 
-    Each subscriber has room for one message, which the next one replaces: one that reads slowly or not at all
-    neither delays a run nor makes it grow. Use it from one thread at a time.
+    Each subscriber has room for one message, which the next one replaces: a slow one neither delays a run nor
+    makes it grow. Use it from one thread at a time.
     """
 
     def __init__(self, address: str, clock: Clock) -> None:
         """Bind `address` (tcp://HOST:PORT); `clock` is the run's.
 
-        Raises InputError, one line, without pyzmq and for an address that is malformed, in use or not this
-        machine's.
+        Raises InputError, one line, without pyzmq and for an address that is malformed, in use or not of this
+        machine.
         """
         parts = _ADDRESS.fullmatch(address)
         if parts is None or (parts[2] != "*" and not 0 < int(parts[2]) <= _LAST_PORT):
@@ -64,7 +64,7 @@ class Publisher:
 
     @property
     def address(self) -> str:
-        """Where it is bound, with the port that was found where "*" was asked for."""
+        """Bound address, with the port that was chosen for "*"."""
         return self._address
 
     def publish(self, step: Step) -> None:
@@ -73,7 +73,7 @@ class Publisher:
             event = self._watch.update(step.surface, step.peak)
             if event is not None:
                 self._contacts.append(event)
-        # The run's clock need not be the host's, nor run as fast: only a frame's age is told by it.
+        # The run's clock need not be the host's, nor run as fast: only a frame's age is taken from it.
         age_ns = self._clock.now_ns() - step.time_ns
         message = encode(
             step,
@@ -93,12 +93,7 @@ class Publisher:
         self._socket.close()
         self._context.term()
 
-    def __enter__(self) -> Publisher:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -1,8 +1,8 @@
-"""A session as one HDF5 file: written beside the running loop, read again by anyone.
+"""A session as one HDF5 file: written by a process next to the loop, readable by any HDF5 program.
 
     from zeromethod.recording import Recording
 
-Names are loaded on first use: the process that writes needs few of them.
+Names are loaded on first use: the process that writes needs few.
 """
 
 from __future__ import annotations

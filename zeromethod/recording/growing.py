@@ -1,4 +1,4 @@
-"""The HDF5 file while it grows."""
+"""The growing HDF5 file."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from zeromethod.recording.sums import SUMS, Sums
+from zeromethod.recording.checksums import CHECKSUMS, ChecksumRows
 
 AHEAD_BYTES = 64 << 20
-"""Room on the disk is claimed so far ahead. Nothing is begun that may not fit: a write that fails in the
-middle could leave the file unreadable."""
+"""Room claimed ahead on the disk. Nothing is begun that may not fit: a write that fails in the middle could
+leave the file unreadable."""
 
 TABLES_BYTES = 16 << 20
-"""What arrays leave for the tables, which go on for minutes when the disk is full."""
+"""Room that arrays leave for the tables, which go on for minutes when the disk is full."""
 
 LEAST_BYTES = 1 << 20
-"""And what tables leave for the file's own order."""
+"""Room that tables leave for the file's own structure."""
 
 SHARE = 8
-"""Neither is more than the disk's free room over this; but twice the least is left for tables always."""
+"""Neither is more than the disk's free room over this; but tables always get twice the least."""
 
 
 class DiskFull(Exception):
-    """There is no room for what was to be added; the message says how much would have been needed."""
+    """There is no room; the message says how much would have been needed."""
 
 
 class GrowingFile:
-    """Datasets that grow item by item; others may read along (SWMR).
+    """Datasets that grow item by item while others read them (SWMR).
 
-    What was flushed can be read whatever becomes of this process.
+    Flushed items stay readable whatever becomes of this process.
     """
 
     def __init__(self, path: Path, names: Sequence[str]) -> None:
         """Open a file with datasets of these names. Raises OSError."""
         self._path = path
-        # Without a lock: it was made by us alone, and whoever reads already must not keep us out.
+        # Without a lock: the file is ours alone, and a reader that has it open must not keep us out.
         self._file = h5py.File(path, "r+", libver="latest", locking=False)
         self._sets = [self._file[name] for name in names]
         self._lengths = [len(dataset) for dataset in self._sets]
@@ -53,8 +53,8 @@ class GrowingFile:
         self._filtered = [dataset.id.get_create_plist().get_nfilters() > 0 for dataset in self._sets]
         if any(self._filtered):
             import hdf5plugin  # noqa: F401, PLC0415 - knows the filters
-        kinds = {name: one.dtype.names for name, one in zip(names, self._sets, strict=True)}
-        self._sums = Sums(names, {name: kind for name, kind in kinds.items() if name.endswith(f"/{SUMS}")})
+        kinds = zip(names, (one.dtype.names for one in self._sets), strict=True)
+        self._rows = ChecksumRows(names, {one: kind for one, kind in kinds if one.endswith(f"/{CHECKSUMS}")})
         self._file.swmr_mode = True
 
     def claim(self, wanted: int, arrays: bool) -> None:
@@ -89,10 +89,9 @@ class GrowingFile:
 
         Raises OSError, or RuntimeError by the HDF5 library.
         """
-        summed = self._sums.add(index, item)
-        if summed is not None:
-            sums, row = summed
-            self._gathered[sums].append(row)
+        if (complete := self._rows.add(index, item)) is not None:
+            checksums, row = complete
+            self._gathered[checksums].append(row)
         shape = self._shapes[index]
         if not shape:
             self._gathered[index].append(bytes(item))
@@ -123,16 +122,16 @@ class GrowingFile:
         self._write_back()
 
     def _write_back(self) -> None:
-        """Let the system write now what was flushed, and forget what it has written.
+        """Start writing flushed bytes to the disk, and drop written ones from memory.
 
-        Else it would gather much, take the memory from other programs, and then write for seconds.
+        Otherwise the system would gather them, take memory from other programs, and then write for seconds.
         """
         before, last = self._flushed
         os.posix_fadvise(self._handle, before, self._used - before, os.POSIX_FADV_DONTNEED)
         self._flushed = [last, self._used]
 
     def close(self, complete: bool) -> None:
-        """Flush, note whether the run ended in order, and give back the room that is not needed."""
+        """Flush, note whether the run ended in order, and give back unused room."""
         self.flush()
         if complete:
             self._file["complete"][...] = True

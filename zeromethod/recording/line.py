@@ -1,10 +1,11 @@
-"""The line to the process that writes."""
+"""The line to the process that writes: shared memory and two pipes."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import math
+import mmap
 import os
 import select
 import subprocess
@@ -19,31 +20,73 @@ import numpy as np
 from zeromethod.arrays import Image
 from zeromethod.child_process import start_process
 from zeromethod.errors import InputError
-from zeromethod.recording.message import Item, send
-from zeromethod.recording.ring import Ring, aligned
+from zeromethod.recording.message import Item, News, Topic, Write, send
 
 OPENING_S = 30.0
 """How long the process may take to start."""
 
 LOOK_S = 0.2
-"""How often it is looked whether the process is still there, while it is waited for."""
+"""How often a wait checks whether the process still runs."""
 
 RING_BYTES = 64 << 20
-"""Memory that both share, if a message is not so large that it takes more for four of them."""
+"""Shared memory; more where four of the largest messages take more."""
+
+ALIGNED = 64
+"""Items begin at multiples of so many bytes."""
+
+
+def aligned(size: int) -> int:
+    """Size with the gap up to the next item."""
+    return -(-size // ALIGNED) * ALIGNED
+
+
+class Ring:
+    """Memory shared by two processes, first in, first out: the sender's side.
+
+    While the receiver keeps up, the same few pages are used again and again.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.handle = os.memfd_create("zeromethod recording")
+        os.ftruncate(self.handle, size)
+        self.memory = mmap.mmap(self.handle, size)
+        self._size = size
+        self._used: deque[tuple[int, int]] = deque()
+
+    def take(self, size: int) -> int | None:
+        """Offset of free memory of that size, in use from now on; None where there is none yet."""
+        start = self._free(size)
+        if start is not None:
+            self._used.append((start, start + size))
+        return start
+
+    def _free(self, size: int) -> int | None:
+        if not self._used:
+            return 0 if size <= self._size else None
+        first, (last, end) = self._used[0][0], self._used[-1]
+        if last >= first and end + size <= self._size:
+            return end
+        start = 0 if last >= first else end
+        # never up to the first byte in use: full would look like empty
+        return start if start + size < first else None
+
+    def release(self) -> None:
+        """Free what was taken first."""
+        self._used.popleft()
 
 
 class Content(NamedTuple):
     """An array for a dataset of that index, which has items of that type and shape."""
 
     dataset: int
-    kind: int
+    write: Write
     dtype: np.dtype[Any]
     shape: tuple[int, ...]
     array: Image
 
 
 class Line:
-    """A process of its own that writes into a file; shared memory and two pipes lead there and back."""
+    """A process of its own that writes into a file, seen from the run's process."""
 
     def __init__(self, path: Path, names: Sequence[str], largest: int) -> None:
         """Start it. largest: bytes of a message. Raises InputError where it cannot write into the file."""
@@ -57,8 +100,8 @@ class Line:
         theirs_in, self._messages = os.pipe()
         self._news, theirs_out = os.pipe()
         os.set_blocking(self._news, False)
-        self._told = b""
-        self._unread: list[dict[str, Any]] = []
+        self._received = b""
+        self._unread: list[News] = []
         handles = theirs_in, theirs_out, self._ring.handle
         arguments = str(path), json.dumps(list(names)), *map(str, handles)
         try:
@@ -84,11 +127,11 @@ class Line:
         until_s = time.monotonic() + OPENING_S
         while time.monotonic() < until_s:
             for news in self.news():
-                if "ready" in news:
+                if news.topic is Topic.READY:
                     return
-                if "failed" in news:
+                if news.topic is Topic.FAILED:
                     self.abandon()
-                    raise InputError(f"{path}: cannot be written: {news['failed']}")
+                    raise InputError(f"{path}: cannot be written: {news.text}")
             if self._process.poll() is not None:
                 break
             time.sleep(0.01)
@@ -97,13 +140,13 @@ class Line:
 
     @property
     def process_id(self) -> int:
-        """As the system numbers it."""
+        """Its number in the system."""
         return self._process.pid
 
     def send(self, time_ns: int, contents: Sequence[Content], cost: int) -> None:
-        """Hand over a message; waits while the process has too much before it.
+        """Hand over a message; waits while the memory is full.
 
-        cost: what `freed` tells once it is written. Raises OSError when the process is gone.
+        cost: added to `freed` once it is written. Raises OSError when the process has ended.
         """
         sizes = [content.dtype.itemsize * math.prod(content.shape) for content in contents]
         start = self._room(sum(aligned(size) for size in sizes))
@@ -111,13 +154,13 @@ class Line:
         for content, size in zip(contents, sizes, strict=True):
             place = np.frombuffer(self._ring.memory, content.dtype, math.prod(content.shape), start)
             np.copyto(place.reshape(content.shape), content.array, casting="same_kind")
-            items.append(Item(content.dataset, content.kind, start, size))
+            items.append(Item(content.dataset, content.write, start, size))
             start += aligned(size)
         self._costs.append(cost)
         send(self._messages, time_ns, items)
 
     def end(self) -> None:
-        """Tell that the run is over."""
+        """Say that the run is over."""
         send(self._messages, 0, [])
 
     def _room(self, size: int) -> int:
@@ -132,28 +175,28 @@ class Line:
 
     @property
     def busy(self) -> bool:
-        """Whether something that was handed over is not yet written."""
+        """Whether a message is not yet written."""
         return bool(self._costs)
 
     def freed(self) -> int:
-        """Cost of what was written since the last call."""
+        """Cost of the messages written since the last call."""
         freed, self._freed = self._freed, 0
         return freed
 
-    def news(self) -> list[dict[str, Any]]:
-        """What it told since the last call."""
+    def news(self) -> list[News]:
+        """Its reports since the last call, but for written messages."""
         self._listen()
-        told, self._unread = self._unread, []
-        return told
+        unread, self._unread = self._unread, []
+        return unread
 
     def _listen(self) -> None:
         with contextlib.suppress(BlockingIOError):
             while part := os.read(self._news, 1 << 16):
-                self._told += part
-        *lines, self._told = self._told.split(b"\n")
+                self._received += part
+        *lines, self._received = self._received.split(b"\n")
         for line in lines:
-            news = json.loads(line)
-            if "done" in news:
+            news = News.decode(line)
+            if news.topic is Topic.WRITTEN:
                 self._ring.release()
                 self._freed += self._costs.popleft()
             else:
@@ -168,8 +211,7 @@ class Line:
         return True
 
     def abandon(self) -> None:
-        """Send nothing more: the process writes what it was given, and ends."""
-        for handle in (self._messages, self._news):
+        """Send nothing more: the process writes all that it was given, and ends."""
+        for handle in (self._messages, self._news, self._ring.handle):
             with contextlib.suppress(OSError):
                 os.close(handle)
-        self._ring.close()

@@ -1,10 +1,11 @@
-"""Opening a recording's file, which may be whole, still written, left by a killed writer, or no such file."""
+"""Opening a recording's file, which may be whole, growing, left by a killed writer, or no recording."""
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
 import time
+from enum import Enum
 from pathlib import Path
 
 import h5py
@@ -23,16 +24,42 @@ BEGINNING_S = 5.0
 """How long a writer may have a file for itself."""
 
 ATTEMPTS = 27
-"""How often what is read along is tried again, where its checksum does not fit: it may just be written.
+"""How often a part of a growing file is read again where HDF5's checksum does not fit.
 
-The library waits 1 ns, then 2, 4, ... between: a quarter of a second in all, and with its own 100 for ever.
+It may just be written. The library waits 1 ns, then 2, 4, ... between: a quarter of a second in all;
+with its own 100 attempts it waits for ever.
 """
 
 
+class Refusal(Enum):
+    """Why a file is refused as a recording, each with its sentence."""
+
+    MISSING = "not there: give the path of a recording (.h5)"
+    UNREADABLE = "cannot be read as a recording (HDF5): {error}"
+    CUT_SHORT = "cut short, {count} bytes are missing: copy the whole recording again"
+    NO_RECORDING = "an HDF5 file, but no recording of zeromethod"
+    OTHER_FORMAT = (
+        "recorded in format {found} by zeromethod {by}; this version reads format {reads}: "
+        "open it with zeromethod {by}"
+    )
+    EMPTY = "cut off while it was being created: it holds nothing"
+    DAMAGED = "{part}: cannot be read: damaged"
+    CHANGED = "{part}: damaged: not what was written"
+
+
+class RefusedRecording(InputError):
+    """A file, or a part of it that nothing can do without, is no recording or is damaged; one line."""
+
+    def __init__(self, path: Path, refusal: Refusal, **details: object) -> None:
+        """details: those that the sentence of `refusal` names."""
+        super().__init__(f"{path}: {refusal.value.format(**details)}")
+        self.refusal = refusal
+
+
 def open_along(path: Path) -> h5py.File:
-    """Open for reading, finished or not. Raises InputError, one line, for what is no whole HDF5 file."""
+    """Open for reading, finished or not. Raises RefusedRecording."""
     if not path.is_file():
-        raise InputError(f"{path}: not there: a recording (HDF5)")
+        raise RefusedRecording(path, Refusal.MISSING)
     until_s = time.monotonic() + BEGINNING_S
     while True:
         flags = _flags(path)
@@ -41,16 +68,16 @@ def open_along(path: Path) -> h5py.File:
         except (OSError, RuntimeError) as error:
             begins = flags == _BEGUN or _flags(path) not in (flags, 0)
             if not begins or time.monotonic() > until_s:
-                told = " ".join(str(error).split())
-                raise InputError(f"{path}: cannot be read as a recording (HDF5): {told}") from None
+                words = " ".join(str(error).split())
+                raise RefusedRecording(path, Refusal.UNREADABLE, error=words) from None
         time.sleep(0.02)
 
 
 def _open(path: Path, flags: int) -> h5py.File:
     if (missing := _missing_bytes(path)) > 0:
-        raise InputError(f"{path}: cut short, {missing} bytes are missing: a whole recording (HDF5)")
+        raise RefusedRecording(path, Refusal.CUT_SHORT, count=missing)
     if not flags:
-        # it fails where somebody has begun to write since, or this process reads it along already
+        # it fails where a writer has begun since, or this process already reads the growing file
         with contextlib.suppress(OSError):
             return h5py.File(path, "r")
     return _open_growing(path)
@@ -61,7 +88,7 @@ def _open_growing(path: Path) -> h5py.File:
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
     access.set_libver_bounds(h5py.h5f.LIBVER_LATEST, h5py.h5f.LIBVER_LATEST)
-    # h5py does not have this function of the library that it is linked to; without it, damage takes long
+    # h5py lacks this function of the library that it is linked to; without it, damage takes long
     with contextlib.suppress(OSError, AttributeError):
         set_attempts = ctypes.CDLL(h5py.h5p.__file__).H5Pset_metadata_read_attempts
         set_attempts.argtypes, set_attempts.restype = (ctypes.c_int64, ctypes.c_uint), ctypes.c_int
@@ -76,7 +103,7 @@ def _head(path: Path) -> bytes:
 
 
 def _flags(path: Path) -> int:
-    """How the file says that it is open for writing, 0 for not; also where the writer was killed."""
+    """Flags by which the file says that it is open for writing (or its writer was killed); 0 for not."""
     try:
         head = _head(path)
     except OSError:

@@ -1,57 +1,53 @@
-"""What a run hands its turns and readings to, to be recorded."""
+"""Recording a run: its steps and readings are handed over here and written by a process of its own."""
 
 from __future__ import annotations
 
 import threading
 import time
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from contextlib import AbstractContextManager
 from pathlib import Path
-from types import TracebackType
 
-from zeromethod.arrays import Float
+import numpy as np
+
 from zeromethod.errors import InputError
 from zeromethod.loop.step import Step
-from zeromethod.recording.counting import frames_in
-from zeromethod.recording.file import create, discard
-from zeromethod.recording.header import about, rest_arrays, rig_text
+from zeromethod.recording.checksums import CHECKSUMS
+from zeromethod.recording.file import about, create, discard, rest_arrays, rig_text
 from zeromethod.recording.line import Content, Line
-from zeromethod.recording.message import ALWAYS, WITH_ROOM, WITHOUT_ROOM
-from zeromethod.recording.rows import Added, Item, Rows
-from zeromethod.recording.schema import KEEP, parts
-from zeromethod.recording.sums import SUMS
-from zeromethod.recording.waiting import Reading, Turn, without_arrays
+from zeromethod.recording.message import Topic, Write
+from zeromethod.recording.rows import Added, Rows, WaitingReading, WaitingStep, without_arrays
+from zeromethod.recording.schema import KEEP, number_name, parts
+from zeromethod.recording.source import RecordingFile
+from zeromethod.recording.status import Condition, RecorderStatus
 from zeromethod.rig.model import Rig
-from zeromethod.surface import Peak, Surface
 from zeromethod.warp.rest import Rest
 
 WAITING_BYTES = 512 << 20
 """Arrays that may wait for the disk: two seconds of everything at 1280x1024 and 60 frames per second."""
 
-WAITING_TURNS = 20_000
-"""Turns whose rows of the tables may wait: five minutes of them at 60 frames per second."""
+WAITING_STEPS = 20_000
+"""Steps whose rows of the tables may wait: five minutes of them at 60 frames per second."""
 
 LOOK_S = 0.05
-"""How often it is looked what was written, while nothing new comes."""
+"""How often the writer's reports are read while nothing new comes."""
 
 CLOSING_S = 20.0
 """How long `close` waits for a disk that takes nothing more."""
 
 PATIENCE_S = 5.0
-"""How long a turn waits for the disk in simulated time, where nobody waits for the turn."""
-
-TOO_SLOW = "the disk is too slow"
-FULL = "the disk is full"
+"""How long a step waits for the disk in simulated time, where nothing waits for the step."""
 
 
-class Recorder:
-    """Records a run into one file; `turn` and `reading` return at once, from whichever thread.
+class Recorder(AbstractContextManager["Recorder"]):
+    """Records a run into one file; `add_step` and `add_reading` return at once, from any thread.
 
     (In simulated time, where nothing can come too late, they may wait for the disk instead.)
 
-    Arrays are handed over as they are, and must not be changed afterwards. A thread passes them on to a
-    process of its own, which writes: whatever the disk does, the run goes on. What then is not kept is told
-    in `state`, and in the recording's table of drops.
+    Arrays are handed over as they are and must not be changed afterwards. A thread passes them on to a
+    process of its own, which writes: the run goes on whatever the disk does. `status`, and the recording's
+    table of drops, say what is not kept.
     """
 
     def __init__(
@@ -69,11 +65,11 @@ class Recorder:
         compress: bool = False,
         waiting_bytes: int = WAITING_BYTES,
     ) -> None:
-        """Make the file, and start what writes into it.
+        """Create the file and start the process that writes into it.
 
-        keep: of `KEEP`. every: arrays of every so many-th turn. calibration: text of its document.
+        keep: of `KEEP`. every: keep the arrays of every so many-th step. calibration: text of its document.
         compress: arrays, without loss; reading them then needs hdf5plugin. waiting_bytes: arrays that may
-        wait for the disk. Raises InputError, one line: the file is there already or cannot be made, other
+        wait for the disk. Raises InputError, one line: the file is there already or cannot be created, other
         names in `keep`.
         """
         unknown = sorted(set(keep) - set(KEEP))
@@ -84,36 +80,35 @@ class Recorder:
         kept = [name for name in KEEP if name in keep]
         camera = rig.camera
         self._parts = parts((camera.rows, camera.columns), camera.bits, rest.grid.shape, kept, every)
-        described = about(
-            rig,
-            keep=kept,
-            every=every,
-            command_line=command_line,
-            live=live,
-            gl_renderer=gl_renderer,
-            calibration=calibration,
-            compressed=compress,
-        )
+        described = about(rig) | {
+            "keep": kept,
+            "every": every,
+            "command_line": command_line,
+            "live": live,
+            "gl_renderer": gl_renderer,
+            "calibration": calibration,
+            "compressed": compress,
+        }
         create(Path(path), self._parts, described, rest_arrays(rest), rig_text(rig)[1], compress)
         self._index = {name: index for index, name in enumerate(self._parts)}
         self._rows = Rows(self._parts)
         self._every = every
         self._live = live
-        arrays = [part for name, part in self._parts.items() if part.kept and not name.endswith(f"/{SUMS}")]
+        arrays = [
+            part for name, part in self._parts.items() if part.kept and not name.endswith(f"/{CHECKSUMS}")
+        ]
         self._reading_bytes = sum(part.bytes for part in arrays if part.kept == "surface")
-        self._turn_bytes = sum(part.bytes for part in arrays if part.kept != "surface")
+        self._step_bytes = sum(part.bytes for part in arrays if part.kept != "surface")
         try:
-            self._line = Line(Path(path), list(self._parts), 2 * self._turn_bytes + self._reading_bytes)
+            self._line = Line(Path(path), list(self._parts), 2 * self._step_bytes + self._reading_bytes)
         except BaseException:
             discard(Path(path))
             raise
         self._path = Path(path)
         self._most_waiting = waiting_bytes
-        self._zero: Float | None = None
-        self._pictures = 0
         self._start_ns: int | None = None
         self._changed = threading.Condition()
-        self._queue: deque[Turn | Reading] = deque()
+        self._queue: deque[WaitingStep | WaitingReading] = deque()
         self._bytes = 0
         self._frames = 0
         self._unkept = 0
@@ -123,8 +118,7 @@ class Recorder:
         self._failed = ""
         self._failing = ""
         self._in_file: int | None = None
-        self._noted = ""
-        self._last = 0, 0
+        self._noted = RecorderStatus()
         self._closing = False
         self._closed = False
         self._passed_s = time.monotonic()
@@ -132,23 +126,22 @@ class Recorder:
         self._thread.start()
 
     @property
-    def state(self) -> str:
-        """What the operator should know; "" while all is well."""
+    def status(self) -> RecorderStatus:
+        """Whether all is kept."""
         with self._changed:
-            count = self.unkept
-            frames = f", {count} frame{'' if count == 1 else 's'} not kept" if count else ""
+            full_s = 1e-9 * ((self._full_ns or 0) - (self._start_ns or 0))
             if self._failed:
-                return f"recording stopped: {self._failed}{frames}"
+                return RecorderStatus(Condition.STOPPED, self.unkept, self._failed)
             if self._full_ns is not None:
-                after_s = 1e-9 * (self._full_ns - (self._start_ns or 0))
-                return f"disk full: recording stopped at {after_s:.1f} s ({self._full}){frames}"
-            if count:
-                return f"disk {'was full' if self._full else 'too slow'}: {frames[2:]}"
-            return ""
+                return RecorderStatus(Condition.DISK_FULL, self.unkept, self._full, full_s)
+            if self.unkept:
+                was_full = Condition.DISK_WAS_FULL if self._full else Condition.DISK_TOO_SLOW
+                return RecorderStatus(was_full, self.unkept)
+            return RecorderStatus()
 
     @property
     def unkept(self) -> int:
-        """Frames whose arrays are not in the file though they were to be."""
+        """Frames whose arrays are not in the file although `keep` asks for them."""
         with self._changed:
             return self._unkept if self._in_file is None else self._frames - self._in_file
 
@@ -160,11 +153,11 @@ class Recorder:
 
     @property
     def writer_id(self) -> int:
-        """Number of the process that writes, as the system has it."""
+        """Process number of the one that writes."""
         return self._line.process_id
 
-    def turn(self, step: Step, phase: str = "") -> None:
-        """Record a turn of the loop. phase: the part of a simulated scenario that it lies in."""
+    def add_step(self, step: Step) -> None:
+        """Record a step of the loop, but for its surface."""
         frame = step.frame_number is not None
         with self._changed:
             if self._closing:
@@ -172,48 +165,52 @@ class Recorder:
             self._frames += frame
             if self._start_ns is None:
                 self._start_ns = step.time_ns
-            if self._failed or len(self._queue) >= WAITING_TURNS:
+            if self._failed or len(self._queue) >= WAITING_STEPS:
                 self._unkept += frame
                 self._lost += 1
                 return
-            size = self._turn_bytes if self._wants(step.number) else 0
-            self._await_room(size)
-            late = self._bytes + size > self._most_waiting
+            size, late = self._room(step, self._step_bytes)
             if late:
                 self._unkept += frame
-                step, size = without_arrays(step), 0
-            self._bytes += size
-            self._queue.append(Turn(step, phase, size, late, self._lost))
+                step = without_arrays(step)
+            self._put(WaitingStep(step, size, late, self._lost))
             self._lost = 0
-            self._changed.notify_all()
 
-    def reading(self, step: Step, surface: Surface, peak: Peak, read_ms: float) -> None:
-        """Record what was read from a turn."""
+    def add_reading(self, step: Step) -> None:
+        """Record the surface and the peak of a step."""
         with self._changed:
-            if self._closing or self._failed or len(self._queue) >= WAITING_TURNS:
+            if self._closing or self._failed or len(self._queue) >= WAITING_STEPS:
                 return
-            size = self._reading_bytes if self._wants(step.number) else 0
-            self._await_room(size)
-            if self._bytes + size > self._most_waiting:
-                size = 0
-            self._bytes += size
-            self._queue.append(Reading(step, surface if size else None, peak, read_ms, size))
-            self._changed.notify_all()
+            size, _ = self._room(step, self._reading_bytes)
+            self._put(WaitingReading(step, size))
 
-    def _await_room(self, size: int) -> None:
-        """In simulated time, where nothing is late, wait for the disk as long as it takes anything."""
+    def _room(self, step: Step, size: int) -> tuple[int, bool]:
+        """Bytes of arrays that may wait: `size`, or 0; and whether that is for want of room.
+
+        In simulated time, where nothing is late, this waits for the disk as long as it takes anything.
+        """
+        if not self._wants(step.number):
+            return 0, False
+
+        def fits() -> bool:
+            return self._bytes + size <= self._most_waiting
+
         if not self._live:
-            self._changed.wait_for(
-                lambda: self._bytes + size <= self._most_waiting or self._failed != "", PATIENCE_S
-            )
+            self._changed.wait_for(lambda: fits() or self._failed != "", PATIENCE_S)
+        return (size, False) if fits() else (0, True)
 
-    def _wants(self, turn: int) -> bool:
-        return (turn - 1) % self._every == 0
+    def _put(self, waiting: WaitingStep | WaitingReading) -> None:
+        self._bytes += waiting.bytes
+        self._queue.append(waiting)
+        self._changed.notify_all()
+
+    def _wants(self, step: int) -> bool:
+        return (step - 1) % self._every == 0
 
     def close(self) -> None:
-        """Write what is waiting, and end the recording; may be called again.
+        """Write everything that waits, and end the recording; may be called again.
 
-        Returns early, with what is left lost, when the disk takes nothing for `CLOSING_S`.
+        Gives up, and loses the rest, when the disk takes nothing for `CLOSING_S`.
         """
         with self._changed:
             if self._closing:
@@ -225,17 +222,12 @@ class Recorder:
             self._thread.join(0.1)
         if self._thread.is_alive():
             with self._changed:
-                self._failed = f"the disk took nothing for {CLOSING_S:g} s; what waits for it may be lost"
-                waiting = [one.step for one in self._queue if isinstance(one, Turn) and not one.late]
+                self._failed = f"the disk took nothing for {CLOSING_S:g} s; the last frames may be lost"
+                waiting = [one.step for one in self._queue if isinstance(one, WaitingStep) and not one.late]
                 self._unkept += sum(step.frame_number is not None for step in waiting)
                 self._queue.clear()
 
-    def __enter__(self) -> Recorder:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     # In the thread
@@ -243,49 +235,45 @@ class Recorder:
     def _serve(self) -> None:
         try:
             while (one := self._next()) is not None:
-                self._pass_on(one)
-            self._pass_on_last_words()
+                if isinstance(one, WaitingReading):
+                    added = self._rows.of_reading(one)
+                else:
+                    added = self._rows.of_step(one, self._status_note())
+                self._send(added, one.step.time_ns, one.bytes)
+            self._send_last_words()
             self._line.end()
             while not self._line.wait(0.2):
                 self._listen()
         except OSError:
-            self._line.wait(1.0)  # it is gone; what it told is still there
+            self._line.wait(1.0)  # the process has ended; its last reports are still in the pipe
         except Exception as error:
             self._failing = " ".join(str(error).split()) or type(error).__name__
         self._listen()
         self._line.abandon()
         if not self._closed and not self._failing:
             self._failing = "the process that writes has ended"
-        # what was on its way, or not yet flushed, is told by the file alone
-        in_file = self._count() if self._failing and self._line.wait(1.0) else None
+        # only the file can say which of the last frames were flushed
+        in_file = frames_in(self._path, self._wants) if self._failing and self._line.wait(1.0) else None
         with self._changed:
             self._in_file = in_file
             self._failed = self._failed or self._failing
             self._queue.clear()
             self._changed.notify_all()
 
-    def _count(self) -> int | None:
-        """Frames that are in the file, with what of their arrays was to be kept; None: it cannot be read."""
-        try:
-            return frames_in(self._path, self._wants)
-        except InputError:
-            return None
-
-    def _pass_on_last_words(self) -> None:
-        """Note how it ended in the file, if not all is well; once all that was handed over is written."""
+    def _send_last_words(self) -> None:
+        """Note in the file how the recording ended, if not all was kept; once all else is written."""
         while self._line.busy and not self._line.wait(LOOK_S):
             self._listen()
         self._listen()
-        words = self.state
-        if words and words != self._noted:
-            self._send([(ALWAYS, *self._rows.note(*self._last, f"recording: {words}"))], self._last[1], 0)
+        if self.status not in {RecorderStatus(), self._noted}:
+            self._send([(Write.ALWAYS, *self._rows.note(self.status.note))], 0, 0)
 
-    def _next(self) -> Turn | Reading | None:
-        """What has waited longest; None at the end."""
+    def _next(self) -> WaitingStep | WaitingReading | None:
+        """The next in the queue; None at the end."""
         while True:
             self._listen()
             with self._changed:
-                # what is under way may be done before anything new comes
+                # messages under way may be written before anything new comes
                 timeout_s = LOOK_S if self._line.busy else None
                 self._changed.wait_for(lambda: self._queue or self._closing, timeout_s)
                 if self._queue:
@@ -294,88 +282,64 @@ class Recorder:
                     return None
 
     def _listen(self) -> None:
-        """Take in what the process told."""
-        told = self._line.news()
+        """Take in the writer's reports."""
+        unread = self._line.news()
         freed = self._line.freed()
         with self._changed:
             if freed:
                 self._bytes -= freed
                 self._changed.notify_all()
                 self._passed_s = time.monotonic()
-            for news in told:
-                if "full" in news:
-                    self._unkept += int(news["frames"])
-                    self._full_ns = news["time_ns"] if self._full_ns is None else self._full_ns
-                    self._full = str(news["full"])
-                elif "room" in news:
+            for news in unread:
+                if news.topic is Topic.FULL:
+                    self._unkept += news.frames
+                    self._full_ns = news.time_ns if self._full_ns is None else self._full_ns
+                    self._full = news.text
+                elif news.topic is Topic.ROOM:
                     self._full_ns = None
-                elif "failed" in news:
-                    self._failing = str(news["failed"])
-                elif "closed" in news:
+                elif news.topic is Topic.FAILED:
+                    self._failing = news.text
+                elif news.topic is Topic.CLOSED:
                     self._closed = True
-
-    def _pass_on(self, one: Turn | Reading) -> None:
-        added = self._of_turn(one) if isinstance(one, Turn) else self._of_reading(one)
-        self._send(added, one.step.time_ns, one.bytes)
 
     def _send(self, added: list[Added], time_ns: int, cost: int) -> None:
         contents = []
-        for kind, name, array in added:
+        for write, name, array in added:
             part = self._parts[name]
             if array.shape != part.shape:
                 raise ValueError(f"{name}: an array of {array.shape}, not {part.shape}")
-            contents.append(Content(self._index[name], kind, part.dtype, part.shape, array))
+            contents.append(Content(self._index[name], write, part.dtype, part.shape, array))
         self._line.send(time_ns, contents, cost)
 
-    def _own_note(self) -> list[Item]:
-        """Row of what the operator is told of the recording itself, when that changes."""
-        words = self.state
-        # counts that follow may change with every frame
-        if words.partition(":")[0] == self._noted.partition(":")[0]:
-            return []
-        self._noted = words
-        return [self._rows.note(*self._last, f"recording: {words or 'all is kept again'}")]
+    def _status_note(self) -> str | None:
+        """What to note of the recording itself; None while its condition stays the same."""
+        status = self.status
+        if status.condition is self._noted.condition:
+            return None
+        self._noted = status
+        return status.note
 
-    def _of_turn(self, turn: Turn) -> list[Added]:
-        rows, step = self._rows, turn.step
-        number, time_ns = step.number, step.time_ns
-        self._last = number, time_ns
-        always = [rows.turn(step, turn.phase), *rows.notes(step), *self._own_note()]
-        arrays = rows.arrays(step) if turn.bytes else []
-        if step.dropped:
-            why = f"lost before frame {step.frame_number}"
-            always.append(rows.drop(number, time_ns, step.dropped, "camera", why))
-        if (
-            turn.bytes
-            and step.image is not None
-            and "frames/image" in self._parts
-            and not rows.fits(step.image)
-        ):
-            always.append(rows.drop(number, time_ns, 1, "camera", step.reason))
-        if turn.lost:
-            always.append(rows.drop(number, time_ns, turn.lost, "recorder", f"{TOO_SLOW}: not even noted"))
-        if turn.late and step.frame_number is not None:
-            always.append(rows.drop(number, time_ns, 1, "recorder", TOO_SLOW))
-        for index, one in enumerate(step.presented):
-            always.append(rows.presented(one, number - (index < step.presented_before)))
-            if turn.bytes:
-                arrays += rows.picture(one, self._pictures)
-            self._pictures += 1
-        if step.zero is not None and step.zero is not self._zero:
-            always += rows.zero(step, step.zero)
-        self._zero = step.zero
-        instead = []
-        if arrays and step.frame_number is not None:
-            instead.append(rows.drop(number, time_ns, 1, "recorder", FULL))
-        return [
-            *((WITH_ROOM, *item) for item in arrays),
-            *((WITHOUT_ROOM, *item) for item in instead),
-            *((ALWAYS, *item) for item in always),
-        ]
 
-    def _of_reading(self, reading: Reading) -> list[Added]:
-        number = reading.step.number
-        added: list[Added] = []
-        if reading.surface is not None:
-            added += [(WITH_ROOM, *item) for item in self._rows.surface(number, reading.surface)]
-        return [*added, (ALWAYS, *self._rows.peak(number, reading.peak, reading.read_ms))]
+def frames_in(path: Path, wanted: Callable[[int], bool]) -> int | None:
+    """Frames that are in a file: in its table of steps, and with their arrays where `wanted`.
+
+    None where it cannot be read.
+    """
+    try:
+        source = RecordingFile(path)
+    except InputError:
+        return None
+    try:
+        steps = source.table("steps/table")
+        numbers = steps["number"][steps["frame_number"] >= 0]
+        # one of these has an item for every frame
+        groups = [group for group in ("warps/commanded", "frames") if number_name(group) in source.names]
+        if not groups:
+            return len(numbers)
+        length = min(source.length(name) for name in source.group(groups[0]))
+        kept = np.isin(numbers, source.table(number_name(groups[0]))[:length])
+        return sum(bool(there) or not wanted(int(one)) for one, there in zip(numbers, kept, strict=True))
+    except InputError:
+        return None
+    finally:
+        source.close()

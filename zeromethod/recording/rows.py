@@ -1,8 +1,9 @@
-"""From a turn of the loop to the items that are added to the file."""
+"""From a step of the loop, or a reading, to the items that are added to the file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,17 +11,48 @@ import numpy as np
 from zeromethod.arrays import Float, Image
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.step import Step
+from zeromethod.recording.message import Write
 from zeromethod.recording.schema import ANCHORS, EVENTS, STATES, Part, number_name
-from zeromethod.surface import Peak, Surface
+from zeromethod.surface import Surface
 
 Item = tuple[str, Image]
-"""Name of a dataset, and what is added to it; it is of that dataset's type when it is written."""
+"""Name of a dataset, and what is added to it, in that dataset's type once it is written."""
 
-Added = tuple[int, str, Image]
-"""The same with its kind: see `zeromethod.recording.message`."""
+Added = tuple[Write, str, Image]
+"""The same, and when it is written."""
+
+TOO_SLOW = "the disk is too slow"
+FULL = "the disk is full"
 
 _STATE = {state: index for index, state in enumerate(STATES)}
 _EVENT = {event: index for index, event in enumerate(EVENTS)}
+
+
+@dataclass(frozen=True, slots=True)
+class WaitingStep:
+    """A step that waits for the disk. bytes: of its arrays, 0 without. late: they had no room to wait.
+
+    lost: steps before it of which not even the rows were kept.
+    """
+
+    step: Step
+    bytes: int
+    late: bool
+    lost: int
+
+
+@dataclass(frozen=True, slots=True)
+class WaitingReading:
+    """A step whose reading waits for the disk. bytes: of its arrays, 0 where they are not kept."""
+
+    step: Step
+    bytes: int
+
+
+def without_arrays(step: Step) -> Step:
+    """A step of which the tables alone are kept."""
+    presented = tuple(replace(one, q=step.commanded.q) for one in step.presented)
+    return replace(step, image=None, residual=None, measured=None, shown=None, presented=presented)
 
 
 def text(words: str, part: Part, field: str) -> bytes:
@@ -30,28 +62,79 @@ def text(words: str, part: Part, field: str) -> bytes:
 
 
 class Rows:
-    """Makes items for the datasets of `parts`."""
+    """Makes the items of steps and readings, in the order in which they come."""
 
     def __init__(self, parts: Mapping[str, Part]) -> None:
+        """parts: the file's datasets, by name."""
         self._parts = parts
+        self._pictures = 0
+        self._zero: Float | None = None
+        self._last = 0, 0
+
+    def of_step(self, waiting: WaitingStep, status_note: str | None = None) -> list[Added]:
+        """Items of a step. status_note: what to note of the recording itself."""
+        step, kept = waiting.step, waiting.bytes > 0
+        number, time_ns = self._last = step.number, step.time_ns
+        rows = [self._step(step)]
+        rows += [self.note(words) for words in step.notes]
+        if status_note is not None:
+            rows.append(self.note(status_note))
+        rows += self._drops(waiting)
+        arrays = self._arrays(step) if kept else []
+        for index, one in enumerate(step.presented):
+            rows.append(self._presented(one, number - (index < step.presented_before)))
+            if kept:
+                arrays += self._group("pictures", self._pictures, {"q": one.q})
+            self._pictures += 1
+        if step.zero is not None and step.zero is not self._zero:
+            rows += self._group("zeros", number, {"q": step.zero})
+        self._zero = step.zero
+        instead = []
+        if arrays and step.frame_number is not None:
+            instead.append(self._row("drops/table", number, time_ns, 1, "recorder", FULL))
+        return [
+            *((Write.WITH_ROOM, *item) for item in arrays),
+            *((Write.WITHOUT_ROOM, *item) for item in instead),
+            *((Write.ALWAYS, *item) for item in rows),
+        ]
+
+    def of_reading(self, waiting: WaitingReading) -> list[Added]:
+        """Items of a reading."""
+        step, surface, peak = waiting.step, waiting.step.surface, waiting.step.peak
+        arrays = self._surface(step.number, surface) if surface is not None and waiting.bytes else []
+        assert peak is not None
+        row = self._row(
+            "peaks/table",
+            step.number,
+            step.time_ns,
+            _STATE[step.state],
+            peak.depth_mm,
+            peak.sigma_mm,
+            peak.deeper_mm,
+            peak.x_mm,
+            peak.y_mm,
+            step.read_ms,
+        )
+        return [*((Write.WITH_ROOM, *item) for item in arrays), (Write.ALWAYS, *row)]
+
+    def note(self, words: str) -> Item:
+        """Row of a message to the operator, at the last step."""
+        return self._row("notes/table", *self._last, words)
 
     def _row(self, name: str, *values: Any) -> Item:
         part = self._parts[name]
         fields = part.dtype.names or ()
-        told = (
+        row = (
             text(value, part, field) if isinstance(value, str) else value
             for field, value in zip(fields, values, strict=True)
         )
-        return name, np.array(tuple(told), part.dtype)
+        return name, np.array(tuple(row), part.dtype)
 
-    def turn(self, step: Step, phase: str) -> Item:
-        """Row of a turn."""
-        events = 0
-        for event in step.events:
-            events |= 1 << _EVENT[event]
+    def _step(self, step: Step) -> Item:
+        events = sum(1 << _EVENT[event] for event in set(step.events))
         frame = -1 if step.frame_number is None else step.frame_number
         return self._row(
-            "turns/table",
+            "steps/table",
             step.number,
             step.time_ns,
             step.exposure_ns,
@@ -66,37 +149,32 @@ class Rows:
             step.draw_ms,
             step.delay_ms,
             events,
-            phase,
+            step.phase,
             step.reason,
         )
 
-    def notes(self, step: Step) -> list[Item]:
-        """Rows of what the operator was told."""
-        return [self.note(step.number, step.time_ns, note) for note in step.notes]
+    def _drops(self, waiting: WaitingStep) -> list[Item]:
+        """Rows of the frames that are not in the file."""
+        step = waiting.step
+        found: list[tuple[int, str, str]] = []
+        if step.dropped:
+            found.append((step.dropped, "camera", f"lost before frame {step.frame_number}"))
+        if waiting.bytes and step.image is not None and not self._fits(step.image):
+            found.append((1, "camera", step.reason))
+        if waiting.lost:
+            found.append((waiting.lost, "recorder", f"{TOO_SLOW}: not even noted"))
+        if waiting.late and step.frame_number is not None:
+            found.append((1, "recorder", TOO_SLOW))
+        return [self._row("drops/table", step.number, step.time_ns, *one) for one in found]
 
-    def note(self, turn: int, time_ns: int, words: str) -> Item:
-        """Row of one of them."""
-        return self._row("notes/table", turn, time_ns, words)
-
-    def drop(self, turn: int, time_ns: int, count: int, what: str, why: str) -> Item:
-        """Row of frames that are not in the file."""
-        return self._row("drops/table", turn, time_ns, count, what, why)
-
-    def presented(self, one: Drawn, after_turn: int) -> Item:
-        """Row of a picture."""
-        seen_ns = -1 if one.seen_ns is None else one.seen_ns
+    def _presented(self, one: Drawn, after_step: int) -> Item:
+        frame_ns = -1 if one.seen_ns is None else one.seen_ns
         code = -1 if one.code is None else one.code
-        return self._row("presentations/table", after_turn, one.time_ns, seen_ns, code, one.draw_ms)
+        return self._row("presentation_log/table", after_step, one.time_ns, frame_ns, code, one.draw_ms)
 
-    def peak(self, turn: int, peak: Peak, read_ms: float) -> Item:
-        """Row of a surface's point of largest |depth|."""
-        place = peak.x_mm, peak.y_mm
-        return self._row("peaks/table", turn, peak.depth_mm, peak.sigma_mm, peak.deeper_mm, *place, read_ms)
-
-    def arrays(self, step: Step) -> list[Item]:
-        """Arrays of a turn that are kept."""
+    def _arrays(self, step: Step) -> list[Item]:
         items: list[Item] = []
-        if step.image is not None and self.fits(step.image):
+        if step.image is not None and self._fits(step.image):
             items += self._group("frames", step.number, {"image": step.image})
         for group, whole, names in (
             ("residual", step.residual, ("d", "sigma", "flags", "mean")),
@@ -109,38 +187,29 @@ class Rows:
             items += self._group("warps/shown", step.number, {"q": step.shown.q})
         return items
 
-    def fits(self, image: Any) -> bool:
-        """Whether an image is one of the rig's camera."""
+    def _fits(self, image: Any) -> bool:
+        """Whether an image is one of the rig's camera; True where frames are not kept."""
         part = self._parts.get("frames/image")
-        if part is None or not isinstance(image, np.ndarray):
-            return False
-        return bool(image.shape == part.shape and image.dtype == part.dtype)
+        if part is None:
+            return True
+        return isinstance(image, np.ndarray) and image.shape == part.shape and image.dtype == part.dtype
 
-    def picture(self, one: Drawn, row: int) -> list[Item]:
-        """Warp of a picture, which has that row of the table."""
-        return self._group("pictures", row, {"q": one.q})
-
-    def zero(self, step: Step, zero: Float) -> list[Item]:
-        """Zero that readings start from, from this turn on."""
-        return self._group("zeros", step.number, {"q": zero})
-
-    def surface(self, turn: int, surface: Surface) -> list[Item]:
-        """Arrays of a reading."""
+    def _surface(self, step: int, surface: Surface) -> list[Item]:
         names = ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope", "valid", "contact")
         anchor = surface.anchor
         arrays = {name: getattr(surface, name) for name in names} | {"anchor": anchor.mask}
         for name in ("x_mm", "y_mm"):
             arrays[name] = np.where(surface.on_mirror, arrays[name], np.nan)
-        items = self._group("surface", turn, arrays)
+        items = self._group("surface", step, arrays)
         if items:
             about = (ANCHORS.index(anchor.mode), anchor.sigma_mm, anchor.far_field_mm)
             items.append(self._row("surface/table", surface.time_ns, surface.iterations, *about))
         return items
 
     def _group(self, group: str, number: int, arrays: Mapping[str, Image]) -> list[Item]:
-        """Items of a group, none where it is not kept, with their number at the end."""
+        """Items of a group, with their number at the end; none where it is not kept."""
         name = number_name(group)
-        if not arrays or name not in self._parts:
+        if name not in self._parts:
             return []
         items = [(f"{group}/{one}", array) for one, array in arrays.items()]
         return [*items, (name, np.array(number, np.int64))]

@@ -1,4 +1,4 @@
-"""What a recording is read from: nothing that is damaged in it passes for what was measured."""
+"""Reading a recording's file, with a checksum for everything that may be damaged."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ import numpy as np
 
 from zeromethod.arrays import Image, Ints
 from zeromethod.errors import InputError
-from zeromethod.recording.opening import open_along
-from zeromethod.recording.sums import SUMS, sum_of
+from zeromethod.recording.checksums import CHECKSUMS, checksum_of
+from zeromethod.recording.opening import Refusal, RefusedRecording, open_along
 
 _FAULTS = (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, MemoryError)
-"""What reading a damaged file may end in."""
+"""Exceptions that reading a damaged file may raise."""
 
 
 class DamagedWarning(UserWarning):
-    """Arrays of a recording are not what was written; they are left out."""
+    """Arrays of a recording are damaged and left out."""
 
 
-class Source:
-    """The file, open for reading; where it cannot be read, that is one line: an InputError."""
+class RecordingFile:
+    """The file, open for reading. Parts that cannot be read raise RefusedRecording, one line."""
 
     def __init__(self, path: Path) -> None:
-        """Open it. Raises InputError."""
+        """Open it. Raises RefusedRecording."""
         self.path = path
         self._warned: set[str] = set()
         self._open()
@@ -45,15 +45,15 @@ class Source:
             raise
 
     def _look(self) -> tuple[int, int, int] | None:
-        """What changes with whatever is written into the file."""
+        """Changes with every write into the file."""
         try:
             found = os.stat(self.path)
         except OSError:
-            return None  # what is open stays so, though its name be gone
+            return None  # the name is gone; the open file can still be read
         return found.st_ino, found.st_size, found.st_mtime_ns
 
     def _visited(self) -> frozenset[str]:
-        """Names of all groups and datasets; each is opened, so that one that cannot be is named."""
+        """Names of all groups and datasets; each is opened, so that the error names one that cannot be."""
         names: list[str] = []
         with self._guarded("its contents"):
             left = list(self._file)
@@ -73,14 +73,14 @@ class Source:
         except InputError:
             raise
         except _FAULTS:
-            raise InputError(f"{self.path}: {name}: cannot be read: damaged") from None
+            raise RefusedRecording(self.path, Refusal.DAMAGED, part=name) from None
 
     def close(self) -> None:
         """Close the file; may be called again."""
         self._file.close()
 
     def refresh(self) -> None:
-        """Take in what was written since."""
+        """See what was written since the file was opened, or since the last call."""
         self._tables.clear()
         if self._file.swmr_mode:
             for name in self.names:
@@ -89,7 +89,7 @@ class Source:
                     if isinstance(one, h5py.Dataset):
                         one.id.refresh()
         elif (now := self._look()) is not None and now != self._state:
-            # it was opened before anybody wrote into it
+            # it was opened before a writer did
             self._file.close()
             self._open()
 
@@ -114,12 +114,12 @@ class Source:
             return self._file[name][at]
 
     def whole(self, name: str) -> Any:
-        """A dataset that was there from the start; refused if it is not what was written then."""
+        """A dataset of fixed size; refused where it does not fit its checksum."""
         values = self.read(name)
         with self._guarded(name):
-            told = self._file[name].attrs.get("sum")
-        if told is not None and int(told) != sum_of(values):
-            raise InputError(f"{self.path}: {name}: damaged: not what was written")
+            checksum = self._file[name].attrs.get("checksum")
+        if checksum is not None and int(checksum) != checksum_of(values):
+            raise RefusedRecording(self.path, Refusal.CHANGED, part=name)
         return values
 
     def table(self, name: str) -> Image:
@@ -131,9 +131,9 @@ class Source:
     def items(self, group: str, index: int, names: Sequence[str]) -> dict[str, Any]:
         """Items of a group's datasets, without those that are damaged; each dataset warns of it once."""
         found: dict[str, Any] = {}
-        told = self._told(group, index)
+        checksums = self._row(group, index)
         for name in names:
-            item = self._sound(group, name, index, told)
+            item = self._sound(group, name, index, checksums)
             if item is None:
                 self._warn(group, name)
             else:
@@ -146,43 +146,43 @@ class Source:
             return len(self._file[name].shape) == 1
 
     def is_damaged(self, group: str, index: int) -> bool:
-        """Whether any item of that index in a group is not what was written; without a warning."""
-        told = self._told(group, index)
-        return not all(self.is_sound(group, name, index, told) for name in self.summed(group))
+        """Whether any item of that index in a group does not fit its checksum; without a warning."""
+        checksums = self._row(group, index)
+        return not all(self.is_sound(group, name, index, checksums) for name in self.summed(group))
 
-    def is_sound(self, group: str, name: str, index: int, told: Any) -> bool:
-        """Whether an item can be read and is what was written. told: the sums of its group's; None: none."""
-        return self._sound(group, name, index, told) is not None
+    def is_sound(self, group: str, name: str, index: int, checksums: Any) -> bool:
+        """Whether an item can be read and fits its checksum. checksums: its group's row, if any."""
+        return self._sound(group, name, index, checksums) is not None
 
     def summed(self, group: str) -> list[str]:
-        """Names within a group of the datasets that it has sums of, or would have."""
-        return [name.rpartition("/")[2] for name in self.group(group) if not name.endswith(f"/{SUMS}")]
+        """Names within a group of its datasets other than the checksums."""
+        return [name.rpartition("/")[2] for name in self.group(group) if not name.endswith(f"/{CHECKSUMS}")]
 
-    def sums(self, group: str) -> Image | None:
-        """Sums of a group's items, a row for each; None where it has none."""
-        return self.table(f"{group}/{SUMS}") if f"{group}/{SUMS}" in self.names else None
+    def checksums(self, group: str) -> Image | None:
+        """Checksums of a group's items, a row for each; None where it has none."""
+        return self.table(f"{group}/{CHECKSUMS}") if f"{group}/{CHECKSUMS}" in self.names else None
 
-    def _told(self, group: str, index: int) -> Any:
-        sums = self.sums(group)
-        return None if sums is None else sums[index]
+    def _row(self, group: str, index: int) -> Any:
+        checksums = self.checksums(group)
+        return None if checksums is None else checksums[index]
 
-    def _sound(self, group: str, name: str, index: int, told: Any) -> Any:
+    def _sound(self, group: str, name: str, index: int, checksums: Any) -> Any:
         """An item; None where it is damaged."""
         try:
             item = self.read(f"{group}/{name}", index)
         except InputError:
             return None
-        summed = told is not None and name in told.dtype.names
-        return None if summed and int(told[name]) != sum_of(item) else item
+        summed = checksums is not None and name in checksums.dtype.names
+        return None if summed and int(checksums[name]) != checksum_of(item) else item
 
     def numbers(self, group: str, name: str, length: int) -> Ints:
-        """What numbers the first items of a group, so many; -1 where that is damaged."""
+        """Numbers of the first `length` items of a group; -1 where that is damaged."""
         values: Ints = self.table(f"{group}/{name}")[:length]
-        sums = self.sums(group)
-        if sums is None:
+        checksums = self.checksums(group)
+        if checksums is None:
             return values
-        # an item of one word: its size, and itself
-        sound = sums[name][:length] == values.astype(np.uint64) + np.uint64(8)
+        # the checksum of one word: its size plus itself
+        sound = checksums[name][:length] == values.astype(np.uint64) + np.uint64(8)
         if not sound.all():
             self._warn(group, name)
         return np.where(sound, values, -1)
@@ -195,7 +195,7 @@ class Source:
         dataset = f"{group}/{name}"
         if dataset in self._warned:
             return
-        words = f"{self.path}: {dataset}: damaged: what is not as it was written is left out"
+        words = f"{self.path}: {dataset}: damaged: items that do not fit their checksum are left out"
         warnings.warn(words, DamagedWarning, stacklevel=5)
-        # where warnings are errors, every one is
+        # after the warning: as an error it is raised every time
         self._warned.add(dataset)

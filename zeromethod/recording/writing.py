@@ -1,6 +1,6 @@
-"""The process that writes: nothing that a disk does can keep the run's from going on.
+"""The process that writes: no disk, however slow, can stop the run's own process.
 
-It ends by itself when the run's process has, however that came about, with all written that it was given.
+When the run's process ends, for whatever reason, it writes all that it was given and ends too.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from pathlib import Path
 
 from zeromethod.child_process import ignore_signals, lower_priority
 from zeromethod.recording.growing import DiskFull, GrowingFile
-from zeromethod.recording.message import WITH_ROOM, WITHOUT_ROOM, Message, receive
+from zeromethod.recording.message import Message, News, Topic, Write, receive
 
 FLUSH_S = 0.2
-"""What is older than this can be read by others."""
+"""Age from which items can be read by others."""
 
 
 class Writing:
-    """Takes messages into a file and tells what became of them."""
+    """Writes messages into a file and reports what became of them."""
 
     def __init__(self, file: GrowingFile, memory: memoryview, news: int) -> None:
         """memory: where the items' bytes lie. news: pipe to the run's process."""
@@ -34,40 +34,38 @@ class Writing:
         self._dirty = False
         self._lacking = 0
 
-    def tell(self, **news: object) -> None:
-        """Let the run's process know; it may be gone."""
+    def report(self, topic: Topic, text: str = "", time_ns: int = 0, frames: int = 0) -> None:
+        """Tell the run's process; it may have ended."""
         with contextlib.suppress(OSError):
-            os.write(self._news, json.dumps(news).encode() + b"\n")
+            os.write(self._news, News(topic, text, time_ns, frames).encode())
 
     def take(self, message: Message) -> None:
         """Add a message; raises DiskFull where not even tables fit, else as `GrowingFile.append`."""
-        arrays = sum(item.size for item in message.items if item.kind == WITH_ROOM)
-        lost = False
+        arrays = sum(item.size for item in message.items if item.write is Write.WITH_ROOM)
+        left_out = Write.WITHOUT_ROOM
         if arrays:
             try:
                 self._file.claim(arrays, arrays=True)
             except DiskFull as error:
-                lost = True
-                frames = sum(item.kind == WITHOUT_ROOM for item in message.items)
-                self.tell(full=str(error), time_ns=message.time_ns, frames=frames)
+                left_out = Write.WITH_ROOM
+                frames = sum(item.write is Write.WITHOUT_ROOM for item in message.items)
+                self.report(Topic.FULL, str(error), message.time_ns, frames)
                 self._lacking = arrays
             else:
                 self._fitted(arrays)
-        left_out = WITH_ROOM if lost else WITHOUT_ROOM
-        items = [item for item in message.items if item.kind != left_out]
-        self._file.claim(sum(item.size for item in items if item.kind != WITH_ROOM), arrays=False)
+        items = [item for item in message.items if item.write is not left_out]
+        self._file.claim(sum(item.size for item in items if item.write is not Write.WITH_ROOM), arrays=False)
         for item in items:
             self._file.append(item.dataset, self._memory[item.start : item.start + item.size])
         self._dirty = True
-        self.tell(done=True)
+        self.report(Topic.WRITTEN)
 
     def _fitted(self, size: int) -> None:
-        """Tell that there is room again: smaller arrays may find some while the disk is full."""
+        """Report room again once as much fitted as had not: smaller arrays may find some on a full disk."""
         if self._lacking > 0:
-            # what lacked is more than was left then
             self._lacking -= size
             if self._lacking <= 0:
-                self.tell(room=True)
+                self.report(Topic.ROOM)
 
     def flush(self) -> None:
         """Flush if that is due."""
@@ -84,23 +82,23 @@ class Writing:
 
 
 def serve(path: Path, names: list[str], messages: int, news: int, shared: int) -> None:
-    """Write until the sender says that the run is over (a message without items), or is gone."""
+    """Write until the sender says that the run is over (a message without items), or has ended."""
     file = GrowingFile(path, names)
     writing = Writing(file, memoryview(mmap.mmap(shared, 0, prot=mmap.PROT_READ)), news)
     lower_priority()  # not before: the run waits for it to start
-    writing.tell(ready=True)
+    writing.report(Topic.READY)
     complete = False
     try:
         complete = _follow(writing, messages)
     except DiskFull as error:
-        # what was taken before has its room
-        writing.tell(failed=f"the disk is full ({error})")
+        # earlier messages have their room
+        writing.report(Topic.FAILED, f"the disk is full ({error})")
     file.close(complete)
-    writing.tell(closed=True)
+    writing.report(Topic.CLOSED)
 
 
 def _follow(writing: Writing, messages: int) -> bool:
-    """Take messages to the end; whether the sender told that it was one."""
+    """Write messages to the end; whether the sender said that the run is over."""
     while True:
         ready, _, _ = select.select([messages], [], [], writing.due_s)
         if ready:
@@ -122,9 +120,9 @@ def main() -> None:
     except Exception as error:
         words = " ".join(str(error).split()) or type(error).__name__
         try:
-            os.write(int(news), json.dumps({"failed": words}).encode() + b"\n")
+            os.write(int(news), News(Topic.FAILED, words).encode())
         finally:
-            # HDF5 would try again, and again fail, to write what it could not
+            # HDF5 would try to write the rest again, and fail again
             os._exit(1)
 
 

@@ -6,11 +6,11 @@ import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from operator import or_
-from typing import Protocol
 
 import numpy as np
 
 from zeromethod.loop.step import Step
+from zeromethod.publishing.publisher import Publisher
 from zeromethod.surface import Peak, Surface
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
@@ -26,13 +26,6 @@ def warm_up_warp(rest: Rest) -> Warp:
     It changes the reader's weights: whoever reads a session again starts with it, too.
     """
     return Warp(rest.q, np.full_like(rest.q, 0.01), rest.flags, 0)
-
-
-class Publisher(Protocol):
-    """Anything that takes the readings of a run while it goes on, as `zeromethod.publishing.Publisher`."""
-
-    def publish(self, step: Step) -> None:
-        """Take one step of the loop, with its surface and peak where it was read."""
 
 
 class StepReader:

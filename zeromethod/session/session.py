@@ -22,9 +22,11 @@ from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
+from zeromethod.publishing.publisher import Publisher
+from zeromethod.recording.status import Condition
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.reading import Publisher, StepReader, timed, warm_up_warp
+from zeromethod.session.reading import StepReader, timed, warm_up_warp
 from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
@@ -101,7 +103,7 @@ class Session:
             self._scenario = script_of(self._devices.camera)
             self._worst_px = 0.0
             self._deepest_mm = 0.0
-            self._recording_words = ""
+            self._recording = Condition.ALL_KEPT
             usable = usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]
             share = float(np.mean(usable))
             self.result = RunResult(self.rig, self.loop.gl_renderer, share, self.loop.rest, self._truth)
@@ -168,7 +170,7 @@ class Session:
                     step = replace(each, phase=self._phase(each.time_ns))
                     reading.post(step)
                     if self._recorder is not None:
-                        self._recorder.turn(step, step.phase)
+                        self._recorder.add_step(step)
                     step = replace(step, notes=step.notes + self._notes())
                     self.result.add(step.figures)
                     yield _with_reading(step, self._collect(reading))
@@ -188,13 +190,13 @@ class Session:
         if self.loop.ended is not None:
             reading.post(self.loop.ended)
             if self._recorder is not None:
-                self._recorder.turn(self.loop.ended)
+                self._recorder.add_step(self.loop.ended)
 
     def _end_recording(self) -> None:
         """Write what waits still; what was lost stands in the result."""
         if self._recorder is not None:
             self._recorder.close()
-            self.result.recording = self._recorder.state
+            self.result.recording = str(self._recorder.status)
 
     def _read(self, step: Step) -> Step:
         """Read one step; in real time in a thread of its own."""
@@ -221,9 +223,7 @@ class Session:
         for newest in reading.collect():
             self.result.enter(newest.figures)
             if self._recorder is not None:
-                assert newest.surface is not None
-                assert newest.peak is not None
-                self._recorder.reading(newest, newest.surface, newest.peak, newest.read_ms)
+                self._recorder.add_reading(newest)
             self._keep(newest)
         return newest
 
@@ -258,12 +258,10 @@ class Session:
 
     def _recording_note(self) -> tuple[str, ...]:
         """What the operator should know of the recording, when that changes."""
-        words = "" if self._recorder is None else self._recorder.state
-        kind = words.partition(":")[0]  # counts that follow it may change with every frame
-        if kind == self._recording_words:
+        if self._recorder is None or self._recorder.status.condition is self._recording:
             return ()
-        self._recording_words = kind
-        return (f"recording: {words or 'all is kept again'}",)
+        self._recording = self._recorder.status.condition
+        return (self._recorder.status.note,)
 
     def _delay_note(self) -> tuple[str, ...]:
         """What the coded strips say of the delay, and what that leaves of stability; shown once."""

@@ -28,9 +28,9 @@ def reread(task: Task) -> Figures:
         raised.simplefilter("error", DamagedWarning)
         rig = with_settings(recording.rig, task.rig_settings, 1, path)
         reader = SurfaceReader(rig, Optics(rig), recording.grid)
-        recorded = {int(row["turn"]): float(row["depth_mm"]) for row in recording.peaks}
+        recorded = {int(row["step"]): float(row["depth_mm"]) for row in recording.peaks}
         depths, sigmas, differences, areas = [], [], [], []
-        for row in recording.turns[:: int(task.settings["every"])]:
+        for row in recording.steps[:: int(task.settings["every"])]:
             number = int(row["number"])
             measured = recording.measured(number)
             if measured is None:
@@ -55,7 +55,7 @@ def reread(task: Task) -> Figures:
             "depth_median_mm": float(np.median(depths)),
             "change_rms_um": float(np.sqrt(np.mean(np.square(differences)))) if differences else None,
             "valid_share": float(np.mean(areas)),
-            "residual_px_rms": _median(recording.turns["residual_rms_px"]),
+            "residual_px_rms": _median(recording.steps["residual_rms_px"]),
             "recorded_rig": recording.rig.name,
         }
 

@@ -77,13 +77,13 @@ class Tail:
     def grown(self) -> bool:
         """Look again; whether there are new turns."""
         self._recording.refresh()
-        before, self._turns = self._turns, len(self._recording.turns)
+        before, self._turns = self._turns, len(self._recording.steps)
         return self._turns > before
 
     def glance(self) -> Glance:
         """How it stands."""
         recording, nan = self._recording, float("nan")
-        turns, peaks = recording.turns, recording.peaks
+        turns, peaks = recording.steps, recording.peaks
         if not len(turns):
             return Glance(0.0, str(State.STARTING), "", nan, nan, nan, nan, 0)
         last = turns[-1]
@@ -98,7 +98,7 @@ class Tail:
             rate_hz=1e9 * (len(recent) - 1) / span_ns if span_ns else nan,
             residual_rms_px=float(known[-1]) if len(known) else nan,
             peak_mm=float(peaks["depth_mm"][-1]) if len(peaks) else nan,
-            peak_sigma_mm=float(peaks["sigma_mm"][-1]) if len(peaks) else nan,
+            peak_sigma_mm=float(peaks["depth_sigma_mm"][-1]) if len(peaks) else nan,
             dropped=int(np.sum(recording.drops["count"])),
         )
 

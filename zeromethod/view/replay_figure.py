@@ -29,7 +29,7 @@ def draw_sessions(curves: dict[str, dict[str, Float]], title: str, path: Path) -
         over_time = (
             (axes[0, 0], "depth_peak_mm", "largest depth read", "mm", "linear"),
             (axes[0, 1], "residual_rms_px", "residual", "camera px rms", "log"),
-            (axes[1, 0], "depth_error_um", "depth error against the mirror relived", "um rms", "log"),
+            (axes[1, 0], "depth_error_um", "depth error against the simulated mirror", "um rms", "log"),
         )
         for axis, key, heading, unit, scale in over_time:
             for number, (name, curve) in enumerate(curves.items()):
@@ -47,7 +47,7 @@ def draw_sessions(curves: dict[str, dict[str, Float]], title: str, path: Path) -
 
 
 def draw_differences(figures: dict[str, Any], title: str, path: Path) -> None:
-    """Write readings as PNG: peak depth recorded and again over time, and how far depth differs.
+    """Write readings as PNG: peak depth recorded and replayed over time, and how far depth differs.
 
     figures: as `zeromethod.session.replay.differences.DepthDifferences.figures` gives them.
     """
@@ -56,14 +56,14 @@ def draw_differences(figures: dict[str, Any], title: str, path: Path) -> None:
         figure = Figure(figsize=(10, 6), layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True)
         _plot(above, peaks["time_s"], peaks["recorded_mm"], "recorded", 0)
-        _plot(above, peaks["time_s"], peaks["again_mm"], "again", 1)
+        _plot(above, peaks["time_s"], peaks["replayed_mm"], "replayed", 1)
         _finish(above, "largest depth read", "s", "mm", "linear")
         above.legend()
-        nm = 1e6 * (peaks["again_mm"] - peaks["recorded_mm"])
+        nm = 1e6 * (peaks["replayed_mm"] - peaks["recorded_mm"])
         _plot(below, peaks["time_s"], nm, "peak", 2)
         rms_nm = np.array(figures["depth_difference_rms_nm"], dtype=np.float64)
         _plot(below, peaks["time_s"], rms_nm, "all nodes, rms", 1)
-        _finish(below, "again less recorded", "s", "nm", "linear")
+        _finish(below, "replayed less recorded", "s", "nm", "linear")
         below.legend()
         figure.suptitle(title, fontsize=11)
         figure.savefig(path, dpi=110)

@@ -52,7 +52,7 @@ def _percent(share: float | None) -> float | None:
 
 
 def sessions_table(sessions: dict[str, Figures]) -> Table:
-    """One column per session: recorded, relived, changed.
+    """One column per session: recorded, simulated, changed.
 
     sessions: by name, as `zeromethod.session.replay.comparison.figures_of` gives them.
     """
@@ -81,9 +81,9 @@ def differences_table(figures: Figures) -> Table:
     """
     table = Table(box=None, pad_edge=False)
     table.add_column(style="dim")
-    for name in ("recorded", "again"):
+    for name in ("recorded", "replayed"):
         table.add_column(name, justify="right")
-    for name in ("turns", "readings"):
+    for name in ("steps", "readings"):
         if name in figures:
             table.add_row(f"{name}, equal bit for bit", str(figures[name]), str(figures[f"{name}_equal"]))
     for name, key in _DAMAGED:
@@ -92,7 +92,7 @@ def differences_table(figures: Figures) -> Table:
     for label, key, pattern in _PAIRS:
         if figures.get(key) is not None:
             pair = figures[key]
-            table.add_row(label, _cell(pattern, pair["recorded"]), _cell(pattern, pair["again"]))
+            table.add_row(label, _cell(pattern, pair["recorded"]), _cell(pattern, pair["replayed"]))
     table.add_section()
     table.add_row("[bold]difference[/bold]", "rms", "largest")
     for label, key in _DIFFERENCES:

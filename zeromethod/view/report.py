@@ -107,7 +107,7 @@ def _maps(recording: Recording) -> tuple[list[dict[str, str]], list[str]]:
             damaged.append(f"{', '.join(names)}: no depth map: {error}")
             continue
         assert surface is not None
-        rows = np.flatnonzero((recording.peaks["turn"] == turn) & np.isfinite(recording.peaks["depth_mm"]))
+        rows = np.flatnonzero((recording.peaks["step"] == turn) & np.isfinite(recording.peaks["depth_mm"]))
         figures = peak_figures(recording, int(rows[0]) if len(rows) else None)
         point = [figures[name] if figures else np.nan for name in ("depth_mm", "x_mm", "y_mm", "sigma_mm")]
         words = f"turn {turn}" if figures is None else f"turn {turn}: {peak_words(figures)}"
@@ -124,7 +124,7 @@ def _undamaged(recording: Recording, turn: int) -> Surface | None:
 
 def key_turns(recording: Recording) -> dict[int, list[str]]:
     """Turns whose depth is shown, and what each is: only those whose surface was kept."""
-    kept = recording.turns_kept("surface")
+    kept = recording.steps_with("surface")
     index, there = at_turns(recording, kept)
     kept, names = kept[there], states(recording)[index[there]]
     if not len(kept):
@@ -134,9 +134,9 @@ def key_turns(recording: Recording) -> dict[int, list[str]]:
         if (names == state).any():
             found.setdefault(int(kept[np.argmax(names == state)]), []).append(f"first {state}")
             break
-    row = largest_peak(recording, np.isin(recording.peaks["turn"], kept))
+    row = largest_peak(recording, np.isin(recording.peaks["step"], kept))
     if row is not None:
-        found.setdefault(int(recording.peaks["turn"][row]), []).append("largest |depth|")
+        found.setdefault(int(recording.peaks["step"][row]), []).append("largest |depth|")
     found.setdefault(int(kept[-1]), []).append("last")
     return found
 

@@ -148,7 +148,7 @@ def timeline(recording: Recording) -> str:
 
     Of fewer than `LEAST_RATED` frames there is no rate.
     """
-    turns, peaks, drops = recording.turns, recording.peaks, recording.drops
+    turns, peaks, drops = recording.steps, recording.peaks, recording.drops
     start = start_ns(recording)
     time_s = seconds(turns["time_ns"], start)
     with _page_style("timeline"):
@@ -165,8 +165,8 @@ def timeline(recording: Recording) -> str:
             residual.set_yscale("log")
             plain_log_ticks(residual.yaxis)
         residual.set_ylabel("residual rms, camera px")
-        index, there = at_turns(recording, peaks["turn"])
-        _depth(depth, time_s[index[there]], peaks["depth_mm"][there], peaks["sigma_mm"][there])
+        index, there = at_turns(recording, peaks["step"])
+        _depth(depth, time_s[index[there]], peaks["depth_mm"][there], peaks["depth_sigma_mm"][there])
         if panels == 3:
             _rate(last, arrived_s)
         for at in np.unique(np.round(seconds(drops["time_ns"], start), 2)):

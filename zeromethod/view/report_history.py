@@ -68,13 +68,13 @@ def seconds(times_ns: Any, start_ns: int) -> Float:
 
 def start_ns(recording: Recording) -> int:
     """Time of the first turn; 0 without any."""
-    turns = recording.turns
+    turns = recording.steps
     return int(turns["time_ns"][0]) if len(turns) else 0
 
 
 def at_turns(recording: Recording, numbers: Ints) -> tuple[NDArray[np.intp], Mask]:
     """Rows of the turns with these numbers, and which of them there are (a killed writer left some out)."""
-    known = recording.turns["number"]
+    known = recording.steps["number"]
     if not len(known):
         return np.zeros(len(numbers), dtype=np.intp), np.zeros(len(numbers), dtype=bool)
     index = np.minimum(np.searchsorted(known, numbers), len(known) - 1)
@@ -83,7 +83,7 @@ def at_turns(recording: Recording, numbers: Ints) -> tuple[NDArray[np.intp], Mas
 
 def states(recording: Recording) -> NDArray[np.str_]:
     """(turns,) names of the states."""
-    turns = recording.turns
+    turns = recording.steps
     codes, first, index = np.unique(turns["state"], return_index=True, return_inverse=True)
     if not len(codes):
         return np.zeros(0, dtype=str)
@@ -92,7 +92,7 @@ def states(recording: Recording) -> NDArray[np.str_]:
 
 def episodes(recording: Recording) -> list[Episode]:
     """The states in turn, without gaps."""
-    turns, names = recording.turns, states(recording)
+    turns, names = recording.steps, states(recording)
     if not len(turns):
         return []
     time_s = seconds(turns["time_ns"], start_ns(recording))
@@ -133,7 +133,11 @@ def _dropped(recording: Recording) -> list[Happening]:
     time_s = seconds(drops["time_ns"], start_ns(recording))
     return [
         Happening(
-            float(at), float(at), f"dropped: {words(drop['what'])}", int(drop["count"]), words(drop["why"])
+            float(at),
+            float(at),
+            f"dropped: {words(drop['lost_by'])}",
+            int(drop["count"]),
+            words(drop["reason"]),
         )
         for at, drop in zip(time_s, drops, strict=True)
     ]
@@ -141,7 +145,7 @@ def _dropped(recording: Recording) -> list[Happening]:
 
 def _events(recording: Recording) -> list[Happening]:
     """Events of the turns, but for dropped frames, which are records of their own."""
-    turns = recording.turns
+    turns = recording.steps
     found = []
     time_s = seconds(turns["time_ns"], start_ns(recording))
     for index in np.flatnonzero(turns["events"]):

@@ -28,7 +28,7 @@ def summarise_recording(recording: Recording) -> Figures:
 
     What is called nulled is that of the turns locked or resting; of all turns, where no turn was.
     """
-    turns, peaks, drops = recording.turns, recording.peaks, recording.drops
+    turns, peaks, drops = recording.steps, recording.peaks, recording.drops
     told = episodes(recording)
     told_of = shares(told)
     ends = [one for one in told if one.state != State.STOPPED] or told
@@ -59,7 +59,7 @@ def summarise_recording(recording: Recording) -> Figures:
             for event in WITHOUT_READING
         },
         "dropped": {
-            words(what): int(drops["count"][drops["what"] == what].sum()) for what in set(drops["what"])
+            words(by): int(drops["count"][drops["lost_by"] == by].sum()) for by in set(drops["lost_by"])
         },
         "notes": [words(text) for text in recording.notes["text"]],
     }
@@ -76,7 +76,7 @@ def largest_peak(recording: Recording, among: Mask | None = None) -> int | None:
     among: (peaks,) rows to choose from. Those of nulled turns come before all others.
     """
     known = _known(recording) & (True if among is None else among)
-    index, _ = at_turns(recording, recording.peaks["turn"])
+    index, _ = at_turns(recording, recording.peaks["step"])
     depth = np.abs(recording.peaks["depth_mm"])
     if not known.any():
         return None
@@ -92,7 +92,7 @@ def last_peak(recording: Recording) -> int | None:
 
 def _known(recording: Recording) -> Mask:
     """(peaks,) which have a depth, and a turn in the recording."""
-    _, there = at_turns(recording, recording.peaks["turn"])
+    _, there = at_turns(recording, recording.peaks["step"])
     return np.asarray(there & np.isfinite(recording.peaks["depth_mm"]))
 
 
@@ -101,12 +101,13 @@ def peak_figures(recording: Recording, row: int | None) -> Figures | None:
     if row is None:
         return None
     peak = recording.peaks[row]
-    turn = recording.row(int(peak["turn"]))
+    turn = recording.row(int(peak["step"]))
     return {
-        "turn": int(peak["turn"]),
+        "turn": int(peak["step"]),
         "time_s": float(seconds(turn["time_ns"], start_ns(recording))),
         "state": str(recording.state_of(turn)),
-        **{name: float(peak[name]) for name in ("depth_mm", "sigma_mm", "x_mm", "y_mm")},
+        "sigma_mm": float(peak["depth_sigma_mm"]),
+        **{name: float(peak[name]) for name in ("depth_mm", "x_mm", "y_mm")},
     }
 
 

@@ -78,7 +78,7 @@ def recording(session: Session) -> Iterator[Recording]:
 
 @pytest.fixture
 def damaged(session: Session, tmp_path: Path) -> Callable[..., Path]:
-    """Make a copy in which an array of each of these turns (`pictures`: rows) is not what was written."""
+    """Make a copy in which an array of each of these steps (`pictures`: rows) is not what was written."""
 
     def damage(name: str, *numbers: int) -> Path:
         path = tmp_path / "damaged.h5"
@@ -86,7 +86,7 @@ def damaged(session: Session, tmp_path: Path) -> Callable[..., Path]:
             shutil.copy(session.path, path)
         group = name.rpartition("/")[0]
         with h5py.File(path, "r+", libver="latest") as file:
-            known = file[f"{group}/{'row' if group == 'pictures' else 'turn'}"][()].tolist()
+            known = file[f"{group}/{'row' if group == 'pictures' else 'step'}"][()].tolist()
             for number in numbers:
                 item = file[name][known.index(number)]
                 item.reshape(-1).view("u1")[100] ^= 1

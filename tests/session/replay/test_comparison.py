@@ -5,7 +5,7 @@ import pytest
 
 from zeromethod.loop.state import State
 from zeromethod.session.replay.comparison import bands, figures_of, lag_ms, rejection
-from zeromethod.session.replay.track import Moment, Track
+from zeromethod.session.replay.track import Track, TrackPoint
 
 RATE_HZ = 60.0
 NODES = 40
@@ -21,8 +21,8 @@ def made_up(motion, delay_s: float, frames: int = 200, noise: float = SIGMA_PX, 
         time_s = k / RATE_HZ
         true, shown = motion(time_s) * size, motion(time_s - delay_s) * size
         measured = true + noise * rng.standard_normal((NODES, 2))
-        moment = Moment(time_s, State.LOCKED, 0.01, measured, shown - measured, max(noise, 1e-4))
-        track.moments.append(moment)
+        point = TrackPoint(time_s, State.LOCKED, 0.01, measured, shown - measured, max(noise, 1e-4))
+        track.points.append(point)
     return track
 
 
@@ -64,8 +64,8 @@ def test_a_delay_leaves_of_each_frequency_what_it_must(at_hz: float) -> None:
 def test_gaps_in_the_measurement_are_bridged() -> None:
     track = made_up(swing, 0.03, frames=400)
     whole = rejection(track)[1]
-    for moment in track.moments[10::20]:
-        moment.moved[:] = moment.behind[:] = np.nan
+    for point in track.points[10::20]:
+        point.moved[:] = point.behind[:] = np.nan
     gaps = rejection(track)[1]
     both = np.isfinite(whole) & np.isfinite(gaps)
     both[4:] = False  # a bridge is a kink, which has high frequencies
@@ -92,10 +92,10 @@ def test_figures_tell_nulled_frames_and_the_deep_ones_apart() -> None:
     track = Track(
         "truth known",
         [
-            Moment(0.0, State.NULLING, 0.5, nothing, nothing, np.nan, 0.1, 3.0, -9.0, 0.11),
-            Moment(0.1, State.LOCKED, 0.01, nothing, nothing, np.nan, 0.1, 0.4, 0.2, 0.1),
-            Moment(0.2, State.LOCKED, 0.03, nothing, nothing, np.nan, -0.1, 0.3, -0.3, -0.1),
-            Moment(0.3, State.LOCKED, 0.02, nothing, nothing, np.nan, 0.01, 0.2, 50.0, 0.01),
+            TrackPoint(0.0, State.NULLING, 0.5, nothing, nothing, np.nan, 0.1, 3.0, -9.0, 0.11),
+            TrackPoint(0.1, State.LOCKED, 0.01, nothing, nothing, np.nan, 0.1, 0.4, 0.2, 0.1),
+            TrackPoint(0.2, State.LOCKED, 0.03, nothing, nothing, np.nan, -0.1, 0.3, -0.3, -0.1),
+            TrackPoint(0.3, State.LOCKED, 0.02, nothing, nothing, np.nan, 0.01, 0.2, 50.0, 0.01),
         ],
     )
     figures = figures_of(track)

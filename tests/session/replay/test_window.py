@@ -9,10 +9,10 @@ from zeromethod.session.replay.window import Pace, Window
 
 def test_a_window_counts_from_the_first_frame(recording) -> None:
     whole, part = Window.of(recording), Window.of(recording, 0.2, 0.5)
-    turns = recording.turns
+    steps = recording.steps
     assert whole.from_start
-    assert whole.start_ns == whole.from_ns == int(turns["time_ns"][0])
-    assert whole.to_ns == int(turns["time_ns"][turns["frame_number"] >= 0][-1])
+    assert whole.start_ns == whole.from_ns == int(steps["time_ns"][0])
+    assert whole.to_ns == int(steps["time_ns"][steps["frame_number"] >= 0][-1])
     assert not part.from_start
     assert part.from_ns - whole.start_ns == 200_000_000
     assert part.from_ns in part
@@ -35,10 +35,10 @@ def test_times_outside_the_recording_are_refused(recording, from_s, to_s, word: 
 
 
 def test_where_a_recording_ends_is_told_as_everywhere(recording) -> None:
-    turns = recording.turns
-    # the turn that ended it has no frame
-    assert turns["frame_number"][-1] < 0
-    last_s = 1e-9 * float(turns["time_ns"][turns["frame_number"] >= 0][-1] - turns["time_ns"][0])
+    steps = recording.steps
+    # the step that ended it has no frame
+    assert steps["frame_number"][-1] < 0
+    last_s = 1e-9 * float(steps["time_ns"][steps["frame_number"] >= 0][-1] - steps["time_ns"][0])
     assert last_s < recording.seconds
     words = f"the last frame came at {last_s:.3f} s, the recording lasts {recording.seconds:.3f} s"
     with pytest.raises(InputError, match=words):

@@ -1,1 +1,1 @@
-"""A recorded session once more: read again, sensed again, or lived through again by a simulated bench."""
+"""Replay of a recorded session: from its warps, from its frames, or in closed loop on a simulated bench."""

@@ -1,8 +1,8 @@
 """How well sessions followed their mirror: residual, lag, rejection over frequency, depth error.
 
-All from what a loop knows, so that a recorded session and a simulated one are judged alike: where the mirror
-was is what each frame measured, whatever was shown. The truth, known to the simulated ones alone, is held
-against depth only.
+All figures come from what a loop knows, so that recorded and simulated sessions are judged alike: the mirror
+is where each frame measured it, whatever was shown. Only depth is compared with the truth, which only
+simulated sessions have.
 """
 
 from __future__ import annotations
@@ -33,22 +33,22 @@ BANDS_HZ = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 """Borders of the bands in which rejection is given as a number."""
 
 ABOVE_NOISE = 3.0
-"""Times the noise's power from which motion at a frequency is believed."""
+"""Times the noise's power from which motion at a frequency counts."""
 
 DEEP_SHARE = 0.5
-"""Share of the deepest true peak from which a peak's error is told."""
+"""Share of the deepest true peak from which a peak's error counts."""
 
 MOST_GAPS = 0.1
 """Share of frames without a measurement up to which a node's spectrum is taken; gaps are bridged."""
 
 
 def lag_ms(track: Track) -> float | None:
-    """Time, ms, by which the picture that frames saw was behind the mirror; negative: ahead. None at rest.
+    """Time, ms, by which the shown picture was behind the mirror; negative: ahead. None at rest.
 
     Least squares of shown - true = -lag x velocity over all nodes that move. Velocity is the central
     difference of the frames before and after, whose noise is not the frame's own.
     """
-    if len(track.moments) < 3:
+    if len(track.points) < 3:
         return None
     time_s, moved, behind = track.time_s, track.moved, track.behind
     span_s = (time_s[2:] - time_s[:-2])[:, None, None]
@@ -71,7 +71,7 @@ def rejection(track: Track) -> tuple[Float, Float]:
     measurement's white noise, which is in both, is taken off by its sigma.
     """
     nothing = np.zeros(0), np.zeros(0)
-    if len(track.moments) < LEAST_FRAMES:
+    if len(track.points) < LEAST_FRAMES:
         return nothing
     time_s = track.time_s
     step_s = float(np.median(np.diff(time_s)))
@@ -101,7 +101,7 @@ def rejection(track: Track) -> tuple[Float, Float]:
 
 def _columns(track: Track) -> tuple[Float, Float]:
     """(n, columns) of both fields for the components of nodes that were measured nearly always."""
-    n = len(track.moments)
+    n = len(track.points)
     moved, behind = track.moved.reshape(n, -1), track.behind.reshape(n, -1)
     known = np.isfinite(moved) & np.isfinite(behind)
     good = known.mean(axis=0) >= 1.0 - MOST_GAPS
@@ -134,13 +134,13 @@ def _rms(values: Float) -> float | None:
 
 
 def figures_of(track: Track) -> Figures:
-    """Figures of one session, JSON-ready; None where there is nothing to tell.
+    """Figures of one session, JSON-ready; None where it is not known.
 
     residual_rms_px: over all measured frames. residual_nulled_px: median over nulled ones. depth_*: against
     the truth. peak_error_percent: the worst among the nulled frames in which the true peak is at least half
     as deep as it ever is.
     """
-    nulled = np.array([moment.nulled for moment in track.moments], dtype=np.bool_)
+    nulled = np.array([point.nulled for point in track.points], dtype=np.bool_)
     residual, depth = track.values("residual_rms_px"), track.values("depth_error_um")
     quiet = residual[nulled & np.isfinite(residual)] if residual.size else residual
     true_mm, error = np.abs(track.values("true_peak_mm")), track.values("peak_error_percent")
@@ -149,7 +149,7 @@ def figures_of(track: Track) -> Figures:
         deep = (true_mm >= DEEP_SHARE * deepest) & np.isfinite(error) & nulled
     peaks = np.abs(track.values("depth_peak_mm"))
     return {
-        "frames": len(track.moments),
+        "frames": len(track.points),
         "nulled_share": float(nulled.mean()) if nulled.size else None,
         "residual_rms_px": _rms(residual),
         "residual_nulled_px": float(np.median(quiet)) if quiet.size else None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,18 +17,18 @@ Figures = dict[str, Any]
 _ARRAYS = ("depth_mm", "slope", "points_mm", "sigma_depth_mm", "sigma_slope", "valid", "contact")
 
 
-def same(recorded: Image, again: Image) -> bool:
-    """Whether both hold the same bits at the precision of a recording's; NaN equals NaN."""
-    if recorded.shape != again.shape:
+def same(recorded: Image, replayed: Image) -> bool:
+    """Whether both have the same bits at the recorded precision; NaN equals NaN."""
+    if recorded.shape != replayed.shape:
         return False
     if recorded.dtype.kind != "f":
-        return bool(np.array_equal(recorded, again))
-    return bool(np.array_equal(recorded, again.astype(recorded.dtype), equal_nan=True))
+        return bool(np.array_equal(recorded, replayed))
+    return bool(np.array_equal(recorded, replayed.astype(recorded.dtype), equal_nan=True))
 
 
 @dataclass
 class Spread:
-    """Differences of one kind, gathered. unit: what a number of `figures` is multiplied by."""
+    """Differences of one kind. unit: factor of the numbers in `figures`."""
 
     unit: float = 1.0
     largest: float = 0.0
@@ -57,31 +57,32 @@ class Spread:
 
 @dataclass
 class DepthDifferences:
-    """Readings again against those recorded, turn by turn. Times in s from the recording's first frame.
+    """Replayed readings against recorded ones, step by step. Times in s from the recording's first frame.
 
-    readings_damaged: those that cannot be read again. surfaces_damaged: recorded ones that cannot be held
-    against what was read again; of these the peak alone is.
+    readings_damaged: those whose warp is damaged. surfaces_damaged: recorded ones that are damaged, of which
+    only the peak is compared.
     """
 
     recording: Recording
     start_ns: int
-    turns: int = 0
+    steps: int = 0
     readings_damaged: int = 0
     surfaces_damaged: int = 0
     different: list[int] = field(default_factory=list)
     time_s: list[float] = field(default_factory=list)
     recorded_mm: list[float] = field(default_factory=list)
-    again_mm: list[float] = field(default_factory=list)
+    replayed_mm: list[float] = field(default_factory=list)
     rms_nm: list[float | None] = field(default_factory=list)
     depth: Spread = field(default_factory=lambda: Spread(1e6))
     peak: Spread = field(default_factory=lambda: Spread(1e6))
     valid: list[tuple[float, float]] = field(default_factory=list)
 
-    def add(self, turn: int, surface: Surface, peak: Peak) -> None:
+    def add(self, step: int, surface: Surface, peak: Peak) -> None:
         """Take in one reading."""
-        row = self.recording.peaks[self.recording.peaks["turn"] == turn][0]
-        known = Peak(*(float(row[one.name]) for one in fields(Peak)))
-        recorded = self._recorded(turn)
+        row = self.recording.peaks[self.recording.peaks["step"] == step][0]
+        names = ("depth_mm", "x_mm", "y_mm", "depth_sigma_mm", "possibly_deeper_mm")
+        known = Peak(*(float(row[name]) for name in names))
+        recorded = self._recorded(step)
         equal = same(_numbers(known), _numbers(peak))
         spread = Spread(1e6)
         if recorded is not None:
@@ -91,19 +92,19 @@ class DepthDifferences:
             spread.add(difference)
             inner = self.recording.grid.inner
             self.valid.append((float(recorded.valid[inner].mean()), float(surface.valid[inner].mean())))
-        self.turns += 1
+        self.steps += 1
         if not equal:
-            self.different.append(turn)
+            self.different.append(step)
         self.peak.add(peak.depth_mm - known.depth_mm)
         self.time_s.append(1e-9 * (surface.time_ns - self.start_ns))
         self.recorded_mm.append(known.depth_mm)
-        self.again_mm.append(peak.depth_mm)
+        self.replayed_mm.append(peak.depth_mm)
         self.rms_nm.append(spread.figures["rms"])
 
-    def _recorded(self, turn: int) -> Surface | None:
-        """The recorded surface; None where there is none, or one that is damaged, which is counted."""
-        found = self.recording.surface(turn)
-        if found is not None and not found.valid.any() and self.recording.is_damaged("surface", turn):
+    def _recorded(self, step: int) -> Surface | None:
+        """The recorded surface; None where there is none, or where it is damaged, which is counted."""
+        found = self.recording.surface(step)
+        if found is not None and not found.valid.any() and self.recording.is_damaged("surface", step):
             self.surfaces_damaged += 1
             return None
         return found
@@ -113,19 +114,19 @@ class DepthDifferences:
         """JSON-ready. Differences of depth in nm; `depth_difference_rms_nm`: over all nodes, by reading."""
         valid = np.mean(self.valid, axis=0).tolist() if self.valid else (None, None)
         return {
-            "readings": self.turns,
-            "readings_equal": self.turns - len(self.different),
+            "readings": self.steps,
+            "readings_equal": self.steps - len(self.different),
             "readings_damaged": self.readings_damaged,
             "surfaces_damaged": self.surfaces_damaged,
-            "first_different_turn": self.different[0] if self.different else None,
+            "first_different_step": self.different[0] if self.different else None,
             "depth_difference_nm": self.depth.figures,
             "depth_difference_rms_nm": self.rms_nm,
             "peak_difference_nm": self.peak.figures,
-            "read_share": {"recorded": valid[0], "again": valid[1]},
+            "read_share": {"recorded": valid[0], "replayed": valid[1]},
             "peaks": {
                 "time_s": self.time_s,
                 "recorded_mm": self.recorded_mm,
-                "again_mm": self.again_mm,
+                "replayed_mm": self.replayed_mm,
             },
         }
 
@@ -134,15 +135,15 @@ def _numbers(peak: Peak) -> Float:
     return np.array([peak.depth_mm, peak.x_mm, peak.y_mm, peak.sigma_mm])
 
 
-def same_surface(recorded: Surface, again: Surface) -> bool:
-    """Whether a surface is the recorded one, arrays at the single precision that recordings have."""
+def same_surface(recorded: Surface, replayed: Surface) -> bool:
+    """Whether a surface is the recorded one, arrays in the single precision of recordings."""
     for name in _ARRAYS:
         known = getattr(recorded, name)
         if known.dtype.kind == "f":
             known = known.astype(np.float32)
-        if not same(known, getattr(again, name)):
+        if not same(known, getattr(replayed, name)):
             return False
-    a, b = recorded.anchor, again.anchor
+    a, b = recorded.anchor, replayed.anchor
     same_anchor = (a.mode, a.sigma_mm, a.far_field_mm) == (b.mode, b.sigma_mm, b.far_field_mm)
-    iterations = recorded.iterations == again.iterations
-    return same_anchor and iterations and same(a.mask, b.mask) and recorded.time_ns == again.time_ns
+    iterations = recorded.iterations == replayed.iterations
+    return same_anchor and iterations and same(a.mask, b.mask) and recorded.time_ns == replayed.time_ns

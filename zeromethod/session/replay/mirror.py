@@ -1,9 +1,9 @@
-"""The mirror of a recording, moving again: what the readings say it did, for a simulated bench to have.
+"""The mirror of a recording as its readings give it, to move a simulated bench.
 
-At every reading's time it is where the reading says, straight lines between them, smooth between nodes and
-at rest around the view. Readings that tell of the same mirror, but for their noise, are averaged: else the
-noise of one frame would be the motion of the next bench. While something moves there is nothing to average,
-and then the mirror has the noise of the readings. What touched it takes no light this time.
+At every reading's time it is where the reading puts it; between them it moves in straight lines. It is smooth
+between nodes and at rest around the view. Readings of the same mirror, but for their noise, are averaged:
+otherwise noise would become motion. While something moves there is nothing to average, and the mirror has the
+noise of the readings. Contacts take no light.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from zeromethod.surface import Surface
 from zeromethod.warp.continuation import continue_smoothly
 
 LEAD_S = 0.5
-"""A part from the middle of a session begins with a mirror that comes from rest in this time..."""
+"""Time in which the mirror comes from rest where a part from the middle of a session begins..."""
 
 BEFORE_S = 0.3
-"""... to where it was so long before the part, and then lives through that: the loop is locked by then."""
+"""... to where it was so long before the part; the loop is locked when the part begins."""
 
 LEAST_VALID = 16
 """Nodes with a depth that a reading must have."""
@@ -45,7 +45,7 @@ noise alone, and a press of 0.5 um anywhere is 3."""
 
 @dataclass(frozen=True)
 class _Fit:
-    """One reading: its map, and the slopes that tell whether another is of the same mirror."""
+    """One reading: its map, and the slopes by which readings of the same mirror are recognised."""
 
     coefficients: Float
     slope: Single
@@ -59,7 +59,7 @@ class _Fit:
 
 
 class RecordedMirror:
-    """The mirror that the readings in a window tell of, in the time of a bench whose clock starts at 0.
+    """The mirror of the readings in a window, in the time of a bench whose clock starts at 0.
 
     shift_ns: add it to the bench's time for the recording's. settled_ns, end_ns: the bench's time at which
     what is compared begins and ends. duration_s: how long the bench must run for that.
@@ -70,8 +70,8 @@ class RecordedMirror:
         if "surface" not in recording.kept:
             raise InputError(f"{recording.path}: recorded without surfaces: nothing to move a mirror by")
         self._recording = recording
-        turns = recording.turns_kept("surface")
-        times_ns = recording.turns["time_ns"][np.searchsorted(recording.turns["number"], turns)]
+        steps = recording.steps_with("surface")
+        times_ns = recording.steps["time_ns"][np.searchsorted(recording.steps["number"], steps)]
         if not np.any((times_ns >= window.from_ns) & (times_ns <= window.to_ns)):
             raise InputError(f"{recording.path}: nothing was read in this part to move a mirror by")
         period_ns = round(1e9 / recording.rig.camera.rate_hz)
@@ -82,10 +82,10 @@ class RecordedMirror:
         lead = [] if window.from_start else [0, round(1e9 * LEAD_S)]
         times = [int(time) - self.shift_ns for time in times_ns]
         first = bisect_right(times, lead[-1]) if lead else 0
-        # a reading beyond the end tells where the mirror goes
+        # the reading after the end says where the mirror goes
         last = min(bisect_right(times, self.end_ns) + 1, len(times))
         self._lead = len(lead)
-        self._turns = [int(turn) for turn in turns[first:last]]
+        self._steps = [int(step) for step in steps[first:last]]
         self._lay_out()
         self._fits: OrderedDict[int, _Fit | None] = OrderedDict()
         self._first: Float | None = None
@@ -125,7 +125,7 @@ class RecordedMirror:
         return np.zeros_like(self._first) if reading == -2 else self._first
 
     def _averaged(self, index: int) -> Float:
-        """Mean of the readings round this one that tell of the same mirror."""
+        """Mean of the readings around this one of the same mirror."""
         here = self._fit(index)
         if here is None:
             known = next((k for k in range(index - 1, -1, -1) if self._fit(k) is not None), None)
@@ -136,7 +136,7 @@ class RecordedMirror:
         total, count = here.coefficients.copy(), 1
         for step in (-1, 1):
             for k in range(index + step, index + step * (AVERAGED + 1), step):
-                other = self._fit(k) if 0 <= k < len(self._turns) else None
+                other = self._fit(k) if 0 <= k < len(self._steps) else None
                 if other is None or not here.same_as(other):
                     break
                 total += other.coefficients
@@ -154,7 +154,7 @@ class RecordedMirror:
         return self._fits[index]
 
     def _fitted(self, index: int) -> _Fit | None:
-        surface = self._recording.surface(self._turns[index])
+        surface = self._recording.surface(self._steps[index])
         if surface is None:
             return None
         read = surface.valid & self._used & np.isfinite(surface.depth_mm)

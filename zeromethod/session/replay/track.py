@@ -1,4 +1,4 @@
-"""What a session did over time at some of its nodes, recorded or relived."""
+"""What a session did over time at some of its nodes, recorded or simulated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
 
 MOST_NODES = 300
-"""Nodes followed, evenly spread over those seen at rest; fewer, `LEAST_NODES` at least, of long sessions."""
+"""Nodes followed, evenly spread over the rest mask; fewer, `LEAST_NODES` at least, of long sessions."""
 
 LEAST_NODES = 20
 MOST_VALUES = 4_000_000
@@ -21,8 +21,8 @@ MOST_VALUES = 4_000_000
 
 
 @dataclass(frozen=True)
-class Moment:
-    """One turn. Times in s from the start of what is compared.
+class TrackPoint:
+    """One step. Times in s from the start of what is compared.
 
     moved: (nodes, 2) LCD px, where the mirror is by this frame alone, less the warp at rest; NaN where it
     could not be measured. behind: (nodes, 2) the warp that was shown less the one measured. sigma: rms noise
@@ -49,29 +49,29 @@ class Moment:
 
 @dataclass
 class Track:
-    """Moments of one session. name: how it is called in tables and pictures."""
+    """Points of one session. name: how it is called in tables and pictures."""
 
     name: str
-    moments: list[Moment] = field(default_factory=list)
+    points: list[TrackPoint] = field(default_factory=list)
 
     @property
     def time_s(self) -> Float:
         """(n,) s."""
-        return np.array([moment.time_s for moment in self.moments])
+        return np.array([point.time_s for point in self.points])
 
     @property
     def moved(self) -> Float:
         """(n, nodes, 2) LCD px."""
-        return np.array([moment.moved for moment in self.moments], dtype=np.float64)
+        return np.array([point.moved for point in self.points], dtype=np.float64)
 
     @property
     def behind(self) -> Float:
         """(n, nodes, 2) LCD px."""
-        return np.array([moment.behind for moment in self.moments], dtype=np.float64)
+        return np.array([point.behind for point in self.points], dtype=np.float64)
 
     def values(self, name: str) -> Float:
-        """(n,) of one of the single figures of a moment."""
-        return np.array([getattr(moment, name) for moment in self.moments], dtype=np.float64)
+        """(n,) of one of the single figures of a point."""
+        return np.array([getattr(point, name) for point in self.points], dtype=np.float64)
 
 
 class Nodes:
@@ -90,7 +90,7 @@ class Nodes:
     def pick(
         self, measured: Warp | None, shown_q: NDArray[np.floating] | None, zero: Float | None
     ) -> tuple[Single, Single, float]:
-        """(moved, behind, sigma) of a `Moment`. measured: from `zero` (None for rest), as a step gives it."""
+        """(moved, behind, sigma) of a `TrackPoint`. measured: from `zero` (None for rest)."""
         if measured is None or shown_q is None:
             nothing = np.full((self._at[0].size, 2), np.nan, np.float32)
             return nothing, nothing, float("nan")

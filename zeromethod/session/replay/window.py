@@ -30,12 +30,12 @@ class Window:
 
         Raises InputError for a recording without frames and for times that leave nothing of it.
         """
-        turns = recording.turns
+        steps = recording.steps
         for option, value in (("--from", from_s), ("--to", to_s)):
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{option}: {value}: seconds from the start of the recording, from 0 on")
-        # the turn that ends a session has no frame
-        times = turns["time_ns"][turns["frame_number"] >= 0]
+        # the step that ends a session has no frame
+        times = steps["time_ns"][steps["frame_number"] >= 0]
         if not times.size:
             raise InputError(f"{recording.path}: no frame came in it: nothing to replay")
         start_ns, end_ns = int(times.min()), int(times.max())
@@ -45,9 +45,9 @@ class Window:
         if not np.any(inside):
             last_s = 1e-9 * (end_ns - start_ns)
             asked = f"from {from_s or 0:g} s to {'the end' if to_s is None else f'{to_s:g} s'}"
-            # the turn that ended it came later
-            told = f"the last frame came at {last_s:.3f} s, the recording lasts {recording.seconds:.3f} s"
-            raise InputError(f"--from, --to: {asked}: nothing is there; {told}")
+            # the step that ended it came later
+            length = f"the last frame came at {last_s:.3f} s, the recording lasts {recording.seconds:.3f} s"
+            raise InputError(f"--from, --to: {asked}: nothing is there; {length}")
         return cls(start_ns, from_ns, to_ns, not from_s)
 
     def __contains__(self, time_ns: int) -> bool:
@@ -55,7 +55,7 @@ class Window:
 
 
 class Pace:
-    """Holds a replay to a speed. speed: 1 is that of the session, 2 twice as fast; None or 0: no holding."""
+    """Limits the speed of a replay. speed: 1 is that of the session, 2 twice as fast; None or 0: no limit."""
 
     def __init__(self, speed: float | None) -> None:
         self._speed = speed

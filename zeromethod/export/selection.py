@@ -1,11 +1,13 @@
-"""Which turns of a recording to export."""
+"""What an export needs: the steps selected, parts of the recording, libraries (extra `export`)."""
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +19,14 @@ from zeromethod.recording.recording import Recording
 
 
 @dataclass(frozen=True, slots=True)
-class Moments:
+class SelectedSteps:
     """Turns in the order of time.
 
-    turns: (n,) numbers. time_ns: mid-exposure on the run's clock. time_s: since the recording's first turn.
+    steps: (n,) numbers. time_ns: mid-exposure on the run's clock. time_s: since the recording's first step.
     unix_ns: Unix time, from when the recording was begun. states: the loop's state after each.
     """
 
-    turns: Ints
+    steps: Ints
     time_ns: Ints
     time_s: Float
     unix_ns: Ints
@@ -33,12 +35,12 @@ class Moments:
     @property
     def interval_s(self) -> float:
         """Median time from one to the next; 0 for a single one."""
-        return float(np.median(np.diff(self.time_s))) if len(self.turns) > 1 else 0.0
+        return float(np.median(np.diff(self.time_s))) if len(self.steps) > 1 else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """What the user wants of a recording: seconds since its first turn, both ends included; every n-th."""
+    """What the user wants of a recording: seconds since its first step, both ends included; every n-th."""
 
     from_s: float | None = None
     to_s: float | None = None
@@ -46,52 +48,51 @@ class Selection:
     at_s: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be meant."""
+        """Refuse impossible times."""
         for option, value in (("--from", self.from_s), ("--to", self.to_s), ("--at", self.at_s)):
             if value is not None and not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"{option}: {value:g}: seconds since the recording's first turn, 0 or more")
+                raise InputError(f"{option}: {value:g}: seconds since the recording's first step, 0 or more")
         if self.from_s is not None and self.to_s is not None and self.from_s > self.to_s:
             raise InputError(f"--from: {self.from_s:g}: must not be after --to ({self.to_s:g})")
 
-    def several(self, recording: Recording, groups: Sequence[str] = ()) -> Moments:
-        """Turns that one of the groups has arrays of; every turn without groups. Raises InputError: none."""
+    def several(self, recording: Recording, groups: Sequence[str] = ()) -> SelectedSteps:
+        """Turns that one of the groups has arrays of; every step without groups. Raises InputError: none."""
         found = self._within(recording, groups)[:: self.every]
-        return _moments(recording, found)
+        return _selected(recording, found)
 
-    def one(self, recording: Recording) -> Moments:
-        """The turn with a surface next to `at_s`; without, the one with the peak of largest |depth|.
+    def one(self, recording: Recording) -> SelectedSteps:
+        """The step with a surface next to `at_s`; without, the one with the peak of largest |depth|.
 
-        That is looked for where the loop was locked, if it ever was: a peak that is still being followed may
-        lie in a hole. Raises InputError where there is no surface.
+        Only locked steps count, where there are any: a peak that is still being followed may lie in a
+        hole. Raises InputError where there is no surface.
         """
         if self.at_s is not None:
             if self.at_s > recording.seconds:
                 raise InputError(f"--at: {self.at_s:g}: the recording ends at {recording.seconds:.3f} s")
             found = Selection()._within(recording, ("surface",))
-            times = _moments(recording, found).time_s
-            return _moments(recording, found[[int(np.argmin(np.abs(times - self.at_s)))]])
+            times = _selected(recording, found).time_s
+            return _selected(recording, found[[int(np.argmin(np.abs(times - self.at_s)))]])
         found = self._within(recording, ("surface",))
-        depth = dict(zip(recording.peaks["turn"].tolist(), recording.peaks["depth_mm"].tolist(), strict=True))
-        depths = np.abs([depth.get(turn, math.nan) for turn in found["number"].tolist()])
-        locked = np.array([recording.state_of(row) is State.LOCKED for row in found])
-        if np.isfinite(depths[locked]).any():
-            depths[~locked] = math.nan
-        deepest = int(np.nanargmax(depths)) if np.isfinite(depths).any() else len(depths) - 1
-        return _moments(recording, found[[deepest]])
+        peaks = recording.peaks[np.isin(recording.peaks["step"], found["number"])]
+        peaks = peaks[np.isfinite(peaks["depth_mm"])]
+        if (locked := peaks[peaks["state"] == State.LOCKED.value]).size:
+            peaks = locked
+        deepest = peaks["step"][np.argmax(np.abs(peaks["depth_mm"]))] if peaks.size else found["number"][-1]
+        return _selected(recording, found[found["number"] == deepest])
 
     def _within(self, recording: Recording, groups: Sequence[str]) -> NDArray[np.void]:
-        turns = recording.turns
-        if not len(turns):
+        steps = recording.steps
+        if not len(steps):
             raise InputError(f"{recording.path}: nothing was recorded yet")
         if groups:
-            kept = np.concatenate([recording.turns_kept(group) for group in groups])
-            turns = turns[np.isin(turns["number"], kept)]
-        time_s = 1e-9 * (turns["time_ns"] - recording.turns["time_ns"][0])
+            kept = np.concatenate([recording.steps_with(group) for group in groups])
+            steps = steps[np.isin(steps["number"], kept)]
+        time_s = 1e-9 * (steps["time_ns"] - recording.steps["time_ns"][0])
         low = -math.inf if self.from_s is None else self.from_s
         high = math.inf if self.to_s is None else self.to_s
-        found: NDArray[np.void] = turns[(time_s >= low) & (time_s <= high)]
+        found: NDArray[np.void] = steps[(time_s >= low) & (time_s <= high)]
         if not len(found):
-            what = " or ".join(groups) or "turn"
+            what = " or ".join(groups) or "step"
             raise InputError(
                 f"{recording.path}: no {what} recorded from {max(low, 0.0):g} to "
                 f"{min(high, recording.seconds):.3f} s; the recording is {recording.seconds:.3f} s long"
@@ -110,9 +111,18 @@ def require(recording: Recording, parts: Sequence[str], purpose: str) -> None:
         )
 
 
-def _moments(recording: Recording, rows: NDArray[np.void]) -> Moments:
-    since_ns = rows["time_ns"] - recording.turns["time_ns"][0]
+def needed(module: str) -> Any:
+    """Import a module of the extra. Raises InputError that says how to install it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        library = module.partition(".")[0]
+        raise InputError(f"export: needs the library {library}: pip install 'zeromethod[export]'") from error
+
+
+def _selected(recording: Recording, rows: NDArray[np.void]) -> SelectedSteps:
+    since_ns = rows["time_ns"] - recording.steps["time_ns"][0]
     started = datetime.fromisoformat(recording.started_utc)
     unix_ns = round(started.timestamp() * 1e6) * 1000 + since_ns
     states = tuple(recording.state_of(row).value for row in rows)
-    return Moments(rows["number"], rows["time_ns"], 1e-9 * since_ns, unix_ns, states)
+    return SelectedSteps(rows["number"], rows["time_ns"], 1e-9 * since_ns, unix_ns, states)

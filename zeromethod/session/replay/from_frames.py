@@ -1,4 +1,4 @@
-"""Recorded frames through sensing, pairing and control again: the loop's own circle, without its devices."""
+"""Replay from recorded frames: sensing, pairing and control by the loop's own circle, without devices."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import Rig
 from zeromethod.session.replay.differences import DepthDifferences, Figures, Spread, same
-from zeromethod.session.replay.reread import Reader, grid_for
+from zeromethod.session.replay.from_warps import Reader, grid_for
 from zeromethod.session.replay.window import Pace, Window
 from zeromethod.warp.warp import Warp
 
 
 @dataclass
 class WarpDifferences:
-    """Frames sensed again against what the session made of them.
+    """Replayed warps, commands and residuals against recorded ones.
 
-    warps_damaged: recorded ones that nothing can be held against.
+    warps_damaged: recorded ones that are damaged and cannot be compared.
     """
 
     recording: Recording
-    turns: int = 0
+    steps: int = 0
     different: list[int] = field(default_factory=list)
     warp: Spread = field(default_factory=Spread)
     commanded: Spread = field(default_factory=Spread)
@@ -43,60 +43,60 @@ class WarpDifferences:
     warps_damaged: int = 0
 
     def add(self, row: Any, taken: FrameResult, measured: Warp | None, circle: Circle) -> None:
-        """Take in one turn. measured: from the session's zero; None where the frame is not believed."""
-        turn = int(row["number"])
-        equal = self._same_measured(turn, measured)
-        commanded = self.recording.commanded(turn)
+        """Take in one step. measured: from the session's zero; None where the frame is not believed."""
+        step = int(row["number"])
+        equal = self._same_measured(step, measured)
+        commanded = self.recording.commanded(step)
         if commanded is not None:
             equal &= same(commanded, circle.controller.commanded)
             self.commanded.add(circle.controller.commanded.astype(np.float32) - commanded)
-        equal &= self._same_seen(turn, taken)
+        equal &= self._same_seen(step, taken)
         numbers = np.array([taken.residual_rms_px, taken.valid_share])
         equal &= same(np.array([row["residual_rms_px"], row["valid_share"]]), numbers)
         self.rms.append((float(row["residual_rms_px"]), taken.residual_rms_px))
         self.valid.append((float(row["valid_share"]), taken.valid_share))
-        self.turns += 1
+        self.steps += 1
         if not equal:
-            self.different.append(turn)
+            self.different.append(step)
 
-    def _same_measured(self, turn: int, again: Warp | None) -> bool:
-        recorded = self.recording.measured(turn)
-        if recorded is None and self.recording.is_damaged("warps/measured", turn):
+    def _same_measured(self, step: int, replayed: Warp | None) -> bool:
+        recorded = self.recording.measured(step)
+        if recorded is None and self.recording.is_damaged("warps/measured", step):
             self.warps_damaged += 1
-            return again is not None
-        if recorded is None or again is None:
-            return recorded is None and again is None
-        both = recorded.valid & again.valid
-        self.warp.add((again.q - recorded.q)[both])
+            return replayed is not None
+        if recorded is None or replayed is None:
+            return recorded is None and replayed is None
+        both = recorded.valid & replayed.valid
+        self.warp.add((replayed.q - recorded.q)[both])
         if both.any():
-            sigmas = (float(np.median(warp.sigma[both])) for warp in (recorded, again))
+            sigmas = (float(np.median(warp.sigma[both])) for warp in (recorded, replayed))
             self.sigma.append((next(sigmas), next(sigmas)))
         names = ("q", "sigma", "flags")
-        return all(same(getattr(recorded, name), getattr(again, name)) for name in names)
+        return all(same(getattr(recorded, name), getattr(replayed, name)) for name in names)
 
-    def _same_seen(self, turn: int, taken: FrameResult) -> bool:
+    def _same_seen(self, step: int, taken: FrameResult) -> bool:
         """Residual and the warp that was shown, as far as they were kept."""
-        shown, residual = self.recording.shown(turn), self.recording.residual(turn)
+        shown, residual = self.recording.shown(step), self.recording.residual(step)
         if taken.observation is None or taken.residual is None:
             return shown is None and residual is None
         equal = shown is None or same(shown, taken.observation.shown.q)
         if residual is None:
             return equal
-        again = taken.residual
-        both = residual.valid & again.valid
-        self.residual.add((again.d.astype(np.float32) - residual.d)[both])
+        replayed = taken.residual
+        both = residual.valid & replayed.valid
+        self.residual.add((replayed.d.astype(np.float32) - residual.d)[both])
         for name in ("d", "sigma"):
-            equal &= same(getattr(residual, name).astype(np.float32), getattr(again, name))
-        return equal and same(residual.flags, again.flags) and same(residual.mean, again.mean)
+            equal &= same(getattr(residual, name).astype(np.float32), getattr(replayed, name))
+        return equal and same(residual.flags, replayed.flags) and same(residual.mean, replayed.mean)
 
     @property
     def figures(self) -> Figures:
-        """JSON-ready. Medians over turns, recorded and again."""
+        """JSON-ready. Medians over steps, recorded and replayed."""
         return {
-            "turns": self.turns,
-            "turns_equal": self.turns - len(self.different),
+            "steps": self.steps,
+            "steps_equal": self.steps - len(self.different),
             "warps_damaged": self.warps_damaged,
-            "first_different_turn": self.different[0] if self.different else None,
+            "first_different_step": self.different[0] if self.different else None,
             "measured_difference_lcd_px": self.warp.figures,
             "commanded_difference_lcd_px": self.commanded.figures,
             "residual_difference_px": self.residual.figures,
@@ -108,87 +108,87 @@ class WarpDifferences:
 
 def _medians(pairs: list[tuple[float, float]]) -> Figures:
     known = np.array([pair for pair in pairs if np.isfinite(pair).all()]).reshape(-1, 2)
-    recorded, again = np.median(known, axis=0).tolist() if known.size else (None, None)
-    return {"recorded": recorded, "again": again}
+    recorded, replayed = np.median(known, axis=0).tolist() if known.size else (None, None)
+    return {"recorded": recorded, "replayed": replayed}
 
 
 def _check(recording: Recording) -> None:
     for name in ("frames", "warps"):
         if name not in recording.kept:
-            raise InputError(f"{recording.path}: recorded without {name}: frames cannot be sensed again")
+            raise InputError(f"{recording.path}: recorded without {name}: it cannot be replayed from frames")
     if recording.every != 1:
         raise InputError(
             f"{recording.path}: only every {recording.every}th frame was kept: "
-            "sensing goes on from each frame to the next and needs them all"
+            "replay from frames follows the loop from frame to frame and needs them all"
         )
 
 
-def resense(
+def replay_from_frames(
     recording: Recording,
     rig: Rig,
     window: Window,
     *,
     speed: float | None = None,
-    on_turn: Callable[[float], None] | None = None,
+    on_step: Callable[[float], None] | None = None,
 ) -> tuple[WarpDifferences, DepthDifferences]:
-    """Sense every frame again that the session sensed, and read depth where it read it.
+    """Process every frame that the session sensed, and read depth where it read it.
 
-    rig: the recording's, or with other settings. What was shown and when stays as it was recorded, and so
-    does the frame that brightness is held against. Turns before the window go round as well, but are not told
-    of. on_turn gets the seconds since the recording's start. Raises InputError for a recording without all of
-    its frames and warps, and a rig whose camera or target is another one.
+    rig: the recording's, or with other settings. What was shown and when stays as recorded, and so does the
+    reference frame of brightness. Steps before the window are processed too but not compared. on_step gets
+    the seconds since the recording's start. Raises InputError for a recording without all of its frames and
+    warps, and a rig whose camera or target is another one.
     """
     _check(recording)
     rest = recording.rest if grid_for(recording, rig) is recording.grid else None
     parts = make_circle(rig, Optics(rig), rest=rest)
     reader = Reader(recording, rig, parts.rest.grid)
-    read = frozenset(recording.peaks["turn"].tolist())
+    read = frozenset(recording.peaks["step"].tolist())
     warps, depths = WarpDifferences(recording), DepthDifferences(recording, window.start_ns)
     pace = Pace(speed)
     for row, taken in _taken(recording, parts.circle, window):
         inside = int(row["time_ns"]) in window
         if inside:
             pace.wait_for(int(row["time_ns"]))
-        turn = int(row["number"])
+        step = int(row["number"])
         measured = None if taken.refusal is Event.PICTURES_MIXED else taken.measured
-        zero = recording.zero(turn)
+        zero = recording.zero(step)
         if measured is not None and zero is not None:
             measured = replace(measured, q=measured.q - zero)
         if inside:
             warps.add(row, taken, measured, parts.circle)
-        if measured is not None and turn in read:
+        if measured is not None and step in read:
             surface, deepest = reader.read(measured)
             if inside:
-                depths.add(turn, surface, deepest)
-        if on_turn is not None:
-            on_turn(1e-9 * (int(row["time_ns"]) - window.start_ns))
-    if not warps.turns:
-        raise InputError(f"{recording.path}: no frame was sensed in this part: nothing to sense again")
+                depths.add(step, surface, deepest)
+        if on_step is not None:
+            on_step(1e-9 * (int(row["time_ns"]) - window.start_ns))
+    if not warps.steps:
+        raise InputError(f"{recording.path}: no frame was sensed in this part: there is nothing to replay")
     return warps, depths
 
 
 def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tuple[Any, FrameResult]]:
-    """Rows of the turns that reached the circle up to the window's end, and what it makes of them."""
-    presentations, shown = recording.presentations, 0
+    """Rows of the steps that reached the circle up to the window's end, and what it makes of them."""
+    presentations, shown = recording.presentation_log, 0
     referenced = False
-    for row in recording.turns:
+    for row in recording.steps:
         if int(row["time_ns"]) > window.to_ns:
             return
         if row["frame_number"] < 0:
             continue
-        turn = int(row["number"])
-        while shown < len(presentations) and int(presentations["after_turn"][shown]) < turn:
+        step = int(row["number"])
+        while shown < len(presentations) and int(presentations["after_step"][shown]) < step:
             _present(recording, window, shown, circle)
             shown += 1
         taken = None
         if row["sensed"]:
-            frame = recording.frame(turn)
+            frame = recording.frame(step)
             if frame is None:
-                why = "is damaged" if recording.is_damaged("frames", turn) else "was not kept"
+                why = "is damaged" if recording.is_damaged("frames", step) else "was not kept"
                 at_s = 1e-9 * (int(row["time_ns"]) - window.start_ns)
-                told = f"the frame of turn {turn} ({at_s:.3f} s) {why}"
-                raise InputError(_ends_at(recording, window, turn, told))
-            taken = circle.take(own(frame), bool(row["held"]))
+                damage = f"the frame of step {step} ({at_s:.3f} s) {why}"
+                raise InputError(_ends_at(recording, window, step, damage))
+            taken = circle.take(own(frame), bool(row["frozen"]))
         if not referenced and recording.state_of(row) in NULLED:
             referenced = True
             if taken is not None:
@@ -199,12 +199,12 @@ def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tup
 
 def _present(recording: Recording, window: Window, index: int, circle: Circle) -> None:
     """Hand the circle a picture: row `index` of the presentations."""
-    row, q = recording.presentations[index], recording.presented_q(index)
+    row, q = recording.presentation_log[index], recording.picture_q(index)
     if q is None:
         why = "is damaged" if recording.is_damaged("pictures", index) else "was not kept"
-        turn = int(row["after_turn"]) + 1
-        raise InputError(_ends_at(recording, window, turn, f"what was shown before turn {turn} {why}"))
-    code, seen_ns = int(row["code"]), int(row["seen_ns"])
+        step = int(row["after_step"]) + 1
+        raise InputError(_ends_at(recording, window, step, f"what was shown before step {step} {why}"))
+    code, seen_ns = int(row["strip_code"]), int(row["newest_frame_ns"])
     circle.presented(
         int(row["time_ns"]),
         q,
@@ -213,12 +213,12 @@ def _present(recording: Recording, window: Window, index: int, circle: Circle) -
     )
 
 
-def _ends_at(recording: Recording, window: Window, turn: int, why: str) -> str:
-    """Why frames cannot be sensed again from a turn on, and up to where they can."""
-    turns = recording.turns
-    before = turns["time_ns"][turns["sensed"] & (turns["number"] < turn)]
+def _ends_at(recording: Recording, window: Window, step: int, why: str) -> str:
+    """Message: why the replay cannot go on from a step on, and how far it can go."""
+    steps = recording.steps
+    before = steps["time_ns"][steps["sensed"] & (steps["number"] < step)]
     if not before.size:
-        return f"{recording.path}: {why}: frames cannot be sensed again"
+        return f"{recording.path}: {why}: it cannot be replayed from frames"
     # rounded up, so that the last of them is within
     last_s = 1e-3 * math.ceil(1e-6 * (int(before[-1]) - window.start_ns))
-    return f"{recording.path}: {why}: frames can be sensed again up to there (--to {last_s:.3f})"
+    return f"{recording.path}: {why}: it can be replayed from frames up to there (--to {last_s:.3f})"

@@ -9,25 +9,27 @@ from recorded_run import recorded
 from zeromethod.errors import InputError
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.load import load_rig
+from zeromethod.session.replay.closed_loop import ClosedLoopReplay, recorded_track, simulated_bench
 from zeromethod.session.replay.comparison import figures_of
+from zeromethod.session.replay.from_frames import replay_from_frames
 from zeromethod.session.replay.mirror import RecordedMirror
-from zeromethod.session.replay.relive import Reliving, bench_of, recorded_track
-from zeromethod.session.replay.resense import resense
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.track import Track
 from zeromethod.session.replay.window import Window
 
 
-def relived(recording: Recording, settings: list[str], window: Window | None = None, **more: object) -> Track:
+def closed_loop(
+    recording: Recording, settings: list[str], window: Window | None = None, **more: object
+) -> Track:
     mirror = RecordedMirror(recording, window or Window.of(recording))
-    rig = with_settings(bench_of(recording.rig), settings)
-    return Reliving("relived", rig, mirror, **more).run()
+    rig = with_settings(simulated_bench(recording.rig), settings)
+    return ClosedLoopReplay("simulated", rig, mirror, **more).run()
 
 
 @pytest.fixture(scope="module")
 def unchanged(session) -> Track:
     with Recording(session.path) as recording:
-        return relived(recording, [])
+        return closed_loop(recording, [])
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +42,8 @@ def test_the_mirror_is_where_it_was_read(session, recording) -> None:
     window = Window.of(recording)
     mirror = RecordedMirror(recording, window)
     scenario = mirror.scenario("again")
-    for turn in recording.turns_kept("surface")[[5, 20, 35, 45]]:
-        surface = recording.surface(int(turn))
+    for step in recording.steps_with("surface")[[5, 20, 35, 45]]:
+        surface = recording.surface(int(step))
         there = scenario.mirror_at(surface.time_ns - mirror.shift_ns)
         off = there.depth(surface.x_mm, surface.y_mm)[surface.valid] - surface.depth_mm[surface.valid]
         # 0.3 um is what the noise of one frame is on these few nodes; a sixteenth of it is averaged away
@@ -51,8 +53,8 @@ def test_the_mirror_is_where_it_was_read(session, recording) -> None:
 def test_at_rest_the_noise_of_single_readings_does_not_move_it(session, recording) -> None:
     mirror = RecordedMirror(recording, Window.of(recording))
     scenario = mirror.scenario("again")
-    turns = [int(turn) for turn in recording.turns_kept("surface")]
-    surfaces = [recording.surface(turn) for turn in turns]
+    steps = [int(step) for step in recording.steps_with("surface")]
+    surfaces = [recording.surface(step) for step in steps]
     still = [surface for surface in surfaces if surface.time_ns < 0.13e9]
     assert len(still) >= 5
     valid = np.logical_and.reduce([surface.valid for surface in still])
@@ -62,7 +64,7 @@ def test_at_rest_the_noise_of_single_readings_does_not_move_it(session, recordin
     assert np.mean(moved) < 0.5 * np.mean(read)
 
 
-def test_relived_unchanged_it_does_what_the_session_did(was: Track, unchanged: Track) -> None:
+def test_unchanged_it_does_what_the_session_did(was: Track, unchanged: Track) -> None:
     recorded_figures, again = figures_of(was), figures_of(unchanged)
     assert again["frames"] == recorded_figures["frames"]
     assert again["depth_peak_mm"] == pytest.approx(0.1, rel=0.03)
@@ -74,8 +76,8 @@ def test_relived_unchanged_it_does_what_the_session_did(was: Track, unchanged: T
 
 
 def test_the_same_seed_is_the_same_session_bit_for_bit(session, recording, unchanged: Track) -> None:
-    again = relived(recording, [])
-    assert len(again.moments) == len(unchanged.moments)
+    again = closed_loop(recording, [])
+    assert len(again.points) == len(unchanged.points)
     assert np.array_equal(again.moved, unchanged.moved, equal_nan=True)
     assert np.array_equal(again.behind, unchanged.behind, equal_nan=True)
     for name in ("residual_rms_px", "depth_peak_mm", "depth_error_um"):
@@ -83,7 +85,7 @@ def test_the_same_seed_is_the_same_session_bit_for_bit(session, recording, uncha
 
 
 def test_a_later_panel_lags_more_and_rejects_less(recording, unchanged: Track) -> None:
-    slow = figures_of(relived(recording, ["display.latency_s=0.03"]))
+    slow = figures_of(closed_loop(recording, ["display.latency_s=0.03"]))
     known = figures_of(unchanged)
     # a quarter is left of 30 ms by the command's lead, which a press of 0.2 s cannot use in full
     assert 8.0 < slow["lag_ms"] - known["lag_ms"] < 40.0
@@ -91,28 +93,28 @@ def test_a_later_panel_lags_more_and_rejects_less(recording, unchanged: Track) -
 
 
 def test_a_timid_integrator_nulls_the_same_mirror_worse(recording, unchanged: Track) -> None:
-    timid = figures_of(relived(recording, ["control.controller=integrator", "control.gain=0.1"]))
+    timid = figures_of(closed_loop(recording, ["control.controller=integrator", "control.gain=0.1"]))
     assert timid["residual_rms_px"] > 1.5 * figures_of(unchanged)["residual_rms_px"]
     assert timid["nulled_share"] < figures_of(unchanged)["nulled_share"]
 
 
 def test_a_part_begins_locked_though_the_mirror_is_pressed(recording) -> None:
     # pressed down at 0.35 s, held until 0.55 s
-    track = relived(recording, [], Window.of(recording, 0.46, 0.54))
-    assert len(track.moments) >= 4
-    assert all(moment.nulled for moment in track.moments)
+    track = closed_loop(recording, [], Window.of(recording, 0.46, 0.54))
+    assert len(track.points) >= 4
+    assert all(point.nulled for point in track.points)
     assert track.values("depth_peak_mm") == pytest.approx(0.1, rel=0.03)
     assert 0 <= track.time_s[0] < 0.02
 
 
 def test_it_can_be_recorded_and_that_sensed_again(recording, tmp_path: Path, unchanged: Track) -> None:
     path = tmp_path / "again.h5"
-    relived(recording, [], Window.of(recording, None, 0.3), record=path, command_line="replay")
+    closed_loop(recording, [], Window.of(recording, None, 0.3), record=path, command_line="replay")
     with Recording(path) as again:
         assert again.complete
         assert again.rig.scenario == "none"
-        warps, depths = resense(again, again.rig, Window.of(again))
-        assert warps.turns > 10
+        warps, depths = replay_from_frames(again, again.rig, Window.of(again))
+        assert warps.steps > 10
         assert warps.different == depths.different == []
         assert recorded_track(again, Window.of(again)).values("residual_rms_px")[3:15] == pytest.approx(
             unchanged.values("residual_rms_px")[3:15]
@@ -138,7 +140,7 @@ def test_a_real_bench_becomes_a_simulated_one_with_its_delays() -> None:
             "scenario=step",
         ],
     )
-    bench = bench_of(rig)
+    bench = simulated_bench(rig)
     assert (bench.display.driver, bench.camera.driver) == ("simulated", "simulated")
     assert bench.display.latency_s == 0.02
     assert bench.simulation.camera_latency_s == 0.011

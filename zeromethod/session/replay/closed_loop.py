@@ -1,4 +1,4 @@
-"""Closing the loop again: the recorded surface moves a simulated bench, which another controller may null.
+"""Closed-loop replay: the recorded surface moves a simulated bench, which another controller may null.
 
 The bench is the recorded rig's, simulated: same geometry, timing and noise; its mirror is that of
 `zeromethod.session.replay.mirror`.
@@ -7,6 +7,7 @@ The bench is the recorded rig's, simulated: same geometry, timing and noise; its
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import Rig
 from zeromethod.session.reading import timed
 from zeromethod.session.replay.mirror import RecordedMirror
-from zeromethod.session.replay.track import Moment, Nodes, Track
+from zeromethod.session.replay.track import Nodes, Track, TrackPoint
 from zeromethod.session.replay.window import Pace, Window
 from zeromethod.simulation.clone import SIMULATED, simulated_clone
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
@@ -27,10 +28,10 @@ from zeromethod.surface.comparison import compare
 from zeromethod.warp.rest import Rest
 
 
-def bench_of(rig: Rig) -> Rig:
+def simulated_bench(rig: Rig) -> Rig:
     """The simulated bench of a recorded rig, pressed by nothing of its own.
 
-    The delay of the camera goes along. Readings are zeroed by the geometry, which the bench has exactly.
+    It keeps the camera's delay. Readings are zeroed by the geometry, which is exact on the bench.
     """
     clone = simulated_clone(rig)
     simulation = clone.simulation
@@ -40,8 +41,8 @@ def bench_of(rig: Rig) -> Rig:
     return clone.model_copy(update={"scenario": "none", "simulation": simulation, "camera": camera})
 
 
-class Reliving:
-    """One session to be lived through again on a simulated bench; `track` is what it did."""
+class ClosedLoopReplay:
+    """One session on a simulated bench whose mirror moves as recorded; `track` is what the loop did."""
 
     def __init__(
         self,
@@ -53,19 +54,19 @@ class Reliving:
         command_line: str = "",
         speed: float | None = None,
     ) -> None:
-        """rig: of the bench (`bench_of`) and of the loop. record: write a recording of it there."""
+        """rig: of the bench (`simulated_bench`) and of the loop. record: write a recording of it there."""
         self.track = Track(name)
         self.rig = rig
         self.gl_renderer = ""
         self.recorder_state = ""
-        """What the operator should know of the recording, at its end; "" where all is well."""
+        """What was not kept of the new recording; "" while all is kept."""
         self._mirror = mirror
         self._record = record
         self._command_line = command_line
         self._pace = Pace(speed)
 
     def run(self, on_step: Callable[[float], None] | None = None) -> Track:
-        """Live through it; on_step gets the seconds of the bench's time so far.
+        """Run it; on_step gets the seconds of the bench's time so far.
 
         Raises InputError for settings with which no loop can run.
         """
@@ -87,25 +88,27 @@ class Reliving:
                     self._pace.wait_for(step.time_ns)
                     read = None if step.measured is None else _read(reader, step)
                     if recorder is not None:
-                        recorder.turn(step)
+                        recorder.add_step(step)
                         if read is not None:
-                            recorder.reading(step, *read)
+                            recorder.add_reading(
+                                replace(step, surface=read[0], peak=read[1], read_ms=read[2])
+                            )
                     if self._mirror.settled_ns <= step.time_ns <= self._mirror.end_ns:
-                        self.track.moments.append(self._moment(step, read, camera, optics, loop, nodes))
+                        self.track.points.append(self._moment(step, read, camera, optics, loop, nodes))
                     if on_step is not None:
                         on_step(1e-9 * step.time_ns)
                 if recorder is not None and loop.ended is not None:
-                    recorder.turn(loop.ended)
+                    recorder.add_step(loop.ended)
             finally:
                 if recorder is not None:
                     recorder.close()
-                    self.recorder_state = recorder.state
+                    self.recorder_state = str(recorder.status)
 
     def _recorder(self, rest: Rest) -> Recorder | None:
         if self._record is None:
             return None
-        told, renderer = self._command_line, self.gl_renderer
-        return Recorder(self._record, self.rig, rest, command_line=told, gl_renderer=renderer)
+        command, renderer = self._command_line, self.gl_renderer
+        return Recorder(self._record, self.rig, rest, command_line=command, gl_renderer=renderer)
 
     def _moment(
         self,
@@ -115,25 +118,20 @@ class Reliving:
         optics: Optics,
         loop: Loop,
         nodes: Nodes,
-    ) -> Moment:
-        moved, behind, sigma = nodes.pick(
-            step.measured, None if step.shown is None else step.shown.q, step.zero
-        )
+    ) -> TrackPoint:
         time_s = 1e-9 * (step.time_ns - self._mirror.settled_ns)
+        shown_q = None if step.shown is None else step.shown.q
+        followed = nodes.pick(step.measured, shown_q, step.zero)
+        point = TrackPoint(time_s, step.state, step.residual_rms_px, *followed)
         if read is None:
-            return Moment(time_s, step.state, step.residual_rms_px, moved, behind, sigma)
+            return point
         truth = compare(read[0], camera.truth(step.time_ns), optics, loop.grid)
-        return Moment(
-            time_s,
-            step.state,
-            step.residual_rms_px,
-            moved,
-            behind,
-            sigma,
-            read[1].depth_mm,
-            truth.depth_rms_error_um,
-            truth.depth_peak_error_percent,
-            truth.depth_peak_mm,
+        return replace(
+            point,
+            depth_peak_mm=read[1].depth_mm,
+            depth_error_um=truth.depth_rms_error_um,
+            peak_error_percent=truth.depth_peak_error_percent,
+            true_peak_mm=truth.depth_peak_mm,
         )
 
 
@@ -150,23 +148,16 @@ def _read(reader: SurfaceReader, step: Step) -> tuple[Surface, Peak, float]:
 
 def recorded_track(recording: Recording, window: Window) -> Track:
     """What the recorded session did, by its own figures. Nodes are left out where no warps were kept."""
-    track, nodes = Track("recorded"), Nodes(recording.rest, len(recording.turns))
-    peaks = dict(zip(recording.peaks["turn"].tolist(), recording.peaks["depth_mm"].tolist(), strict=True))
-    for row in recording.turns:
-        time_ns, turn = int(row["time_ns"]), int(row["number"])
+    track, nodes = Track("recorded"), Nodes(recording.rest, len(recording.steps))
+    peaks = dict(zip(recording.peaks["step"].tolist(), recording.peaks["depth_mm"].tolist(), strict=True))
+    for row in recording.steps:
+        time_ns, step = int(row["time_ns"]), int(row["number"])
         if time_ns not in window or row["frame_number"] < 0:
             continue
-        measured, shown = recording.measured(turn), recording.shown(turn)
-        moved, behind, sigma = nodes.pick(measured, shown, recording.zero(turn))
-        track.moments.append(
-            Moment(
-                1e-9 * (time_ns - window.from_ns),
-                recording.state_of(row),
-                float(row["residual_rms_px"]),
-                moved,
-                behind,
-                sigma,
-                peaks.get(turn, float("nan")),
-            )
+        followed = nodes.pick(recording.measured(step), recording.shown(step), recording.zero(step))
+        time_s, residual_px = 1e-9 * (time_ns - window.from_ns), float(row["residual_rms_px"])
+        depth_mm = peaks.get(step, float("nan"))
+        track.points.append(
+            TrackPoint(time_s, recording.state_of(row), residual_px, *followed, depth_peak_mm=depth_mm)
         )
     return track

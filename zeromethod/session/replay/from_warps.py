@@ -1,4 +1,4 @@
-"""Reading slope and depth again from the measured warps of a recording."""
+"""Replay from the measured warps of a recording: slope and depth, with other settings if wanted."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _CAMERA = (
     "projection", "focal_px", "pixel_mm", "centre_px", "distortion", "position_mm", "look_at_mm", "roll_deg",
 )  # fmt: skip
 _DISPLAY = ("columns", "rows", "pitch_mm", "centre_mm", "turn_deg", "mirrored", "tilt_deg")
-"""Keys that decide where rays go."""
+"""Keys that determine the rays."""
 
 
 class Reader:
-    """Reads warps in the order in which the session read them, as it did.
+    """Reads warps as the session did, in the same order.
 
-    A reader's weights remember earlier warps: the same readings come of the same warps in the same order,
-    from the first on. In real time the session begins with a made-up warp.
+    A reader's weights depend on earlier warps: only the same warps in the same order, from the first on, give
+    the same readings. In real time the session begins with a warm-up warp.
     """
 
     def __init__(self, recording: Recording, rig: Rig, grid: NodeGrid) -> None:
@@ -42,7 +42,7 @@ class Reader:
 
 
 def grid_for(recording: Recording, rig: Rig) -> NodeGrid:
-    """Nodes of the recording, on the rays of `rig`; InputError where its camera or target has others."""
+    """Nodes of the recording, on the rays of `rig`; InputError where its camera or target is another."""
     recorded = recording.rig
     for key in ("columns", "rows", "bits"):
         if getattr(rig.camera, key) != getattr(recorded.camera, key):
@@ -55,7 +55,7 @@ def grid_for(recording: Recording, rig: Rig) -> NodeGrid:
 
 
 def same_geometry(rig: Rig, recorded: Rig) -> bool:
-    """Whether all rays are those of the recording, so that its warp at rest, as it was measured, holds."""
+    """Whether all rays are those of the recording, so that its measured warp at rest applies."""
 
     def of(one: Rig) -> tuple[object, ...]:
         camera = tuple(getattr(one.camera, key) for key in _CAMERA)
@@ -69,28 +69,28 @@ def _other(key: str, value: object, recorded: object) -> str:
     return f"{key}: {value}: the recording's is {recorded}, and what was recorded cannot be changed"
 
 
-def reread(
+def replay_from_warps(
     recording: Recording,
     rig: Rig,
     window: Window,
     *,
     speed: float | None = None,
-    on_turn: Callable[[float], None] | None = None,
+    on_step: Callable[[float], None] | None = None,
 ) -> DepthDifferences:
-    """Read every warp again that the session read. rig: the recording's, or with other settings.
+    """Read every warp that the session read. rig: the recording's, or with other settings.
 
-    Warps before the window are read as well, but not told of: what the reader knows by then is part of the
-    result. on_turn gets the seconds since the recording's start. Raises InputError for a recording without
-    warps or readings, and a rig whose camera or target is another one. Warps that are damaged are left out.
+    Warps before the window are read as well but not compared, because the reader's weights depend on them.
+    on_step gets the seconds since the recording's start. Damaged warps are left out. Raises InputError for a
+    recording without warps or readings, and a rig whose camera or target is another one.
     """
     if "warps" not in recording.kept:
         raise InputError(f"{recording.path}: recorded without warps: nothing to read depth from")
     reader = Reader(recording, rig, grid_for(recording, rig))
     differences, pace = DepthDifferences(recording, window.start_ns), Pace(speed)
-    for turn in recording.peaks["turn"].tolist():
-        warp = recording.measured(turn)
+    for step in recording.peaks["step"].tolist():
+        warp = recording.measured(step)
         if warp is None:
-            _leave_out(recording, turn, window, differences)
+            _leave_out(recording, step, window, differences)
             continue
         if warp.time_ns > window.to_ns:
             break
@@ -98,18 +98,18 @@ def reread(
             pace.wait_for(warp.time_ns)
         surface, deepest = reader.read(warp)
         if warp.time_ns in window:
-            differences.add(turn, surface, deepest)
-        if on_turn is not None:
-            on_turn(1e-9 * (warp.time_ns - window.start_ns))
-    if not differences.turns:
+            differences.add(step, surface, deepest)
+        if on_step is not None:
+            on_step(1e-9 * (warp.time_ns - window.start_ns))
+    if not differences.steps:
         damaged = differences.readings_damaged
         why = f"all {damaged} warps are damaged" if damaged else "no surface was read"
-        raise InputError(f"{recording.path}: {why} in this part: nothing to read again")
+        raise InputError(f"{recording.path}: {why} in this part: there is nothing to replay")
     return differences
 
 
-def _leave_out(recording: Recording, turn: int, window: Window, differences: DepthDifferences) -> None:
-    """Count a reading whose warp is not there, if that is because it is damaged."""
-    row = recording.row(turn)
-    if row is not None and int(row["time_ns"]) in window and recording.is_damaged("warps/measured", turn):
+def _leave_out(recording: Recording, step: int, window: Window, differences: DepthDifferences) -> None:
+    """Count a reading whose warp is damaged."""
+    row = recording.row(step)
+    if row is not None and int(row["time_ns"]) in window and recording.is_damaged("warps/measured", step):
         differences.readings_damaged += 1

@@ -12,7 +12,7 @@ from zeromethod.optics import Optics
 from zeromethod.recording import DamagedWarning
 from zeromethod.recording.recording import Recording
 from zeromethod.session.replay.differences import DepthDifferences
-from zeromethod.session.replay.reread import reread
+from zeromethod.session.replay.from_warps import replay_from_warps
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.window import Window
 from zeromethod.surface import SurfaceReader, peak
@@ -24,54 +24,54 @@ KNOWN_REST = "surface.known_rest=[{x_mm=[8.0, 20.0], y_mm=[-18.0, 18.0]}]"
 @pytest.fixture(scope="module")
 def whole(session) -> Iterator[DepthDifferences]:
     with Recording(session.path) as opened:
-        yield reread(opened, opened.rig, Window.of(opened))
+        yield replay_from_warps(opened, opened.rig, Window.of(opened))
 
 
 def test_unchanged_readings_are_the_recorded_ones_bit_for_bit(session, whole: DepthDifferences) -> None:
     again = whole
-    assert again.turns == len(session.readings) > 40
+    assert again.steps == len(session.readings) > 40
     assert again.different == []
     assert again.depth.largest == again.peak.largest == 0.0
     # and these are what the run itself had, before anything was rounded
-    assert again.again_mm == [peak.depth_mm for _, peak in session.readings.values()]
+    assert again.replayed_mm == [peak.depth_mm for _, peak in session.readings.values()]
 
 
 def deeper_by(depth_mm: float, session, recording) -> tuple[int, DepthDifferences]:
-    """First turn that was read, and its reading held against one that much deeper."""
+    """First step that was read, and its reading held against one that much deeper."""
     again = DepthDifferences(recording, 0)
-    turn, (surface, deepest) = next(iter(session.readings.items()))
+    step, (surface, deepest) = next(iter(session.readings.items()))
     surface.depth_mm[surface.valid] += depth_mm
-    again.add(turn, surface, deepest)
+    again.add(step, surface, deepest)
     surface.depth_mm[surface.valid] -= depth_mm
-    return turn, again
+    return step, again
 
 
 def test_a_reading_that_differs_is_told(session, recording) -> None:
-    turn, again = deeper_by(1e-6, session, recording)
-    assert again.different == [turn]
+    step, again = deeper_by(1e-6, session, recording)
+    assert again.different == [step]
     assert again.depth.largest == pytest.approx(1e-6, rel=1e-3)
 
 
 def test_other_surface_settings_read_as_a_reader_with_them_does(recording) -> None:
     rig = with_settings(recording.rig, [KNOWN_REST])
-    again = reread(recording, rig, Window.of(recording, None, 0.4))
-    assert len(again.different) == again.turns
+    again = replay_from_warps(recording, rig, Window.of(recording, None, 0.4))
+    assert len(again.different) == again.steps
     reader = SurfaceReader(rig, Optics(rig), recording.grid)
-    turns = recording.peaks["turn"][: again.turns].tolist()
-    expected = [peak(reader.read(recording.measured(turn))).depth_mm for turn in turns]
-    assert again.again_mm == expected
+    steps = recording.peaks["step"][: again.steps].tolist()
+    expected = [peak(reader.read(recording.measured(step))).depth_mm for step in steps]
+    assert again.replayed_mm == expected
 
 
 def test_a_part_is_read_as_within_the_whole_and_told_of_alone(recording, whole: DepthDifferences) -> None:
     told: list[float] = []
-    part = reread(recording, recording.rig, Window.of(recording, 0.3, 0.6), on_turn=told.append)
-    assert 15 < part.turns < 20
+    part = replay_from_warps(recording, recording.rig, Window.of(recording, 0.3, 0.6), on_step=told.append)
+    assert 15 < part.steps < 20
     assert min(part.time_s) >= 0.3
     assert max(part.time_s) <= 0.6
     assert part.different == []
-    assert set(part.again_mm) <= set(whole.again_mm)
+    assert set(part.replayed_mm) <= set(whole.replayed_mm)
     # what comes before is read as well: a reader remembers
-    assert told[-part.turns :] == pytest.approx(part.time_s)
+    assert told[-part.steps :] == pytest.approx(part.time_s)
     assert told == sorted(told)
     assert told[0] < 0.1
 
@@ -79,15 +79,15 @@ def test_a_part_is_read_as_within_the_whole_and_told_of_alone(recording, whole: 
 def test_without_warps_there_is_nothing_to_read(session, tmp_path: Path) -> None:
     path = recorded(tmp_path / "r.h5", 0.15, rig=session.rig, keep=("surface",))
     with Recording(path) as opened, pytest.raises(InputError, match="recorded without warps"):
-        reread(opened, opened.rig, Window.of(opened))
+        replay_from_warps(opened, opened.rig, Window.of(opened))
 
 
 def test_every_third_warp_can_be_read(session, tmp_path: Path) -> None:
     path = recorded(tmp_path / "r.h5", 0.3, rig=session.rig, keep=("warps", "surface"), every=3)
     with Recording(path) as opened:
-        again = reread(opened, opened.rig, Window.of(opened))
-        assert 3 <= again.turns <= len(opened.peaks) / 2
-        assert np.isfinite(again.again_mm).all()
+        again = replay_from_warps(opened, opened.rig, Window.of(opened))
+        assert 3 <= again.steps <= len(opened.peaks) / 2
+        assert np.isfinite(again.replayed_mm).all()
 
 
 @pytest.mark.parametrize(
@@ -95,13 +95,13 @@ def test_every_third_warp_can_be_read(session, tmp_path: Path) -> None:
 )
 def test_what_was_photographed_cannot_be_changed(recording, setting: str, word: str) -> None:
     with pytest.raises(InputError, match=word):
-        reread(recording, with_settings(recording.rig, [setting]), Window.of(recording))
+        replay_from_warps(recording, with_settings(recording.rig, [setting]), Window.of(recording))
 
 
 def test_other_geometry_gives_other_rays(recording) -> None:
     rig = with_settings(recording.rig, ["display.centre_mm=[30.0, 0.5]"])
-    again = reread(recording, rig, Window.of(recording, 0.4, 0.5))
-    assert len(again.different) == again.turns
+    again = replay_from_warps(recording, rig, Window.of(recording, 0.4, 0.5))
+    assert len(again.different) == again.steps
 
 
 def cells(figures: dict) -> dict[str, list[str]]:
@@ -113,20 +113,20 @@ def cells(figures: dict) -> dict[str, list[str]]:
 def test_what_is_damaged_is_counted_and_kept_out_of_the_shares(
     session, whole: DepthDifferences, damaged: Callable[..., Path]
 ) -> None:
-    turns = list(session.readings)
+    steps = list(session.readings)
     # the newest, so that all readings before are those of a reader that saw all
-    path = damaged("warps/measured/q", *turns[-2:])
-    damaged("surface/slope", *turns[3:6])
-    damaged("surface/depth_mm", turns[5])
+    path = damaged("warps/measured/q", *steps[-2:])
+    damaged("surface/slope", *steps[3:6])
+    damaged("surface/depth_mm", steps[5])
     with Recording(path) as opened:
         with pytest.warns(DamagedWarning):
-            again = reread(opened, opened.rig, Window.of(opened))
-        early = reread(opened, opened.rig, Window.of(opened, None, 0.5))
+            again = replay_from_warps(opened, opened.rig, Window.of(opened))
+        early = replay_from_warps(opened, opened.rig, Window.of(opened, None, 0.5))
     figures, undamaged = again.figures, whole.figures
     assert (figures["readings_damaged"], figures["surfaces_damaged"]) == (2, 3)
     assert figures["readings"] == undamaged["readings"] - 2
     assert again.different == []
-    assert figures["read_share"]["recorded"] == figures["read_share"]["again"] > 0.9
+    assert figures["read_share"]["recorded"] == figures["read_share"]["replayed"] > 0.9
     # a part tells of its own
     assert (early.readings_damaged, early.surfaces_damaged) == (0, 3)
     told = cells(figures)
@@ -143,11 +143,11 @@ def test_where_all_warps_are_damaged_it_is_told(session, damaged: Callable[..., 
         pytest.warns(DamagedWarning),
         pytest.raises(InputError, match=told),
     ):
-        reread(opened, opened.rig, Window.of(opened))
+        replay_from_warps(opened, opened.rig, Window.of(opened))
 
 
 def test_differences_over_all_nodes_are_not_the_peaks(session, recording) -> None:
     _, again = deeper_by(1e-5, session, recording)
     figures = again.figures
     assert figures["depth_difference_rms_nm"] == pytest.approx([10.0], rel=1e-2)
-    assert set(figures["peaks"]) == {"time_s", "recorded_mm", "again_mm"}
+    assert set(figures["peaks"]) == {"time_s", "recorded_mm", "replayed_mm"}

@@ -18,26 +18,26 @@ from zeromethod.recording import DamagedWarning
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.load import load_rig
-from zeromethod.session.replay.resense import resense
+from zeromethod.session.replay.from_frames import replay_from_frames
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.window import Window
 
 
 def assert_all_equal(path: Path, least: int) -> None:
     with Recording(path) as opened:
-        warps, depths = resense(opened, opened.rig, Window.of(opened))
-    assert warps.turns >= least
+        warps, depths = replay_from_frames(opened, opened.rig, Window.of(opened))
+    assert warps.steps >= least
     assert warps.different == []
     assert depths.different == []
 
 
 def test_unchanged_frames_come_to_the_recorded_numbers_bit_for_bit(session, recording) -> None:
-    warps, depths = resense(recording, recording.rig, Window.of(recording))
+    warps, depths = replay_from_frames(recording, recording.rig, Window.of(recording))
     sensed = [step for step in session.steps if step.sensed]
-    assert warps.turns == len(sensed) > 40
+    assert warps.steps == len(sensed) > 40
     assert warps.different == []
     assert any(step.frozen for step in sensed)
-    assert depths.turns == len(session.readings)
+    assert depths.steps == len(session.readings)
     assert depths.different == []
     assert warps.warp.largest == warps.commanded.largest == warps.residual.largest == 0.0
 
@@ -58,7 +58,7 @@ def test_frames_that_were_faulty_and_a_new_zero_are_gone_through_alike(session, 
     path = recorded(tmp_path / "r.h5", 0.7, rig=rig, on_step=on_step)
     assert zeros[-1] is not None
     with Recording(path) as opened:
-        assert not opened.turns["sensed"].all()
+        assert not opened.steps["sensed"].all()
     assert_all_equal(path, 30)
 
 
@@ -66,7 +66,7 @@ def test_coded_strips_are_read_again(tmp_path: Path) -> None:
     rig = with_settings(coarser(load_rig("simulated"), 4), ["control.strips=edges", "scenario=step"])
     path = recorded(tmp_path / "r.h5", 0.25, rig=rig)
     with Recording(path) as opened:
-        assert opened.presentations["code"].max() > 0
+        assert opened.presentation_log["strip_code"].max() > 0
     assert_all_equal(path, 10)
 
 
@@ -81,24 +81,24 @@ def test_a_session_in_real_time_is_gone_through_in_its_own_order(session, tmp_pa
     ):
         # frames, not seconds: however slow the machine is
         for step in loop.run(frames=12):
-            recorder.turn(step)
+            recorder.add_step(step)
     # on a busy machine the loop may hold back some for their age
     assert_all_equal(path, 3)
 
 
 def test_more_noise_makes_sigma_larger_and_leaves_the_warps(recording) -> None:
     rig = with_settings(recording.rig, ["camera.noise.read_grey=8.0", "camera.noise.electrons_per_grey=1e9"])
-    warps, _ = resense(recording, rig, Window.of(recording, 0.4, 0.5))
+    warps, _ = replay_from_frames(recording, rig, Window.of(recording, 0.4, 0.5))
     sigmas = warps.figures["sigma_lcd_px"]
-    assert sigmas["again"] > 2 * sigmas["recorded"]
+    assert sigmas["replayed"] > 2 * sigmas["recorded"]
     # sigma weighs what the controller learns, and matching starts from that and ends within 1e-5 px
     assert warps.warp.largest < 1e-4
-    assert len(warps.different) == warps.turns
+    assert len(warps.different) == warps.steps
 
 
 def test_a_part_is_sensed_as_within_the_whole(recording) -> None:
-    warps, depths = resense(recording, recording.rig, Window.of(recording, 0.5, 0.7))
-    assert 10 < warps.turns < 15
+    warps, depths = replay_from_frames(recording, recording.rig, Window.of(recording, 0.5, 0.7))
+    assert 10 < warps.steps < 15
     assert warps.different == depths.different == []
 
 
@@ -113,19 +113,19 @@ def test_a_part_is_sensed_as_within_the_whole(recording) -> None:
 def test_what_is_missing_is_told_in_one_line(session, tmp_path: Path, keep, every: int, word: str) -> None:
     path = recorded(tmp_path / "r.h5", 0.15, rig=session.rig, keep=keep, every=every)
     with Recording(path) as opened, pytest.raises(InputError, match=word) as caught:
-        resense(opened, opened.rig, Window.of(opened))
+        replay_from_frames(opened, opened.rig, Window.of(opened))
     assert "\n" not in str(caught.value)
 
 
 def test_a_frame_that_was_not_kept_ends_what_can_be_sensed(session, tmp_path: Path, monkeypatch) -> None:
     with Recording(session.path) as opened:
-        missing = int(opened.turns["number"][20])
+        missing = int(opened.steps["number"][20])
         whole = opened.frame
-        monkeypatch.setattr(opened, "frame", lambda turn: None if turn == missing else whole(turn))
-        with pytest.raises(InputError, match=f"the frame of turn {missing} .* was not kept"):
-            resense(opened, opened.rig, Window.of(opened))
-        before_s = 1e-9 * float(opened.turns["time_ns"][19] - opened.turns["time_ns"][0])
-        warps, _ = resense(opened, opened.rig, Window.of(opened, None, before_s + 1e-6))
+        monkeypatch.setattr(opened, "frame", lambda step: None if step == missing else whole(step))
+        with pytest.raises(InputError, match=f"the frame of step {missing} .* was not kept"):
+            replay_from_frames(opened, opened.rig, Window.of(opened))
+        before_s = 1e-9 * float(opened.steps["time_ns"][19] - opened.steps["time_ns"][0])
+        warps, _ = replay_from_frames(opened, opened.rig, Window.of(opened, None, before_s + 1e-6))
     assert warps.different == []
 
 
@@ -133,25 +133,25 @@ def test_a_frame_that_was_not_kept_ends_what_can_be_sensed(session, tmp_path: Pa
 def test_what_is_damaged_ends_what_can_be_sensed_and_is_not_called_unkept(
     session, damaged: Callable[..., Path], name: str
 ) -> None:
-    turn = session.steps[25].number
+    step = session.steps[25].number
     with Recording(session.path) as opened:
-        after = opened.presentations["after_turn"]
+        after = opened.presentation_log["after_step"]
     pictures = name == "pictures/q"
-    path = damaged(name, int(np.flatnonzero(after == turn - 1)[0]) if pictures else turn)
-    words = f"what was shown before turn {turn}" if pictures else f"the frame of turn {turn} "
+    path = damaged(name, int(np.flatnonzero(after == step - 1)[0]) if pictures else step)
+    words = f"what was shown before step {step}" if pictures else f"the frame of step {step} "
     with (
         Recording(path) as opened,
         pytest.warns(DamagedWarning),
         pytest.raises(InputError, match=f"{re.escape(words)}.* is damaged: .*--to") as caught,
     ):
-        resense(opened, opened.rig, Window.of(opened))
+        replay_from_frames(opened, opened.rig, Window.of(opened))
     assert "not kept" not in str(caught.value)
     # up to where it says, it can
     found = re.search(r"--to ([0-9.]+)", str(caught.value))
     assert found is not None
     with Recording(path) as opened:
-        warps, _ = resense(opened, opened.rig, Window.of(opened, None, float(found[1])))
-    assert warps.turns > 15
+        warps, _ = replay_from_frames(opened, opened.rig, Window.of(opened, None, float(found[1])))
+    assert warps.steps > 15
     assert warps.different == []
 
 
@@ -159,14 +159,14 @@ def test_where_the_first_picture_is_damaged_nothing_can_be_sensed(damaged: Calla
     with (
         Recording(damaged("pictures/q", 0)) as opened,
         pytest.warns(DamagedWarning),
-        pytest.raises(InputError, match=r"is damaged: frames cannot be sensed again$"),
+        pytest.raises(InputError, match=r"is damaged: it cannot be replayed from frames$"),
     ):
-        resense(opened, opened.rig, Window.of(opened))
+        replay_from_frames(opened, opened.rig, Window.of(opened))
 
 
 def test_recorded_warps_that_are_damaged_are_no_difference(session, damaged: Callable[..., Path]) -> None:
-    turn = list(session.readings)[4]
-    with Recording(damaged("warps/measured/q", turn)) as opened, pytest.warns(DamagedWarning):
-        warps, _ = resense(opened, opened.rig, Window.of(opened, None, 0.4))
+    step = list(session.readings)[4]
+    with Recording(damaged("warps/measured/q", step)) as opened, pytest.warns(DamagedWarning):
+        warps, _ = replay_from_frames(opened, opened.rig, Window.of(opened, None, 0.4))
     assert warps.figures["warps_damaged"] == 1
     assert warps.different == []
