@@ -22,7 +22,7 @@ from zeromethod.cli.device_options import (
 )
 from zeromethod.cli.keys import HELP, Keys
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import check_file, write_summary
+from zeromethod.cli.output import figure_option, summary_option, write_summary
 from zeromethod.cli.recording_options import RecordingOptions, recording_options
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.devices.opening import Devices, open_devices
@@ -73,8 +73,8 @@ from zeromethod.view.table import summary_table
 @click.option(
     "--controller", type=click.Choice(["composition", "integrator"]), help="How corrections are applied."
 )
-@click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Write a picture (.png).")
-@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+@figure_option
+@summary_option
 def run_command(
     rig_name: str,
     strips: bool | None,
@@ -98,8 +98,6 @@ def run_command(
     --display and --camera it runs on real devices until q, Ctrl-C, or --seconds; then p pauses corrections
     and z takes the mirror as it is for the mirror at rest.
     """
-    check_file("--figure", figure, suffix=".png")
-    check_file("--summary", summary, suffix=".json")
     names = ("recording", "keep", "every", "compress")
     recording = RecordingOptions(**{name: others.pop(name) for name in names})
     recording.parts()

@@ -1,4 +1,4 @@
-"""A replayed session beside the recorded one, as a picture."""
+"""A replayed session next to the recorded one, as a picture."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def draw_sessions(curves: dict[str, dict[str, Float]], title: str, path: Path) -
         over_time = (
             (axes[0, 0], "depth_peak_mm", "largest depth read", "mm", "linear"),
             (axes[0, 1], "residual_rms_px", "residual", "camera px rms", "log"),
-            (axes[1, 0], "depth_error_um", "depth error against the mirror relived", "um rms", "log"),
+            (axes[1, 0], "depth_error_um", "depth error against the simulated mirror", "µm rms", "log"),
         )
         for axis, key, heading, unit, scale in over_time:
             for number, (name, curve) in enumerate(curves.items()):
