@@ -140,8 +140,8 @@ def test_speed_says_whether_this_computer_is_fast_enough_and_which_part_is_slowe
         parts["recording"]["megabytes_per_s"] = 321.0
         advance("")
         return {
-            "rig": rig.name, "frame_px": [160, 128], "camera_rate_hz": 60.0, "cores": 4, "gl_renderer": "a card",
-            "parts": parts, "bottleneck": "drawing", "fast_enough": code == 0,
+            "rig": rig.name, "frame_px": [160, 128], "camera_rate_hz": 60.0, "cores": 4,
+            "gl_renderer": "a card", "parts": parts, "bottleneck": "drawing", "fast_enough": code == 0,
         }  # fmt: skip
 
     monkeypatch.setattr("zeromethod.session.speed.measure_speed", measured)
@@ -327,7 +327,8 @@ def test_focus_on_a_real_monitor_sees_the_lcd_through_the_virtual_bench(
 ) -> None:
     pytest.importorskip("mss")
     bench = subprocess.Popen(
-        [sys.executable, "-m", "zeromethod", "virtual-bench", "--port", "0", "--press", "none", "--forever"],
+        [sys.executable, "-m", "zeromethod", "virtual-bench", "--port", "0", "--scenario", "none",
+         "--forever"],
         env=desktop.environment, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert bench.stdout is not None

@@ -121,8 +121,7 @@ def _report(
     if summary is not None:
         write_summary(summary, figures)
     if figure is not None:
-        from zeromethod.view.design_curves import draw_curves  # noqa: PLC0415 - matplotlib loads slowly
-        from zeromethod.view.design_figure import draw_design  # noqa: PLC0415
+        from zeromethod.view.design_figure import draw_curves, draw_design  # noqa: PLC0415 - matplotlib loads slowly
 
         draw_design(view, figures, figure)
         for run, curve in found:

@@ -10,7 +10,13 @@ from typing import Any
 import click
 from rich.console import Console
 
-from zeromethod.cli.device_options import WINDOW, BenchOptions, bench_options, with_asked_strips
+from zeromethod.cli.device_options import (
+    BENCH_OPTIONS,
+    WINDOW,
+    BenchOptions,
+    bench_options,
+    with_asked_strips,
+)
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import summary_option, wide_console, write_summary
 from zeromethod.errors import InputError
@@ -20,13 +26,10 @@ from zeromethod.view.table import cell, text_table
 
 _ALL = "all"
 _IDENTIFY_S = 10.0
-_BENCH = frozenset({
-    "--display", "--camera", "--exposure", "--camera-gain", "--pixel-format", "--region", "--trigger"
-})  # fmt: skip
 _TASKS = {
     "--identify": frozenset({"--rig", "--seconds"}),
-    "--delay": frozenset({"--rig", "--seconds", "--write"}) | _BENCH,
-    "--focus": frozenset({"--rig", "--seconds"}) | _BENCH,
+    "--delay": frozenset({"--rig", "--seconds", "--write"}) | BENCH_OPTIONS,
+    "--focus": frozenset({"--rig", "--seconds"}) | BENCH_OPTIONS,
     "--speed": frozenset({"--rig"}),
 }
 """Every task, and the options that go with it, besides --summary."""

@@ -59,7 +59,7 @@ class RecordingOptions:
     compress: bool = False
 
     def parts(self) -> tuple[str, ...]:
-        """Parts to keep. Raises InputError for what cannot be, a file that cannot be made among it."""
+        """Parts to keep. Raises InputError for other names, and for a file that cannot be made."""
         if self.recording is None:
             for option, given in (
                 ("--keep", self.keep),
@@ -67,7 +67,7 @@ class RecordingOptions:
                 ("--compress", self.compress),
             ):
                 if given:
-                    raise InputError(f"{option}: of what? give --record FILE.h5, too")
+                    raise InputError(f"{option}: only with --record FILE.h5")
             return ()
         from zeromethod.recording.file import check_new  # noqa: PLC0415 - only who records needs it
         from zeromethod.recording.schema import KEEP  # noqa: PLC0415
@@ -111,9 +111,9 @@ class RecordingOptions:
 
         return make
 
-    def tell(self, lost: str) -> None:
-        """Say what was recorded. lost: what went wrong with it, "" for nothing."""
+    def report(self, trouble: str) -> None:
+        """Say what was recorded. trouble: what went wrong with it, "" for nothing."""
         if self.recording is not None and self.recording.exists():
             size = self.recording.stat().st_size / 1e6
-            why = f"; {lost}" if lost else ""
+            why = f"; {trouble}" if trouble else ""
             click.echo(f"recorded in {self.recording} ({size:.1f} MB{why})")

@@ -55,8 +55,7 @@ def reproduce_command(output: Path, summary: Path | None, quick: bool) -> None:
 
 
 def _draw(found: Reproduction, folder: Path) -> list[Path]:
-    from zeromethod.view.needle_figures import draw_needle_figures  # noqa: PLC0415 - matplotlib loads slowly
-    from zeromethod.view.press_figures import draw_press_figures  # noqa: PLC0415
+    from zeromethod.view.paper_figures import draw_needle_figures, draw_press_figures  # noqa: PLC0415 - matplotlib
 
     return [
         *draw_needle_figures(found.needle, folder),
