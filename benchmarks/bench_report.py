@@ -1,26 +1,25 @@
-"""What every accuracy benchmark prints: figures beside their bars; its exit code and JSON file."""
+"""What every benchmark with bars shares: its command line, figures and bars, exit code and JSON file."""
 
 from __future__ import annotations
 
-import argparse
-import json
 import platform
-import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import Progress, TaskID
-from rich.table import Table
+import click
+
+from zeromethod.cli.main import main
+from zeromethod.cli.output import summary_option, wide_console, write_summary
+from zeromethod.thread_limits import limit_threads
+from zeromethod.view.table import text_table
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure beside its bar. met None: stands beside for comparison, has no bar."""
+    """One figure and its bar. met None: given for comparison, without a bar."""
 
     name: str
     value: str
@@ -43,55 +42,49 @@ class Report:
         return all(figure.met is not False for figure in self.figures)
 
 
-def options(doc: str | None, arguments: Sequence[str] | None = None) -> argparse.Namespace:
-    """Parse --quick and --json."""
-    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="fewer runs or frames; the same bars")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
-    return parser.parse_args(arguments)
+def benchmark(name: str, doc: str | None, *more: Callable[[Any], Any]) -> Callable[..., click.Command]:
+    """Make a command of what measures: it gets --quick and the options in `more`, and returns its report.
+
+    doc: the module's, printed by --help. A figure that misses its bar makes the exit code 1.
+    """
+
+    def make(measure: Callable[..., Report | None]) -> click.Command:
+        example = f"Example: python -m benchmarks.{name} --quick --summary {name}.json"
+
+        @click.command(name, help=doc, epilog=example)
+        @click.option("--quick", is_flag=True, help="Fewer runs, frames or benches; the same bars.")
+        @summary_option
+        def command(summary: Path | None, **given: Any) -> None:
+            limit_threads()
+            report = measure(**given)
+            if report is not None:
+                click.get_current_context().exit(finish(report, summary))
+
+        for option in more:
+            command = option(command)
+        return command
+
+    return make
 
 
-class Bar:
-    """Progress on stderr when that is a terminal, else nothing."""
-
-    def __init__(self, progress: Progress, task: TaskID) -> None:
-        self._progress, self._task = progress, task
-
-    def step(self, count: int = 1) -> None:
-        """Go on by `count`."""
-        self._progress.advance(self._task, count)
-
-
-@contextmanager
-def progress(total: int, what: str) -> Iterator[Bar]:
-    """Bar over `total` steps; gone when done."""
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as shown:
-        yield Bar(shown, shown.add_task(what, total=total))
-
-
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for index, name in enumerate(header):
-        table.add_column(name, justify="left" if index == 0 else "right", overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    return table
+def start(command: click.Command) -> None:
+    """Run a benchmark from the shell: bad input is one line and exit code 2, as for `zeromethod`."""
+    main(command=command, name=f"python -m benchmarks.{command.name}")
 
 
 def finish(report: Report, json_file: Path | None = None) -> int:
     """Print the report, write the JSON file if one is asked for; exit code 1 when a bar was missed."""
-    console = Console(width=None if sys.stdout.isatty() else 250, highlight=False)
+    console = wide_console(250)
     console.print(f"{report.title}\n")
     if report.details:
-        console.print(_table(report.details[0], report.details[1:]))
+        console.print(text_table(report.details[0], report.details[1:]))
         console.print()
     words = {True: "met", False: "MISSED", None: ""}
     rows = [(f.name, f.value, f.bar, words[f.met]) for f in report.figures]
-    console.print(_table(("figure", "value", "bar", ""), rows))
+    console.print(text_table(("figure", "value", "bar", ""), rows))
     if json_file is not None:
         about = {"python": platform.python_version(), "zeromethod": version("zeromethod")}
         figures = [asdict(figure) for figure in report.figures]
         whole = {"title": report.title, "met": report.met, "figures": figures, "data": report.data, **about}
-        json_file.write_text(json.dumps(whole, indent=2) + "\n")
+        write_summary(json_file, whole)
     return 0 if report.met else 1

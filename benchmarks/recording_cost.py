@@ -1,7 +1,5 @@
 """What recording costs the loop, and what a kill leaves of a recording.
 
-    python -m benchmarks.recording_cost [--quick] [--keep NAMES] [--folder FOLDER] [--json FILE]
-
 The live loop (camera and drawing in threads, reading of surfaces in a process of its own, coded strips) runs
 over frames of 1280x1024 in 8 bits from memory, noise and all, at 60 per second of the host's clock: not
 recording, recording for two minutes (--quick: 15 s), not recording again. Every frame is an array of its own,
@@ -21,7 +19,6 @@ writes for it: every frame that the loop took half a second before must be there
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
@@ -37,13 +34,15 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+import click
 import h5py
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, finish, progress
+from benchmarks.bench_report import Figure, Report, benchmark, start
 from benchmarks.bench_rigs import changed
 from benchmarks.memory_bench import FastLiveClock, MemoryCamera, MemoryDisplay, Noted, Prepared
 from zeromethod.devices.protocols import Frame
+from zeromethod.errors import InputError
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.step import Step
 from zeromethod.recording.recorder import Recorder
@@ -53,7 +52,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.reading import Reading, ReadInThread, timed, warm_up_warp
 from zeromethod.session.surfaces import Surfaces
-from zeromethod.thread_limits import limit_threads
+from zeromethod.view.progress import progress
 
 SECONDS, QUICK_S = 120.0, 15.0
 BEFORE = 0.25
@@ -260,19 +259,19 @@ def measure(rig: Rig, folder: Path, keep: list[str], seconds: float) -> Report:
     """Run everything; see the module."""
     path = folder / "session.h5"
     with progress(5, "recording cost") as bar, Bench(Prepared(rig)) as bench:
-        bar.step()
+        bar()
         before = bench.part("not recording, before", BEFORE * seconds)
-        bar.step()
+        bar()
         with recording(bench, path, keep) as recorder:
             during = bench.part("recording", seconds)
             state, waiting_mb = recorder.state, 1e-6 * recorder.waiting_bytes
         writer = resource.getrusage(resource.RUSAGE_CHILDREN)
         size_mb = 1e-6 * path.stat().st_size
-        bar.step()
+        bar()
         missing, kept = missing_frames(path)
         path.unlink()
         after = bench.part("not recording, after", BEFORE * seconds)
-        bar.step()
+        bar()
         blocks = by_turns(bench, folder / "blocks.h5", keep, seconds)
         lost = lost_rates(blocks)
     killed = kill_in_the_middle(folder / "killed.h5", keep, min(seconds / 2, 30.0))
@@ -336,28 +335,35 @@ def measure(rig: Rig, folder: Path, keep: list[str], seconds: float) -> Report:
     return Report(title, figures, rows, data)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--quick", action="store_true", help="15 s of recording; the same bars")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
-    parser.add_argument("--keep", default=",".join(KEEP), help="what is recorded")
-    parser.add_argument(
-        "--folder", type=Path, help="where to record to; default: the system's for such files"
-    )
-    parser.add_argument("--record", type=Path, help=argparse.SUPPRESS)
-    chosen = parser.parse_args()
-    limit_threads()
+def _parts(ctx: click.Context, param: click.Parameter, value: str) -> list[str]:  # noqa: ARG001 - click's
+    names = value.split(",")
+    for name in names:
+        if name not in KEEP:
+            raise InputError(f"--keep: {name!r}: of {', '.join(KEEP)}, with commas between")
+    return names
+
+
+@benchmark(
+    "recording_cost",
+    __doc__,
+    click.option(
+        "--keep", default=",".join(KEEP), show_default=True, callback=_parts, help="What is recorded."
+    ),
+    click.option(
+        "--folder",
+        type=click.Path(path_type=Path, exists=True, file_okay=False, writable=True),
+        help="Where to record to.  [default: the system's folder for temporary files]",
+    ),
+    click.option("--record", type=click.Path(path_type=Path), hidden=True),
+)
+def command(quick: bool, keep: list[str], folder: Path | None, record: Path | None) -> Report | None:
     rig = changed(load_rig("simulated"), control={"strips": "edges"})
-    keep = chosen.keep.split(",")
-    if chosen.record is not None:
-        run_and_print(rig, chosen.record, keep)
-        return 0
-    with tempfile.TemporaryDirectory(dir=chosen.folder) as folder:
-        report = measure(rig, Path(folder), keep, QUICK_S if chosen.quick else SECONDS)
-    return finish(report, chosen.json)
+    if record is not None:
+        run_and_print(rig, record, keep)
+        return None
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        return measure(rig, Path(scratch), keep, QUICK_S if quick else SECONDS)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(command)

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.peers import cosine_transform, frankot_chellappa
+from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
@@ -30,8 +30,6 @@ from zeromethod.warp.warp import Warp
 
 Figures = dict[str, Any]
 OnStep = Callable[[str], None]
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 PEAK_MM, SIGMA_MM = 0.2, 5.0
 SLOPE_NOISE_RAD = 5e-5

@@ -46,6 +46,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.bench_rigs import coarser
+from zeromethod.arrays import Float
 from zeromethod.clock import SimulatedClock
 from zeromethod.errors import MeasurementError
 from zeromethod.loop.circle import Sensor
@@ -54,7 +56,6 @@ from zeromethod.loop.state import NULLED
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target
-from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -71,7 +72,6 @@ from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_pixels import RestGrid
 from zeromethod.warp.warp import Warp
 
-Array = NDArray[np.float64]
 Method = Literal["open", "null"]
 Zero = Literal["rays", "difference", "rig"]
 
@@ -153,20 +153,6 @@ def compare_open_loop(
     }
 
 
-def coarser(rig: Rig, factor: int) -> Rig:
-    """The same bench with `factor` times larger pixels of camera and LCD: as many LCD px per camera px.
-
-    Raises InputError where `factor` does not divide the camera's pixels.
-    """
-    display = rig.display
-    larger = {
-        "columns": display.columns // factor,
-        "rows": display.rows // factor,
-        "pitch_mm": display.pitch_mm * factor,
-    }
-    return binned(rig, factor).model_copy(update={"display": display.model_copy(update=larger)})
-
-
 def true_rig(believed: Rig, kind: str) -> Rig:
     """The rig that the bench really is when `believed` is wrong by the error `kind`."""
     if kind == "display":
@@ -206,7 +192,7 @@ class _MisreadingSensor:
     def __init__(self, sensor: Sensor, gain: float) -> None:
         self._sensor, self._gain = sensor, gain
 
-    def measure(self, image: NDArray[Any], guess: Array | None = None, **known: Any) -> Residual:
+    def measure(self, image: NDArray[Any], guess: Float | None = None, **known: Any) -> Residual:
         residual = self._sensor.measure(image, guess, **known)
         return replace(residual, d=self._gain * residual.d)
 
@@ -302,7 +288,7 @@ class _Reader:
     """Reads warps to depth relative to the zero, as `zero` says."""
 
     def __init__(self, staircase: _Staircase, rest: _Reading, zero: Zero) -> None:
-        self._shift: Array | None = None
+        self._shift: Float | None = None
         self.staircase = staircase
         if not rest.warps:
             raise MeasurementError("the mirror at rest could not be read")
