@@ -1,4 +1,4 @@
-"""What the live path costs a frame: threads, strips, pacing; reading and publishing beside the loop.
+"""What the live path costs a frame: threads, strips, pacing; reading and publishing alongside the loop.
 
 The bare loop does everything in turn. The live one, over the same devices, reads the camera and draws in
 threads of their own, numbers its pictures by coded strips and reads when they were lit, and decides how long
@@ -84,7 +84,7 @@ COMPARED = {
     **{variant.name: PACED[0].name for variant in PACED[1:]},
     DRAWN[1].name: DRAWN[0].name,
 }
-"""What each variant is held against."""
+"""What each variant is compared with."""
 
 
 Turns = dict[str, list[list[Timed]]]

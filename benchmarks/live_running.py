@@ -56,7 +56,8 @@ class Variant:
     """One way to run the loop.
 
     steady: as `Loop.run` does, without Python's own garbage collection. pools: libraries take every core.
-    reads: surfaces are read beside it. subscriber: None (nothing is published), none, reading, stopped.
+    reads: surfaces are read, in a process of their own.
+    subscriber: None (nothing is published), none, reading, stopped.
     """
 
     name: str

@@ -1,12 +1,12 @@
 """Whether anything drifts over ten thousand frames at rest and ten thousand with a press held.
 
 Camera and LCD binned by 4 (drawn on the GPU), noise, jitter and free-running clocks on. The warp measured
-and the warp commanded are held against the true one over usable, valid nodes; depth is read in windows of
+and the warp commanded are compared with the true one over usable, valid nodes; depth is read in windows of
 100 frames.
 
 Error: rms over the nodes and frames of a window, so it holds noise and drift alike. Bar: in the last window
 at most 1.1 times that in the window which starts 100 frames after the start (after the press). Depth peak:
-mean over a window, whose own standard error stands beside it, as a single frame's noise would hide a drift
+mean over a window, given with its own standard error, as a single frame's noise would hide a drift
 of 0.05 %. Drift: rms over the nodes of the change of the mean warp between first and last window; noise
 explains a part.
 """

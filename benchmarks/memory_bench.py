@@ -51,16 +51,16 @@ It moves in steps that the loop has time to null: pictures that are not would be
 """
 
 REACH = 2
-"""States between what is seen and what is shown; more is cut off, and made up for by later frames."""
+"""Most states between mirror and picture; more is cut off, and caught up by later frames."""
 
 SEEN_NODES = 8
-"""Every so many-th node tells which state a picture was drawn for."""
+"""Every so many-th node shows which state a picture was drawn for."""
 
 SETTLED_S = 0.002
 """Waited really where time is skipped, so that a picture that was asked for comes before and not after."""
 
 PICTURES = 8
-"""Pictures that an exposure may have seen."""
+"""Pictures that one exposure may span."""
 
 
 def _mirror(state: int) -> Mirror:
@@ -166,12 +166,12 @@ class Picture:
 
 
 def fingerprint(q: Float) -> float:
-    """What tells warps apart."""
+    """A number that differs between warps."""
     return float(q[q.shape[0] // 2, q.shape[1] // 2].sum())
 
 
 class Noted:
-    """In place of what draws: tells the display only. Drawing by a graphics card costs as little."""
+    """In place of the renderer: only notes the warp. Drawing by a graphics card costs as little."""
 
     def __init__(self, *_: object) -> None:
         pass

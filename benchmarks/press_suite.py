@@ -7,8 +7,8 @@ the curvature of Hertz's surface is infinite, and between two nodes nothing sees
 traces at the nodes; what folds, loses its light or leaves the LCD is flagged as in a run.
 
 Slopes fix depth up to one multiple C of the known field h (`SurfaceReader.scale`). No clamped rim is in view,
-so C, fitted to the truth, is taken off; it stands beside the sigma that the reading states for it. Errors are
-in percent of the deepest node compared.
+so C, fitted to the truth, is taken off; it is printed with the sigma that the reading states for it. Errors
+are in percent of the deepest node compared.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ PRESSES = (
 class Error:
     """Errors of one reading; percent of `depth_mm`, the deepest node compared.
 
-    peak_percent: of the true peak, for presses that are seen at their peak. constant_nm: C at h = 1, as read
+    peak_percent: of the true peak, for presses whose peak is in view. constant_nm: C at h = 1, as read
     less true; constant_sigma_nm: as stated. position_nm: worst error of the mirror points' x.
     """
 

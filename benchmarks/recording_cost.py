@@ -7,7 +7,7 @@ as a camera's driver hands it over; pictures are taken at once. Everything that 
 recorded, if --keep does not say otherwise: some 4 MB per frame, up to 30 GB in FOLDER, removed at the end.
 
 Other programs on the machine change the loop's rate as well: so it then records and does not record by turns,
-block by block, and each block is held against the mean of its neighbours.
+block by block, and each block is compared with the mean of its neighbours.
 
 rate: frames that the loop took per second, of those that the camera gave. turn: from a frame in hand to the
 command made of it. cpu: processor time per frame, of the loop's thread and of its whole process. lost: frames
@@ -202,7 +202,7 @@ def missing_frames(path: Path) -> tuple[int, int]:
 
 
 def run_and_print(rig: Rig, path: Path, keep: list[str]) -> None:
-    """Record until killed; tell of every turn that was handed over."""
+    """Record until killed; print every turn that was handed over."""
     with Bench(Prepared(rig)) as bench:
         # compiled and settled before
         for _ in bench.steps(2.0):
@@ -233,11 +233,11 @@ def kill_in_the_middle(path: Path, keep: list[str], seconds: float) -> Killed:
     writer = None
     until_s = float("inf")
     for line in process.stdout:
-        told = json.loads(line)
-        if "writer" in told:
-            writer, until_s = told["writer"], time.monotonic() + seconds
+        news = json.loads(line)
+        if "writer" in news:
+            writer, until_s = news["writer"], time.monotonic() + seconds
             continue
-        handed[told["turn"]] = told["at_ns"]
+        handed[news["turn"]] = news["at_ns"]
         if time.monotonic() > until_s:
             break
     assert writer is not None
@@ -291,7 +291,7 @@ def measure(rig: Rig, folder: Path, keep: list[str], seconds: float) -> Report:
         Figure(
             "frames lost of those that the loop took", f"{missing} of {missing + kept}", "0", missing == 0
         ),
-        Figure("state told to the operator at the end", state or "all is well", "all is well", not state),
+        Figure("state reported to the operator at the end", state or "all is well", "all is well", not state),
         Figure(
             "kill -9: frames older than 0.5 s that are not there",
             f"{killed.old_missing} of {killed.handed}",

@@ -2,7 +2,7 @@
 
 The packaged bench binned by 4 under its default press of 0.2 mm, pictures drawn by the real renderer for the
 warp that almost nulls it. The light at the pixels is rendered once per case; then the camera's noise is drawn
-anew 400 times and every frame goes through the sensor, the composition and the reader. Three noise levels,
+400 times and every frame goes through the sensor, the composition and the reader. Three noise levels,
 two exposures (light in proportion), the mirror at rest too, and an exposure that saw two pictures.
 
 "ratio": the sigma stated by the median frame over the standard deviation of the draws, per node. 400 draws
@@ -49,7 +49,7 @@ REST = Mirror()
 
 @dataclass(frozen=True)
 class Case:
-    """Noise (grey levels rms, electrons per grey level), exposure relative to the packaged, what is seen."""
+    """Noise (grey levels rms, electrons per grey level), exposure over the packaged, what is in view."""
 
     name: str
     read_grey: float

@@ -11,7 +11,7 @@ phase meets every refresh and exposure (phase 1.0 is phase 0.0 one frame on). It
 locks, and is unstable where one of the last 60 frames is not nulled or the warp found is not the true one.
 Frames above 0.05 px after the first lock are counted apart: with delay, commands older than those that made
 the lock are still to come. The integrator, which takes each residual for one of its latest command, runs
-beside without its leak, which is kinder to it: its packaged leak of 0.01 leaves a residual for good.
+also without its leak, which is kinder to it: its packaged leak of 0.01 leaves a residual for good.
 """
 
 from __future__ import annotations
@@ -211,13 +211,13 @@ def _sweep(
 ) -> tuple[dict[Mix, Response], dict[float, dict[Mix, Response]]]:
     composed: dict[Mix, Response] = {}
     baseline: dict[float, dict[Mix, Response]] = {gain: {} for gain in INTEGRATORS}
-    beside: set[tuple[float, float, int]] = set()
+    integrators: set[tuple[float, float, int]] = set()
     for mix in mixes(per_mix, every):
         composed[mix] = timed_step(mix, COMPOSITION)
         bar()
         timing = (mix.refresh_hz, mix.exposure_s, mix.delay_frames)
-        if timing not in beside:
-            beside.add(timing)
+        if timing not in integrators:
+            integrators.add(timing)
             for gain in INTEGRATORS:
                 baseline[gain][mix] = timed_step(mix, integrator(gain), BASELINE_FRAMES)
                 bar()
@@ -288,8 +288,8 @@ def measure(seeds: int, per_mix: int, every: int) -> Report:
         "composition": [asdict(mix) | asdict(response) for mix, response in composed.items()],
         "integrator": [
             asdict(mix) | asdict(response) | {"gain": gain}
-            for gain, beside in baseline.items()
-            for mix, response in beside.items()
+            for gain, integrators in baseline.items()
+            for mix, response in integrators.items()
         ],
     }
     details = [header, *(_row(timing, composed, baseline) for timing in timed)]

@@ -1,4 +1,4 @@
-"""Speed and accuracy beside the peers and the bounds, all measured in one run on the same frames and threads.
+"""Speed and accuracy of this system, the peers and the bounds, in one run on the same frames and threads.
 
 displacement: time, error and noise over the Cramer-Rao bound. integration: slopes to depth. loop: the whole
 circle. scaling: time and memory over the frame's size. why: open loop against null.

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.against_peers`: speed and accuracy beside the peers, and the bounds."""
+"""`python -m benchmarks.against_peers`: speed and accuracy against the peers and the bounds."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from zeromethod.view.progress import progress
 @click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Write a picture (.png).")
 @click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
 def bench_command(parts: tuple[str, ...], quick: bool, figure: Path | None, summary: Path | None) -> None:
-    """Measure this system beside its peers and the physical bound: time, error, memory, one thread each.
+    """Measure this system, its peers and the physical bound: time, error, memory, one thread each.
 
     Everything is measured in this run on the same frames; compare ratios, not milliseconds. The part "why"
-    sets open loop against null; its picture is written beside --figure, as NAME-open-loop.png.
+    compares open loop with null; its picture is written next to --figure, as NAME-open-loop.png.
     """
     check_file("--figure", figure, suffix=".png")
     check_file("--summary", summary, suffix=".json")

@@ -120,7 +120,7 @@ def compare_open_loop(
     """
     binning = binning or (QUICK_BINNING if quick else BINNING)
     believed = coarser(load_rig("simulated"), binning)
-    told = _Steps(
+    advance = _Steps(
         on_step, [f"{kind}, {method}" for kind in ERRORS for method in METHODS for _ in _levels(quick)]
     )
     errors: dict[str, dict[str, list[dict[str, Any]]]] = {}
@@ -130,7 +130,7 @@ def compare_open_loop(
         errors[kind] = {}
         for method in METHODS:
             staircase = _Staircase(kind, method, believed, _levels(quick))
-            readings = list(staircase.readings(told))
+            readings = list(staircase.readings(advance))
             for zero in ZEROS if kind == "distortion" else ZEROS[:1]:
                 reader = _Reader(staircase, readings[0], zero)
                 rows = [_row(reader, reading) for reading in readings[1:]]
@@ -235,7 +235,7 @@ class _Staircase:
         pad = Dent(Shape.GAUSSIAN, *PRESS_MM, 0.0, SIGMA_MM)
         return Scenario("staircase", (PressPath(pad, tuple(points)),), 1e-9 * self._ends_ns[-1])
 
-    def readings(self, told: Callable[[], None]) -> Iterator[_Reading]:
+    def readings(self, advance: Callable[[], None]) -> Iterator[_Reading]:
         """One reading per level, from the last frames in it that can be read."""
         clock = SimulatedClock()
         display = SimulatedDisplay(self.truth.rig, clock)
@@ -247,19 +247,19 @@ class _Staircase:
             loop.hold(self.method == "open")
             half_ns = round(0.5e9 * self.believed.camera.exposure_s)
             level, start_ns = 0, 0
-            seen: list[Step] = []
+            taken: list[Step] = []
             for step in loop.run():
                 end_ns = self._ends_ns[level]
                 if step.time_ns + half_ns > end_ns:
                     mirror = camera.truth(end_ns - 1)
-                    yield self._reading(seen, self.levels[level], mirror, FRAMES if level else _ZERO_FRAMES)
-                    told()
-                    level, start_ns, seen = level + 1, end_ns, []
+                    yield self._reading(taken, self.levels[level], mirror, FRAMES if level else _ZERO_FRAMES)
+                    advance()
+                    level, start_ns, taken = level + 1, end_ns, []
                     if level == len(self.levels):
                         return
                 # what is exposed across a jump sees two mirrors
                 if step.time_ns - half_ns >= start_ns:
-                    seen.append(step)
+                    taken.append(step)
             raise MeasurementError(f"the loop ended: {loop.status.reason}")
         finally:
             camera.close()
@@ -271,8 +271,8 @@ class _Staircase:
         light = Target.from_spec(target).light
         return _MisreadingSensor(ResidualSensor.from_rig(self.believed, grid, light), 1 + ERROR)
 
-    def _reading(self, seen: list[Step], depth_mm: float, mirror: Mirror, most: int) -> _Reading:
-        usable = [(warp, step.residual_rms_px) for step in seen if (warp := self._warp(step)) is not None]
+    def _reading(self, taken: list[Step], depth_mm: float, mirror: Mirror, most: int) -> _Reading:
+        usable = [(warp, step.residual_rms_px) for step in taken if (warp := self._warp(step)) is not None]
         usable = usable[-most:]
         rms_px = float(np.sqrt(np.mean([rms**2 for _, rms in usable]))) if usable else float("nan")
         return _Reading(depth_mm, [warp for warp, _ in usable], rms_px, mirror)
@@ -301,7 +301,7 @@ class _Reader:
         self._reader = SurfaceReader(staircase.believed, optics, grid)
 
     def compare(self, warp: Warp, mirror: TrueMirror) -> Comparison:
-        """Errors of the depth read from `warp`, against the true mirror seen by the true rays."""
+        """Errors of the depth read from `warp`, against the true mirror by the true rays."""
         if self._shift is not None:
             warp = replace(warp, q=warp.q + self._shift)
         return compare(self._reader.read(warp), mirror, self.staircase.truth, self.staircase.grid)

@@ -30,7 +30,7 @@ FEW_READ = 0.98
 _COLOURS = {"none": "C7", "sensor": "C3", "display": "C2", "distortion": "C0"}
 _ZERO_COLOURS = {"rays": "C0", "difference": "C1", "rig": "C4"}
 _WIDTHS = {"none": 5.0, "display": 3.0, "distortion": 1.5, "sensor": 1.5}
-"""Curves that coincide are drawn the wider the earlier, so that each can be seen."""
+"""Curves that coincide are drawn the wider the earlier, so that each is visible."""
 _STYLES: dict[str, dict[str, Any]] = {
     "open": {"linestyle": "-", "marker": "o", "markersize": 4.0},
     "null": {"linestyle": "--", "marker": "s", "markersize": 4.0, "markerfacecolor": "none"},

@@ -81,7 +81,7 @@ def test_without_a_terminal_there_is_a_line_per_second_and_one_word_of_silence()
     assert [line.split()[0] for line in lines[:6]] == ["0.0", "1.0", "2.0", "3.0", "4.0", "5.0"]
     assert lines.count("no new data for 3 s") == 1
     assert lines[-1] == "no new data for 3 s"
-    assert lines[0].endswith("locked  60.0 frames/s  residual 0.012 px  peak 200.00 um (sigma 0.05)")
+    assert lines[0].endswith("locked  60.0 frames/s  residual 0.012 px  peak 200.00 µm (sigma 0.05)")
 
 
 def test_a_terminal_has_one_line_that_says_how_long_nothing_came() -> None:

@@ -96,13 +96,13 @@ def measure_command(
 
 
 def _check_names(images: tuple[Path, ...]) -> None:
-    seen: dict[str, Path] = {}
+    taken: dict[str, Path] = {}
     for path in images:
-        if path.stem in seen:
+        if path.stem in taken:
             raise InputError(
-                f"IMAGE: {path}: its results would overwrite those of {seen[path.stem]}: names that differ"
+                f"IMAGE: {path}: its results would overwrite those of {taken[path.stem]}: rename one"
             )
-        seen[path.stem] = path
+        taken[path.stem] = path
 
 
 def _write(reading: StillReading, measurement: Measurement, folder: Path) -> None:

@@ -46,7 +46,7 @@ _PANELS: tuple[tuple[str, str, tuple[tuple[str, str], ...]], ...] = (
     (f"Gaussian press, sigma {HEADLINE_SIGMA_MM:g} mm: folds at", "mm", (("gaussian_fold_mm", ""),)),
     ("footprint of the lens's pupil, along x", "mm", (("footprint_mm", ""),)),
     ("slope noise of one frame, along x", "µrad", (("slope_sigma_urad", ""),)),
-    ("mirror seen, along x", "mm", (("mirror_seen_mm", ""),)),
+    ("mirror in view, along x", "mm", (("mirror_seen_mm", ""),)),
     ("view that sees the LCD", "share", (("sees_lcd_share", ""),)),
 )  # fmt: skip
 

@@ -17,7 +17,7 @@ _CURVES = (
     ("folds at\nmm", "gaussian_fold_mm", "{:.3f}"),
     ("footprint\nmm", "footprint_mm", "{:.3f}"),
     ("slope noise\nµrad", "slope_sigma_urad", "{:.2f}"),
-    ("mirror seen\nmm", "mirror_seen_mm", "{:.1f}"),
+    ("mirror in view\nmm", "mirror_seen_mm", "{:.1f}"),
     ("sees LCD", "sees_lcd_share", "{:.0%}"),
 )
 _PAIRS = (
@@ -112,7 +112,7 @@ def _view_rows(view: Figures) -> list[tuple[str, str]]:
     lost = ", ".join(f"{share:.1%} {why.replace('_', ' ')}" for why, share in view["lost_share"].items())
     return [
         (
-            "mirror seen",
+            "mirror in view",
             f"x {x[0]:.1f} to {x[1]:.1f} of {view['mirror_length_mm']:.1f} mm, y {y[0]:.1f} to {y[1]:.1f} mm",
         ),
         (

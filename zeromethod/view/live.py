@@ -1,4 +1,4 @@
-"""The live status of a run: one line in the terminal, and what the operator should know."""
+"""The live status of a run: one line in the terminal, and notes above it."""
 
 from __future__ import annotations
 
@@ -11,25 +11,30 @@ from rich.table import Column
 
 from zeromethod.session.result import FrameRecord
 
-_COLOURS = {
-    "locked": "green",
-    "resting": "green",
-    "nulling": "yellow",
-    "starting": "yellow",
-    "paused": "cyan",
+STATE_COLOURS = {
+    "locked": "#2e9e5b",
+    "resting": "#7cc7a0",
+    "nulling": "#e0b100",
+    "starting": "#c9b26b",
+    "holding": "#e07b00",
+    "paused": "#4fa3d1",
+    "lost": "#b5179e",
+    "fault": "#d62828",
+    "stopped": "#808080",
 }
-_EXPLAINED = frozenset({"holding", "lost", "fault", "paused"})
+EXPLAINED = frozenset({"holding", "lost", "fault", "paused"})
+"""States whose reason is shown in place of the figures."""
 
 
 class LiveStatus:
     """Progress bar with state, residual, peak depth and loop time, which only a terminal shows.
 
-    Notes are printed above it, elsewhere too. In `holding`, `lost`, `fault` and `paused` the reason stands in
-    place of the figures.
+    Notes are printed above it, and where there is no terminal. In the states of `EXPLAINED` it shows the
+    reason in place of the figures.
     """
 
     def __init__(self, console: Console, total: float | None, unit: str, keys: str = "") -> None:
-        """`total` in `unit` ("frames" or "seconds"), None: no end is known. keys: what they do."""
+        """`total` in `unit` ("frames" or "seconds"), None: no end is known. keys: what each does."""
         self._unit = unit
         self._console = console
         self._progress = Progress(
@@ -63,14 +68,14 @@ class LiveStatus:
                 f"note: {note}", style="yellow", markup=False, highlight=False, soft_wrap=True
             )
         state = str(record.state)
-        colour = _COLOURS.get(state, "red")
+        colour = STATE_COLOURS.get(state, "red")
         figures = (
-            f"peak {1e3 * record.newest_peak_mm:.2f} um  residual {record.residual_rms_px:.3f} px  "
+            f"peak {1e3 * record.newest_peak_mm:.2f} µm  residual {record.residual_rms_px:.3f} px  "
             f"valid {100 * record.valid_share:.1f} %  loop {record.loop_ms:.1f} ms"
         )
         self._progress.update(
             self._task,
             completed=done_frames if self._unit == "frames" else record.time_s,
             state=f"[{colour}]{state}[/]",
-            figures=escape(record.reason if state in _EXPLAINED else f"{record.phase}  {figures}".strip()),
+            figures=escape(record.reason if state in EXPLAINED else f"{record.phase}  {figures}".strip()),
         )

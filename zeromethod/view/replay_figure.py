@@ -13,7 +13,7 @@ from zeromethod.view.axes import labelled, picture
 
 _COLOURS = ("C7", "C0", "C3")
 _WIDTHS = (3.0, 1.5, 1.0)
-"""Curves that coincide are drawn the wider the earlier, so that each can be seen."""
+"""Curves that coincide are drawn the wider the earlier, so that each is visible."""
 
 
 def draw_sessions(curves: dict[str, dict[str, Float]], title: str, path: Path) -> None:

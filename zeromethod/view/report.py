@@ -1,4 +1,4 @@
-"""One recording as one HTML file that needs nothing else: figures, pictures, settings, how to do it again."""
+"""One recording as one HTML file: figures, pictures, settings, how to reproduce it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from zeromethod.view.report_words import (
 )
 
 MOST_HAPPENINGS = 300
-"""Drops and faults that are listed; of more, it is told how many there are."""
+"""Drops and faults that are listed; of more, the page gives the number."""
 
 STEPS = ("figures", *(f"checking {several}" for _, several in KINDS.values()), "curves", "depth maps", "page")
 
@@ -48,7 +48,8 @@ def write_report(
 ) -> Figures:
     """Write the page of the recording at `path`, in one move; returns the figures of its summary.
 
-    All arrays are read once, to tell how many are damaged: of a recording that goes on, what is there by now.
+    All arrays are read once, to count the damaged ones; of a recording that is still being
+    written, those that are complete.
     advance: called after each of the `STEPS` with the name of the next one.
     """
     following = iter(STEPS[1:])
@@ -74,7 +75,7 @@ def _render(
     damaged: list[str],
 ) -> str:
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
-    told = happenings(recording)
+    happened = happenings(recording)
     return environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
         title=f"{recording.rig.name}: {path.name}",
         subtitle=subtitle(recording, figures),
@@ -85,8 +86,8 @@ def _render(
         without_rate=curves and figures["frames"] < LEAST_RATED and _without_rate(figures["frames"]),
         maps=maps,
         without_maps=damaged or list(_without_maps(recording, maps)),
-        happenings=[*damage_rows(figures), *(happening_row(one) for one in told[:MOST_HAPPENINGS])],
-        more_happenings=max(len(told) - MOST_HAPPENINGS, 0),
+        happenings=[*damage_rows(figures), *(happening_row(one) for one in happened[:MOST_HAPPENINGS])],
+        more_happenings=max(len(happened) - MOST_HAPPENINGS, 0),
         notes=note_rows(recording),
         rig=list(rig_rows(recording.rig)),
         **calibration_parts(recording),

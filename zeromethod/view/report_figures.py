@@ -22,7 +22,8 @@ from zeromethod.arrays import Float
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Peak, Surface
 from zeromethod.view.axes import centred, filled, plain_log_ticks
-from zeromethod.view.report_history import STATE_COLOURS, Episode, at_turns, episodes, seconds, start_ns
+from zeromethod.view.live import STATE_COLOURS
+from zeromethod.view.report_history import Episode, at_turns, episodes, seconds, start_ns
 from zeromethod.warp.grid import PADDING
 
 MOST_POINTS = 2000
@@ -146,9 +147,9 @@ def timeline(recording: Recording) -> str:
         figure = Figure(figsize=(9.6, 0.5 + 1.9 * panels), layout="constrained")
         axes = figure.subplots(panels, 1, sharex=True)
         residual, depth, last = axes[0], axes[1], axes[-1]
-        told = episodes(recording)
+        states = episodes(recording)
         for axis in axes:
-            _shade(axis, told)
+            _shade(axis, states)
         _curve(residual, time_s, np.where(turns["residual_rms_px"] > 0, turns["residual_rms_px"], np.nan))
         if (turns["residual_rms_px"] > 0).any():
             residual.set_yscale("log")
@@ -163,21 +164,25 @@ def timeline(recording: Recording) -> str:
         last.set_xlabel("time, s" + ("  (red ticks: frames dropped)" if len(drops) else ""))
         if time_s[-1] > time_s[0]:
             last.set_xlim(time_s[0], time_s[-1])
-        seen = dict.fromkeys(one.state for one in told if one.end_s > one.start_s)
-        handles = [Patch(color=STATE_COLOURS.get(state, "#808080"), alpha=0.4, label=state) for state in seen]
+        found = dict.fromkeys(one.state for one in states if one.end_s > one.start_s)
+        handles = [Patch(color=_colour(state), alpha=0.4, label=state) for state in found]
         figure.legend(handles=handles, loc="outside upper left", ncols=max(len(handles), 1))
         return _svg(figure, "residual, peak depth" + (" and rate" if panels == 3 else "") + " over time")
 
 
-def _shade(axis: Axes, told: list[Episode]) -> None:
+def _colour(state: str) -> str:
+    return STATE_COLOURS.get(state, "#808080")
+
+
+def _shade(axis: Axes, states: list[Episode]) -> None:
     """Each state's times in its colour."""
-    for state in dict.fromkeys(one.state for one in told):
-        spans = [(one.start_s, one.end_s - one.start_s) for one in told if one.state == state]
+    for state in dict.fromkeys(one.state for one in states):
+        spans = [(one.start_s, one.end_s - one.start_s) for one in states if one.state == state]
         axis.broken_barh(
             spans,
             (0, 1),
             transform=axis.get_xaxis_transform(),
-            color=STATE_COLOURS.get(state, "#808080"),
+            color=_colour(state),
             alpha=0.25,
             linewidth=0,
             rasterized=len(spans) > _MANY,
