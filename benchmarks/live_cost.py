@@ -27,10 +27,7 @@ import numpy as np
 from benchmarks.bench_report import Figure, Report, benchmark, start
 from benchmarks.bench_rigs import changed
 from benchmarks.live_running import Timed, Variant, run_together
-from benchmarks.memory_bench import (
-    PATH,
-    Prepared,
-)
+from benchmarks.memory_bench import PATH, Prepared
 from zeromethod.arrays import Float
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig

@@ -93,12 +93,7 @@ def _mean_square(q: Float, true_q: Float, nodes: NDArray[np.bool_]) -> float:
     return float(np.mean(np.sum((q - true_q)[nodes] ** 2, axis=-1)))
 
 
-def hold(
-    depth_mm: float,
-    frames: int,
-    bar: Advance,
-    settled: int = SETTLED_FRAMES,
-) -> list[Window]:
+def hold(depth_mm: float, frames: int, bar: Advance, settled: int = SETTLED_FRAMES) -> list[Window]:
     """Run `frames` frames after a step of `depth_mm` (0: at rest).
 
     Windows start at frame `settled`, at 1000 and 3000, and so that the last one ends with the run.

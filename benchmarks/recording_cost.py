@@ -27,7 +27,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -41,8 +41,8 @@ import numpy as np
 from benchmarks.bench_report import Figure, Report, benchmark, start
 from benchmarks.bench_rigs import changed
 from benchmarks.memory_bench import FastLiveClock, MemoryCamera, MemoryDisplay, Noted, Prepared
+from zeromethod.cli.recording_options import parts_of
 from zeromethod.devices.protocols import Frame
-from zeromethod.errors import InputError
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.step import Step
 from zeromethod.recording.recorder import Recorder
@@ -162,7 +162,7 @@ class Bench:
 
 
 @contextmanager
-def recording(bench: Bench, path: Path, keep: list[str]) -> Iterator[Recorder]:
+def recording(bench: Bench, path: Path, keep: Sequence[str]) -> Iterator[Recorder]:
     """Record into `path` meanwhile."""
     loop = bench.loop
     with Recorder(path, bench.rig, loop.rest, keep=keep, live=True, command_line="benchmark") as recorder:
@@ -173,7 +173,7 @@ def recording(bench: Bench, path: Path, keep: list[str]) -> Iterator[Recorder]:
             bench.recorder = None
 
 
-def by_turns(bench: Bench, path: Path, keep: list[str], seconds: float) -> list[Part]:
+def by_turns(bench: Bench, path: Path, keep: Sequence[str], seconds: float) -> list[Part]:
     """Blocks without, with, without, ... recording."""
     blocks = []
     with recording(bench, path, keep) as recorder:
@@ -201,7 +201,7 @@ def missing_frames(path: Path) -> tuple[int, int]:
     return int(np.setdiff1d(taken, kept).size), int(kept.size)
 
 
-def run_and_print(rig: Rig, path: Path, keep: list[str]) -> None:
+def run_and_print(rig: Rig, path: Path, keep: Sequence[str]) -> None:
     """Record until killed; print every turn that was handed over."""
     with Bench(Prepared(rig)) as bench:
         # compiled and settled before
@@ -224,9 +224,17 @@ class Killed:
     plain: bool
 
 
-def kill_in_the_middle(path: Path, keep: list[str], seconds: float) -> Killed:
+def kill_in_the_middle(path: Path, keep: Sequence[str], seconds: float) -> Killed:
     """Kill a recording run and what writes for it; see what is there."""
-    command = [sys.executable, __file__, "--record", str(path), "--keep", ",".join(keep)]
+    command = [
+        sys.executable,
+        "-m",
+        "benchmarks.recording_cost",
+        "--record",
+        str(path),
+        "--keep",
+        ",".join(keep),
+    ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     handed: dict[int, int] = {}
@@ -255,7 +263,7 @@ def kill_in_the_middle(path: Path, keep: list[str], seconds: float) -> Killed:
     return Killed(len(handed), len(there), len(old - there), newest_s, plain)
 
 
-def measure(rig: Rig, folder: Path, keep: list[str], seconds: float) -> Report:
+def measure(rig: Rig, folder: Path, keep: Sequence[str], seconds: float) -> Report:
     """Run everything; see the module."""
     path = folder / "session.h5"
     with progress(5, "recording cost") as bar, Bench(Prepared(rig)) as bench:
@@ -335,19 +343,11 @@ def measure(rig: Rig, folder: Path, keep: list[str], seconds: float) -> Report:
     return Report(title, figures, rows, data)
 
 
-def _parts(ctx: click.Context, param: click.Parameter, value: str) -> list[str]:  # noqa: ARG001 - click's
-    names = value.split(",")
-    for name in names:
-        if name not in KEEP:
-            raise InputError(f"--keep: {name!r}: of {', '.join(KEEP)}, with commas between")
-    return names
-
-
 @benchmark(
     "recording_cost",
     __doc__,
     click.option(
-        "--keep", default=",".join(KEEP), show_default=True, callback=_parts, help="What is recorded."
+        "--keep", default=",".join(KEEP), show_default=True, callback=parts_of, help="What is recorded."
     ),
     click.option(
         "--folder",
@@ -356,7 +356,7 @@ def _parts(ctx: click.Context, param: click.Parameter, value: str) -> list[str]:
     ),
     click.option("--record", type=click.Path(path_type=Path), hidden=True),
 )
-def command(quick: bool, keep: list[str], folder: Path | None, record: Path | None) -> Report | None:
+def command(quick: bool, keep: tuple[str, ...], folder: Path | None, record: Path | None) -> Report | None:
     rig = changed(load_rig("simulated"), control={"strips": "edges"})
     if record is not None:
         run_and_print(rig, record, keep)

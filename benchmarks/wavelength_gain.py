@@ -106,10 +106,7 @@ def through_the_loop(bench: Bench, mirror: Mirror, frames: int) -> tuple[list[Su
     dent = mirror.dents[0]
     surfaces = []
     held = [(0.0, dent.depth_mm)]
-    with (
-        pressed(bench.rig, held, dent.size_mm, (dent.x_mm, dent.y_mm)) as rig,
-        opened(rig) as running,
-    ):
+    with pressed(bench.rig, held, dent.size_mm, (dent.x_mm, dent.y_mm)) as rig, opened(rig) as running:
         for step in running.loop.run(frames=FRAMES_TO_LOCK + frames):
             number = step.frame_number or 0
             if number >= FRAMES_TO_LOCK and step.measured is not None and step.state is State.LOCKED:

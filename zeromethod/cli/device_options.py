@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -11,6 +11,7 @@ import click
 from pydantic import ValidationError
 
 from zeromethod.cli.numbers import Whole
+from zeromethod.cli.output import several
 from zeromethod.commissioning.delay import with_strips
 from zeromethod.devices.addresses import with_camera
 from zeromethod.errors import InputError
@@ -26,7 +27,7 @@ WINDOW = "display window: "
 
 _LATENCY_S = (-1.0, 10.0)
 
-_OPTIONS: tuple[Callable[[Any], Any], ...] = (
+bench_options = several(
     click.option(
         "--display", "monitor", type=Whole(min=0), help="The LCD is this monitor: see `devices`."
     ),
@@ -91,13 +92,6 @@ class BenchOptions:
         """Keys of `[camera]` that were given."""
         keys = (field.name for field in fields(self) if field.name not in {"monitor", "address"})
         return {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
-
-
-def bench_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the shared options to a command."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
 
 
 def with_devices(rig: Rig, options: BenchOptions, camera_alone: bool = False) -> Rig:

@@ -35,10 +35,7 @@ _TASKS = {
 """Every task, and the options that go with it, besides --summary."""
 
 
-@click.command(
-    "devices",
-    epilog="Example: zeromethod devices --focus --rig my.toml --display 1 --camera 0",
-)
+@click.command("devices", epilog="Example: zeromethod devices --focus --rig my.toml --display 1 --camera 0")
 @click.option(
     "--identify",
     is_flag=False,

@@ -19,8 +19,7 @@ from zeromethod.view.progress import progress
 
 
 @click.command(
-    "export",
-    epilog="Example: zeromethod export session.h5 depth.tif peak.csv session.mp4 --from 1 --to 3",
+    "export", epilog="Example: zeromethod export session.h5 depth.tif peak.csv session.mp4 --from 1 --to 3"
 )
 @click.argument("file", type=click.Path(path_type=Path))
 @click.argument(

@@ -39,6 +39,17 @@ class OutputFile(click.Path):
         return path
 
 
+def several(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """A decorator that adds these options to a command, in this order."""
+
+    def add(command: Any) -> Any:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
+
+
 summary_option = click.option("--summary", type=OutputFile(".json"), help="Write the figures (.json).")
 figure_option = click.option("--figure", type=OutputFile(".png"), help="Write a picture (.png).")
 

@@ -50,8 +50,7 @@ class _Replay:
 
 
 @click.command(
-    "replay",
-    epilog="Example: zeromethod replay session.h5 --mode closed-loop --gain 0.5 --figure replay.png",
+    "replay", epilog="Example: zeromethod replay session.h5 --mode closed-loop --gain 0.5 --figure replay.png"
 )
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(

@@ -44,8 +44,7 @@ from zeromethod.view.table import summary_table
 
 
 @click.command(
-    "run",
-    epilog="Example: zeromethod run --scenario step --seconds 1 --figure run.png --summary run.json",
+    "run", epilog="Example: zeromethod run --scenario step --seconds 1 --figure run.png --summary run.json"
 )
 @click.option(
     "--rig", "rig_name", default="simulated", show_default=True, help="Rig file, or a packaged name."
@@ -102,7 +101,7 @@ def run_command(
     """
     names = ("recording", "keep", "every", "compress")
     recording = RecordingOptions(**{name: others.pop(name) for name in names})
-    recording.parts()
+    recording.check()
     if frames is not None and seconds is not None:
         raise InputError("--frames and --seconds: give one of them, not both")
     options = BenchOptions(**others)
@@ -119,11 +118,7 @@ def run_command(
     rig = with_asked_strips(rig, strips, options.named)
     check_geometry(rig)
     limit_threads()
-    with (
-        stopped_by_signals(),
-        open_devices(rig) as opened,
-        _publishing(publish, opened) as publisher,
-    ):
+    with stopped_by_signals(), open_devices(rig) as opened, _publishing(publish, opened) as publisher:
         stored = calibration_of(rig_name)
         if stored is not None and not simulate:
             _check_calibration(stored, rig_name, rig, opened, force)

@@ -20,10 +20,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.thread_limits import limit_threads
 
 
-@click.command(
-    "virtual-bench",
-    epilog="Example: zeromethod virtual-bench --monitor 1 --truth truth.jsonl",
-)
+@click.command("virtual-bench", epilog="Example: zeromethod virtual-bench --monitor 1 --truth truth.jsonl")
 @click.option("--rig", "rig_name", default="virtual", show_default=True, help="Rig file, or a packaged name.")
 @scenario_option
 @click.option(
@@ -75,35 +72,13 @@ def virtual_bench_command(
     rig = _with_rate(with_scenario(load_rig(rig_name), scenario, seed), rate_hz)
     check_geometry(rig)
     limit_threads()
-    played = math.inf if forever else float(repeats or 1)
-    _play(rig, rig_name, monitor, port, truth_path, played, start_after_s)
 
-
-def _with_rate(rig: Rig, rate_hz: float | None) -> Rig:
-    if rate_hz is None:
-        return rig
-    most_hz = 1 / rig.camera.exposure_s
-    if not 0 < rate_hz <= most_hz:
-        raise InputError(f"--rate: {rate_hz:g}: above 0 and at most 1 / camera.exposure_s = {most_hz:g} Hz")
-    return rig.model_copy(update={"camera": rig.camera.model_copy(update={"rate_hz": rate_hz})})
-
-
-def _play(
-    rig: Rig,
-    rig_name: str,
-    monitor: int,
-    port: int,
-    truth_path: Path | None,
-    repeats: float,
-    start_after_s: float,
-) -> None:
     from zeromethod.simulation.scenario import load_scenario  # noqa: PLC0415
     from zeromethod.simulation.virtual_bench.bench import Bender, VirtualBench  # noqa: PLC0415 - loads slowly
     from zeromethod.simulation.virtual_bench.grab import MonitorGrabber, find_monitor  # noqa: PLC0415
     from zeromethod.simulation.virtual_bench.stream import FrameServer, stream_header  # noqa: PLC0415
     from zeromethod.simulation.virtual_bench.truth import TruthFile  # noqa: PLC0415
 
-    scenario = load_scenario(rig.press)
     found = find_monitor(monitor, (rig.display.columns, rig.display.rows))
     camera = rig.camera
     header = stream_header(camera.columns, camera.rows, camera.rate_hz, camera.bits)
@@ -115,13 +90,13 @@ def _play(
         truth = stack.enter_context(TruthFile(truth_path, rig, rig.press)) if truth_path else None
         bench = VirtualBench(
             rig,
-            scenario,
+            load_scenario(rig.press),
             bender,
             server,
             lambda: MonitorGrabber(found),
             camera.rate_hz,
             truth,
-            repeats,
+            math.inf if forever else float(repeats or 1),
             start_after_s,
         )
         stop = threading.Event()
@@ -133,3 +108,12 @@ def _play(
         click.echo(f"  zeromethod run --rig {rig_name} --display {monitor} --camera {address}")
         bench.run(stop, click.echo)
         click.echo(f"{bench.frames} frames, {bench.late} of them later than the rig's camera_latency_s")
+
+
+def _with_rate(rig: Rig, rate_hz: float | None) -> Rig:
+    if rate_hz is None:
+        return rig
+    most_hz = 1 / rig.camera.exposure_s
+    if not 0 < rate_hz <= most_hz:
+        raise InputError(f"--rate: {rate_hz:g}: above 0 and at most 1 / camera.exposure_s = {most_hz:g} Hz")
+    return rig.model_copy(update={"camera": rig.camera.model_copy(update={"rate_hz": rate_hz})})

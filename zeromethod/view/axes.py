@@ -47,11 +47,7 @@ def colours(values: Float, percentile: float, *, signed: bool) -> dict[str, Any]
     """Colour map and its ends: symmetric round zero, or from zero up, to a percentile of |values|."""
     finite = np.abs(values[np.isfinite(values)])
     high = float(np.percentile(finite, percentile)) if finite.size else 1.0
-    return {
-        "cmap": "RdBu_r" if signed else "viridis",
-        "vmin": -high if signed else 0.0,
-        "vmax": high or 1.0,
-    }
+    return {"cmap": "RdBu_r" if signed else "viridis", "vmin": -high if signed else 0.0, "vmax": high or 1.0}
 
 
 def colour_bar(axis: Axes, shown: Any, unit: str, **more: Any) -> None:

@@ -20,11 +20,7 @@ _CURVES = (
     ("mirror in view\nmm", "mirror_seen_mm", "{:.1f}"),
     ("sees LCD", "sees_lcd_share", "{:.0%}"),
 )
-_PAIRS = (
-    ("lcd_px_per_mrad", "{:.3f}"),
-    ("camera_px_per_mrad", "{:.3f}"),
-    ("depth_nm_per_px", "{:.1f}"),
-)
+_PAIRS = (("lcd_px_per_mrad", "{:.3f}"), ("camera_px_per_mrad", "{:.3f}"), ("depth_nm_per_px", "{:.1f}"))
 
 
 def design_table(figures: Figures, warnings: list[str]) -> Group:

@@ -219,10 +219,7 @@ def settings_rows(recording: Recording) -> Iterator[tuple[str, str]]:
         f"x {one.x_mm[0]:g} to {one.x_mm[1]:g}, y {one.y_mm[0]:g} to {one.y_mm[1]:g} mm"
         for one in rig.surface.known_rest
     ]
-    yield (
-        "known to be at rest",
-        "; ".join(known) or "nothing, so the quietest part of the view's border",
-    )
+    yield ("known to be at rest", "; ".join(known) or "nothing, so the quietest part of the view's border")
     rows, columns = recording.grid.shape
     yield "nodes", f"{rows} x {columns}, {recording.grid.spacing_px:g} camera px apart"
     missing = [name for name in KEEP if name not in recording.kept]
