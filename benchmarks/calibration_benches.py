@@ -33,8 +33,6 @@ from typing import Any
 import click
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, benchmark, start
-from benchmarks.bench_rigs import changed
 from benchmarks.calibration_study import (
     CASES,
     GAUGE_MM,
@@ -46,6 +44,8 @@ from benchmarks.calibration_study import (
     figures_of,
     summarise,
 )
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed
 from zeromethod.arrays import Float
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
 from zeromethod.cli.numbers import Whole

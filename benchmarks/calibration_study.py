@@ -24,8 +24,8 @@ from dataclasses import asdict, dataclass
 import click
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, benchmark, start
-from benchmarks.bench_rigs import changed
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed
 from zeromethod.arrays import Float
 from zeromethod.calibration import (
     DepthError,

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, benchmark, start
-from benchmarks.bench_rigs import changed, opened, pressed, small_rig
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed, opened, pressed, small_rig
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 from zeromethod.session.truth import TrueMirror, true_peak_mm

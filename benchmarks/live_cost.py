@@ -2,7 +2,7 @@
 
 The bare loop does everything in turn. The live one, over the same devices, reads the camera and draws in
 threads of their own, numbers its pictures by coded strips and reads when they were lit, and decides how long
-they are held. Frames of 1280x1024 in 8 bits were rendered beforehand (`memory_bench`: untouched, pressed,
+they are held. Frames of 1280x1024 in 8 bits were rendered beforehand (`memory_devices`: untouched, pressed,
 sliding, lifted) and are handed over at once, pictures are taken at once: what is timed is the loop's and not
 a device's. The variants take turns, frame by frame or run by run, and each frame is compared with the same
 frame of the same round.
@@ -24,10 +24,10 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, benchmark, start
-from benchmarks.bench_rigs import changed
 from benchmarks.live_running import Timed, Variant, run_together
-from benchmarks.memory_bench import PATH, Prepared
+from benchmarks.memory_devices import PATH, Prepared
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed
 from zeromethod.arrays import Float
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig

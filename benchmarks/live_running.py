@@ -14,8 +14,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from benchmarks.bench_rigs import changed
-from benchmarks.memory_bench import (
+from benchmarks.memory_devices import (
     Drawn,
     FastClock,
     FastLiveClock,
@@ -25,6 +24,7 @@ from benchmarks.memory_bench import (
     Prepared,
     fingerprint,
 )
+from benchmarks.rigs import changed
 from zeromethod.clock import Clock
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED

@@ -18,8 +18,8 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.bench_report import Figure, Report, benchmark, start
-from benchmarks.bench_rigs import Bench, opened, pressed, small_rig, step_path
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import Bench, opened, pressed, small_rig, step_path
 from zeromethod.arrays import Float
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step

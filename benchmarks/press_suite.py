@@ -18,8 +18,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, benchmark, start
-from benchmarks.bench_rigs import VIEW_MIDDLE_MM, Float
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import VIEW_MIDDLE_MM, Float
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.load import load_rig
 from zeromethod.session.truth import true_peak_mm, usable_nodes

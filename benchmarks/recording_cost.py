@@ -38,9 +38,9 @@ import click
 import h5py
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, benchmark, start
-from benchmarks.bench_rigs import changed
-from benchmarks.memory_bench import FastLiveClock, MemoryCamera, MemoryDisplay, Noted, Prepared
+from benchmarks.memory_devices import FastLiveClock, MemoryCamera, MemoryDisplay, Noted, Prepared
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed
 from zeromethod.cli.recording_options import parts_of
 from zeromethod.devices.protocols import Frame
 from zeromethod.loop.loop import Loop

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, benchmark, start
-from benchmarks.bench_rigs import VIEW_MIDDLE_MM, changed, small_rig
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import VIEW_MIDDLE_MM, changed, small_rig
 from zeromethod.arrays import Float
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import PanelTiming, Shown, pair

@@ -21,8 +21,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, benchmark, start
-from benchmarks.bench_rigs import changed, opened, pressed, small_rig, step_path, usable_residual_px
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed, opened, pressed, small_rig, step_path, usable_residual_px
 from zeromethod.loop.state import LOCK_FRAMES, LOCK_RESIDUAL_PX
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig

@@ -18,8 +18,8 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, benchmark, start
-from benchmarks.bench_rigs import VIEW_MIDDLE_MM, opened, pressed
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import VIEW_MIDDLE_MM, opened, pressed
 from zeromethod.arrays import Float
 from zeromethod.loop.state import State
 from zeromethod.optics import Dented, Optics

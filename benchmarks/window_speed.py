@@ -11,7 +11,7 @@ import click
 import moderngl
 import numpy as np
 
-from benchmarks.bench_report import start
+from benchmarks.report import start
 from zeromethod.cli.numbers import Whole
 from zeromethod.drivers.monitors import monitors
 from zeromethod.drivers.window import WindowDisplay

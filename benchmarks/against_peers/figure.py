@@ -17,7 +17,7 @@ Figures = dict[str, Any]
 _MARKERS = "osD^vP"
 
 
-def draw_bench(figures: Figures, path: Path) -> None:
+def draw_peers(figures: Figures, path: Path) -> None:
     """Write the figure as PNG. A panel whose part was not measured says so."""
     host = figures["host"]
     title = f"{host['machine']}, {host['cores']} cores, {host['threads']} thread, OpenCV {host['opencv']}"

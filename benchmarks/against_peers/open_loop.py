@@ -46,7 +46,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.bench_rigs import coarser
+from benchmarks.rigs import coarser
 from zeromethod.arrays import Float
 from zeromethod.clock import SimulatedClock
 from zeromethod.errors import MeasurementError

@@ -23,7 +23,7 @@ _LOOP_ROWS = {
 }
 
 
-def bench_table(figures: Figures, bars: list[Figures]) -> Group:
+def peers_table(figures: Figures, bars: list[Figures]) -> Group:
     """Times are medians; the bars that were judged come last."""
     parts: list[RenderableType] = []
     sections = {

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 import benchmarks
-from benchmarks.bench_report import Figure, Report, benchmark, start
+from benchmarks.report import Figure, Report, benchmark, start
 
-HELPERS = {"bench_report", "bench_rigs", "live_running", "memory_bench"}
+HELPERS = {"report", "rigs", "live_running", "memory_devices"}
 FILES = Path(str(benchmarks.__file__)).parent.glob("*.py")
 NAMES = sorted({file.stem for file in FILES} - HELPERS - {"__init__"})
 
