@@ -55,7 +55,7 @@ def test_a_run_is_told_from_before_its_start_through_a_silence_to_its_end(tmp_pa
         figures = f"{recording.seconds:8.1f} s  stopped"
         peak_um = 1e3 * recording.peaks["depth_mm"][-1]
     assert lines[-2].startswith(figures)
-    assert f"peak {peak_um:.2f} um" in lines[-2]
+    assert f"peak {peak_um:.2f} µm" in lines[-2]
 
 
 def test_rate_is_that_of_the_frames_of_the_last_seconds(recording_path: Path) -> None:
