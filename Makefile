@@ -36,14 +36,11 @@ lint: $(VENV)/.dev-ready
 bench: $(VENV)/.run-ready
 	@mkdir -p out
 	$(BIN)/python -m benchmarks.against_peers --figure out/bench.png --summary out/bench.json
-	$(BIN)/python -m benchmarks.sigma
-	$(BIN)/python -m benchmarks.press_suite
-	$(BIN)/python -m benchmarks.step_response
-	$(BIN)/python -m benchmarks.wavelength_gain
-	$(BIN)/python -m benchmarks.long_hold
-	$(BIN)/python -m benchmarks.fault_tour
-	$(BIN)/python -m benchmarks.live_cost --quick
-	$(BIN)/python -m benchmarks.calibration_study
+	@for name in sigma press_suite step_response wavelength_gain long_hold fault_tour live_cost calibration_study; do \
+		quick=; [ $$name = live_cost ] && quick=--quick; \
+		echo "$(BIN)/python -m benchmarks.$$name $$quick"; \
+		$(BIN)/python -m benchmarks.$$name $$quick --summary out/$$name.json || exit; \
+	done
 
 $(BIN)/python:
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh

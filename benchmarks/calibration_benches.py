@@ -1,7 +1,5 @@
 """Ten unknown benches calibrated by their own pictures, and what their loops then read: no exact warps.
 
-    python -m benchmarks.calibration_benches [--quick] [--benches N] [--jobs N] [--json FILE]
-
 Benches are drawn as in calibration_study.py, with a panel gamma of 1.8 to 2.4, refreshes of 59.8 to 60.2 Hz
 beside a camera of 60.0 Hz, a panel latency that makes 1 to 3 frames of delay, and two grey levels of noise in
 8 bits. The lens is shortened to 5600 px, so that both edges of the mirror are in view. To be quick, camera
@@ -22,9 +20,7 @@ within twice that.
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -34,10 +30,9 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, finish, progress
-from benchmarks.bench_rigs import Array, changed
 from benchmarks.calibration_study import (
     CASES,
     GAUGE_MM,
@@ -49,7 +44,11 @@ from benchmarks.calibration_study import (
     figures_of,
     summarise,
 )
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed
+from zeromethod.arrays import Float
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
+from zeromethod.cli.numbers import Whole
 from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, evaluate, record
 from zeromethod.commissioning.calibration.presses import PressWarps
 from zeromethod.devices.opening import Devices, open_devices
@@ -67,6 +66,7 @@ from zeromethod.simulation.scenario import Scenario
 from zeromethod.surface import Peak, SurfaceReader, peak
 from zeromethod.surface.comparison import true_peak_mm
 from zeromethod.thread_limits import limit_threads
+from zeromethod.view.progress import progress
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
 
@@ -301,7 +301,7 @@ def _outcome(
     kinds: tuple[int, ...],
     calibration: Calibration,
     readings: Sequence[Sequence[Peak]],
-    depths: Array,
+    depths: Float,
 ) -> Outcome:
     """Of the presses that the loop nulled for a frame at least."""
     nulled = [k for k, one in enumerate(readings) if one]
@@ -341,7 +341,7 @@ def report(numbers: Sequence[int], jobs: int) -> Report:
     with progress(len(numbers), "benches") as bar:
         for result in _results(numbers, jobs):
             results.append(result)
-            bar.step()
+            bar()
     outcomes = [one for result in results for one in result.outcomes]
     cases = {case: summarise(outcomes, case) for case in CASES}
     frames = [count for result in results for count in result.facts["frames"]]
@@ -369,19 +369,15 @@ def _results(numbers: Sequence[int], jobs: int) -> Iterator[BenchResult]:
         yield from pool.map(study_bench, numbers)
 
 
-def main() -> int:
-    """Run from the shell."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--quick", action="store_true", help="three benches instead of ten")
-    parser.add_argument("--benches", type=int, default=None, metavar="N", help="how many benches")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="benches at a time")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
-    chosen = parser.parse_args()
-    count = chosen.benches or (3 if chosen.quick else 10)
-    return finish(report(range(count), chosen.jobs), chosen.json)
+@benchmark(
+    "calibration_benches",
+    __doc__,
+    click.option("--benches", type=Whole(min=1), help="How many benches.  [default: 10, --quick: 3]"),
+    click.option("--jobs", type=Whole(min=1), default=1, show_default=True, help="Benches at a time."),
+)
+def command(quick: bool, benches: int | None, jobs: int) -> Report:
+    return report(range(benches or (3 if quick else 10)), jobs)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(command)

@@ -1,7 +1,5 @@
 """What a calibration makes of ten unknown benches: depth of other presses, and whether its sigma is true.
 
-    python -m benchmarks.calibration_study [--quick] [--wide] [--json FILE]
-
 Ten benches drawn at random around the packaged one (binned by 2): LCD shifted by up to 2 mm and turned by up
 to 1 degree, camera off by 5 mm and 1 degree, focal length by 2 %, distortion k1 by 0.5, index by 0.01, prism
 angle by 0.5 degrees, captured face 0.3 degrees off the pattern face's, LCD wedge up to 0.3 degrees, gap by
@@ -20,16 +18,15 @@ twice that.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
+import click
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, finish, progress
-from benchmarks.bench_rigs import Array, changed
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed
+from zeromethod.arrays import Float
 from zeromethod.calibration import (
     DepthError,
     Direct,
@@ -53,7 +50,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface.comparison import true_peak_mm, usable_nodes
-from zeromethod.thread_limits import limit_threads
+from zeromethod.view.progress import progress
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.validity import Flag
@@ -204,7 +201,7 @@ class Outcome:
         return float(np.mean(np.abs(self.errors) <= 2.0 * np.array(self.sigmas)))
 
     @property
-    def normalised(self) -> Array:
+    def normalised(self) -> Float:
         """Errors over stated sigmas."""
         return np.array(self.errors) / np.array(self.sigmas)
 
@@ -249,7 +246,7 @@ def _read(
     case: str,
     kinds: tuple[int, ...],
     others: Presses,
-    depths: Array,
+    depths: Float,
     rig: Rig,
     error: DepthError | None,
 ) -> Outcome:
@@ -338,7 +335,7 @@ def report(benches: int, *, wide: bool) -> Report:
     with progress(benches, "benches") as bar:
         for number in range(benches):
             outcomes += study_bench(number, nominal)
-            bar.step()
+            bar()
     cases = {case: summarise(outcomes, case) for case in (*CASES, "(the true rig)")}
     return Report(
         "Depth of other presses on unknown benches",
@@ -348,20 +345,14 @@ def report(benches: int, *, wide: bool) -> Report:
     )
 
 
-def main() -> int:
-    """Run from the shell."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--quick", action="store_true", help="three benches instead of ten")
-    parser.add_argument(
-        "--wide", action="store_true", help="a shorter lens that sees both edges of the mirror"
-    )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
-    chosen = parser.parse_args()
-    limit_threads()
-    return finish(report(3 if chosen.quick else 10, wide=chosen.wide), chosen.json)
+@benchmark(
+    "calibration_study",
+    __doc__,
+    click.option("--wide", is_flag=True, help="A shorter lens that sees both edges of the mirror."),
+)
+def command(quick: bool, wide: bool) -> Report:
+    return report(3 if quick else 10, wide=wide)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(command)

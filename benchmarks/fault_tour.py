@@ -1,7 +1,5 @@
 """Every fault that the simulated bench can plant, one at a time: named, survived, never read wrong.
 
-    python -m benchmarks.fault_tour [--quick] [--json FILE]
-
 Camera and LCD binned by 4, a press of 0.2 mm (sigma 5 mm). Every fault is planted twice: while the press is
 held, and while it jumps from 0.2 to 0.12 mm behind the fault's back. Named: the event that the run gave it.
 Recovered: the last frames are locked again and within the bar (or, where nothing can be done, the run ended
@@ -13,20 +11,19 @@ packaged rig.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, finish, options, progress
-from benchmarks.bench_rigs import changed, opened, pressed, small_rig
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed, opened, pressed, small_rig
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 from zeromethod.surface import SurfaceReader, peak
 from zeromethod.surface.comparison import true_peak_mm
-from zeromethod.thread_limits import limit_threads
+from zeromethod.view.progress import progress
 
 PRESS_S = 0.15
 FAULT_FRAME = 40
@@ -175,7 +172,7 @@ def measure(faults: tuple[Fault, ...], scenarios: tuple[bool, ...] = (False, Tru
                 if moving and not fault.recovers:
                     continue
                 outcomes.append(tour(fault, moving))
-                bar.step()
+                bar()
     header = ["fault", "press", "named", "ends", "wrong, good", "wrong, any", "states after it", "events"]
     rows = [
         [
@@ -205,11 +202,10 @@ def measure(faults: tuple[Fault, ...], scenarios: tuple[bool, ...] = (False, Tru
     return Report("Fault tour", figures, [header, *rows], {"runs": [asdict(o) for o in outcomes]})
 
 
-def main() -> int:
-    chosen = options(__doc__)
-    limit_threads()
-    return finish(measure(FAULTS, (True,) if chosen.quick else (False, True)), chosen.json)
+@benchmark("fault_tour", __doc__)
+def command(quick: bool) -> Report:
+    return measure(FAULTS, (True,) if quick else (False, True))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(command)

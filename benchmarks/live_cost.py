@@ -1,10 +1,8 @@
-"""What the live path costs a frame: threads, strips, pacing; reading and publishing beside the loop.
-
-    python -m benchmarks.live_cost [--quick] [--json FILE]
+"""What the live path costs a frame: threads, strips, pacing; reading and publishing alongside the loop.
 
 The bare loop does everything in turn. The live one, over the same devices, reads the camera and draws in
 threads of their own, numbers its pictures by coded strips and reads when they were lit, and decides how long
-they are held. Frames of 1280x1024 in 8 bits were rendered beforehand (`memory_bench`: untouched, pressed,
+they are held. Frames of 1280x1024 in 8 bits were rendered beforehand (`memory_devices`: untouched, pressed,
 sliding, lifted) and are handed over at once, pictures are taken at once: what is timed is the loop's and not
 a device's. The variants take turns, frame by frame or run by run, and each frame is compared with the same
 frame of the same round.
@@ -22,22 +20,18 @@ skipped. Late: turns above a frame's time at 60 Hz.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, finish, options, progress
-from benchmarks.bench_rigs import changed
 from benchmarks.live_running import Timed, Variant, run_together
-from benchmarks.memory_bench import (
-    PATH,
-    Array,
-    Prepared,
-)
+from benchmarks.memory_devices import PATH, Prepared
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed
+from zeromethod.arrays import Float
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.thread_limits import limit_threads
+from zeromethod.view.progress import progress
 
 ADDED_MS = 2.0
 """Most that the live path may add to a frame, in the median over frames."""
@@ -87,14 +81,14 @@ COMPARED = {
     **{variant.name: PACED[0].name for variant in PACED[1:]},
     DRAWN[1].name: DRAWN[0].name,
 }
-"""What each variant is held against."""
+"""What each variant is compared with."""
 
 
 Turns = dict[str, list[list[Timed]]]
 """Turns of every round, by the name of the variant."""
 
 
-def column(rounds: list[list[Timed]], name: str) -> Array:
+def column(rounds: list[list[Timed]], name: str) -> Float:
     """One figure of all turns, those without it left out."""
     values = np.array([getattr(turn, name) for turns in rounds for turn in turns], dtype=float)
     return values[np.isfinite(values)]
@@ -144,7 +138,7 @@ def _least(rounds: list[list[Timed]], name: str) -> dict[int, float]:
     return least
 
 
-def _spread(values: Array) -> str:
+def _spread(values: Float) -> str:
     if not len(values):
         return "-"
     return " / ".join(f"{each:.1f}" for each in (*np.percentile(values, (50, 99, 99.9)), values.max()))
@@ -172,7 +166,7 @@ def measure(rig: Rig, rounds: int, frames: int) -> Report:
     turns: Turns = {variant.name: [] for variant in VARIANTS}
     with progress(1 + rounds * len(VARIANTS), "live cost") as bar:
         prepared = Prepared(changed(rig, control={"strips": "edges"}))
-        bar.step()
+        bar()
         for count in range(rounds):
             turned = -1 if count % 2 else 1
             for group in GROUPS[::turned]:
@@ -180,7 +174,7 @@ def measure(rig: Rig, rounds: int, frames: int) -> Report:
                     group, run_together(group[::turned], prepared, frames)[::turned], strict=True
                 ):
                     turns[variant.name].append(one)
-                    bar.step()
+                    bar()
 
     def bar_of(name: str, figure: str, variant: Variant, most_ms: float) -> Figure:
         more = added(turns[variant.name], turns[COMPARED[variant.name]], figure)
@@ -213,12 +207,10 @@ def measure(rig: Rig, rounds: int, frames: int) -> Report:
     return Report(title, figures, details, data)
 
 
-def main() -> int:
-    chosen = options(__doc__)
-    limit_threads()
-    report = measure(load_rig("simulated"), 3 if chosen.quick else 8, len(PATH))
-    return finish(report, chosen.json)
+@benchmark("live_cost", __doc__)
+def command(quick: bool) -> Report:
+    return measure(load_rig("simulated"), 3 if quick else 8, len(PATH))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(command)

@@ -14,8 +14,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from benchmarks.bench_rigs import changed
-from benchmarks.memory_bench import (
+from benchmarks.memory_devices import (
     Drawn,
     FastClock,
     FastLiveClock,
@@ -25,6 +24,7 @@ from benchmarks.memory_bench import (
     Prepared,
     fingerprint,
 )
+from benchmarks.rigs import changed
 from zeromethod.clock import Clock
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
@@ -56,7 +56,8 @@ class Variant:
     """One way to run the loop.
 
     steady: as `Loop.run` does, without Python's own garbage collection. pools: libraries take every core.
-    reads: surfaces are read beside it. subscriber: None (nothing is published), none, reading, stopped.
+    reads: surfaces are read, in a process of their own.
+    subscriber: None (nothing is published), none, reading, stopped.
     """
 
     name: str

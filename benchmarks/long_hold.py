@@ -1,32 +1,30 @@
 """Whether anything drifts over ten thousand frames at rest and ten thousand with a press held.
 
-    python -m benchmarks.long_hold [--quick] [--json FILE]
-
 Camera and LCD binned by 4 (drawn on the GPU), noise, jitter and free-running clocks on. The warp measured
-and the warp commanded are held against the true one over usable, valid nodes; depth is read in windows of
+and the warp commanded are compared with the true one over usable, valid nodes; depth is read in windows of
 100 frames.
 
 Error: rms over the nodes and frames of a window, so it holds noise and drift alike. Bar: in the last window
 at most 1.1 times that in the window which starts 100 frames after the start (after the press). Depth peak:
-mean over a window, whose own standard error stands beside it, as a single frame's noise would hide a drift
+mean over a window, given with its own standard error, as a single frame's noise would hide a drift
 of 0.05 %. Drift: rms over the nodes of the change of the mean warp between first and last window; noise
 explains a part.
 """
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.bench_report import Bar, Figure, Report, finish, options, progress
-from benchmarks.bench_rigs import Array, Bench, opened, pressed, small_rig, step_path
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import Bench, opened, pressed, small_rig, step_path
+from zeromethod.arrays import Float
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.surface import SurfaceReader, peak
-from zeromethod.thread_limits import limit_threads
+from zeromethod.view.progress import Advance, progress
 
 FRAMES = 10_000
 SETTLED_FRAMES = 100
@@ -50,10 +48,10 @@ class Window:
     peaks_mm: list[float] = field(default_factory=list)
     depth_rms_mm: list[float] = field(default_factory=list)
     not_good: int = 0
-    warp_sum: Array | None = None
+    warp_sum: Float | None = None
 
     def add(
-        self, step: Step, bench: Bench, true_q: Array, usable: NDArray[np.bool_], reader: SurfaceReader
+        self, step: Step, bench: Bench, true_q: Float, usable: NDArray[np.bool_], reader: SurfaceReader
     ) -> None:
         """Take one frame in."""
         self.not_good += step.state not in GOOD
@@ -91,16 +89,11 @@ class Window:
         return float(np.std(self.peaks_mm) / np.sqrt(len(self.peaks_mm)))
 
 
-def _mean_square(q: Array, true_q: Array, nodes: NDArray[np.bool_]) -> float:
+def _mean_square(q: Float, true_q: Float, nodes: NDArray[np.bool_]) -> float:
     return float(np.mean(np.sum((q - true_q)[nodes] ** 2, axis=-1)))
 
 
-def hold(
-    depth_mm: float,
-    frames: int,
-    bar: Bar,
-    settled: int = SETTLED_FRAMES,
-) -> list[Window]:
+def hold(depth_mm: float, frames: int, bar: Advance, settled: int = SETTLED_FRAMES) -> list[Window]:
     """Run `frames` frames after a step of `depth_mm` (0: at rest).
 
     Windows start at frame `settled`, at 1000 and 3000, and so that the last one ends with the run.
@@ -118,7 +111,7 @@ def hold(
             for window in windows:
                 if window.start <= count < window.start + WINDOW_FRAMES:
                     window.add(step, bench, true_q, usable, reader)
-            bar.step()
+            bar()
     return windows
 
 
@@ -191,11 +184,10 @@ def measure(frames: int, settled: int = SETTLED_FRAMES) -> Report:
     return Report(f"Long hold: {frames} frames at rest, {frames} pressed by 0.2 mm", figures, details, data)
 
 
-def main() -> int:
-    chosen = options(__doc__)
-    limit_threads()
-    return finish(measure(800 if chosen.quick else FRAMES), chosen.json)
+@benchmark("long_hold", __doc__)
+def command(quick: bool) -> Report:
+    return measure(800 if quick else FRAMES)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(command)

@@ -1,7 +1,5 @@
 """What the reading itself costs: depth from noise-free warps of many presses, against the planted surface.
 
-    python -m benchmarks.press_suite [--quick] [--json FILE]
-
 The packaged bench at full size (nodes every 8 px, 0.41 mm on the mirror). Pads of sigma 2 to 8 mm at nine
 tenths of the depth at which they fold, and at that depth for which total reflection lasts all round (slopes
 of 20 mrad); two pads; straight edges; the far field of balls, from 1.2 contact radii on (at the contact's rim
@@ -9,26 +7,25 @@ the curvature of Hertz's surface is infinite, and between two nodes nothing sees
 traces at the nodes; what folds, loses its light or leaves the LCD is flagged as in a run.
 
 Slopes fix depth up to one multiple C of the known field h (`SurfaceReader.scale`). No clamped rim is in view,
-so C, fitted to the truth, is taken off; it stands beside the sigma that the reading states for it. Errors are
-in percent of the deepest node compared.
+so C, fitted to the truth, is taken off; it is printed with the sigma that the reading states for it. Errors
+are in percent of the deepest node compared.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, finish, options, progress
-from benchmarks.bench_rigs import VIEW_MIDDLE_MM, Array
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import VIEW_MIDDLE_MM, Float
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.load import load_rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface import SurfaceReader, peak
 from zeromethod.surface.comparison import true_peak_mm, usable_nodes
-from zeromethod.thread_limits import limit_threads
+from zeromethod.view.progress import progress
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.validity import Flag
@@ -86,7 +83,7 @@ PRESSES = (
 class Error:
     """Errors of one reading; percent of `depth_mm`, the deepest node compared.
 
-    peak_percent: of the true peak, for presses that are seen at their peak. constant_nm: C at h = 1, as read
+    peak_percent: of the true peak, for presses whose peak is in view. constant_nm: C at h = 1, as read
     less true; constant_sigma_nm: as stated. position_nm: worst error of the mirror points' x.
     """
 
@@ -123,7 +120,7 @@ class Bench:
         self._size = (rig.display.columns, rig.display.rows)
         self._rest_q = self.optics.trace(*self.grid.mesh(), self.optics.rest).q
 
-    def warp(self, mirror: Mirror) -> tuple[Warp, Array, Array]:
+    def warp(self, mirror: Mirror) -> tuple[Warp, Float, Float]:
         """Exact warp, flagged as in a run, and the true depth and x of every node's mirror point."""
         trace = self.optics.trace(*self.grid.mesh(), Dented(self.optics.rest, mirror))
         flags = np.full(self.grid.shape, Flag.OUTSIDE, np.uint16)
@@ -177,7 +174,7 @@ def report(presses: Sequence[Press] = PRESSES) -> Report:
     with progress(len(presses), "presses") as bar:
         for press in presses:
             errors.append(bench.error(press))
-            bar.step()
+            bar()
     header = [
         "press",
         "depth, um",
@@ -218,12 +215,10 @@ def report(presses: Sequence[Press] = PRESSES) -> Report:
     return Report("Depth from noise-free warps", figures, [header, *rows], data)
 
 
-def main() -> int:
-    """Run from the shell."""
-    chosen = options(__doc__)
-    limit_threads()
-    return finish(report(PRESSES[::4] if chosen.quick else PRESSES), chosen.json)
+@benchmark("press_suite", __doc__)
+def command(quick: bool) -> Report:
+    return report(PRESSES[::4] if quick else PRESSES)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(command)

@@ -1,7 +1,5 @@
 """What recording costs the loop, and what a kill leaves of a recording.
 
-    python -m benchmarks.recording_cost [--quick] [--keep NAMES] [--folder FOLDER] [--json FILE]
-
 The live loop (camera and drawing in threads, reading of surfaces in a process of its own, coded strips) runs
 over frames of 1280x1024 in 8 bits from memory, noise and all, at 60 per second of the host's clock: not
 recording, recording for two minutes (--quick: 15 s), not recording again. Every frame is an array of its own,
@@ -9,7 +7,7 @@ as a camera's driver hands it over; pictures are taken at once. Everything that 
 recorded, if --keep does not say otherwise: some 4 MB per frame, up to 30 GB in FOLDER, removed at the end.
 
 Other programs on the machine change the loop's rate as well: so it then records and does not record by turns,
-block by block, and each block is held against the mean of its neighbours.
+block by block, and each block is compared with the mean of its neighbours.
 
 rate: frames that the loop took per second, of those that the camera gave. turn: from a frame in hand to the
 command made of it. cpu: processor time per frame, of the loop's thread and of its whole process. lost: frames
@@ -21,7 +19,6 @@ writes for it: every frame that the loop took half a second before must be there
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
@@ -30,19 +27,21 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+import click
 import h5py
 import numpy as np
 
-from benchmarks.bench_report import Figure, Report, finish, progress
-from benchmarks.bench_rigs import changed
-from benchmarks.memory_bench import FastLiveClock, MemoryCamera, MemoryDisplay, Noted, Prepared
+from benchmarks.memory_devices import FastLiveClock, MemoryCamera, MemoryDisplay, Noted, Prepared
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed
+from zeromethod.cli.recording_options import parts_of
 from zeromethod.devices.protocols import Frame
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.step import Step
@@ -53,7 +52,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.reading import Reading, StepReader, timed, warm_up_warp
 from zeromethod.session.surfaces import Surfaces
-from zeromethod.thread_limits import limit_threads
+from zeromethod.view.progress import progress
 
 SECONDS, QUICK_S = 120.0, 15.0
 BEFORE = 0.25
@@ -163,7 +162,7 @@ class Bench:
 
 
 @contextmanager
-def recording(bench: Bench, path: Path, keep: list[str]) -> Iterator[Recorder]:
+def recording(bench: Bench, path: Path, keep: Sequence[str]) -> Iterator[Recorder]:
     """Record into `path` meanwhile."""
     loop = bench.loop
     with Recorder(path, bench.rig, loop.rest, keep=keep, live=True, command_line="benchmark") as recorder:
@@ -174,7 +173,7 @@ def recording(bench: Bench, path: Path, keep: list[str]) -> Iterator[Recorder]:
             bench.recorder = None
 
 
-def by_turns(bench: Bench, path: Path, keep: list[str], seconds: float) -> list[Part]:
+def by_turns(bench: Bench, path: Path, keep: Sequence[str], seconds: float) -> list[Part]:
     """Blocks without, with, without, ... recording."""
     blocks = []
     with recording(bench, path, keep) as recorder:
@@ -202,8 +201,8 @@ def missing_frames(path: Path) -> tuple[int, int]:
     return int(np.setdiff1d(taken, kept).size), int(kept.size)
 
 
-def run_and_print(rig: Rig, path: Path, keep: list[str]) -> None:
-    """Record until killed; tell of every turn that was handed over."""
+def run_and_print(rig: Rig, path: Path, keep: Sequence[str]) -> None:
+    """Record until killed; print every turn that was handed over."""
     with Bench(Prepared(rig)) as bench:
         # compiled and settled before
         for _ in bench.steps(2.0):
@@ -225,20 +224,28 @@ class Killed:
     plain: bool
 
 
-def kill_in_the_middle(path: Path, keep: list[str], seconds: float) -> Killed:
+def kill_in_the_middle(path: Path, keep: Sequence[str], seconds: float) -> Killed:
     """Kill a recording run and what writes for it; see what is there."""
-    command = [sys.executable, __file__, "--record", str(path), "--keep", ",".join(keep)]
+    command = [
+        sys.executable,
+        "-m",
+        "benchmarks.recording_cost",
+        "--record",
+        str(path),
+        "--keep",
+        ",".join(keep),
+    ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     handed: dict[int, int] = {}
     writer = None
     until_s = float("inf")
     for line in process.stdout:
-        told = json.loads(line)
-        if "writer" in told:
-            writer, until_s = told["writer"], time.monotonic() + seconds
+        news = json.loads(line)
+        if "writer" in news:
+            writer, until_s = news["writer"], time.monotonic() + seconds
             continue
-        handed[told["turn"]] = told["at_ns"]
+        handed[news["turn"]] = news["at_ns"]
         if time.monotonic() > until_s:
             break
     assert writer is not None
@@ -256,23 +263,23 @@ def kill_in_the_middle(path: Path, keep: list[str], seconds: float) -> Killed:
     return Killed(len(handed), len(there), len(old - there), newest_s, plain)
 
 
-def measure(rig: Rig, folder: Path, keep: list[str], seconds: float) -> Report:
+def measure(rig: Rig, folder: Path, keep: Sequence[str], seconds: float) -> Report:
     """Run everything; see the module."""
     path = folder / "session.h5"
     with progress(5, "recording cost") as bar, Bench(Prepared(rig)) as bench:
-        bar.step()
+        bar()
         before = bench.part("not recording, before", BEFORE * seconds)
-        bar.step()
+        bar()
         with recording(bench, path, keep) as recorder:
             during = bench.part("recording", seconds)
             state, waiting_mb = str(recorder.status), 1e-6 * recorder.waiting_bytes
         writer = resource.getrusage(resource.RUSAGE_CHILDREN)
         size_mb = 1e-6 * path.stat().st_size
-        bar.step()
+        bar()
         missing, kept = missing_frames(path)
         path.unlink()
         after = bench.part("not recording, after", BEFORE * seconds)
-        bar.step()
+        bar()
         blocks = by_turns(bench, folder / "blocks.h5", keep, seconds)
         lost = lost_rates(blocks)
     killed = kill_in_the_middle(folder / "killed.h5", keep, min(seconds / 2, 30.0))
@@ -292,7 +299,7 @@ def measure(rig: Rig, folder: Path, keep: list[str], seconds: float) -> Report:
         Figure(
             "frames lost of those that the loop took", f"{missing} of {missing + kept}", "0", missing == 0
         ),
-        Figure("state told to the operator at the end", state or "all is well", "all is well", not state),
+        Figure("state reported to the operator at the end", state or "all is well", "all is well", not state),
         Figure(
             "kill -9: frames older than 0.5 s that are not there",
             f"{killed.old_missing} of {killed.handed}",
@@ -336,28 +343,27 @@ def measure(rig: Rig, folder: Path, keep: list[str], seconds: float) -> Report:
     return Report(title, figures, rows, data)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--quick", action="store_true", help="15 s of recording; the same bars")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE")
-    parser.add_argument("--keep", default=",".join(KEEP), help="what is recorded")
-    parser.add_argument(
-        "--folder", type=Path, help="where to record to; default: the system's for such files"
-    )
-    parser.add_argument("--record", type=Path, help=argparse.SUPPRESS)
-    chosen = parser.parse_args()
-    limit_threads()
+@benchmark(
+    "recording_cost",
+    __doc__,
+    click.option(
+        "--keep", default=",".join(KEEP), show_default=True, callback=parts_of, help="What is recorded."
+    ),
+    click.option(
+        "--folder",
+        type=click.Path(path_type=Path, exists=True, file_okay=False, writable=True),
+        help="Where to record to.  [default: the system's folder for temporary files]",
+    ),
+    click.option("--record", type=click.Path(path_type=Path), hidden=True),
+)
+def command(quick: bool, keep: tuple[str, ...], folder: Path | None, record: Path | None) -> Report | None:
     rig = changed(load_rig("simulated"), control={"strips": "edges"})
-    keep = chosen.keep.split(",")
-    if chosen.record is not None:
-        run_and_print(rig, chosen.record, keep)
-        return 0
-    with tempfile.TemporaryDirectory(dir=chosen.folder) as folder:
-        report = measure(rig, Path(folder), keep, QUICK_S if chosen.quick else SECONDS)
-    return finish(report, chosen.json)
+    if record is not None:
+        run_and_print(rig, record, keep)
+        return None
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        return measure(rig, Path(scratch), keep, QUICK_S if quick else SECONDS)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(command)

@@ -1,10 +1,8 @@
 """Whether the stated sigma is true: residual, warp, slope and depth against Monte Carlo, pixel by pixel.
 
-    python -m benchmarks.sigma [--quick] [--json FILE]
-
 The packaged bench binned by 4 under its default press of 0.2 mm, pictures drawn by the real renderer for the
 warp that almost nulls it. The light at the pixels is rendered once per case; then the camera's noise is drawn
-anew 400 times and every frame goes through the sensor, the composition and the reader. Three noise levels,
+400 times and every frame goes through the sensor, the composition and the reader. Three noise levels,
 two exposures (light in proportion), the mirror at rest too, and an exposure that saw two pictures.
 
 "ratio": the sigma stated by the median frame over the standard deviation of the draws, per node. 400 draws
@@ -13,7 +11,6 @@ know that to 3.5 %, so a sigma that is exact has 99 % of the nodes within 0.91 t
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -21,8 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.bench_report import Bar, Figure, Report, finish, options, progress
-from benchmarks.bench_rigs import VIEW_MIDDLE_MM, Array, changed, small_rig
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import VIEW_MIDDLE_MM, changed, small_rig
+from zeromethod.arrays import Float
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import Observation, PanelTiming, pair
 from zeromethod.exposure.presentation_log import PresentationLog
@@ -39,7 +37,7 @@ from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
 from zeromethod.surface import DepthCovariance, SurfaceReader
 from zeromethod.surface.comparison import usable_nodes
-from zeromethod.thread_limits import limit_threads
+from zeromethod.view.progress import Advance, progress
 from zeromethod.warp.rest import Rest
 
 DRAWS = 400
@@ -51,7 +49,7 @@ REST = Mirror()
 
 @dataclass(frozen=True)
 class Case:
-    """Noise (grey levels rms, electrons per grey level), exposure relative to the packaged, what is seen."""
+    """Noise (grey levels rms, electrons per grey level), exposure over the packaged, what is in view."""
 
     name: str
     read_grey: float
@@ -76,8 +74,8 @@ class Draws:
     usable: (rows, cols). surfaces' covariance is that of the last draw.
     """
 
-    values: dict[str, Array]
-    sigmas: dict[str, Array]
+    values: dict[str, Float]
+    sigmas: dict[str, Float]
     usable: Any
     covariance: DepthCovariance
 
@@ -86,7 +84,7 @@ class Draws:
         """Usable nodes read with a depth, over all draws."""
         return float(np.mean(np.isfinite(self.values["depth"][..., 0])[:, self.usable]))
 
-    def ratios(self, word: str) -> Array:
+    def ratios(self, word: str) -> Float:
         """Median stated sigma over the draws' deviation, per usable node and component, flat.
 
         Nodes that were valid in fewer than 9 of 10 draws are left out.
@@ -121,13 +119,13 @@ class Bench:
             return REST
         return Mirror((Dent(PRESS.shape, PRESS.x_mm, PRESS.y_mm, press_mm, PRESS.size_mm),))
 
-    def warp(self, press_mm: float) -> Array:
+    def warp(self, press_mm: float) -> Float:
         """Where the nodes look, finite everywhere."""
         mirror = Dented(self.optics.rest, self.mirror(press_mm))
         q = self.optics.trace(*self.rest.grid.mesh(), mirror).q
         return np.where(np.isfinite(q), q, self.rest.q)
 
-    def seen(self, case: Case) -> tuple[Array, Observation]:
+    def seen(self, case: Case) -> tuple[Float, Observation]:
         """Light at the pixels, and what was shown, of one frame."""
         # 2 um short of the press, so that the residual is small but not nothing.
         pictures = [self.warp(max(case.press_mm - 0.002, 0.0))]
@@ -167,8 +165,8 @@ class Bench:
         if shown.mixture is not None and shown.mixture.bias_px is not None:
             guess = known.residual_px + shown.mixture.bias_px
         inner = self.rest.grid.inner
-        values: dict[str, list[Array]] = {word: [] for word in WORDS}
-        sigmas: dict[str, list[Array]] = {word: [] for word in WORDS}
+        values: dict[str, list[Float]] = {word: [] for word in WORDS}
+        sigmas: dict[str, list[Float]] = {word: [] for word in WORDS}
         surface = None
         for number in range(count):
             image = chip.image(light, number)
@@ -264,17 +262,14 @@ def report(cases: Sequence[Case] = CASES, count: int = DRAWS) -> Report:
     return Report(f"Stated sigma against {count} draws of the noise", figures, [header, *rows], data)
 
 
-def _step(bar: Bar) -> None:
-    bar.step()
+def _step(bar: Advance) -> None:
+    bar()
 
 
-def main() -> int:
-    """Run from the shell."""
-    chosen = options(__doc__)
-    limit_threads()
-    cases = CASES[2:4] if chosen.quick else CASES
-    return finish(report(cases), chosen.json)
+@benchmark("sigma", __doc__)
+def command(quick: bool) -> Report:
+    return report(CASES[2:4] if quick else CASES)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(command)

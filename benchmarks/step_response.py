@@ -1,7 +1,5 @@
 """Frames from a sudden press to lock, and whether any timing starves or destabilises the loop.
 
-    python -m benchmarks.step_response [--quick] [--json FILE]
-
 A step of 0.2 mm (sigma 5 mm) at full size, twenty seeds; the seed also draws when in a frame the press
 comes. Counted from the first frame whose exposure saw the press to the first of three frames running with a
 residual rms under 0.05 camera px over usable nodes, of which 98 % must be valid. The bar is twice the
@@ -13,23 +11,22 @@ phase meets every refresh and exposure (phase 1.0 is phase 0.0 one frame on). It
 locks, and is unstable where one of the last 60 frames is not nulled or the warp found is not the true one.
 Frames above 0.05 px after the first lock are counted apart: with delay, commands older than those that made
 the lock are still to come. The integrator, which takes each residual for one of its latest command, runs
-beside without its leak, which is kinder to it: its packaged leak of 0.01 leaves a residual for good.
+also without its leak, which is kinder to it: its packaged leak of 0.01 leaves a residual for good.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from benchmarks.bench_report import Bar, Figure, Report, finish, options, progress
-from benchmarks.bench_rigs import changed, opened, pressed, small_rig, step_path, usable_residual_px
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed, opened, pressed, small_rig, step_path, usable_residual_px
 from zeromethod.loop.state import LOCK_FRAMES, LOCK_RESIDUAL_PX
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.thread_limits import limit_threads
+from zeromethod.view.progress import Advance, progress
 
 PRESS_S = 0.15
 CORRECTIONS, EXTRA_FRAMES = 2, 4
@@ -210,20 +207,20 @@ def _seed_figures(responses: Sequence[Response]) -> list[Figure]:
 
 
 def _sweep(
-    per_mix: int, every: int, bar: Bar
+    per_mix: int, every: int, bar: Advance
 ) -> tuple[dict[Mix, Response], dict[float, dict[Mix, Response]]]:
     composed: dict[Mix, Response] = {}
     baseline: dict[float, dict[Mix, Response]] = {gain: {} for gain in INTEGRATORS}
-    beside: set[tuple[float, float, int]] = set()
+    integrators: set[tuple[float, float, int]] = set()
     for mix in mixes(per_mix, every):
         composed[mix] = timed_step(mix, COMPOSITION)
-        bar.step()
+        bar()
         timing = (mix.refresh_hz, mix.exposure_s, mix.delay_frames)
-        if timing not in beside:
-            beside.add(timing)
+        if timing not in integrators:
+            integrators.add(timing)
             for gain in INTEGRATORS:
                 baseline[gain][mix] = timed_step(mix, integrator(gain), BASELINE_FRAMES)
-                bar.step()
+                bar()
     return composed, baseline
 
 
@@ -258,10 +255,11 @@ def measure(seeds: int, per_mix: int, every: int) -> Report:
         responses = []
         for seed in range(seeds):
             responses.append(full_size_step(seed))
-            bar.step(4)
+            for _ in range(4):
+                bar()
         composed, baseline = _sweep(per_mix, every, bar)
         leaking = timed_step(next(iter(composed)), integrator(INTEGRATORS[0], leak=0.01))
-        bar.step()
+        bar()
     lost = [mix for mix, response in composed.items() if not response.stable]
     left = [mix for mix, response in composed.items() if not response.stays]
     gap = max(response.longest_gap for response in composed.values())
@@ -290,20 +288,18 @@ def measure(seeds: int, per_mix: int, every: int) -> Report:
         "composition": [asdict(mix) | asdict(response) for mix, response in composed.items()],
         "integrator": [
             asdict(mix) | asdict(response) | {"gain": gain}
-            for gain, beside in baseline.items()
-            for mix, response in beside.items()
+            for gain, integrators in baseline.items()
+            for mix, response in integrators.items()
         ],
     }
     details = [header, *(_row(timing, composed, baseline) for timing in timed)]
     return Report("Step response: 0.2 mm, sigma 5 mm", figures, details, data)
 
 
-def main() -> int:
-    chosen = options(__doc__)
-    limit_threads()
-    report = measure(4, 1, 6) if chosen.quick else measure(20, PHASES_PER_MIX, 1)
-    return finish(report, chosen.json)
+@benchmark("step_response", __doc__)
+def command(quick: bool) -> Report:
+    return measure(4, 1, 6) if quick else measure(20, PHASES_PER_MIX, 1)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(command)

@@ -1,7 +1,5 @@
 """Whether the peak of a dent comes back whole, whatever its width.
 
-    python -m benchmarks.wavelength_gain [--quick] [--json FILE]
-
 Gaussian dents of sigma 4 to 64 nodes at full size, half a node off the middle. "reading": depth read from the
 exact warp. "loop": the press stands before the loop starts, noise and clocks as in the packaged rig; the mean
 depth over the locked frames. Public tactile SDKs give 0.4 to 0.8 of the peak for narrow dents.
@@ -16,20 +14,20 @@ rests, and that one number is fitted to the true depth at the tenth of the nodes
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from benchmarks.bench_report import Bar, Figure, Report, finish, options, progress
-from benchmarks.bench_rigs import VIEW_MIDDLE_MM, Array, opened, pressed
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import VIEW_MIDDLE_MM, opened, pressed
+from zeromethod.arrays import Float
 from zeromethod.loop.state import State
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface import Surface, SurfaceReader, peak
-from zeromethod.thread_limits import limit_threads
+from zeromethod.view.progress import Advance, progress
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
@@ -108,10 +106,7 @@ def through_the_loop(bench: Bench, mirror: Mirror, frames: int) -> tuple[list[Su
     dent = mirror.dents[0]
     surfaces = []
     held = [(0.0, dent.depth_mm)]
-    with (
-        pressed(bench.rig, held, dent.size_mm, (dent.x_mm, dent.y_mm)) as rig,
-        opened(rig) as running,
-    ):
+    with pressed(bench.rig, held, dent.size_mm, (dent.x_mm, dent.y_mm)) as rig, opened(rig) as running:
         for step in running.loop.run(frames=FRAMES_TO_LOCK + frames):
             number = step.frame_number or 0
             if number >= FRAMES_TO_LOCK and step.measured is not None and step.state is State.LOCKED:
@@ -122,7 +117,7 @@ def through_the_loop(bench: Bench, mirror: Mirror, frames: int) -> tuple[list[Su
 def mean_surface(surfaces: list[Surface]) -> Surface:
     """Mean depth and place of surfaces, valid where all are."""
 
-    def mean(name: str) -> Array:
+    def mean(name: str) -> Float:
         return np.asarray(np.mean([getattr(surface, name) for surface in surfaces], axis=0))
 
     return replace(
@@ -184,16 +179,15 @@ def measure(sigmas: tuple[int, ...], frames: int = FRAMES_READ) -> Report:
     )
 
 
-def _stepped(bar: Bar, gain: Gain) -> Gain:
-    bar.step()
+def _stepped(bar: Advance, gain: Gain) -> Gain:
+    bar()
     return gain
 
 
-def main() -> int:
-    chosen = options(__doc__)
-    limit_threads()
-    return finish(measure((4, 16, 64), 8) if chosen.quick else measure(SIGMAS_NODES), chosen.json)
+@benchmark("wavelength_gain", __doc__)
+def command(quick: bool) -> Report:
+    return measure((4, 16, 64), 8) if quick else measure(SIGMAS_NODES)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(command)

@@ -55,7 +55,7 @@ def test_the_wheel_carries_shaders_and_rigs_and_runs_elsewhere(tmp_path: Path) -
     command = tmp_path / "fresh" / "bin" / "zeromethod"
     assert "zeromethod, version" in _run(command, "--version", cwd=elsewhere)
     _run(
-        command, "run", "--frames", "8", "--press", "none", "--summary", "run.json", "--record", "run.h5",
+        command, "run", "--frames", "8", "--scenario", "none", "--summary", "run.json", "--record", "run.h5",
         cwd=elsewhere,
     )  # fmt: skip
     assert (elsewhere / "run.json").is_file()

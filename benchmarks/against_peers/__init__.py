@@ -1,4 +1,4 @@
-"""Speed and accuracy beside the peers and the bounds, all measured in one run on the same frames and threads.
+"""Speed and accuracy of this system, the peers and the bounds, in one run on the same frames and threads.
 
 displacement: time, error and noise over the Cramer-Rao bound. integration: slopes to depth. loop: the whole
 circle. scaling: time and memory over the frame's size. why: open loop against null.
@@ -49,11 +49,11 @@ PARTS: dict[str, Part] = {
 
 
 def steps(parts: Sequence[str], quick: bool) -> int:
-    """How often `run_bench` reports a step."""
+    """How often `run_parts` reports a step."""
     return sum(PARTS[part].steps(quick) for part in parts)
 
 
-def run_bench(figures: Figures, parts: Sequence[str], on_step: OnStep, quick: bool) -> None:
+def run_parts(figures: Figures, parts: Sequence[str], on_step: OnStep, quick: bool) -> None:
     """Fill `figures` with the host and these parts, so that what is measured stays when it is interrupted.
 
     The caller limits the threads (`limit_threads(1)`) for all parts alike.
@@ -97,4 +97,4 @@ def bars(figures: Figures) -> list[Figures]:
     ]
 
 
-__all__ = ["PARTS", "bars", "host", "run_bench", "steps"]
+__all__ = ["PARTS", "bars", "host", "run_parts", "steps"]

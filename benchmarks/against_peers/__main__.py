@@ -1,4 +1,4 @@
-"""`python -m benchmarks.against_peers`: speed and accuracy beside the peers, and the bounds."""
+"""`python -m benchmarks.against_peers`: speed and accuracy against the peers and the bounds."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 import click
 from rich.console import Console
 
-from benchmarks.against_peers import PARTS, bars, run_bench, steps
-from benchmarks.against_peers.table import bench_table
+from benchmarks.against_peers import PARTS, bars, run_parts, steps
+from benchmarks.against_peers.table import peers_table
 from zeromethod.cli.main import main
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.thread_limits import limit_threads
@@ -28,11 +28,11 @@ from zeromethod.view.progress import progress
 @click.option("--quick", is_flag=True, help="Smaller frames, fewer rounds: half a minute.")
 @click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Write a picture (.png).")
 @click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
-def bench_command(parts: tuple[str, ...], quick: bool, figure: Path | None, summary: Path | None) -> None:
-    """Measure this system beside its peers and the physical bound: time, error, memory, one thread each.
+def command(parts: tuple[str, ...], quick: bool, figure: Path | None, summary: Path | None) -> None:
+    """Measure this system, its peers and the physical bound: time, error, memory, one thread each.
 
     Everything is measured in this run on the same frames; compare ratios, not milliseconds. The part "why"
-    sets open loop against null; its picture is written beside --figure, as NAME-open-loop.png.
+    compares open loop with null; its picture is written next to --figure, as NAME-open-loop.png.
     """
     check_file("--figure", figure, suffix=".png")
     check_file("--summary", summary, suffix=".json")
@@ -42,7 +42,7 @@ def bench_command(parts: tuple[str, ...], quick: bool, figure: Path | None, summ
     figures: dict[str, Any] = {}
     try:
         with progress(steps(chosen, quick), "bench") as advance:
-            run_bench(figures, chosen, advance, quick)
+            run_parts(figures, chosen, advance, quick)
     finally:
         if figures:
             _report(figures, figure, summary)
@@ -58,7 +58,7 @@ def _report(figures: dict[str, Any], figure: Path | None, summary: Path | None) 
         f"numpy {host['versions']['numpy']}; one reading each, same frames\n",
         highlight=False,
     )
-    console.print(bench_table(figures, figures["bars"]))
+    console.print(peers_table(figures, figures["bars"]))
     why = figures.get("why")
     if why:
         from benchmarks.against_peers.open_loop_figure import draw_open_loop, open_loop_table  # noqa: PLC0415 - matplotlib
@@ -68,12 +68,12 @@ def _report(figures: dict[str, Any], figure: Path | None, summary: Path | None) 
     if summary is not None:
         write_summary(summary, figures)
     if figure is not None:
-        from benchmarks.against_peers.figure import draw_bench  # noqa: PLC0415 - matplotlib loads slowly
+        from benchmarks.against_peers.figure import draw_peers  # noqa: PLC0415 - matplotlib loads slowly
 
-        draw_bench(figures, figure)
+        draw_peers(figures, figure)
         if why:
             draw_open_loop(why, figure.with_name(f"{figure.stem}-open-loop.png"))
 
 
 if __name__ == "__main__":
-    main(command=bench_command, name="benchmarks.against_peers")
+    main(command=command, name="benchmarks.against_peers")

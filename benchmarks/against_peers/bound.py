@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from benchmarks.against_peers.frames import PERIOD_PX, SIGMA_GREY, Pattern
 from benchmarks.against_peers.methods import Contender
+from zeromethod.arrays import Float
 
-Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 PLANTED_RMS_PER_BAND_PX2 = 0.8

@@ -5,36 +5,30 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from benchmarks.against_peers import MOST_OF_BOUND, MOST_OF_DIS_FAST
 from benchmarks.against_peers.methods import DIS_FAST, RESIDUAL
+from zeromethod.view.axes import centred, picture
 
 Figures = dict[str, Any]
 
 _MARKERS = "osD^vP"
 
 
-def draw_bench(figures: Figures, path: Path) -> None:
+def draw_peers(figures: Figures, path: Path) -> None:
     """Write the figure as PNG. A panel whose part was not measured says so."""
-    with mpl.rc_context({"font.size": 9, "axes.titlesize": 10}):
-        figure = Figure(figsize=(14, 6), layout="constrained")
+    host = figures["host"]
+    title = f"{host['machine']}, {host['cores']} cores, {host['threads']} thread, OpenCV {host['opencv']}"
+    with picture(path, (14, 6), f"zeromethod against peers  {title}", font=9) as figure:
         left, right = figure.subplots(1, 2)
         _against_bound(left, figures.get("displacement") or {})
         _growth(right, figures.get("scaling") or {})
-        host = figures["host"]
-        figure.suptitle(
-            f"zeromethod against peers  {host['machine']}, {host['cores']} cores, {host['threads']} thread, "
-            f"OpenCV {host['opencv']}"
-        )
-        figure.savefig(path, dpi=110)
 
 
 def _say(axis: Axes, words: str) -> None:
-    axis.text(0.5, 0.5, words, ha="center", va="center", transform=axis.transAxes)
+    centred(axis, words)
     axis.set_axis_off()
 
 

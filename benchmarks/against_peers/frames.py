@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from zeromethod.arrays import Float
+
 Frames = NDArray[np.uint8]
 
 PERIOD_PX = 16

@@ -1,4 +1,4 @@
-"""From slopes to depth: this system's integrator beside two solvers in closed form.
+"""From slopes to depth: this system's integrator and two solvers in closed form.
 
 A Gaussian press is planted; every method gets its exact slopes at the nodes, and then the same with white
 noise. Cases: nodes on a regular lattice; the nodes of the packaged rig, which perspective spreads
@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.peers import cosine_transform, frankot_chellappa
+from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
@@ -30,8 +30,6 @@ from zeromethod.warp.warp import Warp
 
 Figures = dict[str, Any]
 OnStep = Callable[[str], None]
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 PEAK_MM, SIGMA_MM = 0.2, 5.0
 SLOPE_NOISE_RAD = 5e-5
@@ -117,7 +115,7 @@ def _tasks(optics: Optics, grid: NodeGrid) -> tuple[Task, Task, Task]:
     u, v = np.meshgrid(np.arange(cols) - (cols - 1) / 2, np.arange(rows) - (rows - 1) / 2)
     everywhere = np.ones((rows, cols), bool)
     regular = _task(press, press.dents[0].x_mm + pitch_x * u, press.dents[0].y_mm + pitch_y * v, everywhere)
-    # A contact beside the peak, and a round field of view.
+    # A contact next to the peak, and a round field of view.
     hole = np.hypot(u - cols / 8, v + rows / 10) < rows / 12
     view = np.hypot(u / cols, v / rows) < 0.55
     return regular, _task(press, x, y, everywhere), _task(press, x, y, largest_island(view & ~hole))

@@ -8,7 +8,7 @@ software; simulating the bench itself is in no figure.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from zeromethod.devices.protocols import Frame
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.session.session import Session
+from zeromethod.session.speed import percentiles
 from zeromethod.session.summary import summarise
 
 Figures = dict[str, Any]
@@ -98,11 +99,3 @@ def measure(figures: Figures, on_step: OnStep, quick: bool) -> None:
     figures["truth"] = summary["truth"]
     if result.interrupted:
         raise KeyboardInterrupt
-
-
-def percentiles(values: Iterable[float]) -> dict[str, float | None]:
-    """Median, p90 and p99 of the finite values; None where there are none."""
-    finite = [value for value in values if np.isfinite(value)]
-    if not finite:
-        return dict.fromkeys(("median", "p90", "p99"))
-    return {key: float(np.percentile(finite, at)) for key, at in (("median", 50), ("p90", 90), ("p99", 99))}

@@ -26,7 +26,7 @@ MOST_BLOCKS = 2**14
 
 
 def peak_bytes() -> int:
-    """Highest resident size of this process so far. Raises ImportError where the platform does not tell."""
+    """Highest resident size of this process so far. Raises ImportError where there is none."""
     import resource  # noqa: PLC0415 - not on every platform
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

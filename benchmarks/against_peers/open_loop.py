@@ -46,6 +46,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.rigs import coarser
+from zeromethod.arrays import Float
 from zeromethod.clock import SimulatedClock
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.errors import MeasurementError
@@ -55,7 +57,6 @@ from zeromethod.loop.state import NULLED
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target
-from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -72,7 +73,6 @@ from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_pixels import RestGrid
 from zeromethod.warp.warp import Warp
 
-Array = NDArray[np.float64]
 Method = Literal["open", "null"]
 Zero = Literal["rays", "difference", "rig"]
 
@@ -121,7 +121,7 @@ def compare_open_loop(
     """
     binning = binning or (QUICK_BINNING if quick else BINNING)
     believed = coarser(load_rig("simulated"), binning)
-    told = _Steps(
+    advance = _Steps(
         on_step, [f"{kind}, {method}" for kind in ERRORS for method in METHODS for _ in _levels(quick)]
     )
     errors: dict[str, dict[str, list[dict[str, Any]]]] = {}
@@ -131,7 +131,7 @@ def compare_open_loop(
         errors[kind] = {}
         for method in METHODS:
             staircase = _Staircase(kind, method, believed, _levels(quick))
-            readings = list(staircase.readings(told))
+            readings = list(staircase.readings(advance))
             for zero in ZEROS if kind == "distortion" else ZEROS[:1]:
                 reader = _Reader(staircase, readings[0], zero)
                 rows = [_row(reader, reading) for reading in readings[1:]]
@@ -152,20 +152,6 @@ def compare_open_loop(
         "errors": errors,
         "distortion_zeros": zeros,
     }
-
-
-def coarser(rig: Rig, factor: int) -> Rig:
-    """The same bench with `factor` times larger pixels of camera and LCD: as many LCD px per camera px.
-
-    Raises InputError where `factor` does not divide the camera's pixels.
-    """
-    display = rig.display
-    larger = {
-        "columns": display.columns // factor,
-        "rows": display.rows // factor,
-        "pitch_mm": display.pitch_mm * factor,
-    }
-    return binned(rig, factor).model_copy(update={"display": display.model_copy(update=larger)})
 
 
 def true_rig(believed: Rig, kind: str) -> Rig:
@@ -207,7 +193,7 @@ class _MisreadingSensor:
     def __init__(self, sensor: Sensor, gain: float) -> None:
         self._sensor, self._gain = sensor, gain
 
-    def measure(self, image: NDArray[Any], guess: Array | None = None, **known: Any) -> Residual:
+    def measure(self, image: NDArray[Any], guess: Float | None = None, **known: Any) -> Residual:
         residual = self._sensor.measure(image, guess, **known)
         return replace(residual, d=self._gain * residual.d)
 
@@ -250,7 +236,7 @@ class _Staircase:
         pad = Dent(Shape.GAUSSIAN, *PRESS_MM, 0.0, SIGMA_MM)
         return Scenario("staircase", (PressPath(pad, tuple(points)),), 1e-9 * self._ends_ns[-1])
 
-    def readings(self, told: Callable[[], None]) -> Iterator[_Reading]:
+    def readings(self, advance: Callable[[], None]) -> Iterator[_Reading]:
         """One reading per level, from the last frames in it that can be read."""
         clock = SimulatedClock()
         display = SimulatedDisplay(self.truth.rig, clock)
@@ -262,19 +248,19 @@ class _Staircase:
             loop.freeze(self.method == "open")
             half_ns = round(0.5e9 * self.believed.camera.exposure_s)
             level, start_ns = 0, 0
-            seen: list[Step] = []
+            taken: list[Step] = []
             for step in loop.run():
                 end_ns = self._ends_ns[level]
                 if step.time_ns + half_ns > end_ns:
                     mirror = camera.truth(end_ns - 1)
-                    yield self._reading(seen, self.levels[level], mirror, FRAMES if level else _ZERO_FRAMES)
-                    told()
-                    level, start_ns, seen = level + 1, end_ns, []
+                    yield self._reading(taken, self.levels[level], mirror, FRAMES if level else _ZERO_FRAMES)
+                    advance()
+                    level, start_ns, taken = level + 1, end_ns, []
                     if level == len(self.levels):
                         return
                 # what is exposed across a jump sees two mirrors
                 if step.time_ns - half_ns >= start_ns:
-                    seen.append(step)
+                    taken.append(step)
             raise MeasurementError(f"the loop ended: {loop.status.reason}")
         finally:
             camera.close()
@@ -286,8 +272,8 @@ class _Staircase:
         light = Target.from_spec(target).light
         return _MisreadingSensor(ResidualSensor.from_rig(self.believed, grid, light), 1 + ERROR)
 
-    def _reading(self, seen: list[Step], depth_mm: float, mirror: Mirror, most: int) -> _Reading:
-        usable = [(warp, step.residual_rms_px) for step in seen if (warp := self._warp(step)) is not None]
+    def _reading(self, taken: list[Step], depth_mm: float, mirror: Mirror, most: int) -> _Reading:
+        usable = [(warp, step.residual_rms_px) for step in taken if (warp := self._warp(step)) is not None]
         usable = usable[-most:]
         rms_px = float(np.sqrt(np.mean([rms**2 for _, rms in usable]))) if usable else float("nan")
         return _Reading(depth_mm, [warp for warp, _ in usable], rms_px, mirror)
@@ -303,7 +289,7 @@ class _Reader:
     """Reads warps to depth relative to the zero, as `zero` says."""
 
     def __init__(self, staircase: _Staircase, rest: _Reading, zero: Zero) -> None:
-        self._shift: Array | None = None
+        self._shift: Float | None = None
         self.staircase = staircase
         if not rest.warps:
             raise MeasurementError("the mirror at rest could not be read")
@@ -316,7 +302,7 @@ class _Reader:
         self._reader = SurfaceReader(staircase.believed, optics, grid)
 
     def compare(self, warp: Warp, mirror: TrueMirror) -> Comparison:
-        """Errors of the depth read from `warp`, against the true mirror seen by the true rays."""
+        """Errors of the depth read from `warp`, against the true mirror by the true rays."""
         if self._shift is not None:
             warp = replace(warp, q=warp.q + self._shift)
         return compare(self._reader.read(warp), mirror, self.staircase.truth, self.staircase.grid)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from rich.table import Table
 
-Array = NDArray[np.float64]
+from zeromethod.arrays import Float
+from zeromethod.view.axes import picture
 
 LABELS = {
     "none": "everything right",
@@ -32,7 +30,7 @@ FEW_READ = 0.98
 _COLOURS = {"none": "C7", "sensor": "C3", "display": "C2", "distortion": "C0"}
 _ZERO_COLOURS = {"rays": "C0", "difference": "C1", "rig": "C4"}
 _WIDTHS = {"none": 5.0, "display": 3.0, "distortion": 1.5, "sensor": 1.5}
-"""Curves that coincide are drawn the wider the earlier, so that each can be seen."""
+"""Curves that coincide are drawn the wider the earlier, so that each is visible."""
 _STYLES: dict[str, dict[str, Any]] = {
     "open": {"linestyle": "-", "marker": "o", "markersize": 4.0},
     "null": {"linestyle": "--", "marker": "s", "markersize": 4.0, "markerfacecolor": "none"},
@@ -84,8 +82,7 @@ def draw_open_loop(figures: dict[str, Any], path: Path) -> None:
     """
     errors, zeros, floor = figures["errors"], figures["distortion_zeros"], figures["noise_floor_nm"]
     right = errors["none"]
-    with mpl.rc_context({"font.size": 8, "axes.titlesize": 9}):
-        figure = Figure(figsize=(12, 8.6), layout="constrained")
+    with picture(path, (12, 8.6), _title(figures)) as figure:
         axes = figure.subplots(2, 2)
         for kind, by_method in errors.items():
             for method, rows in by_method.items():
@@ -120,11 +117,9 @@ def draw_open_loop(figures: dict[str, Any], path: Path) -> None:
         _finish(axes[1, 1], "lens distortion unknown: three zeros", "nm rms", "log")
         axes[1, 1].legend(fontsize=7)
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
-        figure.suptitle(_title(figures), fontsize=11)
-        figure.savefig(path, dpi=110)
 
 
-def _column(rows: list[dict[str, Any]], key: str) -> tuple[Array, Array]:
+def _column(rows: list[dict[str, Any]], key: str) -> tuple[Float, Float]:
     """(depth in um, values), NaN where there was nothing to read."""
     values = [np.nan if row[key] is None else row[key] for row in rows]
     return 1e3 * np.array([row["depth_mm"] for row in rows]), np.array(values, dtype=np.float64)

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from benchmarks.against_peers.integration import CASES
+from zeromethod.view.table import text_table, titled
 
 Figures = dict[str, Any]
 
@@ -23,7 +23,7 @@ _LOOP_ROWS = {
 }
 
 
-def bench_table(figures: Figures, bars: list[Figures]) -> Group:
+def peers_table(figures: Figures, bars: list[Figures]) -> Group:
     """Times are medians; the bars that were judged come last."""
     parts: list[RenderableType] = []
     sections = {
@@ -44,14 +44,7 @@ def bench_table(figures: Figures, bars: list[Figures]) -> Group:
 
 def _section(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[RenderableType]:
     """Title and table, or nothing where there are no rows."""
-    if not rows:
-        return []
-    table = Table(box=None, pad_edge=False)
-    for index, name in enumerate(header):
-        table.add_column(name, justify="left" if index == 0 else "right")
-    for row in rows:
-        table.add_row(*row)
-    return [Text(title, style="bold"), table, Text()]
+    return titled(title, text_table(header, rows))
 
 
 def _ms(value: float | None) -> str:

@@ -21,7 +21,7 @@ PROMISED = {
 
 @pytest.fixture(scope="module")
 def result(load_benchmark: Callable[[str], ModuleType]) -> RunResult:
-    return zm.run(load_benchmark("bench_rigs").small_rig())
+    return zm.run(load_benchmark("rigs").small_rig())
 
 
 def test_the_default_run_meets_its_bars(result: RunResult) -> None:

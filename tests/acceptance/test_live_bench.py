@@ -101,7 +101,7 @@ def virtual_bench(desktop: TwoMonitors, tmp_path: Path) -> Iterator[tuple[str, P
     """Address of the camera and the file of the truth; the scenario starts 12 s after the run connects."""
     press, truth = tmp_path / "press.toml", tmp_path / "truth.jsonl"
     press.write_text(PRESS)
-    options = ("--press", str(press), "--truth", str(truth), "--port", "0", "--start-after", "12")
+    options = ("--scenario", str(press), "--truth", str(truth), "--port", "0", "--start-after", "12")
     bench = subprocess.Popen(
         _command("virtual-bench", *options), env=desktop.environment, stdout=subprocess.PIPE, text=True
     )

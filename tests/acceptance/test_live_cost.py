@@ -26,12 +26,12 @@ def running(load_benchmark: Callable[[str], ModuleType]) -> Any:
 
 @pytest.fixture(scope="module")
 def bench(load_benchmark: Callable[[str], ModuleType]) -> Any:
-    return load_benchmark("memory_bench")
+    return load_benchmark("memory_devices")
 
 
 @pytest.fixture(scope="module")
 def prepared(load_benchmark: Callable[[str], ModuleType], bench: Any) -> Iterator[Any]:
-    rigs = load_benchmark("bench_rigs")
+    rigs = load_benchmark("rigs")
     return bench.Prepared(rigs.changed(rigs.small_rig(), control={"strips": "edges"}))
 
 

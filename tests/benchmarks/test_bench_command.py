@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 
 from benchmarks import against_peers as bench
-from benchmarks.against_peers.__main__ import bench_command
+from benchmarks.against_peers.__main__ import command
 from zeromethod.cli.main import main
 
 
 def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
     with pytest.raises(SystemExit) as end:
-        main([str(argument) for argument in arguments], bench_command, "benchmarks.against_peers")
+        main([str(argument) for argument in arguments], command, "benchmarks.against_peers")
     printed = capsys.readouterr()
     return int(end.value.code or 0), printed.out, printed.err
 

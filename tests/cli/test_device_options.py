@@ -103,17 +103,17 @@ def test_a_rig_files_own_window_moves_to_the_monitor_named() -> None:
         ),
         (
             {"monitor": 1},
-            "--display: 1: the simulated camera does not see monitors; allowed: with --camera, or a rig file "
-            "with a camera of its own",
+            "--display: 1: the simulated camera cannot observe a monitor; allowed: with --camera, or a rig "
+            "file with a camera of its own",
         ),
         (
             {"monitor": 1, "address": "simulated"},
-            "--display: 1: the simulated camera does not see monitors; allowed: with --camera, or a rig file "
-            "with a camera of its own",
+            "--display: 1: the simulated camera cannot observe a monitor; allowed: with --camera, or a rig "
+            "file with a camera of its own",
         ),
         (
             {"address": "0"},
-            "--camera: '0': a camera does not see the simulated display; allowed: with --display, or a rig "
+            "--camera: '0': a camera cannot observe the simulated display; allowed: with --display, or a rig "
             "file with a display of its own",
         ),
         (
@@ -150,7 +150,7 @@ def test_what_cannot_be_is_refused_in_one_line(options: dict[str, Any], message:
 
 def test_a_rig_files_camera_beside_the_simulated_display_is_refused() -> None:
     rig = of("camera", driver="opencv", source=0)
-    with pytest.raises(InputError, match=r"^camera\.driver: 'opencv': a camera does not see the simulated"):
+    with pytest.raises(InputError, match=r"^camera\.driver: 'opencv': a camera cannot observe the simulated"):
         made(rig)
     assert made(rig, camera_alone=True) == rig
 

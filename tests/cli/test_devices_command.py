@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from zeromethod.cli.main import main
 from zeromethod.drivers.listing import Found, Listing, Missing
 from zeromethod.drivers.monitors import Monitor
 from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
 from zeromethod.rig.save import save_values
 
 MONITORS = (
@@ -100,14 +101,17 @@ def test_without_a_screen_the_cameras_are_listed_all_the_same(
         (["--identify", "x"], "--identify: 'x': allowed: the index of a monitor, or nothing for all"),
         (["--write"], "--write: only with --delay"),
         (["--focus", "--write"], "--write: only with --delay"),
-        (["--camera", "0"], "--camera: only with --focus or --delay"),
-        (["--identify", "--exposure", "0.1"], "--exposure: only with --focus or --delay"),
-        (["--rig", "paper"], "--rig: only with --identify, --focus or --delay"),
-        (["--seconds", "3"], "--seconds: only with --identify, --focus or --delay"),
+        (["--camera", "0"], "--camera: only with --delay or --focus"),
+        (["--identify", "--exposure", "0.1"], "--exposure: only with --delay or --focus"),
+        (["--rig", "paper"], "--rig: only with --identify, --delay, --focus or --speed"),
+        (["--seconds", "3"], "--seconds: only with --identify, --delay or --focus"),
         (["--delay", "--seconds", "0"], "--seconds: 0: a number above 0"),
         (["--delay", "--seconds", "nan"], "--seconds: nan: a number above 0"),
         (["--delay", "--write"], "--write: 'simulated': with --rig and a rig file of your own"),
         (["--delay", "--write", "--rig", "paper"], "--write: 'paper': with --rig and a rig file of your own"),
+        (["--speed", "--seconds", "3"], "--seconds: only with --identify, --delay or --focus"),
+        (["--speed", "--display", "0"], "--display: only with --delay or --focus"),
+        (["--speed", "--focus"], "--focus and --speed: give one of them"),
         (["--focus", "--summary", "focus.txt"], "--summary: focus.txt: the file name must end in .json"),
     ],
 )  # fmt: skip
@@ -115,6 +119,46 @@ def test_bad_input_is_one_line_and_exit_code_2(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert outcome(*arguments, capsys=capsys) == (2, "", f"zeromethod: {message}\n")
+
+
+@pytest.mark.parametrize(("drawing_per_s", "code"), [(90.0, 0), (21.0, 1)])
+def test_speed_says_whether_this_computer_is_fast_enough_and_which_part_is_slowest(
+    drawing_per_s: float,
+    code: int,
+    rig_file: Path,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def measured(rig: Rig, folder: Path, advance: Callable[[str], None]) -> dict[str, Any]:
+        assert (rig.control.strips, folder) == ("edges", Path.cwd())
+        rates = {"loop": 200.0, "drawing": drawing_per_s, "reading": 100.0, "recording": 150.0}
+        parts: dict[str, Any] = {
+            name: {"frames_per_s": rate, "fast_enough": rate >= 60.0} for name, rate in rates.items()
+        }
+        parts["loop"]["ms"] = {"median": 4.0, "p90": 5.0, "p99": 6.0}
+        parts["recording"]["megabytes_per_s"] = 321.0
+        advance("")
+        return {
+            "rig": rig.name, "frame_px": [160, 128], "camera_rate_hz": 60.0, "cores": 4,
+            "gl_renderer": "a card", "parts": parts, "bottleneck": "drawing", "fast_enough": code == 0,
+        }  # fmt: skip
+
+    monkeypatch.setattr("zeromethod.session.speed.measure_speed", measured)
+    summary = tmp_path / "speed.json"
+    ended, out, err = outcome("--speed", "--rig", rig_file, "--summary", summary, capsys=capsys)
+    assert (ended, err) == (code, "")
+    assert "160x128 px, 60 frames/s, 16.7 ms each; 4 cores, drawn by a card" in out
+    lines = [line.split() for line in out.splitlines()]
+    assert ["frame", "in", "to", "warp", "out", "4.0", "5.0", "200", "–", "fast", "enough"] in lines
+    assert ["recording", "everything", "–", "–", "150", "321", "fast", "enough"] in lines
+    assert ("too slow: the picture follows late" in out) is (code == 1)
+    words = "fast enough" if code == 0 else "NOT fast enough"
+    assert out.splitlines()[-1] == (
+        f"this computer is {words} for 60 frames/s: the slowest part, drawing the pattern, "
+        f"manages {drawing_per_s:.0f}"
+    )
+    assert json.loads(summary.read_text())["fast_enough"] is (code == 0)
 
 
 def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(
@@ -283,7 +327,8 @@ def test_focus_on_a_real_monitor_sees_the_lcd_through_the_virtual_bench(
 ) -> None:
     pytest.importorskip("mss")
     bench = subprocess.Popen(
-        [sys.executable, "-m", "zeromethod", "virtual-bench", "--port", "0", "--press", "none", "--forever"],
+        [sys.executable, "-m", "zeromethod", "virtual-bench", "--port", "0", "--scenario", "none",
+         "--forever"],
         env=desktop.environment, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert bench.stdout is not None

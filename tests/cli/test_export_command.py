@@ -75,7 +75,7 @@ def test_format_names_the_file_whatever_its_suffix(
         (("a.obj",), "OUT: {folder}/a.obj: the file name must end in .npz, .tif"),
         (("a.npz", "a.csv", "--format", "csv"), "--format: csv: for one OUT only"),
         (("a.npz", "a.npz"), "OUT: the same file is named twice"),
-        (("a.csv", "--at", "1"), "--at: 1: for a mesh (.ply, .stl) only"),
+        (("a.csv", "--at", "1"), "--at: 1: only with a mesh (.ply, .stl)"),
         (("a.npz", "--pitch", "0.1"), "--pitch: 0.1: for a .tif only"),
         (("a.stl", "--every", "2"), "--every: 2: a mesh is of one time"),
         (("no/a.csv",), "OUT: {folder}/no/a.csv: the folder {folder}/no does not exist"),
@@ -112,7 +112,7 @@ def test_neither_another_file_nor_the_recording_itself_is_touched(
     assert (code, err) == (2, f"zeromethod: OUT: {session}: is the recording itself\n")
     assert session.read_bytes() == before
     code, _, err = outcome(tmp_path, tmp_path / "a.csv", capsys=capsys)
-    assert (code, err) == (2, f"zeromethod: {tmp_path}: is a folder: a recording (HDF5)\n")
+    assert (code, err) == (2, f"zeromethod: {tmp_path}: is a folder; give a recording (HDF5)\n")
     other = tmp_path / "other.h5"
     other.write_text("no recording")
     code, _, err = outcome(other, tmp_path / "a.csv", capsys=capsys)

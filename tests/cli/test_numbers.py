@@ -60,7 +60,7 @@ def test_no_option_takes_the_place_of_another(name: str, command: click.Command)
         ("calibrate --rig simulated --patience nan", "--patience: nan: a number above 0"),
         ("calibrate intrinsics --patience 0", "--patience: 0: a number above 0"),
         ("calibrate board --dpi nan", "--dpi: nan: a number from 10 to 10000"),
-        ("run --press none --frames 1.5", "--frames: 1.5: a whole number from 1"),
+        ("run --scenario none --frames 1.5", "--frames: 1.5: a whole number from 1"),
         ("run --trigger none", "--trigger: 'none' is not one of 'free', 'software', 'hardware'."),
     ],
 )

@@ -34,13 +34,13 @@ def replay(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
     return run
 
 
-def test_reading_again_tells_that_nothing_differs(session: Path, tmp_path: Path, replay) -> None:
+def test_replay_from_warps_reports_no_difference(session: Path, tmp_path: Path, replay) -> None:
     summary, figure = tmp_path / "s.json", tmp_path / "f.png"
     code, out, err = replay(session, "--summary", summary, "--figure", figure)
     assert (code, err) == (0, "")
     assert "equal bit for bit" in out
     figures = json.loads(summary.read_text())
-    assert (figures["again"], figures["changed"], figures["equal"]) == ("read", False, True)
+    assert (figures["mode"], figures["changed"], figures["equal"]) == ("from-warps", False, True)
     assert figures["readings"] == figures["readings_equal"] > 15
     assert figures["depth_difference_nm"]["largest"] == 0.0
     assert len(figures["peaks"]["time_s"]) == figures["readings"]
@@ -48,11 +48,11 @@ def test_reading_again_tells_that_nothing_differs(session: Path, tmp_path: Path,
     assert figure.read_bytes().startswith(b"\x89PNG")
 
 
-def test_sensing_again_with_another_setting_tells_what_it_changes(
+def test_replay_from_frames_with_another_setting_reports_what_it_changes(
     session: Path, tmp_path: Path, replay
 ) -> None:
     summary = tmp_path / "s.json"
-    arguments = ("--again", "sense", "--set", "camera.noise.read_grey=9", "--from", "0.1", "--to", "0.2")
+    arguments = ("--mode", "from-frames", "--set", "camera.noise.read_grey=9", "--from", "0.1", "--to", "0.2")
     code, out, err = replay(session, *arguments, "--summary", summary)
     assert (code, err) == (0, "")
     assert "sigma of a warp" in out
@@ -66,7 +66,9 @@ def test_sensing_again_with_another_setting_tells_what_it_changes(
 def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp_path: Path, replay) -> None:
     summary, figure, record = (tmp_path / name for name in ("s.json", "f.png", "again.h5"))
     files = ("--summary", summary, "--figure", figure, "--record", record)
-    code, out, _ = replay(session, "--again", "loop", "--controller", "integrator", "--gain", "0.2", *files)
+    code, out, _ = replay(
+        session, "--mode", "closed-loop", "--controller", "integrator", "--gain", "0.2", *files
+    )
     assert code == 0
     assert all(name in out for name in ("recorded", "simulated", "changed", "picture behind the mirror"))
     figures = json.loads(summary.read_text())
@@ -80,13 +82,13 @@ def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp
     with Recording(record) as again:
         assert again.rig.control.controller == "integrator"
         assert np.count_nonzero(again.steps["sensed"]) >= sessions["changed"]["frames"]
-    code, _, err = replay(session, "--again", "loop", "--record", record)
+    code, _, err = replay(session, "--mode", "closed-loop", "--record", record)
     assert code == 2
     assert "not overwritten" in err
 
 
-def test_the_loop_unchanged_stands_beside_the_recorded_session_alone(session: Path, replay) -> None:
-    code, out, _ = replay(session, "--again", "loop", "--to", "0.15")
+def test_an_unchanged_loop_is_compared_with_the_recorded_session_alone(session: Path, replay) -> None:
+    code, out, _ = replay(session, "--mode", "closed-loop", "--to", "0.15")
     assert code == 0
     assert "simulated" in out
     assert "changed" not in out
@@ -97,8 +99,8 @@ def test_the_loop_unchanged_stands_beside_the_recorded_session_alone(session: Pa
     [
         (("nowhere.h5",), "not there"),
         ((__file__,), "cannot be read as a recording"),
-        (("SESSION", "--gain", "0.5"), "only with --again loop"),
-        (("SESSION", "--record", "x.h5"), "only with --again loop"),
+        (("SESSION", "--gain", "0.5"), "only with --mode closed-loop"),
+        (("SESSION", "--record", "x.h5"), "only with --mode closed-loop"),
         (("SESSION", "--set", "surface.rest=1"), "surface.rest: unknown key"),
         (("SESSION", "--set", "target.period_px=20"), "cannot be changed"),
         (("SESSION", "--from", "9"), "nothing is there"),
@@ -116,11 +118,13 @@ def test_bad_input_is_one_line_and_exit_2(
     assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize(("again", "word"), [("read", "warps"), ("sense", "frames"), ("loop", "surfaces")])
-def test_a_recording_that_lacks_what_is_needed_says_so(tmp_path: Path, replay, again: str, word: str) -> None:
+@pytest.mark.parametrize(
+    ("mode", "word"), [("from-warps", "warps"), ("from-frames", "frames"), ("closed-loop", "surfaces")]
+)
+def test_a_recording_that_lacks_what_is_needed_says_so(tmp_path: Path, replay, mode: str, word: str) -> None:
     rig = coarser(load_rig("simulated"), 8)
     path = recorded(tmp_path / "r.h5", 0.1, rig=rig, keep=("residual",))
-    code, _, err = replay(path, "--again", again)
+    code, _, err = replay(path, "--mode", mode)
     assert code == 2
     assert f"recorded without {word}" in err
     assert err.count("\n") == 1

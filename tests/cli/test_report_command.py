@@ -59,8 +59,8 @@ def test_the_page_goes_where_it_is_asked_to(
     ("arguments", "words"),
     [
         (("missing.h5",), "missing.h5: not there"),
-        (("folder.h5",), "folder.h5: is a folder: a recording (HDF5)"),
-        (("folder.h5", "--follow"), "folder.h5: is a folder: a recording (HDF5)"),
+        (("folder.h5",), "folder.h5: is a folder; give a recording (HDF5)"),
+        (("folder.h5", "--follow"), "folder.h5: is a folder; give a recording (HDF5)"),
         (("notes.h5",), "notes.h5: cannot be read as a recording"),
         (("notes.h5", "--output", "page.pdf"), "--output: page.pdf: the file name must end in .html"),
         (("notes.h5", "--follow", "--output", "a.html"), "--follow and --output"),

@@ -25,7 +25,7 @@ def calibrated(folder: Path, exposure_s: float, days_ago: float) -> str:
 
 def outcome(*arguments: str, capsys: pytest.CaptureFixture[str]) -> tuple[int | str | None, str]:
     with pytest.raises(SystemExit) as ended:
-        main(["run", "--press", "none", "--frames", "6", *arguments])
+        main(["run", "--scenario", "none", "--frames", "6", *arguments])
     return ended.value.code, capsys.readouterr().err
 
 

@@ -30,7 +30,7 @@ def test_a_press_is_nulled_and_read_with_figure_and_summary(
 ) -> None:
     figure, summary = tmp_path / "run.png", tmp_path / "run.json"
     code, out, err = outcome(
-        "run", "--rig", small_rig(tmp_path), "--press", "step", "--seconds", 0.6, "--figure", figure,
+        "run", "--rig", small_rig(tmp_path), "--scenario", "step", "--seconds", 0.6, "--figure", figure,
         "--summary", summary, capsys=capsys,
     )  # fmt: skip
     assert (code, err) == (0, "")
@@ -48,7 +48,7 @@ def test_a_press_is_nulled_and_read_with_figure_and_summary(
     [
         (["run", "--rig", "nowhere.toml"], ["nowhere.toml"]),
         (["run", "--rig", "nothing"], ["nothing", "simulated", "paper"]),
-        (["run", "--press", "nothing"], ["nothing", "step"]),
+        (["run", "--scenario", "nothing"], ["nothing", "step"]),
         (["run", "--gain", "2"], ["--gain"]),
         (["run", "--gain", "0"], ["--gain"]),
         (["run", "--frames", "0"], ["--frames"]),
@@ -88,7 +88,7 @@ def test_ctrl_c_keeps_what_was_measured_and_exits_130(tmp_path: Path) -> None:
         rig.read_text().replace('[camera]\ndriver = "simulated"', '[camera]\ndriver = "lab:Camera"')
     )
     (tmp_path / "lab.py").write_text(ANNOUNCING_CAMERA)
-    command = [sys.executable, "-m", "zeromethod", "run", "--rig", rig.name, "--press", "hold"]
+    command = [sys.executable, "-m", "zeromethod", "run", "--rig", rig.name, "--scenario", "hold"]
     process = subprocess.Popen(
         [*command, "--seconds", "1000", "--summary", "run.json"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,

@@ -23,7 +23,17 @@ def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int
 def test_a_recorded_run_is_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rig, path, summary = small_rig_file(tmp_path / "small.toml"), tmp_path / "run.h5", tmp_path / "run.json"
     code, out, err = outcome(
-        "--rig", rig, "--press", "step", "--frames", 30, "--record", path, "--summary", summary, capsys=capsys
+        "--rig",
+        rig,
+        "--scenario",
+        "step",
+        "--frames",
+        30,
+        "--record",
+        path,
+        "--summary",
+        summary,
+        capsys=capsys,
     )
     assert (code, err) == (0, "")
     assert f"recorded in {path} (" in out
@@ -46,8 +56,8 @@ def test_a_recorded_run_is_the_run(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_only_what_is_asked_for_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rig, path = small_rig_file(tmp_path / "small.toml"), tmp_path / "run.h5"
     code, _, _ = outcome(
-        "--rig", rig, "--press", "step", "--frames", 12, "--record", path, "--keep", "surface", "--every", 3,
-        capsys=capsys,
+        "--rig", rig, "--scenario", "step", "--frames", 12, "--record", path, "--keep", "surface",
+        "--every", 3, capsys=capsys,
     )  # fmt: skip
     assert code == 0
     with Recording(path) as recording:
@@ -62,7 +72,7 @@ def test_only_what_is_asked_for_is_kept(tmp_path: Path, capsys: pytest.CaptureFi
 def test_the_tables_alone_may_be_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rig, path = small_rig_file(tmp_path / "small.toml"), tmp_path / "run.h5"
     code, _, _ = outcome(
-        "--rig", rig, "--press", "step", "--frames", 6, "--record", path, "--keep", "none", capsys=capsys
+        "--rig", rig, "--scenario", "step", "--frames", 6, "--record", path, "--keep", "none", capsys=capsys
     )
     assert code == 0
     with Recording(path) as recording:
@@ -73,9 +83,9 @@ def test_the_tables_alone_may_be_kept(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--keep", "frames"], "--keep: of what? give --record FILE.h5, too"),
-        (["--every", 2], "--every: of what? give --record FILE.h5, too"),
-        (["--compress"], "--compress: of what? give --record FILE.h5, too"),
+        (["--keep", "frames"], "--keep: only with --record FILE.h5"),
+        (["--every", 2], "--every: only with --record FILE.h5"),
+        (["--compress"], "--compress: only with --record FILE.h5"),
         (["--record", "run.h5", "--keep", ""], "--keep: '': of frames, "),
         (["--record", "run.mp4"], "run.mp4: a recording's name ends in .h5 or .hdf5"),
         (["--record", "none/run.h5"], "does not exist"),

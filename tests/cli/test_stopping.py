@@ -18,7 +18,7 @@ import live_devices
 import pytest
 from small_rigs import BENCH_160, small_rig_file
 
-from zeromethod.cli.stopping import hear_ctrl_c, stopped_by_signals
+from zeromethod.cli.stopping import accept_ctrl_c, stopped_by_signals
 
 PATIENCE_S = 60.0
 
@@ -199,7 +199,7 @@ def test_handlers_are_put_back_when_a_run_fails() -> None:
 def test_ctrl_c_is_heard_where_a_script_has_it_ignored() -> None:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        hear_ctrl_c()
+        accept_ctrl_c()
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
@@ -209,7 +209,7 @@ def test_a_handler_of_ones_own_stays() -> None:
     before = signal.signal(signal.SIGINT, lambda *_: None)
     try:
         own = signal.getsignal(signal.SIGINT)
-        hear_ctrl_c()
+        accept_ctrl_c()
         assert signal.getsignal(signal.SIGINT) is own
     finally:
         signal.signal(signal.SIGINT, before)

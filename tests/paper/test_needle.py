@@ -5,7 +5,7 @@ import pytest
 
 from zeromethod.paper.needle import PAPER_DEPTH_ERROR_PX, PAPER_THETA_ERROR_RAD, Needle, column
 from zeromethod.paper.needle_reading import MM_PER_PX, read_needle, reproduce_needle
-from zeromethod.view.needle_figures import draw_needle_figures
+from zeromethod.view.paper_figures import draw_needle_figures
 
 
 @pytest.fixture(scope="module")

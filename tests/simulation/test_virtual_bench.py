@@ -367,7 +367,7 @@ def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_told(
     codes = picture((rig.display.rows, rig.display.columns))
     np.save(tmp_path / "codes.npy", codes)
     truth = tmp_path / "truth.jsonl"
-    arguments = ["--rig", str(file), "--press", str(press), "--port", "0", "--truth", str(truth)]
+    arguments = ["--rig", str(file), "--scenario", str(press), "--port", "0", "--truth", str(truth)]
     with subprocess.Popen(
         [sys.executable, "-c", DRAW, str(tmp_path / "codes.npy")],
         env=desktop.environment,
@@ -417,7 +417,7 @@ def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_told(
         (["--monitor", "1"], {"DISPLAY": ""}, "no screen: DISPLAY is not set"),
         (["--start-after", "-1"], {}, "--start-after: -1: a number from 0"),
         (["--rate", "1000"], {}, "--rate: 1000: above 0 and at most 1 / camera.exposure_s = 125 Hz"),
-        (["--forever", "--loops", "2"], {}, "--loops and --forever: give one of them, not both"),
+        (["--forever", "--repeat", "2"], {}, "--repeat and --forever: give one of them, not both"),
     ],
 )
 def test_what_cannot_be_used_is_refused_in_one_line(

@@ -55,7 +55,7 @@ def test_a_run_is_told_from_before_its_start_through_a_silence_to_its_end(tmp_pa
         figures = f"{recording.seconds:8.1f} s  stopped"
         peak_um = 1e3 * recording.peaks["depth_mm"][-1]
     assert lines[-2].startswith(figures)
-    assert f"peak {peak_um:.2f} um" in lines[-2]
+    assert f"peak {peak_um:.2f} µm" in lines[-2]
 
 
 def test_rate_is_that_of_the_frames_of_the_last_seconds(recording_path: Path) -> None:
@@ -81,7 +81,7 @@ def test_without_a_terminal_there_is_a_line_per_second_and_one_word_of_silence()
     assert [line.split()[0] for line in lines[:6]] == ["0.0", "1.0", "2.0", "3.0", "4.0", "5.0"]
     assert lines.count("no new data for 3 s") == 1
     assert lines[-1] == "no new data for 3 s"
-    assert lines[0].endswith("locked  60.0 frames/s  residual 0.012 px  peak 200.00 um (sigma 0.05)")
+    assert lines[0].endswith("locked  60.0 frames/s  residual 0.012 px  peak 200.00 µm (sigma 0.05)")
 
 
 def test_a_terminal_has_one_line_that_says_how_long_nothing_came() -> None:

@@ -13,7 +13,7 @@ from report_page import add_row
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import EVENTS, STATES
 from zeromethod.view.report_figures import thinned
-from zeromethod.view.report_history import Episode, Happening, episodes, happenings, shares, told_apart
+from zeromethod.view.report_history import Episode, Happening, episodes, happenings, merged, shares
 
 Edited = Callable[[Callable[[h5py.File], object]], Path]
 
@@ -25,7 +25,7 @@ def test_equal_events_close_in_time_make_one_line() -> None:
         Happening(0.9, 0.9, "late frame", 2, "b"),
         Happening(2.0, 2.0, "late frame", 1, "a"),
     ]
-    assert told_apart(single) == [
+    assert merged(single) == [
         Happening(0.0, 0.9, "late frame", 3, "a, and 1 more"),
         Happening(0.5, 0.5, "torn frame", 1, ""),
         Happening(2.0, 2.0, "late frame", 1, "a"),

@@ -19,9 +19,8 @@ from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, h
 from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, depths_of, edge_of, known_of
 from zeromethod.cli.device_options import BenchOptions, bench_options, other_devices, with_devices
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import check_file, check_folder, write_summary
+from zeromethod.cli.output import Prompts, check_file, check_folder, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
-from zeromethod.cli.telling import Telling
 from zeromethod.commissioning.calibration import (
     Calibration,
     Plan,
@@ -220,7 +219,7 @@ def calibrate_bench(
             with open_devices(rig) as opened:
                 for warning in warnings_of(opened.display):
                     click.echo(f"! {warning}", err=True)
-                recorded, found = record(rig, opened, plan, Telling())
+                recorded, found = record(rig, opened, plan, Prompts())
             calibrated = evaluate_with(recorded, found, rig_name)
         late: list[bool] = []
         with stopped_by_signals(lambda: late.append(True)):
@@ -263,7 +262,7 @@ def evaluate_with(recorded: Recorded, found: Any, rig_name: str) -> Calibration:
         if load_rig(before.folder / GIVEN).camera.focal_px != recorded.rig.camera.focal_px:
             del last["camera.scale"]  # it is relative to the rig file's
     try:
-        return evaluate_or_keep(recorded, found, last, Telling())
+        return evaluate_or_keep(recorded, found, last, Prompts())
     except KeyboardInterrupt:
         click.echo("! interrupted: storing what was recorded (again: nothing is stored)", err=True)
         return rest_alone(replace(recorded, interrupted=True), found, "interrupted before the fit was done")
@@ -319,7 +318,7 @@ def _redo(
         ball_mm=ball_mm or plan.ball_mm,
         edges=plan.edges if find is None else find,
     )
-    found = evaluate_or_keep(replace(recorded, plan=plan), tell=Telling())
+    found = evaluate_or_keep(replace(recorded, plan=plan), tell=Prompts())
     return _store(found, str(folder / GIVEN), output or folder.absolute().parent, {}, stored)
 
 

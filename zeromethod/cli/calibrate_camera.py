@@ -31,8 +31,7 @@ from zeromethod.cli.device_options import (
     without_display,
 )
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import check_file, write_summary
-from zeromethod.cli.telling import Telling
+from zeromethod.cli.output import Prompts, check_file, write_summary
 from zeromethod.commissioning.calibration.board_views import Views, board_for_lcd, live_views, views_in_files
 from zeromethod.devices.abilities import warnings_of
 from zeromethod.devices.opening import open_devices
@@ -194,7 +193,7 @@ def _live(board: Board, rig_name: str | None, options: BenchOptions, count: int,
     with open_devices(rig) as opened:
         for warning in warnings_of(opened.display):
             click.echo(f"! {warning}", err=True)
-        return live_views(opened, rig, board, count, patience_s, shown=shown, tell=Telling())
+        return live_views(opened, rig, board, count, patience_s, shown=shown, tell=Prompts())
 
 
 def _figures(found: CameraFit, views: Views, output: Path) -> dict[str, Any]:

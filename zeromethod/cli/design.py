@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any, get_args
 
 import click
-from rich.console import Console
 
 from zeromethod.cli.numbers import Real
-from zeromethod.cli.output import check_file, write_summary
+from zeromethod.cli.output import OutputFile, summary_option, wide_console, write_summary
 from zeromethod.control.stability_margin import stability_margin
 from zeromethod.design import (
     DEFAULT_KINDS,
@@ -37,8 +35,8 @@ _CONTROLLERS = get_args(ControlSpec.model_fields["controller"].annotation)
 
 @click.command("design", epilog="Example: zeromethod design my.toml --vary angle=45:60 --figure design.png")
 @click.argument("rig_name", metavar="[RIG]", default="simulated")
-@click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Draw prism and rays (.png).")
-@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+@click.option("--figure", type=OutputFile(".png"), help="Draw prism and rays (.png).")
+@summary_option
 @click.option(
     "--vary",
     "variations",
@@ -51,7 +49,7 @@ _CONTROLLERS = get_args(ControlSpec.model_fields["controller"].annotation)
     "kinds",
     multiple=True,
     metavar="KIND:SIZE",
-    help="Press whose largest depth is told: gaussian:2, ball:50, cone:5, edge:2 (mm); may be repeated.",
+    help="Press whose largest depth is given: gaussian:2, ball:50, cone:5, edge:2 (mm); may be repeated.",
 )
 @click.option(
     "--pupil",
@@ -73,13 +71,11 @@ def design_command(
     pupil_mm: float | None,
     computing_s: float,
 ) -> None:
-    """Tell what a bench can do, planned or calibrated, from its RIG file: nothing is simulated or measured.
+    """Predict what a bench can do, planned or calibrated, from its RIG file alone.
 
     Margin to total reflection, lever, the deepest presses that can be nulled, resolution, noise, delay and
-    stable gain, view. The curves of --vary are drawn beside --figure, as NAME-KEY.png.
+    stable gain, view. The curves of --vary are drawn next to --figure, as NAME-KEY.png.
     """
-    check_file("--figure", figure, suffix=".png")
-    check_file("--summary", summary, suffix=".json")
     presses = [PressKind.parse(text) for text in kinds] or list(DEFAULT_KINDS)
     runs = [Variation.parse(text) for text in variations]
     rig = load_rig(rig_name)
@@ -99,7 +95,7 @@ def design_command(
 
 
 def _stability(rig: Rig, delay_frames: float) -> dict[str, Any]:
-    """Largest stable gain of either controller at the longest delay, beside the rig's."""
+    """Largest stable gain of either controller at the longest delay, next to the rig's."""
     largest = {
         name: stability_margin(rig.control.model_copy(update={"controller": name}), delay_frames).largest_gain
         for name in _CONTROLLERS
@@ -115,18 +111,17 @@ def _report(
     summary: Path | None,
 ) -> None:
     """Print the tables and write what was asked for."""
-    console = Console(width=None if sys.stdout.isatty() else 120)
+    console = wide_console()
     console.print(design_table(figures, figures["warnings"]))
     for _, curve in found:
         console.print()
         console.print(curves_table(curve))
         for value, reason in curve["refused"].items():
-            console.print(f"{curve['key']} {value}: {reason}", highlight=False)
+            console.print(f"{curve['key']} {value}: {reason}")
     if summary is not None:
         write_summary(summary, figures)
     if figure is not None:
-        from zeromethod.view.design_curves import draw_curves  # noqa: PLC0415 - matplotlib loads slowly
-        from zeromethod.view.design_figure import draw_design  # noqa: PLC0415
+        from zeromethod.view.design_figure import draw_curves, draw_design  # noqa: PLC0415 - matplotlib loads slowly
 
         draw_design(view, figures, figure)
         for run, curve in found:

@@ -1,15 +1,16 @@
-"""Options that name the real devices, shared by the commands: from `--display`, `--camera` to the rig."""
+"""Options that change a rig, shared by the commands: its devices, the delay, the scenario."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
 import click
 
 from zeromethod.cli.numbers import Whole
+from zeromethod.cli.output import several
 from zeromethod.commissioning.delay import with_strips
 from zeromethod.devices.addresses import with_camera
 from zeromethod.errors import InputError
@@ -17,14 +18,14 @@ from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
 from zeromethod.simulation.clone import SIMULATED
 
 REAL_CAMERAS = frozenset({"opencv", "pylon", "aravis"})
-"""Drivers that look at the world, and at nothing simulated."""
+"""Drivers of cameras that cannot observe a simulated display."""
 
 WINDOW = "display window: "
-"""How messages about the screen begin, which is no news where only monitors are asked for."""
+"""How messages about the screen begin; left out where only monitors are listed."""
 
 _LATENCY_S = (-1.0, 10.0)
 
-_OPTIONS: tuple[Callable[[Any], Any], ...] = (
+bench_options = several(
     click.option(
         "--display", "monitor", type=Whole(min=0), help="The LCD is this monitor: see `devices`."
     ),
@@ -54,6 +55,12 @@ _NAMES = {
     "region_px": "--region",
     "trigger": "--trigger",
 }
+BENCH_OPTIONS = frozenset(_NAMES.values())
+
+scenario_option = click.option(
+    "--scenario",
+    help="What presses the simulated mirror: a packaged scenario (step, hold, ...) or a .toml file.",
+)
 
 
 @dataclass(frozen=True)
@@ -85,19 +92,12 @@ class BenchOptions:
         return {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
 
 
-def bench_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the shared options to a command."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
-
-
 def with_devices(rig: Rig, options: BenchOptions, camera_alone: bool = False) -> Rig:
     """Rig with the devices and settings of the command line in place of its own.
 
     Raises InputError, one line: monitors that are not there or not set to the rig's display (with the list),
-    camera addresses and settings that are not allowed, a simulated device beside a real one. camera_alone:
-    a camera without the LCD will do.
+    camera addresses and settings that are not allowed, a simulated device with a real one. camera_alone:
+    the camera is used without the LCD.
     """
     rig = _with_camera(rig, options)
     if options.monitor is not None:
@@ -105,14 +105,14 @@ def with_devices(rig: Rig, options: BenchOptions, camera_alone: bool = False) ->
     camera, display = rig.camera.driver, rig.display.driver
     if options.monitor is not None and camera == SIMULATED:
         raise InputError(
-            f"--display: {options.monitor}: the simulated camera does not see monitors; allowed: with "
+            f"--display: {options.monitor}: the simulated camera cannot observe a monitor; allowed: with "
             "--camera, or a rig file with a camera of its own"
         )
     if camera in REAL_CAMERAS and display == SIMULATED and not camera_alone:
         address = options.address
         where = f"camera.driver: {camera!r}" if address is None else f"--camera: {address!r}"
         raise InputError(
-            f"{where}: a camera does not see the simulated display; allowed: with --display, or a rig file "
+            f"{where}: a camera cannot observe the simulated display; allowed: with --display, or a rig file "
             "with a display of its own"
         )
     return rig
@@ -121,7 +121,7 @@ def with_devices(rig: Rig, options: BenchOptions, camera_alone: bool = False) ->
 def other_devices(
     fingerprint: Mapping[str, Mapping[str, Any]], rig: Rig
 ) -> list[tuple[str, CameraSpec | DisplaySpec]]:
-    """What the rig has where a calibration was made with devices of other drivers, with their options."""
+    """Devices of the rig with other drivers than it was calibrated with, and the options that name them."""
     pairs = (("--display N", "display", rig.display), ("--camera ADDRESS", "camera", rig.camera))
     return [
         (option, spec)
@@ -131,19 +131,19 @@ def other_devices(
 
 
 def without_display(rig: Rig) -> Rig:
-    """Rig whose display shows nothing: the camera alone is looked through."""
+    """Rig whose display shows nothing, for the camera alone."""
     values = rig.display.given() | {"driver": "zeromethod.drivers.blank:BlankDisplay"}
     return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})
 
 
 def tell_simulated(rig: Rig) -> None:
-    """Say so where no real device has a part in what follows."""
+    """Say so where the bench is simulated."""
     if rig.camera.driver == SIMULATED:
         click.echo(f"rig {rig.name!r} is simulated: real devices are named by --display and --camera")
 
 
 def with_latency(rig: Rig, latency_s: float | None) -> Rig:
-    """Rig with the delay of `--latency`; InputError where it is no such number."""
+    """Rig with the delay of `--latency`; raises InputError outside its range."""
     if latency_s is None:
         return rig
     if not _LATENCY_S[0] <= latency_s <= _LATENCY_S[1]:
@@ -151,8 +151,16 @@ def with_latency(rig: Rig, latency_s: float | None) -> Rig:
     return rig.model_copy(update={"display": rig.display.model_copy(update={"latency_s": latency_s})})
 
 
+def with_scenario(rig: Rig, scenario: str | None, seed: int | None) -> Rig:
+    """Rig with the simulated press of `--scenario` and the seed of `--seed`, where given."""
+    update: dict[str, Any] = {} if scenario is None else {"scenario": scenario}
+    if seed is not None:
+        update["simulation"] = rig.simulation.model_copy(update={"seed": seed})
+    return rig.model_copy(update=update)
+
+
 def with_asked_strips(rig: Rig, strips: bool | None, named: bool) -> Rig:
-    """Rig with or without coded strips: as told, else as it says, else with them for real devices.
+    """Rig with or without coded strips: as asked, else as its file says, else with them for real devices.
 
     named: whether devices were named on the command line, whatever they are.
     """
@@ -180,9 +188,9 @@ def _with_camera(rig: Rig, options: BenchOptions) -> Rig:
         if key not in given:
             raise
         raise InputError(f"{_NAMES[key]}:{rest}") from None
-    unheeded = [key for key in given if key != "exposure_s"]
-    if rig.camera.driver == SIMULATED and unheeded:
-        raise InputError(f"{_NAMES[unheeded[0]]}: the simulated camera has none; allowed: with --camera")
+    unused = [key for key in given if key != "exposure_s"]
+    if rig.camera.driver == SIMULATED and unused:
+        raise InputError(f"{_NAMES[unused[0]]}: the simulated camera has none; allowed: with --camera")
     return rig
 
 

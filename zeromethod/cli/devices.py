@@ -1,40 +1,41 @@
-"""`zeromethod devices`: what is connected, and setting it up."""
+"""`zeromethod devices`: what is connected, setting it up, and whether this computer is fast enough."""
 
 from __future__ import annotations
 
 import signal
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import click
 from rich.console import Console
 
-from zeromethod.cli.device_options import WINDOW, BenchOptions, bench_options
+from zeromethod.cli.device_options import (
+    BENCH_OPTIONS,
+    WINDOW,
+    BenchOptions,
+    bench_options,
+    with_asked_strips,
+)
 from zeromethod.cli.numbers import Real
-from zeromethod.cli.output import check_file, write_summary
+from zeromethod.cli.output import summary_option, wide_console, write_summary
 from zeromethod.errors import InputError
 from zeromethod.thread_limits import limit_threads
+from zeromethod.view.progress import progress
+from zeromethod.view.table import cell, text_table
 
 _ALL = "all"
 _IDENTIFY_S = 10.0
+_TASKS = {
+    "--identify": frozenset({"--rig", "--seconds"}),
+    "--delay": frozenset({"--rig", "--seconds", "--write"}) | BENCH_OPTIONS,
+    "--focus": frozenset({"--rig", "--seconds"}) | BENCH_OPTIONS,
+    "--speed": frozenset({"--rig"}),
+}
+"""Every task, and the options that go with it, besides --summary."""
 
 
-@dataclass(frozen=True)
-class _Task:
-    """One of --identify, --delay, --focus, and the options that go with it."""
-
-    name: str
-    rig_name: str | None
-    options: BenchOptions
-    seconds: float | None
-    write: bool
-
-
-@click.command(
-    "devices",
-    epilog="Example: zeromethod devices --focus --rig my.toml --display 1 --camera 0",
-)
+@click.command("devices", epilog="Example: zeromethod devices --focus --rig my.toml --display 1 --camera 0")
 @click.option(
     "--identify",
     is_flag=False,
@@ -46,70 +47,74 @@ class _Task:
     "--delay", is_flag=True, help="Measure the delay between display and camera; nothing may touch."
 )
 @click.option("--focus", is_flag=True, help="Set up by eye: focus, exposure, view, with advice. q ends it.")
+@click.option(
+    "--speed", is_flag=True, help="Measure whether this computer is fast enough for the rig's camera."
+)
 @click.option("--rig", "rig_name", help="Rig file, or a packaged name.  [default: simulated]")
 @bench_options
 @click.option("--seconds", type=Real(min=0, min_open=True), help="How long to measure, look or show.")
 @click.option("--write", is_flag=True, help="Store the measured delay in the rig file.")
-@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+@summary_option
 def devices_command(
     identify: str | None,
     delay: bool,
     focus: bool,
+    speed: bool,
     rig_name: str | None,
     seconds: float | None,
     write: bool,
     summary: Path | None,
-    **options: Any,
+    **others: Any,
 ) -> None:
     """List monitors and cameras as `run` takes them, and what would have to be installed for more.
 
-    With --identify, --focus or --delay: tell monitors apart, set up by eye, measure the delay.
+    With --identify, --focus or --delay: tell monitors apart, set up by eye, measure the delay. With --speed:
+    time the loop, drawing, reading and recording on the rig's simulated bench; no device is needed, and the
+    exit code is 1 if this computer is too slow.
     """
-    check_file("--summary", summary, suffix=".json")
-    names = (("--identify", identify is not None), ("--delay", delay), ("--focus", focus))
-    asked = [name for name, given in names if given]
-    if len(asked) > 1:
-        raise InputError(f"{' and '.join(asked)}: give one of them")
-    task = _Task(asked[0] if asked else "", rig_name, BenchOptions(**options), seconds, write)
-    _check_options(task)
+    tasks = {"--identify": identify is not None, "--delay": delay, "--focus": focus, "--speed": speed}
+    options = BenchOptions(**others)
+    given = {"--write": write, "--rig": rig_name is not None, "--seconds": seconds is not None}
+    _check_options(
+        [name for name, asked in tasks.items() if asked],
+        [*(name for name, is_given in given.items() if is_given), *options.given],
+    )
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     limit_threads()
     if identify is not None:
-        figures = _identify(identify, task)
+        figures = _identify(identify, rig_name, seconds or _IDENTIFY_S)
     elif delay:
         from zeromethod.cli.delay import tell_delay  # noqa: PLC0415 - the bench's libraries load slowly
 
-        figures = tell_delay(rig_name or "simulated", task.options, seconds, write)
+        figures = tell_delay(rig_name or "simulated", options, seconds, write)
     elif focus:
         from zeromethod.cli.focus import watch_focus  # noqa: PLC0415
 
-        watch_focus(rig_name or "simulated", task.options, seconds, summary)
+        watch_focus(rig_name or "simulated", options, seconds, summary)
         return
     else:
-        figures = _list()
+        figures = _speed(rig_name or "simulated") if speed else _list()
     if summary is not None:
         write_summary(summary, figures)
+    if speed and not figures["fast_enough"]:
+        click.get_current_context().exit(1)
 
 
-def _check_options(task: _Task) -> None:
-    """Refuse options that would go unheeded."""
-    if task.write and task.name != "--delay":
-        raise InputError("--write: only with --delay")
-    if task.name in {"--delay", "--focus"}:
-        return
-    if task.options.given:
-        raise InputError(f"{task.options.given[0]}: only with --focus or --delay")
-    if not task.name:
-        for name, value in (("--rig", task.rig_name), ("--seconds", task.seconds)):
-            if value is not None:
-                raise InputError(f"{name}: only with --identify, --focus or --delay")
+def _check_options(tasks: list[str], given: list[str]) -> None:
+    """Refuse two tasks, and options that the task does not use."""
+    if len(tasks) > 1:
+        raise InputError(f"{' and '.join(tasks)}: give one of them")
+    for option in given:
+        allowed = [name for name, options in _TASKS.items() if option in options]
+        if not set(tasks) & set(allowed):
+            *first, last = allowed
+            raise InputError(f"{option}: only with {', '.join(first)}{' or ' if first else ''}{last}")
 
 
 def _list() -> dict[str, Any]:
     """Print monitors and cameras; the same as figures."""
     from zeromethod.drivers.listing import cameras  # noqa: PLC0415
     from zeromethod.drivers.monitors import monitors  # noqa: PLC0415
-    from zeromethod.view.devices_table import cameras_table, monitors_table  # noqa: PLC0415
 
     console = Console()
     problem = ""
@@ -118,7 +123,18 @@ def _list() -> dict[str, Any]:
     except InputError as error:
         known, problem = (), str(error).removeprefix(WINDOW)
     if known:
-        console.print(monitors_table(known))
+        rows = (
+            (
+                str(one.index),
+                one.name,
+                f"{one.columns} x {one.rows}",
+                f"{one.refresh_hz:.2f} Hz" if one.refresh_hz else "not known",
+                f"{one.x}, {one.y}",
+                "primary" if one.primary else "",
+            )
+            for one in known
+        )
+        console.print(text_table(("--display", "monitor", "size", "refresh", "at", ""), rows, left=range(6)))
     else:
         _say(console, f"no monitors: {problem or 'none is connected'}")
     for warning in dict.fromkeys(line for monitor in known for line in monitor.warnings):
@@ -126,7 +142,8 @@ def _list() -> dict[str, Any]:
     listing = cameras()
     console.print()
     if listing.cameras:
-        console.print(cameras_table(listing))
+        found = ((camera.address, camera.name) for camera in listing.cameras)
+        console.print(text_table(("--camera", "name"), found, left=(0, 1)))
     else:
         _say(console, "no cameras found; --camera also takes a URL, a video file or package.module:Name")
     for line in listing.problems:
@@ -146,7 +163,7 @@ def _say(console: Console, text: str) -> None:
     console.print(text, soft_wrap=True, highlight=False, markup=False)
 
 
-def _identify(which: str, task: _Task) -> dict[str, Any]:
+def _identify(which: str, rig_name: str | None, seconds: float) -> dict[str, Any]:
     """Show the identify pictures; which monitors showed them."""
     from zeromethod.drivers.identify import identify  # noqa: PLC0415
     from zeromethod.rig.load import load_rig  # noqa: PLC0415
@@ -154,15 +171,63 @@ def _identify(which: str, task: _Task) -> dict[str, Any]:
     if which != _ALL and not which.isdecimal():
         raise InputError(f"--identify: {which!r}: allowed: the index of a monitor, or nothing for all")
     turn_deg, mirrored = 0.0, False
-    if task.rig_name is not None:
-        display = load_rig(task.rig_name).display
+    if rig_name is not None:
+        display = load_rig(rig_name).display
         turn_deg, mirrored = display.turn_deg, display.mirrored
-    index = None if which == _ALL else int(which)
-    console, seconds = Console(), task.seconds or _IDENTIFY_S
-    _say(console, f"each monitor tells its index for {seconds:g} s, or until a key is pressed there")
-    shown = identify(seconds, index, turn_deg, mirrored)
+    console = Console()
+    _say(console, f"each monitor shows its index for {seconds:g} s, or until a key is pressed there")
+    shown = identify(seconds, None if which == _ALL else int(which), turn_deg, mirrored)
     for one in shown:
         _say(console, f"monitor {one.monitor}")
         for warning in one.warnings:
             _say(console, f"! {warning}")
     return {"identified": [asdict(replace(one.monitor, warnings=one.warnings)) for one in shown]}
+
+
+_PARTS = {
+    "loop": ("frame in to warp out", "frames are dropped"),
+    "drawing": ("drawing the pattern", "the picture follows late"),
+    "reading": ("reading the surface", "some frames are not read to depth"),
+    "recording": ("recording everything", "some frames are not recorded"),
+}
+"""What each part is, and what follows where it is too slow."""
+
+
+def _speed(rig_name: str) -> dict[str, Any]:
+    """Measure and print what this computer can do on a rig; the figures."""
+    from zeromethod.optics import check_geometry  # noqa: PLC0415
+    from zeromethod.rig.load import load_rig  # noqa: PLC0415
+    from zeromethod.session.speed import STEPS, measure_speed  # noqa: PLC0415 - the loop loads slowly
+
+    # as `run` closes the loop on real devices: with coded strips
+    rig = with_asked_strips(load_rig(rig_name, measured=False), None, named=True)
+    check_geometry(rig)
+    with progress(STEPS, "loop") as advance:
+        figures = measure_speed(rig, Path.cwd(), advance)
+    parts, rate_hz = figures["parts"], figures["camera_rate_hz"]
+    rows = [
+        (
+            _PARTS[name][0],
+            cell(part.get("ms", {}).get("median"), "{:.1f}"),
+            cell(part.get("ms", {}).get("p90"), "{:.1f}"),
+            cell(part["frames_per_s"], "{:.0f}"),
+            cell(part.get("megabytes_per_s"), "{:.0f}"),
+            "fast enough" if part["fast_enough"] else f"too slow: {_PARTS[name][1]}",
+        )
+        for name, part in parts.items()
+    ]
+    console = wide_console()
+    columns, lines = figures["frame_px"]
+    console.print(
+        f"rig {figures['rig']}: {columns}x{lines} px, {rate_hz:g} frames/s, {1e3 / rate_hz:.1f} ms each; "
+        f"{figures['cores']} cores, drawn by {figures['gl_renderer']}\n"
+    )
+    console.print(text_table(("", "ms median", "ms 90 %", "frames/s", "MB/s", ""), rows, left=(0, 5)))
+    slowest = figures["bottleneck"]
+    verdict = "fast enough" if figures["fast_enough"] else "NOT fast enough"
+    console.print(
+        f"\nthis computer is {verdict} for {rate_hz:g} frames/s: the slowest part, {_PARTS[slowest][0]}, "
+        f"manages {parts[slowest]['frames_per_s']:.0f}",
+        soft_wrap=True,
+    )
+    return figures

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import check_file, write_summary, writing
+from zeromethod.cli.output import check_file, summary_option, write_summary, writing
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.export import FORMATS, MESHES, Export, Selection, form_of, prepare
@@ -19,8 +19,7 @@ from zeromethod.view.progress import progress
 
 
 @click.command(
-    "export",
-    epilog="Example: zeromethod export session.h5 depth.tif peak.csv session.mp4 --from 1 --to 3",
+    "export", epilog="Example: zeromethod export session.h5 depth.tif peak.csv session.mp4 --from 1 --to 3"
 )
 @click.argument("file", type=click.Path(path_type=Path))
 @click.argument(
@@ -34,7 +33,9 @@ from zeromethod.view.progress import progress
 )
 @click.option("--from", "from_s", type=float, metavar="S", help="Start at this time of the recording.")
 @click.option("--to", "to_s", type=float, metavar="S", help="End at this time.")
-@click.option("--every", type=Whole(min=1), default=1, show_default=True, help="Every so many-th frame only.")
+@click.option(
+    "--every", type=Whole(min=1), default=1, show_default=True, help="Export every n-th frame only."
+)
 @click.option(
     "--at",
     "at_s",
@@ -49,7 +50,7 @@ from zeromethod.view.progress import progress
     metavar="MM",
     help="Pixels of a TIFF.  [default: the nodes' own distance]",
 )
-@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+@summary_option
 def export_command(
     file: Path,
     outputs: tuple[Path, ...],
@@ -73,9 +74,8 @@ def export_command(
 
     Times are seconds since the recording's first turn.
     """  # noqa: D301, D400 - click's own mark for lines that stay as they are
-    check_file("--summary", summary, suffix=".json")
     if file.is_dir():
-        raise InputError(f"{file}: is a folder: a recording (HDF5)")
+        raise InputError(f"{file}: is a folder; give a recording (HDF5)")
     forms = _forms(outputs, form)
     _check_options(forms, every, at_s, pitch_mm)
     for path in outputs:
@@ -91,7 +91,7 @@ def export_command(
         ]
         if not recording.complete:
             click.echo(
-                f"! {file}: goes on, or was not ended in order: exported up to {recording.seconds:.3f} s",
+                f"! {file}: is still being written, or was cut off: exported up to {recording.seconds:.3f} s",
                 err=True,
             )
         found = [_write(export) for export in exports]
@@ -108,9 +108,9 @@ def _forms(outputs: tuple[Path, ...], form: str | None) -> list[str]:
 
 
 def _check_options(forms: list[str], every: int, at_s: float | None, pitch_mm: float | None) -> None:
-    """Refuse options that none of the files would heed."""
+    """Refuse options that none of the files would use."""
     if at_s is not None and not set(forms) & set(MESHES):
-        raise InputError(f"--at: {at_s:g}: for a mesh (.ply, .stl) only; --from and --to for the others")
+        raise InputError(f"--at: {at_s:g}: only with a mesh (.ply, .stl); use --from and --to for the others")
     if pitch_mm is not None and "tiff" not in forms:
         raise InputError(f"--pitch: {pitch_mm:g}: for a .tif only")
     if every > 1 and set(forms) <= set(MESHES):

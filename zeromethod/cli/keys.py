@@ -1,4 +1,4 @@
-"""Single keys from the terminal while a run goes on: no Enter, and the terminal is always put back."""
+"""Single keys from the terminal during a run: without Enter, and the terminal is always restored."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import os
 import select
 import sys
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, TextIO
 
 from zeromethod.loop.loop import Loop
@@ -21,7 +20,7 @@ HELP = "p pause  z zero  q stop"
 
 
 def act(key: str, loop: Loop) -> None:
-    """Do what a key asks for: p pause or resume, z re-zero, q stop; others nothing."""
+    """Act on a key: p pause or resume, z re-zero, q stop; others nothing."""
     match key.lower():
         case "p":
             loop.pause(not loop.paused)
@@ -32,10 +31,10 @@ def act(key: str, loop: Loop) -> None:
 
 
 class Keys:
-    """The keys pressed since the last look. Without a terminal in the foreground there are none.
+    """Keys pressed since the last call. Without a terminal in the foreground there are none.
 
-    A context: within it the terminal passes on every key at once and unseen (cbreak mode; Ctrl-C works as
-    ever). It is put back at the end, however that comes about.
+    A context: within it the terminal passes on every key at once, without echo (cbreak mode; Ctrl-C works as
+    ever), and is restored at the end.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
@@ -46,7 +45,7 @@ class Keys:
 
     @property
     def active(self) -> bool:
-        """Whether keys are listened to."""
+        """Whether keys are read."""
         return self._fd is not None
 
     def __enter__(self) -> Keys:
@@ -57,12 +56,10 @@ class Keys:
             tty.setcbreak(fd, termios.TCSADRAIN)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         fd, self._fd = self._fd, None
         if fd is not None and self._foreground() is not None:
-            # what was typed and not taken is not left to the shell
+            # keys that were not read are not left to the shell
             termios.tcsetattr(fd, termios.TCSAFLUSH, self._before)
 
     def pressed(self) -> str:
@@ -90,7 +87,7 @@ class Keys:
         return every_turn
 
     def _foreground(self) -> int | None:
-        """File descriptor of the terminal, if this program is the one that it listens to."""
+        """File descriptor of the terminal, if this program is in its foreground."""
         try:
             fd = self._stream.fileno()
             # a program in the background that touches the terminal is stopped by it

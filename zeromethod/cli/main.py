@@ -14,22 +14,22 @@ from typing import TextIO
 
 import click
 
-from zeromethod.cli.stopping import hear_ctrl_c, leave_quickly
+from zeromethod.cli.stopping import accept_ctrl_c, leave_quickly
 from zeromethod.errors import InputError, MeasurementError
 
 _COMMANDS = {
     "run": "Close the loop: null the picture, read slope and depth.",
-    "report": "A recording as one page; --follow it while it is made.",
-    "replay": "Read a recording again, or close its loop again.",
+    "report": "A recording as one page; --follow shows it while it grows.",
+    "replay": "Evaluate a recording again, or close its loop again.",
     "export": "A recording's depth, track, mesh, video for other programs.",
     "study": "Hundreds of runs, on every core or a cluster.",
-    "virtual-bench": "Play prism and camera, to rehearse the real bench.",
-    "devices": "Monitors and cameras; identify, focus, delay.",
+    "virtual-bench": "Simulate prism and camera in real time, to practise.",
+    "devices": "Monitors and cameras; identify, focus, delay, speed.",
     "init": "A commented rig file from what calipers give.",
     "calibrate": "From an unknown bench to millimetres.",
     "design": "What a bench can do, from its rig file; curves, a drawing.",
     "measure": "Still images: displacement, and with --rig slope and depth.",
-    "reproduce": "The seed paper's figures and tables, beside this system's.",
+    "reproduce": "The paper's figures and tables, next to this system's.",
 }
 """Name and one line of help; `name` is `name_command` in `zeromethod/cli/name.py`."""
 
@@ -61,7 +61,7 @@ def commands() -> None:
     """Close the loop in deflectometry: null a deforming mirror's reflection, read its shape off the warp."""
 
 
-def _tell(
+def _show_warning(
     message: Warning | str,
     category: type[Warning],
     filename: str,  # noqa: ARG001 - the signature of warnings.showwarning
@@ -69,18 +69,18 @@ def _tell(
     file: TextIO | None = None,  # noqa: ARG001
     line: str | None = None,  # noqa: ARG001
 ) -> None:
-    """Say a warning in one line, as the commands do."""
+    """Print a warning in one line, as the commands do."""
     words = " ".join(str(message).split())
     click.echo(
         f"! {words}" if issubclass(category, UserWarning) else f"! {category.__name__}: {words}", err=True
     )
 
 
-def _told(error: click.UsageError) -> str:
-    """As this program's own refusals: the option first, then what is wrong with it."""
+def _one_line(error: click.UsageError) -> str:
+    """Message of click in the form of this program's own: the option first, then what is wrong with it."""
     if type(error) is click.BadParameter and error.param is not None:
         return f"{max(error.param.opts, key=len)}: {error.message}"
-    return error.format_message()
+    return " ".join(error.format_message().split())
 
 
 def main(
@@ -88,8 +88,8 @@ def main(
 ) -> None:
     """Run a command called `name` and exit with its code; every failure is one line on standard error."""
     leave_quickly()
-    hear_ctrl_c()
-    warnings.showwarning = _tell
+    accept_ctrl_c()
+    warnings.showwarning = _show_warning
     try:
         code = command.main(args=arguments, prog_name=name, standalone_mode=False)
     except click.exceptions.Abort:
@@ -98,7 +98,7 @@ def main(
         click.echo(error.format_message())
         code = 0
     except click.UsageError as error:
-        click.echo(f"zeromethod: {_told(error)}".replace("\n", " "), err=True)
+        click.echo(f"zeromethod: {_one_line(error)}", err=True)
         code = 2
     except InputError as error:
         click.echo(f"zeromethod: {error}", err=True)
@@ -109,7 +109,7 @@ def main(
     except KeyboardInterrupt:
         code = 130
     except BrokenPipeError:
-        # Whoever read the output has seen enough; nothing may be written on the way out either.
+        # the reader of the output has closed it; nothing may be written on the way out either
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
     except OSError as error:

@@ -11,15 +11,25 @@ from rich.console import Console
 
 from zeromethod.atomic_write import atomic_write
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import check_file, check_folder, write_summary
+from zeromethod.cli.output import check_folder, summary_option, write_summary
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
 from zeromethod.passive.correlate import LARGEST_SPACING_PX, NARROWEST_PX, SPACING_PX, WIDEST_PX
 from zeromethod.passive.measure import Measurement, StillReading, arrays, figures, measure_all
 from zeromethod.rig.load import load_rig
 from zeromethod.thread_limits import limit_threads
-from zeromethod.view.measure_table import measure_table
 from zeromethod.view.progress import progress
+from zeromethod.view.table import cell, text_table
+
+_COLUMNS = (
+    ("valid", "valid_share", "{:.1%}"),
+    ("median shift, px", "displacement_median_px", "{:.3f}"),
+    ("largest, px", "displacement_largest_px", "{:.3f}"),
+    ("sigma, px", "sigma_median_px", "{:.4f}"),
+    ("peak depth, mm", "depth_peak_mm", "{:.5f}"),
+    ("its sigma, mm", "depth_peak_sigma_mm", "{:.5f}"),
+)
+"""Depth only where a rig was given."""
 
 
 @click.command(
@@ -44,7 +54,7 @@ from zeromethod.view.progress import progress
 @click.option(
     "--output", type=click.Path(path_type=Path), help="Folder for a .npz and a picture (.png) of every image."
 )
-@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+@summary_option
 def measure_command(
     reference: Path,
     images: tuple[Path, ...],
@@ -59,7 +69,6 @@ def measure_command(
     Any texture will do: lattice, checker or speckle. Give a sequence in its order: each image may start
     from the one before. With --rig, REFERENCE is the mirror at rest, and slope and depth are read.
     """
-    check_file("--summary", summary, suffix=".json")
     _check_names(images)
     check_folder("--output", output)
     rig = None
@@ -76,7 +85,9 @@ def measure_command(
                 _write(reading, measurement, output)
             found.append(figures(reading))
             advance(following)
-    Console().print(measure_table(found))
+    columns = [column for column in _COLUMNS if any(column[1] in one for one in found)]
+    rows = ((one["name"], *(cell(one[key], pattern) for _, key, pattern in columns)) for one in found)
+    Console().print(text_table(("image", *(title for title, _, _ in columns)), rows))
     if summary is not None:
         write_summary(
             summary, {"reference": str(reference), "rig": rig.name if rig else None, "images": found}
@@ -85,13 +96,13 @@ def measure_command(
 
 
 def _check_names(images: tuple[Path, ...]) -> None:
-    seen: dict[str, Path] = {}
+    taken: dict[str, Path] = {}
     for path in images:
-        if path.stem in seen:
+        if path.stem in taken:
             raise InputError(
-                f"IMAGE: {path}: its results would overwrite those of {seen[path.stem]}: names that differ"
+                f"IMAGE: {path}: its results would overwrite those of {taken[path.stem]}: rename one"
             )
-        seen[path.stem] = path
+        taken[path.stem] = path
 
 
 def _write(reading: StillReading, measurement: Measurement, folder: Path) -> None:

@@ -1,18 +1,57 @@
-"""Files that a command writes: refused before the work when they cannot be, written whole after it."""
+"""What a command writes: files, refused before the work when they cannot be; lines and bars."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
+from rich.console import Console
 
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
+from zeromethod.view.progress import progress
+
+
+class OutputFile(click.Path):
+    """A file that a command writes, with this suffix, in a folder that is there."""
+
+    name = "file"
+
+    def __init__(self, suffix: str, *, new: bool = False) -> None:
+        """new: a file that exists already is refused."""
+        super().__init__(path_type=Path)
+        self._suffix, self._new = suffix, new
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:  # noqa: ARG002
+        """Path of a text; raises InputError, one line."""
+        option = max(param.opts, key=len) if param is not None else self._suffix
+        path = Path(value)
+        check_file(option, path, self._suffix)
+        if self._new and path.exists():
+            raise InputError(f"{option}: {path}: exists already: recordings are not overwritten")
+        return path
+
+
+def several(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """A decorator that adds these options to a command, in this order."""
+
+    def add(command: Any) -> Any:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
+
+
+summary_option = click.option("--summary", type=OutputFile(".json"), help="Write the figures (.json).")
+figure_option = click.option("--figure", type=OutputFile(".png"), help="Write a picture (.png).")
 
 
 def check_file(option: str, path: Path | None, suffix: str) -> None:
@@ -68,3 +107,22 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
     return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+class Prompts:
+    """Progress bars, and lines above them, for procedures that ask a person to do something."""
+
+    @contextmanager
+    def part(self, words: str, total: int) -> Iterator[Callable[[], object]]:
+        """A bar over `total` steps."""
+        with progress(total, words) as advance:
+            yield lambda: advance(words)
+
+    def say(self, words: str) -> None:
+        """A line on the terminal."""
+        click.echo(words, err=True)
+
+
+def wide_console(columns: int = 120) -> Console:
+    """Standard output; so many columns wide where it is not a terminal, so that no table is cut."""
+    return Console(width=None if sys.stdout.isatty() else columns, highlight=False)

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from zeromethod.cli.output import check_file, write_summary, writing
+from zeromethod.cli.output import OutputFile, check_file, summary_option, write_summary, writing
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.view.progress import progress
@@ -17,19 +17,19 @@ from zeromethod.view.progress import progress
 @click.argument("file", metavar="FILE", type=click.Path(path_type=Path))
 @click.option(
     "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Write the page here (.html).  [default: beside FILE, with its name]",
+    type=OutputFile(".html"),
+    help="Write the page here (.html).  [default: FILE with this suffix]",
 )
-@click.option("--follow", "following", is_flag=True, help="Tell how FILE goes on while it is recorded.")
-@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+@click.option("--follow", "following", is_flag=True, help="Show how FILE grows while it is recorded.")
+@summary_option
 def report_command(file: Path, output: Path | None, following: bool, summary: Path | None) -> None:
     """One recording as one HTML page that needs nothing else.
 
-    FILE may still be written, or have been cut off. --follow tells state, rate, residual and peak depth in
+    FILE may still be written, or have been cut off. --follow shows state, rate, residual and peak depth in
     the terminal instead, until the recording ends or Ctrl-C; a FILE that is not there yet is waited for.
     """
     if file.is_dir():
-        raise InputError(f"{file}: is a folder: a recording (HDF5)")
+        raise InputError(f"{file}: is a folder; give a recording (HDF5)")
     with stopped_by_signals():
         if following:
             for option, value in (("--output", output), ("--summary", summary)):
@@ -37,7 +37,10 @@ def report_command(file: Path, output: Path | None, following: bool, summary: Pa
                     raise InputError(f"--follow and {option}: give one of them, not both")
             _follow(file)
         else:
-            _write(file, output or file.with_suffix(".html"), summary)
+            if output is None:
+                output = file.with_suffix(".html")
+                check_file("--output", output, suffix=".html")
+            _write(file, output, summary)
 
 
 def _follow(file: Path) -> None:
@@ -49,8 +52,6 @@ def _follow(file: Path) -> None:
 
 
 def _write(file: Path, output: Path, summary: Path | None) -> None:
-    check_file("--output", output, suffix=".html")
-    check_file("--summary", summary, suffix=".json")
     from zeromethod.recording.damage import damaged_words  # noqa: PLC0415
     from zeromethod.recording.recording import Recording  # noqa: PLC0415
     from zeromethod.view.report import STEPS, write_report  # noqa: PLC0415 - matplotlib loads slowly

@@ -1,4 +1,4 @@
-"""`zeromethod reproduce`: the paper's figures and tables, beside what the zero method gives."""
+"""`zeromethod reproduce`: the paper's figures and tables, next to what the zero method gives."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from zeromethod.cli.output import check_file, check_folder, write_summary
+from zeromethod.cli.output import check_folder, summary_option, write_summary
 from zeromethod.errors import MeasurementError
 from zeromethod.paper.reproduce import STEPS, Reproduction, reproduce
 from zeromethod.thread_limits import limit_threads
@@ -25,7 +25,7 @@ from zeromethod.view.reproduce_table import needle_table, press_notes, press_tab
     show_default=True,
     help="Folder for the pictures.",
 )
-@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+@summary_option
 @click.option("--quick", is_flag=True, help="Fewer press positions and frames.")
 def reproduce_command(output: Path, summary: Path | None, quick: bool) -> None:
     """Do the paper again on the simulated bench: its needle (section 3.1) and its press (section 5).
@@ -34,7 +34,6 @@ def reproduce_command(output: Path, summary: Path | None, quick: bool) -> None:
     Writes figures 5 to 9 and 13 to 15.
     """
     check_folder("--output", output)
-    check_file("--summary", summary, suffix=".json")
     limit_threads()
     with progress(len(STEPS) + 1, STEPS[0]) as advance:
         found = reproduce(lambda name: advance(name or "drawing the pictures"), quick=quick)
@@ -56,8 +55,7 @@ def reproduce_command(output: Path, summary: Path | None, quick: bool) -> None:
 
 
 def _draw(found: Reproduction, folder: Path) -> list[Path]:
-    from zeromethod.view.needle_figures import draw_needle_figures  # noqa: PLC0415 - matplotlib loads slowly
-    from zeromethod.view.press_figures import draw_press_figures  # noqa: PLC0415
+    from zeromethod.view.paper_figures import draw_needle_figures, draw_press_figures  # noqa: PLC0415 - matplotlib
 
     return [
         *draw_needle_figures(found.needle, folder),

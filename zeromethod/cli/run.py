@@ -16,13 +16,15 @@ from zeromethod.cli.device_options import (
     BenchOptions,
     bench_options,
     other_devices,
+    scenario_option,
     with_asked_strips,
     with_devices,
     with_latency,
+    with_scenario,
 )
 from zeromethod.cli.keys import HELP, Keys
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import check_file, write_summary
+from zeromethod.cli.output import figure_option, summary_option, write_summary
 from zeromethod.cli.recording_options import RecordingOptions, recording_options
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.devices.opening import Devices, open_devices
@@ -42,8 +44,7 @@ from zeromethod.view.table import summary_table
 
 
 @click.command(
-    "run",
-    epilog="Example: zeromethod run --press step --seconds 1 --figure run.png --summary run.json",
+    "run", epilog="Example: zeromethod run --scenario step --seconds 1 --figure run.png --summary run.json"
 )
 @click.option(
     "--rig", "rig_name", default="simulated", show_default=True, help="Rig file, or a packaged name."
@@ -52,7 +53,7 @@ from zeromethod.view.table import summary_table
 @click.option(
     "--strips/--no-strips",
     default=None,
-    help="Codes at two edges tell which pictures a frame saw.  [default: with a real device]",
+    help="Draw codes at two edges, which time each picture.  [default: with a real device]",
 )
 @click.option(
     "--latency",
@@ -65,7 +66,7 @@ from zeromethod.view.table import summary_table
 @recording_options
 @click.option("--force", is_flag=True, help="Run with a calibration that belongs to another bench.")
 @click.option("--simulate", is_flag=True, help="Simulate the rig's bench instead of opening its devices.")
-@click.option("--press", help="Simulated press: a packaged scenario (default, step, ...) or a .toml file.")
+@scenario_option
 @click.option("--frames", type=Whole(min=1), help="Stop after this many frames.")
 @click.option("--seconds", type=Real(min=0, min_open=True), help="Stop after this time.")
 @click.option("--seed", type=Whole(min=0), help="Seed of the simulated bench.")
@@ -73,8 +74,8 @@ from zeromethod.view.table import summary_table
 @click.option(
     "--controller", type=click.Choice(["composition", "integrator"]), help="How corrections are applied."
 )
-@click.option("--figure", type=click.Path(path_type=Path, dir_okay=False), help="Write a picture (.png).")
-@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+@figure_option
+@summary_option
 def run_command(
     rig_name: str,
     strips: bool | None,
@@ -82,7 +83,7 @@ def run_command(
     publish: str | None,
     force: bool,
     simulate: bool,
-    press: str | None,
+    scenario: str | None,
     frames: int | None,
     seconds: float | None,
     seed: int | None,
@@ -98,11 +99,9 @@ def run_command(
     --display and --camera it runs on real devices until q, Ctrl-C, or --seconds; then p pauses corrections
     and z takes the mirror as it is for the mirror at rest.
     """
-    check_file("--figure", figure, suffix=".png")
-    check_file("--summary", summary, suffix=".json")
     names = ("recording", "keep", "every", "compress")
     recording = RecordingOptions(**{name: others.pop(name) for name in names})
-    recording.parts()
+    recording.check()
     if frames is not None and seconds is not None:
         raise InputError("--frames and --seconds: give one of them, not both")
     options = BenchOptions(**others)
@@ -112,20 +111,20 @@ def run_command(
             raise InputError(f"--simulate and {options.given[0]}: give one of them, not both")
         rig = simulated_clone(rig)
     rig = with_latency(with_devices(rig, options), latency_s)
-    rig = with_asked_strips(_with_overrides(rig, press, seed, loop_gain, controller), strips, options.named)
+    given = (("gain", loop_gain), ("controller", controller))
+    control = {key: value for key, value in given if value is not None}
+    rig = with_scenario(rig, scenario, seed)
+    rig = rig.model_copy(update={"control": rig.control.model_copy(update=control)})
+    rig = with_asked_strips(rig, strips, options.named)
     check_geometry(rig)
     limit_threads()
-    with (
-        stopped_by_signals(),
-        open_devices(rig) as opened,
-        _publishing(publish, opened) as publisher,
-    ):
+    with stopped_by_signals(), open_devices(rig) as opened, _publishing(publish, opened) as publisher:
         stored = calibration_of(rig_name)
         if stored is not None and not simulate:
             _check_calibration(stored, rig_name, rig, opened, force)
         elif lacks_document(rig_name, rig.camera.rest_map):
             click.echo(
-                f"! {rig_name}: no {DOCUMENT} beside it: whether it fits this bench is not checked", err=True
+                f"! {rig_name}: no {DOCUMENT} next to it: whether it fits this bench is not checked", err=True
             )
         maker = recording.maker(rig, stored)
         with (
@@ -133,12 +132,12 @@ def run_command(
             stopped_by_signals(session.interrupt),
         ):
             _follow(session, frames, seconds)
-        recording.tell(session.result.recording)
+        recording.report(session.result.recording)
         _report(session.result, figure, summary)
 
 
 def _check_calibration(stored: Stored, rig_name: str, rig: Rig, devices: Devices, force: bool) -> None:
-    """Refuse a rig file that was calibrated on another bench; tell of an old calibration."""
+    """Refuse a rig file that was calibrated on another bench; warn of an old calibration."""
     differences = check(stored.fingerprint, rig, devices.camera, devices.display)
     if differences and not force:
         others = other_devices(stored.fingerprint, rig)
@@ -146,7 +145,7 @@ def _check_calibration(stored: Stored, rig_name: str, rig: Rig, devices: Devices
             raise InputError(
                 f"--rig: {rig_name}: calibrated with real devices: give {missing}, or --simulate"
             )
-        raise InputError(f"--rig: {rig_name}: {'; '.join(differences)}: calibrate anew, or --force")
+        raise InputError(f"--rig: {rig_name}: {'; '.join(differences)}: calibrate again, or give --force")
     if warning := stored.age_warning():
         click.echo(f"! {warning}", err=True)
 
@@ -163,28 +162,12 @@ def _publishing(address: str | None, devices: Devices) -> Iterator[Publisher | N
 
 
 def _follow(session: Session, frames: int | None, seconds: float | None) -> None:
-    """Run to the end, with the state in the terminal and its keys obeyed."""
+    """Run to the end, with the state in the terminal, and its keys."""
     total, unit = session.length(frames, seconds)
     with Keys() as keys, LiveStatus(Console(stderr=True), total, unit, HELP if keys.active else "") as live:
         session.loop.on_wait = keys.for_loop(session.loop)
         for count, record in enumerate(session.run(frames, seconds), start=1):
             live.update(record, count)
-
-
-def _with_overrides(
-    rig: Rig, press: str | None, seed: int | None, gain: float | None, controller: str | None
-) -> Rig:
-    control: dict[str, Any] = {}
-    if gain is not None:
-        control["gain"] = gain
-    if controller is not None:
-        control["controller"] = controller
-    update: dict[str, Any] = {"control": rig.control.model_copy(update=control)}
-    if press is not None:
-        update["scenario"] = press
-    if seed is not None:
-        update["simulation"] = rig.simulation.model_copy(update={"seed": seed})
-    return rig.model_copy(update=update)
 
 
 def _report(result: RunResult, figure: Path | None, summary: Path | None) -> None:

@@ -14,12 +14,12 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def leave_quickly() -> None:
-    """Let the interpreter end without looking through all that it holds for garbage: 0.3 s otherwise."""
+    """Let the interpreter end without a last garbage collection, which takes 0.3 s."""
     atexit.register(gc.freeze)
 
 
-def hear_ctrl_c() -> None:
-    """Let SIGINT end things also where a script has started them in the background, with it ignored."""
+def accept_ctrl_c() -> None:
+    """Let SIGINT end the program also where a script started it in the background, with SIGINT ignored."""
     if (
         signal.getsignal(signal.SIGINT) is signal.SIG_IGN
         and threading.current_thread() is threading.main_thread()
@@ -31,7 +31,7 @@ def hear_ctrl_c() -> None:
 def stopped_by_signals(stop: Callable[[], None] | None = None) -> Iterator[None]:
     """Call `stop` at the first signal, which must not take long; raise KeyboardInterrupt at the next.
 
-    Without `stop`, KeyboardInterrupt at the first: SIGTERM ends things in order, as Ctrl-C does.
+    Without `stop`, KeyboardInterrupt at the first: SIGTERM ends the program in order, as Ctrl-C does.
 
     The handlers from before are back in place at the end. To be used in the main thread.
     """

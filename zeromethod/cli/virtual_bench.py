@@ -1,4 +1,4 @@
-"""`zeromethod virtual-bench`: rehearse the whole bench without prism and camera."""
+"""`zeromethod virtual-bench`: a simulated bench in a process of its own, without prism and camera."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import math
 import signal
 import threading
 from pathlib import Path
-from typing import Any
 
 import click
 
+from zeromethod.cli.device_options import scenario_option, with_scenario
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import check_file
+from zeromethod.cli.output import OutputFile
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
@@ -20,12 +20,9 @@ from zeromethod.rig.model import Rig
 from zeromethod.thread_limits import limit_threads
 
 
-@click.command(
-    "virtual-bench",
-    epilog="Example: zeromethod virtual-bench --monitor 1 --truth truth.jsonl",
-)
+@click.command("virtual-bench", epilog="Example: zeromethod virtual-bench --monitor 1 --truth truth.jsonl")
 @click.option("--rig", "rig_name", default="virtual", show_default=True, help="Rig file, or a packaged name.")
-@click.option("--press", help="Simulated press: a packaged scenario (rehearsal, step, ...) or a .toml file.")
+@scenario_option
 @click.option(
     "--monitor",
     type=Whole(min=0),
@@ -41,11 +38,9 @@ from zeromethod.thread_limits import limit_threads
     help="Where the camera's stream is served (0: any free port).",
 )
 @click.option("--rate", "rate_hz", type=float, help="Frames per second. [default: the rig's]")
-@click.option(
-    "--truth", "truth_path", type=click.Path(path_type=Path, dir_okay=False), help="Write the truth (.jsonl)."
-)
+@click.option("--truth", "truth_path", type=OutputFile(".jsonl"), help="Write the truth (.jsonl).")
 @click.option("--seed", type=Whole(min=0), help="Seed of the sensor's noise.")
-@click.option("--loops", type=Whole(min=1), help="Play the scenario this often. [default: 1]")
+@click.option("--repeat", "repeats", type=Whole(min=1), help="Play the scenario this often. [default: 1]")
 @click.option("--forever", is_flag=True, help="Play the scenario again and again.")
 @click.option(
     "--start-after",
@@ -57,62 +52,33 @@ from zeromethod.thread_limits import limit_threads
 )
 def virtual_bench_command(
     rig_name: str,
-    press: str | None,
+    scenario: str | None,
     monitor: int,
     port: int,
     rate_hz: float | None,
     truth_path: Path | None,
     seed: int | None,
-    loops: int | None,
+    repeats: int | None,
     forever: bool,
     start_after_s: float,
 ) -> None:
-    """Play prism and camera: bend what a monitor shows, serve it as a camera stream, write the truth.
+    """Simulate prism and camera: bend what a monitor shows, serve it as a camera stream, write the truth.
 
     The scenario starts when the first client connects. The bench ends on Ctrl-C, and once the scenario is
     over and the client has gone.
     """
-    if loops is not None and forever:
-        raise InputError("--loops and --forever: give one of them, not both")
-    check_file("--truth", truth_path, suffix=".jsonl")
-    rig = _with_overrides(load_rig(rig_name), press, seed, rate_hz)
+    if repeats is not None and forever:
+        raise InputError("--repeat and --forever: give one of them, not both")
+    rig = _with_rate(with_scenario(load_rig(rig_name), scenario, seed), rate_hz)
     check_geometry(rig)
     limit_threads()
-    _play(rig, rig_name, monitor, port, truth_path, math.inf if forever else float(loops or 1), start_after_s)
 
-
-def _with_overrides(rig: Rig, press: str | None, seed: int | None, rate_hz: float | None) -> Rig:
-    update: dict[str, Any] = {}
-    if press is not None:
-        update["scenario"] = press
-    if seed is not None:
-        update["simulation"] = rig.simulation.model_copy(update={"seed": seed})
-    if rate_hz is not None:
-        most_hz = 1 / rig.camera.exposure_s
-        if not 0 < rate_hz <= most_hz:
-            raise InputError(
-                f"--rate: {rate_hz:g}: above 0 and at most 1 / camera.exposure_s = {most_hz:g} Hz"
-            )
-        update["camera"] = rig.camera.model_copy(update={"rate_hz": rate_hz})
-    return rig.model_copy(update=update)
-
-
-def _play(
-    rig: Rig,
-    rig_name: str,
-    monitor: int,
-    port: int,
-    truth_path: Path | None,
-    loops: float,
-    start_after_s: float,
-) -> None:
     from zeromethod.simulation.scenario import load_scenario  # noqa: PLC0415
     from zeromethod.simulation.virtual_bench.bench import Bender, VirtualBench  # noqa: PLC0415 - loads slowly
     from zeromethod.simulation.virtual_bench.grab import MonitorGrabber, find_monitor  # noqa: PLC0415
     from zeromethod.simulation.virtual_bench.stream import FrameServer, stream_header  # noqa: PLC0415
     from zeromethod.simulation.virtual_bench.truth import TruthFile  # noqa: PLC0415
 
-    scenario = load_scenario(rig.scenario)
     found = find_monitor(monitor, (rig.display.columns, rig.display.rows))
     camera = rig.camera
     header = stream_header(camera.columns, camera.rows, camera.rate_hz, camera.bits)
@@ -124,13 +90,13 @@ def _play(
         truth = stack.enter_context(TruthFile(truth_path, rig, rig.scenario)) if truth_path else None
         bench = VirtualBench(
             rig,
-            scenario,
+            load_scenario(rig.scenario),
             bender,
             server,
             lambda: MonitorGrabber(found),
             camera.rate_hz,
             truth,
-            loops,
+            math.inf if forever else float(repeats or 1),
             start_after_s,
         )
         stop = threading.Event()
@@ -142,3 +108,12 @@ def _play(
         click.echo(f"  zeromethod run --rig {rig_name} --display {monitor} --camera {address}")
         bench.run(stop, click.echo)
         click.echo(f"{bench.frames} frames, {bench.late} of them later than the rig's camera_latency_s")
+
+
+def _with_rate(rig: Rig, rate_hz: float | None) -> Rig:
+    if rate_hz is None:
+        return rig
+    most_hz = 1 / rig.camera.exposure_s
+    if not 0 < rate_hz <= most_hz:
+        raise InputError(f"--rate: {rate_hz:g}: above 0 and at most 1 / camera.exposure_s = {most_hz:g} Hz")
+    return rig.model_copy(update={"camera": rig.camera.model_copy(update={"rate_hz": rate_hz})})

@@ -1,4 +1,4 @@
-"""The picture of a bench: prism and rays true to scale in the plane y = 0, and maps over the mirror."""
+"""Pictures of a bench: prism and rays true to scale in the plane y = 0, maps over the mirror, and curves."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
 
 from zeromethod.arrays import Float
+from zeromethod.design.figures import HEADLINE_SIGMA_MM
 from zeromethod.design.lever import camera_px_per_mrad, depth_nm_per_px
 from zeromethod.design.press_limits import nulled_mm
 from zeromethod.design.ray_paths import RayPath, ray_paths
@@ -24,21 +23,37 @@ from zeromethod.design.tir import margin_deg
 from zeromethod.optics import Lost
 from zeromethod.optics.prism import Face
 from zeromethod.rig.model import Layer
+from zeromethod.view.axes import colour_bar, labelled, picture
 
 _RAYS = 9
 _MARGIN_MM = 7.0
 _PANEL_MM = 1.5
 _EVEN = 0.01
 _LONGEST = 4.0
-"""Triangles with a side this many times as long as others' bridge what is not seen."""
+"""Triangles with a side this many times as long as others' bridge gaps in the view."""
 _TOTAL, _BELOW, _LOST = "#2a7fbf", "#e08a1e", "#a0a0a0"
 _RUBBER, _PLATE, _GAP = "#dcebf7", "#c9d8c2", "#f5f5f5"
+_PANELS: tuple[tuple[str, str, tuple[tuple[str, str], ...]], ...] = (
+    (
+        "margin to the critical angle", "deg",
+        (("tir_margin_deg", "middle of the view"), ("tir_least_margin_deg", "least of the view")),
+    ),
+    (
+        "lever, slope along x", "px per mrad",
+        (("lcd_px_per_mrad", "LCD px"), ("camera_px_per_mrad", "camera px")),
+    ),
+    ("depth, along x", "nm per camera px", (("depth_nm_per_px", ""),)),
+    (f"Gaussian press, sigma {HEADLINE_SIGMA_MM:g} mm: folds at", "mm", (("gaussian_fold_mm", ""),)),
+    ("footprint of the lens's pupil, along x", "mm", (("footprint_mm", ""),)),
+    ("slope noise of one frame, along x", "µrad", (("slope_sigma_urad", ""),)),
+    ("mirror in view, along x", "mm", (("mirror_seen_mm", ""),)),
+    ("view that sees the LCD", "share", (("sees_lcd_share", ""),)),
+)  # fmt: skip
 
 
 def draw_design(view: SampledView, figures: dict[str, Any], path: Path) -> None:
     """Write the drawing of a bench with its maps as PNG."""
-    with mpl.rc_context({"font.size": 8, "axes.titlesize": 9}):
-        figure = Figure(figsize=(15, 10), layout="constrained")
+    with picture(path, (15, 10), _title(figures)) as figure:
         grid = figure.add_gridspec(2, 1, height_ratios=(1.75, 1))
         top = grid[0].subgridspec(1, 2, width_ratios=(1.2, 1))
         whole, near = figure.add_subplot(top[0, 0]), figure.add_subplot(top[0, 1])
@@ -50,8 +65,6 @@ def draw_design(view: SampledView, figures: dict[str, Any], path: Path) -> None:
         maps = grid[1].subgridspec(1, 4)
         for k, (title, unit, values) in enumerate(_maps(view, figures)):
             _map(figure.add_subplot(maps[0, k]), view, values, title, unit)
-        figure.suptitle(_title(figures), fontsize=11)
-        figure.savefig(path, dpi=110)
 
 
 def _title(figures: dict[str, Any]) -> str:
@@ -95,7 +108,7 @@ def _panel_line(view: SampledView) -> Float:
         if (first[1] < 0.0) != (second[1] < 0.0):
             share = first[1] / (first[1] - second[1])
             found.append((first + share * (second - first))[[0, 2]])
-    # a panel wholly beside the plane is drawn by its outline's nearest side
+    # a panel that does not meet the plane is drawn by its outline's nearest side
     return np.array(found) if len(found) == 2 else corners[:2, [0, 2]]
 
 
@@ -219,20 +232,18 @@ def _maps(view: SampledView, figures: dict[str, Any]) -> list[tuple[str, str, Fl
         ("margin to the critical angle", "deg", margin_deg(view)),
         ("lever, slope along x", "camera px per mrad", camera_px_per_mrad(view)[..., 0]),
         ("depth, along x", "nm per camera px", depth_nm_per_px(view)[..., 0]),
-        (f"press {press['press']} mm: deepest nulled", "um", 1e3 * nulled_mm(view, press["limits"])),
+        (f"press {press['press']} mm: deepest nulled", "µm", 1e3 * nulled_mm(view, press["limits"])),
     ]  # fmt: skip
 
 
 def _map(axis: Axes, view: SampledView, values: Float, title: str, unit: str) -> None:
     shown = view.on_lcd & np.isfinite(values)
-    axis.set_title(title)
-    axis.set_xlabel("x, mm")
-    axis.set_ylabel("y, mm")
+    labelled(axis, title, "x, mm", "y, mm")
     axis.set_aspect("equal")
     if not shown.any():
         return
     x, y, shades = view.x_mm[shown], view.y_mm[shown], values[shown]
-    # what grows without bound beside P0 would leave no colours for the rest
+    # what grows without bound near P0 would leave no colours for the rest
     low, high = np.percentile(shades, (0, 98))
     if high - low < _EVEN * abs(high):
         low, high = low - _EVEN * abs(high), high + _EVEN * abs(high)
@@ -243,5 +254,22 @@ def _map(axis: Axes, view: SampledView, values: Float, title: str, unit: str) ->
     mesh = axis.tripcolor(
         net, shades, vmin=low, vmax=high, shading="gouraud", cmap="viridis", rasterized=True
     )
-    assert axis.figure is not None
-    axis.figure.colorbar(mesh, ax=axis, label=unit, shrink=0.7, location="bottom")
+    colour_bar(axis, mesh, unit, shrink=0.7, location="bottom")
+
+
+def draw_curves(found: dict[str, Any], label: str, rig: str, path: Path) -> None:
+    """Write the curves of `zeromethod.design.curves` as PNG; a red line where total reflection begins."""
+    values = np.array(found["values"])
+    with picture(path, (14, 6.5), f"zeromethod design  rig {rig}, {label}") as figure:
+        for axis, (title, unit, lines) in zip(figure.subplots(2, 4).flat, _PANELS, strict=True):
+            for key, name in lines:
+                axis.plot(
+                    values, np.array(found[key], dtype=np.float64), ".-", markersize=4, label=name or None
+                )
+            if unit == "deg":
+                axis.axhline(0.0, color="C3", linewidth=0.8)
+            if len(lines) > 1:
+                axis.legend()
+            labelled(axis, title, label, unit)
+            axis.set_xlim(values.min(), values.max())
+            axis.grid(alpha=0.3)

@@ -1,16 +1,14 @@
-"""The figures of a bench as tables of plain words."""
+"""The figures of a bench as tables."""
 
 from __future__ import annotations
-
-from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-Figures = dict[str, Any]
+from zeromethod.view.table import Figures, cell, pair_table, text_table, titled
 
-_CURVES: tuple[tuple[str, str, str], ...] = (
+_CURVES = (
     ("margin\ndeg", "tir_margin_deg", "{:.2f}"),
     ("least margin\ndeg", "tir_least_margin_deg", "{:.2f}"),
     ("LCD px\nper mrad", "lcd_px_per_mrad", "{:.3f}"),
@@ -18,41 +16,34 @@ _CURVES: tuple[tuple[str, str, str], ...] = (
     ("nm per\ncamera px", "depth_nm_per_px", "{:.1f}"),
     ("folds at\nmm", "gaussian_fold_mm", "{:.3f}"),
     ("footprint\nmm", "footprint_mm", "{:.3f}"),
-    ("slope noise\nurad", "slope_sigma_urad", "{:.2f}"),
-    ("mirror seen\nmm", "mirror_seen_mm", "{:.1f}"),
+    ("slope noise\nµrad", "slope_sigma_urad", "{:.2f}"),
+    ("mirror in view\nmm", "mirror_seen_mm", "{:.1f}"),
     ("sees LCD", "sees_lcd_share", "{:.0%}"),
 )
+_PAIRS = (("lcd_px_per_mrad", "{:.3f}"), ("camera_px_per_mrad", "{:.3f}"), ("depth_nm_per_px", "{:.1f}"))
 
 
 def design_table(figures: Figures, warnings: list[str]) -> Group:
     """Warnings first, then the figures region by region, then those of the whole bench."""
     parts: list[RenderableType] = [Text(f"warning: {words}", style="bold yellow") for words in warnings]
-    parts += [Text()] if warnings else []
-    parts += [*_margins(figures), *_levers(figures), *_presses(figures)]
-    return Group(*parts, _whole(figures))
+    if warnings:
+        parts.append(Text())
+    whole = (
+        *_view_rows(figures["view"]),
+        *_resolution_rows(figures["resolution"]),
+        *_noise_rows(figures["noise"]),
+        *_delay_rows(figures["delay"]),
+    )
+    return Group(*parts, *_margins(figures), *_levers(figures), *_presses(figures), pair_table(whole))
 
 
 def curves_table(found: Figures) -> Table:
     """One row per value; a dash where the bench cannot work."""
-    table = _table(found["key"], *(title for title, _, _ in _CURVES))
-    for index, value in enumerate(found["values"]):
-        cells = (
-            "-" if found[key][index] is None else pattern.format(found[key][index])
-            for _, key, pattern in _CURVES
-        )
-        table.add_row(f"{value:.6g}", *cells)
-    return table
-
-
-def _table(*titles: str) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for title in titles:
-        table.add_column(title, justify="right")
-    return table
-
-
-def _titled(title: str, table: Table) -> list[RenderableType]:
-    return [Text(title, style="bold"), table, Text()]
+    rows = (
+        (f"{value:.6g}", *(cell(found[key][index], pattern) for _, key, pattern in _CURVES))
+        for index, value in enumerate(found["values"])
+    )
+    return text_table((found["key"], *(title for title, _, _ in _CURVES)), rows, left=())
 
 
 def _place(region: Figures) -> tuple[str, str]:
@@ -60,48 +51,42 @@ def _place(region: Figures) -> tuple[str, str]:
 
 
 def _margins(figures: Figures) -> list[RenderableType]:
-    slopes = figures["tir"]["slopes_mrad"]
-    table = _table("x, mm", "y, mm", *(f"{slope:g} mrad" for slope in slopes), "gone at, mrad")
+    rows = []
     for region in figures["regions"]:
-        margins = (f"{margin:+.2f}" for margin in region["tir_margin_deg"])
         loss = region["slope_to_loss_mrad"]
-        table.add_row(*_place(region), *margins, f"{loss:.1f}" if loss > 0.0 else "at rest")
-    return _titled("Margin to the critical angle, deg, least of each region, by slope of the mirror", table)
+        margins = (f"{margin:+.2f}" for margin in region["tir_margin_deg"])
+        rows.append((*_place(region), *margins, f"{loss:.1f}" if loss > 0.0 else "at rest"))
+    slopes = (f"{slope:g} mrad" for slope in figures["tir"]["slopes_mrad"])
+    table = text_table(("x, mm", "y, mm", *slopes, "gone at, mrad"), rows, left=())
+    return titled("Margin to the critical angle, deg, least of each region, by slope of the mirror", table)
 
 
 def _levers(figures: Figures) -> list[RenderableType]:
-    table = _table(
+    rows = (
+        (
+            *_place(region),
+            f"{region['path_mm']:.1f}",
+            *(", ".join(pattern.format(value) for value in region[key]) for key, pattern in _PAIRS),
+            f"{1 / region['curvature_per_mm']:.0f}",
+        )
+        for region in figures["regions"]
+    )
+    heads = (
         "x, mm", "y, mm", "path, mm", "LCD px per mrad\nx, y", "camera px per mrad\nx, y",
         "nm per camera px\nx, y", "sharpest bend\nradius, mm",
     )  # fmt: skip
-    for region in figures["regions"]:
-        table.add_row(
-            *_place(region),
-            f"{region['path_mm']:.1f}",
-            _pair(region["lcd_px_per_mrad"], "{:.3f}"),
-            _pair(region["camera_px_per_mrad"], "{:.3f}"),
-            _pair(region["depth_nm_per_px"], "{:.1f}"),
-            f"{1 / region['curvature_per_mm']:.0f}",
-        )
-    return _titled("Lever, for slope along x and along y", table)
-
-
-def _pair(values: list[float], pattern: str) -> str:
-    return ", ".join(pattern.format(value) for value in values)
+    return titled("Lever, for slope along x and along y", text_table(heads, rows, left=()))
 
 
 def _presses(figures: Figures) -> list[RenderableType]:
-    if not figures["presses"]:
-        return []
-    middle = _middle_row(figures["presses"][0]["limits"])
-    table = _table(
-        "press, mm", *(f"at x = {middle[k]['x_mm']:.0f} mm" for k in range(len(middle))), "ended by"
-    )
+    rows, places = [], []
     for press in figures["presses"]:
         limits = _middle_row(press["limits"])
+        places = [f"at x = {one['x_mm']:.0f} mm" for one in limits]
         cells = (f"{_um(one['nulled_mm'])} ({_um(one['fold_mm'])}, {_um(one['total_mm'])})" for one in limits)
-        table.add_row(press["press"], *cells, ", ".join(sorted({one["because"] for one in limits} - {""})))
-    return _titled("Deepest press that can be nulled whole, um (folds at, loses total reflection at)", table)
+        rows.append((press["press"], *cells, ", ".join(sorted({one["because"] for one in limits} - {""}))))
+    title = "Deepest press that can be nulled whole, µm (folds at, loses total reflection at)"
+    return titled(title, text_table(("press, mm", *places, "ended by"), rows, left=()))
 
 
 def _middle_row(limits: list[Figures]) -> list[Figures]:
@@ -117,45 +102,26 @@ def _um(depth_mm: float) -> str:
     return "any" if depth_mm == float("inf") else f"{1e3 * depth_mm:.3g}"
 
 
-def _whole(figures: Figures) -> Table:
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style="dim")
-    table.add_column()
-    for label, words in (
-        *_view_rows(figures["view"]),
-        *_resolution_rows(figures["resolution"]),
-        *_noise_rows(figures["noise"]),
-        *_delay_rows(figures["delay"]),
-    ):
-        table.add_row(label, words)
-    return table
-
-
 def _view_rows(view: Figures) -> list[tuple[str, str]]:
-    x, y, mm, lcd = (
-        view["mirror_x_mm"],
-        view["mirror_y_mm"],
-        view["mirror_mm_per_px"],
-        view["lcd_px_per_camera_px"],
-    )
-    rows = [
+    x, y = view["mirror_x_mm"], view["mirror_y_mm"]
+    mm, lcd = view["mirror_mm_per_px"], view["lcd_px_per_camera_px"]
+    lost = ", ".join(f"{share:.1%} {why.replace('_', ' ')}" for why, share in view["lost_share"].items())
+    return [
         (
-            "mirror seen",
+            "mirror in view",
             f"x {x[0]:.1f} to {x[1]:.1f} of {view['mirror_length_mm']:.1f} mm, y {y[0]:.1f} to {y[1]:.1f} mm",
         ),
         (
             "one camera px covers",
-            f"{1e3 * mm[0]:.1f} x {1e3 * mm[1]:.1f} um, {lcd[0]:.3f} x {lcd[1]:.3f} LCD px",
+            f"{1e3 * mm[0]:.1f} x {1e3 * mm[1]:.1f} µm, {lcd[0]:.3f} x {lcd[1]:.3f} LCD px",
         ),
         (
             "LCD used",
             f"columns {view['lcd_columns'][0]:.0f} to {view['lcd_columns'][1]:.0f}, "
             f"rows {view['lcd_rows'][0]:.0f} to {view['lcd_rows'][1]:.0f}",
         ),
+        ("view that sees the LCD", f"{view['sees_lcd_share']:.1%}" + (f" ({lost})" if lost else "")),
     ]
-    lost = ", ".join(f"{share:.1%} {why.replace('_', ' ')}" for why, share in view["lost_share"].items())
-    rows.append(("view that sees the LCD", f"{view['sees_lcd_share']:.1%}" + (f" ({lost})" if lost else "")))
-    return rows
 
 
 def _resolution_rows(found: Figures) -> list[tuple[str, str]]:
@@ -177,7 +143,7 @@ def _noise_rows(noise: Figures) -> list[tuple[str, str]]:
     return [
         (
             "noise of one frame",
-            f"{noise['displacement_px']:.4f} camera px, slope {slope[0]:.2f}, {slope[1]:.2f} urad",
+            f"{noise['displacement_px']:.4f} camera px, slope {slope[0]:.2f}, {slope[1]:.2f} µrad",
         ),
         ("", f"depth {noise['depth_rms_nm']:.3g} nm rms over the view"),
         ("of the mean of frames", averaged),
@@ -187,19 +153,15 @@ def _noise_rows(noise: Figures) -> list[tuple[str, str]]:
 
 
 def _delay_rows(delay: Figures) -> list[tuple[str, str]]:
-    rows = [
-        (f"delay: {step['name']}", f"{1e3 * step['mean_s']:.1f} ms" + _worst(step)) for step in delay["steps"]
+    rows = []
+    for step in delay["steps"]:
+        mean_s, worst_s = step["mean_s"], step["worst_s"]
+        worst = "" if worst_s == mean_s else f" (at worst {1e3 * worst_s:.1f})"
+        rows.append((f"delay: {step['name']}", f"{1e3 * mean_s:.1f} ms{worst}"))
+    whole = f"{1e3 * delay['mean_s']:.1f} ms, {delay['mean_frames']:.2f} frames"
+    gains = ", ".join(f"{name} {gain:.2f}" for name, gain in delay["largest_gain"].items())
+    return [
+        *rows,
+        ("delay round the loop", f"{whole}; at worst {delay['worst_frames']:.2f}"),
+        ("largest stable gain", f"{gains} (the rig: {delay['controller']} {delay['gain']:g})"),
     ]
-    rows.append((
-        "delay round the loop",
-        f"{1e3 * delay['mean_s']:.1f} ms, {delay['mean_frames']:.2f} frames; "
-        f"at worst {delay['worst_frames']:.2f}",
-    ))  # fmt: skip
-    gains = delay["largest_gain"]
-    words = ", ".join(f"{name} {gain:.2f}" for name, gain in gains.items())
-    rows.append(("largest stable gain", f"{words} (the rig: {delay['controller']} {delay['gain']:g})"))
-    return rows
-
-
-def _worst(step: Figures) -> str:
-    return "" if step["worst_s"] == step["mean_s"] else f" (at worst {1e3 * step['worst_s']:.1f})"

@@ -1,19 +1,18 @@
-"""The picture of a run: what the camera saw, what was drawn to cancel it, what was read off it."""
+"""The picture of a run: camera frames, the warps, and what was read off them."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from zeromethod.arrays import Float, Image
 from zeromethod.loop.step import Step
 from zeromethod.session.result import RunResult
 from zeromethod.surface import Surface
+from zeromethod.view.axes import centred, colour_bar, colours, labelled, picture
 from zeromethod.warp.grid import PADDING, NodeGrid
 
 CROP_PX = (480, 360)
@@ -24,8 +23,7 @@ def draw_figure(result: RunResult, figures: dict[str, Any], path: Path) -> None:
     """Write the figure of a run as PNG. Panels without data say so."""
     camera = result.rig.camera
     grid = NodeGrid((camera.rows, camera.columns), result.rig.target.period_px)
-    with mpl.rc_context({"font.size": 8, "axes.titlesize": 9}):
-        figure = Figure(figsize=(16, 9.5), layout="constrained")
+    with picture(path, (16, 9.5), _title(figures)) as figure:
         axes = figure.subplots(3, 4)
         _camera_row(axes[0, :3], result, grid)
         _timeline(axes[2, 3], result)
@@ -35,8 +33,6 @@ def draw_figure(result: RunResult, figures: dict[str, Any], path: Path) -> None:
                 _say(axis, "never nulled")
         else:
             _read_maps(read_axes, result, result.nulled)
-        figure.suptitle(_title(figures), fontsize=11)
-        figure.savefig(path, dpi=110)
 
 
 def _title(figures: dict[str, Any]) -> str:
@@ -50,7 +46,7 @@ def _title(figures: dict[str, Any]) -> str:
 
 
 def _say(axis: Axes, words: str) -> None:
-    axis.text(0.5, 0.5, words, ha="center", va="center", transform=axis.transAxes)
+    centred(axis, words)
     axis.set_axis_off()
 
 
@@ -65,9 +61,7 @@ def _camera_row(axes: Image, result: RunResult, grid: NodeGrid) -> None:
             continue
         part = step.image[rows, columns]
         axis.imshow(part, cmap="gray", vmin=0, extent=(extent[0], extent[1], extent[3], extent[2]))
-        axis.set_title(f"camera, {name} ({step.time_s:.2f} s)")
-        axis.set_xlabel("u, camera px")
-        axis.set_ylabel("v, camera px")
+        labelled(axis, f"camera, {name} ({step.time_s:.2f} s)", "u, camera px", "v, camera px")
 
 
 def _crop(nulled: Step | None, grid: NodeGrid) -> tuple[int, int, int, int]:
@@ -93,23 +87,11 @@ def _map(axis: Axes, surface: Surface, values: Float, title: str, unit: str, *, 
     """Map of the valid nodes over the mirror in mm; colours symmetric round zero, or from zero up."""
     inner = (slice(PADDING, -PADDING),) * 2
     shown = np.where(surface.valid, values, np.nan)[inner]
-    finite = np.abs(shown[np.isfinite(shown)])
-    high = float(np.percentile(finite, 99.8)) if finite.size else 1.0
-    mesh = axis.pcolormesh(
-        surface.x_mm[inner],
-        surface.y_mm[inner],
-        shown,
-        cmap="RdBu_r" if signed else "viridis",
-        vmin=-high if signed else 0.0,
-        vmax=high or 1.0,
-        shading="nearest",
-    )
+    x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
+    mesh = axis.pcolormesh(x_mm, y_mm, shown, shading="nearest", **colours(shown, 99.8, signed=signed))
     axis.set_aspect("equal")
-    axis.set_title(title)
-    axis.set_xlabel("x, mm")
-    axis.set_ylabel("y, mm")
-    assert axis.figure is not None
-    axis.figure.colorbar(mesh, ax=axis, label=unit, shrink=0.8)
+    labelled(axis, title, "x, mm", "y, mm")
+    colour_bar(axis, mesh, unit)
 
 
 def _read_maps(axes: list[Axes], result: RunResult, nulled: Step) -> None:
@@ -145,9 +127,7 @@ def _section(axis: Axes, surface: Surface, true_mm: Float | None) -> None:
     if true_mm is not None:
         axis.plot(x_mm[valid], true_mm[row][valid], "-", linewidth=1, label="truth")
     axis.invert_yaxis()
-    axis.set_title("section through the peak (into the rubber = down)")
-    axis.set_xlabel("x, mm")
-    axis.set_ylabel("depth, mm")
+    labelled(axis, "section through the peak (into the rubber = down)", "x, mm", "depth, mm")
     axis.legend()
 
 

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from rich.console import Console
@@ -16,27 +15,28 @@ from rich.text import Text
 from zeromethod.errors import InputError
 from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
-from zeromethod.view.report_history import STATE_COLOURS, TOLD, words
+from zeromethod.view.live import EXPLAINED, STATE_COLOURS
+from zeromethod.view.report_history import words
 
 PERIOD_S = 0.2
-"""How often is looked whether there is more."""
+"""How often the file is looked at."""
 
 STALLED_S = 3.0
-"""Silence of the writer that is told."""
+"""Silence of the writer that is reported."""
 
 _BEGINNING_S = 10.0
-"""How long a file that has just been made may be no recording yet."""
+"""How long a new file may not be a recording yet."""
 
 _REST = 9.0
-"""Times as long as a look takes nothing is done after it."""
+"""Pause after a look, in times of how long the look took."""
 
 _RECENT_NS = 2_000_000_000
-"""Time over which the rate is told."""
+"""Time over which the rate is taken."""
 
 
 @dataclass(frozen=True)
 class Glance:
-    """How a recording stands. time_s from its start; rate_hz: frames per second lately; NaN unknown."""
+    """State of a growing recording. time_s from its start; rate_hz: frames per second lately; NaN unknown."""
 
     time_s: float
     state: str
@@ -48,21 +48,21 @@ class Glance:
     dropped: int
 
     def words(self) -> str:
-        """In one line, but for the state."""
-        if self.state in TOLD:
+        """One line, without the state."""
+        if self.state in EXPLAINED:
             return self.reason
         parts = [
             f"{self.rate_hz:.1f} frames/s",
             f"residual {self.residual_rms_px:.3f} px",
-            f"peak {1e3 * self.peak_mm:.2f} um (sigma {1e3 * self.peak_sigma_mm:.2f})",
+            f"peak {1e3 * self.peak_mm:.2f} µm (sigma {1e3 * self.peak_sigma_mm:.2f})",
         ]
         known = (self.rate_hz, self.residual_rms_px, self.peak_mm)
-        told = [part for part, value in zip(parts, known, strict=True) if np.isfinite(value)]
-        return "  ".join([*told, *([f"dropped {self.dropped}"] if self.dropped else [])])
+        finite = [part for part, value in zip(parts, known, strict=True) if np.isfinite(value)]
+        return "  ".join([*finite, *([f"dropped {self.dropped}"] if self.dropped else [])])
 
 
 class Tail:
-    """The end of a recording that is still being written; notes: (time in s, text) not yet handed out."""
+    """The end of a recording that is still being written; notes: (time in s, text) not yet returned."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
@@ -71,7 +71,7 @@ class Tail:
 
     @property
     def complete(self) -> bool:
-        """Whether the writer has closed it in order."""
+        """Whether the writer has closed the file."""
         return bool(self._recording.complete)
 
     def grown(self) -> bool:
@@ -81,7 +81,7 @@ class Tail:
         return self._turns > before
 
     def glance(self) -> Glance:
-        """How it stands."""
+        """Its newest state and figures."""
         recording, nan = self._recording, float("nan")
         turns, peaks = recording.steps, recording.peaks
         if not len(turns):
@@ -110,13 +110,13 @@ class Tail:
 
 
 class FollowDisplay:
-    """One line that changes, in a terminal; a line per second where none reads along."""
+    """One line that changes, in a terminal; a line per second elsewhere."""
 
     def __init__(self, console: Console, now: Callable[[], float] = time.monotonic) -> None:
         self._console = console
         self._now = now
         self._live = Live(console=console, refresh_per_second=1 / PERIOD_S) if console.is_terminal else None
-        self._told_at = float("-inf")
+        self._shown_at = float("-inf")
         self._stalled = False
 
     def __enter__(self) -> FollowDisplay:
@@ -124,18 +124,16 @@ class FollowDisplay:
             self._live.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._live is not None:
             self._live.stop()
 
     def say(self, text: str, style: str = "") -> None:
-        """A line that stays."""
+        """A line that is not replaced."""
         self._console.print(text, style=style, markup=False, highlight=False, soft_wrap=True)
 
     def show(self, glance: Glance, silent_s: float = 0.0, *, last: bool = False) -> None:
-        """How it stands now; silent_s: since when nothing has come."""
+        """Show the newest state; silent_s: time since new data came."""
         line = Text(no_wrap=True, overflow="ellipsis")
         line.append(f"{glance.time_s:8.1f} s  ").append(
             glance.state, style=STATE_COLOURS.get(glance.state, "")
@@ -148,8 +146,8 @@ class FollowDisplay:
         elif stalled:
             if not before:
                 self.say(f"no new data for {STALLED_S:.0f} s")
-        elif last or self._now() - self._told_at >= 1.0:
-            self._told_at = self._now()
+        elif last or self._now() - self._shown_at >= 1.0:
+            self._shown_at = self._now()
             self.say(line.plain)
 
 
@@ -160,35 +158,35 @@ def follow(
     sleep: Callable[[float], None] = time.sleep,
     now: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Tell how a recording goes on until its writer closes it. A file that is not there yet is waited for.
+    """Show how a recording grows until its writer closes it. A file that is not there yet is waited for.
 
     Raises InputError for a file that is not a recording.
     """
     with FollowDisplay(console, now) as display:
         _await(path, display, sleep)
         with _open(path, sleep) as recording:
-            _tell(Tail(recording), display, sleep, now)
+            _watch(Tail(recording), display, sleep, now)
         display.say("recording ended")
 
 
-def _tell(
+def _watch(
     tail: Tail, display: FollowDisplay, sleep: Callable[[float], None], now: Callable[[], float]
 ) -> None:
-    heard_at = now()
+    new_at = now()
     ended = False
     while not ended:
-        began_at = now()
+        looked_at = now()
         if tail.grown():
-            heard_at = now()
+            new_at = now()
         ended = tail.complete
         if ended:
-            tail.grown()  # what came before the end, after the look
+            tail.grown()  # what came between the look and the end
         for note in tail.notes():
             display.say(f"note: {note}", "yellow")
-        display.show(tail.glance(), 0.0 if ended else now() - heard_at, last=ended)
+        display.show(tail.glance(), 0.0 if ended else now() - new_at, last=ended)
         if not ended:
-            # tables grow: whoever records on this machine has the better part of it
-            sleep(max(PERIOD_S, _REST * (now() - began_at)))
+            # tables grow: leave most of the time to the process that records
+            sleep(max(PERIOD_S, _REST * (now() - looked_at)))
 
 
 def _await(path: Path, display: FollowDisplay, sleep: Callable[[float], None]) -> None:
@@ -200,7 +198,7 @@ def _await(path: Path, display: FollowDisplay, sleep: Callable[[float], None]) -
 
 
 def _open(path: Path, sleep: Callable[[float], None]) -> Recording:
-    """Open a recording; one that is being begun at this moment is given time to become one."""
+    """Open a recording; a file that is only just being made is given time to become one."""
     patience_s = _BEGINNING_S
     while True:
         try:

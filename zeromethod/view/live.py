@@ -1,8 +1,6 @@
-"""The live status of a run: one line in the terminal, and what the operator should know."""
+"""The live status of a run: one line in the terminal, and notes above it."""
 
 from __future__ import annotations
-
-from types import TracebackType
 
 from rich.console import Console
 from rich.markup import escape
@@ -11,25 +9,30 @@ from rich.table import Column
 
 from zeromethod.loop.step import Step
 
-_COLOURS = {
-    "locked": "green",
-    "resting": "green",
-    "nulling": "yellow",
-    "starting": "yellow",
-    "paused": "cyan",
+STATE_COLOURS = {
+    "locked": "#2e9e5b",
+    "resting": "#7cc7a0",
+    "nulling": "#e0b100",
+    "starting": "#c9b26b",
+    "holding": "#e07b00",
+    "paused": "#4fa3d1",
+    "lost": "#b5179e",
+    "fault": "#d62828",
+    "stopped": "#808080",
 }
-_EXPLAINED = frozenset({"holding", "lost", "fault", "paused"})
+EXPLAINED = frozenset({"holding", "lost", "fault", "paused"})
+"""States whose reason is shown in place of the figures."""
 
 
 class LiveStatus:
     """Progress bar with state, residual, peak depth and loop time, which only a terminal shows.
 
-    Notes are printed above it, elsewhere too. In `holding`, `lost`, `fault` and `paused` the reason stands in
-    place of the figures.
+    Notes are printed above it, and where there is no terminal. In the states of `EXPLAINED` it shows the
+    reason in place of the figures.
     """
 
     def __init__(self, console: Console, total: float | None, unit: str, keys: str = "") -> None:
-        """`total` in `unit` ("frames" or "seconds"), None: no end is known. keys: what they do."""
+        """`total` in `unit` ("frames" or "seconds"), None: no end is known. keys: what each does."""
         self._unit = unit
         self._peak_mm = float("nan")
         self._console = console
@@ -52,9 +55,7 @@ class LiveStatus:
         self._progress.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._progress.stop()
 
     def update(self, step: Step, done_frames: int) -> None:
@@ -66,14 +67,14 @@ class LiveStatus:
         if step.peak is not None:
             self._peak_mm = step.peak.depth_mm
         state = str(step.state)
-        colour = _COLOURS.get(state, "red")
+        colour = STATE_COLOURS.get(state, "red")
         figures = (
-            f"peak {1e3 * self._peak_mm:.2f} um  residual {step.residual_rms_px:.3f} px  "
+            f"peak {1e3 * self._peak_mm:.2f} µm  residual {step.residual_rms_px:.3f} px  "
             f"valid {100 * step.valid_share:.1f} %  loop {step.loop_ms:.1f} ms"
         )
         self._progress.update(
             self._task,
             completed=done_frames if self._unit == "frames" else step.time_s,
             state=f"[{colour}]{state}[/]",
-            figures=escape(step.reason if state in _EXPLAINED else f"{step.phase}  {figures}".strip()),
+            figures=escape(step.reason if state in EXPLAINED else f"{step.phase}  {figures}".strip()),
         )

@@ -26,7 +26,7 @@ def progress(total: int, first: str = "") -> Iterator[Advance]:
     )
     task = bar.add_task(first, total=total)
 
-    def advance(following: str = "") -> None:
+    def advance(following: str = first) -> None:
         bar.update(task, advance=1, description=following)
 
     with bar:

@@ -1,20 +1,19 @@
-"""A replayed session beside the recorded one, as a picture."""
+"""A replayed session next to the recorded one, as a picture."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from zeromethod.arrays import Float
+from zeromethod.view.axes import labelled, picture
 
 _COLOURS = ("C7", "C0", "C3")
 _WIDTHS = (3.0, 1.5, 1.0)
-"""Curves that coincide are drawn the wider the earlier, so that each can be seen."""
+"""Curves that coincide are drawn the wider the earlier, so that each is visible."""
 
 
 def draw_sessions(curves: dict[str, dict[str, Float]], title: str, path: Path) -> None:
@@ -23,27 +22,22 @@ def draw_sessions(curves: dict[str, dict[str, Float]], title: str, path: Path) -
     curves: by session's name; each time_s, depth_peak_mm, residual_rms_px, depth_error_um, frequency_hz and
     left, NaN where not known.
     """
-    with mpl.rc_context({"font.size": 8, "axes.titlesize": 9}):
-        figure = Figure(figsize=(12, 7.5), layout="constrained")
+    with picture(path, (12, 7.5), title) as figure:
         axes = figure.subplots(2, 2)
-        over_time = (
-            (axes[0, 0], "depth_peak_mm", "largest depth read", "mm", "linear"),
-            (axes[0, 1], "residual_rms_px", "residual", "camera px rms", "log"),
-            (axes[1, 0], "depth_error_um", "depth error against the simulated mirror", "um rms", "log"),
+        panels = (
+            ("time_s", "depth_peak_mm", "largest depth read", "mm", "linear"),
+            ("time_s", "residual_rms_px", "residual", "camera px rms", "log"),
+            ("time_s", "depth_error_um", "depth error against the simulated mirror", "µm rms", "log"),
+            ("frequency_hz", "left", "motion of the mirror that is left in the picture", "share", "log"),
         )
-        for axis, key, heading, unit, scale in over_time:
+        for axis, (x, y, heading, unit, scale) in zip(axes.flat, panels, strict=True):
             for number, (name, curve) in enumerate(curves.items()):
-                _plot(axis, curve["time_s"], curve[key], name, number)
-            _finish(axis, heading, "s", unit, scale)
-        axis = axes[1, 1]
-        for number, (name, curve) in enumerate(curves.items()):
-            _plot(axis, curve["frequency_hz"], curve["left"], name, number, marker=".")
-        axis.axhline(1.0, color="k", linewidth=0.8, linestyle=":")
-        _finish(axis, "motion of the mirror that is left in the picture", "Hz", "share", "log")
-        axis.set_xscale("log")
+                _plot(axis, curve[x], curve[y], name, number, marker="." if y == "left" else "")
+            if y == "left":
+                axis.axhline(1.0, color="k", linewidth=0.8, linestyle=":")
+            _finish(axis, heading, "Hz" if y == "left" else "s", unit, scale)
+        axes[1, 1].set_xscale("log")
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-        figure.suptitle(title, fontsize=11)
-        figure.savefig(path, dpi=110)
 
 
 def draw_differences(figures: dict[str, Any], title: str, path: Path) -> None:
@@ -52,21 +46,17 @@ def draw_differences(figures: dict[str, Any], title: str, path: Path) -> None:
     figures: as `zeromethod.session.replay.differences.DepthDifferences.figures` gives them.
     """
     peaks = {key: np.array(values, dtype=np.float64) for key, values in figures["peaks"].items()}
-    with mpl.rc_context({"font.size": 8, "axes.titlesize": 9}):
-        figure = Figure(figsize=(10, 6), layout="constrained")
+    rms_nm = np.array(figures["depth_difference_rms_nm"], dtype=np.float64)
+    with picture(path, (10, 6), title) as figure:
         above, below = figure.subplots(2, 1, sharex=True)
         _plot(above, peaks["time_s"], peaks["recorded_mm"], "recorded", 0)
         _plot(above, peaks["time_s"], peaks["replayed_mm"], "replayed", 1)
         _finish(above, "largest depth read", "s", "mm", "linear")
-        above.legend()
-        nm = 1e6 * (peaks["replayed_mm"] - peaks["recorded_mm"])
-        _plot(below, peaks["time_s"], nm, "peak", 2)
-        rms_nm = np.array(figures["depth_difference_rms_nm"], dtype=np.float64)
+        _plot(below, peaks["time_s"], 1e6 * (peaks["replayed_mm"] - peaks["recorded_mm"]), "peak", 2)
         _plot(below, peaks["time_s"], rms_nm, "all nodes, rms", 1)
         _finish(below, "replayed less recorded", "s", "nm", "linear")
+        above.legend()
         below.legend()
-        figure.suptitle(title, fontsize=11)
-        figure.savefig(path, dpi=110)
 
 
 def _plot(axis: Axes, x: Float, y: Float, name: str, number: int, marker: str = "") -> None:
@@ -78,7 +68,5 @@ def _finish(axis: Axes, heading: str, unit_x: str, unit_y: str, scale: str) -> N
     drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=np.float64) for line in axis.get_lines()])
     # nothing positive cannot be drawn to a logarithmic scale
     axis.set_yscale(scale if np.any(drawn > 0) else "linear")
-    axis.set_title(heading)
-    axis.set_xlabel(unit_x)
-    axis.set_ylabel(unit_y)
+    labelled(axis, heading, unit_x, unit_y)
     axis.grid(alpha=0.3)

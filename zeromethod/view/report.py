@@ -1,4 +1,4 @@
-"""One recording as one HTML file that needs nothing else: figures, pictures, settings, how to do it again."""
+"""One recording as one HTML file: figures, pictures, settings, how to reproduce it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from zeromethod.loop.state import State
 from zeromethod.recording.damage import KINDS
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.source import DamagedWarning
-from zeromethod.surface import Peak, Surface
+from zeromethod.surface import Peak
 from zeromethod.view.report_figures import LEAST_RATED, depth_map, timeline
 from zeromethod.view.report_history import at_turns, happenings, states
 from zeromethod.view.report_summary import Figures, largest_peak, peak_figures, summarise_recording
@@ -36,7 +36,7 @@ from zeromethod.view.report_words import (
 )
 
 MOST_HAPPENINGS = 300
-"""Drops and faults that are listed; of more, it is told how many there are."""
+"""Drops and faults that are listed; of more, the page gives the number."""
 
 STEPS = ("figures", *(f"checking {several}" for _, several in KINDS.values()), "curves", "depth maps", "page")
 
@@ -48,7 +48,8 @@ def write_report(
 ) -> Figures:
     """Write the page of the recording at `path`, in one move; returns the figures of its summary.
 
-    All arrays are read once, to tell how many are damaged: of a recording that goes on, what is there by now.
+    All arrays are read once, to count the damaged ones; of a recording that is still being
+    written, those that are complete.
     advance: called after each of the `STEPS` with the name of the next one.
     """
     following = iter(STEPS[1:])
@@ -74,7 +75,7 @@ def _render(
     damaged: list[str],
 ) -> str:
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
-    told = happenings(recording)
+    happened = happenings(recording)
     return environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
         title=f"{recording.rig.name}: {path.name}",
         subtitle=subtitle(recording, figures),
@@ -82,11 +83,12 @@ def _render(
         shares=state_shares(figures),
         summary=list(summary_rows(figures, recording.rig)),
         timeline=curves,
-        without_rate=curves and figures["frames"] < LEAST_RATED and _without_rate(figures["frames"]),
+        too_few=figures["frames"] if curves and figures["frames"] < LEAST_RATED else 0,
+        least_rated=LEAST_RATED,
         maps=maps,
         without_maps=damaged or list(_without_maps(recording, maps)),
-        happenings=[*damage_rows(figures), *(happening_row(one) for one in told[:MOST_HAPPENINGS])],
-        more_happenings=max(len(told) - MOST_HAPPENINGS, 0),
+        happenings=[*damage_rows(figures), *(happening_row(one) for one in happened[:MOST_HAPPENINGS])],
+        more_happenings=max(len(happened) - MOST_HAPPENINGS, 0),
         notes=note_rows(recording),
         rig=list(rig_rows(recording.rig)),
         **calibration_parts(recording),
@@ -102,7 +104,9 @@ def _maps(recording: Recording) -> tuple[list[dict[str, str]], list[str]]:
     maps, damaged = [], []
     for turn, names in key_turns(recording).items():
         try:
-            surface = _undamaged(recording, turn)
+            with raised.catch_warnings():
+                raised.simplefilter("error", DamagedWarning)
+                surface = recording.surface(turn)
         except (InputError, DamagedWarning) as error:
             damaged.append(f"{', '.join(names)}: no depth map: {error}")
             continue
@@ -113,13 +117,6 @@ def _maps(recording: Recording) -> tuple[list[dict[str, str]], list[str]]:
         words = f"turn {turn}" if figures is None else f"turn {turn}: {peak_words(figures)}"
         maps.append({"name": ", ".join(names), "svg": depth_map(surface, Peak(*point)), "words": words})
     return maps, damaged
-
-
-def _undamaged(recording: Recording, turn: int) -> Surface | None:
-    """The surface of a turn; raises DamagedWarning instead of giving one that is not what was written."""
-    with raised.catch_warnings():
-        raised.simplefilter("error", DamagedWarning)
-        return recording.surface(turn)
 
 
 def key_turns(recording: Recording) -> dict[int, list[str]]:
@@ -139,10 +136,6 @@ def key_turns(recording: Recording) -> dict[int, list[str]]:
         found.setdefault(int(recording.peaks["step"][row]), []).append("largest |depth|")
     found.setdefault(int(kept[-1]), []).append("last")
     return found
-
-
-def _without_rate(frames: int) -> str:
-    return f"No curve of frames per second: {frames} frames are too few for one ({LEAST_RATED} make it)."
 
 
 def _without_maps(recording: Recording, maps: list[dict[str, str]]) -> Iterator[str]:

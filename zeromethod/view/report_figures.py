@@ -21,8 +21,9 @@ from matplotlib.patches import Patch
 from zeromethod.arrays import Float
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Peak, Surface
-from zeromethod.view.log_ticks import plain_log_ticks
-from zeromethod.view.report_history import STATE_COLOURS, Episode, at_turns, episodes, seconds, start_ns
+from zeromethod.view.axes import centred, filled, plain_log_ticks
+from zeromethod.view.live import STATE_COLOURS
+from zeromethod.view.report_history import Episode, at_turns, episodes, seconds, start_ns
 from zeromethod.warp.grid import PADDING
 
 MOST_POINTS = 2000
@@ -87,7 +88,7 @@ def depth_map(surface: Surface, marked: Peak) -> str:
         axis.set_xlabel("x, mm")
         axis.set_ylabel("y, mm")
         if shape is None:
-            _say(axis, "nothing was read")
+            centred(axis, "nothing was read")
             return _svg(figure, "depth over the mirror: nothing")
         depth = np.where(surface.valid, surface.depth_mm, np.nan)[inner]
         high = float(np.nanmax(np.abs(depth), initial=0.0))
@@ -102,7 +103,7 @@ def depth_map(surface: Surface, marked: Peak) -> str:
             vmax=factor * high or 1.0,
         )
         if not surface.valid.any():
-            _say(axis, "nothing was read")
+            centred(axis, "nothing was read")
         if np.isfinite(marked.x_mm) and np.isfinite(marked.y_mm):
             for colour, width in (("white", 2.4), ("black", 0.8)):
                 axis.plot(marked.x_mm, marked.y_mm, "+", color=colour, markersize=10, markeredgewidth=width)
@@ -117,7 +118,7 @@ def depth_map(surface: Surface, marked: Peak) -> str:
 def _cells(axis: Axes, surface: Surface, values: Float, **colours: Any) -> Any:
     """One cell per node at its place on the mirror."""
     inner = (slice(PADDING, -PADDING),) * 2
-    x_mm, y_mm = _filled(surface.x_mm[inner]), _filled(surface.y_mm[inner])
+    x_mm, y_mm = filled(surface.x_mm[inner]), filled(surface.y_mm[inner])
     with warnings.catch_warnings():
         # cells that are not drawn may lie across their neighbours
         warnings.filterwarnings("ignore", message="The input coordinates to pcolormesh")
@@ -130,17 +131,6 @@ def _shape(x_mm: Float, y_mm: Float) -> float | None:
     if known.sum() < 3 or not np.ptp(x_mm[known]) > 0.0 or not np.ptp(y_mm[known]) > 0.0:
         return None
     return float(np.clip(np.ptp(y_mm[known]) / np.ptp(x_mm[known]), 0.1, 3.0))
-
-
-def _filled(values: Float) -> Float:
-    """Coordinates with something harmless where a ray misses the mirror: the plane through the others."""
-    known = np.isfinite(values)
-    if known.all():
-        return values
-    rows, columns = np.indices(values.shape)
-    terms = np.stack([rows, columns, np.ones(values.shape)], axis=-1)
-    plane = np.linalg.lstsq(terms[known], values[known], rcond=None)[0]
-    return np.where(known, values, terms @ plane)
 
 
 def timeline(recording: Recording) -> str:
@@ -157,9 +147,9 @@ def timeline(recording: Recording) -> str:
         figure = Figure(figsize=(9.6, 0.5 + 1.9 * panels), layout="constrained")
         axes = figure.subplots(panels, 1, sharex=True)
         residual, depth, last = axes[0], axes[1], axes[-1]
-        told = episodes(recording)
+        states = episodes(recording)
         for axis in axes:
-            _shade(axis, told)
+            _shade(axis, states)
         _curve(residual, time_s, np.where(turns["residual_rms_px"] > 0, turns["residual_rms_px"], np.nan))
         if (turns["residual_rms_px"] > 0).any():
             residual.set_yscale("log")
@@ -174,21 +164,25 @@ def timeline(recording: Recording) -> str:
         last.set_xlabel("time, s" + ("  (red ticks: frames dropped)" if len(drops) else ""))
         if time_s[-1] > time_s[0]:
             last.set_xlim(time_s[0], time_s[-1])
-        seen = dict.fromkeys(one.state for one in told if one.end_s > one.start_s)
-        handles = [Patch(color=STATE_COLOURS.get(state, "#808080"), alpha=0.4, label=state) for state in seen]
+        found = dict.fromkeys(one.state for one in states if one.end_s > one.start_s)
+        handles = [Patch(color=_colour(state), alpha=0.4, label=state) for state in found]
         figure.legend(handles=handles, loc="outside upper left", ncols=max(len(handles), 1))
         return _svg(figure, "residual, peak depth" + (" and rate" if panels == 3 else "") + " over time")
 
 
-def _shade(axis: Axes, told: list[Episode]) -> None:
+def _colour(state: str) -> str:
+    return STATE_COLOURS.get(state, "#808080")
+
+
+def _shade(axis: Axes, states: list[Episode]) -> None:
     """Each state's times in its colour."""
-    for state in dict.fromkeys(one.state for one in told):
-        spans = [(one.start_s, one.end_s - one.start_s) for one in told if one.state == state]
+    for state in dict.fromkeys(one.state for one in states):
+        spans = [(one.start_s, one.end_s - one.start_s) for one in states if one.state == state]
         axis.broken_barh(
             spans,
             (0, 1),
             transform=axis.get_xaxis_transform(),
-            color=STATE_COLOURS.get(state, "#808080"),
+            color=_colour(state),
             alpha=0.25,
             linewidth=0,
             rasterized=len(spans) > _MANY,
@@ -198,7 +192,7 @@ def _shade(axis: Axes, told: list[Episode]) -> None:
 def _curve(axis: Axes, time_s: Float, values: Float) -> None:
     axis.plot(*thinned(time_s, values), color=_INK, linewidth=0.8, marker=_marker(values))
     if not np.isfinite(values).any():
-        _say(axis, "nothing was measured")
+        centred(axis, "nothing was measured")
 
 
 def _depth(axis: Axes, time_s: Float, depth_mm: Float, sigma_mm: Float) -> None:
@@ -210,7 +204,7 @@ def _depth(axis: Axes, time_s: Float, depth_mm: Float, sigma_mm: Float) -> None:
     axis.plot(x, middle, color=_INK, linewidth=0.8, marker=_marker(depth_mm))
     axis.set_ylabel("peak depth, mm")
     if not np.isfinite(depth_mm).any():
-        _say(axis, "depth was never read")
+        centred(axis, "depth was never read")
 
 
 def _rate(axis: Axes, time_s: Float) -> None:
@@ -226,10 +220,6 @@ def _rate(axis: Axes, time_s: Float) -> None:
 def _marker(values: Float) -> str:
     """Of a curve: points where they are few."""
     return "." if np.isfinite(values).sum() <= _FEW else ""
-
-
-def _say(axis: Axes, words: str) -> None:
-    axis.text(0.5, 0.5, words, ha="center", va="center", transform=axis.transAxes)
 
 
 def thinned(x: Float, y: Float, most: int = MOST_POINTS) -> tuple[Float, Float]:

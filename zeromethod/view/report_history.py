@@ -1,4 +1,4 @@
-"""What happened in a recording, and when: states in turn, drops, faults, what was noticed."""
+"""What happened in a recording, and when: states in turn, drops, faults, events."""
 
 from __future__ import annotations
 
@@ -10,26 +10,11 @@ from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.loop.events import Event
-from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
-
-TOLD = frozenset({State.HOLDING, State.LOST, State.FAULT, State.PAUSED})
-"""States that a person is told the reason of."""
+from zeromethod.view.live import EXPLAINED
 
 WITHOUT_READING = (Event.NOT_LIT, Event.PICTURES_MIXED)
-"""Frames that came and are no fault: what they show cannot be told, so nothing is read from them."""
-
-STATE_COLOURS = {
-    "locked": "#2e9e5b",
-    "resting": "#7cc7a0",
-    "nulling": "#e0b100",
-    "starting": "#c9b26b",
-    "holding": "#e07b00",
-    "paused": "#4fa3d1",
-    "lost": "#b5179e",
-    "fault": "#d62828",
-    "stopped": "#808080",
-}
+"""Frames that are no fault, but whose picture is not known, so that nothing is read from them."""
 
 TOGETHER_S = 1.0
 """Equal events that are no further apart make one line."""
@@ -73,7 +58,7 @@ def start_ns(recording: Recording) -> int:
 
 
 def at_turns(recording: Recording, numbers: Ints) -> tuple[NDArray[np.intp], Mask]:
-    """Rows of the turns with these numbers, and which of them there are (a killed writer left some out)."""
+    """Rows of the steps with these numbers, and which of them there are (a killed writer may lose some)."""
     known = recording.steps["number"]
     if not len(known):
         return np.zeros(len(numbers), dtype=np.intp), np.zeros(len(numbers), dtype=bool)
@@ -104,10 +89,10 @@ def episodes(recording: Recording) -> list[Episode]:
     ]
 
 
-def shares(told: list[Episode]) -> dict[str, float]:
+def shares(states_in_turn: list[Episode]) -> dict[str, float]:
     """Share of the time in each state, the largest first; of the episodes, where no time has passed."""
     spent: dict[str, float] = {}
-    for one in told:
+    for one in states_in_turn:
         spent[one.state] = spent.get(one.state, 0.0) + max(one.end_s - one.start_s, 0.0)
     whole = sum(spent.values())
     if not whole:
@@ -117,14 +102,14 @@ def shares(told: list[Episode]) -> dict[str, float]:
 
 
 def happenings(recording: Recording) -> list[Happening]:
-    """Drops, events of the turns and the states to be explained, by time."""
-    drops = [one for one in told_apart(_dropped(recording)) if one.count]
+    """Drops, events of the turns and the states that need a reason, by time."""
+    drops = [one for one in merged(_dropped(recording)) if one.count]
     explained = [
         Happening(one.start_s, one.end_s, one.state, 1, one.reason)
         for one in episodes(recording)
-        if one.state in TOLD
+        if one.state in EXPLAINED
     ]
-    found = drops + told_apart(_events(recording)) + explained
+    found = drops + merged(_events(recording)) + explained
     return sorted(found, key=lambda one: (one.start_s, one.what))
 
 
@@ -159,8 +144,8 @@ def _events(recording: Recording) -> list[Happening]:
     return found
 
 
-def told_apart(single: list[Happening]) -> list[Happening]:
-    """The same with equal ones close together in time made into one. In: by time."""
+def merged(single: list[Happening]) -> list[Happening]:
+    """The same, by time, with equal ones close together made into one."""
     groups: list[list[Happening]] = []
     newest: dict[str, list[Happening]] = {}
     for one in single:

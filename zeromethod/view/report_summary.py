@@ -26,12 +26,12 @@ Figures = dict[str, Any]
 def summarise_recording(recording: Recording) -> Figures:
     """All figures; keys ending in a unit carry it, times are s from the first turn, None: unknown.
 
-    What is called nulled is that of the turns locked or resting; of all turns, where no turn was.
+    Figures "while nulled" are of the turns locked or resting; of all turns, where there is none.
     """
     turns, peaks, drops = recording.steps, recording.peaks, recording.drops
-    told = episodes(recording)
-    told_of = shares(told)
-    ends = [one for one in told if one.state != State.STOPPED] or told
+    spent = episodes(recording)
+    share_of = shares(spent)
+    ends = [one for one in spent if one.state != State.STOPPED] or spent
     frames = turns["time_ns"][turns["frame_number"] >= 0]
     span_s = 1e-9 * float(frames[-1] - frames[0]) if len(frames) > 1 else 0.0
     nulled = nulled_turns(recording)
@@ -44,8 +44,8 @@ def summarise_recording(recording: Recording) -> Figures:
         "rate_hz": (len(frames) - 1) / span_s if span_s > 0 else None,
         "state": ends[-1].state if ends else None,
         "reason": ends[-1].reason if ends else "",
-        "shares": told_of,
-        "locked_share": sum(told_of.get(str(state), 0.0) for state in NULLED),
+        "shares": share_of,
+        "locked_share": sum(share_of.get(str(state), 0.0) for state in NULLED),
         "residual_px_rms": _spread(turns["residual_rms_px"], nulled),
         "valid_share": _spread(turns["valid_share"], nulled)["median"],
         "largest": peak_figures(recording, largest_peak(recording)),

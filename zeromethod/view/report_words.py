@@ -1,4 +1,4 @@
-"""What a recording's page says in words: rows of its tables, and what to know before they are believed."""
+"""Rows of the tables of a recording's page, in words, and the warnings above them."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
 from zeromethod.rig.model import Rig
 from zeromethod.view import calibration_table
-from zeromethod.view.report_history import STATE_COLOURS, Happening, seconds, start_ns, words
+from zeromethod.view.live import STATE_COLOURS
+from zeromethod.view.report_history import Happening, seconds, start_ns, words
 from zeromethod.view.report_summary import Figures
 
 _GROWING_S = 3.0
-"""A file that was written to so shortly ago is still being written."""
+"""A file that changed more recently than this is still being written."""
 
 Rows = list[tuple[str, ...]]
 
@@ -43,17 +44,17 @@ def _started(recording: Recording) -> datetime:
 
 
 def warnings(path: Path, figures: Figures) -> Iterator[str]:
-    """What to know before anything else is believed."""
+    """Warnings, the first lines of the page."""
     if not figures["turns"]:
         yield "No turn of the loop is in this recording."
     if not figures["complete"] and time.time() - path.stat().st_mtime < _GROWING_S:
-        yield "The recording was still being written when this page was made: it tells of its beginning."
+        yield "The recording was still being written when this page was made: it shows the beginning."
     elif not figures["complete"]:
         yield "The recording was cut off: its writer did not close it. What was written until then is here."
     if figures["state"] in {State.FAULT, State.LOST}:
         yield f"The run ended in {figures['state']}: {figures['reason']}"
     if lost := figures["dropped"].get("recorder"):
-        yield f"{lost} frames were seen by the loop but their arrays are not in the recording."
+        yield f"{lost} frames were taken by the loop, but their arrays are not in the recording."
     if damaged := damaged_words(figures["damaged"]):
         yield f"{damaged}: these are not what was written."
 
@@ -82,7 +83,7 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     residual = figures["residual_px_rms"]
     if residual["median"] is not None:
         yield "residual while nulled", f"{residual['median']:.4f} camera px rms (99 %: {residual['p99']:.4f})"
-        yield "nodes valid while nulled", f"{figures['valid_share']:.1%} of those seen at rest"
+        yield "nodes valid while nulled", f"{figures['valid_share']:.1%} of those visible at rest"
     rate = "" if figures["rate_hz"] is None else f", {figures['rate_hz']:.2f} per second"
     yield "frames", f"{figures['frames']}{rate} (rig file: {rig.camera.rate_hz:g})"
     dropped = [f"{what} {count}" for what, count in figures["dropped"].items()]
@@ -90,7 +91,7 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     yield "arrays damaged", damaged_words(figures["damaged"]).removeprefix("damaged: ") or "none"
     without = [f"{what} {count}" for what, count in figures["without_reading"].items() if count]
     if without:
-        yield "frames seen but not read", ", ".join(without)
+        yield "frames taken but not read", ", ".join(without)
     for label, key in (
         ("loop, frame in to warp out", "loop_ms"),
         ("drawing the pattern", "draw_ms"),
@@ -129,7 +130,7 @@ def happening_row(one: Happening) -> tuple[str, str, str, str, str]:
 
 
 def note_rows(recording: Recording) -> Rows:
-    """Time and text of what the operator was told."""
+    """Time and text of the notes to the operator."""
     notes = recording.notes
     time_s = seconds(notes["time_ns"], start_ns(recording))
     return [(f"{at:.3f}", words(text)) for at, text in zip(time_s, notes["text"], strict=True)]
@@ -194,7 +195,7 @@ def _calibrated(recording: Recording) -> dict[str, Any]:
 
 
 def _cells(table: Table) -> Rows:
-    """What a table says, row by row."""
+    """Cells of a table, row by row."""
     return list(zip(*([str(cell) for cell in column.cells] for column in table.columns), strict=True))
 
 
@@ -222,7 +223,7 @@ def settings_rows(recording: Recording) -> Iterator[tuple[str, str]]:
         f"x {one.x_mm[0]:g} to {one.x_mm[1]:g}, y {one.y_mm[0]:g} to {one.y_mm[1]:g} mm"
         for one in rig.surface.known_rest
     ]
-    yield "known to be at rest", "; ".join(known) or "nothing: the quietest part of the view's border serves"
+    yield ("known to be at rest", "; ".join(known) or "nothing, so the quietest part of the view's border")
     rows, columns = recording.grid.shape
     yield "nodes", f"{rows} x {columns}, {recording.grid.spacing_px:g} camera px apart"
     missing = [name for name in KEEP if name not in recording.kept]

@@ -2,75 +2,67 @@
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
 from rich.table import Table
 
-Figures = dict[str, Any]
+from zeromethod.view.table import UNKNOWN, Figures, cell, text_table
 
-_COLUMNS = (
-    ("paper", "paper\n(printed)"),
-    ("whole_pixel_picks", "its method,\nwhole pixels"),
-    ("sub_pixel_picks", "its method,\nsub-pixel"),
-    ("whole_image", "all pixels,\ntwo images"),
-    ("zero_method", "zero\nmethod"),
-)
+_COLUMNS = {
+    "paper": "paper\n(printed)",
+    "whole_pixel_picks": "its method,\nwhole pixels",
+    "sub_pixel_picks": "its method,\nsub-pixel",
+    "whole_image": "all pixels,\ntwo images",
+    "zero_method": "zero\nmethod",
+}
 _ROWS = (
     ("peak depth, mm", "peak_mm", "{:.5f}"),
     ("peak error, %", "peak_error_percent", "{:+.3f}"),
-    ("line rms, um", "line_rms_um", "{:.3f}"),
-    ("view rms, um", "view_rms_um", "{:.3f}"),
+    ("line rms, µm", "line_rms_um", "{:.3f}"),
+    ("view rms, µm", "view_rms_um", "{:.3f}"),
     ("points read", "points", "{}"),
 )
 _PRINTED = {"peak_mm": "about 0.2", "peak_error_percent": "about 10"}
-NONE = "–"
-
-_NEEDLE_COLUMNS = (
-    ("paper", "paper\n(printed)"),
-    ("equation_17_gamma_0", "eq. 17,\ngamma=0"),
-    ("equation_17_gamma_0_lagged_sum", "same,\n19 lags"),
-    ("equation_17_exact_geometry", "eq. 17,\nexact rays"),
-    ("equation_12_exact_geometry", "eq. 12,\nexact rays"),
-    ("zero_method", "this\nsystem"),
-)
+_NEEDLE_COLUMNS = {
+    "paper": "paper\n(printed)",
+    "equation_17_gamma_0": "eq. 17,\ngamma=0",
+    "equation_17_gamma_0_lagged_sum": "same,\n19 lags",
+    "equation_17_exact_geometry": "eq. 17,\nexact rays",
+    "equation_12_exact_geometry": "eq. 12,\nexact rays",
+    "zero_method": "this\nsystem",
+}
 _NEEDLE_ROWS = (
-    ("theta error, rad", "theta_max_error_rad", "theta_away_error_rad", "{:.2g}"),
-    ("depth error, px", "depth_max_error_px", "depth_away_error_px", "{:.2g}"),
+    ("theta error, rad", "theta_max_error_rad", "theta_away_error_rad"),
+    ("depth error, px", "depth_max_error_px", "depth_away_error_px"),
 )
 
 
 def needle_table(needle: Figures) -> Table:
     """Section 3.1, a figure from `NeedleResult.figures`; the reading's: one averaging window off the tip."""
     peak_px = needle["needle"]["peak_px"]
-    table = Table(
-        title="Section 3.1: needle, 40 px over 1637 px, largest errors (this system: one window off the tip)",
-        title_justify="left",
-        box=None,
-    )
-    table.add_column()
-    for _, title in _NEEDLE_COLUMNS:
-        table.add_column(title, justify="right")
-    for label, key, away, pattern in _NEEDLE_ROWS:
-        values = [needle[name][away if name == "zero_method" else key] for name, _ in _NEEDLE_COLUMNS]
-        table.add_row(label, *(_shown(value, pattern) for value in values))
-    table.add_row("depth error, %", *(_shown(100 * value / peak_px, "{:.2g}") for value in values))
-    return table
+    rows = []
+    for label, key, away in _NEEDLE_ROWS:
+        values = [needle[name][away if name == "zero_method" else key] for name in _NEEDLE_COLUMNS]
+        rows.append((label, *(cell(value, "{:.2g}") for value in values)))
+    rows.append(("depth error, %", *(cell(100 * value / peak_px, "{:.2g}") for value in values)))
+    title = "Section 3.1: needle, 40 px over 1637 px, largest errors (this system: one window off the tip)"
+    return text_table(("", *_NEEDLE_COLUMNS.values()), rows, title=title)
 
 
 def press_table(figures: Figures) -> Table:
     """One press (0.2 mm, sigma 5 mm), one rig; what a column cannot give is a dash."""
-    table = Table(title="Section 5: the same press, read in four ways", title_justify="left", box=None)
-    table.add_column()
-    for _, title in _COLUMNS:
-        table.add_column(title, justify="right")
-    for label, key, pattern in _ROWS:
-        cells = [
-            _PRINTED.get(key, NONE) if name == "paper" else _shown(figures["press"][name].get(key), pattern)
-            for name, _ in _COLUMNS
-        ]
-        table.add_row(label, *cells)
-    return table
+    rows = [
+        (
+            label,
+            *(
+                _PRINTED.get(key, UNKNOWN)
+                if name == "paper"
+                else cell(figures["press"][name].get(key), pattern)
+                for name in _COLUMNS
+            ),
+        )
+        for label, key, pattern in _ROWS
+    ]
+    title = "Section 5: the same press, read in four ways"
+    return text_table(("", *_COLUMNS.values()), rows, title=title)
 
 
 def press_notes(figures: Figures) -> list[str]:
@@ -90,11 +82,11 @@ def press_notes(figures: Figures) -> list[str]:
         f"without the acryl too {bare['bare']:+.1f} % (the equations know neither)"
     )
     own = figures["whole_image_own_window"]
-    percent = _shown(own["peak_error_percent"], "{:+.2f}")
-    rms_um = _shown(own["view_rms_um"], "{:.2f}")
+    percent = cell(own["peak_error_percent"], "{:+.2f}")
+    rms_um = cell(own["view_rms_um"], "{:.2f}")
     notes.append(
         "all pixels: window of 10 px, picked from 6, 8, 10 and 12 px with the truth of this press in sight; "
-        f"with windows that the correlation chooses itself: {percent} % at the peak, {rms_um} um rms"
+        f"with windows that the correlation chooses itself: {percent} % at the peak, {rms_um} µm rms"
     )
     return notes
 
@@ -102,9 +94,3 @@ def press_notes(figures: Figures) -> list[str]:
 def _spread(errors: Figures) -> str:
     least, most, median = (errors[f"{key}_percent"] for key in ("least", "most", "median"))
     return f"{least:+.1f} to {most:+.1f} %, median {median:+.1f} %"
-
-
-def _shown(value: Any, pattern: str) -> str:
-    if value is None or (isinstance(value, float) and not math.isfinite(value)):
-        return NONE
-    return pattern.format(value)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.study.plan import FigureTable, Study
-from zeromethod.view.log_ticks import plain_log_ticks
+from zeromethod.view.axes import plain_log_ticks
 
 Row = dict[str, Any]
 

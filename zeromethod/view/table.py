@@ -1,10 +1,18 @@
-"""The summary of a run as a table of plain words."""
+"""Tables on the terminal: what all of them share, and the summary of a run."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+from rich.console import RenderableType
 from rich.table import Table
+from rich.text import Text
+
+Figures = dict[str, Any]
+
+UNKNOWN = "–"
 
 _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("state at the end", ("state",), "{}"),
@@ -16,10 +24,10 @@ _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("peak depth read (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:.5f})"),
     ("true peak depth", ("truth.depth_peak_mm",), "{:.5f} mm"),
     ("peak error, worst frame of the hold", ("truth.depth_peak_error_percent",), "{:+.3f} %"),
-    ("depth error in the hold", ("truth.depth_rms_error_um",), "{:.4f} um rms"),
+    ("depth error in the hold", ("truth.depth_rms_error_um",), "{:.4f} µm rms"),
     ("slope error in the hold", ("truth.slope_rms_error_mrad",), "{:.4f} mrad rms"),
     ("peak error, worst frame of the slide", ("truth_slide.depth_peak_error_percent",), "{:+.3f} %"),
-    ("depth error in the slide", ("truth_slide.depth_rms_error_um",), "{:.4f} um rms"),
+    ("depth error in the slide", ("truth_slide.depth_rms_error_um",), "{:.4f} µm rms"),
     ("depth noise untouched, single frame", ("untouched.depth_rms_nm",), "{:.1f} nm rms"),
     ("depth noise untouched, filtered", ("untouched.depth_filtered_rms_nm",), "{:.1f} nm rms"),
     ("loop, frame in to warp out", ("loop_ms.median", "loop_ms.p99"), "{:.2f} ms (p99 {:.2f})"),
@@ -32,24 +40,57 @@ _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
 )
 
 
-def _look_up(figures: dict[str, Any], dotted: str) -> Any:
+def cell(value: Any, pattern: str = "{}") -> str:
+    """A figure by its pattern; a dash for None and for what is not finite."""
+    unknown = value is None or (isinstance(value, float) and not math.isfinite(value))
+    return UNKNOWN if unknown else pattern.format(value)
+
+
+def text_table(
+    heads: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    left: Sequence[int] = (0,),
+    title: str | None = None,
+) -> Table:
+    """Table without a frame. left: columns of words, by index; the others are of numbers, to the right."""
+    table = Table(box=None, pad_edge=False, title=title, title_justify="left")
+    for index, head in enumerate(heads):
+        table.add_column(head, justify="left" if index in left else "right", overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def pair_table(rows: Iterable[tuple[str, str]]) -> Table:
+    """What each figure is, and the figure in words."""
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="dim")
+    table.add_column()
+    for label, words in rows:
+        table.add_row(label, words)
+    return table
+
+
+def titled(title: str, table: Table) -> list[RenderableType]:
+    """A table of several, under its title; nothing where it has no rows."""
+    return [Text(title, style="bold"), table, Text()] if table.row_count else []
+
+
+def _look_up(figures: Figures, dotted: str) -> Any:
     value: Any = figures
     for key in dotted.split("."):
         value = value.get(key) if isinstance(value, dict) else None
     return value
 
 
-def summary_table(figures: dict[str, Any]) -> Table:
-    """Table of the figures that were measured; rows without a value are left out."""
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style="dim")
-    table.add_column()
+def summary_table(figures: Figures) -> Table:
+    """Table of the figures of a run that were measured; rows without a value are left out."""
+    rows = []
     for label, keys, pattern in _ROWS:
         values = [_look_up(figures, key) for key in keys]
         if all(value is not None for value in values):
-            table.add_row(label, pattern.format(*values))
+            rows.append((label, pattern.format(*values)))
     if figures["recording"]:
-        table.add_row("recording", figures["recording"])
-    for name, count in figures["events"].items():
-        table.add_row("event", f"{name} x {count}")
-    return table
+        rows.append(("recording", figures["recording"]))
+    return pair_table([*rows, *(("event", f"{name} x {count}") for name, count in figures["events"].items())])

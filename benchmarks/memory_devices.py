@@ -21,6 +21,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from zeromethod.arrays import Float
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import PanelTiming, entry_weights
@@ -34,8 +35,6 @@ from zeromethod.simulation.gpu import GpuRenderer
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import Piece
 from zeromethod.warp.rest import Rest
-
-Array = NDArray[np.float64]
 
 DEPTHS_MM = (0.0, 0.05, 0.1, 0.15, 0.2)
 SLIDE_MM = (0.75, 1.5, 2.25, 3.0)
@@ -52,16 +51,16 @@ It moves in steps that the loop has time to null: pictures that are not would be
 """
 
 REACH = 2
-"""States between what is seen and what is shown; more is cut off, and made up for by later frames."""
+"""Most states between mirror and picture; more is cut off, and caught up by later frames."""
 
 SEEN_NODES = 8
-"""Every so many-th node tells which state a picture was drawn for."""
+"""Every so many-th node shows which state a picture was drawn for."""
 
 SETTLED_S = 0.002
 """Waited really where time is skipped, so that a picture that was asked for comes before and not after."""
 
 PICTURES = 8
-"""Pictures that an exposure may have seen."""
+"""Pictures that one exposure may span."""
 
 
 def _mirror(state: int) -> Mirror:
@@ -88,11 +87,11 @@ class Prepared:
         self._normal = rng.standard_normal((rig.camera.rows, rig.camera.columns), np.float32)
         self._draw(rest, warps)
 
-    def sampled(self, q: Array) -> Array:
+    def sampled(self, q: Float) -> Float:
         """Some nodes of a warp."""
         return np.ascontiguousarray(q[::SEEN_NODES, ::SEEN_NODES])
 
-    def state_of(self, nodes: Array) -> int:
+    def state_of(self, nodes: Float) -> int:
         """State whose warp is nearest."""
         return int(np.argmin(((self._nodes - nodes) ** 2).sum(axis=(1, 2, 3))))
 
@@ -106,11 +105,11 @@ class Prepared:
         values = np.rint(noise.black_grey + signal + sign * spread * self._normal[rows])
         return np.clip(values, 0, full).astype(np.uint8 if camera.bits == 8 else np.uint16)
 
-    def _warp(self, rest: Rest, state: int) -> Array:
+    def _warp(self, rest: Rest, state: int) -> Float:
         q = self.optics.trace(*rest.grid.mesh(), Dented(self.optics.rest, _mirror(state))).q
         return np.where(np.isfinite(q), q, rest.q)
 
-    def _draw(self, rest: Rest, warps: list[Array]) -> None:
+    def _draw(self, rest: Rest, warps: list[Float]) -> None:
         """Fill `images`, two for every pair of states seen and shown, and the strips' light by code."""
         rig = self.rig
         bench = GpuRenderer(rig)
@@ -160,24 +159,24 @@ class Prepared:
 class Picture:
     """One that was shown. nodes: some of its warp. state: nearest one, when it was looked up."""
 
-    nodes: Array
+    nodes: Float
     code: int | None
     time_ns: int
     state: int | None = None
 
 
-def fingerprint(q: Array) -> float:
-    """What tells warps apart."""
+def fingerprint(q: Float) -> float:
+    """A number that differs between warps."""
     return float(q[q.shape[0] // 2, q.shape[1] // 2].sum())
 
 
 class Noted:
-    """In place of what draws: tells the display only. Drawing by a graphics card costs as little."""
+    """In place of the renderer: only notes the warp. Drawing by a graphics card costs as little."""
 
     def __init__(self, *_: object) -> None:
         pass
 
-    def render(self, display: MemoryDisplay, q: Array, code: int | None = None) -> None:
+    def render(self, display: MemoryDisplay, q: Float, code: int | None = None) -> None:
         """Take the picture."""
         display.noted = q, code
 
@@ -185,7 +184,7 @@ class Noted:
 class Drawn(PatternRenderer):
     """Draws as well."""
 
-    def render(self, display: Any, q: Array, code: int | None = None) -> None:
+    def render(self, display: Any, q: Float, code: int | None = None) -> None:
         """Draw the picture."""
         display.noted = q, code
         super().render(display.framebuffer, q, code)
@@ -242,7 +241,7 @@ class MemoryDisplay:
         display = prepared.rig.display
         self.size = display.columns, display.rows
         self.refresh_hz = display.refresh_hz
-        self.noted: tuple[Array, int | None] | None = None
+        self.noted: tuple[Float, int | None] | None = None
         self.newest: deque[Picture] = deque(maxlen=PICTURES)
         self.began_s: dict[float, float] = {}
         """When the drawing of a warp began, by the performance counter; by `fingerprint`."""

@@ -1,4 +1,4 @@
-"""Rigs and presses of the benchmarks, and how a run's frames are held against the truth."""
+"""Rigs and presses of the benchmarks, and how a run's frames are compared with the truth."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from zeromethod.arrays import Float, Mask
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.loop.loop import Loop
@@ -22,25 +22,28 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.surface.comparison import TruthSource, usable_nodes
 
-Array = NDArray[np.float64]
-
 VIEW_MIDDLE_MM = 42.0
 """x of the mirror point in the middle of the packaged rig's view."""
 
 
-def small_rig(factor: int = 4) -> Rig:
-    """Bin the packaged rig's camera and LCD alike: as many LCD px per camera px, 1 / factor^2 of the cost.
+def coarser(rig: Rig, factor: int) -> Rig:
+    """The same bench with `factor` times larger pixels of camera and LCD: as many LCD px per camera px.
 
-    The noise per pixel stays, so depth is noisier than at full size.
+    It costs 1 / factor^2. The noise per pixel stays, so depth is noisier than at full size. Raises InputError
+    where `factor` does not divide the camera's pixels.
     """
-    rig = binned(load_rig("simulated"), factor)
     display = rig.display
-    coarser = {
+    larger = {
         "columns": display.columns // factor,
         "rows": display.rows // factor,
         "pitch_mm": display.pitch_mm * factor,
     }
-    return rig.model_copy(update={"display": display.model_copy(update=coarser)})
+    return binned(rig, factor).model_copy(update={"display": display.model_copy(update=larger)})
+
+
+def small_rig(factor: int = 4) -> Rig:
+    """The packaged rig with `factor` times larger pixels."""
+    return coarser(load_rig("simulated"), factor)
 
 
 def changed(rig: Rig, **tables: dict[str, Any]) -> Rig:
@@ -76,18 +79,18 @@ def step_path(time_s: float, depth_mm: float = 0.2) -> list[tuple[float, float]]
 
 @dataclass(frozen=True)
 class Bench:
-    """An opened bench: the loop, its optics, and the truth, which the loop never sees."""
+    """An opened bench: the loop, its optics, and the truth, which the loop does not have."""
 
     rig: Rig
     loop: Loop
     optics: Optics
     truth: TruthSource
 
-    def usable(self, mirror: TrueMirror) -> NDArray[np.bool_]:
+    def usable(self, mirror: TrueMirror) -> Mask:
         """(rows, cols) nodes whose true ray is totally reflected and lands well inside the LCD."""
         return usable_nodes(self.optics, self.loop.grid, mirror)
 
-    def true_warp(self, mirror: DepthField) -> Array:
+    def true_warp(self, mirror: DepthField) -> Float:
         """(rows, cols, 2) LCD px where the nodes truly look."""
         return self.optics.trace(*self.loop.grid.mesh(), Dented(self.optics.rest, mirror)).q
 
@@ -100,11 +103,11 @@ def opened(rig: Rig) -> Iterator[Bench]:
         camera: Any = devices.camera
         reopen = devices.reopen_camera
         loop = Loop(rig, camera, devices.display, devices.clock, reopen_camera=reopen, optics=optics)
-        # bound to the scenario, as the camera itself may be opened anew
+        # bound to the scenario, as the camera itself may be opened again
         yield Bench(rig, loop, optics, camera.scenario.mirror_at)
 
 
-def usable_residual_px(step: Step, usable: NDArray[np.bool_]) -> tuple[float, float]:
+def usable_residual_px(step: Step, usable: Mask) -> tuple[float, float]:
     """(rms length of the residual over usable nodes called valid, camera px; their share of the usable)."""
     if step.residual is None:
         return float("nan"), 0.0

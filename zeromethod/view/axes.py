@@ -1,0 +1,84 @@
+"""What pictures share: a page that is written as PNG, labels, colours, ticks of logarithmic axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+
+from zeromethod.arrays import Float
+
+_FEW_DECADES = 3.0
+
+
+@contextmanager
+def picture(path: Path, inches: tuple[float, float], title: str = "", font: int = 8) -> Iterator[Figure]:
+    """A figure that is written as PNG at the end, under a title."""
+    with mpl.rc_context({"font.size": font, "axes.titlesize": font + 1}):
+        figure = Figure(figsize=inches, layout="constrained")
+        yield figure
+        if title:
+            figure.suptitle(title, fontsize=11)
+        figure.savefig(path, dpi=110)
+
+
+def labelled(axis: Axes, title: str, x: str, y: str) -> None:
+    """Title and axis labels."""
+    axis.set_title(title)
+    axis.set_xlabel(x)
+    axis.set_ylabel(y)
+
+
+def centred(axis: Axes, words: str) -> None:
+    """Words in place of what is missing."""
+    axis.text(0.5, 0.5, words, ha="center", va="center", transform=axis.transAxes)
+
+
+def colours(values: Float, percentile: float, *, signed: bool) -> dict[str, Any]:
+    """Colour map and its ends: symmetric round zero, or from zero up, to a percentile of |values|."""
+    finite = np.abs(values[np.isfinite(values)])
+    high = float(np.percentile(finite, percentile)) if finite.size else 1.0
+    return {"cmap": "RdBu_r" if signed else "viridis", "vmin": -high if signed else 0.0, "vmax": high or 1.0}
+
+
+def colour_bar(axis: Axes, shown: Any, unit: str, **more: Any) -> None:
+    """Scale of what is shown in colours."""
+    assert axis.figure is not None
+    axis.figure.colorbar(shown, ax=axis, label=unit, **({"shrink": 0.8} | more))
+
+
+def filled(values: Float) -> Float:
+    """Coordinates (rows, cols) with the plane through the known ones where a ray misses the mirror."""
+    known = np.isfinite(values)
+    if known.all() or not known.any():
+        return values
+    rows, columns = np.indices(values.shape)
+    terms = np.stack([rows, columns, np.ones(values.shape)], axis=-1)
+    plane = np.linalg.lstsq(terms[known], values[known], rcond=None)[0]
+    return np.where(known, values, terms @ plane)
+
+
+def plain_log_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis by numbers such as 0.05; call it when all is drawn.
+
+    Below a decade the ticks are round numbers at equal distances, of which there are always some; up to a
+    few decades 1, 2 and 5 of each; beyond, the decades.
+    """
+    low, high = sorted(axis.get_view_interval())
+    decades = math.log10(high / low) if low > 0.0 else math.inf
+    if decades < 1.0:
+        axis.set_major_locator(MaxNLocator(5))
+        axis.set_minor_locator(NullLocator())
+    else:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < _FEW_DECADES else (1.0,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}"))
+    axis.set_minor_formatter(NullFormatter())
