@@ -4,7 +4,7 @@
 
 The packaged bench binned by 4 under its default press of 0.2 mm, pictures drawn by the real renderer for the
 warp that almost nulls it. The light at the pixels is rendered once per case; then the camera's noise is drawn
-anew 400 times and every frame goes through the sensor, the composition and the reader. Three noise levels,
+again 400 times and every frame goes through the sensor, the composition and the reader. Three noise levels,
 two exposures (light in proportion), the mirror at rest too, and an exposure that saw two pictures.
 
 "ratio": the sigma stated by the median frame over the standard deviation of the draws, per node. 400 draws
@@ -40,9 +40,12 @@ from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
 from zeromethod.surface import DepthCovariance, SurfaceReader
 from zeromethod.thread_limits import limit_threads
+from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest import Rest
 
 DRAWS = 400
+COVARIANCE_EVERY = 20
+"""Draws from one whose full covariance is kept to the next."""
 WORDS = ("residual", "warp", "slope", "depth")
 MEDIAN, MOST, SHARE, VALID = (0.9, 1.1), (0.8, 1.2), 0.99, 0.95
 PRESS = Dent(Shape.GAUSSIAN, VIEW_MIDDLE_MM, 0.0, 0.2, 5.0)
@@ -73,13 +76,14 @@ CASES = (
 class Draws:
     """Values and sigmas, (draws, rows, cols, components) each, by word; NaN where not valid in that draw.
 
-    usable: (rows, cols). surfaces' covariance is that of the last draw.
+    usable: (rows, cols). covariances: stated with every `COVARIANCE_EVERY`th draw.
     """
 
     values: dict[str, Array]
     sigmas: dict[str, Array]
     usable: Any
-    covariance: DepthCovariance
+    grid: NodeGrid
+    covariances: list[DepthCovariance]
 
     @property
     def valid_share(self) -> float:
@@ -96,6 +100,41 @@ class Draws:
         value, sigma = value[:, often], sigma[:, often]
         ratio = np.nanmedian(sigma, axis=0) / np.nanstd(value, axis=0, ddof=1)
         return np.asarray(ratio).ravel()
+
+
+@dataclass(frozen=True)
+class SumRatios:
+    """Stated over drawn standard deviation of n weighted sums of depth; all (n,).
+
+    ratio: rms of what the frames state over the draws' deviation. error: standard error of `ratio`,
+    sqrt((kurtosis + 2) / (4 draws)). kurtosis: excess of the draws. spread: standard deviation of what the
+    frames state, relative to its mean; 0 where all state the same.
+    """
+
+    ratio: Array
+    error: Array
+    kurtosis: Array
+    spread: Array
+
+
+def sum_ratios(draws: Draws, weights: Array) -> SumRatios:
+    """Judge the stated covariance by sums of depth, weights (n, rows, cols) of nodes valid in every draw."""
+    depth = draws.values["depth"][..., 0]
+    used = (weights != 0).any(axis=0)
+    drawn = depth[:, used] @ weights[:, used].T
+    drawn -= drawn.mean(axis=0)
+    deviation = drawn.std(axis=0)
+    kurtosis = ((drawn / deviation) ** 4).mean(axis=0) - 3.0
+    whole = np.zeros((len(weights), *draws.grid.shape))
+    whole[:, *draws.grid.inner] = weights
+    variance = np.array([[one.variance_of(w).noise for w in whole] for one in draws.covariances])
+    stated = np.sqrt(variance)
+    return SumRatios(
+        np.sqrt(variance.mean(axis=0)) / deviation,
+        np.sqrt((kurtosis + 2.0) / (4.0 * len(depth))),
+        kurtosis,
+        stated.std(axis=0) / stated.mean(axis=0),
+    )
 
 
 class Bench:
@@ -170,6 +209,7 @@ class Bench:
         values: dict[str, list[Array]] = {word: [] for word in WORDS}
         sigmas: dict[str, list[Array]] = {word: [] for word in WORDS}
         surface = None
+        covariances = []
         for number in range(count):
             image = chip.image(light, number)
             residual = sensor.measure(image, guess)
@@ -177,6 +217,8 @@ class Bench:
             seen = Observation(frame, shown, unmixed(residual, shown, self.rest.grid))
             measured = measure(seen, self.rest, expected, trusted)
             surface = self.reader.read(measured, surface)
+            if number % COVARIANCE_EVERY == 0:
+                covariances.append(self.reader.covariance(surface))
             good = (measured.valid & surface.valid)[inner][..., None]
             depth = (surface.depth_mm[..., None], surface.sigma_depth_mm[..., None])
             pairs = (
@@ -188,13 +230,13 @@ class Bench:
             for word, (value, sigma) in zip(WORDS, pairs, strict=True):
                 values[word].append(np.where(good, value[inner], np.nan))
                 sigmas[word].append(np.where(good, sigma[inner], np.nan))
-        assert surface is not None
         usable = usable_nodes(self.optics, self.rest.grid, self.mirror(case.press_mm))[inner]
         return Draws(
             {word: np.array(value) for word, value in values.items()},
             {word: np.array(value) for word, value in sigmas.items()},
             usable,
-            self.reader.covariance(surface),
+            self.rest.grid,
+            covariances,
         )
 
 
