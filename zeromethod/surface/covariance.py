@@ -11,9 +11,9 @@ covariance is exact: sigmas of means over patches agree with 4000 draws of the n
 many draws allow. Where the frame chose its quietest nodes, a depends on the noise: a third of the weight lies
 elsewhere in the next frame. Depths of the anchor's own nodes, whose noise is the smallest of all (30 nm where
 others have 80, on the packaged bench binned by 4), then have heavier tails than a Gaussian's (excess kurtosis
-1): the stated sigma of a mean over 7 x 7 of these nodes differs by 16 % (rms) from frame to frame, and its rms
-is 6 % too small to 4 % too large (13 % on a mirror at rest, whose anchor spreads over more of the border).
-Nodes off the anchor are not affected.
+1). The stated sigma of a mean over 7 x 7 of them differs by 16 % (rms) from frame to frame, and its rms is
+6 % too small to 4 % too large (13 % on a mirror at rest, whose anchor spreads over more of the border). Nodes
+off the anchor are not affected.
 """
 
 from __future__ import annotations
