@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.bench_report import Bar, Figure, Report, finish, options, progress
+from benchmarks.bench_report import Figure, Report, finish, options, progress
 from benchmarks.bench_rigs import VIEW_MIDDLE_MM, Array, changed, small_rig
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import PanelTiming, Shown, pair
@@ -54,7 +54,7 @@ REST = Mirror()
 
 @dataclass(frozen=True)
 class Case:
-    """Noise (grey levels rms, electrons per grey level), exposure relative to the packaged, what is seen."""
+    """Noise (grey levels rms, electrons per grey level), exposure over the packaged one, press, pictures."""
 
     name: str
     read_grey: float
@@ -166,7 +166,7 @@ class Bench:
         q = self.optics.trace(*self.rest.grid.mesh(), mirror).q
         return np.where(np.isfinite(q), q, self.rest.q)
 
-    def seen(self, case: Case) -> tuple[Array, Shown]:
+    def exposed(self, case: Case) -> tuple[Array, Shown]:
         """Light at the pixels, and what was shown, of one frame."""
         # 2 um short of the press, so that the residual is small but not nothing.
         pictures = [self.warp(max(case.press_mm - 0.002, 0.0))]
@@ -199,7 +199,7 @@ class Bench:
         rig = changed(self.rig, camera={"noise": spec})
         sensor = ResidualSensor.from_rig(rig, self.rest.grid, Target.from_spec(rig.target).light)
         chip = Sensor(rig)
-        light, shown = self.seen(case)
+        light, shown = self.exposed(case)
         q, trusted = self.warp(case.press_mm), self.rest.seen
         expected = expected_residual(shown, q, trusted, self.rest)
         guess = expected
@@ -214,15 +214,15 @@ class Bench:
             image = chip.image(light, number)
             residual = sensor.measure(image, guess)
             frame = Frame(image, 0, 1, number, 0)
-            seen = Observation(frame, shown, unmixed(residual, shown, self.rest.grid))
-            measured = measure(seen, self.rest, expected, trusted)
+            observed = Observation(frame, shown, unmixed(residual, shown, self.rest.grid))
+            measured = measure(observed, self.rest, expected, trusted)
             surface = self.reader.read(measured, surface)
             if number % COVARIANCE_EVERY == 0:
                 covariances.append(self.reader.covariance(surface))
             good = (measured.valid & surface.valid)[inner][..., None]
             depth = (surface.depth_mm[..., None], surface.sigma_depth_mm[..., None])
             pairs = (
-                (seen.residual.d, seen.residual.sigma),
+                (observed.residual.d, observed.residual.sigma),
                 (measured.q, measured.sigma),
                 (surface.slope, surface.sigma_slope),
                 depth,
@@ -279,7 +279,7 @@ def report(cases: Sequence[Case] = CASES, count: int = DRAWS) -> Report:
     with progress(len(cases), "cases") as bar:
         for case in cases:
             found += ratios(case, bench.draws(case, count))
-            _step(bar)
+            bar.step()
     header = ["case", "quantity", "sigma", "median ratio", "0.5 %", "99.5 %", "within 0.8 to 1.2", "valid"]
     units = {"residual": ("px", 1.0), "warp": ("LCD px", 1.0), "slope": ("urad", 1e6), "depth": ("nm", 1e6)}
     rows = [
@@ -306,10 +306,6 @@ def report(cases: Sequence[Case] = CASES, count: int = DRAWS) -> Report:
         figures.append(Figure(f"sigma over rms, {word}", value, bar_text, all(r.met for r in of_word)))
     data = {"draws": count, "ratios": [asdict(r) for r in found]}
     return Report(f"Stated sigma against {count} draws of the noise", figures, [header, *rows], data)
-
-
-def _step(bar: Bar) -> None:
-    bar.step()
 
 
 def main() -> int:
