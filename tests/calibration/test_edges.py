@@ -37,7 +37,7 @@ def wide(focal_px: float = WIDE_FOCAL_PX) -> Rig:
     camera = rig.camera.model_copy(update={"focal_px": (focal_px, focal_px)})
     lcd = rig.display.model_copy(update={"columns": 960, "rows": 540, "pitch_mm": 2 * rig.display.pitch_mm})
     return binned(rig.model_copy(update={"camera": camera}), BINNING).model_copy(
-        update={"display": lcd, "press": "none"}
+        update={"display": lcd, "scenario": "none"}
     )
 
 

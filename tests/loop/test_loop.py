@@ -20,6 +20,7 @@ from zeromethod.pattern import Target
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Faults, Rig
+from zeromethod.warp.jacobian import jacobian
 
 RIG = binned(load_rig("simulated"), 8)
 TARGET = Target.from_spec(RIG.target)
@@ -179,13 +180,50 @@ def test_light_off_is_named_and_nothing_is_reported_for_it(play: Any) -> None:
     np.testing.assert_array_equal(steps[4].commanded.q, steps[2].commanded.q)
 
 
-def test_holding_on_request_measures_but_keeps_the_command(play: Any) -> None:
+def test_holding_on_request_measures_but_keeps_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(assembly, "Drawer", FakePresenter)
+    clock = SimulatedClock(100 * MS)
+    moved_px = 0.5
+    camera: Any = Script(clock, [0.0] * 3 + [moved_px] * 3)
+    loop = Loop(RIG, camera, clock, clock)  # type: ignore[arg-type]
+    before = [loop.step() for _ in range(3)][-1]
+    assert before.state is State.RESTING
+    # the LCD point that a node sees moves by (dq/du) moved_px along u
+    bending = jacobian(loop.q_rest, loop.grid.spacing_px)
+    moved_lcd_px = (moved_px * bending[..., 0])[loop.grid.inner].mean(axis=(0, 1))
+    assert moved_lcd_px[0] > 1
+
+    def away(q: np.ndarray) -> np.ndarray:
+        return np.asarray((q - loop.q_rest)[loop.grid.inner].mean(axis=(0, 1)))
+
+    loop.freeze()
+    for step in (loop.step(), loop.step()):
+        assert step.state is State.HOLDING
+        assert step.events == (Event.FROZEN,)
+        assert step.frozen
+        np.testing.assert_array_equal(step.commanded.q, before.commanded.q)
+        assert step.presented == ()
+        assert np.isnan(step.draw_ms)
+        assert step.residual_rms_px == pytest.approx(moved_px, rel=0.02)
+        assert step.measured is not None
+        # the mean of 100 nodes and more is known better than one node to its sigma
+        one_sigma = step.measured.sigma[loop.grid.inner].mean()
+        np.testing.assert_allclose(away(step.measured.q), moved_lcd_px, atol=one_sigma)
+    loop.freeze(False)
+    step = loop.step()
+    assert step.state is State.NULLING
+    assert len(step.presented) == 1
+    # 50 deviations: the gain is 1 within 1 %
+    np.testing.assert_allclose(away(step.commanded.q)[0], moved_lcd_px[0], rtol=0.02)
+
+
+def test_a_loop_held_from_the_start_shows_rest_and_keeps_its_state(play: Any) -> None:
     loop, steps = play([0.0, 0.5, 0.5], freeze=True)
-    assert states(steps)[1:] == [State.HOLDING, State.HOLDING] or states(steps)[0] is State.STARTING
-    np.testing.assert_array_equal(steps[-1].commanded.q, loop.q_rest)
-    assert steps[-1].measured is not None
-    assert Event.FROZEN in steps[-1].events
-    assert np.isnan(steps[-1].draw_ms)
+    assert states(steps) == [State.STARTING] * 3
+    for step in steps:
+        assert step.events == (Event.FROZEN,)
+        np.testing.assert_array_equal(step.commanded.q, loop.q_rest)
+        assert step.measured is not None
 
 
 def test_stopping_and_interrupting_leave_the_loop_stopped(monkeypatch: pytest.MonkeyPatch) -> None:

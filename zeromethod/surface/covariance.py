@@ -1,10 +1,19 @@
-"""Full covariance of a reading's depth, without ever forming the matrix.
+"""Full covariance of a reading's depth; the matrix is never formed.
 
 Depth is, to first order, a linear function of the slopes' errors: D = h (1 - 1 a^T) A^-1 B s, with B the
 weighted sums of node-to-node steps, A their normal matrix (see `integrate`), a the anchor's weights and h the
 scale. The slopes' errors are s = F n, n the residual's noise with correlation R (`zeromethod.warp.overlap`).
 Any product with Cov(D) = M R M^T, M = h (1 - 1 a^T) A^-1 B F, is one pass back through M^T and one forth
 through M: two solutions with factors that exist already.
+
+The anchor's weights a are taken as given. Where a rectangle is known to be at rest they are, and the stated
+covariance is exact: sigmas of means over patches agree with 4000 draws of the noise within the 3 % that so
+many draws allow. Where the frame chose its quietest nodes, a depends on the noise: a third of the weight lies
+elsewhere in the next frame. Depths of the anchor's own nodes, whose noise is the smallest of all (30 nm where
+others have 80, on the packaged bench binned by 4), then have heavier tails than a Gaussian's (excess kurtosis
+1). The stated sigma of a mean over 7 x 7 of them differs by 16 % (rms) from frame to frame, and its rms is
+6 % too small to 4 % too large (13 % on a mirror at rest, whose anchor spreads over more of the border). Nodes
+off the anchor are not affected.
 """
 
 from __future__ import annotations
@@ -60,7 +69,8 @@ class DepthCovariance:
     """Covariance of the depths of one `Surface`; from `SurfaceReader.covariance`.
 
     Arrays are on the full `NodeGrid`; weights count on valid nodes only, results are NaN elsewhere. Every
-    method costs two solutions at most (about 5 ms at 125 x 157 nodes). Exact to first order in the noise.
+    method costs two solutions at most (about 5 ms at 125 x 157 nodes). Exact to first order in the noise, for
+    the anchor's weights as this frame has them (see the module).
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Noise of slope and depth: how independent pixels' noise reaches them through overlapping windows."""
+"""Noise of slope and depth, which independent pixels' noise reaches through overlapping windows."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator
 
 _SAMPLES_PER_AXIS = 13
-_SAMPLES_BESIDE_HOLES = 48
+_SAMPLES_AROUND_HOLES = 48
 _BATCH = 32
 _KEEP_SHARE = 0.05
 _KEEP_FACTOR = 2.0
 """Samples are kept while the mask differs on fewer nodes than this share, and as few nodes' noise changed,
 relative to all others', by more than this factor."""
 _SAME_ANCHOR = 0.2
-"""Weights of the anchor that may move elsewhere before its noise is looked at again."""
+"""Share of the anchor's weight that may move elsewhere before its noise is computed again."""
 _BOXES = (1, 3, 7, 15, 31, 63)
 _EVEN = 0.02
 _LEAST_LEFT = 0.02
@@ -192,7 +192,7 @@ def sample_nodes(island: Mask) -> NDArray[np.intp]:
     rim = island & ~ndimage.binary_erosion(island, border_value=1)
     along = np.flatnonzero(rim)
     if len(along):
-        step = max(len(along) // _SAMPLES_BESIDE_HOLES, 1)
+        step = max(len(along) // _SAMPLES_AROUND_HOLES, 1)
         chosen.ravel()[along[::step]] = True
     return np.flatnonzero(chosen & island)
 

@@ -1,0 +1,25 @@
+"""Files that the glossary and the decision records name exist."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+DOCUMENTS = [ROOT / "docs/glossary.md", *sorted((ROOT / "docs/decisions").glob("*.md"))]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_files_named_in_a_document_exist(document: Path) -> None:
+    text = document.read_text()
+    files = re.findall(r"`((?:zeromethod|tests|benchmarks|docs)/[^`]+)`", text)
+    modules = re.findall(r"python -m (benchmarks\.\w+)", text)
+    links = re.findall(r"\]\(([^)#:]+)\)", text)
+    assert files
+    for name in files:
+        assert (ROOT / name).exists(), name
+    for name in modules:
+        module = ROOT / name.replace(".", "/")
+        assert module.with_suffix(".py").exists() or module.is_dir(), name
+    for link in links:
+        assert (document.parent / link).exists(), link
