@@ -24,7 +24,7 @@ from zeromethod.calibration.intrinsics import CameraFit
 from zeromethod.cli import calibrate_bench
 from zeromethod.cli.calibrate import calibrate_command
 from zeromethod.commissioning.calibration import recall
-from zeromethod.commissioning.calibration.procedure import with_values
+from zeromethod.commissioning.calibration.first_fit import with_values
 from zeromethod.commissioning.calibration.rest import decode
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig

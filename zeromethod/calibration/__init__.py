@@ -9,7 +9,7 @@ verdict = judge(fitted, error, gains(fitted, error))
 
 from zeromethod.calibration.depth_error import DepthError, depth_error
 from zeromethod.calibration.fit import Fit, Term, fit
-from zeromethod.calibration.observations import Direct, Intrinsics, MirrorEdge, Observation, RestPositions
+from zeromethod.calibration.measurements import Direct, Intrinsics, Measurement, MirrorEdge, RestPositions
 from zeromethod.calibration.parameters import PARAMETERS, Parameter, Priors, build, describe
 from zeromethod.calibration.presses import KnownBall, KnownPress, Presses, RestReading
 from zeromethod.calibration.uncertainty import Blend, Gain, gains, untold
@@ -25,8 +25,8 @@ __all__ = [
     "Intrinsics",
     "KnownBall",
     "KnownPress",
+    "Measurement",
     "MirrorEdge",
-    "Observation",
     "Parameter",
     "Presses",
     "Priors",

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.calibration.fit import Fit, jacobian
-from zeromethod.calibration.observations import MirrorEdge
+from zeromethod.calibration.measurements import MirrorEdge
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
 from zeromethod.calibration.steps import steps_down
 from zeromethod.decoding.measuring import RestMeasurement
@@ -69,7 +69,7 @@ _ROUNDS = 20
 class EdgeSearch:
     """What became of the search for one edge.
 
-    found: two points of it as an observation; None where it is not seen. words: where it is, or why not.
+    found: two points of it as an measurement; None where it is not seen. words: where it is, or why not.
     """
 
     edge: Name

@@ -132,20 +132,26 @@ def lacks_document(rig_file: str | Path, rest_map: Path | None) -> bool:
     )
 
 
-def load(folder: Path) -> Stored:
-    """Read calibration.toml of a folder. Raises InputError for anything else."""
-    path = folder / DOCUMENT
+def read_document(path: Path, allowed: str) -> dict[str, Any]:
+    """A TOML file that zeromethod wrote. Raises InputError, which ends with what is `allowed`, for others."""
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror}: a folder that zeromethod calibrate made") from None
+        raise InputError(f"{path}: {error.strerror}: {allowed}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: {error}: not a calibration") from None
+        raise InputError(f"{path}: {error}: {allowed}") from None
     version = document.get("schema_version")
     if version != SCHEMA_VERSION:
         raise InputError(
             f"{path}: schema_version: {version!r}: {SCHEMA_VERSION} is what this version of zeromethod reads"
         )
+    return document
+
+
+def load(folder: Path) -> Stored:
+    """Read calibration.toml of a folder. Raises InputError for anything else."""
+    path = folder / DOCUMENT
+    document = read_document(path, "a folder that zeromethod calibrate made")
     for key, kind in (("time", datetime), ("parameters", dict), ("fingerprint", dict), ("verdict", dict)):
         if not isinstance(document.get(key), kind):
             raise InputError(f"{path}: {key}: missing: a calibration as zeromethod writes it")

@@ -10,7 +10,7 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.calibration.depth_error import DepthError
 from zeromethod.calibration.fit import Fit, jacobian
-from zeromethod.calibration.observations import Direct, Intrinsics, MirrorEdge, Observation
+from zeromethod.calibration.measurements import Direct, Intrinsics, Measurement, MirrorEdge
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
 
@@ -109,7 +109,7 @@ def gains(fitted: Fit, error: DepthError) -> list[Gain]:
     Predicted to first order: the posterior with the data's derivatives added. Presses may be given any
     number of times, and are offered in the middle row of regions and as all three of it together.
     """
-    given = {term.observation.name for term in fitted.terms}
+    given = {term.measurement.name for term in fitted.terms}
     offers = [
         (f"{PARAMETERS[o.parameter].words} by {tool}", _rows(fitted, o)) for o, tool in _by_hand(fitted)
     ]
@@ -135,13 +135,13 @@ def gains(fitted: Fit, error: DepthError) -> list[Gain]:
     return sorted(found, key=lambda gain: gain.percent)
 
 
-def expected(fitted: Fit, error: DepthError, observation: Observation) -> float:
-    """Depth's sigma, percent rms over the regions, that one more observation is expected to leave."""
-    return _rms(error.percent_with(_with(fitted.covariance, _rows(fitted, observation))))
+def expected(fitted: Fit, error: DepthError, measurement: Measurement) -> float:
+    """Depth's sigma, percent rms over the regions, that one more measurement is expected to leave."""
+    return _rms(error.percent_with(_with(fitted.covariance, _rows(fitted, measurement))))
 
 
-def _rows(fitted: Fit, observation: Observation) -> Float:
-    rows = jacobian(fitted.priors, fitted.z, observation.prepared(fitted.rig))
+def _rows(fitted: Fit, measurement: Measurement) -> Float:
+    rows = jacobian(fitted.priors, fitted.z, measurement.prepared(fitted.rig))
     return rows[np.isfinite(rows).all(axis=-1)]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from zeromethod.calibration.depth_error import DepthError
 from zeromethod.calibration.fit import Fit
-from zeromethod.calibration.observations import RestPositions
+from zeromethod.calibration.measurements import RestPositions
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.calibration.uncertainty import Gain, strongest
 from zeromethod.optics import Optics, critical_angle_rad
@@ -87,7 +87,7 @@ def _misfits(fitted: Fit) -> list[str]:
     found = [] if fitted.settled else ["the fit did not settle: the rig file is far from this bench"]
     off: list[tuple[float, str]] = []
     for term in fitted.terms:
-        data = term.observation
+        data = term.measurement
         if isinstance(data, RestPositions):
             share = term.outliers / len(term.weight)
             if share > OUTLIERS:

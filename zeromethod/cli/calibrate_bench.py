@@ -13,15 +13,15 @@ import click
 from click.core import ParameterSource
 from rich.console import Console
 
-from zeromethod.calibration.camera_file import CameraFile, load_camera
+from zeromethod.calibration.camera_file import ASSUMED_PERCENT, CameraFile, load_camera
 from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, home_of, load, newest
 from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, depths_of, edge_of, known_of
 from zeromethod.cli.device_options import BenchOptions, bench_options, other_devices, with_devices
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, check_folder, write_summary
+from zeromethod.cli.prompts import TerminalPrompts
 from zeromethod.cli.stopping import stopped_by_signals
-from zeromethod.cli.telling import Telling
 from zeromethod.commissioning.calibration import (
     Calibration,
     Plan,
@@ -32,7 +32,7 @@ from zeromethod.commissioning.calibration import (
     rest_alone,
     store_calibration,
 )
-from zeromethod.commissioning.calibration.procedure import Known
+from zeromethod.commissioning.calibration.plan import Known
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
@@ -79,7 +79,12 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
     ),
     click.option(
         "--intrinsics", "camera_file", type=click.Path(path_type=Path), metavar="FILE",
-        help="The camera by itself, from `zeromethod calibrate intrinsics`.",
+        help="The camera by itself: from `zeromethod calibrate intrinsics`, OpenCV (.yaml) or ROS (.yaml).",
+    ),
+    click.option(
+        "--intrinsics-sigma", "camera_percent", type=Real(min=0, min_open=True), metavar="PERCENT",
+        help="How well a .yaml of --intrinsics is known: standard deviation, percent of the focal length.  "
+        f"[default: {ASSUMED_PERCENT:g}, assumed]",
     ),
     click.option("--light/--no-light", default=True, help="Measure response and noise."),
     click.option("--delay/--no-delay", default=True, help="Measure the delay of display and camera."),
@@ -127,7 +132,9 @@ def calibrate_options(command: Callable[..., Any]) -> Callable[..., Any]:
 _INSTEAD = {
     "compared": frozenset[str](),
     "show_folder": frozenset({"rig_name", "summary"}),
-    "redo_folder": frozenset({"known", "edges", "find", "camera_file", "ball_text", "output", "summary"}),
+    "redo_folder": frozenset(
+        {"known", "edges", "find", "camera_file", "camera_percent", "ball_text", "output", "summary"}
+    ),
 }
 """What may be told beside the options that take the place of a calibration."""
 
@@ -158,6 +165,7 @@ def calibrate_bench(
     find: bool | None = None,
     ball_text: str | None = None,
     camera_file: Path | None = None,
+    camera_percent: float | None = None,
     light: bool = True,
     delay: bool = True,
     rest_frames: int = Plan.rest_frames,
@@ -188,7 +196,7 @@ def calibrate_bench(
         _tell_arrays(shown)
         _summarise(shown, summary)
         return shown
-    lens = load_camera(camera_file) if camera_file is not None else None
+    lens = _lens(camera_file, camera_percent)
     direct: tuple[Known, ...] = (*map(known_of, known), *map(edge_of, edges))
     direct += (lens.intrinsics,) if lens is not None else ()
     ball_mm = ball_of(ball_text) if ball_text is not None else None
@@ -219,7 +227,7 @@ def calibrate_bench(
             with open_devices(rig) as opened:
                 for warning in getattr(opened.display, "warnings", ()):
                     click.echo(f"! {warning}", err=True)
-                recorded, found = record(rig, opened, plan, Telling())
+                recorded, found = record(rig, opened, plan, TerminalPrompts())
             calibrated = evaluate_with(recorded, found, rig_name)
         late: list[bool] = []
         with stopped_by_signals(lambda: late.append(True)):
@@ -234,6 +242,19 @@ def calibrate_bench(
     if recorded.failure:
         raise MeasurementError(f"{recorded.failure} (stored without it in {stored.folder})")
     return stored
+
+
+def _lens(path: Path | None, sigma_percent: float | None) -> CameraFile | None:
+    """The camera by itself; says so where its sigmas are assumed."""
+    if path is None:
+        if sigma_percent is not None:
+            raise InputError("--intrinsics-sigma: only with --intrinsics")
+        return None
+    lens = load_camera(path, sigma_percent)
+    if lens.states_no_sigma and sigma_percent is None:
+        words = f"! {path}: states no sigmas: {ASSUMED_PERCENT:g} % of the focal length is assumed"
+        click.echo(f"{words} (--intrinsics-sigma)", err=True)
+    return lens
 
 
 @contextmanager
@@ -262,7 +283,7 @@ def evaluate_with(recorded: Recorded, found: Any, rig_name: str) -> Calibration:
         if load_rig(before.folder / GIVEN).camera.focal_px != recorded.rig.camera.focal_px:
             del last["camera.scale"]  # it is relative to the rig file's
     try:
-        return evaluate_or_keep(recorded, found, last, Telling())
+        return evaluate_or_keep(recorded, found, last, TerminalPrompts())
     except KeyboardInterrupt:
         click.echo("! interrupted: storing what was recorded (again: nothing is stored)", err=True)
         return rest_alone(replace(recorded, interrupted=True), found, "interrupted before the fit was done")
@@ -318,7 +339,7 @@ def _redo(
         ball_mm=ball_mm or plan.ball_mm,
         edges=plan.edges if find is None else find,
     )
-    found = evaluate_or_keep(replace(recorded, plan=plan), tell=Telling())
+    found = evaluate_or_keep(replace(recorded, plan=plan), prompts=TerminalPrompts())
     return _store(found, str(folder / GIVEN), output or folder.absolute().parent, {}, stored)
 
 

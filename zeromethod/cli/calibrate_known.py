@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from zeromethod.calibration import Direct, Intrinsics, MirrorEdge
 from zeromethod.calibration.camera_file import CameraFile
 from zeromethod.calibration.parameters import PARAMETERS, build
-from zeromethod.commissioning.calibration.procedure import Known
+from zeromethod.commissioning.calibration.plan import Known
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
 from zeromethod.rig.refusal import first_refusal

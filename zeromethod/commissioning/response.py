@@ -29,8 +29,7 @@ from zeromethod.calibration.panel_faults import (
 from zeromethod.calibration.photon_transfer import PhotonTransfer, Still, measure_noise, still, unclipped_mean
 from zeromethod.calibration.response import RAMP_CODES, MeasuredResponse, measure_response
 from zeromethod.calibration.viewing_angle import at_places, panel_exponents, told_of_regions
-from zeromethod.commissioning.standing_patterns import HeldPictures
-from zeromethod.commissioning.uniform_patterns import Exposures, StandingPictures, even_picture, follow
+from zeromethod.commissioning.patterns import Exposures, SettledPatterns, TimedPatterns, uniform_pattern
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import Frame
 from zeromethod.errors import MeasurementError
@@ -150,13 +149,13 @@ class _Measurement:
 
     def __init__(self, rig: Rig, devices: Devices, on_picture: Callable[[], object]) -> None:
         self._rig = rig
-        self._pictures = HeldPictures(rig, devices, MARGIN_S)
+        self._pictures = TimedPatterns(rig, devices, MARGIN_S)
         self._on_picture = on_picture
         self._full = float(2**rig.camera.bits - 1)
         self._step_s = max(STEP_S, 2 * self._pictures.hold_s, STEP_FRAMES / rig.camera.rate_hz)
         self._lit = np.ones((rig.camera.rows, rig.camera.columns), dtype=np.bool_)
         self._times_s: Float = np.zeros(0)
-        self._standing = StandingPictures(self._pictures)
+        self._standing = SettledPatterns(self._pictures)
         self._notes: list[str] = []
 
     def run(self, dark: Image | None, exposures: Exposures | None) -> LightResult:
@@ -244,8 +243,8 @@ class _Measurement:
             before = np.mean([self._tiles(f.image) for f in self._held(there[0], LOOK_FRAMES)], axis=0)
             for step in (there, back) * STEP_REPEATS:
                 after = []
-                picture = even_picture(self._rig, step[1])
-                for since_s, frame in follow(self._pictures, picture, self._step_s, STEP_FRAMES):
+                picture = uniform_pattern(self._rig, step[1])
+                for since_s, frame in self._pictures.following(picture, self._step_s, STEP_FRAMES):
                     times[step].append(since_s)
                     after.append(self._tiles(frame.image))
                 self._on_picture()
@@ -270,7 +269,7 @@ class _Measurement:
 
     def _held(self, code: int, count: int) -> list[Frame]:
         """Frames of an even picture."""
-        return self._taken(even_picture(self._rig, code), count)
+        return self._taken(uniform_pattern(self._rig, code), count)
 
     def _taken(self, picture: Bytes, count: int) -> list[Frame]:
         frames = self._standing.frames(picture, count)
@@ -293,7 +292,7 @@ class _Measurement:
         for _ in range(SURROUND_REPEATS):
             for code in SURROUND_CODES:
                 for patch in PATCH_CODES:
-                    picture = even_picture(self._rig, code)
+                    picture = uniform_pattern(self._rig, code)
                     picture[inside] = patch
                     taken = self._taken(picture, SURROUND_FRAMES)
                     means.append(np.mean([frame.image for frame in taken], axis=0))

@@ -12,7 +12,7 @@ import numpy as np
 from zeromethod.commissioning.advice import advice, misplaced, placed
 from zeromethod.commissioning.focus import FocusMeter, FocusReport
 from zeromethod.commissioning.orientation import Alignment, Orientation, PlainPictures
-from zeromethod.commissioning.standing_patterns import HeldPictures
+from zeromethod.commissioning.patterns import TimedPatterns
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost, Frame
 from zeromethod.errors import MeasurementError
@@ -74,7 +74,7 @@ class SettingUp:
         self._devices = devices
         self._meter = FocusMeter(rig)
         self._rig = self._meter.rig
-        self._pictures = HeldPictures(self._rig, devices, SETTLE_S)
+        self._pictures = TimedPatterns(self._rig, devices, SETTLE_S)
         self._flicker = Flicker(rig.camera.noise.black_grey)
         self._plain = PlainPictures(self._meter.rest) if with_lcd else None
         self._presenter = Presenter(self._rig, devices.display, self._meter.rest) if with_lcd else None

@@ -9,7 +9,7 @@ import pytest
 
 from zeromethod.calibration import MirrorEdge
 from zeromethod.commissioning.calibration import Plan, Recorded, evaluate, record
-from zeromethod.commissioning.calibration.prompts import Silence
+from zeromethod.commissioning.calibration.prompts import Silent
 from zeromethod.decoding.measuring import RestMeasurement
 from zeromethod.devices.opening import open_devices
 from zeromethod.rig.model import Rig
@@ -19,7 +19,7 @@ from .planted import quarter, truth
 PLAN = Plan(light=False, delay=False, rest_frames=1)
 
 
-class Listener(Silence):
+class Listener(Silent):
     """Keeps what is said."""
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ def seen() -> tuple[Recorded, RestMeasurement]:
 
 def test_edges_in_view_are_found_told_and_taken(seen: tuple[Recorded, RestMeasurement]) -> None:
     hand = Listener()
-    found = evaluate(*seen, tell=hand)
+    found = evaluate(*seen, prompts=hand)
     edges = [term.observation for term in found.fitted.terms if isinstance(term.observation, MirrorEdge)]
     assert [one.edge for one in edges] == ["P0", "R0"]
     for one in edges:

@@ -108,7 +108,7 @@ def test_ctrl_c_keeps_the_presses_before_it() -> None:
     with open_devices(rig) as devices:
         hand = Impatient(devices, (0.15,), ((40.0, 0.0),))
         with pytest.raises(PressesEndedError) as ended:
-            record_presses(rig, devices, (0.15, 0.1), frames=6, patience_s=3.0, tell=hand)
+            record_presses(rig, devices, (0.15, 0.1), frames=6, patience_s=3.0, prompts=hand)
     assert ended.value.interrupted
     assert ended.value.warps is not None
     assert len(ended.value.warps.pressed) == 1

@@ -27,17 +27,16 @@ from zeromethod.calibration import (
     untold,
 )
 from zeromethod.calibration.edges import EdgeSearch, find_edges
-from zeromethod.commissioning.calibration.lens import with_intrinsics
-from zeromethod.commissioning.calibration.presses import PressWarps
-from zeromethod.commissioning.calibration.procedure import (
-    Plan,
-    Recorded,
+from zeromethod.commissioning.calibration.first_fit import (
     first_fit,
     grid_of,
-    rest_observations,
+    rest_measurements,
+    with_intrinsics,
     with_values,
 )
-from zeromethod.commissioning.calibration.prompts import Silence, Teller
+from zeromethod.commissioning.calibration.plan import Plan, Recorded
+from zeromethod.commissioning.calibration.presses import PressWarps
+from zeromethod.commissioning.calibration.prompts import Prompts, Silent
 from zeromethod.commissioning.calibration.rest import decode
 from zeromethod.decoding.measuring import RestMeasurement
 from zeromethod.errors import MeasurementError
@@ -93,7 +92,7 @@ def evaluate(
     recorded: Recorded,
     found: RestMeasurement | None = None,
     last: Mapping[str, tuple[float, float]] | None = None,
-    tell: Teller | None = None,
+    prompts: Prompts | None = None,
 ) -> Calibration:
     """Fit everything that was recorded.
 
@@ -103,33 +102,33 @@ def evaluate(
     Raises MeasurementError where the data contradict the rig file beyond use.
     """
     rig, plan = with_values(recorded.rig, recorded.values), recorded.plan
-    tell = tell or Silence()
+    prompts = prompts or Silent()
     findings: list[str] = []
-    with tell.part("geometry", PARTS) as advance:
+    with prompts.part("geometry", PARTS) as advance:
         found = found or decode(rig, recorded.rest)
         grid = grid_of(rig)
         rest_warp = found.rest_map.warp(grid)
         advance()
         first = first_fit(rig, found, plan.known)
-        edges = _edges(first, found, plan, tell)
+        edges = _edges(first, found, plan, prompts)
         advance()
         rig, priors = with_intrinsics(rig, plan.known)
-        observations = rest_observations(rig, found, plan.known)
-        observations += [one.found for one in edges if one.found is not None]
+        measurements = rest_measurements(rig, found, plan.known)
+        measurements += [one.found for one in edges if one.found is not None]
         reading, presses, drift = None, None, float("nan")
         if recorded.presses is not None:
             warps = recorded.presses
             reading = RestReading.of(grid, warps.rest)
             presses, ball = _pressed(warps, plan, reading)
-            observations += [presses] if presses is not None else []
+            measurements += [presses] if presses is not None else []
             if ball is not None and (why := _unseen(ball, first.rig)):
                 findings.append(f"{why}: it is left out")
             elif ball is not None:
-                observations.append(ball)
+                measurements.append(ball)
             both = warps.rest.valid & rest_warp.valid
             apart = np.linalg.norm(warps.rest.q - rest_warp.q, axis=-1)[both]
             drift = float(np.median(apart)) if apart.size else float("nan")
-        fitted = fit(priors, observations)
+        fitted = fit(priors, measurements)
         advance()
         error = depth_error(fitted, grid, reading)
         advance()
@@ -162,7 +161,7 @@ def evaluate_or_keep(
     recorded: Recorded,
     found: RestMeasurement | None = None,
     last: Mapping[str, tuple[float, float]] | None = None,
-    tell: Teller | None = None,
+    prompts: Prompts | None = None,
 ) -> Calibration:
     """Evaluate; where that fails, the rest map alone, with a verdict of bad that says why.
 
@@ -170,7 +169,7 @@ def evaluate_or_keep(
     Raises MeasurementError where not even the rest map agrees with the rig file.
     """
     try:
-        return evaluate(recorded, found, last, tell)
+        return evaluate(recorded, found, last, prompts)
     except MeasurementError as error:
         try:
             return rest_alone(recorded, found, str(error), last)
@@ -194,12 +193,12 @@ def rest_alone(
     return replace(alone, recorded=recorded, verdict=replace(alone.verdict, level="bad", findings=findings))
 
 
-def _edges(first: Fit, found: RestMeasurement, plan: Plan, tell: Teller) -> tuple[EdgeSearch, ...]:
+def _edges(first: Fit, found: RestMeasurement, plan: Plan, prompts: Prompts) -> tuple[EdgeSearch, ...]:
     """Look for the edges that nobody gave."""
     given = {one.edge for one in plan.known if isinstance(one, MirrorEdge)}
     edges = tuple(one for one in find_edges(first, found) if one.edge not in given) if plan.edges else ()
     for one in edges:
-        tell.say(f"edge {one.edge}: {one.words}")
+        prompts.say(f"edge {one.edge}: {one.words}")
     return edges
 
 
@@ -227,7 +226,7 @@ def _unseen(ball: KnownBall, rig: Rig) -> str:
 def rest_residuals(calibration: Calibration) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
     """Camera px (n, 2) and residual (n, 2), LCD px, of the rest map's nodes that the fit used."""
     for term in calibration.fitted.terms:
-        data = term.observation
+        data = term.measurement
         if isinstance(data, RestPositions):
             return data.pixel, (term.residual * data.sigma).reshape(-1, 2)
     raise AssertionError("a calibration has a rest map")

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.commissioning.calibration.prompts import Silence, Teller
+from zeromethod.commissioning.calibration.prompts import Prompts, Silent
 from zeromethod.devices.opening import Devices
 from zeromethod.errors import MeasurementError
 from zeromethod.loop.loop import Loop
@@ -142,7 +142,7 @@ def record_presses(
     depths_mm: Sequence[float],
     frames: int = DEFAULT_FRAMES,
     patience_s: float = DEFAULT_PATIENCE_S,
-    tell: Teller | None = None,
+    prompts: Prompts | None = None,
     *,
     ball_radius_mm: float | None = None,
 ) -> PressWarps:
@@ -162,7 +162,7 @@ def record_presses(
     if ball_radius_mm is not None:
         asked.append(f"press the ball of {ball_radius_mm:g} mm radius in")
     try:
-        reason = _follow(rig, devices, asked, patience_s, tell or Silence(), watch)
+        reason = _follow(rig, devices, asked, patience_s, prompts or Silent(), watch)
     except KeyboardInterrupt:
         reason, interrupted = "presses: interrupted", True
     warps = None if watch.rest is None else PressWarps.of(watch.rest, watch.pressed, len(depths_mm))
@@ -176,7 +176,7 @@ def _follow(
     devices: Devices,
     asked: Sequence[str],
     patience_s: float,
-    tell: Teller,
+    prompts: Prompts,
     watch: PressWatch,
 ) -> str:
     """Run the loop until all presses were taken; why it did not come to that, "" where it did."""
@@ -185,7 +185,7 @@ def _follow(
     with (
         loop,
         closing(loop.run()) as steps,
-        tell.part("rest and presses, by the loop", 1 + len(asked)) as advance,
+        prompts.part("rest and presses, by the loop", 1 + len(asked)) as advance,
     ):
         for step in steps:
             nulled = step.state in NULLED and step.measured is not None
@@ -195,19 +195,19 @@ def _follow(
                     advance()
                 if watch.phase is Phase.COMING and len(watch.pressed) == len(asked):
                     return ""
-                _tell(tell, watch, asked)
+                _tell(prompts, watch, asked)
             elif devices.clock.now_ns() - last_ns > 1e9 * patience_s:
                 return _impatient(watch, len(asked), patience_s, step)
     ended = loop.ended.reason if loop.ended is not None else "it ended"
     return f"presses: the loop did not go on: {ended}"
 
 
-def _tell(tell: Teller, watch: PressWatch, asked: Sequence[str]) -> None:
+def _tell(prompts: Prompts, watch: PressWatch, asked: Sequence[str]) -> None:
     done, count = len(watch.pressed), len(asked)
     if watch.phase is Phase.COMING:
-        tell.say(f"press {done + 1} of {count}: {asked[done]} now, and hold still")
+        prompts.say(f"press {done + 1} of {count}: {asked[done]} now, and hold still")
     elif watch.phase is Phase.LIFTING:
-        tell.say(f"press {done} of {count}: taken; lift")
+        prompts.say(f"press {done} of {count}: taken; lift")
 
 
 def _impatient(watch: PressWatch, count: int, patience_s: float, step: Step) -> str:

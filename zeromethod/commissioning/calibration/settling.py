@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float, Single
-from zeromethod.commissioning.standing_patterns import HeldPictures
-from zeromethod.commissioning.uniform_patterns import apart, even_picture, follow, thinned
+from zeromethod.commissioning.patterns import TimedPatterns, apart, thinned, uniform_pattern
 from zeromethod.devices.opening import Devices
 from zeromethod.errors import MeasurementError
 from zeromethod.rig.model import Rig
@@ -52,16 +51,16 @@ def settle(rig: Rig, devices: Devices) -> Settling:
 
     Raises MeasurementError where the camera does not see the LCD, or the light does not come to rest.
     """
-    pictures, display = HeldPictures(rig, devices, 0.0), rig.display
+    pictures, display = TimedPatterns(rig, devices, 0.0), rig.display
     look_s = max(LOOK_S, LOOK_FRAMES / rig.camera.rate_hz)
     full = 2**rig.camera.bits - 1
     series, saturated, variances = [], 0.0, []
     for toggle in range(TOGGLES + 1):
         white = toggle % 2 == 1
-        picture = even_picture(rig, 255 * white)
+        picture = uniform_pattern(rig, 255 * white)
         levels, over = [], 0.0
         images: deque[Single] = deque(maxlen=2)
-        for since_s, frame in follow(pictures, picture, look_s, LOOK_FRAMES - 1):
+        for since_s, frame in pictures.following(picture, look_s, LOOK_FRAMES - 1):
             start_s = since_s - 0.5e-9 * frame.exposure_ns
             images.append(thinned(frame.image))
             levels.append((start_s, float(images[-1].mean())))

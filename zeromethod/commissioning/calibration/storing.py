@@ -13,11 +13,11 @@ import numpy as np
 
 from zeromethod.calibration.fit import Fit
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, load, load_arrays, store
-from zeromethod.calibration.observations import Direct, Intrinsics, MirrorEdge
+from zeromethod.calibration.measurements import Direct, Intrinsics, MirrorEdge
 from zeromethod.calibration.parameters import PARAMETERS, describe
 from zeromethod.commissioning.calibration.evaluation import Calibration
+from zeromethod.commissioning.calibration.plan import Known, Plan, Recorded
 from zeromethod.commissioning.calibration.presses import PressWarps
-from zeromethod.commissioning.calibration.procedure import Known, Plan, Recorded
 from zeromethod.commissioning.calibration.rest import RestFrames
 from zeromethod.commissioning.calibration.settling import Settling
 from zeromethod.commissioning.decode import figures
@@ -171,7 +171,7 @@ def document_of(found: Calibration) -> dict[str, Any]:
             "rest_map_sigma_factor": fitted.inflation,
             "settled": fitted.settled,
             "data": [
-                {"name": term.observation.name, "numbers": term.count, "outliers": term.outliers}
+                {"name": term.measurement.name, "numbers": term.count, "outliers": term.outliers}
                 for term in fitted.terms
             ],
         },
@@ -227,14 +227,8 @@ def _told_of(known: Known) -> dict[str, Any]:
     if isinstance(known, Direct):
         return {"parameter": known.parameter, "value": known.value, "sigma": known.sigma_value}
     if isinstance(known, Intrinsics):
-        sigma = np.sqrt(np.diag(known.covariance))
-        correlation = known.covariance / np.outer(sigma, sigma)
-        return {
-            "camera": list(known.names),
-            "values": list(map(float, known.values)),
-            "sigma": sigma.tolist(),
-            "correlation": correlation.tolist(),
-        }
+        numbers = {"values": known.values, "sigma": known.spread, "correlation": known.correlation}
+        return {"camera": list(known.names)} | {key: one.tolist() for key, one in numbers.items()}
     return {"edge": known.edge, "pixel": known.pixel.tolist(), "sigma": known.sigma_px}
 
 
@@ -242,9 +236,8 @@ def _known_of(told: Mapping[str, Any]) -> Known:
     if "edge" in told:
         return MirrorEdge(told["edge"], np.array(told["pixel"], dtype=np.float64), float(told["sigma"]))
     if "camera" in told:
-        sigma = np.array(told["sigma"])
-        covariance = np.array(told["correlation"]) * np.outer(sigma, sigma)
-        return Intrinsics(told["camera"], np.array(told["values"]), covariance)
+        numbers = (np.array(told[key]) for key in ("values", "sigma", "correlation"))
+        return Intrinsics.of(told["camera"], *numbers)
     return Direct(told["parameter"], told["value"], told["sigma"])
 
 

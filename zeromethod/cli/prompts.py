@@ -1,4 +1,4 @@
-"""Progress bars and lines on the terminal, for procedures that tell a person what to do."""
+"""Progress bars and lines on the terminal, for procedures that ask a person to do things."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 from zeromethod.view.progress import progress
 
 
-class Telling:
+class TerminalPrompts:
     """Progress bars, and lines above them."""
 
     @contextmanager
