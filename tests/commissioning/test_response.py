@@ -115,7 +115,7 @@ def test_planted_noise_and_black_level_come_back_with_their_sigma(result: LightR
 
 def test_a_sound_bench_is_not_accused(result: LightResult) -> None:
     assert {finding.fault for finding in result.findings} == set(Fault)
-    assert [finding.told for finding in result.findings if finding.found] == []
+    assert [finding.words for finding in result.findings if finding.found] == []
     assert result.advice == ()
     assert result.falloff.darkest > 0.9
 

@@ -12,12 +12,13 @@ from zeromethod.calibration.fit import Fit, Term, fit
 from zeromethod.calibration.measurements import Direct, Intrinsics, Measurement, MirrorEdge, RestPositions
 from zeromethod.calibration.parameters import PARAMETERS, Parameter, Priors, build, describe
 from zeromethod.calibration.presses import KnownBall, KnownPress, Presses, RestReading
-from zeromethod.calibration.uncertainty import Blend, Gain, gains, untold
-from zeromethod.calibration.verdict import Verdict, judge
+from zeromethod.calibration.uncertainty import Blend, Gain, gains, open_combinations
+from zeromethod.calibration.verdict import CalibrationVerdict, judge
 
 __all__ = [
     "PARAMETERS",
     "Blend",
+    "CalibrationVerdict",
     "DepthError",
     "Direct",
     "Fit",
@@ -33,12 +34,11 @@ __all__ = [
     "RestPositions",
     "RestReading",
     "Term",
-    "Verdict",
     "build",
     "depth_error",
     "describe",
     "fit",
     "gains",
     "judge",
-    "untold",
+    "open_combinations",
 ]

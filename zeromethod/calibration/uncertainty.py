@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,7 +57,7 @@ class Blend:
         return f"{named[0]} moves together {rest} unseen"
 
 
-def untold(fitted: Fit, error: DepthError) -> list[Blend]:
+def open_combinations(fitted: Fit, error: DepthError) -> list[Blend]:
     """Combinations that keep more than `KEPT` of their prior, those that matter most for depth first.
 
     Eigenvectors of the posterior in units of the priors. Where several keep all of their prior they are open
@@ -95,12 +95,14 @@ def _few_words(vectors: Float) -> Float:
 class Gain:
     """What one more piece of data would bring.
 
-    what: in words. percent: depth's sigma, rms over the regions, with it. before_percent: without.
+    what: in words. percent: depth's sigma, rms over the regions, with it. before_percent: without. acts: how
+    many things are done for it.
     """
 
     what: str
     percent: float
     before_percent: float
+    acts: int = 1
 
 
 def gains(fitted: Fit, error: DepthError) -> list[Gain]:
@@ -110,15 +112,13 @@ def gains(fitted: Fit, error: DepthError) -> list[Gain]:
     number of times, and are offered in the middle row of regions and as all three of it together.
     """
     given = {term.measurement.name for term in fitted.terms}
-    offers = [
-        (f"{PARAMETERS[o.parameter].words} by {tool}", _rows(fitted, o)) for o, tool in _by_hand(fitted)
+    by_hand: list[tuple[str, Measurement]] = [
+        *((f"{one.name} by {tool}", one) for one, tool in _by_hand(fitted)),
+        *((f"{one.name} in the image, to {one.sigma_px:g} px", one) for one in _edges(fitted)),
     ]
-    offers += [
-        (f"{edge.name} in the image, to {edge.sigma_px:g} px", _rows(fitted, edge)) for edge in _edges(fitted)
-    ]
-    offers = [(what, rows) for what, rows in offers if not any(what.startswith(name) for name in given)]
-    if "camera intrinsics" not in given and fitted.rig.camera.projection == "perspective":
-        offers.append(("camera intrinsics by a board", _rows(fitted, _board(fitted))))
+    if fitted.rig.camera.projection == "perspective":
+        by_hand.append(("camera intrinsics by a board", _board(fitted)))
+    offers = [(what, _rows(fitted, one)) for what, one in by_hand if one.name not in given]
     press = error.sensitivity * (PRESS_DEPTH_MM / PRESS_SIGMA_MM)
     middle = np.arange(1, len(error.names), 3)
     for index in middle:
@@ -132,6 +132,7 @@ def gains(fitted: Fit, error: DepthError) -> list[Gain]:
     found = [
         Gain(what, _rms(error.percent_with(_with(fitted.covariance, rows))), before) for what, rows in offers
     ]
+    found[-1] = replace(found[-1], acts=len(middle))
     return sorted(found, key=lambda gain: gain.percent)
 
 
@@ -189,7 +190,7 @@ def _edges(fitted: Fit) -> list[MirrorEdge]:
 
 def strongest(gain: Sequence[Gain]) -> Gain | None:
     """Best piece of data that is a single act; None where nothing takes 5 % off."""
-    single = [one for one in gain if not one.what.startswith("presses")]
+    single = [one for one in gain if one.acts == 1]
     if not single or single[0].percent > 0.95 * single[0].before_percent:
         return None
     return single[0]

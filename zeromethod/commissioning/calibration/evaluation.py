@@ -10,6 +10,7 @@ import numpy as np
 
 from zeromethod.calibration import (
     Blend,
+    CalibrationVerdict,
     DepthError,
     Fit,
     Gain,
@@ -19,14 +20,14 @@ from zeromethod.calibration import (
     Presses,
     RestPositions,
     RestReading,
-    Verdict,
     depth_error,
     fit,
     gains,
     judge,
-    untold,
+    open_combinations,
 )
 from zeromethod.calibration.edges import EdgeSearch, find_edges
+from zeromethod.calibration.verdict import Level
 from zeromethod.commissioning.calibration.first_fit import (
     first_fit,
     grid_of,
@@ -65,9 +66,9 @@ class Calibration:
     rest_warp: Warp
     fitted: Fit
     error: DepthError
-    untold: tuple[Blend, ...]
+    open_blends: tuple[Blend, ...]
     gains: tuple[Gain, ...]
-    verdict: Verdict
+    verdict: CalibrationVerdict
     peaks: tuple[Peak, ...]
     drift_px: float
     edges: tuple[EdgeSearch, ...] = ()
@@ -114,17 +115,17 @@ def evaluate(
         advance()
         rig, priors = with_intrinsics(rig, plan.known)
         measurements = rest_measurements(rig, found, plan.known)
-        measurements += [one.found for one in edges if one.found is not None]
+        measurements += [one.found for one in edges if isinstance(one.found, MirrorEdge)]
         reading, presses, drift = None, None, float("nan")
         if recorded.presses is not None:
             warps = recorded.presses
             reading = RestReading.of(grid, warps.rest)
             presses, ball = _pressed(warps, plan, reading)
             measurements += [presses] if presses is not None else []
-            if ball is not None and (why := _unseen(ball, first.rig)):
-                findings.append(f"{why}: it is left out")
-            elif ball is not None:
-                measurements.append(ball)
+            try:
+                measurements += [ball.prepared(first.rig)] if ball is not None else []
+            except MeasurementError as unseen:
+                findings.append(f"{unseen}: it is left out")
             both = warps.rest.valid & rest_warp.valid
             apart = np.linalg.norm(warps.rest.q - rest_warp.q, axis=-1)[both]
             drift = float(np.median(apart)) if apart.size else float("nan")
@@ -137,23 +138,14 @@ def evaluate(
         verdict = judge(fitted, error, gain, usable, last)
         if drift > DRIFT_LCD_PX:
             findings.append(f"the picture moved by {drift:.2f} LCD px between rest map and presses")
-            verdict = replace(verdict, level="bad")
+            verdict = replace(verdict, level=Level.BAD)
         verdict = replace(verdict, findings=(*verdict.findings, *findings))
         peaks = tuple(presses.peaks(fitted.rig)) if presses is not None else ()
         advance()
+    open_blends = tuple(open_combinations(fitted, error))
     return Calibration(
-        recorded,
-        found,
-        grid,
-        rest_warp,
-        fitted,
-        error,
-        tuple(untold(fitted, error)),
-        tuple(gain),
-        verdict,
-        peaks,
-        drift,
-        edges,
+        *(recorded, found, grid, rest_warp, fitted, error, open_blends, tuple(gain)),
+        *(verdict, peaks, drift, edges),
     )
 
 
@@ -190,7 +182,9 @@ def rest_alone(
     plan = replace(recorded.plan, press_depths_mm=(), ball_mm=None, known=(), edges=False)
     alone = evaluate(replace(recorded, presses=None, plan=plan), found, last)
     findings = (f"{why}: geometry from the rest map alone", *alone.verdict.findings)
-    return replace(alone, recorded=recorded, verdict=replace(alone.verdict, level="bad", findings=findings))
+    return replace(
+        alone, recorded=recorded, verdict=replace(alone.verdict, level=Level.BAD, findings=findings)
+    )
 
 
 def _edges(first: Fit, found: RestMeasurement, plan: Plan, prompts: Prompts) -> tuple[EdgeSearch, ...]:
@@ -212,15 +206,6 @@ def _pressed(warps: PressWarps, plan: Plan, reading: RestReading) -> tuple[Press
     if warps.ball is not None and plan.ball_mm is not None:
         ball = KnownBall(reading, warps.ball, *plan.ball_mm)
     return Presses.of(reading, known) if known else None, ball
-
-
-def _unseen(ball: KnownBall, rig: Rig) -> str:
-    """Why a ball's contact cannot be read; "" where it can."""
-    try:
-        ball.prepared(rig)
-    except MeasurementError as error:
-        return str(error)
-    return ""
 
 
 def rest_residuals(calibration: Calibration) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:

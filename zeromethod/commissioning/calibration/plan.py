@@ -14,7 +14,7 @@ from zeromethod.commissioning.calibration.presses import DEFAULT_FRAMES, DEFAULT
 from zeromethod.commissioning.calibration.rest import RestFrames
 from zeromethod.commissioning.calibration.settling import Settling
 from zeromethod.commissioning.delay import DelayResult
-from zeromethod.commissioning.response import LightResult
+from zeromethod.commissioning.light_result import LightResult
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
 

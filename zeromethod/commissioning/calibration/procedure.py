@@ -17,9 +17,10 @@ from zeromethod.commissioning.calibration.rest import RestFrames, capture, decod
 from zeromethod.commissioning.calibration.settling import settle
 from zeromethod.commissioning.decode import refuse_empty
 from zeromethod.commissioning.delay import DelayResult, measure_delay, with_strips
+from zeromethod.commissioning.light_result import LightResult
 from zeromethod.commissioning.panel_timing import FEWEST_CHANGES, measure_panel_timing
 from zeromethod.commissioning.patterns import TimedPatterns
-from zeromethod.commissioning.response import MARGIN_S, PICTURES, LightResult, measure_light
+from zeromethod.commissioning.response import MARGIN_S, PICTURES, measure_light
 from zeromethod.decoding.measuring import RestMeasurement
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
