@@ -17,6 +17,7 @@ from zeromethod.calibration import (
     fit,
     gains,
     judge,
+    open_combinations,
 )
 from zeromethod.calibration.depth_error import Pad
 from zeromethod.calibration.uncertainty import expected, strongest

@@ -9,6 +9,7 @@ a line of the predicted direction and bend (not an aperture's rim), and the LCD 
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal

@@ -57,8 +57,8 @@ class LightResult:
             said.append(
                 f"region {tile[0] + 1}, {tile[1] + 1} of {rows} x {columns} (row, column) has "
                 f"{100 * self.falloff.darkest:.0f} % of the brightest region's light, and so more noise: "
-                "turn the LCD's best viewing direction to the prism, or aim the camera so that it looks along "
-                "the reflected light"
+                "turn the LCD's best viewing direction to the prism, or aim the camera so that it looks "
+                "along the reflected light"
             )
         if left := spread_left(self.response, self.exponents):
             said.append(

@@ -1,4 +1,4 @@
-"""A stored calibration as tables of plain words, alone or beside another one."""
+"""A stored calibration as tables of plain words, alone or next to another one."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from rich.text import Text
 
 from zeromethod.calibration.fingerprint import WORDS
 from zeromethod.calibration.folder import Stored
+from zeromethod.calibration.verdict import Level
 
-_COLOURS = {"good": "green", "uncertain": "yellow", "bad": "red"}
+_COLOURS = {Level.GOOD: "green", Level.UNCERTAIN: "yellow", Level.BAD: "red"}
 _OFFERS, _OPEN = 4, 4
 NOTABLE = 3.0
 """Change of a parameter, in its sigma, that is marked."""
@@ -21,7 +22,7 @@ NOTABLE = 3.0
 def verdict_line(stored: Stored) -> Text:
     """The verdict with its most important reason, on one line."""
     verdict = stored.document["verdict"]
-    text = Text(f"{verdict['level']}: ", style=_COLOURS.get(verdict["level"], ""))
+    text = Text(f"{stored.level}: ", style=_COLOURS[stored.level])
     return text.append(verdict["reason"], style="default")
 
 

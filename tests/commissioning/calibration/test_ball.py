@@ -60,7 +60,7 @@ def pressed() -> tuple[Recorded, list[str]]:
 def test_ball_is_asked_for_and_taken(pressed: tuple[Recorded, list[str]]) -> None:
     recorded, lines = pressed
     assert "press 1 of 1: press the ball of 800 mm radius in now, and hold still" in lines
-    assert recorded.failure == ""
+    assert recorded.failure is None
     assert recorded.presses is not None
     assert recorded.presses.pressed == ()
     assert recorded.presses.ball is not None

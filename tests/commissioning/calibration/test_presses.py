@@ -52,7 +52,7 @@ def test_press_is_taken_only_once_it_stands() -> None:
         watch.take(warp(rng))
     for dent in np.linspace(2.0, 12.0, 30):
         watch.take(warp(rng, dent))
-    assert watch.phase is Phase.STANDING
+    assert watch.phase is Phase.SETTLING
     for _ in range(8):
         watch.take(warp(rng, 12.0))
     assert watch.phase is Phase.LIFTING
@@ -78,7 +78,7 @@ def test_press_that_goes_before_it_was_taken_is_waited_for_again() -> None:
     for _ in range(8):
         watch.take(warp(rng))
     watch.take(warp(rng, 9.0))
-    assert watch.phase is Phase.STANDING
+    assert watch.phase is Phase.SETTLING
     watch.take(warp(rng))
     assert watch.phase is Phase.COMING
     assert not watch.pressed

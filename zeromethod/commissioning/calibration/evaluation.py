@@ -123,7 +123,9 @@ def evaluate(
             presses, ball = _pressed(warps, plan, reading)
             measurements += [presses] if presses is not None else []
             try:
-                measurements += [ball.prepared(first.rig)] if ball is not None else []
+                if ball is not None:
+                    ball.prepared(first.rig)
+                    measurements.append(ball)
             except MeasurementError as unseen:
                 findings.append(f"{unseen}: it is left out")
             both = warps.rest.valid & rest_warp.valid

@@ -24,7 +24,7 @@ REST_FRAMES = 4
 DELAY_S = 3.0
 
 Known = Direct | MirrorEdge | Intrinsics
-"""What a person measures or sees beside the procedure."""
+"""What a person measures or sees besides."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Plan:
             raise InputError(f"--depth-sigma: {self.press_sigma_mm}: a number of mm above 0")
         if self.ball_mm is not None and not all(np.isfinite(one) and one > 0 for one in self.ball_mm):
             radius, sigma = self.ball_mm
-            raise InputError(f"--ball: {radius:g}:{sigma:g}: radius and sigma in mm, above 0")
+            raise InputError(f"--press-ball: {radius:g}:{sigma:g}: radius and sigma in mm, above 0")
 
     @property
     def presses(self) -> int:
@@ -70,12 +70,12 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """Everything that a bench gave, enough to begin anew without it.
+    """Everything that a bench gave, enough to evaluate it again without the bench.
 
     rig: as the rig file says, with the devices used. values: of the rig file that were measured directly
     (response, noise, timing), by dotted key. light, delay, panel, presses: None where they were left out.
-    seconds: that each step took, of the machine's time. failure: why not all presses were taken; the plan
-    then holds those that were. interrupted: by Ctrl-C.
+    seconds: that each step took, of the machine's time. failure: why not all presses were taken, for a
+    person; the plan then holds those that were. interrupted: by Ctrl-C.
     """
 
     rig: Rig
@@ -90,5 +90,5 @@ class Recorded:
     values: dict[str, Any] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    failure: str = ""
+    failure: str | None = None
     interrupted: bool = False

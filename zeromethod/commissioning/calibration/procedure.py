@@ -66,7 +66,8 @@ class _Session:
         self._seconds: dict[str, float] = {}
         self._values: dict[str, Any] = {}
         self._notes: list[str] = []
-        self._failure, self._interrupted = "", False
+        self._failure: str | None = None
+        self._interrupted = False
         self._began_s = time.monotonic()
         self.step = "opening"
 
@@ -119,25 +120,13 @@ class _Session:
             delay = self._delay(with_values(fitted.rig, self._timing()), panel)
             presses = self._presses(fitted.rig)
         except KeyboardInterrupt:
-            # The rest map is sound. Ctrl-C between presses is theirs to take.
+            # The rest map is sound. Ctrl-C between presses is handled there.
             self._end_early(f"{self.step}: interrupted", 0, interrupted=True)
         self._begin("")
         del self._seconds["opening"]
         recorded = Recorded(
-            self._given,
-            self._plan,
-            fingerprint,
-            settling,
-            frames,
-            light,
-            delay,
-            panel,
-            presses,
-            self._values,
-            self._seconds,
-            tuple(self._notes),
-            self._failure,
-            self._interrupted,
+            *(self._given, self._plan, fingerprint, settling, frames, light, delay, panel, presses),
+            *(self._values, self._seconds, tuple(self._notes), self._failure, self._interrupted),
         )
         return recorded, found
 
@@ -158,7 +147,7 @@ class _Session:
         if not self._plan.light:
             return None
         self._begin("light")
-        # The delay is not known yet: pictures are held for as long as changes were seen to take.
+        # The delay is not known yet: pictures are shown for as long as changes took.
         usual_s = TimedPatterns(self._given, self._devices, MARGIN_S).hold_s
         late_s = max(self._given.display.latency_s, 0.0) + max(hold_s - usual_s, 0.0)
         display = self._given.display.model_copy(update={"latency_s": late_s})
@@ -174,7 +163,7 @@ class _Session:
         return {key: value for key, value in self._values.items() if key in _TIMING}
 
     def _panel(self, rig: Rig) -> StepTiming | None:
-        """Scan-out and rise; what cannot be told stays as the rig file has it."""
+        """Scan-out and rise; what cannot be measured stays as the rig file has it."""
         if not self._plan.delay:
             return None
         self._begin("panel")
@@ -209,8 +198,8 @@ class _Session:
             return None
         self._begin("presses")
         timed = with_values(rig, self._timing())
-        told = "strips" in rig.control.model_fields_set
-        if not told and (isinstance(self._devices.clock, HostClock) or "display.latency_s" in self._values):
+        chosen = "strips" in rig.control.model_fields_set
+        if not chosen and (isinstance(self._devices.clock, HostClock) or "display.latency_s" in self._values):
             timed = with_strips(timed)
         plan = self._plan
         try:

@@ -41,16 +41,16 @@ def store_calibration(
     settings: Mapping[str, Any] | None = None,
     pictures: Mapping[str, Callable[[Path], object]] | None = None,
     home: Path | None = None,
-    redone: Stored | None = None,
+    again: Stored | None = None,
 ) -> Stored:
     """Write a calibration of the rig `name`; see `folder.store`.
 
-    redone: the calibration whose recording was evaluated again.
+    again: the calibration whose recording was evaluated again.
     """
     document = document_of(found)
-    if redone is not None:
-        kept = {key: redone.document[key] for key in _KEPT if key in redone.document}
-        document |= {**kept, "redone_from": redone.folder.name}
+    if again is not None:
+        kept = {key: again.document[key] for key in _KEPT if key in again.document}
+        document |= {**kept, "redone_from": again.folder.name}
     return store(
         name,
         document,
