@@ -37,9 +37,8 @@ WORDS = {
 """Every entry, in words."""
 
 _ALIKE = 1e-3
-_CAMERA = ("driver", "columns", "rows", "bits", "exposure_s", "gain", "pixel_format", "region_px")
-_DISPLAY = ("driver", "columns", "rows", "pitch_mm", "refresh_hz", "scan")
-_PATTERN = ("kind", "period_px", "mean", "contrast")
+OF_DEVICES = ("camera.serial", "camera.model", "display.name")
+"""Entries that devices say of themselves; all others are the rig's."""
 
 
 def take_fingerprint(rig: Rig, camera: object = None, display: object = None) -> Fingerprint:
@@ -49,16 +48,16 @@ def take_fingerprint(rig: Rig, camera: object = None, display: object = None) ->
     `serial` that the rig file asks for.
     """
     asked = str((rig.camera.model_extra or {}).get("serial", ""))
-    tables = {
-        "camera": _given(rig.camera, _CAMERA)
-        | {"serial": _text(camera, "serial") or asked, "model": _text(camera, "model")},
-        "display": _given(rig.display, _DISPLAY) | {"name": _text(display, "name")},
-        "pattern": _given(rig.target, _PATTERN),
-    }
-    return {
-        table: {key: value for key, value in values.items() if value not in (None, "")}
-        for table, values in tables.items()
-    }
+    tables: Fingerprint = {"camera": {}, "display": {}, "pattern": {}}
+    specs = {"camera": rig.camera, "display": rig.display, "pattern": rig.target}
+    devices = {"camera": camera, "display": display}
+    for key in WORDS:
+        table, name = key.split(".")
+        value = _text(devices[table], name) if key in OF_DEVICES else getattr(specs[table], name)
+        value = value or asked if key == "camera.serial" else value
+        if value not in (None, ""):
+            tables[table][name] = list(value) if isinstance(value, tuple) else value
+    return tables
 
 
 def check(
@@ -76,11 +75,6 @@ def check(
         if before is not None and present is not None and not _alike(before, present):
             found.append(f"{words}: calibrated with {_shown(before)}, now {_shown(present)}")
     return found
-
-
-def _given(spec: object, names: tuple[str, ...]) -> dict[str, Any]:
-    values = {name: getattr(spec, name) for name in names}
-    return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
 
 
 def _text(device: object, name: str) -> str:

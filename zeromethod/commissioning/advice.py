@@ -29,7 +29,7 @@ WRONG_SIZE, WRONG_TURN_DEG, WRONG_PLACE_PERIODS = 0.02, 1.0, 0.25
 OTHER_SIZE = 0.1
 """The picture's period is another then, and the focus score says nothing."""
 FINE_SIZE, FINE_PERIODS = 0.03, 0.4
-"""Within these, by the plain pictures, the target itself tells size and place more finely."""
+"""Within these, by the plain pictures, the target itself shows size and place more finely."""
 
 GOOD = "good: focus, light and view are as they should be"
 
@@ -37,7 +37,7 @@ GOOD = "good: focus, light and view are as they should be"
 def advice(
     report: FocusReport, rig: Rig, seen: Orientation | None = None, flicker_share: float = math.nan
 ) -> tuple[str, ...]:
-    """Advice, one line each; `GOOD` alone when there is nothing to do.
+    """Advice, one line each; none when there is nothing to do.
 
     seen: from plain pictures, where they could be shown. flicker_share: standard deviation of the light from
     frame to frame over its mean.
@@ -66,7 +66,7 @@ def advice(
         said += _place(place, rig.target.period_px)
     elif seen is None and report.alignment is None and report.score > NO_TARGET_SCORE and not blinded:
         said.append("the picture lies far from where the rig file expects it: compare pose and focal_px")
-    return tuple(said) or (GOOD,)
+    return tuple(said)
 
 
 def placed(report: FocusReport, seen: Orientation | None, period_px: int) -> Alignment | None:
@@ -87,7 +87,7 @@ def placed(report: FocusReport, seen: Orientation | None, period_px: int) -> Ali
 def misplaced(seen: Orientation, rig: Rig) -> bool:
     """Whether the LCD should be looked for again: it is not seen as it should be."""
     place = seen.place
-    return place is None or not seen.upright or bool(_place(place, rig.target.period_px))
+    return place is None or not seen.upright or any(_wrong(place, rig.target.period_px))
 
 
 def _light_share(report: FocusReport, camera: CameraSpec) -> float:
@@ -174,20 +174,31 @@ def _usable(report: FocusReport) -> list[str]:
     ]
 
 
+def _wrong(place: Alignment, period_px: int) -> tuple[bool, bool, bool]:
+    """Whether size, turn and place differ too much from what the rig file predicts."""
+    away_px = max(abs(place.right_px), abs(place.down_px))
+    return (
+        max(abs(place.wider), abs(place.higher)) > WRONG_SIZE,
+        abs(place.turn_deg) > WRONG_TURN_DEG,
+        away_px > WRONG_PLACE_PERIODS * period_px,
+    )
+
+
 def _place(place: Alignment, period_px: int) -> list[str]:
     said = []
-    if max(abs(place.wider), abs(place.higher)) > WRONG_SIZE:
+    size, turn, away = _wrong(place, period_px)
+    if size:
         said.append(
             f"the picture is {place.wider:+.1%} wide and {place.higher:+.1%} high against the rig file: "
             "move the camera, or set its pose and focal_px"
         )
-    if abs(place.turn_deg) > WRONG_TURN_DEG:
+    if turn:
         clockwise = "clockwise" if place.turn_deg > 0 else "anticlockwise"
         said.append(
             f"the picture is turned by {abs(place.turn_deg):.1f} degrees {clockwise}: turn camera or LCD, "
             "or set camera.roll_deg"
         )
-    if max(abs(place.right_px), abs(place.down_px)) > WRONG_PLACE_PERIODS * period_px:
+    if away:
         along = f"{abs(place.right_px):.0f} px {'right' if place.right_px > 0 else 'left'}"
         across = f"{abs(place.down_px):.0f} px {'below' if place.down_px > 0 else 'above'}"
         where = [word for word in (along, across) if not word.startswith("0 ")]

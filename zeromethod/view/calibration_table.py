@@ -9,7 +9,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from zeromethod.calibration.fingerprint import WORDS
+from zeromethod.calibration.fingerprint import OF_DEVICES, WORDS
 from zeromethod.calibration.folder import Stored
 from zeromethod.calibration.verdict import Level
 
@@ -69,7 +69,7 @@ _PANEL = (("scanout", "scan-out"), ("rise", "rise, 10 to 90 %"), ("fall", "fall,
 def _figures(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "made", f"{document['time']:%Y-%m-%d %H:%M} UTC, {document.get('made_by', '')}"
     for key, words in WORDS.items():
-        if key in {"camera.serial", "camera.model", "display.name"}:
+        if key in OF_DEVICES:
             table, name = key.split(".")
             if name in document["fingerprint"].get(table, {}):
                 yield words, str(document["fingerprint"][table][name])
