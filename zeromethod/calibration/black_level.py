@@ -49,7 +49,7 @@ NOTABLE_DEPARTURE = 0.01
 def black_from_exposures(exposure_s: Sequence[float], grey: Float, sigma_grey: float) -> Linearity:
     """Black level and linearity from one picture at several exposures.
 
-    grey: (exposures, regions) mean grey. sigma_grey: standard deviation of one number beside the backlight's
+    grey: (exposures, regions) mean grey. sigma_grey: standard deviation of one number without the backlight's
     own unsteadiness, which is judged from the misfit. Three exposures at least, which differ twofold; with
     three, a bent line is bent by noise, too. Raises InputError otherwise, MeasurementError where the grey
     does not rise.

@@ -1,7 +1,7 @@
 """How the light of an evenly lit LCD falls off over the camera's view.
 
-Lens, viewing angle of the LCD, Fresnel losses and backlight act together here; one picture cannot tell them
-apart, and for the noise that is left in each region it does not matter which it was.
+Lens, viewing angle of the LCD, Fresnel losses and backlight act together here; one picture cannot separate
+them, and for the noise that is left in each region it does not matter which it was.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ diagonal of the normal matrix stalls. As these valleys are narrow and bent, step
 acceleration: M. K. Transtrum, J. P. Sethna, arXiv:1201.5885).
 
 w are the weights of a robust estimate: 1 for what fits, less for what does not, 0 for a node far off. What is
-cheap to predict is fitted first; presses, which are read anew through each candidate rig, join when the rest
+cheap to predict is fitted first; presses, which are read again through each candidate rig, join when the rest
 map already fits.
 """
 
@@ -39,7 +39,7 @@ _AHEAD, _MOST_BEND = 0.1, 0.75
 """Share of a step at which the bend is felt, and how much of the step a bend may be."""
 _FIRST_DAMPING, _MOST_DAMPING = 1e-3, 1e7
 _MANY = 20
-"""Groups from which the data's own scatter tells what an outlier is."""
+"""Groups from which the data's own scatter defines an outlier."""
 _HUBER, _REJECT = 3.0, 6.0
 _MEDIAN = {1: 0.4549, 2: 0.6931}
 """Median of chi-squared per number in groups of one and two."""
@@ -86,7 +86,7 @@ class Fit:
     z: (parameters,) in units of the priors. covariance: of z. inflation: by how much the rest map's sigma was
     raised to hold what no rig explains. steps: of the last descent. settled: whether they came to an end.
 
-    The covariance holds beside the fit. The valleys of a rest map are bent, so that a rig one sigma away
+    The covariance holds close to the fit. The valleys of a rest map are bent, so that a rig one sigma away
     along one lies far outside the ellipsoid that it spans: the sigma of each parameter and of depth is true,
     but all parameters together are not Gaussian.
     """
@@ -123,9 +123,7 @@ class Fit:
 
 
 def fit(
-    priors: Priors,
-    measurements: Sequence[Measurement],
-    advance: Callable[[str], None] = lambda _: None,
+    priors: Priors, measurements: Sequence[Measurement], advance: Callable[[str], None] = lambda _: None
 ) -> Fit:
     """Fit a rig to `measurements`, which may be any, or none.
 
@@ -216,10 +214,10 @@ def _exact(priors: Priors, measurements: Sequence[Measurement], z: Float) -> lis
 
 
 def _with_costly(priors: Priors, models: Sequence[_Exact], costly: Sequence[Measurement], z: Float) -> Fit:
-    """Fit with costly data taken as linear, read anew where that fit ends, until nothing new turns up.
+    """Fit with costly data taken as linear, read again where that fit ends, until nothing new appears.
 
     Depths as read are so nearly linear in the rig that two or three rounds do; derivatives are corrected by
-    what was not foreseen (Broyden's rank-one update) instead of made anew.
+    what was not foreseen (Broyden's rank-one update) instead of computed again.
     """
     exact = [_Exact(priors, measurement) for measurement in costly]
     linear = [_Linear(one.measurement, z, one.residual(z), one.slope(z)) for one in exact]
@@ -242,7 +240,7 @@ def _with_costly(priors: Priors, models: Sequence[_Exact], costly: Sequence[Meas
 
 
 def _weights(residual: Float, group: int) -> Float:
-    """Robust weights (groups,): Huber's, and 0 far off where many groups tell what far is."""
+    """Robust weights (groups,): Huber's, and 0 far off where many groups define what far is."""
     squares = (residual.reshape(-1, group) ** 2).mean(axis=-1)
     many = len(squares) >= _MANY
     scale2 = max(1.0, float(np.nanmedian(squares)) / _MEDIAN[group]) if many else 1.0

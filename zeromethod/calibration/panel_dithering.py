@@ -25,7 +25,7 @@ _LEAST_PIXELS = 256
 def temporal_dithering(
     series: Sequence[NDArray[np.generic]], codes: Sequence[int], grey_per_code: Sequence[float], lit: Mask
 ) -> Finding:
-    """Dithering in time: pixels that swing with a rhythm, each with its own phase, in a picture that stands.
+    """Dithering in time: pixels that swing with a rhythm, each with its own phase, in an unchanged picture.
 
     series: for each code, (frames, rows, cols) of a uniform pattern, 16 frames at least. grey_per_code: grey
     levels that one code more makes there. Noise is as strong at every frequency; what stands out, in the mean
@@ -34,7 +34,9 @@ def temporal_dithering(
     made = []
     for stack, code, step in zip(series, codes, grey_per_code, strict=True):
         size, sigma = (one / step for one in _swing(np.asarray(stack, dtype=np.float32)[:, lit]))
-        words = f"at code {code} pixels swing by {size:.2g} grey codes (rms) while the picture stands still"
+        words = (
+            f"at code {code} pixels swing by {size:.2g} grey codes (rms) while the picture does not change"
+        )
         made.append(Finding(Fault.TEMPORAL_DITHERING, size, sigma, words))
     return _strongest(made, Fault.TEMPORAL_DITHERING)
 

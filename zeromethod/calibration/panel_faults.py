@@ -1,4 +1,4 @@
-"""Faults of a display that change a picture without a word: found from the light at the camera.
+"""Faults of a display that change the picture unasked: found from the light at the camera.
 
 Each check gives a `Finding`: how large, how sure, and from where on it counts. What cannot be found:
 dithering whose period the exposures span (it then does no harm), and anything slower than the frames looked
@@ -110,8 +110,8 @@ class Surround:
     """A patch's light by what is around it.
 
     glare: light that the brightest surround adds to the patch, over the patch's swing; glare_sigma.
-    Glare (of lens, faces, LCD glass) adds; dynamic contrast multiplies. So the patch's own swing tells them
-    apart.
+    Glare (of lens, faces, LCD glass) adds; dynamic contrast multiplies. So the patch's own swing separates
+    them.
     """
 
     gain: Finding
@@ -130,7 +130,7 @@ def surround(patch: Float) -> Surround:
         raise InputError(f"patch: shape {patch.shape}: (two or more repeats, two or more surrounds, 3)")
     repeats = len(patch)
     mean = patch.mean(axis=0)
-    # one number of noise for all: single ones have too few repeats to tell
+    # one number of noise for all: single ones have too few repeats
     sigma = math.sqrt(float(np.mean(patch.var(axis=0, ddof=1))) / repeats)
     swing = mean[:, 2] - mean[:, 0]
     gain = swing / swing[-1] - 1.0
@@ -177,7 +177,7 @@ def root(variance: float, sigma: float) -> tuple[float, float]:
 
 
 def flicker(times_s: Float, white: Float, black: Float, noise_grey: float) -> tuple[Finding, Finding]:
-    """Flicker of the backlight, and of light beside it, from frame to frame.
+    """Flicker of the backlight, and of other light, from frame to frame.
 
     times_s: (n,) of the frames of the white LCD. white, black: (n,), (m,) mean grey over the lit view, the
     black LCD's own. noise_grey: standard deviation of such a mean by the camera's noise. Sizes are rms over

@@ -1,4 +1,4 @@
-"""What the data leave open: parameters that they do not tell apart, and what to measure next."""
+"""What the data leave open: parameters that they do not separate, and what to measure next."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ KEPT = 0.9
 """Share of its prior's sigma that a combination keeps when the data say next to nothing about it."""
 _NAMED = 0.3
 """Part of a unit combination from which a parameter is named."""
-_TURNS = 100
+_ROTATIONS = 100
 
 PRESS_DEPTH_MM, PRESS_SIGMA_MM = 0.2, 0.6e-3
-"""A press by a good height gauge: 0.2 mm known to +-1 um."""
+"""A press by a good height gauge: 0.2 mm known to +-1 µm."""
 EDGE_PX = 2.0
 _HAND_TOOLS = {
     "gap_mm": (0.02, "feeler gauge"),
@@ -61,8 +61,8 @@ def open_combinations(fitted: Fit, error: DepthError) -> list[Blend]:
     """Combinations that keep more than `KEPT` of their prior, those that matter most for depth first.
 
     Eigenvectors of the posterior in units of the priors. Where several keep all of their prior they are open
-    up to a turn among themselves, which is chosen so that each names few parameters (varimax: H. F. Kaiser,
-    Psychometrika 23 (1958) 187, doi:10.1007/BF02289233).
+    up to a rotation among themselves, which is chosen so that each names few parameters (varimax: H. F.
+    Kaiser, Psychometrika 23 (1958) 187, doi:10.1007/BF02289233).
     """
     values, vectors = np.linalg.eigh(fitted.covariance)
     open_vectors = _few_words(vectors[:, values > KEPT**2])
@@ -77,18 +77,18 @@ def open_combinations(fitted: Fit, error: DepthError) -> list[Blend]:
 
 
 def _few_words(vectors: Float) -> Float:
-    """Turn orthonormal columns (n, m) among themselves so that each has few large entries."""
-    turn = np.eye(vectors.shape[1])
+    """Rotate orthonormal columns (n, m) among themselves so that each has few large entries."""
+    rotation = np.eye(vectors.shape[1])
     before = 0.0
-    for _ in range(_TURNS):
-        turned = vectors @ turn
-        shape = turned**3 - turned * (turned**2).mean(axis=0)
+    for _ in range(_ROTATIONS):
+        rotated = vectors @ rotation
+        shape = rotated**3 - rotated * (rotated**2).mean(axis=0)
         left, spread, right = np.linalg.svd(vectors.T @ shape)
-        turn = left @ right
+        rotation = left @ right
         if spread.sum() < before * (1.0 + 1e-9):
             break
         before = float(spread.sum())
-    return vectors @ turn
+    return vectors @ rotation
 
 
 @dataclass(frozen=True)
@@ -124,10 +124,10 @@ def gains(fitted: Fit, error: DepthError) -> list[Gain]:
     for index in middle:
         place = f"x = {error.x_mm[index]:z.0f} mm, y = {error.y_mm[index]:z.0f} mm"
         offers.append(
-            (f"a press of {PRESS_DEPTH_MM:g} mm, known to 1 um, at {place}", press[index : index + 1])
+            (f"a press of {PRESS_DEPTH_MM:g} mm, known to 1 µm, at {place}", press[index : index + 1])
         )
     places = ", ".join(f"{error.x_mm[i]:z.0f}" for i in middle)
-    offers.append((f"presses of {PRESS_DEPTH_MM:g} mm, known to 1 um, at x = {places} mm", press[middle]))
+    offers.append((f"presses of {PRESS_DEPTH_MM:g} mm, known to 1 µm, at x = {places} mm", press[middle]))
     before = _rms(error.percent)
     found = [
         Gain(what, _rms(error.percent_with(_with(fitted.covariance, rows))), before) for what, rows in offers

@@ -54,7 +54,7 @@ def panel_exponents(
 
     places_px: (tile rows, tile cols, 2) LCD (column, row) that the tiles see, NaN where unknown. size:
     (columns, rows) of the panel. None where the regions agree, within noise or `NOTABLE_LIGHT`, or are too
-    few to tell.
+    few.
     """
     far = 0.5 * (np.array(size, dtype=np.float64) - 1.0)
     rows, fits = [], []

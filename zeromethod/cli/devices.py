@@ -77,9 +77,9 @@ def devices_command(
     if identify is not None:
         figures = _identify(identify, task)
     elif delay:
-        from zeromethod.cli.delay import tell_delay  # noqa: PLC0415 - the bench's libraries load slowly
+        from zeromethod.cli.delay import report_delay  # noqa: PLC0415 - the bench's libraries load slowly
 
-        figures = tell_delay(rig_name or "simulated", task.options, seconds, write)
+        figures = report_delay(rig_name or "simulated", task.options, seconds, write)
     elif focus:
         from zeromethod.cli.focus import watch_focus  # noqa: PLC0415
 

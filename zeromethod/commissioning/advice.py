@@ -43,19 +43,12 @@ def advice(
     frame to frame over its mean.
     """
     said = _light(report, rig.camera)
+    dim = _no_light(report, rig.camera)
     blinded = report.saturated_share > SATURATED_SHARE
     place = placed(report, seen, rig.target.period_px)
     far = place is not None and max(abs(place.wider), abs(place.higher)) > OTHER_SIZE
-    unseen = seen is not None and seen.seen_share < UNSEEN_SHARE
-    if unseen:
-        said.append(
-            "the LCD is not seen: is it lit, on the right monitor, and seen by the camera in the mirror?"
-        )
-    elif not blinded and not far:  # what is clipped, or of another period, looks blurred
-        said += _sharpness(report, lcd_seen=seen is not None)
-    if seen is not None and not unseen:
-        said += _lie(seen)
-    if flicker_share > FLICKER_SHARE and not _no_light(report, rig.camera):
+    said += _lcd(report, seen, clear=not blinded and not far)
+    if flicker_share > FLICKER_SHARE and not dim:
         said.append(
             f"the light flickers by {flicker_share:.1%} from frame to frame: set the LCD to full brightness "
             "(no dimming by pulses), or expose for whole periods of it"
@@ -67,6 +60,15 @@ def advice(
     elif seen is None and report.alignment is None and report.score > NO_TARGET_SCORE and not blinded:
         said.append("the picture lies far from where the rig file expects it: compare pose and focal_px")
     return tuple(said)
+
+
+def _lcd(report: FocusReport, seen: Orientation | None, clear: bool) -> list[str]:
+    """Whether the LCD is seen sharply and the right way round."""
+    if seen is not None and seen.seen_share < UNSEEN_SHARE:
+        return ["the LCD is not seen: is it lit, on the right monitor, and seen by the camera in the mirror?"]
+    # what is clipped, or of another period, looks blurred
+    sharpness = _sharpness(report, lcd_seen=seen is not None) if clear else []
+    return sharpness + (_lie(seen) if seen is not None else [])
 
 
 def placed(report: FocusReport, seen: Orientation | None, period_px: int) -> Alignment | None:
@@ -157,7 +159,7 @@ def _lie(seen: Orientation) -> list[str]:
     if how:
         said.append(
             f"the picture is seen {how}: set display.mirrored, display.turn_deg or camera.roll_deg "
-            "in the rig file to how the bench stands"
+            "in the rig file to how the bench is built"
         )
     if seen.stray_share > STRAY_SHARE:
         said.append(f"stray light, {seen.stray_share:.0%} of the LCD's: darken the room, shade the prism")

@@ -1,4 +1,4 @@
-"""Measuring latency, scan-out and rise of the panel: black and white in turn, every frame looked at."""
+"""Measuring latency, scan-out and rise of the panel: alternating black and white, every frame used."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def measure_panel_timing(
     seconds: float = DEFAULT_SECONDS,
     on_change: Callable[[], object] = lambda: None,
 ) -> StepTiming:
-    """Show black and white in turn for about `seconds` of the run's clock, 16 changes at least.
+    """Show black and white alternately for about `seconds` of the run's clock, 16 changes at least.
 
     Which rows a pixel sees is taken from the rig, to some percent of the panel. `on_change` is called after
     every change. To be used in the main thread, as windows must be. CameraLost and DisplayLost pass.

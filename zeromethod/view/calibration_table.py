@@ -95,7 +95,7 @@ def _figures(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
             f"read {press['read_mm']:.4f} mm",
         )
     for one in document.get("not_told_apart", ())[:_OPEN]:
-        yield "not told apart", f"{one['words']} ({one['depth_percent']:.2f} % of depth)"
+        yield "not separated", f"{one['words']} ({one['depth_percent']:.2f} % of depth)"
     for one in document.get("measure_next", ())[:_OFFERS]:
         yield "would bring depth to", f"{one['depth_percent']:.2f} %: {one['what']}"
     for finding in document["verdict"]["findings"][1:]:

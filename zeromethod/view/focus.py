@@ -95,7 +95,7 @@ def sight_figures(sight: Sight) -> dict[str, Any]:
 class FocusView:
     """Shows sights as they come: a table that renews itself on a terminal, else a line every second.
 
-    keys: what they do, told below the table; "" for none.
+    keys: what they do, shown below the table; "" for none.
     """
 
     def __init__(self, console: Console, keys: str = "") -> None:

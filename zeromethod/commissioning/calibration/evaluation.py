@@ -159,7 +159,7 @@ def evaluate_or_keep(
 ) -> Calibration:
     """Evaluate; where that fails, the rest map alone, with a verdict of bad that says why.
 
-    Nothing that was recorded is left out of what it gives, so that it can be stored and evaluated anew.
+    Nothing that was recorded is left out of what it gives, so that it can be stored and evaluated again.
     Raises MeasurementError where not even the rest map agrees with the rig file.
     """
     try:

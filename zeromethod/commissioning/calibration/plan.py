@@ -24,7 +24,7 @@ REST_FRAMES = 4
 DELAY_S = 3.0
 
 Known = Direct | MirrorEdge | Intrinsics
-"""What a person measures or sees besides."""
+"""What a person measures or sees in addition."""
 
 
 @dataclass(frozen=True)

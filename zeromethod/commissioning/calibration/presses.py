@@ -25,7 +25,7 @@ PRESSED_LCD_PX, LIFTED_LCD_PX = 0.8, 0.4
 """Displacement (upper percent of the nodes) from which something presses, and below which it is gone."""
 
 STILL_LCD_PX, STILL_SHARE = 0.05, 0.002
-"""Change between the halves of the frames taken, rms over the pressed nodes, up to which a press stands
+"""Change between the halves of the frames taken, rms over the pressed nodes, up to which a press is
 still: the larger of a constant and a share of the displacement."""
 
 DEFAULT_FRAMES = 16
@@ -39,7 +39,7 @@ class Phase(enum.Enum):
 
     REST = "resting"
     COMING = "waiting for the press"
-    SETTLING = "pressed, waiting for it to stand still"
+    SETTLING = "pressed, waiting for it to keep still"
     LIFTING = "taken, waiting for the lift"
 
 
@@ -157,7 +157,7 @@ def record_presses(
     Raises
     ------
     PressesEndedError
-        Nothing pressed in time, the press did not stand still or lift, the loop ended, or Ctrl-C.
+        Nothing pressed in time, the press did not keep still or lift, the loop ended, or Ctrl-C.
     """
     watch = PressWatch(frames)
     asked = [f"press {depth:g} mm deep" for depth in depths_mm]
@@ -176,12 +176,7 @@ def record_presses(
 
 
 def _follow(
-    rig: Rig,
-    devices: Devices,
-    asked: Sequence[str],
-    patience_s: float,
-    prompts: Prompts,
-    watch: PressWatch,
+    rig: Rig, devices: Devices, asked: Sequence[str], patience_s: float, prompts: Prompts, watch: PressWatch
 ) -> Warp:
     """Run the loop until all presses were taken; the mean warp at rest. Raises PressesEndedError."""
     last_ns = devices.clock.now_ns()
@@ -219,7 +214,7 @@ def _missing(watch: PressWatch, count: int, patience_s: float, step: Step) -> st
     what = {
         Phase.REST: "the loop did not null the mirror at rest",
         Phase.COMING: f"no press {len(watch.pressed) + 1} of {count}",
-        Phase.SETTLING: "the press did not stand still while the loop was locked",
+        Phase.SETTLING: "the press did not keep still while the loop was locked",
         Phase.LIFTING: "the press did not lift",
     }[watch.phase]
     why = "" if step.state in NULLED else f" ({step.state}: {step.reason})"

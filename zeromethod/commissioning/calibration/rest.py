@@ -107,7 +107,7 @@ def decode(rig: Rig, recorded: RestFrames) -> RestMeasurement:
 NOTABLE_SHARE = 0.002
 """Of the camera's pixels, from which what is left out for a reason is worth a word."""
 
-_TOLD = {
+_ADVICE = {
     Reason.SECOND_REFLECTION: (
         "see a second reflection of about {reflection:.0%} of the main one's light: shield or blacken the "
         "face that makes it, or turn the LCD a little"
@@ -131,25 +131,25 @@ _TOLD = {
 def rest_notes(found: RestMeasurement) -> tuple[str, ...]:
     """What the person should see to in a rest map, the widest first; empty where all is well.
 
-    Dead pixels are told from the first one on; what shows no fringes is not mirror, and no fault.
+    Dead pixels are named from the first one on; what shows no fringes is not mirror, and no fault.
     """
     size = found.rest_map.reason.size
-    told = []
-    for reason in sorted(_TOLD, key=found.count, reverse=True):
+    said = []
+    for reason in sorted(_ADVICE, key=found.count, reverse=True):
         share = found.count(reason) / size
         if share > NOTABLE_SHARE:
             there = (found.rest_map.reason & int(reason)) != 0
             reflection = float(np.median(found.reflection[there]))
-            told.append(
+            said.append(
                 f"rest map: {plain_name(reason)}: {share:.1%} of the camera's pixels "
-                f"{_TOLD[reason].format(reflection=reflection)}; they are left out"
+                f"{_ADVICE[reason].format(reflection=reflection)}; they are left out"
             )
     if found.near_px > 0:
-        told.append(
+        said.append(
             f"rest map: the periods disagree as if a second reflection of a tenth of the light lay "
-            f"{found.near_px:.1f} LCD px beside the main one (or the lens had coma): places may be off by "
+            f"{found.near_px:.1f} LCD px off the main one (or the lens had coma): places may be off by "
             f"{USUAL_SHARE * found.near_px:.2f} LCD px, alike over wide parts; they are kept"
         )
     if dead := found.count(Reason.DEAD):
-        told.append(f"rest map: dead: {dead} pixels of camera or LCD, or dust; they are left out")
-    return tuple(told)
+        said.append(f"rest map: dead: {dead} pixels of camera or LCD, or dust; they are left out")
+    return tuple(said)

@@ -1,4 +1,4 @@
-"""How long a picture takes to stand, found before anything is known of the delay."""
+"""How long a picture takes to settle, found before anything is known of the delay."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ LOOK_S, LOOK_FRAMES = 0.5, 8
 
 TOGGLES = 4
 SETTLED_SHARE = 0.01
-"""Of the change from black to white, within which the light stands."""
+"""Of the change from black to white, within which the light has settled."""
 
 UNSTEADY_SHARE = 0.1
-"""Of the change, by which the light may still scatter when it should stand."""
+"""Of the change, by which the light may still scatter when it should have settled."""
 
 MARGIN_REFRESHES = 2.0
 """Added to the longest settling seen, for those that were not."""
@@ -47,9 +47,9 @@ class Settling:
 
 
 def settle(rig: Rig, devices: Devices) -> Settling:
-    """Turn the LCD black and white and watch the whole view's light.
+    """Switch the LCD between black and white and watch the whole view's light.
 
-    Raises MeasurementError where the camera does not see the LCD, or the light does not come to rest.
+    Raises MeasurementError where the camera does not see the LCD, or the light does not settle.
     """
     pictures, display = TimedPatterns(rig, devices, 0.0), rig.display
     look_s = max(LOOK_S, LOOK_FRAMES / rig.camera.rate_hz)
@@ -85,7 +85,7 @@ def settle(rig: Rig, devices: Devices) -> Settling:
     settled = max(_settled(one, swing) for one in series)
     if not np.isfinite(settled):
         raise MeasurementError(
-            f"the LCD's light does not come to rest within {look_s:.1f} s of a change: switch off dynamic "
+            f"the LCD's light does not settle within {look_s:.1f} s of a change: switch off dynamic "
             "contrast and dimming, and automatic exposure of the camera"
         )
     hold_s = settled + MARGIN_REFRESHES / display.refresh_hz
@@ -93,7 +93,7 @@ def settle(rig: Rig, devices: Devices) -> Settling:
 
 
 def _settled(levels: Float, swing: float) -> float:
-    """Start of the first exposure from which on the level stands, s; infinite where it never does."""
+    """Start of the first exposure from which on the level stays, s; infinite where it never does."""
     start_s, grey = levels.T
     tail = grey[2 * len(grey) // 3 :]
     scatter = 4.0 * float(tail.std())

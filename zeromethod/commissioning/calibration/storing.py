@@ -52,13 +52,7 @@ def store_calibration(
         kept = {key: again.document[key] for key in _KEPT if key in again.document}
         document |= {**kept, "redone_from": again.folder.name}
     return store(
-        name,
-        document,
-        found.values,
-        arrays_of(found),
-        settings=settings,
-        pictures=pictures,
-        home=home,
+        name, document, found.values, arrays_of(found), settings=settings, pictures=pictures, home=home
     )
 
 
@@ -228,7 +222,7 @@ def _warp_of(arrays: Mapping[str, Any], name: str) -> Warp:
 
 
 def _table_of(known: Known) -> dict[str, Any]:
-    """What was known besides, as TOML holds it."""
+    """What was known in addition, as TOML holds it."""
     if isinstance(known, Direct):
         return {"parameter": known.parameter, "value": known.value, "sigma": known.sigma_value}
     if isinstance(known, Intrinsics):
