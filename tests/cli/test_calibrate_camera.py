@@ -17,6 +17,7 @@ from click.testing import CliRunner, Result
 
 from zeromethod.calibration.camera_file import load_camera
 from zeromethod.calibration.charuco import Board, NoView, View, board_of
+from zeromethod.cli import calibrate_bench
 from zeromethod.cli.calibrate import calibrate_command
 from zeromethod.clock import Clock
 from zeromethod.devices.protocols import CameraTimeout, Frame
@@ -236,3 +237,28 @@ def test_boards_that_cannot_be_drawn_are_refused(
     assert isinstance(result.exception, InputError), result.output
     assert words in str(result.exception)
     assert list(tmp_path.iterdir()) == []
+
+
+YAML = """image_width: 512
+image_height: 384
+camera_matrix: {rows: 3, cols: 3, data: [1800, 0, 262, 0, 1805, 187, 0, 0, 1]}
+distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}
+"""
+
+
+def test_a_file_without_sigmas_says_what_is_assumed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(YAML)
+    assumed = calibrate_bench._lens(path, None)
+    assert capsys.readouterr().err == (
+        f"! {path}: states no sigmas: 0.5 % of the focal length is assumed (--intrinsics-sigma)\n"
+    )
+    given = calibrate_bench._lens(path, 1.0)
+    assert capsys.readouterr().err == ""
+    assert assumed is not None
+    assert given is not None
+    np.testing.assert_allclose(given.intrinsics.spread, 2.0 * assumed.intrinsics.spread)
+    with pytest.raises(InputError, match="only with --intrinsics"):
+        calibrate_bench._lens(None, 1.0)
