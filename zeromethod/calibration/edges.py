@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.calibration.edge_curve import EdgeCurve
 from zeromethod.calibration.fit import Fit, jacobian
 from zeromethod.calibration.measurements import MirrorEdge
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
@@ -42,10 +43,6 @@ LEAST_SHARE = 0.5
 """Share of the lines across an edge that must show it, on one curve."""
 
 LEAST_LINES = 24
-STRAY_PX = 1.5
-"""Distance from the common curve from which a line shows something else."""
-
-MOST_SCATTER_PX = 1.0
 MOST_BEND_SHARE = 0.004
 """Bend beyond the predicted one, of the length over which an edge is seen: more is an aperture's rim."""
 
@@ -58,12 +55,10 @@ INSIDE_MM = 1.5
 MOST_LOST = 0.25
 """Share of the lines on which the fitted rig may see something else end just inside an edge."""
 
-_BLOCKS = 8
 _LINES, _PLACES = 17, 129
 _REACH = 0.5
 """How far past the image, in its width, an edge's image is followed."""
 _LEAST_SIGMA_PX = 2.0
-_ROUNDS = 20
 
 
 class NoEdge(enum.StrEnum):
@@ -141,7 +136,7 @@ def _seen(fitted: Fit, rest: RestMeasurement, edge: Name) -> EdgeSearch:
     if np.count_nonzero(seen) < least:
         raise _NoEdgeError(_nowhere(expected, amplitude.shape[1]))
     line, place = rows[seen], place[seen]
-    curve = _Curve.of(line.astype(np.float64), place - expected.place[line])
+    curve = EdgeCurve.of(line.astype(np.float64), place - expected.place[line])
     if curve is None or curve.share * len(line) < least:
         raise _NoEdgeError(NoEdge.RAGGED)
     sigma = float(np.sqrt(curve.sigma_px**2 + PIXEL_PX**2 + (EDGE_MM * expected.px_per_mm) ** 2))
@@ -164,7 +159,7 @@ def _nowhere(expected: _Expected, size: int) -> NoEdge:
     return NoEdge.NO_END
 
 
-def _check_curve(curve: _Curve, expected: _Expected, sigma_px: float) -> None:
+def _check_curve(curve: EdgeCurve, expected: _Expected, sigma_px: float) -> None:
     """Refuse a curve that is bent or not where and how the edge should lie."""
     length = 2.0 * curve.half
     if abs(curve.bend_px) > max(PIXEL_PX + 4.0 * curve.sigma_px, MOST_BEND_SHARE * length):
@@ -307,70 +302,3 @@ def _followed(
     cubic = np.polyfit((across[known] - middle) / half, found[known], 3)
     place = np.polyval(cubic, (everywhere - middle) / half)
     return np.where((everywhere >= first) & (everywhere <= last), place, np.nan)
-
-
-@dataclass(frozen=True, eq=False)
-class _Curve:
-    """How far an edge lies from where it was predicted, as a parabola of s = (line - middle) / half.
-
-    coefficients: of 1, s, s^2. sigma_px: of the middle, from the scatter of blocks of lines, which counts
-    what neighbouring lines share. share: of the lines that lie on it.
-    """
-
-    coefficients: Float
-    middle: float
-    half: float
-    sigma_px: float
-    share: float
-
-    @classmethod
-    def of(cls, line: Float, away: Float) -> _Curve | None:
-        """Fit robustly (Tukey's biweight from the median on); None where lines scatter too much."""
-        middle, half = 0.5 * float(line.min() + line.max()), max(0.5 * float(np.ptp(line)), 1.0)
-        s = (line - middle) / half
-        columns = np.stack([np.ones_like(s), s, s * s], axis=-1)
-        coefficients = np.array([*_repeated_line(s, away), 0.0])
-        for _ in range(_ROUNDS):
-            left = away - columns @ coefficients
-            scale = max(1.4826 * float(np.median(np.abs(left))), 0.1)
-            weight = np.clip(1.0 - (left / (4.685 * scale)) ** 2, 0.0, None)
-            normal = (columns * (weight**2)[:, None]).T @ columns
-            if np.linalg.cond(normal) > 1e10:
-                return None
-            step = np.linalg.solve(normal, (columns * (weight**2)[:, None]).T @ away) - coefficients
-            coefficients = coefficients + step
-            if np.abs(step).max() < 1e-4:
-                break
-        left = away - columns @ coefficients
-        on = np.abs(left) < STRAY_PX
-        if not on.any() or float(np.sqrt(np.mean(left[on] ** 2))) > MOST_SCATTER_PX:
-            return None
-        block = np.minimum((0.5 * (s + 1.0) * _BLOCKS).astype(int), _BLOCKS - 1)
-        means = [float(left[on & (block == b)].mean()) for b in range(_BLOCKS) if (on & (block == b)).any()]
-        sigma = float(np.std(means) / np.sqrt(max(len(means) - 3, 1)))
-        return cls(coefficients, middle, half, sigma, float(np.mean(on)))
-
-    @property
-    def tilt(self) -> float:
-        """Px per line."""
-        return float(self.coefficients[1] / self.half)
-
-    @property
-    def bend_px(self) -> float:
-        """Sagitta beyond the predicted one."""
-        return float(self.coefficients[2])
-
-    def at(self, line: Float) -> Float:
-        """Distance at lines."""
-        s = (line - self.middle) / self.half
-        return np.asarray(np.stack([np.ones_like(s), s, s * s], axis=-1) @ self.coefficients)
-
-
-def _repeated_line(s: Float, away: Float) -> tuple[float, float]:
-    """Value at 0 and slope of a line that up to half of the points do not lie on (Siegel's medians)."""
-    few = np.arange(len(s))[:: max(1, len(s) // 150)]
-    s, away = s[few], away[few]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        slopes = (away[:, None] - away) / (s[:, None] - s)
-    slope = float(np.median(np.nanmedian(np.where(np.isfinite(slopes), slopes, np.nan), axis=1)))
-    return float(np.median(away - slope * s)), slope
