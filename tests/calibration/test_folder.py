@@ -88,7 +88,7 @@ def test_calibrated_rig_keeps_its_owner_s_comments(rig_file: Path) -> None:
 
 def test_files_that_the_rig_names_are_found_from_the_folder(rig_file: Path) -> None:
     press = rig_file.parent / "tap.toml"
-    press.write_bytes((PACKAGED.parent / "presses" / "step.toml").read_bytes())
+    press.write_bytes((PACKAGED.parents[1] / "presses" / "step.toml").read_bytes())
     np.save(rig_file.parent / "rest.npy", np.zeros((80, 100)))
     rest = {"shape": "map", "file": "rest.npy", "pitch_mm": 1.0, "origin_mm": [-10.0, -40.0]}
     save_values(rig_file, {"press": "tap.toml", "prism.rest": rest})
