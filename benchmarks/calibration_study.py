@@ -31,8 +31,8 @@ from zeromethod.calibration import (
     DepthError,
     Direct,
     KnownPress,
+    Measurement,
     MirrorEdge,
-    Observation,
     Presses,
     Priors,
     RestPositions,
@@ -136,9 +136,9 @@ class Truth:
         told = KNOWN_MM + self._rng.uniform(-GAUGE_MM, GAUGE_MM)
         return KnownPress(f"x = {x:.0f} mm", warp, told, GAUGE_MM / np.sqrt(3))
 
-    def edges(self) -> list[Observation]:
+    def edges(self) -> list[Measurement]:
         """Edges that are in view, to 2 px; P0 by ruler where it is not."""
-        camera, found = self.rig.camera, list[Observation]()
+        camera, found = self.rig.camera, list[Measurement]()
         optics = UnboundedOptics(self.rig)
         u = np.arange(-0.5, camera.columns, 0.125)
         v = np.full_like(u, (camera.rows - 1) / 2)
@@ -220,7 +220,7 @@ def study_bench(number: int, nominal: Rig, tests: int = TESTS, cases: Sequence[s
     middle = np.array([truth.place(a, b) for a in np.linspace(0, 1, 60) for b in np.linspace(0, 1, 40)])
     depths = np.array([true_peak_mm(mirror, middle[:, 0], middle[:, 1]) for mirror in mirrors])
     others = Presses.of(reading, [KnownPress("other", w, d, d) for w, d in zip(warps, depths, strict=True)])
-    data: dict[str, list[Observation]] = {
+    data: dict[str, list[Measurement]] = {
         CASES[0]: [positions, *edges, Presses.of(reading, known)],
         CASES[1]: [positions, Presses.of(reading, known[1:2])],
         CASES[2]: [positions],

@@ -109,13 +109,13 @@ class SumRatios:
     frames state, relative to its mean; 0 where all state the same.
     """
 
-    ratio: Array
-    error: Array
-    kurtosis: Array
-    spread: Array
+    ratio: Float
+    error: Float
+    kurtosis: Float
+    spread: Float
 
 
-def sum_ratios(draws: Draws, weights: Array) -> SumRatios:
+def sum_ratios(draws: Draws, weights: Float) -> SumRatios:
     """Judge the stated covariance by sums of depth, weights (n, rows, cols) of nodes valid in every draw."""
     depth = draws.values["depth"][..., 0]
     used = (weights != 0).any(axis=0)

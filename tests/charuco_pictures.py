@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.calibration.charuco import Board, margined
+from zeromethod.calibration.charuco import Board
 from zeromethod.optics.camera import undistort
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def seen(
     size_mm = board.square_mm * np.array([board.columns, board.rows])
     # the picture's margin is half a square; its px are centred at integers
     at = (place + size_mm / 2 + board.square_mm / 2) * (SQUARE_PX / board.square_mm) - 0.5
-    picture = margined(board.picture(SQUARE_PX), SQUARE_PX)
+    picture = board.picture(SQUARE_PX)
     fine = cv2.remap(
         picture,
         at[..., 0].astype(np.float32),

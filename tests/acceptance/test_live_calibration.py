@@ -20,7 +20,7 @@ from two_monitors import TwoMonitors, missing, start
 from zeromethod.calibration import KnownPress, Presses, RestReading, describe
 from zeromethod.calibration.folder import Stored, newest
 from zeromethod.commissioning.calibration.evaluation import geometry_values
-from zeromethod.commissioning.calibration.procedure import grid_of
+from zeromethod.commissioning.calibration.first_fit import grid_of
 from zeromethod.optics import Dented, Optics
 from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig

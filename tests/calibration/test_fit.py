@@ -106,7 +106,7 @@ def test_wrong_orders_do_not_pull(positions: RestPositions, rest_fit: Fit, truth
     assert spoilt.settled
     assert spoilt.inflation == 1.0
     (term,) = spoilt.terms
-    used = term.observation
+    used = term.measurement
     moved = np.abs((used.predict(truth.rig) - used.measured).reshape(-1, 2)).max(axis=-1) > 5.0
     assert moved.sum() > 10
     # every node that was moved is rejected, and hardly another touched (a pair's rms passes 3 once in 8000)

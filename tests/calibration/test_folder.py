@@ -16,6 +16,7 @@ from zeromethod.calibration.folder import (
     DOCUMENT,
     RAW_SUMS,
     REST_MAP,
+    ArraysFault,
     Stored,
     arrays_fault,
     calibration_of,
@@ -140,7 +141,7 @@ def test_failure_on_the_way_leaves_no_calibration(rig_file: Path) -> None:
     ("text", "words"),
     [
         ("schema_version = 2", "schema_version: 2: 1 is what"),
-        ("x = ", "not a calibration"),
+        ("x = ", "Invalid value.*a folder that zeromethod calibrate made"),
         ("schema_version = 1", "time: missing"),
     ],
 )
@@ -161,14 +162,14 @@ def test_damaged_arrays_are_refused(rig_file: Path) -> None:
     (folder / ARRAYS).write_bytes(b"not HDF5")
     with pytest.raises(InputError, match="cannot be read"):
         load_arrays(folder)
-    assert arrays_fault(folder) == "cannot be read"
+    assert arrays_fault(folder) is ArraysFault.UNREADABLE
     (folder / ARRAYS).unlink()
-    assert arrays_fault(folder) == "missing"
+    assert arrays_fault(folder) is ArraysFault.MISSING
 
 
 def test_whole_arrays_have_no_fault(rig_file: Path) -> None:
     arrays = {REST_MAP: np.zeros((2, 3, 2)), RAW_SUMS: np.zeros((4, 2, 3))}
-    assert arrays_fault(store(rig_file, document(), {}, arrays).folder) == ""
+    assert arrays_fault(store(rig_file, document(), {}, arrays).folder) is None
 
 
 def test_rest_map_of_a_calibration_without_its_document_is_told(rig_file: Path, tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from zeromethod.calibration import Fit, Intrinsics, Priors, RestPositions, fit
-from zeromethod.calibration.camera_file import load_camera, save_camera
-from zeromethod.calibration.charuco import Board, BoardNotFoundError, View, board_of, margined
+from zeromethod.calibration.camera_file import ASSUMED_PERCENT, load_camera, save_camera
+from zeromethod.calibration.charuco import Board, NoView, View, board_of
 from zeromethod.calibration.intrinsics import CameraFit, fit_camera
 from zeromethod.errors import InputError, MeasurementError
 
@@ -20,12 +20,17 @@ TRUE = dict(zip(("fx", "fy", "cx", "cy"), (*boards.FOCAL_PX, *boards.CENTRE_PX),
 TRUE |= {"k1": boards.DISTORTION[0]}
 
 
+def found_in(image: np.ndarray, board: Board = boards.BOARD, name: str = "a") -> View:
+    view = board.find(name, image)
+    assert isinstance(view, View)
+    return view
+
+
 @pytest.fixture(scope="module")
 def views() -> list[View]:
     rng = np.random.default_rng(0)
     return [
-        boards.BOARD.find(f"{number}.png", boards.seen(pose, rng))
-        for number, pose in enumerate(boards.POSES_DEG)
+        found_in(boards.seen(pose, rng), name=f"{number}.png") for number, pose in enumerate(boards.POSES_DEG)
     ]
 
 
@@ -65,7 +70,7 @@ def test_exact_corners_give_the_exact_camera(views: list[View], found: CameraFit
 def test_a_lens_with_more_terms_is_told_so() -> None:
     rng = np.random.default_rng(3)
     lens = (-0.25, 1.5, 0.002, -0.003, 0.0)
-    views = [boards.BOARD.find(str(p), boards.seen(p, rng, distortion=lens)) for p in boards.POSES_DEG[:8]]
+    views = [found_in(boards.seen(p, rng, distortion=lens)) for p in boards.POSES_DEG[:8]]
     one = fit_camera(views, boards.BOARD, boards.SHAPE).intrinsics
     assert {"p1", "p2"} <= set(one.names)
     values, sigma = dict(zip(one.names, one.values, strict=True)), np.sqrt(np.diag(one.covariance))
@@ -85,7 +90,7 @@ def test_stray_corners_do_no_harm(views: list[View], found: CameraFit) -> None:
 
 def test_views_flat_on_leave_the_focal_length_open() -> None:
     rng = np.random.default_rng(2)
-    views = [boards.BOARD.find(str(n), boards.seen((0.1 * n, 0, 30 * n), rng)) for n in range(4)]
+    views = [found_in(boards.seen((0.1 * n, 0, 30 * n), rng)) for n in range(4)]
     with pytest.raises(MeasurementError, match="tilt the board"):
         fit_camera(views, boards.BOARD, boards.SHAPE)
 
@@ -102,20 +107,18 @@ def test_too_few_views_and_another_board_are_refused(views: list[View]) -> None:
 def test_pictures_without_the_board_say_why() -> None:
     rng = np.random.default_rng(4)
     image = boards.seen((30, 0, 0), rng)
-    with pytest.raises(BoardNotFoundError, match="no markers"):
-        boards.BOARD.find("a", np.full((200, 200), 90, np.uint8))
-    with pytest.raises(BoardNotFoundError, match="no markers of 7X7_50"):
-        Board(9, 7, 8.0, 6.0, "7X7_50").find("a", image)
-    with pytest.raises(BoardNotFoundError, match="of another board"):
-        Board(4, 3, 8.0, 6.0).find("a", image)
-    with pytest.raises(BoardNotFoundError, match="corners: at least 8"):
-        boards.BOARD.find("a", np.where(np.arange(512) < 190, image, 255).astype(np.uint8))
+    blank = np.full((200, 200), 90, np.uint8)
+    assert boards.BOARD.find("a", blank) is NoView.NO_MARKERS
+    assert Board(9, 7, 8.0, 6.0, "7X7_50").find("a", image) is NoView.NO_MARKERS
+    assert Board(4, 3, 8.0, 6.0).find("a", image) is NoView.OTHER_BOARD
+    narrow = np.where(np.arange(512) < 190, image, 255).astype(np.uint8)
+    assert boards.BOARD.find("a", narrow) is NoView.FEW_CORNERS
 
 
 def test_sixteen_bits_show_the_same_corners() -> None:
     rng = np.random.default_rng(5)
     image = boards.seen((20, 10, 0), rng)
-    eight, twelve = boards.BOARD.find("a", image), boards.BOARD.find("a", image.astype(np.uint16) * 16)
+    eight, twelve = found_in(image), found_in(image.astype(np.uint16) * 16)
     assert len(twelve.ids) == len(eight.ids)
     np.testing.assert_allclose(twelve.pixel, eight.pixel, atol=0.05)
 
@@ -141,11 +144,13 @@ def test_boards_that_cannot_be_are_refused(text: str, words: str) -> None:
 def test_corners_of_the_drawn_board_lie_where_it_says() -> None:
     board, square_px = Board(6, 5, 10.0, 7.5), 60
     # as sharp as a lens, not as a drawing: between px a step has no place
-    picture = cv2.GaussianBlur(margined(board.picture(square_px), square_px), (0, 0), 1.0)
-    view = board.find("flat", picture)
-    assert len(view.ids) == board.corners
+    picture = cv2.GaussianBlur(board.picture(square_px), (0, 0), 1.0)
+    view = found_in(picture, board)
+    assert len(view.ids) == 5 * 4
     # half a square of margin; the edge between two px lies half a px before the second
-    place = board.points_mm(view.ids)[:, :2] / board.square_mm * square_px + square_px / 2 - 0.5
+    place = (
+        board.cv.getChessboardCorners()[view.ids][:, :2] / board.square_mm * square_px + square_px / 2 - 0.5
+    )
     np.testing.assert_allclose(view.pixel, place, atol=0.05)
 
 
@@ -177,6 +182,117 @@ def test_other_files_are_refused(
     with pytest.raises(InputError, match=words) as refused:
         load_camera(path)
     assert "\n" not in str(refused.value)
+
+
+OPENCV = """%YAML:1.0
+---
+image_width: 512
+image_height: 384
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 1800., 0., 262., 0., 1805., 187., 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -0.25, 0., 0., 0., 0. ]
+"""
+ROS = """image_width: 512
+image_height: 384
+camera_name: narrow_stereo
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [1800.0, 0.0, 262.0,
+         0, 1805.0, 187.0, 0, 0, 1]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [-0.25, 0, 0, 0, 0]
+projection_matrix:
+  rows: 3
+  cols: 4
+  data: [1800, 0, 262, 0, 0, 1805, 187, 0, 0, 0, 1, 0]
+"""
+
+
+@pytest.mark.parametrize("text", [OPENCV, ROS])
+def test_yaml_of_opencv_and_ros_gives_the_camera(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(text)
+    loaded = load_camera(path)
+    assert loaded.shape == boards.SHAPE
+    assert loaded.states_no_sigma
+    one = loaded.intrinsics
+    assert dict(zip(one.names, one.values.tolist(), strict=True)) == TRUE
+    corner = np.hypot(512 / 2 / 1800, 384 / 2 / 1805)
+    share = ASSUMED_PERCENT / 100
+    both = share * np.hypot(1, 0.1)  # together, and against each other
+    expected = [1800 * both, 1805 * both, 1800 * share, 1805 * share, share / corner**2]
+    np.testing.assert_allclose(one.spread, expected, rtol=1e-9)
+    assert one.correlation[0, 1] == pytest.approx(1 / 1.01)
+    tighter = load_camera(path, 0.1 * ASSUMED_PERCENT).intrinsics
+    np.testing.assert_allclose(tighter.spread, 0.1 * one.spread)
+
+
+def test_opencv_writes_what_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yml"
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for name, value in (("image_width", 512), ("image_height", 384)):
+        file.write(name, value)
+    file.write("camera_matrix", np.array([[1800.0, 0, 262], [0, 1805, 187], [0, 0, 1]]))
+    file.write("distortion_coefficients", np.array([[-0.25, 0.5, 1e-3, 0, 0]]))
+    file.release()
+    one = load_camera(path).intrinsics
+    assert tuple(one.names) == ("fx", "fy", "cx", "cy", "k1", "k2", "p1")
+    np.testing.assert_allclose(one.values, [1800, 1805, 262, 187, -0.25, 0.5, 1e-3])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("plumb_bob", "equidistant"), "distortion other than"),
+        (("[-0.25, 0, 0, 0, 0]", "[-0.25, 0, 0, 0, 0, 0.1, 0, 0]"), "distortion other than"),
+        (("camera_matrix", "matrix"), "not complete"),
+        (("image_width: 512", "image_width: 0"), "not complete"),
+        (("data: [", "data: [["), "not readable as YAML"),
+        (("[1800.0", "[-1800.0"), "above 0"),
+    ],
+)
+def test_other_yaml_is_refused(change: tuple[str, str], words: str, tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(ROS.replace(*change))
+    with pytest.raises(InputError, match=words) as refused:
+        load_camera(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_sigma_is_asked_for_only_where_a_file_states_none(found: CameraFit, tmp_path: Path) -> None:
+    path = tmp_path / "camera.toml"
+    save_camera(path, found, "a board")
+    with pytest.raises(InputError, match="states its sigmas"):
+        load_camera(path, 1.0)
+
+
+def test_sigmas_without_scatter_between_views_are_those_of_opencv(views: list[View]) -> None:
+    """The covariance is OpenCV's where the pictures agree with each other."""
+    rng = np.random.default_rng(6)
+    noisy = [replace(v, pixel=v.pixel + 0.3 * rng.standard_normal(v.pixel.shape)) for v in views]
+    one = fit_camera(noisy, boards.BOARD, boards.SHAPE)
+    pairs = [boards.BOARD.cv.matchImagePoints(v.pixel.astype(np.float32), v.ids) for v in noisy]
+    points, pixels = zip(*pairs, strict=True)
+    flags = cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
+    size = boards.SHAPE[::-1]
+    found = cv2.calibrateCameraExtended(points, pixels, size, np.eye(3), np.zeros(5), flags=flags)
+    sigma = found[5].ravel()[:5]
+    np.testing.assert_allclose(one.intrinsics.values[:4], found[1][[0, 1, 0, 1], [0, 1, 2, 2]], rtol=1e-6)
+    # raised, never lowered, by one factor for all
+    factor = one.intrinsics.spread / sigma
+    assert factor.min() > 0.99
+    np.testing.assert_allclose(factor, factor.mean(), rtol=1e-3)
 
 
 def test_fit_takes_the_camera_as_it_is_known(positions: RestPositions, rest_fit: Fit) -> None:

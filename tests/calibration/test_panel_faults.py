@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from zeromethod.calibration.panel_faults import (
-    Fault,
-    Finding,
-    flicker,
-    spatial_dithering,
-    step_response,
-    surround,
-    temporal_dithering,
-)
+from zeromethod.calibration.panel_dithering import spatial_dithering, temporal_dithering
+from zeromethod.calibration.panel_faults import Fault, Finding, flicker, step_response, surround
 from zeromethod.errors import InputError
 
 Float = NDArray[np.float64]
@@ -31,13 +24,13 @@ FRAMES = 32
 def assert_named(finding: Finding, fault: Fault, advice: str) -> None:
     assert finding.found
     assert finding.fault is fault
-    assert finding.told.startswith(f"{fault}: ")
-    assert advice in finding.told
+    assert finding.words.startswith(f"{fault}: ")
+    assert advice in finding.words
 
 
 def assert_sound(finding: Finding) -> None:
     assert not finding.found
-    assert finding.told.startswith(f"{finding.fault}: none above")
+    assert finding.words.startswith(f"{finding.fault}: none above")
 
 
 # Surround
@@ -56,7 +49,7 @@ def patches(
 def test_dynamic_contrast_is_found_and_sized() -> None:
     found = [surround(patches(seed, dimmed=0.2)) for seed in range(40)]
     assert_named(found[0].gain, Fault.DYNAMIC_CONTRAST, "switch off dynamic contrast, local dimming")
-    assert "-20.0 % of light on black" in found[0].gain.told
+    assert "-20.0 % of light on black" in found[0].gain.words
     z = np.array([(one.gain.size + 0.2) / one.gain.sigma for one in found])
     assert 0.7 < np.sqrt(np.mean(z**2)) < 1.4  # 40 normal numbers 1 +- 0.11, sigma from 9 degrees of freedom
     for one in found:
@@ -112,7 +105,7 @@ def test_lamps_in_the_room_are_told_from_the_backlight_with_their_rhythm() -> No
     backlight, room = flicker(*levels(1, room=0.02), noise_grey=0.02)
     assert_named(room, Fault.ROOM_LIGHT, "lamps")
     assert room.size == pytest.approx(0.02, rel=0.1)
-    assert "at 7.3 Hz" in room.told or "at 7.5 Hz" in room.told or "at 7 Hz" in room.told
+    assert "at 7.3 Hz" in room.words or "at 7.5 Hz" in room.words or "at 7 Hz" in room.words
     assert_sound(backlight)
 
 
@@ -157,7 +150,7 @@ def test_temporal_dithering_far_below_the_noise_is_found_and_sized(period: int) 
             [series(seed), series(seed + 50, 0.5, period)], [124, 126], [STEP, STEP], LIT
         )
         assert_named(found, Fault.TEMPORAL_DITHERING, "switch off dithering")
-        assert "code 126" in found.told
+        assert "code 126" in found.words
         sizes.append((found.size - 0.5) / found.sigma)
     assert np.sqrt(np.mean(np.square(sizes))) < 2  # 8 normal numbers: below 1.7 in 99 of 100
 
@@ -190,7 +183,7 @@ def test_spatial_dithering_is_found_among_pixels_of_unequal_gain() -> None:
         halves, white, black = fine(seed, 0.6)
         found = spatial_dithering(halves, [120, 126], [STEP, STEP], white, black, LIT)
         assert_named(found, Fault.SPATIAL_DITHERING, "switch off dithering")
-        assert "code 126" in found.told
+        assert "code 126" in found.words
         errors.append(found.size - 0.6)
     # a mean over 5 x 5 takes 1/25 of a checkerboard with it
     assert np.abs(np.mean(errors)) < 0.03
@@ -220,7 +213,7 @@ def test_overdrive_is_found_and_sized() -> None:
     for seed in range(10):
         found = step_response(*step(seed, 0.15), "from code 64 to 192")
         assert_named(found.overdrive, Fault.OVERDRIVE, "switch off overdrive")
-        assert "from code 64 to 192" in found.overdrive.told
+        assert "from code 64 to 192" in found.overdrive.words
         # exposures at three phases take a mean of the overshoot and of the rise's tail: 0.15 is seen in part
         # only, but some exposure of 8 ms lies within the 16.7 ms that overshoot; noise adds 2.5 sigma at most
         assert 0.11 < found.overdrive.size < 0.155

@@ -133,7 +133,7 @@ def test_several_exposures_give_black_level_and_linearity() -> None:
                     (found.departure - bend) / found.departure_sigma,
                 )
             )
-            assert bool(found.told) == (bend != 0)
+            assert found.bent == (bend != 0)
         # the misfit of three to four degrees of freedom widens sigma at times: below 1
         assert np.all(np.sqrt(np.mean(np.square(z), axis=0)) < 1.3)
 

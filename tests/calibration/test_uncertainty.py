@@ -17,7 +17,7 @@ from zeromethod.calibration import (
     fit,
     gains,
     judge,
-    untold,
+    open_combinations,
 )
 from zeromethod.calibration.depth_error import Pad
 from zeromethod.calibration.uncertainty import expected, strongest
@@ -80,7 +80,7 @@ def test_too_little_mirror_is_named(rest_fit: Fit, truth: Any) -> None:
 
 
 def test_what_the_rest_map_cannot_tell_apart_is_named(rest_fit: Fit, error: DepthError) -> None:
-    blends = untold(rest_fit, error)
+    blends = open_combinations(rest_fit, error)
     together = [{name for name, _ in blend.parts} for blend in blends]
     assert {"camera.roll_deg", "display.turn_deg"} in together
     assert {"camera.y_mm", "display.across_mm"} in together

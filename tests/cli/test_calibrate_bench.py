@@ -24,7 +24,7 @@ from zeromethod.calibration.intrinsics import CameraFit
 from zeromethod.cli import calibrate_bench
 from zeromethod.cli.calibrate import calibrate_command
 from zeromethod.commissioning.calibration import recall
-from zeromethod.commissioning.calibration.procedure import with_values
+from zeromethod.commissioning.calibration.first_fit import with_values
 from zeromethod.commissioning.calibration.rest import decode
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
@@ -116,7 +116,7 @@ def test_camera_by_itself_is_taken_in_later(made: Result, rig_file: Path, tmp_pa
     camera = Intrinsics(("fx", "fy", "k1"), values, np.diag(sigma**2))
     path = tmp_path / "camera.toml"
     save_camera(path, CameraFit(camera, 0.1, ("a", "b", "c", "d"), 100, 0, size), "a board")
-    again = told("--redo", folder, "--intrinsics", path, "--no-edges", "--output", tmp_path)
+    again = told("--evaluate-again", folder, "--intrinsics", path, "--no-edges", "--output", tmp_path)
     assert again.exit_code == 0, again.output
     (redone,) = (one.parent for one in tmp_path.glob("*/calibration.toml"))
     scale, spread = load(redone).parameters["camera.scale"]
@@ -126,10 +126,10 @@ def test_camera_by_itself_is_taken_in_later(made: Result, rig_file: Path, tmp_pa
     assert kept["edges"] is False
     assert any(one.get("camera") == ["fx", "fy", "k1"] for one in kept["known"])
     save_camera(path, CameraFit(camera, 0.1, ("a", "b", "c", "d"), 100, 0, (10, 20)), "a board")
-    refused = told("--redo", folder, "--intrinsics", path)
+    refused = told("--evaluate-again", folder, "--intrinsics", path)
     assert isinstance(refused.exception, InputError)
     assert "20 x 10 px: the rig's camera has" in str(refused.exception)
-    without = told("--redo", folder, "--ball", "800:4")
+    without = told("--evaluate-again", folder, "--press-ball", "800:4")
     assert isinstance(without.exception, InputError)
     assert "no ball was pressed" in str(without.exception)
 
@@ -162,7 +162,7 @@ def test_redo_adds_what_was_measured_later_and_diff_tells_the_change(
     made: Result, rig_file: Path, tmp_path: Path
 ) -> None:
     folder = calibrations(rig_file)[0]
-    again = told("--redo", folder, "--known", "gap_mm=0.62:0.01", "--output", tmp_path)
+    again = told("--evaluate-again", folder, "--known", "gap_mm=0.62:0.01", "--output", tmp_path)
     assert again.exit_code == 0, again.output
     (redone,) = (path.parent for path in tmp_path.glob("*/calibration.toml"))
     before, after = load(folder), load(redone)
@@ -194,21 +194,21 @@ def test_redo_adds_what_was_measured_later_and_diff_tells_the_change(
         ),
         (("--rig", "simulated", "--known", "prism.pattern_angle_deg=90:1"), "at least 5 and at most 85"),
         (("--rig", "paper", "--known", "camera.k1=0:0.1"), "this rig has none"),
-        (("--redo", "nowhere", "--known", "gap_mm=nan:1"), "must be finite"),
+        (("--evaluate-again", "nowhere", "--known", "gap_mm=nan:1"), "must be finite"),
         (("--rig", "simulated", "--press-depths", "0.2,1000"), "--press-depths: 1000: depths in mm, at most"),
-        (("--rig", "simulated", "--edge", "Q0=1,2"), "--edge"),
-        (("--rig", "simulated", "--edge", "P0=1"), "--edge"),
-        (("--rig", "simulated", "--edge", "P0=1300,5"), "1280 x 1024"),
-        (("--rig", "simulated", "--ball", "800"), "--ball"),
-        (("--rig", "simulated", "--ball", "-800:4"), "--ball"),
-        (("--rig", "simulated", "--ball", "nan:4"), "--ball"),
+        (("--rig", "simulated", "--edge-point", "Q0=1,2"), "--edge-point"),
+        (("--rig", "simulated", "--edge-point", "P0=1"), "--edge-point"),
+        (("--rig", "simulated", "--edge-point", "P0=1300,5"), "1280 x 1024"),
+        (("--rig", "simulated", "--press-ball", "800"), "--press-ball"),
+        (("--rig", "simulated", "--press-ball", "-800:4"), "--press-ball"),
+        (("--rig", "simulated", "--press-ball", "nan:4"), "--press-ball"),
         (("--rig", "simulated", "--intrinsics", "nowhere.toml"), "--intrinsics: nowhere.toml"),
         (("--rig", "simulated", "--summary", "found.txt"), "--summary"),
         (("--show",), "--show"),
         (("--show", "nowhere"), "nowhere"),
         (("--diff", "nowhere", "nowhere"), "nowhere"),
-        (("--redo", "nowhere"), "nowhere"),
-        (("--redo", "nowhere", "--display", "1"), "--display: not with --redo"),
+        (("--evaluate-again", "nowhere"), "nowhere"),
+        (("--evaluate-again", "nowhere", "--display", "1"), "--display: not with --evaluate-again"),
         (("--diff", "a", "b", "--summary", "d.json"), "--summary: not with --diff; allowed: none other"),
         (
             ("--show", "nowhere", "--known", "gap_mm=0.5:0.1"),
@@ -238,7 +238,7 @@ def test_bad_calibration_is_not_offered_for_use(
 ) -> None:
     monkeypatch.setattr(calibrate_bench, "_print", lambda *_: None)
     stored = Stored(tmp_path / "my bench", {"verdict": {"level": level}})
-    calibrate_bench._tell_stored(Console(width=300), stored, None, " --display 1 --camera 0")
+    calibrate_bench._print_stored(Console(width=300), stored, None, " --display 1 --camera 0")
     told_lines = capsys.readouterr().out
     assert f"stored in {tmp_path}" in told_lines
     use = f"use it: zeromethod run --rig '{tmp_path}/my bench/rig.toml' --display 1 --camera 0"
@@ -246,9 +246,9 @@ def test_bad_calibration_is_not_offered_for_use(
 
 
 def test_arrays_that_are_missing_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    calibrate_bench._tell_arrays(Stored(tmp_path, {}))
+    calibrate_bench._warn_of_arrays(Stored(tmp_path, {}))
     told_line = capsys.readouterr().err
-    assert told_line == f"! {tmp_path / 'arrays.h5'}: missing: run and --redo will refuse it\n"
+    assert told_line == f"! {tmp_path / 'arrays.h5'}: missing: run and --evaluate-again will refuse it\n"
 
 
 def test_interrupted_before_the_rest_map_nothing_is_left(
@@ -289,7 +289,7 @@ def test_interrupted_later_what_was_recorded_is_stored(
         assert stored.document["verdict"]["level"] != "bad"
     else:
         assert stored.document["verdict"]["reason"].startswith("interrupted before the fit was done")
-        assert f"zeromethod calibrate --redo {folder}" in result.output.replace("\n", "")
+        assert f"zeromethod calibrate --evaluate-again {folder}" in result.output.replace("\n", "")
     assert recall(folder)[0].plan.press_depths_mm == recorded.plan.press_depths_mm
 
 

@@ -16,7 +16,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from zeromethod.calibration.camera_file import load_camera
-from zeromethod.calibration.charuco import board_of
+from zeromethod.calibration.charuco import Board, NoView, View, board_of
+from zeromethod.cli import calibrate_bench
 from zeromethod.cli.calibrate import calibrate_command
 from zeromethod.clock import Clock
 from zeromethod.devices.protocols import CameraTimeout, Frame
@@ -55,7 +56,7 @@ def test_pictures_give_a_file_with_the_camera(frames: list[Path], bare: Path, tm
     output, summary = tmp_path / "camera.toml", tmp_path / "camera.json"
     result = told("intrinsics", *frames, bare, "--board", BOARD, "--output", output, "--summary", summary)
     assert result.exit_code == 0, result.output
-    assert "bare.png: no markers" in result.output
+    assert f"bare.png: {NoView.NO_MARKERS}" in result.output
     assert f"zeromethod calibrate --intrinsics {output}" in result.output
     loaded = load_camera(output)
     assert loaded.shape == pictures.SHAPE
@@ -63,7 +64,7 @@ def test_pictures_give_a_file_with_the_camera(frames: list[Path], bare: Path, tm
     assert abs(focal - pictures.FOCAL_PX[0]) < 4 * sigma < 0.01 * focal
     document, figures = tomllib.loads(output.read_text()), json.loads(summary.read_text())
     assert document["values"][0] == pytest.approx(figures["values"]["fx"])
-    assert figures["refused"] == {"bare.png": "no markers of 5X5_250"}
+    assert figures["refused"] == {"bare.png": NoView.NO_MARKERS}
 
 
 @pytest.mark.parametrize(
@@ -72,9 +73,9 @@ def test_pictures_give_a_file_with_the_camera(frames: list[Path], bare: Path, tm
         ("9x7", "COLUMNSxROWS:SQUARE"),
         (
             "4x3:8:6",
-            "board0.png, board1.png, board2.png, board3.png, board4.png, board5.png: markers past number 5",
+            f"board0.png, board1.png, board2.png, board3.png, board4.png, board5.png: {NoView.OTHER_BOARD}",
         ),
-        ("11x6:8:6", "none of the board's corners: of another board"),
+        ("11x6:8:6", f"board5.png: {NoView.OTHER_BOARD}"),
     ],
 )
 def test_wrong_boards_are_refused_on_one_line(
@@ -93,7 +94,7 @@ def test_what_cannot_be_is_refused_on_one_line(frames: list[Path], bare: Path, t
     cv2.imencode(".png", np.zeros((20, 30), np.uint8))[1].tofile(small)
     for arguments, words in (
         ((*frames[:3], bare, *output), "3 of 4 show the board"),
-        ((*frames[:3], bare, *output), "bare.png: no markers"),
+        ((*frames[:3], bare, *output), f"bare.png: {NoView.NO_MARKERS}"),
         ((*frames, "nowhere.png", *output), "nowhere.png"),
         ((*frames, small, *output), "small.png: 30 x 20 px"),
         ((*frames, "--rig", "simulated", *output), "the rig's camera has 1280 x 1024"),
@@ -175,6 +176,12 @@ def test_live_views_that_do_not_come_are_not_waited_for(
     assert tomllib.loads(output.read_text())["views"] == VIEWS
 
 
+def found_in(image: np.ndarray, board: Board) -> View:
+    view = board.find("board", image)
+    assert isinstance(view, View)
+    return view
+
+
 def physical_px_per_m(path: Path) -> int:
     data = path.read_bytes()
     at = data.index(b"pHYs") + 4
@@ -189,7 +196,7 @@ def test_printed_board_has_its_true_size_and_is_found(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "12 squares should span 120 mm" in result.output
     image = cv2.imread(str(output), cv2.IMREAD_GRAYSCALE)
-    view = board_of("12x9:10").find("board", image)
+    view = found_in(image, board_of("12x9:10"))
     assert len(view.ids) == 11 * 8
     width_px = np.ptp(view.pixel[:, 0])
     # ten squares from the first inner corner to the last: 100 mm as programs print it
@@ -206,7 +213,7 @@ def test_board_for_the_lcd_fills_it_in_whole_px(tmp_path: Path) -> None:
     image = cv2.imread(str(output), cv2.IMREAD_GRAYSCALE)
     assert image.shape == (display.rows, display.columns)
     assert "squares of 40 px" in result.output
-    view = board_of("40x20:2.52", "5X5_1000").find("board", image)
+    view = found_in(image, board_of("40x20:2.52", "5X5_1000"))
     assert len(view.ids) == 39 * 19
 
 
@@ -230,3 +237,28 @@ def test_boards_that_cannot_be_drawn_are_refused(
     assert isinstance(result.exception, InputError), result.output
     assert words in str(result.exception)
     assert list(tmp_path.iterdir()) == []
+
+
+YAML = """image_width: 512
+image_height: 384
+camera_matrix: {rows: 3, cols: 3, data: [1800, 0, 262, 0, 1805, 187, 0, 0, 1]}
+distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}
+"""
+
+
+def test_a_file_without_sigmas_says_what_is_assumed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(YAML)
+    assumed = calibrate_bench._lens(path, None)
+    assert capsys.readouterr().err == (
+        f"! {path}: states no sigmas: 0.5 % of the focal length is assumed (--intrinsics-sigma)\n"
+    )
+    given = calibrate_bench._lens(path, 1.0)
+    assert capsys.readouterr().err == ""
+    assert assumed is not None
+    assert given is not None
+    np.testing.assert_allclose(given.intrinsics.spread, 2.0 * assumed.intrinsics.spread)
+    with pytest.raises(InputError, match="only with --intrinsics"):
+        calibrate_bench._lens(None, 1.0)

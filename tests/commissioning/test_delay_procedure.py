@@ -91,7 +91,7 @@ def test_a_panel_in_step_with_the_camera_is_told_as_well_as_its_exposures_allow(
 def test_exposures_that_all_see_one_picture_alone_leave_the_delay_open() -> None:
     bench = in_step(phase=0.1, exposure_s=0.008)  # 8.7 ms of delays are as good
     with pytest.raises(
-        MeasurementError, match=r"^delay: the codes only tell that it lies from .* to .* ms: a l"
+        MeasurementError, match=r"^delay: the codes only show that it lies from .* to .* ms: a l"
     ):
         measured(bench, believed=bench)
 

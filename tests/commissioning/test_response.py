@@ -10,10 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from zeromethod.calibration.panel_faults import Fault
-from zeromethod.commissioning.calibration.procedure import with_values
+from zeromethod.commissioning.calibration.first_fit import with_values
+from zeromethod.commissioning.patterns import TimedPatterns, take_dark, take_exposures
 from zeromethod.commissioning.response import PICTURES, SERIES_CODES, LightResult, measure_light
-from zeromethod.commissioning.standing_patterns import HeldPictures
-from zeromethod.commissioning.uniform_patterns import take_dark, take_exposures
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
 from zeromethod.errors import MeasurementError
@@ -116,7 +115,7 @@ def test_planted_noise_and_black_level_come_back_with_their_sigma(result: LightR
 
 def test_a_sound_bench_is_not_accused(result: LightResult) -> None:
     assert {finding.fault for finding in result.findings} == set(Fault)
-    assert [finding.told for finding in result.findings if finding.found] == []
+    assert [finding.words for finding in result.findings if finding.found] == []
     assert result.advice == ()
     assert result.falloff.darkest > 0.9
 
@@ -230,7 +229,7 @@ def test_a_panel_far_slower_than_its_rig_file_says_is_waited_for() -> None:
 def test_frames_that_could_have_seen_the_picture_before_are_never_used(latency_s: float) -> None:
     bench = changed(TRUTH, display={"latency_s": latency_s})
     with open_devices(bench) as devices:
-        pictures = HeldPictures(bench, devices, 0.0)
+        pictures = TimedPatterns(bench, devices, 0.0)
         means = []
         for code in (0, 255, 0, 128, 255, 0):
             picture = np.full((135, 240), code, np.uint8)
@@ -244,7 +243,7 @@ def test_frames_that_could_have_seen_the_picture_before_are_never_used(latency_s
 
 def test_a_rig_file_that_knows_nothing_of_the_latency_is_saved_by_the_margin() -> None:
     with open_devices(changed(TRUTH, display={"latency_s": 0.08})) as devices:
-        pictures = HeldPictures(BELIEVED, devices, 0.1)
+        pictures = TimedPatterns(BELIEVED, devices, 0.1)
         for code in (0, 255):
             frames = pictures.frames(np.full((135, 240), code, np.uint8), 1)
             assert abs(frames[0].image.mean() - (BLACK if code == 0 else 204)) < 2

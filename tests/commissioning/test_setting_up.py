@@ -42,7 +42,7 @@ FOCAL_PX = 1125.0
     ],
 )  # fmt: skip
 def test_a_planted_fault_brings_its_own_advice_and_no_other(fault: Any, words: str) -> None:
-    (said,) = look(planted(**fault)).advice
+    (said,) = look(planted(**fault)).lines
     assert said.startswith(words)
 
 

@@ -181,7 +181,7 @@ def test_light_off_is_named_and_nothing_is_reported_for_it(play: Any) -> None:
 
 
 def test_holding_on_request_measures_but_keeps_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(assembly, "Drawer", FakePresenter)
+    monkeypatch.setattr(assembly, "Drawer", FakeDrawer)
     clock = SimulatedClock(100 * MS)
     moved_px = 0.5
     camera: Any = Script(clock, [0.0] * 3 + [moved_px] * 3)

@@ -9,15 +9,16 @@ verdict = judge(fitted, error, gains(fitted, error))
 
 from zeromethod.calibration.depth_error import DepthError, depth_error
 from zeromethod.calibration.fit import Fit, Term, fit
-from zeromethod.calibration.observations import Direct, Intrinsics, MirrorEdge, Observation, RestPositions
+from zeromethod.calibration.measurements import Direct, Intrinsics, Measurement, MirrorEdge, RestPositions
 from zeromethod.calibration.parameters import PARAMETERS, Parameter, Priors, build, describe
 from zeromethod.calibration.presses import KnownBall, KnownPress, Presses, RestReading
-from zeromethod.calibration.uncertainty import Blend, Gain, gains, untold
-from zeromethod.calibration.verdict import Verdict, judge
+from zeromethod.calibration.uncertainty import Blend, Gain, gains, open_combinations
+from zeromethod.calibration.verdict import CalibrationVerdict, judge
 
 __all__ = [
     "PARAMETERS",
     "Blend",
+    "CalibrationVerdict",
     "DepthError",
     "Direct",
     "Fit",
@@ -25,20 +26,19 @@ __all__ = [
     "Intrinsics",
     "KnownBall",
     "KnownPress",
+    "Measurement",
     "MirrorEdge",
-    "Observation",
     "Parameter",
     "Presses",
     "Priors",
     "RestPositions",
     "RestReading",
     "Term",
-    "Verdict",
     "build",
     "depth_error",
     "describe",
     "fit",
     "gains",
     "judge",
-    "untold",
+    "open_combinations",
 ]

@@ -1,4 +1,4 @@
-"""Camera pixels that do not do as their neighbours do, by name."""
+"""Camera pixels that behave unlike their neighbours, by reason."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def find_bad_pixels(
 
     swing = white.mean - black.mean
     usual = median_filter(np.where(lit, swing, 0.0), NEIGHBOURS_PX)
-    # a pixel that fails is not among those found lit: its neighbours are what tells
+    # a pixel that fails is not among those found lit: its neighbours decide
     inside = median_filter(lit.astype(np.uint8), NEIGHBOURS_PX) > 0
     inside &= usual > 0
     sigma = np.sqrt(

@@ -33,13 +33,13 @@ class Linearity:
     """Grey against exposure.
 
     black: at no exposure. departure: largest, from a straight line, over the span of greys; departure_sigma.
-    told: words, empty where all is well.
+    bent: the departure is worth a word.
     """
 
     black: BlackLevel
     departure: float
     departure_sigma: float
-    told: str
+    bent: bool
 
 
 NOTABLE_DEPARTURE = 0.01
@@ -49,7 +49,7 @@ NOTABLE_DEPARTURE = 0.01
 def black_from_exposures(exposure_s: Sequence[float], grey: Float, sigma_grey: float) -> Linearity:
     """Black level and linearity from one picture at several exposures.
 
-    grey: (exposures, regions) mean grey. sigma_grey: standard deviation of one number beside the backlight's
+    grey: (exposures, regions) mean grey. sigma_grey: standard deviation of one number without the backlight's
     own unsteadiness, which is judged from the misfit. Three exposures at least, which differ twofold; with
     three, a bent line is bent by noise, too. Raises InputError otherwise, MeasurementError where the grey
     does not rise.
@@ -68,8 +68,7 @@ def black_from_exposures(exposure_s: Sequence[float], grey: Float, sigma_grey: f
     if np.any(grey[longest] - grey[shortest] < 10 * max(sigma_grey, 1e-9)):
         raise MeasurementError(
             "black level: the grey does not rise with the exposure: switch off automatic exposure and gain, "
-            "and "
-            "make sure that the light is on"
+            "and make sure that the light is on"
         )
     light = grey[longest] - grey[shortest]
     weight = light / np.sum(light**2)
@@ -87,15 +86,8 @@ def black_from_exposures(exposure_s: Sequence[float], grey: Float, sigma_grey: f
     is_bent = abs(departure) > max(4 * departure_sigma, 1e-3)
     terms, cov, chi2 = (curve, curve_cov, curve_chi2) if is_bent else (line, line_cov, line_chi2)
     value, spread = float(terms[0]), math.sqrt(cov[0, 0] * max(chi2, 1.0))
-    told = ""
-    if is_bent and abs(departure) > NOTABLE_DEPARTURE:
-        told = (
-            f"the camera's grey departs from the light by {100 * abs(departure):.1f} % of its span: switch "
-            "off its "
-            "gamma, contrast, HDR and automatic functions, and stay below full scale"
-        )
     black = BlackLevel(value, spread, value - 2 * spread, value + 2 * spread, "exposures")
-    return Linearity(black, departure, departure_sigma, told)
+    return Linearity(black, departure, departure_sigma, is_bent and abs(departure) > NOTABLE_DEPARTURE)
 
 
 def _fit(design: Float, values: Float, sigma: Float) -> tuple[Float, Float, float]:

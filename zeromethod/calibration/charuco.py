@@ -1,31 +1,29 @@
-"""ChArUco boards: drawn for paper or an LCD, and found in pictures.
+"""ChArUco boards by OpenCV: drawn for paper or an LCD, and found in pictures.
 
-A chessboard whose white squares hold ArUco markers, so that each corner tells which one it is and a part of
+A chessboard whose white squares hold ArUco markers, so that each corner is known by its number and a part of
 the board is enough (S. Garrido-Jurado et al., Pattern Recognition 47 (2014) 2280,
-doi:10.1016/j.patcog.2014.01.005). Drawn and found by OpenCV.
+doi:10.1016/j.patcog.2014.01.005).
 """
 
 from __future__ import annotations
 
-import struct
-import zlib
+import enum
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import pdist
 
 from zeromethod.arrays import Bytes, Float, Image
-from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 
 DICTIONARIES = tuple(f"{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000))
 DEFAULT_DICTIONARY = "5X5_250"
 MARKER_SHARE = 0.75
-"""Side of a marker over that of its square, unless told."""
+"""Default side of a marker over that of its square."""
 
 LEAST_SQUARES, MOST_SQUARES = 3, 100
 LEAST_CORNERS = 8
@@ -34,15 +32,25 @@ LEAST_CORNERS = 8
 LEAST_MARKERS = 6
 """Markers in a picture that must have corners between them, if they are the board's."""
 
+_LEAST_SQUARE_PX = 16
+_NEIGHBOURS = 1.5
+"""Squares between corners that are neighbours, diagonally at most."""
+
 _WINDOW_SHARE, _LEAST_WINDOW_PX, _MOST_WINDOW_PX = 0.7, 2, 12
 """Half a window to refine a corner in: of the distance from corner to marker, and its bounds."""
 
-_LEAST_SQUARE_PX = 16
-_MM_PER_INCH = 25.4
+_CRITERIA = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
+_MOST_STRANGE = 0.2
+"""Share of the markers whose numbers the board does not have, from which they are another board's."""
 
 
-class BoardNotFoundError(Exception):
-    """A picture does not show the board; the message says why, in words."""
+class NoView(enum.StrEnum):
+    """Reasons why a picture gives no view of a board, as a person reads them."""
+
+    NO_MARKERS = "no markers of the board's dictionary"
+    OTHER_BOARD = "markers of another board"
+    FEW_CORNERS = f"fewer than {LEAST_CORNERS} of the board's corners"
+    ONE_LINE = "all corners lie on one line"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,102 +76,87 @@ class Board:
     dictionary: str = DEFAULT_DICTIONARY
 
     def __post_init__(self) -> None:
-        if not (
-            LEAST_SQUARES <= min(self.columns, self.rows) <= max(self.columns, self.rows) <= MOST_SQUARES
-        ):
-            raise InputError(
-                f"board: {self.columns}x{self.rows} squares: {LEAST_SQUARES} to {MOST_SQUARES} each way"
-            )
-        if not (np.isfinite(self.square_mm) and 0.0 < self.marker_mm < self.square_mm):
+        size, have = f"{self.columns}x{self.rows} squares", int(self.dictionary.split("_")[1])
+        if not all(LEAST_SQUARES <= count <= MOST_SQUARES for count in (self.columns, self.rows)):
+            raise InputError(f"board: {size}: {LEAST_SQUARES} to {MOST_SQUARES} each way")
+        if not 0.0 < self.marker_mm < self.square_mm < np.inf:
             raise InputError(
                 f"board: square {self.square_mm:g} mm, marker {self.marker_mm:g} mm: above 0, the marker less"
             )
-        if self.dictionary not in DICTIONARIES:
-            raise InputError(f"board: {self.dictionary}: one of {', '.join(DICTIONARIES)}")
-        have = int(self.dictionary.split("_")[1])
         if self.markers > have:
-            raise InputError(
-                f"board: {self.columns}x{self.rows} squares need {self.markers} markers: {self.dictionary} "
-                f"has {have}"
-            )
+            raise InputError(f"board: {size} need {self.markers} markers: {self.dictionary} has {have}")
 
     @property
     def markers(self) -> int:
         """How many white squares there are."""
         return self.columns * self.rows // 2
 
-    @property
-    def corners(self) -> int:
-        """How many inner corners there are."""
-        return (self.columns - 1) * (self.rows - 1)
-
     def __str__(self) -> str:
         return f"{self.columns}x{self.rows} squares of {self.square_mm:g} mm, {self.dictionary}"
 
-    def points_mm(self, ids: NDArray[np.int_]) -> Float:
-        """(n, 3) places of corners on the board, z = 0."""
-        return np.asarray(self._cv.getChessboardCorners(), np.float64)[ids]
-
     def picture(self, square_px: int) -> Bytes:
-        """(rows square_px, columns square_px) picture, without a margin. Raises InputError below 16 px."""
+        """Picture with a white margin of half a square, which markers at the border need.
+
+        Raises InputError for squares below 16 px.
+        """
         if square_px < _LEAST_SQUARE_PX:
             raise InputError(
                 f"board: squares of {square_px} px: at least {_LEAST_SQUARE_PX}, for their markers"
             )
         size = self.columns * square_px, self.rows * square_px
-        return np.asarray(self._cv.generateImage(size, marginSize=0), np.uint8)
+        drawn = np.asarray(self.cv.generateImage(size, marginSize=0), np.uint8)
+        return np.pad(drawn, square_px // 2, constant_values=255)
 
-    def find(self, name: str, image: Image) -> View:
-        """Corners in a picture (rows, cols) of any integer type; raises BoardNotFoundError."""
+    def on_lcd(self, square_px: int, columns: int, rows: int) -> Bytes:
+        """The picture in the middle of a white LCD (rows, columns); InputError where it does not fit."""
+        picture = self.picture(square_px)
+        height, width = picture.shape
+        if height > rows or width > columns:
+            raise InputError(f"board: {width} x {height} px: the LCD has {columns} x {rows}")
+        lcd = np.full((rows, columns), 255, np.uint8)
+        top, left = (rows - height) // 2, (columns - width) // 2
+        lcd[top : top + height, left : left + width] = picture
+        return lcd
+
+    def find(self, name: str, image: Image) -> View | NoView:
+        """Corners in a picture (rows, cols) of any integer type, or why there are too few."""
         grey = _grey(image)
-        corners, ids, _, marker_ids = self._detector.detectBoard(grey)
-        if marker_ids is None or len(marker_ids) == 0:
-            raise BoardNotFoundError(f"no markers of {self.dictionary}")
-        strange = int(np.count_nonzero(marker_ids >= self.markers))
-        if strange > 0.2 * len(marker_ids):
-            raise BoardNotFoundError(
-                f"markers past number {self.markers - 1}, the board's last: of another board"
-            )
+        corners, ids, _, markers = self._detector.detectBoard(grey)
+        if markers is None or len(markers) == 0:
+            return NoView.NO_MARKERS
         count = 0 if ids is None else len(ids)
-        if count == 0 and len(marker_ids) >= LEAST_MARKERS:
-            raise BoardNotFoundError("markers, but none of the board's corners: of another board")
+        strange = np.count_nonzero(markers >= self.markers) > _MOST_STRANGE * len(markers)
+        if strange or (count == 0 and len(markers) >= LEAST_MARKERS):
+            return NoView.OTHER_BOARD
         if count < LEAST_CORNERS:
-            raise BoardNotFoundError(f"{count} of {self.corners} corners: at least {LEAST_CORNERS}")
-        found = np.asarray(ids).ravel().astype(int)
-        pixel = np.asarray(corners, np.float64).reshape(-1, 2)
-        place = self.points_mm(found)[:, :2]
-        if np.linalg.matrix_rank(place - place.mean(axis=0), tol=0.1 * self.square_mm) < 2:
-            raise BoardNotFoundError("all corners on one line")
+            return NoView.FEW_CORNERS
+        if self.cv.checkCharucoCornersCollinear(ids):
+            return NoView.ONE_LINE
+        found, pixel = np.ravel(ids).astype(int), np.asarray(corners, np.float64).reshape(-1, 2)
         return View(name, found, self._refined(grey, found, pixel))
 
     def _refined(self, grey: Bytes, ids: NDArray[np.int_], pixel: Float) -> Float:
-        """Corners anew from windows that end before the markers, which draw them by tenths of a px."""
-        place = self.points_mm(ids)[:, :2] / self.square_mm
-        apart = np.linalg.norm(place[:, None] - place, axis=-1)
-        seen = np.linalg.norm(pixel[:, None] - pixel, axis=-1)
-        pairs = (apart > 0.9) & (apart < 1.5)
-        if not pairs.any():
-            return pixel
-        square_px = float((seen[pairs] / apart[pairs]).min())
+        """Corners found again in windows that end before the markers, which shift OpenCV's by some 0.2 px."""
+        apart, seen = pdist(self.cv.getChessboardCorners()[ids][:, :2]) / self.square_mm, pdist(pixel)
+        near = apart < _NEIGHBOURS
+        square_px = float((seen[near] / apart[near]).min(initial=np.inf))
         free_px = 0.5 * (1.0 - self.marker_mm / self.square_mm) * square_px
         half = int(np.clip(_WINDOW_SHARE * free_px, _LEAST_WINDOW_PX, _MOST_WINDOW_PX))
         start = pixel.astype(np.float32).reshape(-1, 1, 2)
-        criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
-        return np.asarray(
-            cv2.cornerSubPix(grey, start, (half, half), (-1, -1), criteria), np.float64
-        ).reshape(-1, 2)
+        refined = cv2.cornerSubPix(grey, start, (half, half), (-1, -1), _CRITERIA)
+        return np.asarray(refined, np.float64).reshape(-1, 2)
 
     @cached_property
-    def _cv(self) -> Any:
+    def cv(self) -> Any:
+        """The same board as OpenCV's `CharucoBoard`."""
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{self.dictionary}"))
-        size = self.columns, self.rows
-        return cv2.aruco.CharucoBoard(size, self.square_mm, self.marker_mm, dictionary)
+        return cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_mm, self.marker_mm, dictionary)
 
     @cached_property
     def _detector(self) -> Any:
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        return cv2.aruco.CharucoDetector(self._cv, cv2.aruco.CharucoParameters(), parameters)
+        return cv2.aruco.CharucoDetector(self.cv, cv2.aruco.CharucoParameters(), parameters)
 
 
 def board_of(text: str, dictionary: str = DEFAULT_DICTIONARY) -> Board:
@@ -181,38 +174,6 @@ def board_of(text: str, dictionary: str = DEFAULT_DICTIONARY) -> Board:
         return Board(*count, square, marker_mm, dictionary)
     except InputError as error:
         raise InputError(f"--{error}") from None
-
-
-def margined(picture: Bytes, square_px: int) -> Bytes:
-    """The picture within white of half a square, which markers at the border need."""
-    return np.pad(picture, square_px // 2, constant_values=255)
-
-
-def on_lcd(picture: Bytes, columns: int, rows: int) -> Bytes:
-    """The picture in the middle of a white LCD. Raises InputError where it does not fit."""
-    height, width = picture.shape
-    if height > rows or width > columns:
-        raise InputError(f"board: {width} x {height} px: the LCD has {columns} x {rows}")
-    lcd = np.full((rows, columns), 255, np.uint8)
-    top, left = (rows - height) // 2, (columns - width) // 2
-    lcd[top : top + height, left : left + width] = picture
-    return lcd
-
-
-def write_png(path: Path, picture: Bytes, px_per_mm: float) -> None:
-    """Write a picture that programs print at its true size (PNG with pHYs), in one move."""
-    data = cv2.imencode(".png", picture)[1].tobytes()
-    per_m = round(1000.0 * px_per_mm)
-    body = b"pHYs" + struct.pack(">IIB", per_m, per_m, 1)
-    chunk = struct.pack(">I", 9) + body + struct.pack(">I", zlib.crc32(body))
-    header = 8 + 25  # signature, IHDR
-    with atomic_write(path) as part:
-        part.write_bytes(data[:header] + chunk + data[header:])
-
-
-def px_per_mm(dpi: float) -> float:
-    """Pixels per mm of a printer."""
-    return dpi / _MM_PER_INCH
 
 
 def _grey(image: Image) -> Bytes:

@@ -1,6 +1,6 @@
-"""What is not known of the geometry means for depth: in percent, region by region.
+"""What the unknown part of the geometry does to depth: in percent, region by region.
 
-A reference press in each region is read through rigs a little beside the fitted one, as any measured press
+A reference press in each region is read through rigs a little off the fitted one, as any measured press
 would be; the posterior of the fit, carried through these derivatives, is the standard deviation that depth
 owes to geometry alone. Noise, the anchor and the far field come on top, in `Surface.sigma_depth_mm`.
 """

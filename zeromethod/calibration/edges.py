@@ -1,14 +1,15 @@
 """The mirror's edges P0 and R0 in the camera's image: where fringes end because the mirror does.
 
-A rig fitted to the rest map foretells each edge's image and how far off it may be. There, and only there,
+A rig fitted to the rest map predicts each edge's image and how far off it may be. There, and only there,
 every line of pixels across the edge is searched from the mirror outwards for the place at which the fringes'
 amplitude falls to half. That place is the edge only where nothing else can be: fringes up to it that belong
 to the rest map, darkness past it, a step and not a gradual loss (vignetting, the limit of total reflection),
-a line of the foretold direction and bend (not an aperture's rim), and the LCD going on (not its end).
+a line of the predicted direction and bend (not an aperture's rim), and the LCD going on (not its end).
 """
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -17,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.calibration.edge_curve import EdgeCurve
 from zeromethod.calibration.fit import Fit, jacobian
-from zeromethod.calibration.observations import MirrorEdge
+from zeromethod.calibration.measurements import MirrorEdge
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
 from zeromethod.calibration.steps import steps_down
 from zeromethod.decoding.measuring import RestMeasurement
@@ -41,12 +43,8 @@ LEAST_SHARE = 0.5
 """Share of the lines across an edge that must show it, on one curve."""
 
 LEAST_LINES = 24
-STRAY_PX = 1.5
-"""Distance from the common curve from which a line shows something else."""
-
-MOST_SCATTER_PX = 1.0
 MOST_BEND_SHARE = 0.004
-"""Bend beyond the foretold one, of the length over which an edge is seen: more is an aperture's rim."""
+"""Bend beyond the predicted one, of the length over which an edge is seen: more is an aperture's rim."""
 
 LCD_MARGIN_PX = 6.0
 """Distance from the LCD's end, LCD px, within which it may be that which ends the picture."""
@@ -57,24 +55,47 @@ INSIDE_MM = 1.5
 MOST_LOST = 0.25
 """Share of the lines on which the fitted rig may see something else end just inside an edge."""
 
-_BLOCKS = 8
 _LINES, _PLACES = 17, 129
 _REACH = 0.5
 """How far past the image, in its width, an edge's image is followed."""
 _LEAST_SIGMA_PX = 2.0
-_ROUNDS = 20
+
+
+class NoEdge(enum.StrEnum):
+    """Reasons why an edge is not taken, as a person reads them."""
+
+    NOT_IN_VIEW = "not in view"
+    NO_END = "no sharp end of the fringes where it should be"
+    RAGGED = "the fringes' end there is no clean line"
+    BENT = "the fringes end there on a bent line: an aperture's rim"
+    TOO_FAR = "the fringes' end there is too far from where it should be"
+    OTHER_DIRECTION = "the fringes' end there runs in another direction"
+    LCD_ENDS = "the LCD ends there, too"
+    TIR_ENDS = "total reflection ends there, too"
+    FACE_ENDS = "the pattern face ends there, too"
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeSearch:
     """What became of the search for one edge.
 
-    found: two points of it as an observation; None where it is not seen. words: where it is, or why not.
+    found: two points of it as a measurement, or why there are none. along: axis of the image on which it lies
+    at one place. width_px: of the step there.
     """
 
     edge: Name
-    found: MirrorEdge | None
-    words: str
+    found: MirrorEdge | NoEdge
+    along: Literal["column", "row"] = "column"
+    width_px: float = float("nan")
+
+    @property
+    def words(self) -> str:
+        """Where it is, or why it is not taken."""
+        if isinstance(self.found, NoEdge):
+            return str(self.found)
+        place = float(self.found.pixel[:, 1 if self.along == "row" else 0].mean())
+        sigma_px = self.found.sigma_px / np.sqrt(2.0)
+        return f"seen at {self.along} {place:.1f} (sigma {sigma_px:.1f} px; {self.width_px:.1f} px wide)"
 
 
 def find_edges(fitted: Fit, rest: RestMeasurement) -> tuple[EdgeSearch, EdgeSearch]:
@@ -82,26 +103,30 @@ def find_edges(fitted: Fit, rest: RestMeasurement) -> tuple[EdgeSearch, EdgeSear
     return _search(fitted, rest, "P0"), _search(fitted, rest, "R0")
 
 
-class _NotSeenError(Exception):
-    """An edge is not seen; the message is the reason in words."""
+class _NoEdgeError(Exception):
+    """An edge is not taken."""
+
+    def __init__(self, reason: NoEdge) -> None:
+        super().__init__(reason)
+        self.reason = reason
 
 
 def _search(fitted: Fit, rest: RestMeasurement, edge: Name) -> EdgeSearch:
     try:
         return _seen(fitted, rest, edge)
-    except _NotSeenError as reason:
-        return EdgeSearch(edge, None, str(reason))
+    except _NoEdgeError as error:
+        return EdgeSearch(edge, error.reason)
 
 
 def _seen(fitted: Fit, rest: RestMeasurement, edge: Name) -> EdgeSearch:
-    """Find an edge; raises _NotSeenError."""
+    """Find an edge; raises _NoEdgeError."""
     expected = _Expected.of(fitted, edge)
     valid, amplitude, lcd = rest.rest_map.valid, rest.amplitude, rest.rest_map.lcd_px
     if expected.turned:
         valid, amplitude, lcd = valid.T, amplitude.T, lcd.swapaxes(0, 1)
     rows = np.flatnonzero(expected.reachable(amplitude.shape[1]))
     if len(rows) < LEAST_LINES or not valid.any():
-        raise _NotSeenError("not in view")
+        raise _NoEdgeError(NoEdge.NOT_IN_VIEW)
     usual = float(np.median(amplitude[valid]))
     place, width = steps_down(
         amplitude[rows], valid[rows], expected.place[rows], expected.gate_px, expected.outwards, usual
@@ -109,11 +134,11 @@ def _seen(fitted: Fit, rest: RestMeasurement, edge: Name) -> EdgeSearch:
     seen = np.isfinite(place)
     least = max(LEAST_LINES, LEAST_SHARE * len(rows))
     if np.count_nonzero(seen) < least:
-        raise _NotSeenError(_nowhere(expected, amplitude.shape[1]))
+        raise _NoEdgeError(_nowhere(expected, amplitude.shape[1]))
     line, place = rows[seen], place[seen]
-    curve = _Curve.of(line.astype(np.float64), place - expected.place[line])
+    curve = EdgeCurve.of(line.astype(np.float64), place - expected.place[line])
     if curve is None or curve.share * len(line) < least:
-        raise _NotSeenError("the fringes' end there is no clean line")
+        raise _NoEdgeError(NoEdge.RAGGED)
     sigma = float(np.sqrt(curve.sigma_px**2 + PIXEL_PX**2 + (EDGE_MM * expected.px_per_mm) ** 2))
     _check_curve(curve, expected, sigma)
     _check_lcd(fitted.rig, lcd[line], place, expected.outwards)
@@ -123,29 +148,27 @@ def _seen(fitted: Fit, rest: RestMeasurement, edge: Name) -> EdgeSearch:
     # Two points with errors of their own that together know the line's place to `sigma`.
     pixel = points[:, ::-1] if expected.turned else points
     found = MirrorEdge(edge, pixel, float(np.sqrt(2.0) * sigma))
-    where, blur = "row" if expected.turned else "column", float(np.median(width[seen]))
-    words = f"seen at {where} {points[:, 0].mean():.1f} (sigma {sigma:.1f} px; {blur:.1f} px wide)"
-    return EdgeSearch(edge, found, words)
+    return EdgeSearch(edge, found, "row" if expected.turned else "column", float(np.median(width[seen])))
 
 
-def _nowhere(expected: _Expected, size: int) -> str:
+def _nowhere(expected: _Expected, size: int) -> NoEdge:
     """Why no edge is there: past the image's border as likely as not, or something is strange."""
     middle = float(np.nanmean(expected.place))
     if not expected.margin_px <= middle <= size - 1 - expected.margin_px:
-        return "not in view"
-    return "no sharp end of the fringes where it should be"
+        return NoEdge.NOT_IN_VIEW
+    return NoEdge.NO_END
 
 
-def _check_curve(curve: _Curve, expected: _Expected, sigma_px: float) -> None:
+def _check_curve(curve: EdgeCurve, expected: _Expected, sigma_px: float) -> None:
     """Refuse a curve that is bent or not where and how the edge should lie."""
     length = 2.0 * curve.half
     if abs(curve.bend_px) > max(PIXEL_PX + 4.0 * curve.sigma_px, MOST_BEND_SHARE * length):
-        raise _NotSeenError("the fringes end there on a bent line: an aperture's rim")
+        raise _NoEdgeError(NoEdge.BENT)
     away = abs(float(curve.at(np.array([curve.middle]))[0]))
     if away > GATE_SIGMAS * np.hypot(expected.sigma_px, sigma_px):
-        raise _NotSeenError("the fringes' end there is too far from where it should be")
+        raise _NoEdgeError(NoEdge.TOO_FAR)
     if abs(curve.tilt) > GATE_SIGMAS * np.hypot(expected.sigma_tilt, 2.0 * sigma_px / length):
-        raise _NotSeenError("the fringes' end there runs in another direction")
+        raise _NoEdgeError(NoEdge.OTHER_DIRECTION)
 
 
 def _check_lcd(rig: Rig, lcd: Float, place: Float, outwards: int) -> None:
@@ -157,27 +180,27 @@ def _check_lcd(rig: Rig, lcd: Float, place: Float, outwards: int) -> None:
     size = np.array([rig.display.columns, rig.display.rows])
     known = q[np.isfinite(q).all(axis=-1)]
     if not len(known) or np.median(np.minimum(known + 0.5, size - 0.5 - known).min(axis=-1)) < LCD_MARGIN_PX:
-        raise _NotSeenError("the LCD ends there, too")
+        raise _NoEdgeError(NoEdge.LCD_ENDS)
 
 
 def _check_model(rig: Rig, expected: _Expected, line: NDArray[np.int_]) -> None:
-    """Refuse an edge beside which the fitted rig itself sees something else end."""
+    """Refuse an edge next to which the fitted rig itself sees something else end."""
     inside = expected.place[line] - expected.outwards * INSIDE_MM * expected.px_per_mm
     u, v = (line.astype(np.float64), inside) if expected.turned else (inside, line.astype(np.float64))
     optics = Optics(rig)
     lost = optics.trace(u, v, optics.rest).lost
-    for reason, words in (
-        (Lost.BELOW_TIR, "total reflection ends there, too"),
-        (Lost.MISSES_PATTERN_FACE, "the pattern face ends there, too"),
-        (Lost.OFF_DISPLAY, "the LCD ends there, too"),
+    for loss, reason in (
+        (Lost.BELOW_TIR, NoEdge.TIR_ENDS),
+        (Lost.MISSES_PATTERN_FACE, NoEdge.FACE_ENDS),
+        (Lost.OFF_DISPLAY, NoEdge.LCD_ENDS),
     ):
-        if np.mean(lost == reason) > MOST_LOST:
-            raise _NotSeenError(words)
+        if np.mean(lost == loss) > MOST_LOST:
+            raise _NoEdgeError(reason)
 
 
 @dataclass(frozen=True, eq=False)
 class _Expected:
-    """An edge's image as a fitted rig foretells it.
+    """An edge's image as a fitted rig predicts it.
 
     Lines run across the edge: rows of the image, columns where `turned`. place: (lines,) px along each, NaN
     where it is nowhere near. sigma_px: of the middle; sigma_tilt: px per px along the edge. outwards: +1
@@ -208,7 +231,7 @@ class _Expected:
 
     @classmethod
     def of(cls, fitted: Fit, edge: Name) -> _Expected:
-        """Foretell; raises _NotSeenError where the edge is nowhere near the image."""
+        """Predict; raises _NoEdgeError where the edge is nowhere near the image."""
         rig = fitted.rig
         optics = UnboundedOptics(rig)
         at_mm = 0.0 if edge == "P0" else optics.length_mm
@@ -225,13 +248,13 @@ class _Expected:
         place = _followed(x_of, at_mm, size, lines, turned)
         known = np.flatnonzero(np.isfinite(place))
         if len(known) < LEAST_LINES:
-            raise _NotSeenError("not in view")
+            raise _NoEdgeError(NoEdge.NOT_IN_VIEW)
         ends = known[[len(known) // 4, 3 * len(known) // 4]].astype(np.float64)
         points = np.stack([place[ends.astype(int)], ends], axis=-1)
         pixel = points[:, ::-1] if turned else points
         step = 0.5 * (x_of(*(pixel + _unit(turned)).T) - x_of(*(pixel - _unit(turned)).T))
         if not (np.isfinite(step).all() and np.all(step != 0.0)):
-            raise _NotSeenError("not in view")
+            raise _NoEdgeError(NoEdge.NOT_IN_VIEW)
         # MirrorEdge's numbers are distances at right angles to the edge; along a line they are longer
         slant = float(np.hypot(1.0, (points[1, 0] - points[0, 0]) / max(np.ptp(ends), 1.0)))
         rows_of = slant * jacobian(fitted.priors, fitted.z, MirrorEdge(edge, pixel, 1.0))
@@ -279,70 +302,3 @@ def _followed(
     cubic = np.polyfit((across[known] - middle) / half, found[known], 3)
     place = np.polyval(cubic, (everywhere - middle) / half)
     return np.where((everywhere >= first) & (everywhere <= last), place, np.nan)
-
-
-@dataclass(frozen=True, eq=False)
-class _Curve:
-    """How far an edge lies from where it was foretold, as a parabola of s = (line - middle) / half.
-
-    coefficients: of 1, s, s^2. sigma_px: of the middle, from the scatter of blocks of lines, which counts
-    what neighbouring lines share. share: of the lines that lie on it.
-    """
-
-    coefficients: Float
-    middle: float
-    half: float
-    sigma_px: float
-    share: float
-
-    @classmethod
-    def of(cls, line: Float, away: Float) -> _Curve | None:
-        """Fit robustly (Tukey's biweight from the median on); None where lines scatter too much."""
-        middle, half = 0.5 * float(line.min() + line.max()), max(0.5 * float(np.ptp(line)), 1.0)
-        s = (line - middle) / half
-        columns = np.stack([np.ones_like(s), s, s * s], axis=-1)
-        coefficients = np.array([*_repeated_line(s, away), 0.0])
-        for _ in range(_ROUNDS):
-            left = away - columns @ coefficients
-            scale = max(1.4826 * float(np.median(np.abs(left))), 0.1)
-            weight = np.clip(1.0 - (left / (4.685 * scale)) ** 2, 0.0, None)
-            normal = (columns * (weight**2)[:, None]).T @ columns
-            if np.linalg.cond(normal) > 1e10:
-                return None
-            step = np.linalg.solve(normal, (columns * (weight**2)[:, None]).T @ away) - coefficients
-            coefficients = coefficients + step
-            if np.abs(step).max() < 1e-4:
-                break
-        left = away - columns @ coefficients
-        on = np.abs(left) < STRAY_PX
-        if not on.any() or float(np.sqrt(np.mean(left[on] ** 2))) > MOST_SCATTER_PX:
-            return None
-        block = np.minimum((0.5 * (s + 1.0) * _BLOCKS).astype(int), _BLOCKS - 1)
-        means = [float(left[on & (block == b)].mean()) for b in range(_BLOCKS) if (on & (block == b)).any()]
-        sigma = float(np.std(means) / np.sqrt(max(len(means) - 3, 1)))
-        return cls(coefficients, middle, half, sigma, float(np.mean(on)))
-
-    @property
-    def tilt(self) -> float:
-        """Px per line."""
-        return float(self.coefficients[1] / self.half)
-
-    @property
-    def bend_px(self) -> float:
-        """Sagitta beyond the foretold one."""
-        return float(self.coefficients[2])
-
-    def at(self, line: Float) -> Float:
-        """Distance at lines."""
-        s = (line - self.middle) / self.half
-        return np.asarray(np.stack([np.ones_like(s), s, s * s], axis=-1) @ self.coefficients)
-
-
-def _repeated_line(s: Float, away: Float) -> tuple[float, float]:
-    """Value at 0 and slope of a line that up to half of the points do not lie on (Siegel's medians)."""
-    few = np.arange(len(s))[:: max(1, len(s) // 150)]
-    s, away = s[few], away[few]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        slopes = (away[:, None] - away) / (s[:, None] - s)
-    slope = float(np.median(np.nanmedian(np.where(np.isfinite(slopes), slopes, np.nan), axis=1)))
-    return float(np.median(away - slope * s)), slope

@@ -1,7 +1,7 @@
 """How the light of an evenly lit LCD falls off over the camera's view.
 
-Lens, viewing angle of the LCD, Fresnel losses and backlight act together here; one picture cannot tell them
-apart, and for the noise that is left in each region it does not matter which it was.
+Lens, viewing angle of the LCD, Fresnel losses and backlight act together here; one picture cannot separate
+them, and for the noise that is left in each region it does not matter which it was.
 """
 
 from __future__ import annotations
@@ -63,19 +63,26 @@ class Falloff:
 
     light: (tile rows, tile cols) of the evenly lit LCD over the lit view's mean; NaN where too little is lit.
     sigma: its standard deviation, by noise alone. smooth: (rows, cols) polynomial through the lit pixels,
-    over the same mean; NaN elsewhere. lit_share: of all camera pixels. told: words, empty where all is well.
+    over the same mean; NaN elsewhere. lit_share: of all camera pixels.
     """
 
     light: Float
     sigma: Float
     smooth: Float
     lit_share: float
-    told: str
 
     @property
     def darkest(self) -> float:
         """Light of the darkest tile over that of the brightest."""
         return float(np.nanmin(self.light) / np.nanmax(self.light))
+
+    @property
+    def weak_tile(self) -> tuple[int, int] | None:
+        """(row, column) of the darkest tile, where it is worth a word."""
+        if self.darkest >= WEAK_SHARE:
+            return None
+        row, column = np.unravel_index(np.nanargmin(self.light), self.light.shape)
+        return int(row), int(column)
 
 
 def measure_falloff(
@@ -97,17 +104,7 @@ def measure_falloff(
     counts = _sums(lit.astype(np.float64), tiles)
     with np.errstate(divide="ignore"):
         sigma = np.sqrt(tile_means(variance, lit, tiles) / counts) / mean
-    falloff = Falloff(light, sigma, _smooth(swing / mean, lit), float(lit.mean()), "")
-    if falloff.darkest >= WEAK_SHARE:
-        return falloff
-    row, col = np.unravel_index(np.nanargmin(light), light.shape)
-    told = (
-        f"region {row + 1}, {col + 1} of {tiles[0]} x {tiles[1]} (row, column) has "
-        f"{100 * falloff.darkest:.0f} % "
-        "of the brightest region's light, and so more noise: turn the LCD's best viewing direction to the "
-        "prism, or aim the camera so that it looks along the reflected light"
-    )
-    return Falloff(light, sigma, falloff.smooth, falloff.lit_share, told)
+    return Falloff(light, sigma, _smooth(swing / mean, lit), float(lit.mean()))
 
 
 def _smooth(image: Float, lit: Mask) -> Float:

@@ -38,9 +38,8 @@ WORDS = {
 """Every entry, in words."""
 
 _ALIKE = 1e-3
-_CAMERA = ("driver", "columns", "rows", "bits", "exposure_s", "gain", "pixel_format", "region_px")
-_DISPLAY = ("driver", "columns", "rows", "pitch_mm", "refresh_hz", "scan")
-_PATTERN = ("kind", "period_px", "mean", "contrast")
+OF_DEVICES = ("camera.serial", "camera.model", "display.name")
+"""Entries that devices say of themselves; all others are the rig's."""
 
 
 def take_fingerprint(rig: Rig, camera: object = None, display: object = None) -> Fingerprint:
@@ -50,16 +49,17 @@ def take_fingerprint(rig: Rig, camera: object = None, display: object = None) ->
     `serial` that the rig file asks for.
     """
     asked = str((rig.camera.model_extra or {}).get("serial", ""))
+    tables: Fingerprint = {"camera": {}, "display": {}, "pattern": {}}
+    specs = {"camera": rig.camera, "display": rig.display, "pattern": rig.target}
     serial, model = identity_of(camera)
-    tables = {
-        "camera": _given(rig.camera, _CAMERA) | {"serial": serial or asked, "model": model},
-        "display": _given(rig.display, _DISPLAY) | {"name": name_of(display)},
-        "pattern": _given(rig.target, _PATTERN),
-    }
-    return {
-        table: {key: value for key, value in values.items() if value not in (None, "")}
-        for table, values in tables.items()
-    }
+    own = {"camera.serial": serial, "camera.model": model, "display.name": name_of(display)}
+    for key in WORDS:
+        table, name = key.split(".")
+        value = own[key] if key in own else getattr(specs[table], name)
+        value = value or asked if key == "camera.serial" else value
+        if value not in (None, ""):
+            tables[table][name] = list(value) if isinstance(value, tuple) else value
+    return tables
 
 
 def check(
@@ -77,11 +77,6 @@ def check(
         if before is not None and present is not None and not _alike(before, present):
             found.append(f"{words}: calibrated with {_shown(before)}, now {_shown(present)}")
     return found
-
-
-def _given(spec: object, names: tuple[str, ...]) -> dict[str, Any]:
-    values = {name: getattr(spec, name) for name in names}
-    return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
 
 
 def _alike(before: Any, now: Any) -> bool:

@@ -10,7 +10,7 @@ diagonal of the normal matrix stalls. As these valleys are narrow and bent, step
 acceleration: M. K. Transtrum, J. P. Sethna, arXiv:1201.5885).
 
 w are the weights of a robust estimate: 1 for what fits, less for what does not, 0 for a node far off. What is
-cheap to predict is fitted first; presses, which are read anew through each candidate rig, join when the rest
+cheap to predict is fitted first; presses, which are read again through each candidate rig, join when the rest
 map already fits.
 """
 
@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.calibration.observations import Observation, RestPositions
+from zeromethod.calibration.measurements import Measurement, RestPositions
 from zeromethod.calibration.parameters import Priors
 from zeromethod.errors import MeasurementError
 from zeromethod.rig.model import Rig
@@ -39,7 +39,7 @@ _AHEAD, _MOST_BEND = 0.1, 0.75
 """Share of a step at which the bend is felt, and how much of the step a bend may be."""
 _FIRST_DAMPING, _MOST_DAMPING = 1e-3, 1e7
 _MANY = 20
-"""Groups from which the data's own scatter tells what an outlier is."""
+"""Groups from which the data's own scatter defines an outlier."""
 _HUBER, _REJECT = 3.0, 6.0
 _MEDIAN = {1: 0.4549, 2: 0.6931}
 """Median of chi-squared per number in groups of one and two."""
@@ -47,13 +47,13 @@ _MEDIAN = {1: 0.4549, 2: 0.6931}
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """One observation at the fitted rig.
+    """One measurement at the fitted rig.
 
     residual: (n,) (predicted - measured) / sigma, 0 where there is no prediction. weight: (groups,).
     jacobian: (n, parameters) of the residual by z.
     """
 
-    observation: Observation
+    measurement: Measurement
     residual: Float
     weight: Float
     jacobian: Float
@@ -61,7 +61,7 @@ class Term:
     @property
     def rows(self) -> Float:
         """(n,) weights, one per number."""
-        return np.repeat(self.weight, self.observation.group)
+        return np.repeat(self.weight, self.measurement.group)
 
     @property
     def chi2(self) -> float:
@@ -86,7 +86,7 @@ class Fit:
     z: (parameters,) in units of the priors. covariance: of z. inflation: by how much the rest map's sigma was
     raised to hold what no rig explains. steps: of the last descent. settled: whether they came to an end.
 
-    The covariance holds beside the fit. The valleys of a rest map are bent, so that a rig one sigma away
+    The covariance holds close to the fit. The valleys of a rest map are bent, so that a rig one sigma away
     along one lies far outside the ellipsoid that it spans: the sigma of each parameter and of depth is true,
     but all parameters together are not Gaussian.
     """
@@ -123,11 +123,9 @@ class Fit:
 
 
 def fit(
-    priors: Priors,
-    observations: Sequence[Observation],
-    advance: Callable[[str], None] = lambda _: None,
+    priors: Priors, measurements: Sequence[Measurement], advance: Callable[[str], None] = lambda _: None
 ) -> Fit:
-    """Fit a rig to `observations`, which may be any, or none.
+    """Fit a rig to `measurements`, which may be any, or none.
 
     advance: called with a word for each part of the work when it begins.
 
@@ -138,20 +136,20 @@ def fit(
     """
     advance("geometry from the rest map")
     start = np.zeros(len(priors.names))
-    cheap = [o for o in observations if not o.costly]
+    cheap = [o for o in measurements if not o.costly]
     # The nodes well inside the mirror are known only once the mirror is.
     first = _descend(priors, _exact(priors, cheap, start), start)
     models = _exact(priors, cheap, first.z)
     result = _descend(priors, models, first.z)
     inflation = 1.0
     for index, term in enumerate(result.terms):
-        data = term.observation
+        data = term.measurement
         if isinstance(data, RestPositions):
             inflation = data.misfit(term.residual, term.weight)
             models[index] = _Exact(priors, data.inflated(inflation))
     if inflation > 1.0:
         result = _descend(priors, models, result.z)
-    costly = [o for o in observations if o.costly]
+    costly = [o for o in measurements if o.costly]
     if costly:
         advance("geometry from presses")
         rig = priors.at(result.z)
@@ -159,23 +157,23 @@ def fit(
     return replace(result, inflation=inflation)
 
 
-def jacobian(priors: Priors, z: Float, observation: Observation) -> Float:
+def jacobian(priors: Priors, z: Float, measurement: Measurement) -> Float:
     """Derivative (n, parameters) of (predicted - measured) / sigma by z.
 
     By central differences, one-sided where costly or at a parameter's bound. NaN rows where a neighbouring
     rig predicts nothing.
     """
-    result = np.zeros((len(observation.measured), len(z)))
-    middle = observation.predict(priors.at(z)) if observation.costly else None
+    result = np.zeros((len(measurement.measured), len(z)))
+    middle = measurement.predict(priors.at(z)) if measurement.costly else None
     for column, name in enumerate(priors.names):
-        if name in observation.blind_to:
+        if name in measurement.blind_to:
             continue
-        step = observation.step * (np.arange(len(z)) == column)
+        step = measurement.step * (np.arange(len(z)) == column)
         ahead = priors.within(z + step)
         back = priors.within(z - step) if middle is None or ahead[column] == z[column] else z
         apart = float(ahead[column] - back[column])
-        low = observation.predict(priors.at(back)) if middle is None or back is not z else middle
-        result[:, column] = (observation.predict(priors.at(ahead)) - low) / (apart * observation.sigma)
+        low = measurement.predict(priors.at(back)) if middle is None or back is not z else middle
+        result[:, column] = (measurement.predict(priors.at(ahead)) - low) / (apart * measurement.sigma)
     return result
 
 
@@ -184,21 +182,21 @@ class _Exact:
     """Residuals as the rig predicts them."""
 
     priors: Priors
-    observation: Observation
+    measurement: Measurement
 
     def residual(self, z: Float) -> Float:
-        predicted = self.observation.predict(self.priors.at(z))
-        return np.asarray((predicted - self.observation.measured) / self.observation.sigma)
+        predicted = self.measurement.predict(self.priors.at(z))
+        return np.asarray((predicted - self.measurement.measured) / self.measurement.sigma)
 
     def slope(self, z: Float) -> Float:
-        return jacobian(self.priors, z, self.observation)
+        return jacobian(self.priors, z, self.measurement)
 
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
     """Residuals that go on from those at `at` in a straight line, at no cost."""
 
-    observation: Observation
+    measurement: Measurement
     at: Float
     value: Float
     derivative: Float
@@ -210,19 +208,19 @@ class _Linear:
         return self.derivative
 
 
-def _exact(priors: Priors, observations: Sequence[Observation], z: Float) -> list[_Exact]:
+def _exact(priors: Priors, measurements: Sequence[Measurement], z: Float) -> list[_Exact]:
     rig = priors.at(z)
-    return [_Exact(priors, observation.prepared(rig)) for observation in observations]
+    return [_Exact(priors, measurement.prepared(rig)) for measurement in measurements]
 
 
-def _with_costly(priors: Priors, models: Sequence[_Exact], costly: Sequence[Observation], z: Float) -> Fit:
-    """Fit with costly data taken as linear, read anew where that fit ends, until nothing new turns up.
+def _with_costly(priors: Priors, models: Sequence[_Exact], costly: Sequence[Measurement], z: Float) -> Fit:
+    """Fit with costly data taken as linear, read again where that fit ends, until nothing new appears.
 
     Depths as read are so nearly linear in the rig that two or three rounds do; derivatives are corrected by
-    what was not foreseen (Broyden's rank-one update) instead of made anew.
+    what was not foreseen (Broyden's rank-one update) instead of computed again.
     """
-    exact = [_Exact(priors, observation) for observation in costly]
-    linear = [_Linear(one.observation, z, one.residual(z), one.slope(z)) for one in exact]
+    exact = [_Exact(priors, measurement) for measurement in costly]
+    linear = [_Linear(one.measurement, z, one.residual(z), one.slope(z)) for one in exact]
     for _ in range(_ROUNDS):
         result = _descend(priors, [*models, *linear], z)
         step, worst = result.z - z, 0.0
@@ -234,7 +232,7 @@ def _with_costly(priors: Priors, models: Sequence[_Exact], costly: Sequence[Obse
             derivative = line.derivative
             if length2 > _LEAST_TURN**2:
                 derivative = derivative + np.outer(unforeseen, step) / length2
-            linear[index] = _Linear(one.observation, result.z, value, derivative)
+            linear[index] = _Linear(one.measurement, result.z, value, derivative)
         z = result.z
         if worst < _FORESEEN:
             return result
@@ -242,7 +240,7 @@ def _with_costly(priors: Priors, models: Sequence[_Exact], costly: Sequence[Obse
 
 
 def _weights(residual: Float, group: int) -> Float:
-    """Robust weights (groups,): Huber's, and 0 far off where many groups tell what far is."""
+    """Robust weights (groups,): Huber's, and 0 far off where many groups define what far is."""
     squares = (residual.reshape(-1, group) ** 2).mean(axis=-1)
     many = len(squares) >= _MANY
     scale2 = max(1.0, float(np.nanmedian(squares)) / _MEDIAN[group]) if many else 1.0
@@ -257,13 +255,13 @@ def _weights(residual: Float, group: int) -> Float:
 def _terms(models: Sequence[_Exact | _Linear], z: Float) -> tuple[Term, ...]:
     terms = []
     for model in models:
-        observation, residual, slope = model.observation, model.residual(z), model.slope(z)
+        measurement, residual, slope = model.measurement, model.residual(z), model.slope(z)
         lost = ~(np.isfinite(residual) & np.isfinite(slope).all(axis=-1))
         if lost.all():
-            raise MeasurementError(f"{observation.name}: nothing to compare with the rig file as it is")
-        weight = _weights(np.where(lost, np.nan, residual), observation.group)
+            raise MeasurementError(f"{measurement.name}: nothing to compare with the rig file as it is")
+        weight = _weights(np.where(lost, np.nan, residual), measurement.group)
         residual, slope = np.where(lost, 0.0, residual), np.where(lost[:, None], 0.0, slope)
-        terms.append(Term(observation, residual, weight, slope))
+        terms.append(Term(measurement, residual, weight, slope))
     return tuple(terms)
 
 

@@ -1,10 +1,10 @@
-"""A calibration on disk: a dated folder beside the rig file.
+"""A calibration on disk: a dated folder next to the rig file.
 
     calibrations/<rig>/<time>/
         calibration.toml   parameters with sigma, verdict, fingerprint, what to measure next: for people
         rig.toml           the rig file with everything that was found: what `run --rig` takes
         given.toml         the rig file as it was
-        arrays.h5          rest map, covariance, presses, and the raw sums to begin anew
+        arrays.h5          rest map, covariance, presses, and the raw sums to evaluate again
         *.png              pictures
 
 A folder is there whole or not at all.
@@ -12,6 +12,7 @@ A folder is there whole or not at all.
 
 from __future__ import annotations
 
+import enum
 import os
 import shutil
 import tomllib
@@ -25,6 +26,7 @@ import numpy as np
 import tomlkit
 
 from zeromethod.arrays import Image
+from zeromethod.calibration.verdict import Level
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig
@@ -37,14 +39,14 @@ DOCUMENT, RIG, GIVEN, ARRAYS = "calibration.toml", "rig.toml", "given.toml", "ar
 OLD_DAYS = 30.0
 """Age from which a calibration is worth a word: rubber creeps, mounts move, lamps age."""
 
-_HEAD = "What `zeromethod calibrate` found, for people to read; `zeromethod run` takes {rig} beside it."
+_HEAD = "What `zeromethod calibrate` found, for people to read; `zeromethod run` takes {rig} next to it."
 _STAMP = "%Y-%m-%dT%H-%M-%S"
 _LARGE = 4096
 
 
 @dataclass(frozen=True)
 class Stored:
-    """A calibration as its folder tells it. document: what calibration.toml holds, as plain values."""
+    """A calibration as its folder holds it. document: what calibration.toml holds, as plain values."""
 
     folder: Path
     document: dict[str, Any]
@@ -62,6 +64,11 @@ class Stored:
         return value
 
     @property
+    def level(self) -> Level:
+        """How far it can be trusted."""
+        return Level(self.document["verdict"]["level"])
+
+    @property
     def parameters(self) -> dict[str, tuple[float, float]]:
         """Value and sigma of every fitted parameter."""
         return {
@@ -74,11 +81,11 @@ class Stored:
         made: datetime = self.document["time"]
         return ((now or datetime.now(UTC)) - made).total_seconds() / 86400
 
-    def age_warning(self, now: datetime | None = None) -> str:
-        """Words where it is old; "" while it is not."""
+    def age_warning(self, now: datetime | None = None) -> str | None:
+        """What to do where it is old."""
         days = self.age_days(now)
         if days <= OLD_DAYS:
-            return ""
+            return None
         return f"the calibration is {days:.0f} days old: zeromethod calibrate makes a new one"
 
 
@@ -89,7 +96,7 @@ def rig_source(name: str | Path) -> Path:
 
 
 def home_of(name: str | Path) -> Path:
-    """Folder that holds all calibrations of a rig: beside its file; here for a packaged one.
+    """Folder that holds all calibrations of a rig: next to its file, or here for a packaged one.
 
     A calibrated rig.toml belongs where its folder lies.
     """
@@ -122,7 +129,7 @@ def calibration_of(rig_file: str | Path) -> Stored | None:
 
 
 def lacks_document(rig_file: str | Path, rest_map: Path | None) -> bool:
-    """Whether a rig file takes the rest map of a calibration beside it whose calibration.toml is missing.
+    """Whether a rig file takes the rest map of a calibration next to it whose calibration.toml is missing.
 
     rest_map: the file that the rig names. `calibration_of` then has nothing to compare a bench with.
     """
@@ -132,20 +139,26 @@ def lacks_document(rig_file: str | Path, rest_map: Path | None) -> bool:
     )
 
 
-def load(folder: Path) -> Stored:
-    """Read calibration.toml of a folder. Raises InputError for anything else."""
-    path = folder / DOCUMENT
+def read_document(path: Path, allowed: str) -> dict[str, Any]:
+    """A TOML file that zeromethod wrote. Raises InputError, which ends with what is `allowed`, for others."""
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror}: a folder that zeromethod calibrate made") from None
+        raise InputError(f"{path}: {error.strerror}: {allowed}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: {error}: not a calibration") from None
+        raise InputError(f"{path}: {error}: {allowed}") from None
     version = document.get("schema_version")
     if version != SCHEMA_VERSION:
         raise InputError(
             f"{path}: schema_version: {version!r}: {SCHEMA_VERSION} is what this version of zeromethod reads"
         )
+    return document
+
+
+def load(folder: Path) -> Stored:
+    """Read calibration.toml of a folder. Raises InputError for anything else."""
+    path = folder / DOCUMENT
+    document = read_document(path, "a folder that zeromethod calibrate made")
     for key, kind in (("time", datetime), ("parameters", dict), ("fingerprint", dict), ("verdict", dict)):
         if not isinstance(document.get(key), kind):
             raise InputError(f"{path}: {key}: missing: a calibration as zeromethod writes it")
@@ -174,15 +187,22 @@ def load_arrays(folder: Path, *wanted: str) -> dict[str, Image]:
     return found
 
 
-def arrays_fault(folder: Path) -> str:
-    """Why `run` and evaluating anew cannot do with a folder's arrays; "" where they can."""
+class ArraysFault(enum.StrEnum):
+    """Why `run` and evaluating again cannot use a folder's arrays."""
+
+    MISSING = "missing"
+    UNREADABLE = "cannot be read"
+
+
+def arrays_fault(folder: Path) -> ArraysFault | None:
+    """What is wrong with a folder's arrays; None where they can be used."""
     if not (folder / ARRAYS).is_file():
-        return "missing"
+        return ArraysFault.MISSING
     try:
         load_arrays(folder, REST_MAP, RAW_SUMS)
     except InputError:
-        return "cannot be read"
-    return ""
+        return ArraysFault.UNREADABLE
+    return None
 
 
 def store(

@@ -1,4 +1,4 @@
-"""What displays do to a picture behind one's back: found from the light at the camera, with what to do.
+"""Faults of a display that change the picture unasked: found from the light at the camera.
 
 Each check gives a `Finding`: how large, how sure, and from where on it counts. What cannot be found:
 dithering whose period the exposures span (it then does no harm), and anything slower than the frames looked
@@ -9,21 +9,18 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 
 SURE_SIGMAS = 5.0
 
 
 class Fault(enum.StrEnum):
-    """Faults of the display, and of the light beside it."""
+    """Faults of the display, and of other light in the room."""
 
     DYNAMIC_CONTRAST = "dynamic contrast"
     ADAPTIVE_TONE = "adaptive tone curve"
@@ -33,44 +30,46 @@ class Fault(enum.StrEnum):
     BACKLIGHT_FLICKER = "backlight flicker"
     ROOM_LIGHT = "flickering room light"
 
+    @property
+    def limit(self) -> float:
+        """Size from which it counts: a share of the light, but grey codes of the LCD (rms) for dithering."""
+        return _LIMIT_ADVICE[self][0]
 
-LIMIT: dict[Fault, float] = {
-    Fault.DYNAMIC_CONTRAST: 0.01,
-    Fault.ADAPTIVE_TONE: 0.01,
-    Fault.TEMPORAL_DITHERING: 0.1,
-    Fault.SPATIAL_DITHERING: 0.1,
-    Fault.OVERDRIVE: 0.02,
-    Fault.BACKLIGHT_FLICKER: 0.003,
-    Fault.ROOM_LIGHT: 0.003,
-}
-"""Size from which each counts: shares of the light, but grey codes of the LCD (rms) for dithering."""
+    @property
+    def advice(self) -> str:
+        """What to do about it."""
+        return _LIMIT_ADVICE[self][1]
 
-ADVICE: dict[Fault, str] = {
+
+_DRIVER = (
+    "switch off dithering in the graphics driver, set it to the LCD's own bit depth, or take an LCD of 8"
+)
+_LIMIT_ADVICE = {
     Fault.DYNAMIC_CONTRAST: (
+        0.01,
         "switch off dynamic contrast, local dimming, power saving and automatic brightness in the LCD's "
-        "menu, the "
-        "graphics driver and the desktop"
+        "menu, the graphics driver and the desktop",
     ),
     Fault.ADAPTIVE_TONE: (
+        0.01,
         "switch off adaptive contrast, picture enhancement and night light in the LCD's menu, the graphics "
-        "driver "
-        "and the desktop"
+        "driver and the desktop",
     ),
     Fault.TEMPORAL_DITHERING: (
-        "switch off dithering in the graphics driver, set it to the LCD's own bit depth, or take an LCD of 8 "
-        "true "
-        "bits; else expose for whole multiples of four refreshes"
+        0.1,
+        f"{_DRIVER} true bits; else expose for whole multiples of four refreshes",
     ),
-    Fault.SPATIAL_DITHERING: (
-        "switch off dithering in the graphics driver, set it to the LCD's own bit depth, or take an LCD of 8 "
-        "true bits"
+    Fault.SPATIAL_DITHERING: (0.1, f"{_DRIVER} true bits"),
+    Fault.OVERDRIVE: (
+        0.02,
+        "switch off overdrive (response time, trace free: 'off' or 'normal') in the LCD's menu",
     ),
-    Fault.OVERDRIVE: "switch off overdrive (response time, trace free: 'off' or 'normal') in the LCD's menu",
     Fault.BACKLIGHT_FLICKER: (
+        0.003,
         "switch off what dims the backlight (set it to full brightness), or expose for whole multiples of "
-        "its period"
+        "its period",
     ),
-    Fault.ROOM_LIGHT: "switch off the room's lamps, or shield the bench from them",
+    Fault.ROOM_LIGHT: (0.003, "switch off the room's lamps, or shield the bench from them"),
 }
 
 
@@ -78,7 +77,7 @@ ADVICE: dict[Fault, str] = {
 class Finding:
     """Outcome of one check.
 
-    size, sigma: in the unit of `LIMIT`; sigma of noise alone. measured: what was seen, in words.
+    size, sigma: in the unit of `Fault.limit`; sigma of noise alone. measured: what was seen, in words.
     """
 
     fault: Fault
@@ -87,19 +86,23 @@ class Finding:
     measured: str
 
     @property
-    def found(self) -> bool:
-        """Whether it counts and is no noise."""
-        return abs(self.size) > max(LIMIT[self.fault], SURE_SIGMAS * self.sigma)
+    def least(self) -> float:
+        """Size from which it counts and is no noise."""
+        return max(self.fault.limit, SURE_SIGMAS * self.sigma)
 
     @property
-    def told(self) -> str:
+    def found(self) -> bool:
+        """Whether it counts and is no noise."""
+        return abs(self.size) > self.least
+
+    @property
+    def words(self) -> str:
         """What it is and what to do; for one that was not found, that."""
         if self.found:
-            return f"{self.fault}: {self.measured}: {ADVICE[self.fault]}"
-        least = max(LIMIT[self.fault], SURE_SIGMAS * self.sigma)
+            return f"{self.fault}: {self.measured}: {self.fault.advice}"
         if self.fault in (Fault.TEMPORAL_DITHERING, Fault.SPATIAL_DITHERING):
-            return f"{self.fault}: none above {least:.2g} grey codes"
-        return f"{self.fault}: none above {100 * least:.2g} %"
+            return f"{self.fault}: none above {self.least:.2g} grey codes"
+        return f"{self.fault}: none above {100 * self.least:.2g} %"
 
 
 @dataclass(frozen=True)
@@ -107,8 +110,8 @@ class Surround:
     """A patch's light by what is around it.
 
     glare: light that the brightest surround adds to the patch, over the patch's swing; glare_sigma.
-    Glare (of lens, faces, LCD glass) adds; dynamic contrast multiplies. So the patch's own swing tells them
-    apart.
+    Glare (of lens, faces, LCD glass) adds; dynamic contrast multiplies. So the patch's own swing separates
+    them.
     """
 
     gain: Finding
@@ -127,7 +130,7 @@ def surround(patch: Float) -> Surround:
         raise InputError(f"patch: shape {patch.shape}: (two or more repeats, two or more surrounds, 3)")
     repeats = len(patch)
     mean = patch.mean(axis=0)
-    # one number of noise for all: single ones have too few repeats to tell
+    # one number of noise for all: single ones have too few repeats
     sigma = math.sqrt(float(np.mean(patch.var(axis=0, ddof=1))) / repeats)
     swing = mean[:, 2] - mean[:, 0]
     gain = swing / swing[-1] - 1.0
@@ -167,14 +170,14 @@ def _unsteadiness(level: Float, noise_grey: float) -> tuple[float, float]:
     return variance - noise_grey**2, variance * math.sqrt(2.0 / degrees)
 
 
-def _root(variance: float, sigma: float) -> tuple[float, float]:
+def root(variance: float, sigma: float) -> tuple[float, float]:
     """Root of a variance that may be nothing but noise, and its standard deviation."""
     size = math.sqrt(max(variance, 0.0))
     return size, sigma / (2 * size) if size > math.sqrt(sigma) else math.sqrt(sigma)
 
 
 def flicker(times_s: Float, white: Float, black: Float, noise_grey: float) -> tuple[Finding, Finding]:
-    """Flicker of the backlight, and of light beside it, from frame to frame.
+    """Flicker of the backlight, and of other light, from frame to frame.
 
     times_s: (n,) of the frames of the white LCD. white, black: (n,), (m,) mean grey over the lit view, the
     black LCD's own. noise_grey: standard deviation of such a mean by the camera's noise. Sizes are rms over
@@ -185,8 +188,8 @@ def flicker(times_s: Float, white: Float, black: Float, noise_grey: float) -> tu
     light = float(white.mean() - black.mean())
     dark, dark_sigma = _unsteadiness(black, noise_grey)
     both, both_sigma = _unsteadiness(white, noise_grey)
-    own, own_sigma = _root(both - max(dark, 0.0), math.hypot(both_sigma, dark_sigma))
-    room, room_sigma = _root(dark, dark_sigma)
+    own, own_sigma = root(both - max(dark, 0.0), math.hypot(both_sigma, dark_sigma))
+    room, room_sigma = root(dark, dark_sigma)
     rhythm = _rhythm(times_s, white)
     return (
         Finding(
@@ -216,120 +219,6 @@ def _rhythm(times_s: Float, level: Float) -> str:
     if frame_s <= 0 or 2 * power[best] < 0.5 * len(rest) * float(rest @ rest):
         return ""
     return f", in frames at {best / (4 * len(rest) * frame_s):.2g} Hz"
-
-
-SLOWEST_CYCLES = 3
-"""Of a series of frames: pixels that change more slowly drift."""
-
-
-def temporal_dithering(
-    series: Sequence[NDArray[np.generic]], codes: Sequence[int], grey_per_code: Sequence[float], lit: Mask
-) -> Finding:
-    """Dithering in time: pixels that swing with a rhythm, each with its own phase, in a picture that stands.
-
-    series: for each code, (frames, rows, cols) of an evenly lit picture, 16 frames at least. grey_per_code:
-    grey levels that one code more makes there. Noise is as strong at every frequency; what stands out, in the
-    mean over the lit pixels' spectra, does not come from noise. Size: rms of one pixel, grey codes.
-    """
-    best = Finding(Fault.TEMPORAL_DITHERING, 0.0, math.inf, "")
-    for stack, code, step in zip(series, codes, grey_per_code, strict=True):
-        grey = np.asarray(stack, dtype=np.float32)[:, lit]
-        if len(grey) < 16:
-            raise InputError(f"dithering: {len(grey)} frames: sixteen or more")
-        grey -= grey.mean(axis=0)
-        # the backlight's flicker is no dithering
-        grey -= grey.mean(axis=1, keepdims=True)
-        frames = len(grey)
-        power = np.zeros(frames // 2 + 1)
-        for part in np.array_split(grey, max(1, grey.shape[1] // 4096), axis=1):
-            power += np.sum(np.abs(np.fft.rfft(part, axis=0)) ** 2, axis=1)
-        power /= grey.shape[1] * frames**2
-        share = np.full(len(power), 2.0)
-        if frames % 2 == 0:
-            share[-1] = 1.0
-        power = (power * share)[SLOWEST_CYCLES:]  # variance of each frequency
-        share = share[SLOWEST_CYCLES:]
-        floor = float(np.median(power / share))
-        # |FFT|^2 of noise has as large a standard deviation as mean; at half the frame rate root 2 times it
-        spread = floor * share * np.sqrt(2.0 / share) / math.sqrt(grey.shape[1])
-        excess = power - floor * share
-        lines = excess > 4.0 * spread
-        largest = int(np.argmax(excess / spread))
-        lines[largest] = True
-        variance, sigma2 = float(excess[lines].sum()), float(np.sqrt(np.sum(spread[lines] ** 2)))
-        size, sigma = _root(variance, sigma2)
-        # the strongest of n frequencies is as strong as this by chance alone
-        if variance <= 4.5 * sigma2:
-            size, sigma = 0.0, math.sqrt(4.5 * sigma2) / SURE_SIGMAS
-        found = Finding(
-            Fault.TEMPORAL_DITHERING,
-            size / step,
-            sigma / step,
-            f"at code {code} pixels swing by {size / step:.2g} grey codes (rms) while the picture stands "
-            "still",
-        )
-        if _stronger(found, best):
-            best = found
-    return best
-
-
-def _stronger(one: Finding, other: Finding) -> bool:
-    if one.found != other.found:
-        return one.found
-    return one.size > other.size if one.found else one.sigma < other.sigma
-
-
-FINE_PX = 5
-"""Camera px over which a pattern's mean is taken off: shading and viewing angle are smoother."""
-
-
-def spatial_dithering(
-    halves: Sequence[Float],
-    codes: Sequence[int],
-    grey_per_code: Sequence[float],
-    white: Float,
-    black: Float,
-    lit: Mask,
-) -> Finding:
-    """Dithering in space: a fine pattern at some grey codes that the white picture does not show.
-
-    halves: for each code, (2, rows, cols): mean of the first and of the second half of its frames. white,
-    black: (2, rows, cols) likewise. Pixels that are brighter or dimmer are so at every code, in proportion to
-    the light: that is taken off by way of the white. What both halves agree upon is no noise. Size: rms, grey
-    codes.
-    """
-    best = Finding(Fault.SPATIAL_DITHERING, 0.0, math.inf, "")
-    inner = np.asarray(uniform_filter(lit.astype(np.float64), FINE_PX) > 1 - 1e-9)
-    if np.count_nonzero(inner) < 256:
-        return best
-    swing = white - black
-    for pair, code, step in zip(halves, codes, grey_per_code, strict=True):
-        rest = np.empty_like(pair)
-        for half in range(2):
-            with np.errstate(divide="ignore", invalid="ignore"):  # beside the lit part
-                light = _smooth(pair[half] - black[half], lit) / _smooth(swing[half], lit)
-                rest[half] = pair[half] - black[half] - light * swing[half]
-        one, two = rest[0][inner], rest[1][inner]
-        agreed = one * two
-        variance = float(agreed.mean())
-        # smoothing ties neighbours together a little: fewer independent ones than pixels
-        sigma2 = 1.5 * float(agreed.std()) / math.sqrt(len(agreed))
-        size, sigma = _root(variance, sigma2)
-        found = Finding(
-            Fault.SPATIAL_DITHERING,
-            size / step,
-            sigma / step,
-            f"at code {code} the picture has a fine pattern of {size / step:.2g} grey codes (rms) of its own",
-        )
-        if _stronger(found, best):
-            best = found
-    return best
-
-
-def _smooth(image: Float, lit: Mask) -> Float:
-    """Mean of the lit pixels around each."""
-    weight = uniform_filter(lit.astype(np.float64), FINE_PX)
-    return np.asarray(uniform_filter(np.where(lit, image, 0.0), FINE_PX) / np.maximum(weight, 1e-9))
 
 
 SETTLED_SHARE = 0.01

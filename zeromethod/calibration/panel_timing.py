@@ -1,6 +1,6 @@
 """Latency, scan-out and rise of a panel, from frames taken while its picture changes.
 
-Each frame after a change tells how much of the new light its exposure saw, band by band down the panel's
+Each frame after a change shows how much of the new light its exposure saw, band by band down the panel's
 rows: `pairing.lit_share` of the panel's timing. Camera and panel run on clocks of their own, so that frames
 fall on every part of the change, and the timing follows by least squares. Where they run in step, frames fall
 on few parts of it; sigma then says so.
@@ -23,7 +23,7 @@ LEAST_FRAMES = 8
 
 LEAST_BANDS = 2
 LEAST_SWING = 10.0
-"""Change of a band's grey, over its scatter while the picture stands, that makes it worth a look."""
+"""Change of a band's grey, over its scatter while the picture does not change, that makes it usable."""
 
 KNOWN_SCANOUT_S = 1e-3
 KNOWN_RISE_S = 5e-4

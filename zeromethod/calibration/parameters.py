@@ -1,7 +1,7 @@
 """What a calibration fits: a rig's geometry as named numbers, how well calipers know them, and back to a rig.
 
-The camera's direction is given by two angles that do not depend on where it stands: `heading` turns its axis
-in the world's xz plane, from x towards z, `elevation` lifts it towards y. The captured face is told by how
+The camera's direction is given by two angles that do not depend on its position: `heading` turns its axis
+in the world's xz plane, from x towards z, `elevation` lifts it towards y. The captured face is given by how
 much its angle differs from the pattern face's: cut from one mould, they are known better against each other.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,8 +22,8 @@ from zeromethod.rig.model import Rig
 class Parameter:
     """One number of the bench's geometry.
 
-    sigma: standard deviation of a value taken with calipers, a protractor and data sheets; 0 = taken as
-    exact unless told otherwise. low, high: what is physically possible; a fit stays within.
+    sigma: standard deviation of a value taken with calipers, a protractor and data sheets; 0 = taken as exact
+    unless another is given. low, high: what is physically possible; a fit stays within.
     """
 
     name: str
@@ -67,91 +68,89 @@ PARAMETERS = {
 }
 """Every parameter by name, in the order of a vector. The camera's scale is 1 in the rig file itself."""
 
-_LENS = tuple(f"camera.{name}" for name in ("k1", "k2", "p1", "p2", "k3"))
+_PLACES: dict[str, tuple[str, str, int | None]] = {
+    "display.along_mm": ("display", "centre_mm", 0),
+    "display.across_mm": ("display", "centre_mm", 1),
+    "display.turn_deg": ("display", "turn_deg", None),
+    "display.tilt_along_deg": ("display", "tilt_deg", 0),
+    "display.tilt_y_deg": ("display", "tilt_deg", 1),
+    "camera.x_mm": ("camera", "position_mm", 0),
+    "camera.y_mm": ("camera", "position_mm", 1),
+    "camera.z_mm": ("camera", "position_mm", 2),
+    "camera.roll_deg": ("camera", "roll_deg", None),
+    "camera.centre_u_px": ("camera", "centre_px", 0),
+    "camera.centre_v_px": ("camera", "centre_px", 1),
+    "prism.index": ("prism", "index", None),
+    "prism.pattern_angle_deg": ("prism", "pattern_angle_deg", None),
+    "camera.k1": ("camera", "distortion", 0),
+    "camera.k2": ("camera", "distortion", 1),
+    "camera.p1": ("camera", "distortion", 2),
+    "camera.p2": ("camera", "distortion", 3),
+    "camera.k3": ("camera", "distortion", 4),
+}
+"""Table, key and index of a rig where parameters stand as they are."""
 
 
 def describe(rig: Rig) -> dict[str, float]:
     """Value of every parameter that the rig has."""
-    display, camera, prism = rig.display, rig.camera, rig.prism
+    camera, prism = rig.camera, rig.prism
+    values: dict[str, float] = {}
+    for name, (table, key, index) in _PLACES.items():
+        value = getattr(getattr(rig, table), key)
+        values[name] = value if index is None else value[index]
     axis = np.subtract(camera.look_at_mm, camera.position_mm)
     axis /= np.linalg.norm(axis)
     length_mm = prism.pattern_length_mm if prism.pattern_length_mm is not None else prism.mirror_length_mm
     assert length_mm is not None
-    values = {
-        "display.along_mm": display.centre_mm[0],
-        "display.across_mm": display.centre_mm[1],
-        "display.turn_deg": display.turn_deg,
-        "display.tilt_along_deg": display.tilt_deg[0],
-        "display.tilt_y_deg": display.tilt_deg[1],
-        "camera.x_mm": camera.position_mm[0],
-        "camera.y_mm": camera.position_mm[1],
-        "camera.z_mm": camera.position_mm[2],
+    values |= {
         "camera.heading_deg": float(np.degrees(np.arctan2(axis[2], axis[0]))),
         "camera.elevation_deg": float(np.degrees(np.arcsin(axis[1]))),
-        "camera.roll_deg": camera.roll_deg,
         "camera.scale": 1.0,
-        "camera.centre_u_px": camera.centre_px[0],
-        "camera.centre_v_px": camera.centre_px[1],
-        "prism.index": prism.index,
-        "prism.pattern_angle_deg": prism.pattern_angle_deg,
         "prism.captured_less_pattern_deg": prism.camera_angle_deg - prism.pattern_angle_deg,
         "prism.length_mm": length_mm,
     }
     if rig.pattern_layers and rig.pattern_layers[-1].index == 1.0:
         values["gap_mm"] = rig.pattern_layers[-1].thickness_mm
+    lens = {name for name, place in _PLACES.items() if place[1] == "distortion"}
     if camera.projection == "perspective":
         assert camera.focal_px is not None
-        values["camera.aspect"] = camera.focal_px[1] / camera.focal_px[0]
-        values.update(zip(_LENS, camera.distortion, strict=True))
-    return {name: values[name] for name in PARAMETERS if name in values}
+        lens, values["camera.aspect"] = set(), camera.focal_px[1] / camera.focal_px[0]
+    return {name: values[name] for name in PARAMETERS if name in values and name not in lens}
 
 
 def build(rig: Rig, values: Mapping[str, float]) -> Rig:
     """Rig with some of its parameters changed; the scale is relative to `rig`. Values are not checked."""
     p = {**describe(rig), **values}
+    tables: dict[str, dict[str, Any]] = {"display": {}, "camera": {}, "prism": {}}
+    for name, (table, key, index) in _PLACES.items():
+        if name in p and index is None:
+            tables[table][key] = p[name]
+        elif name in p:
+            tables[table][key] = (*tables[table].get(key, ()), float(p[name]))
+    camera, prism = tables["camera"], tables["prism"]
     heading, elevation = np.radians(p["camera.heading_deg"]), np.radians(p["camera.elevation_deg"])
-    position = np.array([p["camera.x_mm"], p["camera.y_mm"], p["camera.z_mm"]])
     flat = np.cos(elevation)
     axis = np.array([flat * np.cos(heading), np.sin(elevation), flat * np.sin(heading)])
     reach = float(np.linalg.norm(np.subtract(rig.camera.look_at_mm, rig.camera.position_mm)))
-    camera: dict[str, object] = {
-        "position_mm": tuple(map(float, position)),
-        "look_at_mm": tuple(map(float, position + reach * axis)),
-        "roll_deg": p["camera.roll_deg"],
-        "centre_px": (p["camera.centre_u_px"], p["camera.centre_v_px"]),
-    }
+    camera["look_at_mm"] = tuple(map(float, np.array(camera["position_mm"]) + reach * axis))
     if rig.camera.projection == "perspective":
         assert rig.camera.focal_px is not None
         focal = rig.camera.focal_px[0] * p["camera.scale"]
         camera["focal_px"] = (focal, focal * p["camera.aspect"])
-        camera["distortion"] = tuple(p[name] for name in _LENS)
     else:
         assert rig.camera.pixel_mm is not None
         camera["pixel_mm"] = rig.camera.pixel_mm * p["camera.scale"]
-    display = {
-        "centre_mm": (p["display.along_mm"], p["display.across_mm"]),
-        "turn_deg": p["display.turn_deg"],
-        "tilt_deg": (p["display.tilt_along_deg"], p["display.tilt_y_deg"]),
+    prism["camera_angle_deg"] = p["prism.pattern_angle_deg"] + p["prism.captured_less_pattern_deg"]
+    prism["pattern_length_mm" if rig.prism.pattern_length_mm is not None else "mirror_length_mm"] = p[
+        "prism.length_mm"
+    ]
+    changed: dict[str, Any] = {
+        table: getattr(rig, table).model_copy(update=update) for table, update in tables.items()
     }
-    prism = {
-        "index": p["prism.index"],
-        "pattern_angle_deg": p["prism.pattern_angle_deg"],
-        "camera_angle_deg": p["prism.pattern_angle_deg"] + p["prism.captured_less_pattern_deg"],
-        "pattern_length_mm" if rig.prism.pattern_length_mm is not None else "mirror_length_mm": p[
-            "prism.length_mm"
-        ],
-    }
-    layers = rig.pattern_layers
     if "gap_mm" in p:
-        layers = (*layers[:-1], layers[-1].model_copy(update={"thickness_mm": p["gap_mm"]}))
-    return rig.model_copy(
-        update={
-            "display": rig.display.model_copy(update=display),
-            "camera": rig.camera.model_copy(update=camera),
-            "prism": rig.prism.model_copy(update=prism),
-            "pattern_layers": layers,
-        }
-    )
+        gap = rig.pattern_layers[-1].model_copy(update={"thickness_mm": p["gap_mm"]})
+        changed["pattern_layers"] = (*rig.pattern_layers[:-1], gap)
+    return rig.model_copy(update=changed)
 
 
 @dataclass(frozen=True)

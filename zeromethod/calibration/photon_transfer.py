@@ -1,7 +1,7 @@
 """The camera's noise against its signal, by differences of frames of the same picture, and its black level.
 
 variance = read_grey^2 + (grey - black_grey) / electrons_per_grey, plus 1/12 for rounding to whole grey
-levels, as `[camera.noise]` has it. Light alone tells the line's slope and its height, but not where on it the
+levels, as `[camera.noise]` has it. Light alone gives the line's slope and its height, but not where on it the
 camera's black lies: read noise and black level need frames in the dark or several exposures.
 """
 
@@ -25,13 +25,13 @@ QUANTISATION = 1.0 / 12.0
 """Variance of rounding to whole grey levels."""
 
 LIGHT_SHARE = 0.05
-"""Of full scale: what the greys must span before a slope is told."""
+"""Of full scale: what the greys must span before a slope is fitted."""
 
 _BINS = 4
 """Classes of like grey in each picture: light falls off over the view."""
 
 _COMMON_PIXELS = 20000
-"""Enough to tell how a frame differs as a whole."""
+"""Enough to find how a frame differs as a whole."""
 
 _AROUND_PX = 9
 _LEAST_PIXELS = 64
@@ -73,16 +73,16 @@ class Still:
 def still(frames: Sequence[NDArray[np.generic]] | NDArray[np.generic], lit: Mask, full_grey: float) -> Still:
     """Mean and variance of (frames, rows, cols) grey levels, two frames or more.
 
-    lit: pixels by which it is told how a frame differs as a whole (a flickering backlight is no noise of the
-    camera): by a constant and in proportion to the light.
+    lit: pixels by which a frame is judged as a whole (a flickering backlight is no noise of the camera):
+    by a constant and in proportion to the light.
     """
     stack = np.asarray(frames)
     if stack.ndim != 3 or len(stack) < 2 or stack.shape[1:] != lit.shape:
         raise InputError(f"frames: shape {stack.shape}, lit {lit.shape}: two or more of (rows, cols)")
     mean = stack.mean(axis=0, dtype=np.float64)
-    told = np.flatnonzero(lit if np.count_nonzero(lit) >= _LEAST_PIXELS else np.ones_like(lit))
-    level = np.array([float(frame.reshape(-1)[told].mean(dtype=np.float64)) for frame in stack])
-    few = told[:: max(1, len(told) // _COMMON_PIXELS)]
+    used = np.flatnonzero(lit if np.count_nonzero(lit) >= _LEAST_PIXELS else np.ones_like(lit))
+    level = np.array([float(frame.reshape(-1)[used].mean(dtype=np.float64)) for frame in stack])
+    few = used[:: max(1, len(used) // _COMMON_PIXELS)]
     middle = mean.reshape(-1)[few].mean()
     # noise of a frame and of the mean that holds it do not go together once the mean is taken off
     design = np.linalg.pinv(
@@ -150,7 +150,7 @@ class PhotonTransfer:
     electrons_per_grey: None where noise does not rise with the light. slope, at_zero: of the line
     variance = at_zero + slope x grey, rounding included: known well whatever is known of the black level.
     chi2: per degree of freedom; above 1, sigmas are widened by its root. points: (n, 3) grey, variance,
-    sigma. notes: what is wrong or could not be told.
+    sigma. notes: what is wrong or unknown.
     """
 
     read_grey: float
@@ -201,9 +201,7 @@ def measure_noise(
             "noise: the frames are too dark, too bright or too few: change the exposure until white stays "
             "below full scale"
         )
-    notes = []
-    span = float(np.ptp(points[:, 0]))
-    sloped = span > LIGHT_SHARE * stills[0].full_grey
+    sloped = float(np.ptp(points[:, 0])) > LIGHT_SHARE * stills[0].full_grey
     line, covariance, chi2 = _line(points, sloped)
     if black is None and dark is not None:
         black = _black_of(dark, sound)
@@ -212,45 +210,42 @@ def measure_noise(
         # a grey's own error: its noise, over as many readings as its variance came from
         error = 0.05 + 3.0 * float(darkest_point[2] / math.sqrt(2.0 * max(darkest_point[1], QUANTISATION)))
         black = _bounds(line, covariance, float(darkest_point[0]) + error)
-        notes.append(
-            f"black level: between {black.low:.3g} and {black.high:.3g} grey levels, read noise accordingly: "
-            "without frames in the dark (lens capped) or several exposures, the camera's black cannot be "
-            "told "
-            "from light that the black LCD and the room give"
-        )
-    darkest = dark if dark is not None else min(stills, key=lambda one: float(one.mean.mean()))
-    if darkest.floor_share > _CLIPPED_SHARE:
-        notes.append(
-            f"black level: {100 * darkest.floor_share:.0f} % of the readings of the darkest frames are 0, "
-            "where "
-            "noise is cut off: raise the camera's black level (offset) to four times its read noise"
-        )
-    if not sloped:
-        notes.append("noise: all frames are equally dark: how noise rises with light cannot be told")
-    elif chi2 > 3.0:
-        notes.append(
-            f"noise: it is no straight line in the light (chi-square {chi2:.1f} per degree of freedom): a "
-            "camera "
-            "that sharpens, denoises or applies a gamma, or an LCD that dithers: switch that off"
-        )
     read, read_sigma = _read(line, covariance, black)
-    if read**2 + QUANTISATION < _FINE_SD**2:
-        notes.append("noise: near the rounding to whole grey levels: its size in the dark is uncertain")
     rising = sloped and line[1] > 2 * math.sqrt(covariance[1, 1])
     electrons = 1.0 / float(line[1]) if rising else None
     electrons_sigma = math.sqrt(covariance[1, 1]) / float(line[1]) ** 2 if rising else float("nan")
+    darkest = dark if dark is not None else min(stills, key=lambda one: float(one.mean.mean()))
+    notes = _notes(black, darkest, sloped, chi2, read)
+    slope, at_zero = float(line[1]), float(line[0])
     return PhotonTransfer(
-        read,
-        read_sigma,
-        electrons,
-        electrons_sigma,
-        black,
-        float(line[1]),
-        float(line[0]),
-        chi2,
-        points,
-        tuple(notes),
+        read, read_sigma, electrons, electrons_sigma, black, slope, at_zero, chi2, points, notes
     )
+
+
+def _notes(black: BlackLevel, darkest: Still, sloped: bool, chi2: float, read: float) -> tuple[str, ...]:
+    """What is wrong or unknown, for a person."""
+    notes = []
+    if black.source == "bounds":
+        notes.append(
+            f"black level: between {black.low:.3g} and {black.high:.3g} grey levels, read noise accordingly: "
+            "without frames in the dark (lens capped) or several exposures, the camera's black cannot be "
+            "separated from light that the black LCD and the room give"
+        )
+    if darkest.floor_share > _CLIPPED_SHARE:
+        notes.append(
+            f"black level: {100 * darkest.floor_share:.0f} % of the readings of the darkest frames are 0, "
+            "where noise is cut off: raise the camera's black level (offset) to four times its read noise"
+        )
+    if not sloped:
+        notes.append("noise: all frames are equally dark: how noise rises with light is not known")
+    elif chi2 > 3.0:
+        notes.append(
+            f"noise: it is no straight line in the light (chi-square {chi2:.1f} per degree of freedom): a "
+            "camera that sharpens, denoises or applies a gamma, or an LCD that dithers: switch that off"
+        )
+    if read**2 + QUANTISATION < _FINE_SD**2:
+        notes.append("noise: near the rounding to whole grey levels: its size in the dark is uncertain")
+    return tuple(notes)
 
 
 def _points(one: Still, chosen: Mask, bins: int = _BINS) -> Float:

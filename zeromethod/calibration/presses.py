@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.calibration.observations import well_inside
+from zeromethod.calibration.measurements import well_inside
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.calibration.rays import UnboundedOptics
 from zeromethod.errors import InputError, MeasurementError
@@ -101,10 +102,10 @@ class Presses:
     sigma: Float
     before: Sequence[Surface | None] = field(default=(), repr=False)
     blind_to: frozenset[str] = frozenset()
-    name: str = "presses"
-    group: int = 1
-    costly: bool = True
-    step: float = 0.1
+    name: ClassVar[str] = "presses"
+    group: ClassVar[int] = 1
+    costly: ClassVar[bool] = True
+    step: ClassVar[float] = 0.1
 
     @classmethod
     def of(cls, reading: RestReading, presses: Sequence[KnownPress]) -> Presses:
@@ -175,10 +176,10 @@ class KnownBall:
     sigma_radius_mm: float
     sigma: Float = field(default_factory=lambda: np.full(1, np.nan))
     blind_to: frozenset[str] = frozenset()
-    name: str = "ball"
-    group: int = 1
-    costly: bool = True
-    step: float = 0.1
+    name: ClassVar[str] = "ball"
+    group: ClassVar[int] = 1
+    costly: ClassVar[bool] = True
+    step: ClassVar[float] = 0.1
 
     @property
     def measured(self) -> Float:

@@ -46,7 +46,7 @@ class UnboundedOptics(Optics):
     """Rays of a rig that no border cuts off, so that what they meet changes smoothly with the rig.
 
     Rays that meet the mirror's plane before the captured face (x beyond R0) are followed backwards, which
-    is what an edge seen a little beside its place asks for.
+    is needed for an edge seen a little off its place.
     """
 
     def __init__(self, rig: Rig) -> None:

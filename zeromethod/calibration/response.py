@@ -99,7 +99,7 @@ class MeasuredResponse:
     def between(self) -> float:
         """Departure from the table, in light, that may hide between the codes, as far as it is no noise.
 
-        Every second code is foretold from the rest; at half the distance a smooth curve departs by a quarter
+        Every second code is predicted from the rest; at half the distance a smooth curve departs by a quarter
         of that at most, and one with a kink by half.
         """
         light, sigma = self.whole.light, self.whole.sigma
@@ -112,19 +112,19 @@ class MeasuredResponse:
     @property
     def notes(self) -> tuple[str, ...]:
         """What should be seen to; empty where all is well."""
-        told = []
+        said = []
         if self.between > NOTABLE_BEND:
-            told.append(
+            said.append(
                 f"the light bends so sharply that up to {100 * self.between:.1f} % of the white's may lie "
                 "unseen between the codes shown: set the LCD's picture mode to standard"
             )
         drift = abs(self.drift_per_minute)
         if drift > max(NOTABLE_DRIFT, 5 * self.drift_sigma):
-            told.append(f"the light changes by {100 * drift:.1f} % per minute: let the LCD warm up")
+            said.append(f"the light changes by {100 * drift:.1f} % per minute: let the LCD warm up")
         if self.falling:
             codes = ", ".join(str(code) for code in self.falling)
-            told.append(f"the light falls at codes {codes}: set the LCD's picture mode to standard")
-        return tuple(told)
+            said.append(f"the light falls at codes {codes}: set the LCD's picture mode to standard")
+        return tuple(said)
 
     def table(self) -> tuple[float, ...]:
         """Light at `TABLE_CODES`, each above the last, as a rig file takes it.
@@ -184,8 +184,7 @@ def _checked(code: Ints, grey: Float, times_s: Float) -> None:
     if grey.ndim != 4 or len(grey) < 2 or grey.shape[1] != len(code) or times_s.shape != grey.shape[:2]:
         raise InputError(
             f"grey: shape {grey.shape}, times {times_s.shape}: (two or more passes, {len(code)} codes, tile "
-            "rows, "
-            "tile cols), and the first two of these"
+            "rows, tile cols), and the first two of these"
         )
 
 
@@ -237,8 +236,7 @@ def _curve(code: Ints, grey: Float) -> tuple[Curve, float]:
     if swing <= LEAST_SWING_SIGMAS * float(np.sqrt(variance[0] + variance[-1])):
         raise MeasurementError(
             f"response: white differs from black by {swing:.2g} grey levels, which is within the noise: is "
-            "the LCD "
-            "on, seen, and the exposure long enough?"
+            "the LCD on, seen, and the exposure long enough?"
         )
     light = np.clip((rising - rising[0]) / swing, 0.0, 1.0)
     # What pooling makes of several codes is no worse than each by itself: a projection brings points nearer.

@@ -25,12 +25,7 @@ _LEAST_DARK = 5
 
 
 def steps_down(
-    level: Single,
-    valid: Mask,
-    middle: Float,
-    half_width: float,
-    outwards: int,
-    usual: float,
+    level: Single, valid: Mask, middle: Float, half_width: float, outwards: int, usual: float
 ) -> tuple[Float, Float]:
     """Find the last step from bright to dark on every line, within `half_width` px of `middle`.
 

@@ -1,16 +1,16 @@
-"""What the data leave open: parameters that they do not tell apart, and what to measure next."""
+"""What the data leave open: parameters that they do not separate, and what to measure next."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.calibration.depth_error import DepthError
 from zeromethod.calibration.fit import Fit, jacobian
-from zeromethod.calibration.observations import Direct, Intrinsics, MirrorEdge, Observation
+from zeromethod.calibration.measurements import Direct, Intrinsics, Measurement, MirrorEdge
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
 
@@ -18,10 +18,10 @@ KEPT = 0.9
 """Share of its prior's sigma that a combination keeps when the data say next to nothing about it."""
 _NAMED = 0.3
 """Part of a unit combination from which a parameter is named."""
-_TURNS = 100
+_ROTATIONS = 100
 
 PRESS_DEPTH_MM, PRESS_SIGMA_MM = 0.2, 0.6e-3
-"""A press by a good height gauge: 0.2 mm known to +-1 um."""
+"""A press by a good height gauge: 0.2 mm known to +-1 µm."""
 EDGE_PX = 2.0
 _HAND_TOOLS = {
     "gap_mm": (0.02, "feeler gauge"),
@@ -57,12 +57,12 @@ class Blend:
         return f"{named[0]} moves together {rest} unseen"
 
 
-def untold(fitted: Fit, error: DepthError) -> list[Blend]:
+def open_combinations(fitted: Fit, error: DepthError) -> list[Blend]:
     """Combinations that keep more than `KEPT` of their prior, those that matter most for depth first.
 
     Eigenvectors of the posterior in units of the priors. Where several keep all of their prior they are open
-    up to a turn among themselves, which is chosen so that each names few parameters (varimax: H. F. Kaiser,
-    Psychometrika 23 (1958) 187, doi:10.1007/BF02289233).
+    up to a rotation among themselves, which is chosen so that each names few parameters (varimax: H. F.
+    Kaiser, Psychometrika 23 (1958) 187, doi:10.1007/BF02289233).
     """
     values, vectors = np.linalg.eigh(fitted.covariance)
     open_vectors = _few_words(vectors[:, values > KEPT**2])
@@ -77,30 +77,32 @@ def untold(fitted: Fit, error: DepthError) -> list[Blend]:
 
 
 def _few_words(vectors: Float) -> Float:
-    """Turn orthonormal columns (n, m) among themselves so that each has few large entries."""
-    turn = np.eye(vectors.shape[1])
+    """Rotate orthonormal columns (n, m) among themselves so that each has few large entries."""
+    rotation = np.eye(vectors.shape[1])
     before = 0.0
-    for _ in range(_TURNS):
-        turned = vectors @ turn
-        shape = turned**3 - turned * (turned**2).mean(axis=0)
+    for _ in range(_ROTATIONS):
+        rotated = vectors @ rotation
+        shape = rotated**3 - rotated * (rotated**2).mean(axis=0)
         left, spread, right = np.linalg.svd(vectors.T @ shape)
-        turn = left @ right
+        rotation = left @ right
         if spread.sum() < before * (1.0 + 1e-9):
             break
         before = float(spread.sum())
-    return vectors @ turn
+    return vectors @ rotation
 
 
 @dataclass(frozen=True)
 class Gain:
     """What one more piece of data would bring.
 
-    what: in words. percent: depth's sigma, rms over the regions, with it. before_percent: without.
+    what: in words. percent: depth's sigma, rms over the regions, with it. before_percent: without. acts: how
+    many things are done for it.
     """
 
     what: str
     percent: float
     before_percent: float
+    acts: int = 1
 
 
 def gains(fitted: Fit, error: DepthError) -> list[Gain]:
@@ -109,39 +111,38 @@ def gains(fitted: Fit, error: DepthError) -> list[Gain]:
     Predicted to first order: the posterior with the data's derivatives added. Presses may be given any
     number of times, and are offered in the middle row of regions and as all three of it together.
     """
-    given = {term.observation.name for term in fitted.terms}
-    offers = [
-        (f"{PARAMETERS[o.parameter].words} by {tool}", _rows(fitted, o)) for o, tool in _by_hand(fitted)
+    given = {term.measurement.name for term in fitted.terms}
+    by_hand: list[tuple[str, Measurement]] = [
+        *((f"{one.name} by {tool}", one) for one, tool in _by_hand(fitted)),
+        *((f"{one.name} in the image, to {one.sigma_px:g} px", one) for one in _edges(fitted)),
     ]
-    offers += [
-        (f"{edge.name} in the image, to {edge.sigma_px:g} px", _rows(fitted, edge)) for edge in _edges(fitted)
-    ]
-    offers = [(what, rows) for what, rows in offers if not any(what.startswith(name) for name in given)]
-    if "camera intrinsics" not in given and fitted.rig.camera.projection == "perspective":
-        offers.append(("camera intrinsics by a board", _rows(fitted, _board(fitted))))
+    if fitted.rig.camera.projection == "perspective":
+        by_hand.append(("camera intrinsics by a board", _board(fitted)))
+    offers = [(what, _rows(fitted, one)) for what, one in by_hand if one.name not in given]
     press = error.sensitivity * (PRESS_DEPTH_MM / PRESS_SIGMA_MM)
     middle = np.arange(1, len(error.names), 3)
     for index in middle:
         place = f"x = {error.x_mm[index]:z.0f} mm, y = {error.y_mm[index]:z.0f} mm"
         offers.append(
-            (f"a press of {PRESS_DEPTH_MM:g} mm, known to 1 um, at {place}", press[index : index + 1])
+            (f"a press of {PRESS_DEPTH_MM:g} mm, known to 1 µm, at {place}", press[index : index + 1])
         )
     places = ", ".join(f"{error.x_mm[i]:z.0f}" for i in middle)
-    offers.append((f"presses of {PRESS_DEPTH_MM:g} mm, known to 1 um, at x = {places} mm", press[middle]))
+    offers.append((f"presses of {PRESS_DEPTH_MM:g} mm, known to 1 µm, at x = {places} mm", press[middle]))
     before = _rms(error.percent)
     found = [
         Gain(what, _rms(error.percent_with(_with(fitted.covariance, rows))), before) for what, rows in offers
     ]
+    found[-1] = replace(found[-1], acts=len(middle))
     return sorted(found, key=lambda gain: gain.percent)
 
 
-def expected(fitted: Fit, error: DepthError, observation: Observation) -> float:
-    """Depth's sigma, percent rms over the regions, that one more observation is expected to leave."""
-    return _rms(error.percent_with(_with(fitted.covariance, _rows(fitted, observation))))
+def expected(fitted: Fit, error: DepthError, measurement: Measurement) -> float:
+    """Depth's sigma, percent rms over the regions, that one more measurement is expected to leave."""
+    return _rms(error.percent_with(_with(fitted.covariance, _rows(fitted, measurement))))
 
 
-def _rows(fitted: Fit, observation: Observation) -> Float:
-    rows = jacobian(fitted.priors, fitted.z, observation.prepared(fitted.rig))
+def _rows(fitted: Fit, measurement: Measurement) -> Float:
+    rows = jacobian(fitted.priors, fitted.z, measurement.prepared(fitted.rig))
     return rows[np.isfinite(rows).all(axis=-1)]
 
 
@@ -189,7 +190,7 @@ def _edges(fitted: Fit) -> list[MirrorEdge]:
 
 def strongest(gain: Sequence[Gain]) -> Gain | None:
     """Best piece of data that is a single act; None where nothing takes 5 % off."""
-    single = [one for one in gain if not one.what.startswith("presses")]
+    single = [one for one in gain if one.acts == 1]
     if not single or single[0].percent > 0.95 * single[0].before_percent:
         return None
     return single[0]

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from zeromethod.calibration.depth_error import DepthError
 from zeromethod.calibration.fit import Fit
-from zeromethod.calibration.observations import RestPositions
+from zeromethod.calibration.measurements import RestPositions
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.calibration.uncertainty import Gain, strongest
 from zeromethod.optics import Optics, critical_angle_rad
@@ -20,14 +20,19 @@ DEPTH_PERCENT = 2.0
 TIR_MARGIN_DEG = 0.5
 _SAMPLES = 33
 
-Level = Literal["good", "uncertain", "bad"]
+
+class Level(enum.StrEnum):
+    """How far a calibration can be trusted."""
+
+    GOOD = "good"
+    UNCERTAIN = "uncertain"  # true, but says little about depth, or fragile
+    BAD = "bad"  # something is wrong
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """How a calibration stands.
+class CalibrationVerdict:
+    """How far a calibration can be trusted, and why.
 
-    level: "good"; "uncertain" (true, but says little about depth, or fragile); "bad" (something is wrong).
     findings: every one, the most important first; empty where all is well.
     """
 
@@ -46,7 +51,7 @@ def judge(
     gain: Sequence[Gain] = (),
     usable_share: float = 1.0,
     last: Mapping[str, tuple[float, float]] | None = None,
-) -> Verdict:
+) -> CalibrationVerdict:
     """Weigh a calibration.
 
     usable_share: of the camera's nodes, those with a place in the rest map. last: value and sigma of the
@@ -65,7 +70,8 @@ def judge(
         text = f"depth is known to {error.percent[worst]:.1f} % only ({error.names[worst]})"
         best = strongest(gain)
         weak.insert(0, f"{text}; measure next: {best.what}" if best else text)
-    return Verdict("bad" if bad else "uncertain" if weak else "good", (*bad, *weak))
+    level = Level.BAD if bad else Level.UNCERTAIN if weak else Level.GOOD
+    return CalibrationVerdict(level, (*bad, *weak))
 
 
 def tir_margin_deg(fitted: Fit) -> float:
@@ -87,7 +93,7 @@ def _misfits(fitted: Fit) -> list[str]:
     found = [] if fitted.settled else ["the fit did not settle: the rig file is far from this bench"]
     off: list[tuple[float, str]] = []
     for term in fitted.terms:
-        data = term.observation
+        data = term.measurement
         if isinstance(data, RestPositions):
             share = term.outliers / len(term.weight)
             if share > OUTLIERS:

@@ -54,7 +54,7 @@ def panel_exponents(
 
     places_px: (tile rows, tile cols, 2) LCD (column, row) that the tiles see, NaN where unknown. size:
     (columns, rows) of the panel. None where the regions agree, within noise or `NOTABLE_LIGHT`, or are too
-    few to tell.
+    few.
     """
     far = 0.5 * (np.array(size, dtype=np.float64) - 1.0)
     rows, fits = [], []
@@ -84,18 +84,13 @@ def panel_exponents(
     return (a, b), (c, d)
 
 
-def told_of_regions(response: MeasuredResponse, exponents: Float | None) -> str:
-    """What should be seen to where regions differ by more than the drawing undoes; "" where they do not.
+def spread_left(response: MeasuredResponse, exponents: Float | None) -> float:
+    """Departure of a region's light, of the white's, that the drawing does not undo; 0 below what is notable.
 
     exponents: (tile rows, tile cols), those that are drawn with; None: one inverse for all.
     """
     left = float(np.max(response.spread(exponents)))
-    if left <= NOTABLE_SPREAD:
-        return ""
-    return (
-        f"the response differs by up to {100 * left:.1f} % of the white's light over the view beyond what "
-        "the drawing can mend: turn the LCD's best viewing direction to the prism, or take an IPS panel"
-    )
+    return left if left > NOTABLE_SPREAD else 0.0
 
 
 def at_places(

@@ -10,8 +10,9 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from zeromethod.cli.calibrate_bench import calibrate_bench, calibrate_options, refuse_unheeded
+from zeromethod.cli.calibrate_bench import calibrate_bench
 from zeromethod.cli.calibrate_camera import board_command, intrinsics_command
+from zeromethod.cli.calibrate_options import calibrate_options, refuse_unused
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, write_summary
 from zeromethod.commissioning.decode import decode_files, figures, refuse_empty
@@ -37,11 +38,11 @@ _SIGMAS = ("sigma_column_median_px", "sigma_row_median_px")
 def calibrate_command(context: click.Context, /, **given: Any) -> None:
     """Find out what the bench is: response, rest map, delay, geometry; follow what it says.
 
-    Nothing may touch the mirror until a press is asked for. What is found goes into a dated folder beside
+    Nothing may touch the mirror until a press is asked for. What is found goes into a dated folder next to
     the rig file, with a rig file for `run`.
     """
     if context.invoked_subcommand is None:
-        refuse_unheeded(context)
+        refuse_unused(context)
         calibrate_bench(**given)
 
 
@@ -173,10 +174,10 @@ def decode_command(
             advance=lambda: advance("decoding"),
         )
     found.rest_map.save(output)
-    told = figures(found)
-    Console().print(_table(told))
+    values = figures(found)
+    Console().print(_table(values))
     if summary is not None:
-        write_summary(summary, {"periods_px": sequence.periods_px, "output": str(output), **told})
+        write_summary(summary, {"periods_px": sequence.periods_px, "output": str(output), **values})
     try:
         refuse_empty(found)
     except MeasurementError as error:
@@ -188,25 +189,25 @@ def _rare(share: float) -> str:
     return "under 1e-12" if share < 1e-12 else f"{share:.1g}"
 
 
-def _table(told: dict[str, Any]) -> Table:
+def _table(values: dict[str, Any]) -> Table:
     """What was found, and why the rest was not."""
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column()
     table.add_column(justify="right")
-    columns, rows = told["display_px"]
+    columns, rows = values["display_px"]
     for name, text in (
-        ("camera pixels with a place on the LCD", f"{told['valid_share']:.2%}"),
-        ("sigma, LCD px (columns, rows)", ", ".join(f"{told[key]:.4f}" for key in _SIGMAS)),
+        ("camera pixels with a place on the LCD", f"{values['valid_share']:.2%}"),
+        ("sigma, LCD px (columns, rows)", ", ".join(f"{values[key]:.4f}" for key in _SIGMAS)),
         ("LCD sought, px", f"{columns:.0f} x {rows:.0f}"),
-        ("wrong orders expected from noise", _rare(told["wrong_orders_expected"])),
-        ("frames' scatter over the camera's noise", f"{told['scatter_over_noise']:.2f}"),
-        ("second reflection, median", f"{told['second_reflection_median_share']:.1%}"),
-        ("second harmonic of the LCD's light", f"{told['second_harmonic_share']:.1%}"),
-        ("drift of the light", f"{told['light_drift_share']:.1%}"),
+        ("wrong orders expected from noise", _rare(values["wrong_orders_expected"])),
+        ("frames' scatter over the camera's noise", f"{values['scatter_over_noise']:.2f}"),
+        ("second reflection, median", f"{values['second_reflection_median_share']:.1%}"),
+        ("second harmonic of the LCD's light", f"{values['second_harmonic_share']:.1%}"),
+        ("drift of the light", f"{values['light_drift_share']:.1%}"),
     ):
         if "nan" not in text:
             table.add_row(name, text)
-    for reason, count in told["reasons_px"].items():
+    for reason, count in values["reasons_px"].items():
         if count:
             table.add_row(f"camera pixels left out: {reason}", f"{count}")
     return table

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
-from click.core import ParameterSource
 from rich.console import Console
 
-from zeromethod.calibration.camera_file import CameraFile, load_camera
+from zeromethod.calibration.camera_file import ASSUMED_PERCENT, CameraFile, load_camera
 from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, home_of, load, newest
+from zeromethod.calibration.verdict import Level
 from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, depths_of, edge_of, known_of
-from zeromethod.cli.device_options import BenchOptions, bench_options, other_devices, with_devices
-from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import Prompts, check_file, check_folder, write_summary
+from zeromethod.cli.device_options import BenchOptions, other_devices, with_devices
+from zeromethod.cli.output import TerminalPrompts, check_file, check_folder, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.commissioning.calibration import (
     Calibration,
@@ -31,7 +30,7 @@ from zeromethod.commissioning.calibration import (
     rest_alone,
     store_calibration,
 )
-from zeromethod.commissioning.calibration.procedure import Known
+from zeromethod.commissioning.calibration.plan import Known
 from zeromethod.devices.abilities import warnings_of
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
@@ -49,104 +48,6 @@ from zeromethod.view.calibration_table import (
 
 FIGURE = "calibration.png"
 
-_OPTIONS: tuple[Callable[[Any], Any], ...] = (
-    click.option("--rig", "rig_name", help="Rig file (`zeromethod init` makes one), or a packaged name."),
-    bench_options,
-    click.option(
-        "--press-depths", "depths", metavar="D,D,...", default="",
-        help="Depths, mm, of presses that you will make, in order; you are told when.",
-    ),
-    click.option(
-        "--depth-sigma", type=float, default=1e-3, show_default=True, metavar="MM",
-        help="How well these depths are known (standard deviation).",
-    ),
-    click.option(
-        "--ball", "ball_text", metavar="RADIUS:SIGMA",
-        help="A ball that you will press in after these, mm: its radius and how well it is known.",
-    ),
-    click.option(
-        "--known", multiple=True, metavar="NAME=VALUE:SIGMA",
-        help="A parameter measured by itself: gap_mm=0.48:0.01 by feeler gauge, display.along_mm=29.8:0.25.",
-    ),
-    click.option(
-        "--edge", "edges", multiple=True, metavar="P0=U,V[:SIGMA]",
-        help="A point of the mirror's edge P0 or R0 in the camera's image, px: R0=1180.5,512:2 (sigma 2 px "
-        "unless told). It takes the place of what is found there.",
-    ),
-    click.option(
-        "--edges/--no-edges", "find", default=None,
-        help="Look for the mirror's edges in the image.  [default: edges]",
-    ),
-    click.option(
-        "--intrinsics", "camera_file", type=click.Path(path_type=Path), metavar="FILE",
-        help="The camera by itself, from `zeromethod calibrate intrinsics`.",
-    ),
-    click.option("--light/--no-light", default=True, help="Measure response and noise."),
-    click.option("--delay/--no-delay", default=True, help="Measure the delay of display and camera."),
-    click.option(
-        "--frames", "rest_frames", type=Whole(1, 1000), default=Plan.rest_frames, show_default=True,
-        help="Camera frames averaged for each picture of the rest map.",
-    ),
-    click.option(
-        "--press-frames", type=Whole(4, 1000), default=Plan.press_frames, show_default=True,
-        help="Camera frames averaged for each press.",
-    ),
-    click.option(
-        "--patience", "patience_s", type=Real(min=0, min_open=True), default=Plan.patience_s,
-        show_default=True, metavar="S", help="Longest wait for a press.",
-    ),
-    click.option(
-        "--output", type=click.Path(path_type=Path, file_okay=False),
-        help="Folder for the dated folder.  [default: calibrations/<rig> beside the rig file]",
-    ),
-    click.option(
-        "--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json)."
-    ),
-    click.option(
-        "--show", "show_folder", is_flag=False, flag_value="", metavar="[FOLDER]",
-        help="Show a calibration instead: that in FOLDER, or with --rig its newest.",
-    ),
-    click.option(
-        "--diff", "compared", nargs=2, type=click.Path(path_type=Path), metavar="A B",
-        help="Compare the calibrations in two folders instead.",
-    ),
-    click.option(
-        "--redo", "redo_folder", type=click.Path(path_type=Path), metavar="FOLDER",
-        help="Evaluate what was recorded in FOLDER anew instead, with --known, --edge, --intrinsics added.",
-    ),
-)  # fmt: skip
-
-
-def calibrate_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of the live command."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
-
-
-_INSTEAD = {
-    "compared": frozenset[str](),
-    "show_folder": frozenset({"rig_name", "summary"}),
-    "redo_folder": frozenset({"known", "edges", "find", "camera_file", "ball_text", "output", "summary"}),
-}
-"""What may be told beside the options that take the place of a calibration."""
-
-
-def refuse_unheeded(context: click.Context) -> None:
-    """Raise InputError for an option that was given and would go unheeded."""
-    typed = {option.name: option.opts[0] for option in context.command.params}
-    given = [
-        name
-        for name in typed
-        if name is not None and context.get_parameter_source(name) is ParameterSource.COMMANDLINE
-    ]
-    for name, heeded in _INSTEAD.items():
-        if name in given:
-            for other in given:
-                if other != name and other not in heeded:
-                    allowed = ", ".join(sorted(typed[one] for one in heeded)) or "none other"
-                    raise InputError(f"{typed[other]}: not with {typed[name]}; allowed: {allowed}")
-
 
 def calibrate_bench(
     rig_name: str | None,
@@ -158,6 +59,7 @@ def calibrate_bench(
     find: bool | None = None,
     ball_text: str | None = None,
     camera_file: Path | None = None,
+    camera_percent: float | None = None,
     light: bool = True,
     delay: bool = True,
     rest_frames: int = Plan.rest_frames,
@@ -167,7 +69,7 @@ def calibrate_bench(
     summary: Path | None = None,
     show_folder: str | None = None,
     compared: tuple[Path, Path] | None = None,
-    redo_folder: Path | None = None,
+    again_folder: Path | None = None,
     **devices: Any,
 ) -> Stored | None:
     """Do what the command line asks for; the calibration that was made or shown.
@@ -179,24 +81,24 @@ def calibrate_bench(
     if compared:
         before, after = load(compared[0]), load(compared[1])
         console.print(difference_table(before, after))
-        _tell_arrays(before)
-        _tell_arrays(after)
+        _warn_of_arrays(before)
+        _warn_of_arrays(after)
         return None
     if show_folder is not None:
         shown = _wanted(show_folder, rig_name)
         _print(console, shown)
-        _tell_arrays(shown)
+        _warn_of_arrays(shown)
         _summarise(shown, summary)
         return shown
-    lens = load_camera(camera_file) if camera_file is not None else None
+    lens = _lens(camera_file, camera_percent)
     direct: tuple[Known, ...] = (*map(known_of, known), *map(edge_of, edges))
     direct += (lens.intrinsics,) if lens is not None else ()
     ball_mm = ball_of(ball_text) if ball_text is not None else None
     limit_threads()
-    if redo_folder is not None:
-        stored = _redo(redo_folder, direct, lens, ball_mm, find, output)
+    if again_folder is not None:
+        stored = _evaluate_again(again_folder, direct, lens, ball_mm, find, output)
         others = other_devices(stored.fingerprint, load_rig(stored.rig_file))
-        _tell_stored(console, stored, summary, "".join(f" {option}" for option, _ in others))
+        _print_stored(console, stored, summary, "".join(f" {option}" for option, _ in others))
         return _refuse_bad(stored)
     if rig_name is None:
         raise InputError("--rig: missing: your rig file (zeromethod init my.toml makes one)")
@@ -219,21 +121,34 @@ def calibrate_bench(
             with open_devices(rig) as opened:
                 for warning in warnings_of(opened.display):
                     click.echo(f"! {warning}", err=True)
-                recorded, found = record(rig, opened, plan, Prompts())
+                recorded, found = record(rig, opened, plan, TerminalPrompts())
             calibrated = evaluate_with(recorded, found, rig_name)
         late: list[bool] = []
         with stopped_by_signals(lambda: late.append(True)):
             stored = _store(calibrated, rig_name, home, options.settings)
-    _tell_stored(console, stored, summary, _devices_words(options))
+    _print_stored(console, stored, summary, _devices_words(options))
     if calibrated.recorded.interrupted:
-        again = f"evaluate it anew: zeromethod calibrate --redo {shlex.quote(str(stored.folder))}"
-        console.print(again, soft_wrap=True, highlight=False)
+        hint = f"evaluate it again: zeromethod calibrate --evaluate-again {shlex.quote(str(stored.folder))}"
+        console.print(hint, soft_wrap=True, highlight=False)
     if late or calibrated.recorded.interrupted:
         raise KeyboardInterrupt
     _refuse_bad(stored)
     if recorded.failure:
         raise MeasurementError(f"{recorded.failure} (stored without it in {stored.folder})")
     return stored
+
+
+def _lens(path: Path | None, sigma_percent: float | None) -> CameraFile | None:
+    """The camera by itself; says so where its sigmas are assumed."""
+    if path is None:
+        if sigma_percent is not None:
+            raise InputError("--intrinsics-sigma: only with --intrinsics")
+        return None
+    lens = load_camera(path, sigma_percent)
+    if lens.states_no_sigma and sigma_percent is None:
+        words = f"! {path}: states no sigmas: {ASSUMED_PERCENT:g} % of the focal length is assumed"
+        click.echo(f"{words} (--intrinsics-sigma)", err=True)
+    return lens
 
 
 @contextmanager
@@ -262,7 +177,7 @@ def evaluate_with(recorded: Recorded, found: Any, rig_name: str) -> Calibration:
         if load_rig(before.folder / GIVEN).camera.focal_px != recorded.rig.camera.focal_px:
             del last["camera.scale"]  # it is relative to the rig file's
     try:
-        return evaluate_or_keep(recorded, found, last, Prompts())
+        return evaluate_or_keep(recorded, found, last, TerminalPrompts())
     except KeyboardInterrupt:
         click.echo("! interrupted: storing what was recorded (again: nothing is stored)", err=True)
         return rest_alone(replace(recorded, interrupted=True), found, "interrupted before the fit was done")
@@ -284,7 +199,7 @@ def _store(
     rig_name: str,
     home: Path | None,
     settings: dict[str, Any],
-    redone: Stored | None = None,
+    again: Stored | None = None,
 ) -> Stored:
     from zeromethod.view.calibration_figure import draw_calibration  # noqa: PLC0415 - matplotlib loads slowly
 
@@ -294,11 +209,11 @@ def _store(
         home=home,
         settings={f"camera.{key}": value for key, value in settings.items()},
         pictures={FIGURE: lambda path: draw_calibration(found, path)},
-        redone=redone,
+        again=again,
     )
 
 
-def _redo(
+def _evaluate_again(
     folder: Path,
     known: tuple[Known, ...],
     lens: CameraFile | None,
@@ -310,7 +225,7 @@ def _redo(
     check_known(recorded.rig, known, lens)
     plan = recorded.plan
     if ball_mm is not None and (recorded.presses is None or recorded.presses.ball is None):
-        raise InputError(f"--ball: {folder}: no ball was pressed for this calibration")
+        raise InputError(f"--press-ball: {folder}: no ball was pressed for this calibration")
     named = {one.name for one in known}
     plan = replace(
         plan,
@@ -318,7 +233,7 @@ def _redo(
         ball_mm=ball_mm or plan.ball_mm,
         edges=plan.edges if find is None else find,
     )
-    found = evaluate_or_keep(replace(recorded, plan=plan), tell=Prompts())
+    found = evaluate_or_keep(replace(recorded, plan=plan), prompts=TerminalPrompts())
     return _store(found, str(folder / GIVEN), output or folder.absolute().parent, {}, stored)
 
 
@@ -341,32 +256,33 @@ def _devices_words(options: BenchOptions) -> str:
     return monitor + ("" if options.address is None else f" --camera {shlex.quote(options.address)}")
 
 
-def _tell_stored(console: Console, stored: Stored, summary: Path | None, devices: str) -> None:
+def _print_stored(console: Console, stored: Stored, summary: Path | None, devices: str) -> None:
     """Print the tables and where they are; then write the summary. devices: options of `run`."""
     _print(console, stored)
     console.print(f"stored in {stored.folder}", soft_wrap=True, highlight=False)
-    if stored.document["verdict"]["level"] != "bad":
+    if stored.level is not Level.BAD:
         command = f"zeromethod run --rig {shlex.quote(str(stored.rig_file))}{devices}"
         console.print(f"use it: {command}", soft_wrap=True, highlight=False)
     _summarise(stored, summary)
 
 
-def _tell_arrays(stored: Stored) -> None:
+def _warn_of_arrays(stored: Stored) -> None:
     if fault := arrays_fault(stored.folder):
-        words = f"! {stored.folder / ARRAYS}: {fault}: run and --redo will refuse it"
+        words = f"! {stored.folder / ARRAYS}: {fault}: run and --evaluate-again will refuse it"
         click.echo(words, err=True)
 
 
 def _refuse_bad(stored: Stored) -> Stored:
-    verdict = stored.document["verdict"]
-    if verdict["level"] == "bad":
-        raise MeasurementError(f"calibration: {verdict['reason']} (stored in {stored.folder})")
+    if stored.level is Level.BAD:
+        reason = stored.document["verdict"]["reason"]
+        raise MeasurementError(f"calibration: {reason} (stored in {stored.folder})")
     return stored
 
 
 def _summarise(stored: Stored, summary: Path | None) -> None:
     if summary is not None:
-        write_summary(summary, {**_jsonable(stored.document), "folder": str(stored.folder)})
+        time = stored.document["time"].isoformat()
+        write_summary(summary, stored.document | {"time": time, "folder": str(stored.folder)})
 
 
 def _print(console: Console, stored: Stored) -> None:
@@ -376,7 +292,3 @@ def _print(console: Console, stored: Stored) -> None:
     console.print(verdict_line(stored), soft_wrap=True)
     if warning := stored.age_warning():
         console.print(f"! {warning}", soft_wrap=True)
-
-
-def _jsonable(document: dict[str, Any]) -> dict[str, Any]:
-    return {**document, "time": document["time"].isoformat()}

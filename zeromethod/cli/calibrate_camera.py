@@ -7,21 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from zeromethod.atomic_write import atomic_write
 from zeromethod.calibration.camera_file import save_camera
-from zeromethod.calibration.charuco import (
-    DEFAULT_DICTIONARY,
-    DICTIONARIES,
-    Board,
-    board_of,
-    margined,
-    on_lcd,
-    px_per_mm,
-    write_png,
-)
+from zeromethod.calibration.charuco import DEFAULT_DICTIONARY, DICTIONARIES, Board, board_of
 from zeromethod.calibration.intrinsics import LEAST_VIEWS, CameraFit, fit_camera
 from zeromethod.cli.device_options import (
     REAL_CAMERAS,
@@ -31,8 +22,13 @@ from zeromethod.cli.device_options import (
     without_display,
 )
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import Prompts, check_file, write_summary
-from zeromethod.commissioning.calibration.board_views import Views, board_for_lcd, live_views, views_in_files
+from zeromethod.cli.output import TerminalPrompts, check_file, write_summary
+from zeromethod.commissioning.calibration.board_views import (
+    Views,
+    live_views,
+    square_on_lcd_px,
+    views_in_files,
+)
 from zeromethod.devices.abilities import warnings_of
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError
@@ -41,6 +37,7 @@ from zeromethod.simulation.clone import SIMULATED
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
 
+_MM_PER_INCH = 25.4
 _BOARD = click.option(
     "--board",
     "board_text",
@@ -72,27 +69,28 @@ def board_command(
     board_text: str, dictionary: str, dpi: float | None, rig_name: str | None, output: Path
 ) -> None:
     """Draw a ChArUco board, to print or to show on the LCD."""
+    from matplotlib.image import imsave  # noqa: PLC0415 - it loads slowly
+
     check_file("--output", output, suffix=".png")
     board = board_of(board_text, dictionary)
-    if (dpi is None) == (rig_name is None):
+    if rig_name is not None and dpi is None:
+        display = load_rig(rig_name).display
+        square_px = square_on_lcd_px(board, load_rig(rig_name))
+        picture = board.on_lcd(square_px, display.columns, display.rows)
+        words = f"show it full screen, unscaled: squares of {square_px} px"
+    elif dpi is not None and rig_name is None:
+        square_px = round(board.square_mm * dpi / _MM_PER_INCH)
+        picture = board.picture(square_px)
+        words = (
+            "print it unscaled, glue it to something flat, and measure it: "
+            f"{board.columns} squares should span {board.columns * board.square_mm:g} mm"
+        )
+    else:
         raise InputError("--dpi, --rig: one of them: the board for a printer or for an LCD")
-    if rig_name is not None:
-        rig = load_rig(rig_name)
-        square_px = board_for_lcd(board, rig)
-        picture = on_lcd(margined(board.picture(square_px), square_px), rig.display.columns, rig.display.rows)
-        write_png(output, picture, 1.0 / rig.display.pitch_mm)
-        Console().print(f"show it full screen, unscaled: squares of {square_px} px", highlight=False)
-        return
-    assert dpi is not None
-    square_px = round(board.square_mm * px_per_mm(dpi))
-    picture = margined(board.picture(square_px), square_px)
-    write_png(output, picture, square_px / board.square_mm)
-    Console().print(
-        "print it unscaled, glue it to something flat, and measure it: "
-        f"{board.columns} squares should span {board.columns * board.square_mm:g} mm",
-        highlight=False,
-        soft_wrap=True,
-    )
+    true_dpi = _MM_PER_INCH * square_px / board.square_mm
+    with atomic_write(output) as part:
+        imsave(part, picture, cmap="gray", vmin=0, vmax=255, dpi=true_dpi, format="png")
+    Console().print(words, highlight=False, soft_wrap=True)
 
 
 @click.command(
@@ -152,7 +150,7 @@ def intrinsics_command(
         views = _from_files(frames, board, rig_name)
     else:
         views = _live(board, rig_name, options, count, patience_s)
-    for name, why in views.refused:
+    for name, why in views.refused.items():
         click.echo(f"! {name}: {why}", err=True)
     found = fit_camera(views.views, board, views.shape)
     save_camera(output, found, str(board))
@@ -189,24 +187,24 @@ def _live(board: Board, rig_name: str | None, options: BenchOptions, count: int,
     if not shown and rig.camera.driver in REAL_CAMERAS:
         rig = without_display(rig)
     if shown:
-        board_for_lcd(board, rig)
+        square_on_lcd_px(board, rig)
     with open_devices(rig) as opened:
         for warning in warnings_of(opened.display):
             click.echo(f"! {warning}", err=True)
-        return live_views(opened, rig, board, count, patience_s, shown=shown, tell=Prompts())
+        return live_views(opened, rig, board, count, patience_s, shown=shown, prompts=TerminalPrompts())
 
 
 def _figures(found: CameraFit, views: Views, output: Path) -> dict[str, Any]:
-    sigma = np.sqrt(np.diag(found.intrinsics.covariance))
+    one = found.intrinsics
     return {
         "output": str(output),
         "views": list(found.views),
-        "refused": dict(views.refused),
+        "refused": views.refused,
         "corners": found.corners,
         "stray_corners": found.stray,
         "rms_px": found.rms_px,
-        "values": dict(zip(found.intrinsics.names, map(float, found.intrinsics.values), strict=True)),
-        "sigma": dict(zip(found.intrinsics.names, map(float, sigma), strict=True)),
+        "values": dict(zip(one.names, one.values.tolist(), strict=True)),
+        "sigma": dict(zip(one.names, one.spread.tolist(), strict=True)),
     }
 
 
@@ -219,13 +217,12 @@ _WORDS = {
 
 
 def _table(found: CameraFit) -> Table:
-    table = Table(box=None, pad_edge=False)
+    table, one = Table(box=None, pad_edge=False), found.intrinsics
     for name in ("camera", "found", "sigma"):
         table.add_column(name, justify="left" if name == "camera" else "right")
-    sigma = np.sqrt(np.diag(found.intrinsics.covariance))
-    for name, value, spread in zip(found.intrinsics.names, found.intrinsics.values, sigma, strict=True):
-        digits = max(0, 1 - math.floor(math.log10(spread)))
-        table.add_row(_WORDS.get(name, f"distortion {name}"), f"{value:.{digits}f}", f"{spread:.2g}")
+    for name, value, sigma in zip(one.names, one.values, one.spread, strict=True):
+        digits = max(0, 1 - math.floor(math.log10(sigma)))
+        table.add_row(_WORDS.get(name, f"distortion {name}"), f"{value:.{digits}f}", f"{sigma:.2g}")
     table.add_row("pictures, corners", f"{len(found.views)}, {found.corners}", "")
     table.add_row("misfit of a corner, px", f"{found.rms_px:.3f}", "")
     if found.stray:

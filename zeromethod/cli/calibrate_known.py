@@ -11,13 +11,13 @@ from pydantic import ValidationError
 from zeromethod.calibration import Direct, Intrinsics, MirrorEdge
 from zeromethod.calibration.camera_file import CameraFile
 from zeromethod.calibration.parameters import PARAMETERS, build
-from zeromethod.commissioning.calibration.procedure import Known
+from zeromethod.commissioning.calibration.plan import Known
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
 from zeromethod.rig.refusal import first_refusal
 
 EDGE_PX = 2.0
-"""How well an edge is seen, camera px, unless told."""
+"""How well an edge is seen, camera px, unless given."""
 
 DEEPEST_SHARE = 0.1
 """Deepest press that is asked for, of the prism's length: far beyond what a loop follows."""
@@ -38,8 +38,8 @@ def known_of(text: str) -> Direct:
     try:
         one = Direct(name.strip(), float(value), float(sigma))
     except ValueError as error:
-        told = str(error) if isinstance(error, InputError) else "NAME=VALUE:SIGMA, as gap_mm=0.48:0.01"
-        raise InputError(f"--known: {text}: {told}") from None
+        words = str(error) if isinstance(error, InputError) else "NAME=VALUE:SIGMA, as gap_mm=0.48:0.01"
+        raise InputError(f"--known: {text}: {words}") from None
     if not (math.isfinite(one.value) and math.isfinite(one.sigma_value)):
         raise InputError(f"--known: {text}: VALUE and SIGMA must be finite numbers")
     return one
@@ -51,7 +51,7 @@ def ball_of(text: str) -> tuple[float, float]:
     try:
         return float(radius), float(sigma)
     except ValueError:
-        raise InputError(f"--ball: {text}: RADIUS:SIGMA in mm, as 10:0.01") from None
+        raise InputError(f"--press-ball: {text}: RADIUS:SIGMA in mm, as 10:0.01") from None
 
 
 def edge_of(text: str) -> MirrorEdge:
@@ -65,7 +65,9 @@ def edge_of(text: str) -> MirrorEdge:
         u = v = spread = math.nan
     name = name.strip()
     if name not in ("P0", "R0") or not (math.isfinite(u + v + spread) and spread > 0):
-        raise InputError(f"--edge: {text}: P0=U,V[:SIGMA] or R0=U,V[:SIGMA] in camera px, as R0=1180.5,512:2")
+        raise InputError(
+            f"--edge-point: {text}: P0=U,V[:SIGMA] or R0=U,V[:SIGMA] in camera px, as R0=1180.5,512:2"
+        )
     return MirrorEdge("P0" if name == "P0" else "R0", np.array([[u, v]]), spread)
 
 
@@ -79,7 +81,7 @@ def check_known(rig: Rig, known: Sequence[Known], lens: CameraFile | None) -> No
             u, v = one.pixel[0]
             if not (-0.5 <= u <= columns - 0.5 and -0.5 <= v <= rows - 0.5):
                 raise InputError(
-                    f"--edge: {one.edge}={u:g},{v:g}: a point of the image, {columns} x {rows} px"
+                    f"--edge-point: {one.edge}={u:g},{v:g}: a point of the image, {columns} x {rows} px"
                 )
         elif isinstance(one, Intrinsics):
             one.prepared(rig)

@@ -1,8 +1,9 @@
-"""`zeromethod devices --delay`: measure the delay, tell it in words, store it."""
+"""`zeromethod devices --delay`: measure the delay, report it, store it."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ _FRAMES = "camera frames"
 _CHANGES = "seconds of black and white"
 
 
-def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, write: bool) -> dict[str, Any]:
+def report_delay(rig_name: str, options: BenchOptions, seconds: float | None, write: bool) -> dict[str, Any]:
     """Measure, print, store where asked; the figures. Raises InputError and MeasurementError."""
     path = Path(rig_name)
     if write and not path.is_file():
@@ -42,13 +43,13 @@ def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, writ
             seconds = seconds or DEFAULT_SECONDS
             with progress(round(seconds * rig.camera.rate_hz), _FRAMES) as advance:
                 result = measure_delay(rig, devices, seconds, lambda: advance(_FRAMES))
-            steps, untold = _panel(rig, devices, seconds)
+            steps, missing = _panel(rig, devices, seconds)
     except CameraLost as error:
         raise MeasurementError(f"delay: the camera is lost: {error}") from error
     except DisplayLost as error:
         raise MeasurementError(f"delay: the display is lost: {error}") from error
     margin = stability_margin(rig.control, result.delay_frames)
-    for line in (*delay_words(result, margin, rig), *(panel_words(steps) if steps else [untold])):
+    for line in (*delay_words(result, margin, rig), *(panel_words(steps) if steps else [missing])):
         click.echo(line)
     known = steps.rig_values() if steps else {}
     if write:
@@ -56,9 +57,16 @@ def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, writ
         click.echo(f"stored as {', '.join(('display.latency_s', *known))} in {path}")
     elif path.is_file():
         click.echo("add --write to store it in the rig file")
-    names = ("latency_s", "sigma_s", "jitter_s", "refresh_hz", "camera_rate_hz", "horizon_s", "delay_frames")
-    counts = ("frames", "read", "used")
-    figures = {name: getattr(result, name) for name in (*names, *counts)}
+    return _figures(result, steps) | {
+        "rig_latency_s": loaded.display.latency_s,
+        "largest_gain": margin.largest_gain,
+        "stability_margin": margin.margin,
+        "stored": write,
+    }
+
+
+def _figures(result: DelayResult, steps: StepTiming | None) -> dict[str, Any]:
+    values = asdict(result) | {"delay_frames": result.delay_frames}
     if steps:
         names = (
             "scanout_s",
@@ -69,15 +77,9 @@ def tell_delay(rig_name: str, options: BenchOptions, seconds: float | None, writ
             "fall_s",
             "fall_sigma_s",
         )
-        figures |= {name: getattr(steps, name) for name in names} | {
-            "scan": "up" if steps.upwards else "down"
-        }
-    return figures | {
-        "rig_latency_s": loaded.display.latency_s,
-        "largest_gain": margin.largest_gain,
-        "stability_margin": margin.margin,
-        "stored": write,
-    }
+        values |= {name: getattr(steps, name) for name in names}
+        values["scan"] = "up" if steps.upwards else "down"
+    return values
 
 
 def _panel(rig: Rig, devices: Devices, seconds: float) -> tuple[StepTiming | None, str]:
@@ -112,20 +114,16 @@ def panel_words(steps: StepTiming) -> list[str]:
 def delay_words(result: DelayResult, margin: Margin, rig: Rig) -> list[str]:
     """The result in words, one line each."""
     frames = result.latency_s * result.camera_rate_hz
-    jitter = (
-        [f"  from frame to frame it scatters by {1e3 * result.jitter_s:.2f} ms"]
-        if math.isfinite(result.jitter_s)
-        else []
-    )
+    jitter = [f"  from frame to frame it scatters by {1e3 * result.jitter_s:.2f} ms"]
     sign = ", before" if result.latency_s < 0 else " after"
     return [
         f"delay {1e3 * result.latency_s:.2f} ms, sigma {1e3 * result.sigma_s:.2f} ms "
         f"({frames:.2f} camera frames; the rig says {1e3 * rig.display.latency_s:.2f} ms)",
         f"  that is: the panel's first row begins to change so long{sign} the presentation time, by the "
         "camera's time stamps",
-        *jitter,
+        *(jitter if math.isfinite(result.jitter_s) else ()),
         f"display {result.refresh_hz:.3f} Hz, camera {result.camera_rate_hz:.3f} frames per second; "
-        f"{result.used} of {result.frames} frames told a delay of their own, {result.read} were read",
+        f"{result.used} of {result.frames} frames gave a delay of their own, {result.read} were read",
         f"from a frame to those that see the picture made after it: {1e3 * result.horizon_s:.1f} ms, "
         f"{result.delay_frames:.2f} camera frames, computing not counted",
         margin_words(margin, rig.control),

@@ -84,9 +84,9 @@ def devices_command(
     if identify is not None:
         figures = _identify(identify, rig_name, seconds or _IDENTIFY_S)
     elif delay:
-        from zeromethod.cli.delay import tell_delay  # noqa: PLC0415 - the bench's libraries load slowly
+        from zeromethod.cli.delay import report_delay  # noqa: PLC0415 - the bench's libraries load slowly
 
-        figures = tell_delay(rig_name or "simulated", options, seconds, write)
+        figures = report_delay(rig_name or "simulated", options, seconds, write)
     elif focus:
         from zeromethod.cli.focus import watch_focus  # noqa: PLC0415
 

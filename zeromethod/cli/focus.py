@@ -25,13 +25,13 @@ from zeromethod.rig.load import load_rig
 from zeromethod.view.focus import FocusView, sight_figures, sight_table
 
 _SIMULATED_S = 1.0
-"""How long a simulated bench is looked at unless told; a real one until Ctrl-C."""
+"""How long a simulated bench is looked at by default; a real one until Ctrl-C."""
 
 _KEYS = "q ends"
 
 
 def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, summary: Path | None) -> None:
-    """Show figures until told to stop; the last ones as a table, and as `summary`. Raises as `SettingUp`."""
+    """Show figures until q, Ctrl-C or `seconds`; the last ones as a table and `summary`; see `SettingUp`."""
     rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"scenario": "none"})
     with_lcd = rig.camera.driver not in REAL_CAMERAS or rig.display.driver != "simulated"
     if not with_lcd:

@@ -62,7 +62,7 @@ def _measures(command: Any) -> Any:
     "rig_name",
     default="simulated",
     show_default=True,
-    help="Rig file, or a packaged name, that gives what is not told.",
+    help="Rig file, or a packaged name, that gives what is left out.",
 )
 @_measures
 @click.option("--ask/--no-ask", default=None, help="Ask for what is not given.  [default: on a terminal]")
@@ -101,7 +101,7 @@ def init_command(path: Path, rig_name: str, ask: bool | None, force: bool, **giv
 def _asked(calipers: Calipers, known: set[str], path: Path) -> str:
     """Text of the rig file, with answers in place of what was not given as an option.
 
-    Answers that do not make a bench are told why, and asked for again.
+    Answers that do not make a bench are refused with the reason, and asked for again.
     """
     while True:
         answers = asdict(calipers)
@@ -112,7 +112,7 @@ def _asked(calipers: Calipers, known: set[str], path: Path) -> str:
         try:
             return rig_text(calipers, path.stem, path)
         except InputError as error:
-            click.echo(f"{error}: once more (Enter keeps what you said)", err=True)
+            click.echo(f"{error}: again (Enter keeps what you said)", err=True)
 
 
 def _answer(words: str, default: Any, kind: Real | Whole, path: Path) -> Any:
@@ -120,7 +120,7 @@ def _answer(words: str, default: Any, kind: Real | Whole, path: Path) -> Any:
         return click.prompt(words, default=default, type=kind)
     except click.Abort as abort:
         if isinstance(abort.__context__, EOFError):
-            told = f"the input ended at {words!r}; nothing is written; allowed: options, with --no-ask"
-            raise InputError(f"FILE: {path}: {told}") from None
+            ended = f"the input ended at {words!r}; nothing is written; allowed: options, with --no-ask"
+            raise InputError(f"FILE: {path}: {ended}") from None
         click.echo("\ninterrupted: nothing is written", err=True)
         raise

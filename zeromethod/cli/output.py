@@ -109,7 +109,7 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-class Prompts:
+class TerminalPrompts:
     """Progress bars, and lines above them, for procedures that ask a person to do something."""
 
     @contextmanager

@@ -29,7 +29,7 @@ WRONG_SIZE, WRONG_TURN_DEG, WRONG_PLACE_PERIODS = 0.02, 1.0, 0.25
 OTHER_SIZE = 0.1
 """The picture's period is another then, and the focus score says nothing."""
 FINE_SIZE, FINE_PERIODS = 0.03, 0.4
-"""Within these, by the plain pictures, the target itself tells size and place more finely."""
+"""Within these, by the plain pictures, the target itself shows size and place more finely."""
 
 GOOD = "good: focus, light and view are as they should be"
 
@@ -37,25 +37,18 @@ GOOD = "good: focus, light and view are as they should be"
 def advice(
     report: FocusReport, rig: Rig, seen: Orientation | None = None, flicker_share: float = math.nan
 ) -> tuple[str, ...]:
-    """Advice, one line each; `GOOD` alone when there is nothing to do.
+    """Advice, one line each; none when there is nothing to do.
 
     seen: from plain pictures, where they could be shown. flicker_share: standard deviation of the light from
     frame to frame over its mean.
     """
     said = _light(report, rig.camera)
+    dim = _no_light(report, rig.camera)
     blinded = report.saturated_share > SATURATED_SHARE
     place = placed(report, seen, rig.target.period_px)
     far = place is not None and max(abs(place.wider), abs(place.higher)) > OTHER_SIZE
-    unseen = seen is not None and seen.seen_share < UNSEEN_SHARE
-    if unseen:
-        said.append(
-            "the LCD is not seen: is it lit, on the right monitor, and seen by the camera in the mirror?"
-        )
-    elif not blinded and not far:  # what is clipped, or of another period, looks blurred
-        said += _sharpness(report, lcd_seen=seen is not None)
-    if seen is not None and not unseen:
-        said += _lie(seen)
-    if flicker_share > FLICKER_SHARE and not _no_light(report, rig.camera):
+    said += _lcd(report, seen, clear=not blinded and not far)
+    if flicker_share > FLICKER_SHARE and not dim:
         said.append(
             f"the light flickers by {flicker_share:.1%} from frame to frame: set the LCD to full brightness "
             "(no dimming by pulses), or expose for whole periods of it"
@@ -66,7 +59,16 @@ def advice(
         said += _place(place, rig.target.period_px)
     elif seen is None and report.alignment is None and report.score > NO_TARGET_SCORE and not blinded:
         said.append("the picture lies far from where the rig file expects it: compare pose and focal_px")
-    return tuple(said) or (GOOD,)
+    return tuple(said)
+
+
+def _lcd(report: FocusReport, seen: Orientation | None, clear: bool) -> list[str]:
+    """Whether the LCD is seen sharply and the right way round."""
+    if seen is not None and seen.seen_share < UNSEEN_SHARE:
+        return ["the LCD is not seen: is it lit, on the right monitor, and seen by the camera in the mirror?"]
+    # what is clipped, or of another period, looks blurred
+    sharpness = _sharpness(report, lcd_seen=seen is not None) if clear else []
+    return sharpness + (_lie(seen) if seen is not None else [])
 
 
 def placed(report: FocusReport, seen: Orientation | None, period_px: int) -> Alignment | None:
@@ -87,7 +89,7 @@ def placed(report: FocusReport, seen: Orientation | None, period_px: int) -> Ali
 def misplaced(seen: Orientation, rig: Rig) -> bool:
     """Whether the LCD should be looked for again: it is not seen as it should be."""
     place = seen.place
-    return place is None or not seen.upright or bool(_place(place, rig.target.period_px))
+    return place is None or not seen.upright or any(_wrong(place, rig.target.period_px))
 
 
 def _light_share(report: FocusReport, camera: CameraSpec) -> float:
@@ -157,7 +159,7 @@ def _lie(seen: Orientation) -> list[str]:
     if how:
         said.append(
             f"the picture is seen {how}: set display.mirrored, display.turn_deg or camera.roll_deg "
-            "in the rig file to how the bench stands"
+            "in the rig file to how the bench is built"
         )
     if seen.stray_share > STRAY_SHARE:
         said.append(f"stray light, {seen.stray_share:.0%} of the LCD's: darken the room, shade the prism")
@@ -174,20 +176,31 @@ def _usable(report: FocusReport) -> list[str]:
     ]
 
 
+def _wrong(place: Alignment, period_px: int) -> tuple[bool, bool, bool]:
+    """Whether size, turn and place differ too much from what the rig file predicts."""
+    away_px = max(abs(place.right_px), abs(place.down_px))
+    return (
+        max(abs(place.wider), abs(place.higher)) > WRONG_SIZE,
+        abs(place.turn_deg) > WRONG_TURN_DEG,
+        away_px > WRONG_PLACE_PERIODS * period_px,
+    )
+
+
 def _place(place: Alignment, period_px: int) -> list[str]:
     said = []
-    if max(abs(place.wider), abs(place.higher)) > WRONG_SIZE:
+    size, turn, away = _wrong(place, period_px)
+    if size:
         said.append(
             f"the picture is {place.wider:+.1%} wide and {place.higher:+.1%} high against the rig file: "
             "move the camera, or set its pose and focal_px"
         )
-    if abs(place.turn_deg) > WRONG_TURN_DEG:
+    if turn:
         clockwise = "clockwise" if place.turn_deg > 0 else "anticlockwise"
         said.append(
             f"the picture is turned by {abs(place.turn_deg):.1f} degrees {clockwise}: turn camera or LCD, "
             "or set camera.roll_deg"
         )
-    if max(abs(place.right_px), abs(place.down_px)) > WRONG_PLACE_PERIODS * period_px:
+    if away:
         along = f"{abs(place.right_px):.0f} px {'right' if place.right_px > 0 else 'left'}"
         across = f"{abs(place.down_px):.0f} px {'below' if place.down_px > 0 else 'above'}"
         where = [word for word in (along, across) if not word.startswith("0 ")]

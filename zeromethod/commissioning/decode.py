@@ -138,7 +138,7 @@ def decode_files(
             f"{paths[0]}: {cols} x {rows} px: the rig's camera has {camera_shape[1]} x {camera_shape[0]}"
         )
 
-    def told() -> Iterator[Image]:
+    def checked() -> Iterator[Image]:
         for frame in frames:
             if bits is not None and frame.max() >= 2**bits:
                 raise InputError(f"FRAMES: a grey level of {frame.max()}: more than {bits} bits hold")
@@ -148,7 +148,7 @@ def decode_files(
 
     options: dict[str, Any] = {} if limit_share is None else {"limit_share": limit_share}
     return measure_rest(
-        told(),
+        checked(),
         sequence,
         size_px=size_px,
         noise=noise,
@@ -188,5 +188,5 @@ def refuse_empty(found: RestMeasurement) -> None:
     if not found.rest_map.valid.any():
         worst = max(Reason, key=found.count)
         share = found.count(worst) / found.rest_map.valid.size
-        why = f"{plain_name(worst)} at {share:.0%}" if share > 0 else "nothing could be told of any"
+        why = f"{plain_name(worst)} at {share:.0%}" if share > 0 else "nothing is known of any"
         raise MeasurementError(f"no camera pixel has a place on the LCD: {why}")

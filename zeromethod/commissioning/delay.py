@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from zeromethod.arrays import Float
 from zeromethod.devices.abilities import poll_of
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraTimeout, Frame
@@ -130,8 +131,7 @@ def measure_delay(
         if watch.last is not None and watch.last.fits and frame_timing is not None:
             found.append(watch.last)
             shown = pair(log, newest, frame_timing, rest.q, rest.grid, rig.target.kind)
-            if shown is not None and shown.age_ns is not None:
-                horizons_ns.append(float(np.mean(shown.age_ns)))
+            horizons_ns += _mean_age_ns(shown.age_ns if shown else None)
         clock.sleep_until_ns(next_ns)
     if newest is None or len(found) < LEAST_FRAMES or not horizons_ns:
         raise MeasurementError(
@@ -153,6 +153,11 @@ def measure_delay(
     )
 
 
+def _mean_age_ns(age_ns: Float | None) -> list[float]:
+    """Mean age of what a frame saw; empty where it is not known."""
+    return [] if age_ns is None else [float(np.mean(age_ns))]
+
+
 def _delay(found: list[Match], precise: list[float], refresh_ns: float) -> tuple[float, float, float]:
     """Delay, its standard deviation, that of single frames, ns."""
     if len(precise) >= LEAST_FRAMES:
@@ -168,13 +173,13 @@ def _delay(found: list[Match], precise: list[float], refresh_ns: float) -> tuple
     high = float(np.percentile([match.high_ns for match in found], 10))
     if high < low:
         raise MeasurementError(
-            f"delay: it is not steady: some frames tell at least {1e-6 * low:.1f} ms, others at most "
+            f"delay: it is not steady: some frames say at least {1e-6 * low:.1f} ms, others at most "
             f"{1e-6 * high:.1f} ms: {_BUSY}"
         )
     if high - low >= LOOSEST_REFRESHES * refresh_ns:
         raise MeasurementError(
-            f"delay: the codes only tell that it lies from {1e-6 * low:.1f} to {1e-6 * high:.1f} ms: "
-            "a longer exposure, or other rates of camera and panel, will tell more"
+            f"delay: the codes only show that it lies from {1e-6 * low:.1f} to {1e-6 * high:.1f} ms: "
+            "a longer exposure, or other rates of camera and panel, will show more"
         )
     return 0.5 * (low + high), (high - low) / math.sqrt(12), float("nan")
 

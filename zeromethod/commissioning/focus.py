@@ -1,7 +1,7 @@
 """Setting up by eye: what one frame of the target at rest says of focus, exposure and view.
 
 Nothing here closes the loop. The picture is the rig's target drawn through its rest map, so that a bench
-that stands as its rig file says shows crossed cosines of exactly the target's period.
+that is as its rig file says shows crossed cosines of exactly the target's period.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LIT_SHARE = 0.1
 
 BRIGHT_PERCENTILE = 99.0
 FITTED_SHARE = 0.3
-"""Share of the nodes that must be measured before the picture's size and turn are told."""
+"""Share of the nodes that must be measured before the picture's size and turn are given."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Does the camera see the LCD, the right way round, and where the rig file expects it? Plain pictures tell.
+"""Does the camera see the LCD, the right way round, and where the rig file expects it? By plain pictures.
 
 Crossed cosines look the same mirrored, turned by quarters, or a period further on. Pictures that are partly
 lit do not: which part of the image lights up for what should be its right half, its lower half and the middle
@@ -26,17 +26,17 @@ NOISE_GREY_SHARE = 0.02
 SMOOTHING_PX = 5
 
 LEAST_LEANING = 0.1
-"""Covariance of light and place, in units of the lit pixels' spread, below which no side is told: a sharp
+"""Covariance of light and place, in units of the lit pixels' spread, below which no side is known: a sharp
 half of an evenly lit view has 0.43."""
 
 LEAST_PIXELS = 100
 LEAST_SEEN = 0.5
-"""Share of the pixels that should see the LCD which must, before the picture's place is told."""
+"""Share of the pixels that should see the LCD which must, before the picture's place is given."""
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """The seen picture against the one that the rig file foretells.
+    """The seen picture against the one that the rig file predicts.
 
     wider, higher: its size along u and v over the expected one, minus 1. turn_deg: its turn, positive from u
     towards v (clockwise in the image). right_px, down_px: how far its middle lies along u and v from where
@@ -86,7 +86,7 @@ class PlainPictures:
     """
 
     def __init__(self, rest: Rest) -> None:
-        """Rest: as the rig file foretells."""
+        """Rest: as the rig file predicts it."""
         columns, rows = rest.display_size
         self._centre = rest.q[rest.seen].mean(axis=0)
         self._steps = np.linalg.inv(jacobian(rest.q, rest.grid.spacing_px)[rest.seen].mean(axis=0))
@@ -105,7 +105,7 @@ class PlainPictures:
         with np.errstate(invalid="ignore"):
             self._expected = ((q >= 0) & (q <= np.array(rest.display_size) - 1)).all(axis=-1)
         # a camera pixel sees a mean of what is around it
-        self._foretold = [np.clip(part + 0.5, 0, 1) for part in self._inside_px(np.nan_to_num(q))]
+        self._predicted = [np.clip(part + 0.5, 0, 1) for part in self._inside_px(np.nan_to_num(q))]
 
     def judge(self, images: Sequence[Image], black_grey: float, full_grey: float) -> Orientation:
         """Judge images (rows, cols) of `pictures`, in their order.
@@ -155,7 +155,7 @@ class PlainPictures:
         if np.count_nonzero(both) < LEAST_SEEN * max(int(np.count_nonzero(self._expected)), 1):
             return None
         seen = [float(share[both[lit]].sum()) for share in shares]
-        right, lower, width, height = (float(part[both].sum()) for part in self._foretold)
+        right, lower, width, height = (float(part[both].sum()) for part in self._predicted)
         if not (width and height):
             return None
         rows, columns = (int(np.count_nonzero(both.any(axis=axis))) for axis in (1, 0))

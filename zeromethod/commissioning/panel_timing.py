@@ -1,4 +1,4 @@
-"""Measuring latency, scan-out and rise of the panel: black and white in turn, every frame looked at."""
+"""Measuring latency, scan-out and rise of the panel: alternating black and white, every frame used."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import numpy as np
 
 from zeromethod.arrays import Bytes, Float, Image
 from zeromethod.calibration.panel_timing import PanelSteps, StepTiming, fit_steps
-from zeromethod.commissioning.standing_patterns import HeldPictures
-from zeromethod.commissioning.uniform_patterns import even_picture
+from zeromethod.commissioning.patterns import TimedPatterns, uniform_pattern
 from zeromethod.devices.opening import Devices
 from zeromethod.errors import MeasurementError
 from zeromethod.exposure.pairing import PanelTiming
@@ -65,7 +64,7 @@ def measure_panel_timing(
     seconds: float = DEFAULT_SECONDS,
     on_change: Callable[[], object] = lambda: None,
 ) -> StepTiming:
-    """Show black and white in turn for about `seconds` of the run's clock, 16 changes at least.
+    """Show black and white alternately for about `seconds` of the run's clock, 16 changes at least.
 
     Which rows a pixel sees is taken from the rig, to some percent of the panel. `on_change` is called after
     every change. To be used in the main thread, as windows must be. CameraLost and DisplayLost pass.
@@ -74,9 +73,9 @@ def measure_panel_timing(
     """
     rest = Rest.of(rig, Optics(rig))
     bands = _Bands(rig, rest)
-    pictures = HeldPictures(rig, devices, MARGIN_S)
+    pictures = TimedPatterns(rig, devices, MARGIN_S)
     timing = PanelTiming.of(rig.display)
-    black, bright = even_picture(rig, 0), _bright(rig, pictures, bands)
+    black, bright = uniform_pattern(rig, 0), _bright(rig, pictures, bands)
     pictures.frames(black, 1)
     hold_s = pictures.hold_s + MARGIN_FRAMES / rig.camera.rate_hz
     start_ns = devices.clock.now_ns()
@@ -97,11 +96,11 @@ def measure_panel_timing(
     return fit_steps(steps, timing)
 
 
-def _bright(rig: Rig, pictures: HeldPictures, bands: _Bands) -> Bytes:
+def _bright(rig: Rig, pictures: TimedPatterns, bands: _Bands) -> Bytes:
     """Even picture that does not blind the camera."""
     ceiling = 2**rig.camera.bits - 1
     for code in BRIGHT_CODES:
-        picture = even_picture(rig, code)
+        picture = uniform_pattern(rig, code)
         grey = bands.nodes(pictures.frames(picture, 1)[0].image)
         if np.mean(grey >= ceiling) < _BLINDED_SHARE:
             return picture

@@ -1,36 +1,33 @@
 """Measuring the light: the LCD's response, what it does to pictures, the camera's noise, the view's falloff.
 
-The mirror stays untouched all the time. Every picture is held until it surely stands.
+The mirror stays untouched all the time. Every pattern is shown until frames surely saw it alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import uniform_filter
 
 from zeromethod.arrays import Bytes, Float, Image, Mask
-from zeromethod.calibration.bad_pixels import BadPixels, find_bad_pixels
+from zeromethod.calibration.bad_pixels import find_bad_pixels
 from zeromethod.calibration.black_level import Linearity, black_from_exposures
-from zeromethod.calibration.falloff import TILES, Falloff, lit_pixels, measure_falloff, tile_means
+from zeromethod.calibration.falloff import TILES, lit_pixels, measure_falloff, tile_means
+from zeromethod.calibration.panel_dithering import spatial_dithering, temporal_dithering
 from zeromethod.calibration.panel_faults import (
     Finding,
     StepResponse,
     Surround,
     flicker,
-    spatial_dithering,
     step_response,
     surround,
-    temporal_dithering,
 )
 from zeromethod.calibration.photon_transfer import PhotonTransfer, Still, measure_noise, still, unclipped_mean
 from zeromethod.calibration.response import RAMP_CODES, MeasuredResponse, measure_response
-from zeromethod.calibration.viewing_angle import at_places, panel_exponents, told_of_regions
-from zeromethod.commissioning.standing_patterns import HeldPictures
-from zeromethod.commissioning.uniform_patterns import Exposures, StandingPictures, even_picture, follow
+from zeromethod.calibration.viewing_angle import at_places, panel_exponents
+from zeromethod.commissioning.light_result import LightResult
+from zeromethod.commissioning.patterns import Exposures, SettledPatterns, TimedPatterns, uniform_pattern
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import Frame
 from zeromethod.errors import MeasurementError
@@ -39,15 +36,15 @@ from zeromethod.rig.model import Rig
 from zeromethod.warp.rest import Rest
 
 MARGIN_S = 0.1
-"""A picture is held longer than the rig states by this, as a new bench's rise is a guess."""
+"""A pattern is shown longer than the rig states by this, as a new bench's rise is a guess."""
 
 SERIES_CODES = (0, 126, 127, 255)
-"""Codes that are looked at for long: of two in a row at most one is no mixture on an LCD of 6 bits."""
+"""Codes that are looked at for long: of two neighbours at most one is no mixture on an LCD of 6 bits."""
 
 SERIES_FRAMES = 24
 LOOK_FRAMES = 4
 RAMP_FRAMES = 2
-"""These tell the noise, too."""
+"""The noise is found from these, too."""
 
 PASSES = 2
 STEPS = ((0, 255), (255, 0), (64, 192), (192, 64))
@@ -63,7 +60,7 @@ PATCH_CODES = (0, 127, 255)
 SURROUND_REPEATS = 2
 SURROUND_FRAMES = 2
 PATCH_SHARE = 0.25
-"""Side of the patch over that of the LCD's seen part."""
+"""Side of the patch over that of the LCD's part in view."""
 
 PICTURES = (
     2
@@ -77,51 +74,6 @@ PICTURES = (
 
 _LEAST_PATCH_PX = 64
 _EDGE_PX = 5
-
-
-@dataclass(frozen=True)
-class LightResult:
-    """What was learnt about the light.
-
-    exponent: at the panel's corners, see `calibration.viewing_angle`; None: one response for all of it.
-    exponents: the same at the tiles. lit: (rows, cols) camera pixels that look at the LCD. findings: every
-    check of the display, found or not. surround: None where the patch was not seen. steps: what followed each
-    of `STEPS`. hold_s: from presentation until a picture was held to stand. leak: light of the black LCD (and
-    of the room) over the white's, NaN where the camera's black level is unknown. linearity: None without
-    several exposures.
-    """
-
-    response: MeasuredResponse
-    exponent: tuple[tuple[float, float], tuple[float, float]] | None
-    exponents: Float | None
-    noise: PhotonTransfer
-    bad_pixels: BadPixels
-    falloff: Falloff
-    findings: tuple[Finding, ...]
-    surround: Surround | None
-    steps: tuple[StepResponse, ...]
-    linearity: Linearity | None
-    lit: Mask
-    hold_s: float
-    leak: float
-    notes: tuple[str, ...]
-
-    @property
-    def advice(self) -> tuple[str, ...]:
-        """What should be seen to, the display's faults first; empty where all is well."""
-        told = [finding.told for finding in self.findings if finding.found]
-        told += [self.linearity.told] if self.linearity is not None and self.linearity.told else []
-        told += [self.falloff.told] if self.falloff.told else []
-        regions = told_of_regions(self.response, self.exponents)
-        told += [regions] if regions else []
-        return (*told, *self.notes, *self.response.notes, *self.noise.notes)
-
-    def rig_values(self) -> dict[str, Any]:
-        """Keys and values of the rig file that were measured, for `save_values`."""
-        values: dict[str, Any] = self.response.rig_values() | self.noise.rig_values()
-        if self.exponent is not None:
-            values["display.response_exponent"] = [[round(one, 4) for one in row] for row in self.exponent]
-        return values
 
 
 def measure_light(
@@ -150,13 +102,13 @@ class _Measurement:
 
     def __init__(self, rig: Rig, devices: Devices, on_picture: Callable[[], object]) -> None:
         self._rig = rig
-        self._pictures = HeldPictures(rig, devices, MARGIN_S)
+        self._pictures = TimedPatterns(rig, devices, MARGIN_S)
         self._on_picture = on_picture
         self._full = float(2**rig.camera.bits - 1)
         self._step_s = max(STEP_S, 2 * self._pictures.hold_s, STEP_FRAMES / rig.camera.rate_hz)
         self._lit = np.ones((rig.camera.rows, rig.camera.columns), dtype=np.bool_)
         self._times_s: Float = np.zeros(0)
-        self._standing = StandingPictures(self._pictures)
+        self._settled = SettledPatterns(self._pictures)
         self._notes: list[str] = []
 
     def run(self, dark: Image | None, exposures: Exposures | None) -> LightResult:
@@ -174,7 +126,7 @@ class _Measurement:
         known = linearity.black if linearity is not None and covered is None else None
         noise = measure_noise(long_ones, self._lit, covered, known)
         for every in (long_ones, [*long_ones, *pairs]):
-            # pixels that blink raise the noise by which blinking is told
+            # pixels that blink raise the noise by which blinking is found
             bad = find_bad_pixels(stills[255], stills[0], self._lit, noise, every)
             noise = measure_noise(every, self._lit, covered, known, bad.mask)
         good = self._lit & ~bad.mask
@@ -214,7 +166,7 @@ class _Measurement:
     def _find_lit(self) -> Still:
         """Find the pixels that look at the LCD; its white picture."""
         bright = self._held(255, LOOK_FRAMES)
-        self._standing.learn(bright)
+        self._settled.learn(bright)
         dark = self._held(0, LOOK_FRAMES)
         white, black = (np.stack([frame.image for frame in one]) for one in (bright, dark))
         self._lit = lit_pixels(white.mean(axis=0), black.mean(axis=0))
@@ -222,15 +174,13 @@ class _Measurement:
         if not self._lit.any() or swing < 0.02 * self._full:
             raise MeasurementError(
                 f"response: the white LCD is {swing:.2g} grey levels brighter than the black one: is it "
-                "seen, and the "
-                "exposure long enough?"
+                "seen, and the exposure long enough?"
             )
         saturated = float(np.mean(white[:, self._lit] >= self._full))
         if saturated > 0.01:
             self._notes.append(
                 f"{100 * saturated:.0f} % of the white LCD's view is too bright for the camera, where "
-                "nothing can be "
-                "told: shorten the exposure, or lower the gain"
+                "nothing can be learnt: shorten the exposure, or lower the gain"
             )
         # what is cut off in some frames has a mean that is wrong
         self._lit &= ~(white >= self._full).any(axis=0)
@@ -244,15 +194,15 @@ class _Measurement:
             before = np.mean([self._tiles(f.image) for f in self._held(there[0], LOOK_FRAMES)], axis=0)
             for step in (there, back) * STEP_REPEATS:
                 after = []
-                picture = even_picture(self._rig, step[1])
-                for since_s, frame in follow(self._pictures, picture, self._step_s, STEP_FRAMES):
+                picture = uniform_pattern(self._rig, step[1])
+                for since_s, frame in self._pictures.following(picture, self._step_s, STEP_FRAMES):
                     times[step].append(since_s)
                     after.append(self._tiles(frame.image))
                 self._on_picture()
                 settled = np.median(after[2 * len(after) // 3 :], axis=0)
                 shares[step] += [(one - before) / (settled - before) for one in after]
                 before = settled
-            self._standing.forget()
+            self._settled.forget()
         made = []
         for start, end in STEPS:
             light = np.stack(shares[start, end]).reshape(len(times[start, end]), -1)
@@ -262,7 +212,8 @@ class _Measurement:
         stands_s = max(step.stands_s for step in made)
         if not np.isfinite([step.settled_s for step in made]).all():
             self._notes.append(
-                f"the light has not settled {self._step_s:g} s after the picture changed: {_SLOW_ADVICE}"
+                f"the light has not settled {self._step_s:g} s after the picture changed: switch off dynamic "
+                "contrast and power saving, and let the LCD warm up"
             )
             stands_s = 2 * self._step_s
         self._pictures.hold_s = max(self._pictures.hold_s, stands_s)
@@ -270,10 +221,10 @@ class _Measurement:
 
     def _held(self, code: int, count: int) -> list[Frame]:
         """Frames of an even picture."""
-        return self._taken(even_picture(self._rig, code), count)
+        return self._taken(uniform_pattern(self._rig, code), count)
 
     def _taken(self, picture: Bytes, count: int) -> list[Frame]:
-        frames = self._standing.frames(picture, count)
+        frames = self._settled.frames(picture, count)
         self._on_picture()
         return frames
 
@@ -293,7 +244,7 @@ class _Measurement:
         for _ in range(SURROUND_REPEATS):
             for code in SURROUND_CODES:
                 for patch in PATCH_CODES:
-                    picture = even_picture(self._rig, code)
+                    picture = uniform_pattern(self._rig, code)
                     picture[inside] = patch
                     taken = self._taken(picture, SURROUND_FRAMES)
                     means.append(np.mean([frame.image for frame in taken], axis=0))
@@ -376,9 +327,6 @@ class _Measurement:
         chosen = [halves[code] for code in between]
         found.append(spatial_dithering(chosen, between, steps, halves[255], halves[0], good))
         return found
-
-
-_SLOW_ADVICE = "switch off dynamic contrast and power saving, and let the LCD warm up"
 
 
 def _halves(stack: Image) -> Float:

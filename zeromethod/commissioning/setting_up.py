@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zeromethod.commissioning.advice import advice, misplaced, placed
+from zeromethod.commissioning.advice import GOOD, advice, misplaced, placed
 from zeromethod.commissioning.focus import FocusMeter, FocusReport
 from zeromethod.commissioning.orientation import Alignment, Orientation, PlainPictures
-from zeromethod.commissioning.standing_patterns import HeldPictures
+from zeromethod.commissioning.patterns import TimedPatterns
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost, Frame
 from zeromethod.errors import MeasurementError
@@ -46,7 +46,7 @@ class Flicker:
         return float(rest.std(ddof=2) / light.mean())
 
     def forget(self) -> None:
-        """Start anew."""
+        """Start again."""
         self._greys.clear()
 
 
@@ -62,11 +62,16 @@ class Sight:
     place: Alignment | None
     advice: tuple[str, ...]
 
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The advice, or that there is nothing to do."""
+        return self.advice or (GOOD,)
+
 
 class SettingUp:
     """Shows the target at rest on the bench's display, if that shows anything, and judges frames.
 
-    with_lcd: whether the display is the bench's; plain pictures then tell first whether, and which way round,
+    with_lcd: whether the display is the bench's; plain pictures then show first whether, and which way round,
     the camera sees it.
     """
 
@@ -74,13 +79,13 @@ class SettingUp:
         self._devices = devices
         self._meter = FocusMeter(rig)
         self._rig = self._meter.rig
-        self._pictures = HeldPictures(self._rig, devices, SETTLE_S)
+        self._patterns = TimedPatterns(self._rig, devices, SETTLE_S)
         self._flicker = Flicker(rig.camera.noise.black_grey)
         self._plain = PlainPictures(self._meter.rest) if with_lcd else None
         self._drawer = Drawer(self._rig, devices.display, self._meter.rest) if with_lcd else None
 
     def sights(self, seconds: float | None = None) -> Iterator[Sight]:
-        """Judge frames for `seconds` of the run's clock, None = until told to stop.
+        """Judge frames for `seconds` of the run's clock, None = until the caller stops.
 
         Raises MeasurementError when a device is lost or gives nothing.
         """
@@ -93,7 +98,7 @@ class SettingUp:
                 if wrong and clock.now_ns() > looked_ns + 1e9 * LOOK_AGAIN_S:
                     seen = self._look_for_lcd()
                     looked_ns = clock.now_ns()
-                frame = self._pictures.read()
+                frame = self._patterns.read()
                 stray_grey = 0.0 if seen is None or math.isnan(seen.stray_grey) else seen.stray_grey
                 report = self._meter.look(frame.image, stray_grey)
                 flicker = self._flicker.note(report.mean_grey)
@@ -109,8 +114,8 @@ class SettingUp:
         """Show plain pictures, then the target at rest; None without the LCD."""
         if self._drawer is None or self._plain is None:
             return None
-        camera, pictures = self._rig.camera, self._pictures
-        images = [pictures.frames(codes, 1)[0].image for codes in self._plain.pictures]
-        pictures.after(self._drawer.draw(self._meter.rest.q), 1)
+        camera, patterns = self._rig.camera, self._patterns
+        images = [patterns.frames(codes, 1)[0].image for codes in self._plain.pictures]
+        patterns.after(self._drawer.draw(self._meter.rest.q), 1)
         self._flicker.forget()
         return self._plain.judge(images, camera.noise.black_grey, float(2**camera.bits - 1))

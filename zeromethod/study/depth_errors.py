@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.calibration import DepthError, Direct, Observation, Priors, RestPositions, depth_error, fit
+from zeromethod.calibration import DepthError, Direct, Measurement, Priors, RestPositions, depth_error, fit
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics, check_geometry
@@ -43,13 +43,13 @@ def budget(task: Task) -> Figures:
         raise InputError(f"evidence: {shown(evidence)}: one of {', '.join(EVIDENCE)}")
     priors = Priors.of(rig, dict.fromkeys(_exact(rig, settings["exact"]), 0.0))
     grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
-    observations: list[Observation] = []
+    measurements: list[Measurement] = []
     if evidence.startswith("rest map"):
-        observations.append(RestPositions.of(grid, _rest(rig, grid, float(settings["rest_sigma_px"]))))
+        measurements.append(RestPositions.of(grid, _rest(rig, grid, float(settings["rest_sigma_px"]))))
     if evidence.endswith("ruler") and "display.along_mm" in priors.names:
         value = float(priors.mean[priors.names.index("display.along_mm")])
-        observations.append(Direct("display.along_mm", value, float(settings["ruler_sigma_mm"])))
-    fitted = fit(priors, observations)
+        measurements.append(Direct("display.along_mm", value, float(settings["ruler_sigma_mm"])))
+    fitted = fit(priors, measurements)
     error = depth_error(fitted, grid)
     rows = error.sensitivity[list(_PRESSES.get(evidence, ()))]
     covariance = _with(error, rows * settings["press_depth_mm"] / settings["press_sigma_mm"])

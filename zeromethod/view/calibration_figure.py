@@ -88,5 +88,5 @@ def _presses(axis: Any, found: Calibration) -> None:
     number = np.arange(1, len(known) + 1)
     axis.errorbar(number, 1e3 * (read - known), yerr=1e3 * plan.press_sigma_mm, fmt="o", capsize=4)
     axis.axhline(0.0, color="0.6", lw=0.8)
-    axis.set(xlabel="press", ylabel="um", xticks=number)
+    axis.set(xlabel="press", ylabel="µm", xticks=number)
     axis.set_title("depth read less depth known", fontsize=9)

@@ -1,4 +1,4 @@
-"""A stored calibration as tables of plain words, alone or beside another one."""
+"""A stored calibration as tables of plain words, alone or next to another one."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from zeromethod.calibration.fingerprint import WORDS
+from zeromethod.calibration.fingerprint import OF_DEVICES, WORDS
 from zeromethod.calibration.folder import Stored
+from zeromethod.calibration.verdict import Level
 
-_COLOURS = {"good": "green", "uncertain": "yellow", "bad": "red"}
+_COLOURS = {Level.GOOD: "green", Level.UNCERTAIN: "yellow", Level.BAD: "red"}
 _OFFERS, _OPEN = 4, 4
 NOTABLE = 3.0
 """Change of a parameter, in its sigma, that is marked."""
@@ -21,7 +22,7 @@ NOTABLE = 3.0
 def verdict_line(stored: Stored) -> Text:
     """The verdict with its most important reason, on one line."""
     verdict = stored.document["verdict"]
-    text = Text(f"{verdict['level']}: ", style=_COLOURS.get(verdict["level"], ""))
+    text = Text(f"{stored.level}: ", style=_COLOURS[stored.level])
     return text.append(verdict["reason"], style="default")
 
 
@@ -68,7 +69,7 @@ _PANEL = (("scanout", "scan-out"), ("rise", "rise, 10 to 90 %"), ("fall", "fall,
 def _figures(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "made", f"{document['time']:%Y-%m-%d %H:%M} UTC, {document.get('made_by', '')}"
     for key, words in WORDS.items():
-        if key in {"camera.serial", "camera.model", "display.name"}:
+        if key in OF_DEVICES:
             table, name = key.split(".")
             if name in document["fingerprint"].get(table, {}):
                 yield words, str(document["fingerprint"][table][name])
@@ -94,7 +95,7 @@ def _figures(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
             f"read {press['read_mm']:.4f} mm",
         )
     for one in document.get("not_told_apart", ())[:_OPEN]:
-        yield "not told apart", f"{one['words']} ({one['depth_percent']:.2f} % of depth)"
+        yield "not separated", f"{one['words']} ({one['depth_percent']:.2f} % of depth)"
     for one in document.get("measure_next", ())[:_OFFERS]:
         yield "would bring depth to", f"{one['depth_percent']:.2f} %: {one['what']}"
     for finding in document["verdict"]["findings"][1:]:

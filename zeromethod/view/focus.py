@@ -14,7 +14,6 @@ from rich.table import Table
 from rich.text import Text
 
 from zeromethod.arrays import Float
-from zeromethod.commissioning.advice import GOOD
 from zeromethod.commissioning.orientation import Orientation
 from zeromethod.commissioning.setting_up import Sight
 
@@ -55,7 +54,7 @@ def sight_table(sight: Sight) -> RenderableType:
         table.add_row(
             "picture, by the rig file", f"{size}, {place.right_px:+.1f} px right, {place.down_px:+.1f} down"
         )
-    lines = [Text(f"-> {line}", style="green" if line == GOOD else "yellow") for line in sight.advice]
+    lines = [Text(f"-> {line}", style="yellow" if sight.advice else "green") for line in sight.lines]
     return Group(table, *lines)
 
 
@@ -73,38 +72,30 @@ def sight_line(sight: Sight) -> str:
     return (
         f"{sight.time_s:6.1f} s  focus {_number(report.score, '.3f')}  grey {report.mean_grey:.0f}"
         f"  brightest {report.bright_grey:.0f}/{report.full_grey:.0f}  saturated {report.saturated_share:.1%}"
-        f"  usable {report.usable_share:.0%}  {sight.advice[0]}"
+        f"  usable {report.usable_share:.0%}  {sight.lines[0]}"
     )
 
 
 def sight_figures(sight: Sight) -> dict[str, Any]:
     """The same for `--summary`."""
-    report, seen, place = sight.report, sight.seen, sight.place
+    report = {name: value for name, value in vars(sight.report).items() if name != "alignment"}
     return {
         "time_s": sight.time_s,
-        "focus_score": report.score,
-        "blur_px": report.blur_px,
-        "focus_by_region": report.modulation,
+        "focus_score": report.pop("score"),
+        "focus_by_region": report.pop("modulation"),
         "exposure_s": 1e-9 * sight.frame.exposure_ns,
-        "mean_grey": report.mean_grey,
-        "bright_grey": report.bright_grey,
-        "full_grey": report.full_grey,
-        "histogram": report.histogram,
-        "saturated_share": report.saturated_share,
-        "seen_share": report.seen_share,
-        "usable_share": report.usable_share,
-        "dark_share": report.dark_share,
+        **report,
         "flicker_share": sight.flicker_share,
-        "picture": None if place is None else asdict(place),
-        "lcd": None if seen is None else asdict(seen),
-        "advice": sight.advice,
+        "picture": None if sight.place is None else asdict(sight.place),
+        "lcd": None if sight.seen is None else asdict(sight.seen),
+        "advice": sight.lines,
     }
 
 
 class FocusView:
     """Shows sights as they come: a table that renews itself on a terminal, else a line every second.
 
-    keys: what they do, told below the table; "" for none.
+    keys: what they do, shown below the table; "" for none.
     """
 
     def __init__(self, console: Console, keys: str = "") -> None:

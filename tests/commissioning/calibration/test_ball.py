@@ -60,7 +60,7 @@ def pressed() -> tuple[Recorded, list[str]]:
 def test_ball_is_asked_for_and_taken(pressed: tuple[Recorded, list[str]]) -> None:
     recorded, lines = pressed
     assert "press 1 of 1: press the ball of 800 mm radius in now, and hold still" in lines
-    assert recorded.failure == ""
+    assert recorded.failure is None
     assert recorded.presses is not None
     assert recorded.presses.pressed == ()
     assert recorded.presses.ball is not None
@@ -69,7 +69,7 @@ def test_ball_is_asked_for_and_taken(pressed: tuple[Recorded, list[str]]) -> Non
 def test_ball_tells_depth_and_survives_the_disk(pressed: tuple[Recorded, list[str]], tmp_path: Path) -> None:
     recorded, _ = pressed
     found = evaluate(recorded)
-    (term,) = (term for term in found.fitted.terms if term.observation.name == "ball")
+    (term,) = (term for term in found.fitted.terms if term.measurement.name == "ball")
     # The radius as read fits the one that is known, within what noise and the rim leave.
     assert abs(float(term.residual[0])) < 3.0
     without = evaluate(replace(recorded, plan=replace(PLAN, ball_mm=None)), found.rest)
@@ -86,4 +86,4 @@ def test_ball_that_shows_too_little_is_left_out_and_said(pressed: tuple[Recorded
     # a ball of a tenth of the radius would have a contact of a third: too few nodes
     found = evaluate(replace(recorded, plan=replace(PLAN, ball_mm=(20.0, 0.1))))
     assert any("ball: the contact shows too few nodes" in words for words in found.verdict.findings)
-    assert "ball" not in {term.observation.name for term in found.fitted.terms}
+    assert "ball" not in {term.measurement.name for term in found.fitted.terms}

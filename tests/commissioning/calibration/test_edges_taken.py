@@ -9,7 +9,7 @@ import pytest
 
 from zeromethod.calibration import MirrorEdge
 from zeromethod.commissioning.calibration import Plan, Recorded, evaluate, record
-from zeromethod.commissioning.calibration.prompts import Silence
+from zeromethod.commissioning.calibration.prompts import Silent
 from zeromethod.decoding.measuring import RestMeasurement
 from zeromethod.devices.opening import open_devices
 from zeromethod.rig.model import Rig
@@ -19,7 +19,7 @@ from .planted import quarter, truth
 PLAN = Plan(light=False, delay=False, rest_frames=1)
 
 
-class Listener(Silence):
+class Listener(Silent):
     """Keeps what is said."""
 
     def __init__(self) -> None:
@@ -44,8 +44,8 @@ def seen() -> tuple[Recorded, RestMeasurement]:
 
 def test_edges_in_view_are_found_told_and_taken(seen: tuple[Recorded, RestMeasurement]) -> None:
     hand = Listener()
-    found = evaluate(*seen, tell=hand)
-    edges = [term.observation for term in found.fitted.terms if isinstance(term.observation, MirrorEdge)]
+    found = evaluate(*seen, prompts=hand)
+    edges = [term.measurement for term in found.fitted.terms if isinstance(term.measurement, MirrorEdge)]
     assert [one.edge for one in edges] == ["P0", "R0"]
     for one in edges:
         # within three sigma of where they are
@@ -64,7 +64,7 @@ def test_an_edge_by_hand_takes_the_place_of_the_one_found(
 ) -> None:
     given = MirrorEdge("R0", np.array([[70.0, 32.0]]), 3.0)
     found = evaluate(replace(seen[0], plan=replace(PLAN, known=(given,))), seen[1])
-    (edge,) = (term.observation for term in found.fitted.terms if term.observation.name == "edge R0")
+    (edge,) = (term.measurement for term in found.fitted.terms if term.measurement.name == "edge R0")
     assert edge is not None
     assert edge.sigma.tolist() == [3.0]
     assert [one.edge for one in found.edges] == ["P0"]

@@ -154,7 +154,7 @@ def test_a_sound_bench_is_not_accused(session: tuple[Recorded, RestMeasurement, 
 
 def test_depth_is_not_silently_wrong(calibration: Calibration) -> None:
     """Either the verdict says so, or known presses and another one are read within what is stated."""
-    assert calibration.recorded.failure == ""
+    assert calibration.recorded.failure is None
     assert calibration.verdict.level != "bad"
     stated = 0.01 * calibration.depth_percent
     assert stated < 0.02

@@ -52,7 +52,7 @@ def test_press_is_taken_only_once_it_stands() -> None:
         watch.take(warp(rng))
     for dent in np.linspace(2.0, 12.0, 30):
         watch.take(warp(rng, dent))
-    assert watch.phase is Phase.STANDING
+    assert watch.phase is Phase.SETTLING
     for _ in range(8):
         watch.take(warp(rng, 12.0))
     assert watch.phase is Phase.LIFTING
@@ -78,7 +78,7 @@ def test_press_that_goes_before_it_was_taken_is_waited_for_again() -> None:
     for _ in range(8):
         watch.take(warp(rng))
     watch.take(warp(rng, 9.0))
-    assert watch.phase is Phase.STANDING
+    assert watch.phase is Phase.SETTLING
     watch.take(warp(rng))
     assert watch.phase is Phase.COMING
     assert not watch.pressed
@@ -108,7 +108,7 @@ def test_ctrl_c_keeps_the_presses_before_it() -> None:
     with open_devices(rig) as devices:
         hand = Impatient(devices, (0.15,), ((40.0, 0.0),))
         with pytest.raises(PressesEndedError) as ended:
-            record_presses(rig, devices, (0.15, 0.1), frames=6, patience_s=3.0, tell=hand)
+            record_presses(rig, devices, (0.15, 0.1), frames=6, patience_s=3.0, prompts=hand)
     assert ended.value.interrupted
     assert ended.value.warps is not None
     assert len(ended.value.warps.pressed) == 1

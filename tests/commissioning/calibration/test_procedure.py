@@ -8,7 +8,7 @@ from crooked_bench import OFF
 
 from zeromethod.calibration import describe
 from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, procedure, record
-from zeromethod.commissioning.calibration.procedure import with_values
+from zeromethod.commissioning.calibration.first_fit import with_values
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import Optics

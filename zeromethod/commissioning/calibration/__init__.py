@@ -11,16 +11,17 @@ from zeromethod.commissioning.calibration.evaluation import (
     evaluate_or_keep,
     rest_alone,
 )
-from zeromethod.commissioning.calibration.procedure import Plan, Recorded, record
-from zeromethod.commissioning.calibration.prompts import Silence, Teller
+from zeromethod.commissioning.calibration.plan import Plan, Recorded
+from zeromethod.commissioning.calibration.procedure import record
+from zeromethod.commissioning.calibration.prompts import Prompts, Silent
 from zeromethod.commissioning.calibration.storing import recall, store_calibration
 
 __all__ = [
     "Calibration",
     "Plan",
+    "Prompts",
     "Recorded",
-    "Silence",
-    "Teller",
+    "Silent",
     "evaluate",
     "evaluate_or_keep",
     "recall",

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from zeromethod.calibration.charuco import Board, BoardNotFoundError, View, margined, on_lcd
-from zeromethod.commissioning.calibration.prompts import Silence, Teller
+from zeromethod.calibration.charuco import Board, NoView, View
+from zeromethod.commissioning.calibration.prompts import Prompts, Silent
 from zeromethod.devices.abilities import poll_of
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout
@@ -29,11 +29,11 @@ _LCD_TOLERANCE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """Views of a board. shape: (rows, columns) of the pictures. refused: name and reason of the others."""
+    """Views of a board. shape: (rows, columns) of the pictures. refused: reason by name of the others."""
 
     views: tuple[View, ...]
     shape: tuple[int, int]
-    refused: tuple[tuple[str, str], ...] = ()
+    refused: dict[str, NoView]
 
 
 def views_in_files(
@@ -44,37 +44,34 @@ def views_in_files(
     Raises InputError for files that are no images or of several sizes, and, naming the files, where fewer
     than `least` show the board.
     """
-    views, refused = [], []
-    shape: tuple[int, int] | None = None
+    views, refused, shapes = [], {}, list[tuple[int, int]]()
     for path in paths:
         image = read_grey(path)
-        rows, columns = image.shape
-        shape = shape or (rows, columns)
-        if (rows, columns) != shape:
-            raise InputError(f"{path}: {columns} x {rows} px: the first picture has {shape[1]} x {shape[0]}")
-        try:
-            views.append(board.find(path.name, image))
-        except BoardNotFoundError as error:
-            refused.append((path.name, str(error)))
+        shapes.append((image.shape[0], image.shape[1]))
+        if shapes[-1] != shapes[0]:
+            (rows, columns), (first_rows, first_columns) = shapes[-1], shapes[0]
+            raise InputError(
+                f"{path}: {columns} x {rows} px: the first picture has {first_columns} x {first_rows}"
+            )
+        found = board.find(path.name, image)
+        if isinstance(found, View):
+            views.append(found)
+        else:
+            refused[path.name] = found
         advance()
-    assert shape is not None
     if len(views) < least:
+        lines = [
+            f"{', '.join(name for name, why in refused.items() if why is reason)}: {reason}"
+            for reason in dict.fromkeys(refused.values())
+        ]
         raise InputError(
             f"FRAMES: {len(views)} of {len(paths)} show the board ({board}), at least {least} must; "
-            + _told(refused)
+            + ("; ".join(lines) or "take more")
         )
-    return Views(tuple(views), shape, tuple(refused))
+    return Views(tuple(views), shapes[0], refused)
 
 
-def _told(refused: Sequence[tuple[str, str]]) -> str:
-    """Names by reason, on one line."""
-    by_reason: dict[str, list[str]] = {}
-    for name, why in refused:
-        by_reason.setdefault(why, []).append(name)
-    return "; ".join(f"{', '.join(names)}: {why}" for why, names in by_reason.items()) or "take more"
-
-
-def board_for_lcd(board: Board, rig: Rig) -> int:
+def square_on_lcd_px(board: Board, rig: Rig) -> int:
     """LCD px of a square. Raises InputError where squares are not whole LCD px, saying which ones are."""
     pitch = rig.display.pitch_mm
     square_px = max(round(board.square_mm / pitch), 1)
@@ -94,67 +91,56 @@ def live_views(
     patience_s: float,
     *,
     shown: bool,
-    tell: Teller | None = None,
+    prompts: Prompts | None = None,
 ) -> Views:
     """Take `count` views from the open camera, each where the board stands still and was not before.
 
     shown: whether the board is put on the display. After `patience_s` without a new view, and on Ctrl-C, the
     views that there are are given. Raises MeasurementError for a camera that is lost.
     """
-    tell = tell or Silence()
+    prompts = prompts or Silent()
     if shown:
-        square_px = board_for_lcd(board, rig)
-        picture = margined(board.picture(square_px), square_px)
-        devices.display.show(on_lcd(picture, rig.display.columns, rig.display.rows))
+        display = rig.display
+        devices.display.show(board.on_lcd(square_on_lcd_px(board, rig), display.columns, display.rows))
     taken: list[View] = []
-    with tell.part("views of the board", count) as advance:
-        tell.say("show the board to the camera, tilted, and hold it still until the view is taken")
+    with prompts.part("views of the board", count) as advance:
+        prompts.say("show the board to the camera, tilted, and hold it still until the view is taken")
         try:
-            _take(devices, rig, board, count, patience_s, taken, tell, advance)
+            for view in _still_views(devices, rig, board, patience_s, taken, prompts):
+                taken.append(view)
+                advance()
+                if len(taken) == count:
+                    break
+                prompts.say(f"view {len(taken)} of {count} taken: tilt and turn the board another way")
         except KeyboardInterrupt:
-            tell.say("stopped: going on with the views there are")
+            prompts.say("stopped: going on with the views there are")
         except CameraLost as error:
             raise MeasurementError(f"intrinsics: the camera is lost: {error}") from error
-    return Views(tuple(taken), (rig.camera.rows, rig.camera.columns))
+    return Views(tuple(taken), (rig.camera.rows, rig.camera.columns), {})
 
 
-def _take(
-    devices: Devices,
-    rig: Rig,
-    board: Board,
-    count: int,
-    patience_s: float,
-    taken: list[View],
-    tell: Teller,
-    advance: Callable[[], object],
-) -> None:
-    poll = poll_of(devices.display)
-    before: View | None = None
-    last_ns = devices.clock.now_ns()
-    why = "no frame came"
-    while len(taken) < count:
-        if devices.clock.now_ns() - last_ns > 1e9 * patience_s:
-            tell.say(f"no new view within {patience_s:g} s ({why}): going on with the {len(taken)} there are")
-            return
-        if poll is not None:
-            poll()
+def _still_views(
+    devices: Devices, rig: Rig, board: Board, patience_s: float, taken: Sequence[View], prompts: Prompts
+) -> Iterable[View]:
+    """Views where the board stands still, away from those `taken`, until none comes in time."""
+    poll = poll_of(devices.display) or (lambda: None)
+    before: View | NoView | None = None
+    last_ns, why = devices.clock.now_ns(), "no frame came"
+    while devices.clock.now_ns() - last_ns <= 1e9 * patience_s:
+        poll()
         try:
-            image = devices.camera.read(rig.control.timeout_s).image
-            view = board.find(f"view {len(taken) + 1}", image)
+            view = board.find(f"view {len(taken) + 1}", devices.camera.read(rig.control.timeout_s).image)
         except CameraTimeout:
             continue
-        except BoardNotFoundError as error:
-            before, why = None, str(error)
+        if isinstance(view, NoView):
+            before, why = view, str(view)
             continue
-        still = before is not None and _moved_px(view, before) < STILL_PX
-        new = all(_moved_px(view, one) > NEW_SHARE * rig.camera.columns for one in taken)
-        before, why = view, "the board moves" if not still else "the board is where it was before"
-        if still and new:
-            taken.append(view)
+        still = isinstance(before, View) and _moved_px(view, before) < STILL_PX
+        before, why = view, "the board is where it was before" if still else "the board moves"
+        if still and all(_moved_px(view, one) > NEW_SHARE * rig.camera.columns for one in taken):
             last_ns = devices.clock.now_ns()
-            advance()
-            if len(taken) < count:
-                tell.say(f"view {len(taken)} of {count} taken: tilt and turn the board another way")
+            yield view
+    prompts.say(f"no new view within {patience_s:g} s ({why}): going on with the {len(taken)} there are")
 
 
 def _moved_px(one: View, other: View) -> float:

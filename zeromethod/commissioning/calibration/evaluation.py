@@ -10,6 +10,7 @@ import numpy as np
 
 from zeromethod.calibration import (
     Blend,
+    CalibrationVerdict,
     DepthError,
     Fit,
     Gain,
@@ -19,25 +20,24 @@ from zeromethod.calibration import (
     Presses,
     RestPositions,
     RestReading,
-    Verdict,
     depth_error,
     fit,
     gains,
     judge,
-    untold,
+    open_combinations,
 )
 from zeromethod.calibration.edges import EdgeSearch, find_edges
-from zeromethod.commissioning.calibration.lens import with_intrinsics
-from zeromethod.commissioning.calibration.presses import PressWarps
-from zeromethod.commissioning.calibration.procedure import (
-    Plan,
-    Recorded,
+from zeromethod.calibration.verdict import Level
+from zeromethod.commissioning.calibration.first_fit import (
     first_fit,
     grid_of,
-    rest_observations,
+    rest_measurements,
+    with_intrinsics,
     with_values,
 )
-from zeromethod.commissioning.calibration.prompts import Silence, Teller
+from zeromethod.commissioning.calibration.plan import Plan, Recorded
+from zeromethod.commissioning.calibration.presses import PressWarps
+from zeromethod.commissioning.calibration.prompts import Prompts, Silent
 from zeromethod.commissioning.calibration.rest import decode
 from zeromethod.decoding.measuring import RestMeasurement
 from zeromethod.errors import MeasurementError
@@ -66,9 +66,9 @@ class Calibration:
     rest_warp: Warp
     fitted: Fit
     error: DepthError
-    untold: tuple[Blend, ...]
+    open_blends: tuple[Blend, ...]
     gains: tuple[Gain, ...]
-    verdict: Verdict
+    verdict: CalibrationVerdict
     peaks: tuple[Peak, ...]
     drift_px: float
     edges: tuple[EdgeSearch, ...] = ()
@@ -93,7 +93,7 @@ def evaluate(
     recorded: Recorded,
     found: RestMeasurement | None = None,
     last: Mapping[str, tuple[float, float]] | None = None,
-    tell: Teller | None = None,
+    prompts: Prompts | None = None,
 ) -> Calibration:
     """Fit everything that was recorded.
 
@@ -103,33 +103,35 @@ def evaluate(
     Raises MeasurementError where the data contradict the rig file beyond use.
     """
     rig, plan = with_values(recorded.rig, recorded.values), recorded.plan
-    tell = tell or Silence()
+    prompts = prompts or Silent()
     findings: list[str] = []
-    with tell.part("geometry", PARTS) as advance:
+    with prompts.part("geometry", PARTS) as advance:
         found = found or decode(rig, recorded.rest)
         grid = grid_of(rig)
         rest_warp = found.rest_map.warp(grid)
         advance()
         first = first_fit(rig, found, plan.known)
-        edges = _edges(first, found, plan, tell)
+        edges = _edges(first, found, plan, prompts)
         advance()
         rig, priors = with_intrinsics(rig, plan.known)
-        observations = rest_observations(rig, found, plan.known)
-        observations += [one.found for one in edges if one.found is not None]
+        measurements = rest_measurements(rig, found, plan.known)
+        measurements += [one.found for one in edges if isinstance(one.found, MirrorEdge)]
         reading, presses, drift = None, None, float("nan")
         if recorded.presses is not None:
             warps = recorded.presses
             reading = RestReading.of(grid, warps.rest)
             presses, ball = _pressed(warps, plan, reading)
-            observations += [presses] if presses is not None else []
-            if ball is not None and (why := _unseen(ball, first.rig)):
-                findings.append(f"{why}: it is left out")
-            elif ball is not None:
-                observations.append(ball)
+            measurements += [presses] if presses is not None else []
+            try:
+                if ball is not None:
+                    ball.prepared(first.rig)
+                    measurements.append(ball)
+            except MeasurementError as unseen:
+                findings.append(f"{unseen}: it is left out")
             both = warps.rest.valid & rest_warp.valid
             apart = np.linalg.norm(warps.rest.q - rest_warp.q, axis=-1)[both]
             drift = float(np.median(apart)) if apart.size else float("nan")
-        fitted = fit(priors, observations)
+        fitted = fit(priors, measurements)
         advance()
         error = depth_error(fitted, grid, reading)
         advance()
@@ -138,23 +140,14 @@ def evaluate(
         verdict = judge(fitted, error, gain, usable, last)
         if drift > DRIFT_LCD_PX:
             findings.append(f"the picture moved by {drift:.2f} LCD px between rest map and presses")
-            verdict = replace(verdict, level="bad")
+            verdict = replace(verdict, level=Level.BAD)
         verdict = replace(verdict, findings=(*verdict.findings, *findings))
         peaks = tuple(presses.peaks(fitted.rig)) if presses is not None else ()
         advance()
+    open_blends = tuple(open_combinations(fitted, error))
     return Calibration(
-        recorded,
-        found,
-        grid,
-        rest_warp,
-        fitted,
-        error,
-        tuple(untold(fitted, error)),
-        tuple(gain),
-        verdict,
-        peaks,
-        drift,
-        edges,
+        *(recorded, found, grid, rest_warp, fitted, error, open_blends, tuple(gain)),
+        *(verdict, peaks, drift, edges),
     )
 
 
@@ -162,15 +155,15 @@ def evaluate_or_keep(
     recorded: Recorded,
     found: RestMeasurement | None = None,
     last: Mapping[str, tuple[float, float]] | None = None,
-    tell: Teller | None = None,
+    prompts: Prompts | None = None,
 ) -> Calibration:
     """Evaluate; where that fails, the rest map alone, with a verdict of bad that says why.
 
-    Nothing that was recorded is left out of what it gives, so that it can be stored and evaluated anew.
+    Nothing that was recorded is left out of what it gives, so that it can be stored and evaluated again.
     Raises MeasurementError where not even the rest map agrees with the rig file.
     """
     try:
-        return evaluate(recorded, found, last, tell)
+        return evaluate(recorded, found, last, prompts)
     except MeasurementError as error:
         try:
             return rest_alone(recorded, found, str(error), last)
@@ -191,15 +184,17 @@ def rest_alone(
     plan = replace(recorded.plan, press_depths_mm=(), ball_mm=None, known=(), edges=False)
     alone = evaluate(replace(recorded, presses=None, plan=plan), found, last)
     findings = (f"{why}: geometry from the rest map alone", *alone.verdict.findings)
-    return replace(alone, recorded=recorded, verdict=replace(alone.verdict, level="bad", findings=findings))
+    return replace(
+        alone, recorded=recorded, verdict=replace(alone.verdict, level=Level.BAD, findings=findings)
+    )
 
 
-def _edges(first: Fit, found: RestMeasurement, plan: Plan, tell: Teller) -> tuple[EdgeSearch, ...]:
+def _edges(first: Fit, found: RestMeasurement, plan: Plan, prompts: Prompts) -> tuple[EdgeSearch, ...]:
     """Look for the edges that nobody gave."""
     given = {one.edge for one in plan.known if isinstance(one, MirrorEdge)}
     edges = tuple(one for one in find_edges(first, found) if one.edge not in given) if plan.edges else ()
     for one in edges:
-        tell.say(f"edge {one.edge}: {one.words}")
+        prompts.say(f"edge {one.edge}: {one.words}")
     return edges
 
 
@@ -215,19 +210,10 @@ def _pressed(warps: PressWarps, plan: Plan, reading: RestReading) -> tuple[Press
     return Presses.of(reading, known) if known else None, ball
 
 
-def _unseen(ball: KnownBall, rig: Rig) -> str:
-    """Why a ball's contact cannot be read; "" where it can."""
-    try:
-        ball.prepared(rig)
-    except MeasurementError as error:
-        return str(error)
-    return ""
-
-
 def rest_residuals(calibration: Calibration) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
     """Camera px (n, 2) and residual (n, 2), LCD px, of the rest map's nodes that the fit used."""
     for term in calibration.fitted.terms:
-        data = term.observation
+        data = term.measurement
         if isinstance(data, RestPositions):
             return data.pixel, (term.residual * data.sigma).reshape(-1, 2)
     raise AssertionError("a calibration has a rest map")

@@ -158,7 +158,7 @@ rows = {c.lcd_rows}
 pitch_mm = {c.pitch_mm!r}           # width of the lit area / columns
 centre_mm = [{c.lcd_along_mm!r}, 0.0]   # panel's middle: from P0 along the pattern face, and y; to 1.2 mm
 turn_deg = 0.0             # with 0, columns grow away from P0 and rows with y
-mirrored = false           # `zeromethod devices --focus` tells which way round the camera sees it
+mirrored = false           # `zeromethod devices --focus` says which way round the camera sees it
 refresh_hz = {c.refresh_hz!r}
 latency_s = 0.0            # found by calibrate
 rise_s = 0.004
@@ -170,7 +170,7 @@ columns = {c.camera_columns}
 rows = {c.camera_rows}
 bits = 8
 projection = "perspective"
-# a lens of {c.lens_mm:g} mm focused on the LCD's image, pixels of {c.pixel_um:g} um; to 1.2 %
+# a lens of {c.lens_mm:g} mm focused on the LCD's image, pixels of {c.pixel_um:g} µm; to 1.2 %
 focal_px = [{c.focal_px:.1f}, {c.focal_px:.1f}]
 centre_px = [{(c.camera_columns - 1) / 2!r}, {(c.camera_rows - 1) / 2!r}]
 distortion = [0.0, 0.0, 0.0, 0.0, 0.0]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.commissioning.calibration.prompts import Silence, Teller
+from zeromethod.commissioning.calibration.prompts import Prompts, Silent
 from zeromethod.devices.opening import Devices
 from zeromethod.errors import MeasurementError
 from zeromethod.loop.loop import Loop
@@ -25,7 +25,7 @@ PRESSED_LCD_PX, LIFTED_LCD_PX = 0.8, 0.4
 """Displacement (upper percent of the nodes) from which something presses, and below which it is gone."""
 
 STILL_LCD_PX, STILL_SHARE = 0.05, 0.002
-"""Change between the halves of the frames taken, rms over the pressed nodes, up to which a press stands
+"""Change between the halves of the frames taken, rms over the pressed nodes, up to which a press is
 still: the larger of a constant and a share of the displacement."""
 
 DEFAULT_FRAMES = 16
@@ -35,11 +35,11 @@ _PRESSED_SHARE = 0.3
 
 
 class Phase(enum.Enum):
-    """What a press is waited for to do."""
+    """What is waited for."""
 
     REST = "resting"
     COMING = "waiting for the press"
-    STANDING = "pressed, waiting for it to stand still"
+    SETTLING = "pressed, waiting for it to keep still"
     LIFTING = "taken, waiting for the lift"
 
 
@@ -61,18 +61,21 @@ class PressWarps:
 
 
 class PressesEndedError(MeasurementError):
-    """Not all presses came. warps: what was taken before, None where not even the mirror at rest was."""
+    """Not all presses came; the message says why.
 
-    def __init__(self, reason: str, warps: PressWarps | None, interrupted: bool = False) -> None:
-        super().__init__(reason)
-        self.warps = warps
+    warps: what was taken before, None where not even the mirror at rest was. interrupted: by Ctrl-C.
+    """
+
+    def __init__(self, message: str, interrupted: bool = False) -> None:
+        super().__init__(message)
+        self.warps: PressWarps | None = None
         self.interrupted = interrupted
 
 
 class PressWatch:
-    """Follows measured warps and tells when the untouched mirror, then each press, was taken.
+    """Follows measured warps and takes means of the untouched mirror, then of each press.
 
-    Feed it every turn (`take`); a turn in which the loop was not nulled is None and breaks the row of frames.
+    Feed it every step (`take`); a step in which the loop was not nulled is None and breaks the row of frames.
     """
 
     def __init__(self, frames: int = DEFAULT_FRAMES) -> None:
@@ -84,7 +87,7 @@ class PressWatch:
         self.pressed: list[Warp] = []
 
     def take(self, measured: Warp | None) -> bool:
-        """Take in one turn; whether the phase changed."""
+        """Take in one step; whether the phase changed."""
         before = self.phase
         if measured is None:
             self._row.clear()
@@ -92,17 +95,17 @@ class PressWatch:
         self._row.append(measured)
         match self.phase:
             case Phase.REST:
-                if len(self._row) == self._frames and self._stands(0.0, None):
+                if len(self._row) == self._frames and self._still(0.0, None):
                     self.rest = mean_warp(self._row)
                     self._go(Phase.COMING)
             case Phase.COMING:
                 if self._strength(measured)[0] > PRESSED_LCD_PX:
-                    self._go(Phase.STANDING)
-            case Phase.STANDING:
+                    self._go(Phase.SETTLING)
+            case Phase.SETTLING:
                 strength, away = self._strength(measured)
                 if strength < LIFTED_LCD_PX:
                     self._go(Phase.COMING)
-                elif len(self._row) == self._frames and self._stands(strength, away):
+                elif len(self._row) == self._frames and self._still(strength, away):
                     self.pressed.append(mean_warp(self._row))
                     self._go(Phase.LIFTING)
             case Phase.LIFTING:
@@ -121,7 +124,7 @@ class PressWatch:
         away = np.where(known, np.linalg.norm(measured.q - self.rest.q, axis=-1), np.nan)
         return (float(np.nanpercentile(away, _UPPER_PERCENT)) if known.any() else 0.0), away
 
-    def _stands(self, strength: float, away: Float | None) -> bool:
+    def _still(self, strength: float, away: Float | None) -> bool:
         valid = np.logical_and.reduce([warp.valid for warp in self._row])
         if away is not None:
             with np.errstate(invalid="ignore"):
@@ -142,7 +145,7 @@ def record_presses(
     depths_mm: Sequence[float],
     frames: int = DEFAULT_FRAMES,
     patience_s: float = DEFAULT_PATIENCE_S,
-    tell: Teller | None = None,
+    prompts: Prompts | None = None,
     *,
     ball_radius_mm: float | None = None,
 ) -> PressWarps:
@@ -154,38 +157,34 @@ def record_presses(
     Raises
     ------
     PressesEndedError
-        Nothing pressed in time, the press did not stand still or lift, the loop ended, or Ctrl-C.
+        Nothing pressed in time, the press did not keep still or lift, the loop ended, or Ctrl-C.
     """
     watch = PressWatch(frames)
-    interrupted = False
     asked = [f"press {depth:g} mm deep" for depth in depths_mm]
     if ball_radius_mm is not None:
         asked.append(f"press the ball of {ball_radius_mm:g} mm radius in")
     try:
-        reason = _follow(rig, devices, asked, patience_s, tell or Silence(), watch)
-    except KeyboardInterrupt:
-        reason, interrupted = "presses: interrupted", True
-    warps = None if watch.rest is None else PressWarps.of(watch.rest, watch.pressed, len(depths_mm))
-    if reason or warps is None:
-        raise PressesEndedError(reason, warps, interrupted)
-    return warps
+        rest = _follow(rig, devices, asked, patience_s, prompts or Silent(), watch)
+    except (KeyboardInterrupt, PressesEndedError) as error:
+        ended = (
+            error if isinstance(error, PressesEndedError) else PressesEndedError("presses: interrupted", True)
+        )
+        if watch.rest is not None:
+            ended.warps = PressWarps.of(watch.rest, watch.pressed, len(depths_mm))
+        raise ended from None
+    return PressWarps.of(rest, watch.pressed, len(depths_mm))
 
 
 def _follow(
-    rig: Rig,
-    devices: Devices,
-    asked: Sequence[str],
-    patience_s: float,
-    tell: Teller,
-    watch: PressWatch,
-) -> str:
-    """Run the loop until all presses were taken; why it did not come to that, "" where it did."""
+    rig: Rig, devices: Devices, asked: Sequence[str], patience_s: float, prompts: Prompts, watch: PressWatch
+) -> Warp:
+    """Run the loop until all presses were taken; the mean warp at rest. Raises PressesEndedError."""
     last_ns = devices.clock.now_ns()
     loop = Loop(rig, devices.camera, devices.display, devices.clock, reopen_camera=devices.reopen_camera)
     with (
         loop,
         closing(loop.run()) as steps,
-        tell.part("rest and presses, by the loop", 1 + len(asked)) as advance,
+        prompts.part("rest and presses, by the loop", 1 + len(asked)) as advance,
     ):
         for step in steps:
             nulled = step.state in NULLED and step.measured is not None
@@ -194,27 +193,28 @@ def _follow(
                 if watch.phase is Phase.LIFTING or (watch.phase is Phase.COMING and not watch.pressed):
                     advance()
                 if watch.phase is Phase.COMING and len(watch.pressed) == len(asked):
-                    return ""
-                _tell(tell, watch, asked)
+                    assert watch.rest is not None
+                    return watch.rest
+                _ask(prompts, watch, asked)
             elif devices.clock.now_ns() - last_ns > 1e9 * patience_s:
-                return _impatient(watch, len(asked), patience_s, step)
+                raise PressesEndedError(_missing(watch, len(asked), patience_s, step))
     ended = loop.ended.reason if loop.ended is not None else "it ended"
-    return f"presses: the loop did not go on: {ended}"
+    raise PressesEndedError(f"presses: the loop did not go on: {ended}")
 
 
-def _tell(tell: Teller, watch: PressWatch, asked: Sequence[str]) -> None:
+def _ask(prompts: Prompts, watch: PressWatch, asked: Sequence[str]) -> None:
     done, count = len(watch.pressed), len(asked)
     if watch.phase is Phase.COMING:
-        tell.say(f"press {done + 1} of {count}: {asked[done]} now, and hold still")
+        prompts.say(f"press {done + 1} of {count}: {asked[done]} now, and hold still")
     elif watch.phase is Phase.LIFTING:
-        tell.say(f"press {done} of {count}: taken; lift")
+        prompts.say(f"press {done} of {count}: taken; lift")
 
 
-def _impatient(watch: PressWatch, count: int, patience_s: float, step: Step) -> str:
+def _missing(watch: PressWatch, count: int, patience_s: float, step: Step) -> str:
     what = {
         Phase.REST: "the loop did not null the mirror at rest",
         Phase.COMING: f"no press {len(watch.pressed) + 1} of {count}",
-        Phase.STANDING: "the press did not stand still while the loop was locked",
+        Phase.SETTLING: "the press did not keep still while the loop was locked",
         Phase.LIFTING: "the press did not lift",
     }[watch.phase]
     why = "" if step.state in NULLED else f" ({step.state}: {step.reason})"

@@ -1,4 +1,4 @@
-"""How a calibration tells the person at the bench what it does and what to do."""
+"""What a calibration says to the person at the bench: what it does now, and what to do."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol
 
 
-class Teller(Protocol):
-    """Anything that shows progress and passes words on."""
+class Prompts(Protocol):
+    """Anything that shows progress and passes lines on to a person."""
 
     def part(self, words: str, total: int) -> AbstractContextManager[Callable[[], object]]:
         """Begin a part of `total` steps; what it gives is called after each."""
@@ -17,8 +17,8 @@ class Teller(Protocol):
         """Pass on one line: what to do now, or what was found."""
 
 
-class Silence:
-    """Tells nobody."""
+class Silent:
+    """Prompts that nobody gets."""
 
     def part(self, words: str, total: int) -> AbstractContextManager[Callable[[], object]]:  # noqa: ARG002
         """Count nothing."""

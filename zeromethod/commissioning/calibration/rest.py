@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zeromethod.arrays import Bytes, Image, Single
-from zeromethod.commissioning.standing_patterns import HeldPictures
-from zeromethod.commissioning.uniform_patterns import AGREEMENT, apart, even_picture, thinned
+from zeromethod.arrays import Image, Single
+from zeromethod.commissioning.patterns import SettledPatterns, TimedPatterns, uniform_pattern
 from zeromethod.decoding.fringes import SHIFTS, FringeSequence, equal_shifts
 from zeromethod.decoding.measuring import RestMeasurement, measure_rest
 from zeromethod.decoding.near_reflection import USUAL_SHARE
 from zeromethod.decoding.periods import SHORTEST_PX, choose_periods
-from zeromethod.errors import MeasurementError
 from zeromethod.optics import Optics
 from zeromethod.pattern import Response
 from zeromethod.rig.model import Rig
@@ -28,15 +26,15 @@ LEAD_FRAMES = 8
 """Frames of black before the first picture: more than any computer is late by."""
 
 MOST_FRAMES = 60
-"""Frames that may pass until a picture stands."""
+"""Frames that may pass until a picture has settled."""
 
 
 @dataclass(frozen=True, eq=False)
 class RestFrames:
     """What was captured of a fringe sequence.
 
-    sums: (pictures, rows, cols) grey levels summed over `frames` frames each: exact, and enough to begin
-    anew.
+    sums: (pictures, rows, cols) grey levels summed over `frames` frames each: exact, and enough to decode
+    again.
     """
 
     sequence: FringeSequence
@@ -69,61 +67,30 @@ def _shortest_px(rig: Rig) -> int:
 
 def capture(
     rig: Rig,
-    pictures: HeldPictures,
+    patterns: TimedPatterns,
     sequence: FringeSequence,
     frames: int,
     on_picture: Callable[[], object] = lambda: None,
-    variance_grey2: float = np.inf,
+    variance_grey2: float = 0.0,
 ) -> RestFrames:
     """Show every picture of the sequence, drawn through the inverse of the rig's response.
 
-    variance_grey2: of one reading; frames count only once they agree with each other within it, and no longer
-    show the picture before. Stamps that a busy computer puts on late do no harm then.
+    variance_grey2: of one reading; 0: time stamps alone say what a frame saw, see `SettledPatterns`.
 
-    Raises MeasurementError for a picture that does not come to stand.
+    Raises MeasurementError for a picture that does not settle.
     """
     display, camera = rig.display, rig.camera
     response = Response.from_rig(rig.display)
-    # From a picture that surely stands, each next one is known to have come when the view has changed.
-    before = thinned(pictures.frames(even_picture(rig, 0), LEAD_FRAMES)[-1].image)
+    settled = SettledPatterns(patterns, 2.0 * variance_grey2, MOST_FRAMES)
+    # From a picture that surely settled, each next one is known to have come when the view has changed.
+    settled.frames(uniform_pattern(rig, 0), LEAD_FRAMES)
     kind = np.uint16 if frames * (2**camera.bits - 1) < 2**16 else np.uint32
     sums = np.zeros((sequence.frames, camera.rows, camera.columns), kind)
     for number, light in enumerate(sequence.pictures(display.columns, display.rows)):
-        codes = response.picture(light)
-        taken = _standing(pictures, codes, frames, before, variance_grey2)
-        for image in taken:
-            sums[number] += image
-        before = thinned(taken[-1])
+        for frame in settled.frames(response.picture(light), frames):
+            sums[number] += frame.image
         on_picture()
     return RestFrames(sequence, sums, frames)
-
-
-def _standing(
-    pictures: HeldPictures,
-    codes: Bytes,
-    count: int,
-    before: Single,
-    variance_grey2: float,
-) -> list[Image]:
-    """`count` images running of a picture that stands; before: thinned image of the one before."""
-    noise2 = AGREEMENT * 2.0 * variance_grey2
-    row: list[Image] = []
-    image = pictures.frames(codes, 1)[0].image
-    for _ in range(MOST_FRAMES + count):
-        now = thinned(image)
-        if apart(now, before) <= noise2 < np.inf:
-            row.clear()  # still the picture before
-        else:
-            if row and apart(now, thinned(row[-1])) > noise2:
-                row.clear()
-            row.append(image)
-        if len(row) >= max(count, 2):
-            return row[-count:]
-        image = pictures.read().image
-    raise MeasurementError(
-        f"rest map: a picture does not stand after {MOST_FRAMES} frames: does the light flicker, or did "
-        "something move?"
-    )
 
 
 def decode(rig: Rig, recorded: RestFrames) -> RestMeasurement:
@@ -140,7 +107,7 @@ def decode(rig: Rig, recorded: RestFrames) -> RestMeasurement:
 NOTABLE_SHARE = 0.002
 """Of the camera's pixels, from which what is left out for a reason is worth a word."""
 
-_TOLD = {
+_ADVICE = {
     Reason.SECOND_REFLECTION: (
         "see a second reflection of about {reflection:.0%} of the main one's light: shield or blacken the "
         "face that makes it, or turn the LCD a little"
@@ -164,25 +131,25 @@ _TOLD = {
 def rest_notes(found: RestMeasurement) -> tuple[str, ...]:
     """What the person should see to in a rest map, the widest first; empty where all is well.
 
-    Dead pixels are told from the first one on; what shows no fringes is not mirror, and no fault.
+    Dead pixels are named from the first one on; what shows no fringes is not mirror, and no fault.
     """
     size = found.rest_map.reason.size
-    told = []
-    for reason in sorted(_TOLD, key=found.count, reverse=True):
+    said = []
+    for reason in sorted(_ADVICE, key=found.count, reverse=True):
         share = found.count(reason) / size
         if share > NOTABLE_SHARE:
             there = (found.rest_map.reason & int(reason)) != 0
             reflection = float(np.median(found.reflection[there]))
-            told.append(
+            said.append(
                 f"rest map: {plain_name(reason)}: {share:.1%} of the camera's pixels "
-                f"{_TOLD[reason].format(reflection=reflection)}; they are left out"
+                f"{_ADVICE[reason].format(reflection=reflection)}; they are left out"
             )
     if found.near_px > 0:
-        told.append(
+        said.append(
             f"rest map: the periods disagree as if a second reflection of a tenth of the light lay "
-            f"{found.near_px:.1f} LCD px beside the main one (or the lens had coma): places may be off by "
+            f"{found.near_px:.1f} LCD px off the main one (or the lens had coma): places may be off by "
             f"{USUAL_SHARE * found.near_px:.2f} LCD px, alike over wide parts; they are kept"
         )
     if dead := found.count(Reason.DEAD):
-        told.append(f"rest map: dead: {dead} pixels of camera or LCD, or dust; they are left out")
-    return tuple(told)
+        said.append(f"rest map: dead: {dead} pixels of camera or LCD, or dust; they are left out")
+    return tuple(said)

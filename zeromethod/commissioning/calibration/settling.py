@@ -1,4 +1,4 @@
-"""How long a picture takes to stand, found before anything is known of the delay."""
+"""How long a picture takes to settle, found before anything is known of the delay."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float, Single
-from zeromethod.commissioning.standing_patterns import HeldPictures
-from zeromethod.commissioning.uniform_patterns import apart, even_picture, follow, thinned
+from zeromethod.commissioning.patterns import TimedPatterns, apart, thinned, uniform_pattern
 from zeromethod.devices.opening import Devices
 from zeromethod.errors import MeasurementError
 from zeromethod.rig.model import Rig
@@ -19,10 +18,10 @@ LOOK_S, LOOK_FRAMES = 0.5, 8
 
 TOGGLES = 4
 SETTLED_SHARE = 0.01
-"""Of the change from black to white, within which the light stands."""
+"""Of the change from black to white, within which the light has settled."""
 
 UNSTEADY_SHARE = 0.1
-"""Of the change, by which the light may still scatter when it should stand."""
+"""Of the change, by which the light may still scatter when it should have settled."""
 
 MARGIN_REFRESHES = 2.0
 """Added to the longest settling seen, for those that were not."""
@@ -48,20 +47,20 @@ class Settling:
 
 
 def settle(rig: Rig, devices: Devices) -> Settling:
-    """Turn the LCD black and white and watch the whole view's light.
+    """Switch the LCD between black and white and watch the whole view's light.
 
-    Raises MeasurementError where the camera does not see the LCD, or the light does not come to rest.
+    Raises MeasurementError where the camera does not see the LCD, or the light does not settle.
     """
-    pictures, display = HeldPictures(rig, devices, 0.0), rig.display
+    pictures, display = TimedPatterns(rig, devices, 0.0), rig.display
     look_s = max(LOOK_S, LOOK_FRAMES / rig.camera.rate_hz)
     full = 2**rig.camera.bits - 1
     series, saturated, variances = [], 0.0, []
     for toggle in range(TOGGLES + 1):
         white = toggle % 2 == 1
-        picture = even_picture(rig, 255 * white)
+        picture = uniform_pattern(rig, 255 * white)
         levels, over = [], 0.0
         images: deque[Single] = deque(maxlen=2)
-        for since_s, frame in follow(pictures, picture, look_s, LOOK_FRAMES - 1):
+        for since_s, frame in pictures.following(picture, look_s, LOOK_FRAMES - 1):
             start_s = since_s - 0.5e-9 * frame.exposure_ns
             images.append(thinned(frame.image))
             levels.append((start_s, float(images[-1].mean())))
@@ -86,7 +85,7 @@ def settle(rig: Rig, devices: Devices) -> Settling:
     settled = max(_settled(one, swing) for one in series)
     if not np.isfinite(settled):
         raise MeasurementError(
-            f"the LCD's light does not come to rest within {look_s:.1f} s of a change: switch off dynamic "
+            f"the LCD's light does not settle within {look_s:.1f} s of a change: switch off dynamic "
             "contrast and dimming, and automatic exposure of the camera"
         )
     hold_s = settled + MARGIN_REFRESHES / display.refresh_hz
@@ -94,7 +93,7 @@ def settle(rig: Rig, devices: Devices) -> Settling:
 
 
 def _settled(levels: Float, swing: float) -> float:
-    """Start of the first exposure from which on the level stands, s; infinite where it never does."""
+    """Start of the first exposure from which on the level stays, s; infinite where it never does."""
     start_s, grey = levels.T
     tail = grey[2 * len(grey) // 3 :]
     scatter = 4.0 * float(tail.std())

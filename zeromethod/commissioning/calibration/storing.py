@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.calibration.edges import EdgeSearch
 from zeromethod.calibration.fit import Fit
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, load, load_arrays, store
-from zeromethod.calibration.observations import Direct, Intrinsics, MirrorEdge
+from zeromethod.calibration.measurements import Direct, Intrinsics, MirrorEdge
 from zeromethod.calibration.parameters import PARAMETERS, describe
 from zeromethod.commissioning.calibration.evaluation import Calibration
+from zeromethod.commissioning.calibration.plan import Known, Plan, Recorded
 from zeromethod.commissioning.calibration.presses import PressWarps
-from zeromethod.commissioning.calibration.procedure import Known, Plan, Recorded
 from zeromethod.commissioning.calibration.rest import RestFrames
 from zeromethod.commissioning.calibration.settling import Settling
 from zeromethod.commissioning.decode import figures
@@ -30,7 +31,7 @@ _OFFERS = 6
 _DELAY = ("latency_s", "sigma_s", "jitter_s", "refresh_hz", "camera_rate_hz", "horizon_s", "frames", "used")
 _WARP = ("q", "sigma", "flags")
 _KEPT = ("light", "delay", "panel")
-"""Tables of a document that evaluating anew does not change."""
+"""Tables of a document that evaluating again does not change."""
 
 
 def store_calibration(
@@ -40,29 +41,23 @@ def store_calibration(
     settings: Mapping[str, Any] | None = None,
     pictures: Mapping[str, Callable[[Path], object]] | None = None,
     home: Path | None = None,
-    redone: Stored | None = None,
+    again: Stored | None = None,
 ) -> Stored:
     """Write a calibration of the rig `name`; see `folder.store`.
 
-    redone: what it was made from anew.
+    again: the calibration whose recording was evaluated again.
     """
     document = document_of(found)
-    if redone is not None:
-        kept = {key: redone.document[key] for key in _KEPT if key in redone.document}
-        document |= {**kept, "redone_from": redone.folder.name}
+    if again is not None:
+        kept = {key: again.document[key] for key in _KEPT if key in again.document}
+        document |= {**kept, "redone_from": again.folder.name}
     return store(
-        name,
-        document,
-        found.values,
-        arrays_of(found),
-        settings=settings,
-        pictures=pictures,
-        home=home,
+        name, document, found.values, arrays_of(found), settings=settings, pictures=pictures, home=home
     )
 
 
 def recall(folder: Path) -> tuple[Recorded, Stored]:
-    """What was recorded for a calibration, to evaluate it anew. Raises InputError."""
+    """What was recorded for a calibration, to evaluate it again. Raises InputError."""
     stored = load(folder)
     raw = stored.document["recorded"]
     names = ("periods_px", "shifts_rad", "axes", "repeats", "frames", "sums")
@@ -153,7 +148,7 @@ def document_of(found: Calibration) -> dict[str, Any]:
         "rig": recorded.rig.name,
         "made_by": f"zeromethod {version('zeromethod')}",
         "verdict": {
-            "level": found.verdict.level,
+            "level": found.verdict.level.value,
             "reason": found.verdict.reason,
             "findings": list(found.verdict.findings),
         },
@@ -171,15 +166,16 @@ def document_of(found: Calibration) -> dict[str, Any]:
             "rest_map_sigma_factor": fitted.inflation,
             "settled": fitted.settled,
             "data": [
-                {"name": term.observation.name, "numbers": term.count, "outliers": term.outliers}
+                {"name": term.measurement.name, "numbers": term.count, "outliers": term.outliers}
                 for term in fitted.terms
             ],
         },
         "not_told_apart": [
-            {"words": one.words, "kept": one.kept, "depth_percent": one.depth_percent} for one in found.untold
+            {"words": one.words, "kept": one.kept, "depth_percent": one.depth_percent}
+            for one in found.open_blends
         ],
         "measure_next": [{"what": one.what, "depth_percent": one.percent} for one in found.gains[:_OFFERS]],
-        "edge": [{"name": one.edge, "words": one.words} | _place(one.found) for one in found.edges],
+        "edge": [_edge(one) for one in found.edges],
         "rest_map": figures(found.rest),
         "settling": asdict(recorded.settling),
     }
@@ -201,7 +197,7 @@ def document_of(found: Calibration) -> dict[str, Any]:
         "press_depths_mm": list(recorded.plan.press_depths_mm),
         "press_sigma_mm": recorded.plan.press_sigma_mm,
         "edges": recorded.plan.edges,
-        "known": list(map(_told_of, recorded.plan.known)),
+        "known": list(map(_table_of, recorded.plan.known)),
         "notes": list(recorded.notes),
         "values": recorded.values,
         "seconds": recorded.seconds,
@@ -212,9 +208,12 @@ def document_of(found: Calibration) -> dict[str, Any]:
     return document
 
 
-def _place(edge: MirrorEdge | None) -> dict[str, Any]:
-    """An edge as found, as TOML holds it."""
-    return {} if edge is None else {"pixel": edge.pixel.tolist(), "sigma_px": edge.sigma_px}
+def _edge(search: EdgeSearch) -> dict[str, Any]:
+    """What became of the search for an edge, as TOML holds it."""
+    table: dict[str, Any] = {"name": search.edge, "words": search.words}
+    if isinstance(search.found, MirrorEdge):
+        table |= {"pixel": search.found.pixel.tolist(), "sigma_px": search.found.sigma_px}
+    return table
 
 
 def _warp_of(arrays: Mapping[str, Any], name: str) -> Warp:
@@ -222,30 +221,23 @@ def _warp_of(arrays: Mapping[str, Any], name: str) -> Warp:
     return Warp(q, sigma, flags, 0)
 
 
-def _told_of(known: Known) -> dict[str, Any]:
-    """What was known beside the procedure, as TOML holds it."""
+def _table_of(known: Known) -> dict[str, Any]:
+    """What was known in addition, as TOML holds it."""
     if isinstance(known, Direct):
         return {"parameter": known.parameter, "value": known.value, "sigma": known.sigma_value}
     if isinstance(known, Intrinsics):
-        sigma = np.sqrt(np.diag(known.covariance))
-        correlation = known.covariance / np.outer(sigma, sigma)
-        return {
-            "camera": list(known.names),
-            "values": list(map(float, known.values)),
-            "sigma": sigma.tolist(),
-            "correlation": correlation.tolist(),
-        }
+        numbers = {"values": known.values, "sigma": known.spread, "correlation": known.correlation}
+        return {"camera": list(known.names)} | {key: one.tolist() for key, one in numbers.items()}
     return {"edge": known.edge, "pixel": known.pixel.tolist(), "sigma": known.sigma_px}
 
 
-def _known_of(told: Mapping[str, Any]) -> Known:
-    if "edge" in told:
-        return MirrorEdge(told["edge"], np.array(told["pixel"], dtype=np.float64), float(told["sigma"]))
-    if "camera" in told:
-        sigma = np.array(told["sigma"])
-        covariance = np.array(told["correlation"]) * np.outer(sigma, sigma)
-        return Intrinsics(told["camera"], np.array(told["values"]), covariance)
-    return Direct(told["parameter"], told["value"], told["sigma"])
+def _known_of(table: Mapping[str, Any]) -> Known:
+    if "edge" in table:
+        return MirrorEdge(table["edge"], np.array(table["pixel"], dtype=np.float64), float(table["sigma"]))
+    if "camera" in table:
+        numbers = (np.array(table[key]) for key in ("values", "sigma", "correlation"))
+        return Intrinsics.of(table["camera"], *numbers)
+    return Direct(table["parameter"], table["value"], table["sigma"])
 
 
 def _parameters(fitted: Fit) -> dict[str, Any]:

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from zeromethod.commissioning.standing_patterns import HeldPictures
-from zeromethod.commissioning.uniform_patterns import StandingPictures, even_picture, follow
+from zeromethod.commissioning.patterns import SettledPatterns, TimedPatterns, uniform_pattern
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import Frame
 from zeromethod.rig.binning import binned
@@ -69,13 +68,13 @@ def light_of(rig: Rig, seen_to_stand: bool) -> NDArray[np.float64]:
         camera = LateFrames(devices.camera)
         devices.camera = camera  # type: ignore[assignment]
         devices.display = Busy(devices.display, camera)  # type: ignore[assignment]
-        pictures = HeldPictures(rig, devices, 0.0)
-        standing = StandingPictures(pictures)
+        pictures = TimedPatterns(rig, devices, 0.0)
+        standing = SettledPatterns(pictures)
         if seen_to_stand:
-            pictures.frames(even_picture(rig, 255), 8)
-            standing.learn(pictures.after(pictures.show(even_picture(rig, 255)), 8)[4:])
+            pictures.frames(uniform_pattern(rig, 255), 8)
+            standing.learn(pictures.after(pictures.show(uniform_pattern(rig, 255)), 8)[4:])
         for code in CODES:
-            frames = standing.frames(even_picture(rig, code), 2)
+            frames = standing.frames(uniform_pattern(rig, code), 2)
             means.append(np.mean([frame.image for frame in frames]) - rig.camera.noise.black_grey)
     return np.array(means)
 
@@ -93,16 +92,16 @@ def test_frames_that_are_stamped_late_are_not_taken_for_the_new_picture() -> Non
 def test_codes_that_look_alike_are_waited_for_no_longer_than_that() -> None:
     rig = bench()
     with open_devices(rig) as devices:
-        standing = StandingPictures(HeldPictures(rig, devices, 0.0))
-        standing.learn(standing.frames(even_picture(rig, 255), 4))
-        standing.frames(even_picture(rig, 0), 2)
+        standing = SettledPatterns(TimedPatterns(rig, devices, 0.0))
+        standing.learn(standing.frames(uniform_pattern(rig, 255), 4))
+        standing.frames(uniform_pattern(rig, 0), 2)
         before_ns = devices.clock.now_ns()
-        taken = standing.frames(even_picture(rig, 1), 2)  # 5e-6 of the light
+        taken = standing.frames(uniform_pattern(rig, 1), 2)  # 5e-6 of the light
         # hold, two frames and eight to spare at 60 per second
         assert 1e-9 * (devices.clock.now_ns() - before_ns) < 0.06 + 11 / rig.camera.rate_hz
         assert len(taken) == 2
         before_ns = devices.clock.now_ns()
-        standing.frames(even_picture(rig, 1), 2)
+        standing.frames(uniform_pattern(rig, 1), 2)
         # what stands is not waited for again
         assert 1e-9 * (devices.clock.now_ns() - before_ns) < 3.1 / rig.camera.rate_hz
 
@@ -111,7 +110,7 @@ def test_frames_that_follow_a_change_are_waited_for_on_a_slow_camera() -> None:
     rig = bench()
     slow = rig.model_copy(update={"camera": rig.camera.model_copy(update={"rate_hz": 12.0})})
     with open_devices(slow) as devices:
-        pictures = HeldPictures(slow, devices, 0.0)
-        times = [since_s for since_s, _ in follow(pictures, even_picture(slow, 255), 0.1, 5)]
+        pictures = TimedPatterns(slow, devices, 0.0)
+        times = [since_s for since_s, _ in pictures.following(uniform_pattern(slow, 255), 0.1, 5)]
     assert len(times) == 5
     assert np.diff(times) == pytest.approx(1 / 12, abs=2e-3)

@@ -1,4 +1,4 @@
-"""Pictures of the rest map stand, whatever a busy computer's stamps say."""
+"""Pictures of the rest map have settled, whatever a busy computer's stamps say."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from zeromethod.commissioning.calibration.rest import capture, decode, sequence_for
 from zeromethod.commissioning.calibration.settling import settle
-from zeromethod.commissioning.standing_patterns import HeldPictures
+from zeromethod.commissioning.patterns import TimedPatterns
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import Frame
 from zeromethod.errors import MeasurementError
@@ -21,7 +21,7 @@ from .planted import nominal
 NOISE = 2.0
 
 
-class LateStamps(HeldPictures):
+class LateStamps(TimedPatterns):
     """Every picture is seen only `late` frames after the stamps say so, the frame before it half."""
 
     def __init__(self, late: int) -> None:
@@ -30,10 +30,13 @@ class LateStamps(HeldPictures):
         self._queue: Iterator[NDArray[Any]] = iter(())
         self._now = np.zeros((128, 160))
 
-    def frames(self, codes: NDArray[np.uint8], count: int) -> list[Frame]:
+    def show(self, codes: NDArray[np.uint8]) -> int:
         new = codes[:128, :160].astype(float)
         old, self._now = self._now, new
         self._queue = iter([old] * (self._late - 1) + [0.5 * (old + new)] * (self._late > 0))
+        return 0
+
+    def after(self, presented_ns: int, count: int) -> list[Frame]:
         return [self.read() for _ in range(count)]
 
     def read(self) -> Frame:
@@ -52,9 +55,9 @@ def test_frames_that_come_late_are_not_counted(late: int) -> None:
     assert np.abs(apart).max() < 8 * NOISE
 
 
-def test_picture_that_never_stands_is_told() -> None:
+def test_picture_that_never_settles_is_refused() -> None:
     rig, sequence = nominal(), sequence_for(nominal())
-    with pytest.raises(MeasurementError, match="does not stand"):
+    with pytest.raises(MeasurementError, match="does not settle"):
         capture(rig, LateStamps(0), sequence, 2, variance_grey2=0.1 * NOISE**2)
 
 
@@ -72,6 +75,6 @@ def test_noise_found_while_settling_is_the_camera_s() -> None:
 def test_decoding_needs_no_more_than_what_was_captured() -> None:
     rig, sequence = nominal(), sequence_for(nominal())
     with open_devices(rig) as devices:
-        pictures = HeldPictures(rig, devices, 0.05)
+        pictures = TimedPatterns(rig, devices, 0.05)
         found = decode(rig, capture(rig, pictures, sequence, 1))
     assert found.rest_map.valid.mean() > 0.98

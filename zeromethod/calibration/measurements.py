@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol, Self
+from typing import ClassVar, Literal, Protocol, Self
 
 import numpy as np
 
@@ -26,59 +26,53 @@ _NOTABLE = 1.3
 """Misfit, relative to what noise leaves, from which it counts."""
 
 
-class Observation(Protocol):
+class Measurement(Protocol):
     """Data of one kind.
 
-    Numbers are in the data's own unit and their errors count as independent. Groups of numbers in a row stand
-    or fall together when outliers are looked for. Costly is what takes more than milliseconds to predict.
+    Numbers are in the data's own unit and their errors count as independent. Consecutive numbers form groups
+    that stand or fall together when outliers are looked for.
     """
+
+    group: ClassVar[int]
+    """Numbers that stand or fall together."""
+    costly: ClassVar[bool]
+    """Whether predicting takes more than milliseconds."""
+    step: ClassVar[float]
+    """Step of differences, in prior sigmas."""
 
     @property
     def name(self) -> str:
         """What it is called."""
-        ...
 
     @property
     def measured(self) -> Float:
         """(n,) numbers."""
-        ...
 
     @property
     def sigma(self) -> Float:
         """(n,) standard deviations."""
-        ...
-
-    @property
-    def group(self) -> int:
-        """Numbers that stand or fall together."""
-        ...
 
     @property
     def blind_to(self) -> frozenset[str]:
         """Parameters without influence."""
-        ...
-
-    @property
-    def costly(self) -> bool:
-        """Whether predicting takes long."""
-        ...
-
-    @property
-    def step(self) -> float:
-        """Step of differences, in prior sigmas."""
-        ...
 
     def prepared(self, rig: Rig) -> Self:
         """The same data with everything chosen that must not change between rigs near `rig`."""
-        ...
 
     def predict(self, rig: Rig) -> Float:
         """(n,) what `rig` would give; NaN where it cannot say."""
-        ...
+
+
+class SingleNumbers:
+    """Numbers that stand or fall each by itself and are predicted at no cost."""
+
+    group: ClassVar[int] = 1
+    costly: ClassVar[bool] = False
+    step: ClassVar[float] = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class RestPositions:
+class RestPositions(SingleNumbers):
     """The rest map: LCD positions that camera pixels see by the mirror at rest.
 
     pixel: (m, 2) camera px. q: (m, 2) LCD px. sigma_q: (m, 2) LCD px. Numbers are column, row, column, ...
@@ -87,11 +81,9 @@ class RestPositions:
     pixel: Float
     q: Float
     sigma_q: Float
-    name: str = "rest map"
-    group: int = 2
-    blind_to: frozenset[str] = frozenset()
-    costly: bool = False
-    step: float = 0.01
+    group: ClassVar[int] = 2
+    name: ClassVar[str] = "rest map"
+    blind_to: ClassVar[frozenset[str]] = frozenset()
 
     @classmethod
     def of(cls, grid: NodeGrid, rest: Warp) -> RestPositions:
@@ -157,7 +149,7 @@ def well_inside(rig: Rig, pixel: Float) -> Mask:
 
 
 @dataclass(frozen=True, eq=False)
-class MirrorEdge:
+class MirrorEdge(SingleNumbers):
     """An edge of the mirror seen in the image.
 
     edge: "P0" or "R0". pixel: (m, 2) camera px on the edge's image (one to three; their errors count as
@@ -168,12 +160,9 @@ class MirrorEdge:
     edge: Literal["P0", "R0"]
     pixel: Float
     sigma_px: float
-    group: int = 1
-    blind_to: frozenset[str] = frozenset(
+    blind_to: ClassVar[frozenset[str]] = frozenset(
         {"display.along_mm", "display.across_mm", "display.turn_deg", "gap_mm"}
     )
-    costly: bool = False
-    step: float = 0.01
 
     @property
     def name(self) -> str:
@@ -205,7 +194,7 @@ class MirrorEdge:
 
 
 @dataclass(frozen=True, eq=False)
-class Direct:
+class Direct(SingleNumbers):
     """A parameter measured by itself: the gap by feeler gauge, the LCD's distance from P0 by ruler, ...
 
     Raises InputError for an unknown parameter or a sigma that is not above 0.
@@ -214,17 +203,17 @@ class Direct:
     parameter: str
     value: float
     sigma_value: float
-    group: int = 1
-    blind_to: frozenset[str] = field(init=False, default=frozenset())
-    costly: bool = False
-    step: float = 0.01
 
     def __post_init__(self) -> None:
         if self.parameter not in PARAMETERS:
             raise InputError(f"{self.parameter}: not a parameter: one of {', '.join(PARAMETERS)}")
         if not self.sigma_value > 0.0:
             raise InputError(f"{self.parameter}: sigma {self.sigma_value}: a number above 0")
-        object.__setattr__(self, "blind_to", frozenset(PARAMETERS) - {self.parameter})
+
+    @property
+    def blind_to(self) -> frozenset[str]:
+        """Every other parameter."""
+        return frozenset(PARAMETERS) - {self.parameter}
 
     @property
     def name(self) -> str:
@@ -256,7 +245,7 @@ INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 
 
 @dataclass(frozen=True, eq=False)
-class Intrinsics:
+class Intrinsics(SingleNumbers):
     """A camera calibrated by itself (ChArUco board): values and full covariance, in OpenCV's order and units.
 
     names: which of `INTRINSICS`. values: (n,). covariance: (n, n), positive definite. The numbers are the
@@ -266,11 +255,8 @@ class Intrinsics:
     names: Sequence[str]
     values: Float
     covariance: Float
-    name: str = "camera intrinsics"
-    group: int = 1
-    costly: bool = False
-    step: float = 0.01
-    blind_to: frozenset[str] = frozenset(n for n in PARAMETERS if not n.startswith("camera."))
+    name: ClassVar[str] = "camera intrinsics"
+    blind_to: ClassVar[frozenset[str]] = frozenset(n for n in PARAMETERS if not n.startswith("camera."))
     _whiten: Float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -282,6 +268,21 @@ class Intrinsics:
         except np.linalg.LinAlgError:
             raise InputError("intrinsics: covariance: must be symmetric and positive definite") from None
         object.__setattr__(self, "_whiten", np.linalg.inv(lower))
+
+    @classmethod
+    def of(cls, names: Sequence[str], values: Float, sigma: Float, correlation: Float) -> Intrinsics:
+        """From sigma (n,) and correlation (n, n), as files have them."""
+        return cls(names, values, correlation * np.outer(sigma, sigma))
+
+    @property
+    def spread(self) -> Float:
+        """(n,) standard deviations of the values."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> Float:
+        """(n, n) of the values."""
+        return self.covariance / np.outer(self.spread, self.spread)
 
     @property
     def measured(self) -> Float:

@@ -1,0 +1,121 @@
+"""Options of `zeromethod calibrate`, and which of them go together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from zeromethod.calibration.camera_file import ASSUMED_PERCENT
+from zeromethod.cli.device_options import bench_options
+from zeromethod.cli.numbers import Real, Whole
+from zeromethod.commissioning.calibration import Plan
+from zeromethod.errors import InputError
+
+_OPTIONS: tuple[Callable[[Any], Any], ...] = (
+    click.option("--rig", "rig_name", help="Rig file (`zeromethod init` makes one), or a packaged name."),
+    bench_options,
+    click.option(
+        "--press-depths", "depths", metavar="D,D,...", default="",
+        help="Depths, mm, of presses that you will make, in order; you are asked for each.",
+    ),
+    click.option(
+        "--depth-sigma", type=float, default=1e-3, show_default=True, metavar="MM",
+        help="How well these depths are known (standard deviation).",
+    ),
+    click.option(
+        "--press-ball", "ball_text", metavar="RADIUS:SIGMA",
+        help="A ball that you will press in after these, mm: its radius and how well it is known.",
+    ),
+    click.option(
+        "--known", multiple=True, metavar="NAME=VALUE:SIGMA",
+        help="A parameter measured by itself: gap_mm=0.48:0.01 by feeler gauge, display.along_mm=29.8:0.25.",
+    ),
+    click.option(
+        "--edge-point", "edges", multiple=True, metavar="P0=U,V[:SIGMA]",
+        help="A point of the mirror's edge P0 or R0 in the camera's image, px: R0=1180.5,512:2 (sigma 2 px "
+        "unless given). It takes the place of what is found there.",
+    ),
+    click.option(
+        "--edges/--no-edges", "find", default=None,
+        help="Look for the mirror's edges in the image.  [default: edges]",
+    ),
+    click.option(
+        "--intrinsics", "camera_file", type=click.Path(path_type=Path), metavar="FILE",
+        help="The camera by itself: from `zeromethod calibrate intrinsics`, OpenCV (.yaml) or ROS (.yaml).",
+    ),
+    click.option(
+        "--intrinsics-sigma", "camera_percent", type=Real(min=0, min_open=True), metavar="PERCENT",
+        help="How well a .yaml of --intrinsics is known: standard deviation, percent of the focal length.  "
+        f"[default: {ASSUMED_PERCENT:g}, assumed]",
+    ),
+    click.option("--light/--no-light", default=True, help="Measure response and noise."),
+    click.option("--delay/--no-delay", default=True, help="Measure the delay of display and camera."),
+    click.option(
+        "--frames", "rest_frames", type=Whole(1, 1000), default=Plan.rest_frames, show_default=True,
+        help="Camera frames averaged for each picture of the rest map.",
+    ),
+    click.option(
+        "--press-frames", type=Whole(4, 1000), default=Plan.press_frames, show_default=True,
+        help="Camera frames averaged for each press.",
+    ),
+    click.option(
+        "--patience", "patience_s", type=Real(min=0, min_open=True), default=Plan.patience_s,
+        show_default=True, metavar="S", help="Longest wait for a press.",
+    ),
+    click.option(
+        "--output", type=click.Path(path_type=Path, file_okay=False),
+        help="Folder for the dated folder.  [default: calibrations/<rig> next to the rig file]",
+    ),
+    click.option(
+        "--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json)."
+    ),
+    click.option(
+        "--show", "show_folder", is_flag=False, flag_value="", metavar="[FOLDER]",
+        help="Show a calibration instead: the one in FOLDER, or with --rig its newest.",
+    ),
+    click.option(
+        "--diff", "compared", nargs=2, type=click.Path(path_type=Path), metavar="A B",
+        help="Compare the calibrations in two folders instead.",
+    ),
+    click.option(
+        "--evaluate-again", "again_folder", type=click.Path(path_type=Path), metavar="FOLDER",
+        help="Instead: evaluate what was recorded in FOLDER again, with --known, --edge-point, --intrinsics.",
+    ),
+)  # fmt: skip
+
+
+def calibrate_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of the live command."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+_INSTEAD = {
+    "compared": frozenset[str](),
+    "show_folder": frozenset({"rig_name", "summary"}),
+    "again_folder": frozenset(
+        {"known", "edges", "find", "camera_file", "camera_percent", "ball_text", "output", "summary"}
+    ),
+}
+"""Options that may be given with those that take the place of a calibration."""
+
+
+def refuse_unused(context: click.Context) -> None:
+    """Raise InputError for an option that was given and would have no effect."""
+    typed = {option.name: option.opts[0] for option in context.command.params}
+    given = [
+        name
+        for name in typed
+        if name is not None and context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+    ]
+    for name, used in _INSTEAD.items():
+        if name in given:
+            for other in given:
+                if other != name and other not in used:
+                    allowed = ", ".join(sorted(typed[one] for one in used)) or "none other"
+                    raise InputError(f"{typed[other]}: not with {typed[name]}; allowed: {allowed}")
