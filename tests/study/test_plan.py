@@ -1,6 +1,7 @@
 """What a study file may say, and what it is told when it says something else."""
 
 import json
+import pickle
 import re
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 
 from zeromethod.errors import InputError
 from zeromethod.study import Study, load_study, packaged_studies, parse_study
-from zeromethod.study.press import PressTable
+from zeromethod.study.task import PressTable
 from zeromethod.study.tasks import tasks
 
 HEAD = 'schema_version = 1\ntitle = "t"\nframes = 4\n[rig]\nbinning = 8\n[set]\n"target.period_px" = 8\n'
@@ -52,9 +53,9 @@ def test_dotted_keys_need_no_quotes() -> None:
     assert (first.rig.control.gain, second.rig.control.gain) == (0.5, 1.0)
 
 
-def test_a_task_survives_its_message() -> None:
+def test_a_task_survives_its_way_to_a_worker() -> None:
     (task,) = tasks(study('"bench.prism.index" = 1.42\n[press]\ndepth_mm = 0.1\n'))
-    assert type(task).of(task.message()) == task
+    assert pickle.loads(pickle.dumps(task)) == task
 
 
 @pytest.mark.parametrize(
@@ -70,7 +71,7 @@ def test_a_task_survives_its_message() -> None:
         ),
         ('[grid]\n"camera.hue" = [1.0]\n', 's.toml: grid: "camera.hue": unknown key'),
         (
-            "[grid]\ncontrol.gian = [1.0]\n[figure]\nkind = 'curves'\nvalue = 'state'\nx = 'control.gain'\n",
+            "[grid]\ncontrol.gian = [1.0]\n[figure]\ny = 'state'\nx = 'control.gain'\n",
             's.toml: grid: "control.gian": unknown key: did you mean control.gain?',
         ),
         (
@@ -89,9 +90,10 @@ def test_a_task_survives_its_message() -> None:
         ('"rig.binning" = 7\n', "s.toml: rig.binning: 7: a whole number that divides 1280 and 1024"),
         ('"rig.file" = "mine.toml"\n', "s.toml: rig.file: mine.toml: cannot be read"),
         ('press = "nothing"\n', "press: nothing: a readable press file"),
-        ("[figure]\nkind = 'map'\nvalue = 'state'\n", "s.toml: figure.x: missing"),
-        ("[figure]\nkind = 'curves'\nvalue = 'depth'\n", 's.toml: figure.value: "depth": one of'),
-        ("[figure]\nkind = 'pie'\nvalue = 'state'\n", 's.toml: figure.kind: "pie": one of'),
+        ("[figure]\ny = 'state'\n", "s.toml: figure.x: missing"),
+        ("[figure]\nx = 'run'\ny = 'depth'\n", 's.toml: figure.y: "depth": one of'),
+        ("[figure]\nx = 'run'\ny = 'state'\nscale = 'cubic'\n", 's.toml: figure.scale: "cubic": one of'),
+        ("[figure]\nx = 'run'\ny = 'state'\nhue = ['gap']\n", 's.toml: figure.hue: "gap": one of'),
         ("[gird]\na = 1\n", "s.toml: gird: unknown key: did you mean grid?"),
         ("[random]\ngap = 3\n", "s.toml: random.gap: 3: one of { uniform"),
         ('gap = "a"\n', "s.toml: could not convert"),
@@ -157,7 +159,7 @@ def test_what_a_press_has_by_default_is_in_the_manual() -> None:
             "schema_version = 1\ntitle = 't'\nrecordings = ['no*.h5']",
             'recordings: "no*.h5": no file matches below /',
         ),
-        ("schema_version = 1\ntitle = 't'\nprocedure = 'reread'", "recordings: needed by procedure"),
+        ("schema_version = 1\ntitle = 't'\nprocedure = 'from_warps'", "recordings: needed by procedure"),
         ("a =", "not TOML"),
     ],
 )

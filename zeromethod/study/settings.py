@@ -17,7 +17,7 @@ from zeromethod.rig.binning import binned
 from zeromethod.rig.load import parse_rig
 from zeromethod.rig.model import Rig
 from zeromethod.rig.refusal import first_refusal, shown
-from zeromethod.study.press import PressTable
+from zeromethod.study.task import PressTable
 
 _STEP = re.compile(r"([A-Za-z0-9_-]+)|\[(\d+)\]")
 

@@ -1,4 +1,4 @@
-"""What is done of a study, kept on the disk run by run, so that it can be gone on with."""
+"""The outcomes of a study on the disk, run by run, so that it can be resumed."""
 
 from __future__ import annotations
 
@@ -9,58 +9,37 @@ import os
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from zeromethod.errors import InputError
-from zeromethod.study.task import Message
+from zeromethod.study.runs import Outcome
+from zeromethod.study.task import Task
 
 JOURNAL = "runs.jsonl"
 
 _SCHEMA = 1
 _OUTCOME = frozenset({"run", "seed", "figures", "failure", "seconds", "worker"})
-_NOT_OF_FIGURES = "limit_s"
-"""Key of a task that no figure depends on."""
 
 
-def fingerprint(tasks: Sequence[Message]) -> dict[str, Any]:
+def fingerprint(tasks: Sequence[Task]) -> dict[str, Any]:
     """What a study's outcomes depend on: every task to the last digit, and the version that carries it out.
 
-    Recordings are told by name, size and time of their last change.
+    Files (press, rest map, recording) count by name, size and time of their last change.
     """
     digest = hashlib.sha256()
     for task in tasks:
-        told = {key: value for key, value in task.items() if key != _NOT_OF_FIGURES}
-        digest.update(json.dumps(told, sort_keys=True).encode())
-        for file in _files(task):
-            digest.update(file.encode())
+        digest.update(task.as_json().encode())
+        press = task.rig.press if task.rig.press.endswith(".toml") else None
+        for name in (press, task.rig.prism.rest.file, task.recording):
+            if name is not None and os.path.exists(name):
+                found = os.stat(name)
+                digest.update(f"{name} {found.st_size} {found.st_mtime_ns}".encode())
     return {
         "schema": _SCHEMA,
         "zeromethod": version("zeromethod"),
         "runs": len(tasks),
         "settings": digest.hexdigest(),
     }
-
-
-def _files(task: Message) -> list[str]:
-    """What tells the files of a task from changed ones."""
-    press, rest = task["rig"].get("press", ""), task["rig"]["prism"].get("rest", {}).get("file")
-    names = [press if press.endswith(".toml") else None, rest, task["recording"]]
-    told = []
-    for name in names:
-        if name is not None and os.path.exists(name):
-            found = os.stat(name)
-            told.append(f"{name} {found.st_size} {found.st_mtime_ns}")
-    return told
-
-
-def _said(line: bytes) -> dict[str, Any] | None:
-    """What a line says; None where it is damaged."""
-    try:
-        found = json.loads(line)
-    except ValueError:
-        return None
-    return found if isinstance(found, dict) else None
 
 
 class Journal:
@@ -70,10 +49,10 @@ class Journal:
     that could not be read when it was opened; they are gone, and their runs are not done.
     """
 
-    def __init__(self, folder: Path, study: dict[str, Any], *, anew: bool = False) -> None:
+    def __init__(self, folder: Path, study: dict[str, Any], *, restart: bool = False) -> None:
         """Open or begin. Raises InputError: another study's, in use by another process, or not writable."""
         self.path = folder / JOURNAL
-        self.done: dict[int, Message] = {}
+        self.done: dict[int, Outcome] = {}
         self.damaged: list[int] = []
         try:
             self._file = self.path.open("r+b" if self.path.exists() else "x+b")
@@ -81,7 +60,7 @@ class Journal:
             raise InputError(f"--output: {self.path}: cannot be written: {error.strerror}") from None
         try:
             self._lock()
-            if anew:
+            if restart:
                 self._file.truncate(0)
             if not self._read(study):
                 self._append({"study": study})
@@ -94,12 +73,10 @@ class Journal:
     def __enter__(self) -> Journal:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._file.close()
 
-    def add(self, outcome: Message) -> None:
+    def add(self, outcome: Outcome) -> None:
         """Keep one outcome; on the disk when this returns."""
         self._append(outcome)
         self.done[outcome["run"]] = outcome
@@ -113,27 +90,27 @@ class Journal:
             ) from None
 
     def _read(self, study: dict[str, Any]) -> bool:
-        """Take in what is there, drop a line cut off by a crash; whether there is a study to go on with.
+        """Read what is there, drop a line cut off by a crash; whether there is a study to resume.
 
-        One that was begun and has no line of a run is none: whatever its settings, nothing of it is lost.
+        One without the line of a run is none: whatever its settings, nothing of it is lost.
         """
         whole, lines, begun = 0, 0, None
         self._file.seek(0)
         for number, line in enumerate(self._file):
             if not line.endswith(b"\n"):
                 break
-            said = _said(line)
+            found = _parsed(line)
             if number == 0:
-                if said is None:
+                if found is None:
                     raise InputError(
                         f"--output: {self.path}: line 1, which says what study it is of, is damaged: "
-                        "another folder, or --anew to begin anew"
+                        "another folder, or --restart to begin again"
                     )
-                begun = said.get("study")
-            elif said is None or not said.keys() >= _OUTCOME:
+                begun = found.get("study")
+            elif found is None or not found.keys() >= _OUTCOME:
                 self.damaged.append(number + 1)
             else:
-                self.done[said["run"]] = said
+                self.done[found["run"]] = found
             whole, lines = whole + len(line), lines + 1
         if lines == 1 and isinstance(begun, dict):
             whole = 0
@@ -155,7 +132,7 @@ class Journal:
         else:
             what = "was begun with other settings, rig or seed than the file now has"
         raise InputError(
-            f"--output: {self.path.parent}: what is there {what}: another folder, or --anew to begin anew"
+            f"--output: {self.path.parent}: what is there {what}: another folder, or --restart to begin again"
         )
 
     def _rewrite(self, study: dict[str, Any]) -> None:
@@ -164,20 +141,22 @@ class Journal:
         before, self._file = self._file, part.open("w+b")
         try:
             self._lock()
-            for message in ({"study": study}, *self.done.values()):
-                self._write(message)
-            self._flush()
+            self._append({"study": study}, *self.done.values())
             part.replace(self.path)
         finally:
             before.close()
 
-    def _append(self, message: dict[str, Any]) -> None:
-        self._write(message)
-        self._flush()
-
-    def _write(self, message: dict[str, Any]) -> None:
-        self._file.write(json.dumps(message).encode() + b"\n")
-
-    def _flush(self) -> None:
+    def _append(self, *messages: dict[str, Any]) -> None:
+        for message in messages:
+            self._file.write(json.dumps(message).encode() + b"\n")
         self._file.flush()
         os.fsync(self._file.fileno())
+
+
+def _parsed(line: bytes) -> dict[str, Any] | None:
+    """A line's table; None where it is damaged."""
+    try:
+        found = json.loads(line)
+    except ValueError:
+        return None
+    return found if isinstance(found, dict) else None
