@@ -60,11 +60,7 @@ class Journal:
             raise InputError(f"--output: {self.path}: cannot be written: {error.strerror}") from None
         try:
             self._lock()
-            if restart:
-                self._file.truncate(0)
-            if not self._read(study):
-                self._append({"study": study})
-            if self.damaged:
+            if restart or not self._read(study):
                 self._rewrite(study)
         except BaseException:
             self._file.close()
@@ -90,35 +86,27 @@ class Journal:
             ) from None
 
     def _read(self, study: dict[str, Any]) -> bool:
-        """Read what is there, drop a line cut off by a crash; whether there is a study to resume.
+        """Read what is there; whether it can be added to as it is, every line whole.
 
-        One without the line of a run is none: whatever its settings, nothing of it is lost.
+        A study without the line of a run is none: whatever its settings, nothing of it is lost.
         """
-        whole, lines, begun = 0, 0, None
-        self._file.seek(0)
-        for number, line in enumerate(self._file):
-            if not line.endswith(b"\n"):
-                break
-            found = _parsed(line)
-            if number == 0:
-                if found is None:
-                    raise InputError(
-                        f"--output: {self.path}: line 1, which says what study it is of, is damaged: "
-                        "another folder, or --restart to begin again"
-                    )
-                begun = found.get("study")
-            elif found is None or not found.keys() >= _OUTCOME:
-                self.damaged.append(number + 1)
+        *lines, cut = self._file.read().split(b"\n")
+        parsed = [_parsed(line) for line in lines]
+        head = parsed[0] if parsed else {}
+        if head is None:
+            raise InputError(
+                f"--output: {self.path}: line 1, which says what study it is of, is damaged: "
+                "another folder, or --restart to begin again"
+            )
+        if len(parsed) <= isinstance(head.get("study"), dict):
+            return False
+        self._check(head.get("study"), study)
+        for number, found in enumerate(parsed[1:], start=2):
+            if found is None or not found.keys() >= _OUTCOME:
+                self.damaged.append(number)
             else:
                 self.done[found["run"]] = found
-            whole, lines = whole + len(line), lines + 1
-        if lines == 1 and isinstance(begun, dict):
-            whole = 0
-        elif lines:
-            self._check(begun, study)
-        self._file.truncate(whole)
-        self._file.seek(whole)
-        return whole > 0
+        return not (cut or self.damaged)
 
     def _check(self, found: Any, study: dict[str, Any]) -> None:
         if found == study:
@@ -136,7 +124,7 @@ class Journal:
         )
 
     def _rewrite(self, study: dict[str, Any]) -> None:
-        """Put the lines that were read into a file of their own, in one move."""
+        """Put what was read into a file of its own, in one move."""
         part = self.path.with_name(self.path.name + ".part")
         before, self._file = self._file, part.open("w+b")
         try:

@@ -21,6 +21,8 @@ from zeromethod.errors import InputError, MeasurementError
 from zeromethod.study.runs import ONE_THREAD, Outcome, carry_out, failed
 from zeromethod.study.task import Task
 
+_NO_PAGES: dict[str, Any] = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+
 ATTEMPTS = 3
 """How often a run may end its worker process before it is given up."""
 
@@ -38,46 +40,38 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+@dataclass(frozen=True)
 class Workers:
-    """Worker processes that carry out one run at a time each."""
+    """Worker processes that carry out one run at a time each.
 
-    def __init__(
-        self,
-        count: int | None = None,
-        address: str | None = None,
-        report: Callable[[str], None] = lambda _: None,
-    ) -> None:
-        """count: processes of this machine (one per core).
+    count: processes of this machine (one per core). address: of a running Dask scheduler, tcp://host:8786,
+    whose workers are used instead. report: called with a line for a person.
+    """
 
-        address: of a running Dask scheduler, tcp://host:8786, whose workers are used instead.
-        report: called with a line for a person.
-        """
-        self._count = count or cores()
-        self._address = address
-        self._report = report
+    count: int | None = None
+    address: str | None = None
+    report: Callable[[str], None] = lambda _: None
 
     def check(self) -> None:
         """Raise InputError where Dask is not installed or the cluster cannot be reached."""
-        distributed = _distributed()
-        if self._address is not None:
-            _connect(distributed, self._address).close(timeout=2)
+        _distributed()
+        if self.address is not None:
+            _connect(self.address).close(timeout=2)
 
     def outcomes(self, tasks: Sequence[Task]) -> Generator[Outcome, None, None]:
         """Outcome of every task, as they come.
 
         A run whose worker dies is done again, ATTEMPTS times in all; one that takes longer than its
         `limit_s` is given up, and its worker process restarted. Closing the iterator ends the processes of
-        this machine.
-        Raises InputError where the cluster cannot be reached or has another version of zeromethod,
-        MeasurementError where it is lost, or where processes do not start.
+        this machine. Raises InputError where the cluster cannot be reached or has another version of
+        zeromethod, MeasurementError where it is lost, or where processes do not start.
         """
-        distributed = _distributed()
+        exits = _Exits()
         with ExitStack() as stack:
-            exits = _Exits()
-            address = self._address or stack.enter_context(_local_cluster(distributed, self._count, exits))
-            client = _connect(distributed, address)
+            address = self.address or stack.enter_context(_local_cluster(self.count or cores(), exits))
+            client = _connect(address)
             stack.callback(client.close, timeout=2)
-            yield from _Assignment(client, self._address, self._report, exits).outcomes(tasks)
+            yield from _Assignment(client, self, exits).outcomes(tasks)
 
 
 def _distributed() -> Any:
@@ -88,10 +82,11 @@ def _distributed() -> Any:
     return distributed
 
 
-def _connect(distributed: Any, address: str) -> Any:
+def _connect(address: str) -> Any:
     """Client of a scheduler. Raises InputError, one line, where none answers."""
+    connect = _distributed().Client
     try:
-        return distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
+        return connect(address, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(
             f"--cluster: {address}: no Dask scheduler answers "
@@ -113,27 +108,24 @@ class _Exits(logging.Handler):
 
 
 @contextmanager
-def _local_cluster(distributed: Any, count: int, exits: _Exits) -> Iterator[str]:
+def _local_cluster(count: int, exits: _Exits) -> Iterator[str]:
     """Address of a scheduler in this process with `count` worker processes; all listen on loopback only.
 
     Workers end with this process, even where it is killed. Raises MeasurementError where they do not start.
     """
+    distributed = _distributed()
     import dask  # noqa: PLC0415 - an extra
 
     nanny = logging.getLogger("distributed.nanny")
     nanny.addHandler(exits)
     nanny.setLevel(logging.INFO)
-    config = {
-        "distributed.nanny.pre-spawn-environ": ONE_THREAD | {"PYTHONFAULTHANDLER": "1"},
-        "distributed.scheduler.http.routes": [],
-        "distributed.worker.http.routes": [],
-    }
+    environment = ONE_THREAD | {"PYTHONFAULTHANDLER": "1"}
     # Ctrl-C in the terminal is for the study alone, which ends its workers: they inherit the blocked signal
     # (starting the tracker would unblock it)
     multiprocessing.resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        with dask.config.set(config):
+        with dask.config.set({"distributed.nanny.pre-spawn-environ": environment, **_NO_PAGES}):
             cluster = distributed.LocalCluster(
                 n_workers=count,
                 threads_per_worker=1,
@@ -144,11 +136,10 @@ def _local_cluster(distributed: Any, count: int, exits: _Exits) -> Iterator[str]
                 silence_logs=logging.CRITICAL + 1,
             )
     except (OSError, RuntimeError, TimeoutError) as error:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
         nanny.removeHandler(exits)
         why = ", ".join(sorted(set(exits.by_pid.values()))) or " ".join(str(error).split())
         raise MeasurementError(f"worker processes do not start: {why}") from None
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     async def end_workers() -> None:
         nannies = cluster.workers.values()
@@ -161,6 +152,7 @@ def _local_cluster(distributed: Any, count: int, exits: _Exits) -> Iterator[str]
         await asyncio.gather(*closed)
 
     try:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
         yield cluster.scheduler_address
     finally:
         with contextlib.suppress(TimeoutError):
@@ -181,12 +173,9 @@ class _Attempt:
 class _Assignment:
     """Tasks on their way through a cluster, one at a time for each worker."""
 
-    def __init__(
-        self, client: Any, address: str | None, report: Callable[[str], None], exits: _Exits
-    ) -> None:
+    def __init__(self, client: Any, workers: Workers, exits: _Exits) -> None:
         self._client = client
-        self._address = address
-        self._report = report
+        self._address, self._report = workers.address, workers.report
         self._exits = exits
         self._pids: dict[str, int] = {}
         self._ending: set[str] = set()
