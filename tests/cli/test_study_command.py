@@ -68,7 +68,7 @@ def test_table_picture_and_summary_are_written(capsys: pytest.CaptureFixture[str
     assert "4 runs, 4 of them from before" in capsys.readouterr().out
 
 
-def test_a_failed_run_is_told_with_settings_and_seed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failed_run_is_reported_with_settings_and_seed(capsys: pytest.CaptureFixture[str]) -> None:
     study("fails_at = 2")
     assert code_of("mine.toml", "--output", "out", "--workers", "1") == 1
     said = capsys.readouterr().err
@@ -78,7 +78,7 @@ def test_a_failed_run_is_told_with_settings_and_seed(capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["none.toml"], "none.toml: cannot be read: No such file or directory: a study file (TOML)"),
         (
@@ -99,12 +99,12 @@ def test_a_failed_run_is_told_with_settings_and_seed(capsys: pytest.CaptureFixtu
     ],
 )
 def test_bad_input_ends_with_one_line(
-    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     study()
     assert code_of(*arguments) == 2
     said = capsys.readouterr().err
-    assert told in said
+    assert message in said
     assert len(said.splitlines()) == 1
 
 

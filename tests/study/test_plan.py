@@ -1,4 +1,4 @@
-"""What a study file may say, and what it is told when it says something else."""
+"""What a study file may contain, and the message where it contains something else."""
 
 import json
 import pickle
@@ -59,7 +59,7 @@ def test_a_task_survives_its_way_to_a_worker() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         (
             '[grid]\n"control.gian" = [1.0]\n',
@@ -101,15 +101,15 @@ def test_a_task_survives_its_way_to_a_worker() -> None:
         ("[random]\ncontrol.gain = {}\n", "s.toml: random.control.gain: a table: one of { uniform"),
     ],
 )
-def test_what_is_wrong_is_told_in_one_line_by_file_and_key(text: str, told: str) -> None:
+def test_an_error_is_reported_in_one_line_by_file_and_key(text: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
         tasks(study(text))
-    assert told in str(caught.value)
+    assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "message"),
     [
         ("random.camera.noise.read_grey = { unifrm = [0.5, 4.0] }", "random.camera.noise.read_grey: unifrm"),
         ("random.gap = { norml = [50.0, 1.0] }", "random.gap: norml"),
@@ -127,25 +127,25 @@ def test_what_is_wrong_is_told_in_one_line_by_file_and_key(text: str, told: str)
         ),
     ],
 )
-def test_a_mistyped_word_of_a_table_of_values_is_told(given: str, told: str) -> None:
-    words = "from, to, steps, scale" if told.startswith("grid") else "uniform, log_uniform, normal, choice"
+def test_a_mistyped_word_of_a_table_of_values_is_reported(given: str, message: str) -> None:
+    words = "from, to, steps, scale" if message.startswith("grid") else "uniform, log_uniform, normal, choice"
     with pytest.raises(InputError) as caught:
         tasks(parse_study(f"{given}\n{HEAD}", Path("s.toml")))
-    assert str(caught.value) == f"s.toml: {told}: one of {words}"
+    assert str(caught.value) == f"s.toml: {message}: one of {words}"
 
 
 def test_what_a_press_has_by_default_is_in_the_manual() -> None:
     manual = (Path(__file__).parents[2] / "docs" / "study.md").read_text()
-    told: dict[str, str] = {}
+    documented: dict[str, str] = {}
     for keys, defaults in re.findall(r"^\| (`[a-z_`, ]+`) \| (.+?) \|", manual, re.MULTILINE):
         names = re.findall(r"\w+", keys)
-        told |= dict(zip(names, defaults.split(", ") if len(names) > 1 else [defaults], strict=True))
+        documented |= dict(zip(names, defaults.split(", ") if len(names) > 1 else [defaults], strict=True))
     for name, value in PressTable().model_dump(mode="json").items():
-        assert told[name].strip("`") == json.dumps(value)
+        assert documented[name].strip("`") == json.dumps(value)
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("title = 't'", "schema_version: missing: 1 is"),
         ("schema_version = 2\ntitle = 't'", "schema_version: 2: 1 is"),
@@ -163,10 +163,10 @@ def test_what_a_press_has_by_default_is_in_the_manual() -> None:
         ("a =", "not TOML"),
     ],
 )
-def test_a_file_that_is_no_study_is_refused(text: str, told: str) -> None:
+def test_a_file_that_is_no_study_is_refused(text: str, message: str) -> None:
     with pytest.raises(InputError, match=r"^s\.toml: ") as caught:
         tasks(parse_study(text, Path("s.toml")))
-    assert told in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_a_missing_study_names_the_packaged_ones() -> None:

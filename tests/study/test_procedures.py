@@ -1,4 +1,4 @@
-"""What the packaged procedures tell, held against what is known otherwise."""
+"""Figures of the packaged procedures against what is known otherwise."""
 
 import pickle
 from pathlib import Path
@@ -77,15 +77,17 @@ def test_more_evidence_leaves_less_error_of_depth() -> None:
 
 
 @pytest.mark.parametrize(
-    ("procedure", "setting", "told"),
+    ("procedure", "setting", "message"),
     [
         ("depth_error", 'exact = "all"', 'exact: "all": nothing, LCD\'s pose'),
         ("depth_error", 'evidence = "hope"', 'evidence: "hope": one of calipers'),
         ("design", 'shape = "star"', "star"),
     ],
 )
-def test_settings_of_a_procedure_that_are_none_fail_the_run(procedure: str, setting: str, told: str) -> None:
+def test_settings_of_a_procedure_that_are_none_fail_the_run(
+    procedure: str, setting: str, message: str
+) -> None:
     (task,) = tasks(parse_study(SMALL.format(procedure=procedure, frames=2) + setting, Path("s.toml")))
     found = carry_out(task)
     assert found["figures"] is None
-    assert told in found["failure"]
+    assert message in found["failure"]

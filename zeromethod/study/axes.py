@@ -20,7 +20,7 @@ _ALLOWED = {
 
 RANGE_WORDS = ("from", "to", "steps", "scale")
 DRAW_WORDS = (*_ALLOWED, "choice")
-"""What a table under [grid] and one under [random] may hold."""
+"""Words that a table of values may have under [grid], and under [random]."""
 
 _RANGE = 'a list of values, or { from, to, steps, scale = "linear" or "log" }'
 _DRAW = (
@@ -94,7 +94,7 @@ def run_seed(seed: int, run: int) -> int:
 
 
 def not_a_word(where: str, word: str, words: tuple[str, ...]) -> InputError:
-    """Refusal of a word that a table of values cannot hold."""
+    """Refusal of a word that a table of values cannot have."""
     return InputError(f"{where}: {word}: one of {', '.join(words)}")
 
 

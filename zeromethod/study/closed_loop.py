@@ -114,7 +114,7 @@ CLOSED_LOOP = Procedure(close_loop, FIGURES)
 
 
 def average(task: Task) -> Figures:
-    """Depth of the mean of `averaged_frames` measured warps, while the loop holds the null.
+    """Depth of the mean of `averaged_frames` measured warps, while the picture is nulled.
 
     Raises MeasurementError where the loop does not null so many frames.
     """

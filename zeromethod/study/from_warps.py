@@ -20,7 +20,7 @@ def read_warps(task: Task) -> Figures:
     """Figures of one recording, every `every`-th of its measured warps read again.
 
     Raises InputError for a file that is no recording, DamagedWarning for one that is damaged,
-    MeasurementError where it holds no measured warp.
+    MeasurementError where it has no measured warp.
     """
     assert task.recording is not None
     path = Path(task.recording)

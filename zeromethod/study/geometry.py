@@ -86,8 +86,8 @@ def _exact(rig: Rig, name: str) -> list[str]:
 def _rest(rig: Rig, grid: NodeGrid, sigma_px: float) -> Warp:
     """The rest map that a faultless measurement gives."""
     q = Optics(rig).rest_map(*grid.mesh())
-    seen = np.isfinite(q).all(axis=-1)
-    return Warp(q, np.full(q.shape, sigma_px), np.where(seen, 0, 1).astype(np.uint16), 0)
+    on_lcd = np.isfinite(q).all(axis=-1)
+    return Warp(q, np.full(q.shape, sigma_px), np.where(on_lcd, 0, 1).astype(np.uint16), 0)
 
 
 def _with(error: DepthError, rows: Float) -> Float:

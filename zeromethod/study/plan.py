@@ -151,7 +151,7 @@ def load_study(name: str | Path) -> Study:
     """Study from a file, or a packaged one by bare name.
 
     Raises InputError, one line "file: key: value: what is allowed", for the first thing wrong. Settings are
-    looked at by `zeromethod.study.tasks`, which knows the rig.
+    checked by `zeromethod.study.tasks`, which knows the rig.
     """
     path = Path(name)
     if not path.suffix and path.parent == Path() and not path.is_file():
@@ -199,7 +199,7 @@ def _flatten(data: dict[str, Any]) -> None:
             data[name] = dict(_leaves(table, name))
 
 
-# with any of them a table holds values, and what else is in it is for those who read values
+# a table with any of these is one of values; other words in it are refused where values are read
 _WORDS = {*RANGE_WORDS, *DRAW_WORDS}
 
 

@@ -73,7 +73,7 @@ def run_study(
     Raises
     ------
     InputError
-        A setting is wrong, `folder` holds another study, or pyarrow or Dask is missing.
+        A setting is wrong, another study is in `folder`, or pyarrow or Dask is missing.
     """
     _pyarrow()
     planned = tasks(study)

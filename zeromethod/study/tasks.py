@@ -117,11 +117,10 @@ def _split(prefix: str, settings: Mapping[str, Any]) -> tuple[dict[str, Any], di
 
 
 def _load(study: Study, name: str) -> Rig:
-    beside = study.path.parent / name
     if not isinstance(name, str):
         raise InputError(f"{study.path}: rig.file: {shown(name)}: a rig file, or a packaged name")
     try:
-        return _loaded(name if name in packaged_rigs() else str(beside))
+        return _loaded(name if name in packaged_rigs() else str(study.path.parent / name))
     except InputError as error:
         raise InputError(f"{study.path}: rig.file: {error}") from None
 
@@ -132,7 +131,7 @@ def _loaded(name: str) -> Rig:
 
 
 def _whole(rig: Rig) -> Rig:
-    """Rig whose files are named by whole paths, its press looked at."""
+    """Rig whose files are named by absolute paths; its press is checked."""
     update: dict[str, Any] = {}
     if rig.press.endswith(".toml"):
         update["press"] = str(Path(rig.press).absolute())
@@ -149,7 +148,7 @@ def _scenario_exists(name: str) -> None:
 
 
 def _check_keys(study: Study, chosen: Procedure) -> None:
-    """Raise InputError, one line, for the first key under [set], [grid] or [random] that nobody knows."""
+    """Raise InputError, one line, for the first key under [set], [grid] or [random] that is unknown."""
     rig = _dotted(Rig)
     press = [_PRESS + name for name in PressTable.model_fields]
     known = [
@@ -182,14 +181,14 @@ def _check_word(study: Study, table: str, key: str, known: list[str]) -> None:
     before, _, word = key.rpartition(".")
     words = _WORDS.get(table, ())
     value = before in known and not any(other.startswith(f"{before}.") for other in known)
-    # what lies in a list only the rig can tell, and "press" is a key of its own and a table as well
+    # keys inside a list are checked by the rig itself, and "press" is a key of its own and a table as well
     likely = (before in known or "[" in before) and difflib.get_close_matches(word, words, n=1)
     if words and (value or likely):
         raise not_a_word(f"{study.path}: {table}.{before}", word, words)
 
 
 def _may_be(key: str) -> bool:
-    """Whether a key lies where only the rig itself can tell: in a list, or in a table that takes any key."""
+    """Whether only the rig itself can check a key: one inside a list, or in a table that takes any key."""
     model: Any = Rig
     for step in key.removeprefix(_BENCH).split("."):
         if "[" in step:

@@ -142,7 +142,7 @@ def _local_cluster(count: int, exits: _Exits) -> Iterator[str]:
         raise MeasurementError(f"worker processes do not start: {why}") from None
 
     async def end_workers() -> None:
-        nannies = cluster.workers.values()
+        nannies = list(cluster.workers.values())
         closed = [asyncio.ensure_future(one.close()) for one in nannies]
         await asyncio.sleep(0)
         # the nannies do not restart them any more; by themselves, workers would end their runs first

@@ -53,7 +53,7 @@ def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
         axis.set(xlabel=table.x, ylabel=table.y)
         axis.grid(alpha=0.3, which="both")
         if table.hue and axis.lines:
-            figure.legend(loc="outside right upper", fontsize=8)
+            figure.legend(loc="outside right center", fontsize=8)
         failed = sum(row["failure"] is not None for row in rows)
         figure.suptitle(study.table.title, fontsize=12)
         figure.supxlabel(
