@@ -203,8 +203,12 @@ class _Assignment:
                     future = self._client.submit(carry_out, task, workers=[worker], pure=False)
                     under_way[future] = _Attempt(task, worker, time.monotonic())
                 for future in self._finished(list(under_way)):
-                    attempt = under_way.pop(future)
-                    yield from self._outcome(attempt, future)
+                    try:
+                        found = list(self._outcome(under_way[future], future))
+                    except TimeoutError:
+                        continue  # a slow machine: asked for again, unless its worker turns out to be dead
+                    del under_way[future]
+                    yield from found
                 for future, attempt in list(under_way.items()):
                     if time.monotonic() - attempt.since_s > attempt.task.limit_s:
                         del under_way[future]
@@ -230,12 +234,14 @@ class _Assignment:
         return done
 
     def _outcome(self, attempt: _Attempt, future: Any) -> Iterator[Outcome]:
-        """Outcome of a finished future; none where the worker died with it and the run is done again."""
+        """Outcome of a finished future; none where the run is done again. Raises TimeoutError."""
         if future.status == "cancelled":
             raise MeasurementError("the cluster is lost")
         try:
             yield future.result(timeout=_RESULT_S)
-        except (TimeoutError, _distributed().KilledWorker):
+        except TimeoutError:
+            raise
+        except _distributed().KilledWorker:
             yield from self._died(attempt.task, self._pids.get(attempt.worker, 0))
         except Exception as error:  # whatever keeps a worker from it: the other runs go on
             yield failed(attempt.task, f"{type(error).__name__}: {error}")
