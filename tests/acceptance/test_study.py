@@ -1,16 +1,15 @@
-"""200 short runs give one table: on processes, on a Dask cluster, with a worker killed in the middle."""
+"""200 short runs give one table: on local workers, on a Dask cluster, with a worker killed in the middle."""
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pyarrow.parquet
 import pytest
 
-from zeromethod.study import Cluster, LocalPool, Study, conduct, parse_study
-from zeromethod.study.conduct import TABLE
+from zeromethod.study import Progress, Study, Workers, parse_study, run_study
+from zeromethod.study.results import TABLE
 
 RUNS = 200
 
@@ -53,19 +52,6 @@ def study() -> Study:
     return parse_study(STUDY, Path("short.toml"))
 
 
-def kill_in_the_middle() -> Callable[[dict[str, Any]], None]:
-    """Kill the worker that a run came from, once a third of the runs are done."""
-    count = 0
-
-    def look(outcome: dict[str, Any]) -> None:
-        nonlocal count
-        count += 1
-        if count == RUNS // 3:
-            os.kill(outcome["worker"]["pid"], signal.SIGKILL)
-
-    return look
-
-
 @pytest.fixture
 def cluster() -> Iterator[str]:
     distributed = pytest.importorskip("distributed")
@@ -78,18 +64,19 @@ def cluster() -> Iterator[str]:
 def test_processes_and_cluster_give_the_same_table_though_workers_die(
     study: Study, tmp_path: Path, cluster: str
 ) -> None:
-    workers: dict[str, set[int]] = {"local": set(), "dask": set()}
-    for name, executor in (("local", LocalPool(2)), ("dask", Cluster(cluster))):
-        kill = kill_in_the_middle()
+    pids: dict[str, set[int]] = {"local": set(), "dask": set()}
+    for name, workers in (("local", Workers(2)), ("dask", Workers(address=cluster))):
 
-        def note(outcome: dict[str, Any], name: str = name, kill: Any = kill) -> None:
-            workers[name].add(outcome["worker"]["pid"])
-            kill(outcome)
+        def kill_in_the_middle(now: Progress, name: str = name) -> None:
+            if now.outcome is not None:
+                pids[name].add(now.outcome["worker"]["pid"])
+                if now.done == RUNS // 3:
+                    os.kill(now.outcome["worker"]["pid"], signal.SIGKILL)
 
-        results = conduct(study, tmp_path / name, executor, on_outcome=note)
+        results = run_study(study, tmp_path / name, workers, on_progress=kill_in_the_middle)
         assert results.failures == []
     # two workers, and the one that took the place of the killed one
-    assert {name: len(pids) for name, pids in workers.items()} == {"local": 3, "dask": 3}
+    assert {name: len(found) for name, found in pids.items()} == {"local": 3, "dask": 3}
     table = pyarrow.parquet.read_table(tmp_path / "local" / TABLE)
     assert table.num_rows == RUNS
     assert table["run"].to_pylist() == list(range(RUNS))

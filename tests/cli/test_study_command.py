@@ -1,6 +1,7 @@
 """`zeromethod study` at the terminal: what it writes, says and ends with."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import pytest
 from processes import has_ended
 
 from zeromethod.cli.main import main
-from zeromethod.study import cluster
+from zeromethod.study import workers
 
 OWN = Path(__file__).parents[1] / "study"
 QUICK = """schema_version = 1
@@ -30,7 +31,7 @@ x = [0, 1, 2, 3]
 @pytest.fixture(autouse=True)
 def own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.syspath_prepend(str(OWN))
-    monkeypatch.setenv("PYTHONPATH", str(OWN))
+    monkeypatch.setenv("PYTHONPATH", str(OWN), prepend=os.pathsep)
     monkeypatch.chdir(tmp_path)
 
 
@@ -67,7 +68,7 @@ def test_table_picture_and_summary_are_written(capsys: pytest.CaptureFixture[str
     assert "4 runs, 4 of them from before" in capsys.readouterr().out
 
 
-def test_a_failed_run_is_told_with_settings_and_seed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_failed_run_is_reported_with_settings_and_seed(capsys: pytest.CaptureFixture[str]) -> None:
     study("fails_at = 2")
     assert code_of("mine.toml", "--output", "out", "--workers", "1") == 1
     said = capsys.readouterr().err
@@ -77,7 +78,7 @@ def test_a_failed_run_is_told_with_settings_and_seed(capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["none.toml"], "none.toml: cannot be read: No such file or directory: a study file (TOML)"),
         (
@@ -85,7 +86,10 @@ def test_a_failed_run_is_told_with_settings_and_seed(capsys: pytest.CaptureFixtu
             "zeromethod: FILE: nothing: a study file (.toml), or one of the packaged calibration-budget, "
             "fold-limit, gain-delay, noise-floor",
         ),
-        (["mine.toml", "--again", "--anew"], "--again: not with --anew, which does every run"),
+        (
+            ["mine.toml", "--retry-failed", "--restart"],
+            "--retry-failed: not with --restart, which does every run",
+        ),
         (
             ["mine.toml", "--cluster", "tcp://127.0.0.1:9", "--workers", "2"],
             "--workers: 2: not with --cluster",
@@ -95,12 +99,12 @@ def test_a_failed_run_is_told_with_settings_and_seed(capsys: pytest.CaptureFixtu
     ],
 )
 def test_bad_input_ends_with_one_line(
-    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     study()
     assert code_of(*arguments) == 2
     said = capsys.readouterr().err
-    assert told in said
+    assert message in said
     assert len(said.splitlines()) == 1
 
 
@@ -109,7 +113,7 @@ def test_other_settings_in_the_folder_are_refused(capsys: pytest.CaptureFixture[
     assert code_of("mine.toml", "--workers", "1") == 0
     study("control.gain = 0.5")
     assert code_of("mine.toml", "--workers", "1") == 2
-    assert "--anew to begin anew" in capsys.readouterr().err
+    assert "--restart to begin again" in capsys.readouterr().err
 
 
 def test_help_says_that_the_file_may_be_left_out(capsys: pytest.CaptureFixture[str]) -> None:
@@ -121,14 +125,14 @@ def test_a_wrong_address_begins_nothing_and_forgets_nothing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(cluster, "_CONNECT_S", 1)
+    monkeypatch.setattr(workers, "_CONNECT_S", 1)
     study()
     nowhere = ["mine.toml", "--cluster", "tcp://127.0.0.1:9"]
     assert code_of(*nowhere) == 2
     assert "--cluster: tcp://127.0.0.1:9: no Dask scheduler answers" in capsys.readouterr().err
     assert not Path("study-mine").exists()
     assert code_of("mine.toml", "--workers", "1") == 0
-    assert code_of(*nowhere, "--anew") == 2
+    assert code_of(*nowhere, "--restart") == 2
     # where nothing is left to do, the cluster of before is not needed
     assert code_of(*nowhere) == 0
     assert "4 runs, 4 of them from before" in capsys.readouterr().out
@@ -166,12 +170,14 @@ def test_a_stopped_study_ends_quickly_and_says_how_to_go_on() -> None:
         [sys.executable, "-m", "zeromethod", "study", "mine.toml", "--workers", "1"],
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=True,
     )
     try:
         until = time.monotonic() + 60
         while not Path("waiting").exists() and time.monotonic() < until:
             time.sleep(0.05)
-        process.send_signal(signal.SIGINT)
+        # to the workers as well, as a terminal does
+        os.killpg(process.pid, signal.SIGINT)
         started = time.monotonic()
         said = process.communicate(timeout=30)[1]
     finally:
@@ -179,5 +185,6 @@ def test_a_stopped_study_ends_quickly_and_says_how_to_go_on() -> None:
     # at once on a quiet machine; the waiting run itself takes a minute
     assert time.monotonic() - started < 20
     assert process.returncode == 130
+    assert "Traceback" not in said
     assert "3 of 4 runs are kept in study-mine; the same command goes on from there" in said
     assert len(Path("study-mine/runs.jsonl").read_text().splitlines()) == 4

@@ -36,9 +36,8 @@ def squares(own: None, tmp_path: Path) -> Callable[..., Study]:
                 "[grid]",
                 f"x = [{', '.join(map(str, range(count)))}]",
                 "[figure]",
-                'kind = "curves"',
                 'x = "x"',
-                'value = "square"',
+                'y = "square"',
             ]
         )
         path = tmp_path / "squares.toml"

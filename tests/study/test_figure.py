@@ -1,6 +1,6 @@
 """Pictures of a table: what is drawn is what the table says."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ ROWS = [
         "repeat": run % 3,
         "seed": run,
         "control.gain": gain,
-        "state": "locked",
+        "state": "locked" if gain < 1.0 else "lost",
         "depth_peak_mm": value,
         "failure": None if np.isfinite(value) else "lost",
     }
@@ -28,8 +28,8 @@ ROWS = [
 
 
 @pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[matplotlib.figure.Figure]]:
-    """Figures as they are saved."""
+def draw(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Any]:
+    """Draw rows as a table [figure] asks for; the figure as it was saved."""
     saved: list[matplotlib.figure.Figure] = []
     save = matplotlib.figure.Figure.savefig
 
@@ -38,69 +38,65 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[matplotlib.figure.Fi
         save(figure, *arguments, **named)
 
     monkeypatch.setattr(matplotlib.figure.Figure, "savefig", keep)
-    return saved
+
+    def drawn(figure: str, rows: list[dict[str, Any]] = ROWS) -> Any:
+        text = f'{HEAD}[figure]\ny = "depth_peak_mm"\n{figure}'
+        draw_study(parse_study(text, Path("s.toml")), rows, tmp_path / "a.png")
+        assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+        return saved[-1]
+
+    return drawn
 
 
-def draw(figure: str, path: Path) -> None:
-    draw_study(parse_study(HEAD + figure, Path("s.toml")), ROWS, path)
-    assert path.read_bytes().startswith(b"\x89PNG")
-
-
-def test_curves_are_medians_of_what_did_not_fail(drawn: list[Any], tmp_path: Path) -> None:
-    draw('[figure]\nkind = "curves"\nx = "control.gain"\nvalue = "depth_peak_mm"\n', tmp_path / "a.png")
-    (axis,) = drawn[0].axes
+def test_lines_are_medians_of_what_did_not_fail(draw: Callable[..., Any]) -> None:
+    figure = draw('x = "control.gain"')
+    (axis,) = figure.axes
     assert axis.lines[0].get_xydata().tolist() == [[0.5, 2.0], [1.0, 4.5]]
-    assert "1 of them failed" in drawn[0]._supxlabel.get_text()
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("control.gain", "depth_peak_mm")
+    assert "1 of them failed" in figure._supxlabel.get_text()
 
 
-def test_histograms_hold_every_run_once(drawn: list[Any], tmp_path: Path) -> None:
-    draw(
-        '[figure]\nkind = "histogram"\nvalue = "depth_peak_mm"\nlines = "control.gain"\n', tmp_path / "a.png"
-    )
-    (axis,) = drawn[0].axes
-    assert sum(patch.get_height() for patch in axis.patches) == 5
+def test_words_stand_in_their_order(draw: Callable[..., Any]) -> None:
+    (axis,) = draw('x = "state"').axes
+    assert axis.lines[0].get_xydata().tolist() == [[0.0, 2.0], [1.0, 4.5]]
+    assert [label.get_text() for label in axis.get_xticklabels()] == ["locked", "lost"]
 
 
-def test_bars_stand_at_the_medians(drawn: list[Any], tmp_path: Path) -> None:
-    draw('[figure]\nkind = "bars"\nx = "control.gain"\nvalue = "depth_peak_mm"\n', tmp_path / "a.png")
-    (axis,) = drawn[0].axes
-    assert [patch.get_height() for patch in axis.patches] == [2.0, 4.5]
-
-
-def test_maps_show_every_cell_and_the_border_of_what_is_good(drawn: list[Any], tmp_path: Path) -> None:
-    text = (
-        '[figure]\nkind = "map"\nx = "control.gain"\ny = "state"\nvalue = "depth_peak_mm"\ngood_below = 3.0\n'
-    )
-    draw(text.replace("state", "control.gain"), tmp_path / "a.png")
-    axis = drawn[0].axes[0]
-    cells = axis.images[0].get_array()
-    assert np.ma.masked_invalid(cells).compressed().tolist() == [2.0, 4.5]
-    assert len(axis.lines) > 0
+def test_two_hues_differ_by_style_and_colour(draw: Callable[..., Any]) -> None:
+    (axis,) = draw('x = "run"\nhue = ["state", "repeat"]\n').axes
+    # the failed run has nothing to show
+    looks = [(line.get_label(), line.get_linestyle(), line.get_color()) for line in axis.lines]
+    assert looks == [
+        ("locked, repeat 0", "-", "C0"),
+        ("locked, repeat 1", "-", "C1"),
+        ("locked, repeat 2", "-", "C2"),
+        ("lost, repeat 0", "--", "C0"),
+        ("lost, repeat 1", "--", "C1"),
+    ]
 
 
 def test_a_study_without_a_figure_gets_one_that_fits() -> None:
     one = default_figure(parse_study(HEAD, Path("s.toml")), ROWS)
-    assert (one.kind, one.x, one.value) == ("curves", "control.gain", "depth_peak_mm")
+    assert (one.x, one.y, one.hue) == ("control.gain", "depth_peak_mm", ())
     without = parse_study('schema_version = 1\ntitle = "t"\n', Path("s.toml"))
     rows = [{key: value for key, value in row.items() if key != "control.gain"} for row in ROWS]
-    assert default_figure(without, rows).kind == "histogram"
+    assert default_figure(without, rows).x == "run"
 
 
-def test_the_legend_of_curves_covers_none_of_them(drawn: list[Any], tmp_path: Path) -> None:
-    draw(
-        '[figure]\nkind = "curves"\nx = "run"\nvalue = "depth_peak_mm"\nlines = "control.gain"\n',
-        tmp_path / "a.png",
-    )
-    (axis,) = drawn[0].axes
-    (legend,) = drawn[0].legends
+def test_the_legend_covers_no_line(draw: Callable[..., Any]) -> None:
+    figure = draw('x = "run"\nhue = ["control.gain"]\n')
+    (axis,), (legend,) = figure.axes, figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["control.gain 0.5", "control.gain 1"]
     assert not legend.get_window_extent().overlaps(axis.get_window_extent())
 
 
-def test_a_logarithmic_axis_of_less_than_a_decade_has_plain_numbers(drawn: list[Any], tmp_path: Path) -> None:
-    text = '[figure]\nkind = "curves"\nx = "run"\nvalue = "depth_peak_mm"\nvalue_scale = "log"\n'
-    rows = [row | {"depth_peak_mm": 0.0102 + 0.0003 * row["run"]} for row in ROWS[:3]]
-    draw_study(parse_study(HEAD + text, Path("s.toml")), rows, tmp_path / "a.png")
-    labels = [label.get_text() for label in drawn[0].axes[0].get_yticklabels()]
+@pytest.mark.parametrize("scale", ["log", "loglog"])
+def test_a_logarithmic_axis_of_less_than_a_decade_has_plain_numbers(
+    draw: Callable[..., Any], scale: str
+) -> None:
+    rows = [row | {"depth_peak_mm": 0.0102 + 0.0003 * row["run"], "run": row["run"] + 1} for row in ROWS[:3]]
+    (axis,) = draw(f'x = "run"\nscale = "{scale}"\n', rows).axes
+    labels = [label.get_text() for label in axis.get_yticklabels()]
     assert len(labels) >= 3
     assert all(0.009 < float(label) < 0.012 for label in labels)
+    assert (axis.get_xscale(), axis.get_yscale()) == ("log" if scale == "loglog" else "linear", "log")

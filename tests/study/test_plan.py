@@ -1,6 +1,7 @@
-"""What a study file may say, and what it is told when it says something else."""
+"""What a study file may contain, and the message where it contains something else."""
 
 import json
+import pickle
 import re
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 
 from zeromethod.errors import InputError
 from zeromethod.study import Study, load_study, packaged_studies, parse_study
-from zeromethod.study.press import PressTable
+from zeromethod.study.task import PressTable
 from zeromethod.study.tasks import tasks
 
 HEAD = 'schema_version = 1\ntitle = "t"\nframes = 4\n[rig]\nbinning = 8\n[set]\n"target.period_px" = 8\n'
@@ -52,13 +53,13 @@ def test_dotted_keys_need_no_quotes() -> None:
     assert (first.rig.control.gain, second.rig.control.gain) == (0.5, 1.0)
 
 
-def test_a_task_survives_its_message() -> None:
+def test_a_task_survives_its_way_to_a_worker() -> None:
     (task,) = tasks(study('"bench.prism.index" = 1.42\n[press]\ndepth_mm = 0.1\n'))
-    assert type(task).of(task.message()) == task
+    assert pickle.loads(pickle.dumps(task)) == task
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         (
             '[grid]\n"control.gian" = [1.0]\n',
@@ -70,7 +71,7 @@ def test_a_task_survives_its_message() -> None:
         ),
         ('[grid]\n"camera.hue" = [1.0]\n', 's.toml: grid: "camera.hue": unknown key'),
         (
-            "[grid]\ncontrol.gian = [1.0]\n[figure]\nkind = 'curves'\nvalue = 'state'\nx = 'control.gain'\n",
+            "[grid]\ncontrol.gian = [1.0]\n[figure]\ny = 'state'\nx = 'control.gain'\n",
             's.toml: grid: "control.gian": unknown key: did you mean control.gain?',
         ),
         (
@@ -89,9 +90,10 @@ def test_a_task_survives_its_message() -> None:
         ('"rig.binning" = 7\n', "s.toml: rig.binning: 7: a whole number that divides 1280 and 1024"),
         ('"rig.file" = "mine.toml"\n', "s.toml: rig.file: mine.toml: cannot be read"),
         ('scenario = "nothing"\n', "press: nothing: a readable press file"),
-        ("[figure]\nkind = 'map'\nvalue = 'state'\n", "s.toml: figure.x: missing"),
-        ("[figure]\nkind = 'curves'\nvalue = 'depth'\n", 's.toml: figure.value: "depth": one of'),
-        ("[figure]\nkind = 'pie'\nvalue = 'state'\n", 's.toml: figure.kind: "pie": one of'),
+        ("[figure]\ny = 'state'\n", "s.toml: figure.x: missing"),
+        ("[figure]\nx = 'run'\ny = 'depth'\n", 's.toml: figure.y: "depth": one of'),
+        ("[figure]\nx = 'run'\ny = 'state'\nscale = 'cubic'\n", 's.toml: figure.scale: "cubic": one of'),
+        ("[figure]\nx = 'run'\ny = 'state'\nhue = ['gap']\n", 's.toml: figure.hue: "gap": one of'),
         ("[gird]\na = 1\n", "s.toml: gird: unknown key: did you mean grid?"),
         ("[random]\ngap = 3\n", "s.toml: random.gap: 3: one of { uniform"),
         ('gap = "a"\n', "s.toml: could not convert"),
@@ -99,15 +101,15 @@ def test_a_task_survives_its_message() -> None:
         ("[random]\ncontrol.gain = {}\n", "s.toml: random.control.gain: a table: one of { uniform"),
     ],
 )
-def test_what_is_wrong_is_told_in_one_line_by_file_and_key(text: str, told: str) -> None:
+def test_an_error_is_reported_in_one_line_by_file_and_key(text: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
         tasks(study(text))
-    assert told in str(caught.value)
+    assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "message"),
     [
         ("random.camera.noise.read_grey = { unifrm = [0.5, 4.0] }", "random.camera.noise.read_grey: unifrm"),
         ("random.gap = { norml = [50.0, 1.0] }", "random.gap: norml"),
@@ -125,25 +127,25 @@ def test_what_is_wrong_is_told_in_one_line_by_file_and_key(text: str, told: str)
         ),
     ],
 )
-def test_a_mistyped_word_of_a_table_of_values_is_told(given: str, told: str) -> None:
-    words = "from, to, steps, scale" if told.startswith("grid") else "uniform, log_uniform, normal, choice"
+def test_a_mistyped_word_of_a_table_of_values_is_reported(given: str, message: str) -> None:
+    words = "from, to, steps, scale" if message.startswith("grid") else "uniform, log_uniform, normal, choice"
     with pytest.raises(InputError) as caught:
         tasks(parse_study(f"{given}\n{HEAD}", Path("s.toml")))
-    assert str(caught.value) == f"s.toml: {told}: one of {words}"
+    assert str(caught.value) == f"s.toml: {message}: one of {words}"
 
 
 def test_what_a_press_has_by_default_is_in_the_manual() -> None:
     manual = (Path(__file__).parents[2] / "docs" / "study.md").read_text()
-    told: dict[str, str] = {}
+    documented: dict[str, str] = {}
     for keys, defaults in re.findall(r"^\| (`[a-z_`, ]+`) \| (.+?) \|", manual, re.MULTILINE):
         names = re.findall(r"\w+", keys)
-        told |= dict(zip(names, defaults.split(", ") if len(names) > 1 else [defaults], strict=True))
+        documented |= dict(zip(names, defaults.split(", ") if len(names) > 1 else [defaults], strict=True))
     for name, value in PressTable().model_dump(mode="json").items():
-        assert told[name].strip("`") == json.dumps(value)
+        assert documented[name].strip("`") == json.dumps(value)
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("title = 't'", "schema_version: missing: 1 is"),
         ("schema_version = 2\ntitle = 't'", "schema_version: 2: 1 is"),
@@ -157,14 +159,14 @@ def test_what_a_press_has_by_default_is_in_the_manual() -> None:
             "schema_version = 1\ntitle = 't'\nrecordings = ['no*.h5']",
             'recordings: "no*.h5": no file matches below /',
         ),
-        ("schema_version = 1\ntitle = 't'\nprocedure = 'reread'", "recordings: needed by procedure"),
+        ("schema_version = 1\ntitle = 't'\nprocedure = 'from_warps'", "recordings: needed by procedure"),
         ("a =", "not TOML"),
     ],
 )
-def test_a_file_that_is_no_study_is_refused(text: str, told: str) -> None:
+def test_a_file_that_is_no_study_is_refused(text: str, message: str) -> None:
     with pytest.raises(InputError, match=r"^s\.toml: ") as caught:
         tasks(parse_study(text, Path("s.toml")))
-    assert told in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_a_missing_study_names_the_packaged_ones() -> None:

@@ -1,6 +1,6 @@
 """Figures of the packaged procedures, against planted truth and closed forms."""
 
-import json
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ binning = 8
 
 def outcome(procedure: str, text: str, frames: int = 6) -> dict[str, Any]:
     (task,) = tasks(parse_study(SMALL.format(procedure=procedure, frames=frames) + text, Path("s.toml")))
-    found = carry_out(json.loads(json.dumps(task.message())))
+    found = carry_out(pickle.loads(pickle.dumps(task)))
     assert found["failure"] is None, found
     figures: dict[str, Any] = found["figures"]
     return figures
@@ -85,7 +85,7 @@ def test_averaging_takes_noise_away_with_the_root_of_the_frames() -> None:
 
 def test_fold_limits_agree_with_the_curvature_alone() -> None:
     text = 'schema_version = 1\ntitle = "t"\nprocedure = "design"\n[grid]\nsize_mm = [1.0, 2.0, 4.0]\n'
-    found = [carry_out(task.message())["figures"] for task in tasks(parse_study(text, Path("s.toml")))]
+    found = [carry_out(task)["figures"] for task in tasks(parse_study(text, Path("s.toml")))]
     first_order = np.array([one["closed_form_mm"] for one in found])
     # curvature goes with depth over size squared
     np.testing.assert_allclose(first_order / first_order[0], [1.0, 4.0, 16.0], rtol=1e-6)
@@ -105,7 +105,7 @@ def test_more_evidence_leaves_less_error_of_depth() -> None:
         "target.period_px = 8\n[grid]\n"
         'evidence = ["calipers", "rest map, press", "rest map, 3 presses"]\n'
     )
-    found = [carry_out(task.message()) for task in tasks(parse_study(text, Path("s.toml")))]
+    found = [carry_out(task) for task in tasks(parse_study(text, Path("s.toml")))]
     calipers, one, three = (each["figures"]["depth_percent"] for each in found)
     # a press of 0.2 mm known to 1 um gives depth's scale where it is to 0.5 %, three their mean to 0.29 %
     assert 0.5 / np.sqrt(3) < three < 0.5 < one < 1.0 < calipers
@@ -123,6 +123,6 @@ def test_a_setting_that_the_procedure_does_not_have_fails_the_run(
     procedure: str, setting: str, reason: str
 ) -> None:
     (task,) = tasks(parse_study(SMALL.format(procedure=procedure, frames=2) + setting, Path("s.toml")))
-    found = carry_out(task.message())
+    found = carry_out(task)
     assert found["figures"] is None
     assert reason in found["failure"]

@@ -1,25 +1,23 @@
 """Many runs: a grid or a Monte Carlo over settings, on every core or a Dask cluster, to one table.
 
 study = load_study("gain-delay")
-results = conduct(study, Path("gain-delay"), LocalPool())
+results = run_study(study, Path("gain-delay"), Workers())
 """
 
-from zeromethod.study.cluster import Cluster
-from zeromethod.study.conduct import Results, Standing, conduct
 from zeromethod.study.plan import Study, load_study, packaged_studies, parse_study
-from zeromethod.study.pool import LocalPool
+from zeromethod.study.results import Progress, Results, run_study
 from zeromethod.study.task import Procedure, Task
+from zeromethod.study.workers import Workers
 
 __all__ = [
-    "Cluster",
-    "LocalPool",
     "Procedure",
+    "Progress",
     "Results",
-    "Standing",
     "Study",
     "Task",
-    "conduct",
+    "Workers",
     "load_study",
     "packaged_studies",
     "parse_study",
+    "run_study",
 ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,30 +10,17 @@ import numpy as np
 from zeromethod.errors import InputError
 from zeromethod.rig.refusal import shown
 
-Scalar = str | int | float | bool
-"""One setting's value, as TOML and JSON both have it (lists, such as a place in mm, are allowed as well)."""
-
 MOST_VALUES = 100_000
 
-_FITS: dict[str, Callable[[float, float], bool]] = {
-    "uniform": lambda low, high: low < high,
-    "log_uniform": lambda low, high: 0 < low < high,
-    "normal": lambda mean, sigma: sigma > 0,  # noqa: ARG005 - the signature of all
-}
-
-_DISTRIBUTIONS: dict[str, tuple[str, Callable[[np.random.Generator, float, float], float]]] = {
-    "uniform": ("[low, high] with low below high", lambda rng, low, high: rng.uniform(low, high)),
-    "log_uniform": (
-        "[low, high] with 0 below low below high",
-        lambda rng, low, high: float(np.exp(rng.uniform(np.log(low), np.log(high)))),
-    ),
-    "normal": ("[mean, sigma] with sigma above 0", lambda rng, mean, sigma: rng.normal(mean, sigma)),
-    "choice": ("", lambda rng, low, high: low),  # noqa: ARG005 - chosen without numbers
+_ALLOWED = {
+    "uniform": "[low, high] with low below high",
+    "log_uniform": "[low, high] with 0 below low below high",
+    "normal": "[mean, sigma] with sigma above 0",
 }
 
 RANGE_WORDS = ("from", "to", "steps", "scale")
-DRAW_WORDS = tuple(_DISTRIBUTIONS)
-"""What a table under [grid] and one under [random] may hold."""
+DRAW_WORDS = (*_ALLOWED, "choice")
+"""Words that a table of values may have under [grid], and under [random]."""
 
 _RANGE = 'a list of values, or { from, to, steps, scale = "linear" or "log" }'
 _DRAW = (
@@ -86,14 +72,20 @@ def draw(where: str, given: Any, seed: int, key: str, number: int) -> Any:
     rng = np.random.default_rng(
         np.random.SeedSequence(seed, spawn_key=(1, zlib.crc32(key.encode("utf-8")), number))
     )
-    allowed, drawn = _DISTRIBUTIONS[kind]
     if kind == "choice":
         if not numbers:
             raise InputError(f"{where}: choice = []: at least one value")
         return numbers[int(rng.integers(len(numbers)))]
-    if len(numbers) != 2 or not all(map(_number, numbers)) or not _FITS[kind](*numbers):
-        raise InputError(f"{where}: {kind} = {shown(numbers)}: {allowed}")
-    return float(drawn(rng, float(numbers[0]), float(numbers[1])))
+    if len(numbers) != 2 or not all(map(_number, numbers)):
+        raise InputError(f"{where}: {kind} = {shown(numbers)}: {_ALLOWED[kind]}")
+    low, high = map(float, numbers)
+    if not {"uniform": low < high, "log_uniform": 0 < low < high, "normal": high > 0}[kind]:
+        raise InputError(f"{where}: {kind} = {shown(numbers)}: {_ALLOWED[kind]}")
+    if kind == "normal":
+        return float(rng.normal(low, high))
+    if kind == "uniform":
+        return float(rng.uniform(low, high))
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def run_seed(seed: int, run: int) -> int:
@@ -102,7 +94,7 @@ def run_seed(seed: int, run: int) -> int:
 
 
 def not_a_word(where: str, word: str, words: tuple[str, ...]) -> InputError:
-    """Refusal of a word that a table of values cannot hold."""
+    """Refusal of a word that a table of values cannot have."""
     return InputError(f"{where}: {word}: one of {', '.join(words)}")
 
 

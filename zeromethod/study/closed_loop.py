@@ -1,4 +1,7 @@
-"""The procedure "run": the loop closed on a simulated bench in simulated time, as `zeromethod run` does."""
+"""Procedures that close the loop on a simulated bench in simulated time.
+
+"run": as `zeromethod run` does. "averaging": depth noise left by the mean of several frames at rest.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +11,26 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.arrays import Float
 from zeromethod.control.stability_margin import stability_margin
 from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.errors import MeasurementError
+from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
-from zeromethod.optics import check_geometry
+from zeromethod.optics import Optics, check_geometry
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
 from zeromethod.study.task import Figures, Procedure, Task
+from zeromethod.surface import SurfaceReader
+from zeromethod.warp.mean import RunningMean
 
 DEFAULT_SECONDS = 1.0
+
+_SETTLING_FRAMES = 8
+"""Nulled frames that pass before any is averaged."""
+
+_SPARE_FRAMES = 60
 
 _TRUTH = {
     "depth_peak_mm": "true depth of the peak, mm",
@@ -39,7 +52,7 @@ FIGURES = {
     "depth_peak_mm": "depth of the peak as read, median over the hold, mm",
     "depth_peak_sigma_mm": "standard deviation stated for it, mm",
     "dropped": "frames dropped",
-    "delay_frames": "from a frame to the one that sees what was made of it, camera frames",
+    "delay_frames": "from a frame to the one that shows the answer to it, camera frames",
     "largest_stable_gain": "gain at which a linear model of the loop is at its limit at that delay",
     **{f"truth.{key}": f"{words}, in the hold" for key, words in _TRUTH.items()},
     **{f"truth_slide.{key}": f"{words}, while the press slides" for key, words in _TRUTH.items()},
@@ -98,3 +111,56 @@ def flat(figures: Figures, before: str = "") -> dict[str, Any]:
 
 
 CLOSED_LOOP = Procedure(close_loop, FIGURES)
+
+
+def average(task: Task) -> Figures:
+    """Depth of the mean of `averaged_frames` measured warps, while the picture is nulled.
+
+    Raises MeasurementError where the loop does not null so many frames.
+    """
+    wanted = int(task.settings["averaged_frames"])
+    mean, filtered, settled = RunningMean(), None, 0
+    with opened(task) as devices:
+        optics = Optics(task.rig)
+        loop = Loop(task.rig, devices.camera, devices.display, devices.clock, optics=optics)
+        reader = SurfaceReader(task.rig, optics, loop.grid)
+        for step in loop.run(frames=wanted + _SETTLING_FRAMES + _SPARE_FRAMES):
+            if step.measured is None or step.state not in NULLED:
+                continue
+            settled += 1
+            if settled <= _SETTLING_FRAMES:
+                continue
+            mean.add(step.measured)
+            filtered = step.filtered
+            if mean.frames == wanted:
+                break
+    if mean.frames < wanted or filtered is None:
+        raise MeasurementError(f"only {mean.frames} of {wanted} frames were nulled")
+    surface = reader.read(mean.warp)
+    by_filter = reader.read(filtered)
+    if not surface.valid.any():
+        raise MeasurementError("nothing of the mirror could be read")
+    return {
+        "depth_rms_nm": 1e6 * _rms(surface.depth_mm[surface.valid]),
+        "stated_depth_rms_nm": 1e6 * _rms(surface.sigma_depth_mm[surface.valid]),
+        "slope_rms_urad": 1e6 * _rms(surface.slope[surface.valid]),
+        "filtered_depth_rms_nm": 1e6 * _rms(by_filter.depth_mm[by_filter.valid]),
+        "averaged_s": wanted / task.rig.camera.rate_hz,
+    }
+
+
+def _rms(values: Float) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+AVERAGING = Procedure(
+    average,
+    {
+        "depth_rms_nm": "depth read of a mirror at rest, rms over nodes, nm",
+        "stated_depth_rms_nm": "standard deviation stated for it, rms over nodes, nm",
+        "slope_rms_urad": "slope read of a mirror at rest, rms over nodes, microradian",
+        "filtered_depth_rms_nm": "depth rms of the controller's own filter at the end, nm",
+        "averaged_s": "time that so many frames take, s",
+    },
+    {"averaged_frames": 1},
+)

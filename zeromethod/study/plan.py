@@ -36,34 +36,16 @@ class Start(Table):
 
 
 class FigureTable(Table):
-    """What is drawn; columns go by their names in the table.
+    """What is drawn: column `y` over column `x`, a line for each combination of the values of `hue`.
 
-    map: `value` over `x` and `y`. curves: `value` over `x`, one line for each value of `lines`. histogram:
-    how `value` is spread, one outline for each value of `lines`. bars: `value` at each `x`, in groups of
-    `lines`. Repeated runs are shown by their median (curves: with the range from 16 to 84 %). panels: one
-    picture for each value of this column. good_below: drawn as the border between good and bad.
-    reference: a column drawn as a thin line beside the curves, or over the map's y.
+    Repeated runs are shown by their median, with the range from 16 to 84 %. scale: "log" of y, "loglog" of x
+    and y.
     """
 
-    kind: Literal["map", "curves", "histogram", "bars"]
-    value: Text
-    x: Text | None = None
-    y: Text | None = None
-    lines: Text | None = None
-    panels: Text | None = None
-    reference: Text | None = None
-    x_scale: Literal["linear", "log"] = "linear"
-    y_scale: Literal["linear", "log"] = "linear"
-    value_scale: Literal["linear", "log"] = "linear"
-    good_below: float | None = None
-    labels: dict[str, str] = Field(default={})
-    caption: str = ""
-
-    @property
-    def columns(self) -> list[tuple[str, str]]:
-        """(key, column) of every column that is named."""
-        keys = ("value", "x", "y", "lines", "panels", "reference")
-        return [(key, column) for key in keys if (column := getattr(self, key)) is not None]
+    x: Text
+    y: Text
+    hue: tuple[Text, ...] = ()
+    scale: Literal["linear", "log", "loglog"] = "linear"
 
 
 class StudyTable(Table):
@@ -169,7 +151,7 @@ def load_study(name: str | Path) -> Study:
     """Study from a file, or a packaged one by bare name.
 
     Raises InputError, one line "file: key: value: what is allowed", for the first thing wrong. Settings are
-    looked at by `zeromethod.study.tasks`, which knows the rig.
+    checked by `zeromethod.study.tasks`, which knows the rig.
     """
     path = Path(name)
     if not path.suffix and path.parent == Path() and not path.is_file():
@@ -217,7 +199,7 @@ def _flatten(data: dict[str, Any]) -> None:
             data[name] = dict(_leaves(table, name))
 
 
-# with any of them a table holds values, and what else is in it is for those who read values
+# a table with any of these is one of values; other words in it are refused where values are read
 _WORDS = {*RANGE_WORDS, *DRAW_WORDS}
 
 

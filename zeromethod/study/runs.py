@@ -1,9 +1,11 @@
-"""One run carried out: a task in, one row of figures out, whatever happens."""
+"""One run carried out: a task in, one outcome out, whatever happens."""
 
 from __future__ import annotations
 
+import importlib
 import os
 import socket
+import sys
 import threading
 import time
 from typing import Any
@@ -11,16 +13,25 @@ from typing import Any
 import numpy as np
 
 from zeromethod.errors import InputError, MeasurementError
-from zeromethod.study.procedures import procedure
-from zeromethod.study.task import WHOLE_LIMIT, Message, Task
+from zeromethod.rig.refusal import shown
+from zeromethod.study.closed_loop import AVERAGING, CLOSED_LOOP
+from zeromethod.study.from_warps import FROM_WARPS
+from zeromethod.study.geometry import DEPTH_ERROR, DESIGN
+from zeromethod.study.task import Procedure, Task
 from zeromethod.thread_limits import limit_threads
 
-_ONE_AT_A_TIME = threading.Lock()
-"""Threads of one process must not run side by side: OpenGL contexts and compiled code are one thread's."""
+PROCEDURES = {
+    "run": CLOSED_LOOP,
+    "averaging": AVERAGING,
+    "design": DESIGN,
+    "depth_error": DEPTH_ERROR,
+    "from_warps": FROM_WARPS,
+}
 
-_LONGEST = 300
+Outcome = dict[str, Any]
+"""run, seed, figures or None, failure or None, seconds, worker: as JSON has it."""
 
-QUIET = {
+ONE_THREAD = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
@@ -29,36 +40,68 @@ QUIET = {
 }
 """One thread for each library, Mesa's software renderer included: the processes share the cores."""
 
+WHOLE_LIMIT = 1 << 63
+"""Whole numbers from here on do not fit a column of the results."""
 
-def carry_out(message: Message) -> Message:
-    """Outcome of a task: {"run", "seed", "figures" or None, "failure" or None, "seconds", "worker"}.
+_LONGEST = 300
 
-    Never raises: a run that fails is a row that says why.
+_ONE_AT_A_TIME = threading.Lock()
+"""Runs in threads of one process must not overlap: OpenGL contexts and compiled code are one thread's."""
+
+
+def procedure(name: str) -> Procedure:
+    """Procedure by name, or by `package.module:NAME` (the working directory is searched too).
+
+    Raises InputError, one line, where there is none.
     """
+    if name in PROCEDURES:
+        return PROCEDURES[name]
+    module, _, attribute = name.partition(":")
+    allowed = f"one of {', '.join(PROCEDURES)}, or package.module:NAME of a Procedure"
+    if not (module and attribute):
+        raise InputError(f"procedure: {shown(name)}: {allowed}")
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"procedure: {shown(name)}: {error}: {allowed}") from None
+    if not isinstance(found, Procedure):
+        raise InputError(f"procedure: {shown(name)}: a {type(found).__name__}: {allowed}")
+    return found
+
+
+def carry_out(task: Task) -> Outcome:
+    """Outcome of a task. Never raises: a run that fails is a row that says why."""
     with _ONE_AT_A_TIME:
         started = time.perf_counter()
         figures, failure = None, None
         try:
-            figures = _figures(message)
+            os.environ.setdefault("LP_NUM_THREADS", ONE_THREAD["LP_NUM_THREADS"])
+            limit_threads()
+            found = procedure(task.procedure).carry_out(task)
+            figures = {name: plain(found.get(name)) for name in task.metrics}
         except (InputError, MeasurementError) as error:
             failure = str(error)
         except Exception as error:  # whatever it is, the other runs go on
             failure = f"{type(error).__name__}: {error}"
-        return {
-            "run": message["run"],
-            "seed": message["seed"],
+        return failed(task, failure) | {
             "figures": figures,
-            "failure": failure and " ".join(failure.split())[:_LONGEST],
             "seconds": time.perf_counter() - started,
             "worker": {"pid": os.getpid(), "host": socket.gethostname()},
         }
 
 
-def _figures(message: Message) -> dict[str, Any]:
-    os.environ.setdefault("LP_NUM_THREADS", QUIET["LP_NUM_THREADS"])
-    limit_threads()
-    found = procedure(message["procedure"]).carry_out(Task.of(message))
-    return {name: plain(found.get(name)) for name in message["metrics"]}
+def failed(task: Task, why: str | None) -> Outcome:
+    """Outcome of a run without figures."""
+    return {
+        "run": task.run,
+        "seed": task.seed,
+        "figures": None,
+        "failure": why and " ".join(why.split())[:_LONGEST],
+        "seconds": None,
+        "worker": None,
+    }
 
 
 def plain(value: Any) -> Any:

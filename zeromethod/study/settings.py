@@ -14,7 +14,7 @@ from zeromethod.errors import InputError
 from zeromethod.rig.binning import binned
 from zeromethod.rig.model import Rig, replaced
 from zeromethod.rig.refusal import first_refusal
-from zeromethod.study.press import PressTable
+from zeromethod.study.task import PressTable
 
 
 def with_settings(rig: Rig, settings: Mapping[str, Any], binning: int, where: Path) -> Rig:

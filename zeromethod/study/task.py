@@ -1,24 +1,65 @@
-"""One run as it goes to whoever carries it out: everything in it, so that any process can, in any order."""
+"""One run as it goes to a worker: everything in it, so that any process can carry it out, in any order."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
-from zeromethod.rig.model import Rig
-from zeromethod.study.press import PressTable
-
-Message = dict[str, Any]
-"""A task or an outcome as JSON has it."""
-
+from zeromethod.rig.model import NotNegative, Positive, Rig, Table
+from zeromethod.simulation.path import PathPoint, PressPath
+from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.press_file import Phase
+from zeromethod.simulation.scenario import Scenario
 
 LIMIT_S = 3600.0
 """How long a run may take unless its study says otherwise."""
 
-WHOLE_LIMIT = 1 << 63
-"""Whole numbers from here on do not fit a column of the results."""
+Figures = Mapping[str, Any]
+"""Numbers, words, true or false, None; by dotted names."""
+
+
+class PressTable(Table):
+    """One press in place of the rig's.
+
+    size_mm: Gaussian and edge sigma, ball radius, cone contact radius. It comes down at `at_s`, within
+    `within_s` (0: a jump), and stays; from then on it slides along x and y with `speed_mm_s`. A run is
+    "untouched" before, "hold" from when it is down where it stays, else "slide".
+    """
+
+    shape: Literal["gaussian", "ball", "cone", "edge"] = "gaussian"
+    size_mm: Positive = 5.0
+    length_mm: Positive = 25.0
+    angle_deg: float = 0.0
+    x_mm: float = 42.0
+    y_mm: float = 0.0
+    depth_mm: float = 0.2
+    at_s: Positive = 0.1
+    within_s: NotNegative = 0.0
+    speed_mm_s: tuple[float, float] = (0.0, 0.0)
+    until_s: Positive = 10.0
+
+    def scenario(self) -> Scenario:
+        """Press in time, for a simulated camera."""
+        edge = self.shape == "edge"
+        dent = Dent(
+            Shape(self.shape), 0.0, 0.0, 0.0, self.size_mm,
+            length_mm=self.length_mm if edge else 0.0, angle_deg=self.angle_deg if edge else 0.0,
+        )  # fmt: skip
+        down_s = self.at_s + self.within_s
+        end_s = max(self.until_s, down_s + 1e-3)
+        (vx, vy), slide_s = self.speed_mm_s, end_s - down_s
+        points = (
+            PathPoint(round(1e9 * self.at_s), self.x_mm, self.y_mm, 0.0),
+            PathPoint(round(1e9 * down_s), self.x_mm, self.y_mm, self.depth_mm),
+            PathPoint(round(1e9 * end_s), self.x_mm + vx * slide_s, self.y_mm + vy * slide_s, self.depth_mm),
+        )
+        phases = (
+            Phase(name="untouched", from_s=0.0, to_s=self.at_s),
+            Phase(name="slide" if any(self.speed_mm_s) else "hold", from_s=down_s, to_s=end_s),
+        )
+        return Scenario("study", (PressPath(dent, points),), end_s, phases)
 
 
 @dataclass(frozen=True)
@@ -27,7 +68,7 @@ class Task:
 
     rig: what is believed of the bench. bench: what it truly is, where that differs. press: in place of the
     rig's. settings: of the procedure itself. recording: path of the recording to read, where there is one.
-    limit_s: how long it may take in the host's time; whoever carries it out then gives it up.
+    limit_s: time after which it is given up, on the host's clock.
     """
 
     run: int
@@ -44,46 +85,17 @@ class Task:
     rig_settings: Mapping[str, Any] = field(default_factory=dict)
     limit_s: float = LIMIT_S
 
-    def message(self) -> Message:
-        """As JSON has it."""
-        return {
-            **{
-                name: getattr(self, name)
-                for name in ("run", "seed", "procedure", "frames", "seconds", "limit_s")
-            },
-            "rig": _dumped(self.rig),
-            "bench": self.bench and _dumped(self.bench),
-            "press": self.press and self.press.model_dump(mode="json"),
-            "settings": dict(self.settings),
-            "metrics": list(self.metrics),
-            "recording": self.recording,
-            "rig_settings": dict(self.rig_settings),
-        }
-
-    @classmethod
-    def of(cls, message: Message) -> Task:
-        """From JSON."""
-        bench, press = message["bench"], message["press"]
-        return cls(
-            **{
-                **message,
-                "rig": _rig(message["rig"]),
-                "bench": bench and _rig(bench),
-                "press": press and PressTable.model_validate_json(json.dumps(press), strict=True),
-                "metrics": tuple(message["metrics"]),
-            }
-        )
-
-
-Figures = Mapping[str, Any]
-"""Numbers, words, true or false, None; by dotted names."""
+    def as_json(self) -> str:
+        """Everything that its figures depend on."""
+        values = {name: value for name, value in vars(self).items() if name != "limit_s"}
+        return json.dumps(values, sort_keys=True, default=lambda table: table.model_dump(mode="json"))
 
 
 @dataclass(frozen=True)
 class Procedure:
     """What a run does.
 
-    figures: name and meaning, unit included, of everything that it can tell. settings: keys of its own with
+    figures: name and meaning, unit included, of every figure that it can give. settings: its own keys with
     their defaults. It may raise MeasurementError or InputError; the run has then failed.
     """
 
@@ -91,12 +103,3 @@ class Procedure:
     figures: Mapping[str, str]
     settings: Mapping[str, Any] = field(default_factory=dict)
     reads_recordings: bool = False
-
-
-def _dumped(rig: Rig) -> dict[str, Any]:
-    dumped: dict[str, Any] = rig.model_dump(mode="json", exclude_unset=True)
-    return dumped
-
-
-def _rig(data: dict[str, Any]) -> Rig:
-    return Rig.model_validate_json(json.dumps(data), strict=True)

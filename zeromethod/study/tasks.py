@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin
 
+from pydantic import BaseModel
+
+from zeromethod.design.vary import NAMES
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig, packaged_rigs
 from zeromethod.rig.model import Rig
 from zeromethod.rig.refusal import shown
 from zeromethod.simulation.clone import simulated_clone
 from zeromethod.simulation.scenario import load_scenario
-from zeromethod.study.keys import check_keys
+from zeromethod.study.axes import DRAW_WORDS, RANGE_WORDS, not_a_word
 from zeromethod.study.plan import Point, Study
-from zeromethod.study.procedures import procedure
+from zeromethod.study.runs import procedure
 from zeromethod.study.settings import press_with, with_settings
-from zeromethod.study.task import Procedure, Task
+from zeromethod.study.task import PressTable, Procedure, Task
 
 _FILE, _BINNING, _RECORDING = "rig.file", "rig.binning", "recording"
+_BENCH, _PRESS = "bench.", "press."
+_WORDS = {"grid": RANGE_WORDS, "random": DRAW_WORDS}
 
 
 def tasks(study: Study) -> list[Task]:
@@ -33,7 +39,7 @@ def tasks(study: Study) -> list[Task]:
         chosen = procedure(study.table.procedure)
     except InputError as error:
         raise InputError(f"{study.path}: {error}") from None
-    check_keys(study, chosen)
+    _check_keys(study, chosen)
     metrics = _metrics(study, chosen)
     _check_figure(study, metrics)
     if bool(study.table.recordings) != chosen.reads_recordings:
@@ -59,14 +65,10 @@ def _check_figure(study: Study, metrics: tuple[str, ...]) -> None:
     figure = study.table.figure
     if figure is None:
         return
-    known = [*study.varied, *metrics]
-    for key, column in figure.columns:
+    known = ["run", *study.varied, *metrics]
+    for key, column in (("x", figure.x), ("y", figure.y), *(("hue", hue) for hue in figure.hue)):
         if column not in known:
             raise InputError(f"{study.path}: figure.{key}: {shown(column)}: one of {', '.join(known)}")
-    needed = {"map": ("x", "y"), "curves": ("x",), "bars": ("x",), "histogram": ()}[figure.kind]
-    for key in needed:
-        if getattr(figure, key) is None:
-            raise InputError(f"{study.path}: figure.{key}: missing: a column for kind {figure.kind!r}")
 
 
 def _task(study: Study, chosen: Procedure, metrics: tuple[str, ...], point: Point) -> Task:
@@ -76,8 +78,8 @@ def _task(study: Study, chosen: Procedure, metrics: tuple[str, ...], point: Poin
     binning = settings.pop(_BINNING, table.rig.binning)
     recording = settings.pop(_RECORDING, None)
     own = {key: settings.pop(key, default) for key, default in chosen.settings.items()}
-    press, settings = _split("press.", settings)
-    planted, settings = _split("bench.", settings)
+    press, settings = _split(_PRESS, settings)
+    planted, settings = _split(_BENCH, settings)
     rig = bench = None
     try:
         if recording is None:
@@ -115,11 +117,10 @@ def _split(prefix: str, settings: Mapping[str, Any]) -> tuple[dict[str, Any], di
 
 
 def _load(study: Study, name: str) -> Rig:
-    beside = study.path.parent / name
     if not isinstance(name, str):
         raise InputError(f"{study.path}: rig.file: {shown(name)}: a rig file, or a packaged name")
     try:
-        return _loaded(name if name in packaged_rigs() else str(beside))
+        return _loaded(name if name in packaged_rigs() else str(study.path.parent / name))
     except InputError as error:
         raise InputError(f"{study.path}: rig.file: {error}") from None
 
@@ -130,7 +131,7 @@ def _loaded(name: str) -> Rig:
 
 
 def _whole(rig: Rig) -> Rig:
-    """Rig whose files are named by whole paths, its press looked at."""
+    """Rig whose files are named by absolute paths; its press is checked."""
     update: dict[str, Any] = {}
     if rig.scenario.endswith(".toml"):
         update["scenario"] = str(Path(rig.scenario).absolute())
@@ -144,3 +145,74 @@ def _whole(rig: Rig) -> Rig:
 @lru_cache(maxsize=256)
 def _scenario_exists(name: str) -> None:
     load_scenario(name)
+
+
+def _check_keys(study: Study, chosen: Procedure) -> None:
+    """Raise InputError, one line, for the first key under [set], [grid] or [random] that is unknown."""
+    rig = _dotted(Rig)
+    press = [_PRESS + name for name in PressTable.model_fields]
+    known = [
+        _FILE,
+        _BINNING,
+        _RECORDING,
+        *chosen.settings,
+        *NAMES,
+        *press,
+        *rig,
+        *(_BENCH + key for key in rig),
+    ]
+    tables = {"set": study.table.settings, "grid": study.axes, "random": study.table.random}
+    for table, keys in tables.items():
+        for key in keys:
+            _check_word(study, table, key, known)
+            if key in known or _may_be(key):
+                continue
+            nearest = difflib.get_close_matches(key, known, n=1)
+            hint = (
+                f"did you mean {nearest[0]}?"
+                if nearest
+                else "a dotted key of a rig file, or of docs/study.md"
+            )
+            raise InputError(f'{study.path}: {table}: "{key}": unknown key: {hint}')
+
+
+def _check_word(study: Study, table: str, key: str, known: list[str]) -> None:
+    """Refuse { unifrm = [low, high] }, which reads as a further step of the key that it is given to."""
+    before, _, word = key.rpartition(".")
+    words = _WORDS.get(table, ())
+    value = before in known and not any(other.startswith(f"{before}.") for other in known)
+    # keys inside a list are checked by the rig itself, and "press" is a key of its own and a table as well
+    likely = (before in known or "[" in before) and difflib.get_close_matches(word, words, n=1)
+    if words and (value or likely):
+        raise not_a_word(f"{study.path}: {table}.{before}", word, words)
+
+
+def _may_be(key: str) -> bool:
+    """Whether only the rig itself can check a key: one inside a list, or in a table that takes any key."""
+    model: Any = Rig
+    for step in key.removeprefix(_BENCH).split("."):
+        if "[" in step:
+            return True
+        if not (isinstance(model, type) and issubclass(model, BaseModel)) or step not in model.model_fields:
+            return False
+        model = _model(model.model_fields[step].annotation)
+    return True
+
+
+def _dotted(model: type[BaseModel], before: str = "") -> list[str]:
+    """Dotted keys of all values of a model."""
+    keys = []
+    for name, field in model.model_fields.items():
+        inner = _model(field.annotation)
+        keys += _dotted(inner, f"{before}{name}.") if inner is not None else [f"{before}{name}"]
+    return keys
+
+
+def _model(annotation: Any) -> type[BaseModel] | None:
+    """The table that an annotation is, or may be; None for anything else, a list of tables included."""
+    if get_origin(annotation) in (tuple, list):
+        return None
+    if isinstance(annotation, type):
+        return annotation if issubclass(annotation, BaseModel) else None
+    found = (part for part in get_args(annotation) if isinstance(part, type))
+    return next((part for part in found if issubclass(part, BaseModel)), None)

@@ -1,4 +1,4 @@
-"""The procedure "reread": depth again from the warps of a recording, with other settings of the rig."""
+"""The procedure "from_warps": depth read again from recorded warps, with other settings of the rig."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from zeromethod.study.task import Figures, Procedure, Task
 from zeromethod.surface import SurfaceReader, peak
 
 
-def reread(task: Task) -> Figures:
+def read_warps(task: Task) -> Figures:
     """Figures of one recording, every `every`-th of its measured warps read again.
 
     Raises InputError for a file that is no recording, DamagedWarning for one that is damaged,
-    MeasurementError where it holds no measured warp.
+    MeasurementError where it has no measured warp.
     """
     assert task.recording is not None
     path = Path(task.recording)
@@ -65,8 +65,8 @@ def _median(values: np.ndarray) -> float | None:
     return float(np.median(known)) if known.size else None
 
 
-REREAD = Procedure(
-    reread,
+FROM_WARPS = Procedure(
+    read_warps,
     {
         "frames": "warps that were read",
         "seconds": "time that the recording spans, s",
@@ -75,7 +75,7 @@ REREAD = Procedure(
         "depth_median_mm": "peak's depth, median over the frames, mm",
         "change_rms_um": "peak's depth against the recorded one, rms over the frames, um",
         "valid_share": "share of the nodes that were read, mean over the frames",
-        "residual_px_rms": "recorded residual, median over the turns, camera px",
+        "residual_px_rms": "recorded residual, median over its steps, camera px",
         "recorded_rig": "name of the rig that was recorded",
     },
     {"every": 1},

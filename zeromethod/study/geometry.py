@@ -1,4 +1,7 @@
-"""The procedure "depth_error": what not knowing the geometry costs in depth, by what was measured of it."""
+"""Procedures that need no images, only the geometry of the bench.
+
+"depth_error": uncertainty of depth owed to the geometry. "design": the deepest presses that a bench can null.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,10 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.calibration import DepthError, Direct, Measurement, Priors, RestPositions, depth_error, fit
 from zeromethod.calibration.parameters import PARAMETERS
+from zeromethod.design.lever import gaussian_fold_mm, lcd_px_per_mrad
+from zeromethod.design.press_limits import PressKind, press_limit
+from zeromethod.design.sampled_view import SampledView, median_over
+from zeromethod.design.tir import incidence_deg, margin_deg
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.rig.model import Rig
@@ -31,7 +38,7 @@ GROUPS: dict[str, str | tuple[str, ...]] = {
 
 EVIDENCE = ("calipers", "rest map", "rest map, ruler", "rest map, press", "rest map, 3 presses")
 _PRESSES = {"rest map, press": (4,), "rest map, 3 presses": (1, 4, 7)}
-"""Regions of the known presses: the middle one, or all three along the mirror's middle."""
+"""Indices of the known presses' regions: the middle one, or all three along the mirror's middle."""
 
 
 def budget(task: Task) -> Figures:
@@ -78,8 +85,8 @@ def _exact(rig: Rig, name: str) -> list[str]:
 def _rest(rig: Rig, grid: NodeGrid, sigma_px: float) -> Warp:
     """The rest map that a faultless measurement gives."""
     q = Optics(rig).rest_map(*grid.mesh())
-    seen = np.isfinite(q).all(axis=-1)
-    return Warp(q, np.full(q.shape, sigma_px), np.where(seen, 0, 1).astype(np.uint16), 0)
+    on_lcd = np.isfinite(q).all(axis=-1)
+    return Warp(q, np.full(q.shape, sigma_px), np.where(on_lcd, 0, 1).astype(np.uint16), 0)
 
 
 def _with(error: DepthError, rows: Float) -> Float:
@@ -105,4 +112,45 @@ DEPTH_ERROR = Procedure(
         "press_depth_mm": 0.2,
         "press_sigma_mm": 1e-3,
     },
+)
+
+
+def limits(task: Task) -> Figures:
+    """Limits of a press of `shape` and `size_mm` in the middle of the view; None: beyond any depth tried."""
+    check_geometry(task.rig)
+    view = SampledView(task.rig)
+    kind = PressKind.parse(f"{task.settings['shape']}:{task.settings['size_mm']}")
+    region = view.central
+    limit = press_limit(view, kind, region.x_mm, region.y_mm)
+    gaussian = kind.shape.value == "gaussian"
+    fold_mm = float(np.nanmedian(gaussian_fold_mm(view, kind.size_mm)[region.mask])) if gaussian else None
+    return {
+        "path_mm": float(np.median(view.trace.path_mm[region.mask])),
+        "fold_mm": limit.fold_mm,
+        "nulled_mm": limit.nulled_mm,
+        "because": limit.because,
+        "total_mm": limit.total_mm,
+        "closed_form_mm": fold_mm,
+        "incidence_deg": float(np.median(incidence_deg(view.trace)[region.mask])),
+        "tir_least_margin_deg": float(np.nanmin(margin_deg(view))),
+        "lcd_px_per_mrad": median_over(lcd_px_per_mrad(view), region.mask)[0],
+        "sees_lcd_share": float(view.on_lcd.mean()),
+    }
+
+
+DESIGN = Procedure(
+    limits,
+    {
+        "path_mm": "from the mirror to the LCD along the ray, optical lever included, mm",
+        "fold_mm": "depth at which some node folds, mm",
+        "nulled_mm": "deepest press that a picture nulls whole, mm",
+        "because": "what ends it",
+        "total_mm": "depth up to which reflection is total everywhere, mm",
+        "closed_form_mm": "fold limit of a Gaussian by its curvature alone, mm",
+        "incidence_deg": "angle of incidence at the mirror, middle of the view, deg",
+        "tir_least_margin_deg": "least margin to the critical angle in the view, deg",
+        "lcd_px_per_mrad": "lever along x, LCD px per mrad of slope",
+        "sees_lcd_share": "share of the nodes that see the LCD",
+    },
+    {"shape": "gaussian", "size_mm": 2.0},
 )

@@ -13,7 +13,7 @@ from zeromethod.study.tasks import tasks
 STUDY = """
 schema_version = 1
 title = "again"
-procedure = "reread"
+procedure = "from_warps"
 recordings = ["day/*.h5"]
 
 [grid]
@@ -31,19 +31,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_unchanged_settings_read_the_recorded_depths(folder: Path) -> None:
     same, other = tasks(parse_study(STUDY, folder / "s.toml"))
-    figures = carry_out(same.message())["figures"]
+    figures = carry_out(same)["figures"]
     assert figures["change_rms_um"] == 0.0
     assert figures["recorded_rig"] == "simulated"
     # the press of 0.2 mm came down 0.1 s before the end
     assert figures["deepest_mm"] == pytest.approx(0.2, rel=0.05)
-    anchored = carry_out(other.message())["figures"]
+    anchored = carry_out(other)["figures"]
     assert anchored["frames"] == figures["frames"] > 5
     assert anchored["change_rms_um"] > 0.0
 
 
 def test_what_is_no_recording_fails_its_run_alone(folder: Path) -> None:
     (folder / "day" / "zz.h5").write_text("no")
-    found = [carry_out(task.message()) for task in tasks(parse_study(STUDY, folder / "s.toml"))[::2]]
+    found = [carry_out(task) for task in tasks(parse_study(STUDY, folder / "s.toml"))[::2]]
     (folder / "day" / "zz.h5").unlink()
     assert found[0]["failure"] is None
     assert "zz.h5" in found[1]["failure"]

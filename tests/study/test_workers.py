@@ -1,28 +1,27 @@
-"""Worker processes that die, and studies that are stopped."""
+"""Worker processes that die, hang or do not start, and studies that are stopped."""
 
 import os
 import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from zeromethod.errors import MeasurementError
-from zeromethod.study import LocalPool, Study, conduct
+from zeromethod.study import Study, Workers, run_study
 from zeromethod.study.tasks import tasks
 
+distributed = pytest.importorskip("distributed")
 Squares = Callable[..., Study]
 
 
-def messages(study: Study) -> list[dict[str, Any]]:
-    return [task.message() for task in tasks(study)]
-
-
 def test_a_run_that_kills_its_worker_fails_alone(squares: Squares, tmp_path: Path) -> None:
-    results = conduct(squares(8, "kills_at = 3"), tmp_path, LocalPool(2))
+    results = run_study(squares(8, "kills_at = 3"), tmp_path, Workers(2))
     assert [row["run"] for row in results.failures] == [3]
     assert results.failures[0]["failure"] == "ended its process 3 times: signal 9"
     assert results.failures[0]["seed"] > 0
@@ -32,7 +31,7 @@ def test_a_run_that_kills_its_worker_fails_alone(squares: Squares, tmp_path: Pat
 def test_a_run_that_hangs_is_given_up_and_the_others_go_on(squares: Squares, tmp_path: Path) -> None:
     study = squares(5, "waits_at = 1", f'mark = "{tmp_path / "waiting"}"', limit_s=4.0)
     started = time.monotonic()
-    results = conduct(study, tmp_path, LocalPool(1))
+    results = run_study(study, tmp_path, Workers(1))
     # the run itself would take a minute
     assert time.monotonic() - started < 40.0
     assert [(row["run"], row["failure"]) for row in results.failures] == [
@@ -41,13 +40,22 @@ def test_a_run_that_hangs_is_given_up_and_the_others_go_on(squares: Squares, tmp
     assert [row["square"] for row in results.rows if row["run"] != 1] == [0, 4, 9, 16]
 
 
-def test_workers_end_at_once_when_the_study_does(squares: Squares, tmp_path: Path) -> None:
+def test_workers_listen_on_loopback_alone_and_end_at_once_when_the_study_does(
+    squares: Squares, tmp_path: Path
+) -> None:
     mark = tmp_path / "waiting"
     study = squares(4, "waits_at = 3", f'mark = "{mark}"')
     pids = set()
-    with closing(LocalPool(1).outcomes(messages(study))) as outcomes:
+    with closing(Workers(1).outcomes(tasks(study))) as outcomes:
         for _ in range(3):
             pids.add(next(outcomes)["worker"]["pid"])
+        ports = [
+            one.laddr.ip
+            for pid in (os.getpid(), *pids)
+            for one in psutil.Process(pid).net_connections("tcp")
+            if one.status == psutil.CONN_LISTEN
+        ]
+        assert set(ports) == {"127.0.0.1"}
         # the fourth run is handed over when the next outcome is asked for, and takes a minute
         with pytest.raises(TimeoutError), _within(20.0, mark):
             next(outcomes)
@@ -58,15 +66,48 @@ def test_workers_end_at_once_when_the_study_does(squares: Squares, tmp_path: Pat
             os.kill(pid, 0)
 
 
-def test_workers_that_cannot_start_are_told_of(
+def test_workers_that_cannot_start_are_reported(
     squares: Squares, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study = squares()
-    (tmp_path / "zeromethod.py").write_text("raise SystemExit('no such package')")
+    (tmp_path / "sitecustomize.py").write_text("raise SystemExit('no such package')")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(MeasurementError, match="worker processes do not start: exit code 1: "):
-        list(LocalPool(2).outcomes(messages(study)))
+    with pytest.raises(MeasurementError, match="worker processes do not start: exit code 1"):
+        list(Workers(2).outcomes(tasks(study)))
+
+
+@pytest.fixture
+def empty(own: None) -> Iterator[Any]:
+    """A scheduler without workers."""
+    with distributed.LocalCluster(
+        n_workers=0, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
+    ) as running:
+        yield running
+
+
+def test_a_cluster_without_workers_is_reported_and_goes_on_when_one_comes(
+    empty: Any, squares: Squares, tmp_path: Path
+) -> None:
+    reported_s: list[float] = []
+    lines: list[str] = []
+
+    def report(line: str) -> None:
+        reported_s.append(time.monotonic() - started)
+        lines.append(line)
+        threading.Thread(target=empty.scale, args=(1,)).start()
+
+    study = squares(4, "waits_at = 2", f'mark = "{tmp_path / "waiting"}"', limit_s=5.0)
+    started = time.monotonic()
+    results = run_study(study, tmp_path, Workers(address=empty.scheduler_address, report=report))
+    address = empty.scheduler_address
+    assert lines == [f"--cluster: {address}: no worker yet, waiting for one: dask worker {address}"]
+    assert reported_s[0] < 10.0
+    # the run that hangs is given up, and those after it find a worker
+    assert [(row["run"], row["failure"]) for row in results.failures] == [
+        (2, "took longer than limit_s = 5 s, and was ended")
+    ]
+    assert [row["square"] for row in results.rows if row["run"] != 2] == [0, 1, 9]
+    assert time.monotonic() - started < 50.0
 
 
 class _within:  # noqa: N801 - reads as words
