@@ -29,7 +29,7 @@ def fingerprint(tasks: Sequence[Task]) -> dict[str, Any]:
     digest = hashlib.sha256()
     for task in tasks:
         digest.update(task.as_json().encode())
-        press = task.rig.scenario if task.rig.press.endswith(".toml") else None
+        press = task.rig.scenario if task.rig.scenario.endswith(".toml") else None
         for name in (press, task.rig.prism.rest.file, task.recording):
             if name is not None and os.path.exists(name):
                 found = os.stat(name)

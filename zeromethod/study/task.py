@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from zeromethod.rig.model import NotNegative, Positive, Rig, Table
+from zeromethod.rig.model import Rig
+from zeromethod.rig.tables import NotNegative, Positive, Table
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 from zeromethod.simulation.press_file import Phase
