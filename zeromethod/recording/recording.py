@@ -395,3 +395,24 @@ class Recording:
                 f"{self.path}: zeros/q: damaged: what turn {turn} was measured from is not known"
             )
         return np.asarray(found["q"])
+
+
+def open_recording(path: str | Path) -> Recording:
+    """Open a recording that a run has written, or is still writing.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file (.h5).
+
+    Returns
+    -------
+    Recording
+        A context manager; `close` it, or use it in a `with` statement.
+
+    Raises
+    ------
+    InputError
+        For a file that does not exist, is no recording, or was written by another version.
+    """
+    return Recording(path)

@@ -6,19 +6,23 @@ The same session serves the simulated bench and a real one. Where the camera can
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import shlex
+import sys
+from collections.abc import Callable, Generator
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from zeromethod.control.stability_margin import margin_words, stability_margin
 from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import NULLED
+from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.rig.load import load_rig
@@ -51,14 +55,16 @@ class Session:
     devices
         Opened devices, which stay the caller's; without, the session opens those of the rig and closes them.
     publisher
-        Gets every step in simulated time, every step that was read in real time.
+        Address at which to publish, tcp://127.0.0.1:5556, or what takes the steps: every one in simulated
+        time, those that were read in real time.
     record
-        Makes what records the loop's run.
+        File in which to record everything (.h5), or what makes the recorder of a loop.
 
     Raises
     ------
     InputError
-        For a rig that cannot be used, devices that cannot be opened, or a recording that cannot be written.
+        For a rig that cannot be used, devices that cannot be opened, an address or a recording that cannot
+        be made.
 
     Examples
     --------
@@ -74,8 +80,8 @@ class Session:
         rig: Rig | str | Path = "simulated",
         *,
         devices: Devices | None = None,
-        publisher: Publisher | None = None,
-        record: Callable[[Loop], Recorder] | None = None,
+        publisher: Publisher | str | None = None,
+        record: Callable[[Loop], Recorder] | str | Path | None = None,
     ) -> None:
         self.rig = rig if isinstance(rig, Rig) else load_rig(rig)
         check_geometry(self.rig)
@@ -91,16 +97,20 @@ class Session:
                 optics=self._optics,
             )
             stack.callback(self.loop.close)
-            self._recorder = None if record is None else record(self.loop)
+            self._recorder = record(self.loop) if callable(record) else self._recorder_of(record)
             stack.callback(self._end_recording)
             self._grid: NodeGrid = self.loop.grid
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
-            self._publisher = publisher
+            self._publisher = (
+                self._publisher_at(publisher, stack) if isinstance(publisher, str) else publisher
+            )
             self._truth: TruthSource | None = getattr(self._devices.camera, "truth", None)
             self._scenario = getattr(self._devices.camera, "scenario", None)
             self._worst_px = 0.0
             self._deepest_mm = 0.0
             self._recording_words = ""
+            self._steps: Generator[Step] | None = None
+            self._reads_apart = self._closed = False
             usable = usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]
             share = float(np.mean(usable))
             self.result = RunResult(self.rig, self.loop.gl_renderer, share, self.loop.rest, self._truth)
@@ -109,15 +119,20 @@ class Session:
     def __enter__(self) -> Session:
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        self.close()
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._end_run()
+        self._closed = True
+        self._closing.__exit__(kind, error, trace)
 
     def __repr__(self) -> str:
-        return f"Session({self.rig.name!r}, {self.loop.status.state}, {self.result.frames} frames)"
+        state = "closed" if self._closed else self.loop.status.state
+        return f"Session({self.rig.name!r}, {state}, {self.result.frames} frames)"
 
     def close(self) -> None:
-        """End the loop's threads and the recording, and close the devices that the session opened."""
-        self._closing.close()
+        """End the run, the loop's threads and the recording, and close the devices that the session opened."""
+        self.__exit__(None, None, None)
 
     @property
     def figures(self) -> Figures:
@@ -134,8 +149,17 @@ class Session:
             seconds = DEFAULT_SECONDS
         return seconds, "seconds"
 
-    def run(self, frames: int | None = None, seconds: float | None = None) -> Iterator[Step]:
+    def run(self, frames: int | None = None, seconds: float | None = None) -> Generator[Step]:
         """Run the loop for `frames` or `seconds`; for the time of `length` when neither is given.
+
+        It may be called again, and goes on from the warp it had; a run that has not ended is ended first.
+
+        Parameters
+        ----------
+        frames : int, optional
+            Number of camera frames.
+        seconds : float, optional
+            Time of the run's clock.
 
         Yields
         ------
@@ -144,17 +168,42 @@ class Session:
             ready since the step before, None for none: in simulated time that of the step's own frame, in
             real time that of a frame shortly before, whose mid-exposure is `step.surface.time_ns`.
 
+        Raises
+        ------
+        InputError
+            When the session is closed.
+        MeasurementError
+            When a device was lost for good before.
+
         Notes
         -----
-        Ctrl-C ends the run with `result.interrupted` set and everything so far kept. When the loop is not
-        over (`loop.over`: a device was lost for good) it may be run again, and goes on from the warp it had.
+        Ctrl-C ends the run with `result.interrupted` set and everything so far kept. Steps are numbered on,
+        and their times go on, from one run to the next.
         """
+        if self._closed:
+            raise InputError("session: it is closed: open a new one")
+        self._end_run()
+        if self.loop.over:
+            raise MeasurementError(f"session: it cannot go on: {self.loop.status.reason}: open a new one")
+        if self.loop.status.state is State.STOPPED:  # an interrupt before the first run ends that run
+            self.result.interrupted = False
+        self._steps = self._run(frames, seconds)
+        return self._steps
+
+    def _end_run(self) -> None:
+        """End a run that its caller has left half-way."""
+        if self._steps is not None:
+            self._steps.close()
+            self._steps = None
+
+    def _run(self, frames: int | None, seconds: float | None) -> Generator[Step]:
         if frames is None:
             seconds, _ = self.length(frames, seconds)
+        if self.loop.live and not self._reads_apart:
+            self._closing.enter_context(self._surfaces.beside(warm_up_warp(self.loop.rest)))
+            self._reads_apart = True
         with ExitStack() as stack:
             stack.callback(self._note_end)
-            if self.loop.live:
-                stack.enter_context(self._surfaces.beside(warm_up_warp(self.loop.rest)))
             reading = StepReader(self._read, self._publisher, self.loop.live)
             stack.callback(self._collect, reading)
             stack.callback(reading.close)
@@ -178,6 +227,24 @@ class Session:
         """End the run as Ctrl-C does, with all that was measured; from a signal handler, or any thread."""
         self.result.interrupted = True
         self.loop.stop()
+
+    def _recorder_of(self, path: str | Path | None) -> Recorder | None:
+        """Recorder of everything in a new file; None for none."""
+        if path is None:
+            return None
+        from zeromethod.recording.recorder import Recorder  # noqa: PLC0415 - only who records needs it
+
+        words = shlex.join(sys.argv)
+        loop = self.loop
+        return Recorder(
+            path, self.rig, loop.rest, command_line=words, live=loop.live, gl_renderer=loop.gl_renderer
+        )
+
+    def _publisher_at(self, address: str, stack: ExitStack) -> Publisher:
+        """Publisher in the run's time, closed with the session."""
+        from zeromethod.publishing import Publisher as Socket  # noqa: PLC0415 - only who publishes needs it
+
+        return stack.enter_context(Socket(address, self._devices.clock))
 
     def _note_end(self) -> None:
         self.result.dropped_refreshes = getattr(self._devices.display, "dropped_refreshes", None)
@@ -302,13 +369,35 @@ def run(
     frames: int | None = None,
     seconds: float | None = None,
     on_step: Callable[[Step], None] | None = None,
+    publisher: Publisher | str | None = None,
+    record: Callable[[Loop], Recorder] | str | Path | None = None,
 ) -> RunResult:
-    """Open the rig's devices, close the loop for a while, read every frame, close the devices.
+    """Open a rig's devices, close the loop for a while, read every frame, close the devices.
 
-    Ctrl-C ends the run early with `interrupted` set and everything so far kept. Raises InputError for
-    devices that cannot be opened.
+    Parameters
+    ----------
+    rig : Rig, str or Path
+        A rig, a rig file, or the name of a packaged rig.
+    frames : int, optional
+        Number of camera frames.
+    seconds : float, optional
+        Time of the run's clock; without both, that of `Session.length`.
+    on_step : callable, optional
+        Called with every step, as `Session.run` yields it.
+    publisher, record
+        As `Session` takes them.
+
+    Returns
+    -------
+    RunResult
+        Figures of every step; `interrupted` is set where Ctrl-C ended the run early.
+
+    Raises
+    ------
+    InputError
+        For a rig that cannot be used, or devices that cannot be opened.
     """
-    with Session(rig) as session:
+    with Session(rig, publisher=publisher, record=record) as session:
         for step in session.run(frames, seconds):
             if on_step is not None:
                 on_step(step)

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Protocol
 
 from zeromethod.errors import InputError
-from zeromethod.study.plan import Study
+from zeromethod.study.cluster import Cluster
+from zeromethod.study.plan import Study, load_study
+from zeromethod.study.pool import LocalPool
 from zeromethod.study.procedures import procedure
 from zeromethod.study.resume import Journal, fingerprint
 from zeromethod.study.table import Row, arrow, rows, write_seconds, write_table
@@ -25,13 +27,26 @@ class Executor(Protocol):
         """Outcome of every task, in any order."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Results:
-    """rows: the table, one row per run, in order. before: runs that an earlier go had done."""
+    """Results of a study.
+
+    Attributes
+    ----------
+    study : Study
+        What was asked for.
+    rows : list of dict
+        The table, one row per run, in order.
+    before : int
+        Runs that an earlier call had done.
+    """
 
     study: Study
     rows: list[Row]
     before: int
+
+    def __repr__(self) -> str:
+        return f"<Results of {self.study.name!r}: {len(self.rows)} runs, {len(self.failures)} failed>"
 
     @property
     def failures(self) -> list[Row]:
@@ -99,3 +114,50 @@ def conduct(
         write_table(folder / TABLE, study, procedure(study.table.procedure), found)
         write_seconds(folder / SECONDS, journal.done)
     return Results(study, found, len(kept))
+
+
+def run_study(
+    study: Study | str | Path,
+    folder: str | Path | None = None,
+    *,
+    workers: int | None = None,
+    cluster: str | None = None,
+    anew: bool = False,
+    again: bool = False,
+) -> Results:
+    """Carry out the runs of a study, on every core or a Dask cluster, and put their figures into one table.
+
+    A study that was interrupted goes on where it stopped when it is called again.
+
+    Parameters
+    ----------
+    study : Study, str or Path
+        A study, a study file (.toml), or the name of a packaged study.
+    folder : str or Path, optional
+        Where table.parquet and the rest are written; study-NAME by default.
+    workers : int, optional
+        Number of processes; one per core by default.
+    cluster : str, optional
+        Address of a Dask scheduler, tcp://host:8786, to use instead.
+    anew : bool
+        Forget the runs that are in the folder.
+    again : bool
+        Do runs again that failed.
+
+    Returns
+    -------
+    Results
+        The table's rows, one per run; `failures` are those that failed.
+
+    Raises
+    ------
+    InputError
+        For a study or setting that cannot be used, a folder with another study, or a missing library.
+    MeasurementError
+        Workers die, or the cluster is lost.
+    """
+    if cluster is not None and workers is not None:
+        raise InputError(f"workers: {workers}: not with a cluster, which has its own")
+    plan = study if isinstance(study, Study) else load_study(str(study))
+    executor = LocalPool(workers) if cluster is None else Cluster(cluster)
+    return conduct(plan, Path(folder or f"study-{plan.name}"), executor, anew=anew, again=again)
