@@ -181,6 +181,7 @@ class Loop:
     def _restart(self) -> None:
         """Begin a run; where one has ended before, its warp is kept."""
         if self.status.state is State.STOPPED:
+            self._check.resume()
             self.status = Status()
             self._stop = False
             self._watch.restart()

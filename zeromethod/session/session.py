@@ -6,8 +6,6 @@ The same session serves the simulated bench and a real one. Where the camera can
 
 from __future__ import annotations
 
-import shlex
-import sys
 from collections.abc import Callable, Generator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -27,6 +25,7 @@ from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.session.outputs import recorder_of
 from zeromethod.session.reading import Publisher, StepReader, timed, warm_up_warp
 from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
@@ -35,8 +34,8 @@ from zeromethod.surface import Surface, SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.warp.grid import NodeGrid
 
-if TYPE_CHECKING:  # what writes files loads slowly, and few runs are recorded
-    from zeromethod.recording.recorder import Recorder
+if TYPE_CHECKING:
+    from zeromethod.session.outputs import Record
 
 DEFAULT_SECONDS = 5.0
 """How long a run in simulated time lasts when neither the caller nor a scenario says so."""
@@ -81,7 +80,7 @@ class Session:
         *,
         devices: Devices | None = None,
         publisher: Publisher | str | None = None,
-        record: Callable[[Loop], Recorder] | str | Path | None = None,
+        record: Record = None,
     ) -> None:
         self.rig = rig if isinstance(rig, Rig) else load_rig(rig)
         check_geometry(self.rig)
@@ -97,13 +96,11 @@ class Session:
                 optics=self._optics,
             )
             stack.callback(self.loop.close)
-            self._recorder = record(self.loop) if callable(record) else self._recorder_of(record)
+            self._recorder = recorder_of(record, self.rig, self.loop)
             stack.callback(self._end_recording)
             self._grid: NodeGrid = self.loop.grid
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
-            self._publisher = (
-                self._publisher_at(publisher, stack) if isinstance(publisher, str) else publisher
-            )
+            self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
             self._truth: TruthSource | None = getattr(self._devices.camera, "truth", None)
             self._scenario = getattr(self._devices.camera, "scenario", None)
             self._worst_px = 0.0
@@ -131,7 +128,7 @@ class Session:
         return f"Session({self.rig.name!r}, {state}, {self.result.frames} frames)"
 
     def close(self) -> None:
-        """End the run, the loop's threads and the recording, and close the devices that the session opened."""
+        """End run, threads and recording, and close the devices that the session opened; safe to repeat."""
         self.__exit__(None, None, None)
 
     @property
@@ -227,24 +224,6 @@ class Session:
         """End the run as Ctrl-C does, with all that was measured; from a signal handler, or any thread."""
         self.result.interrupted = True
         self.loop.stop()
-
-    def _recorder_of(self, path: str | Path | None) -> Recorder | None:
-        """Recorder of everything in a new file; None for none."""
-        if path is None:
-            return None
-        from zeromethod.recording.recorder import Recorder  # noqa: PLC0415 - only who records needs it
-
-        words = shlex.join(sys.argv)
-        loop = self.loop
-        return Recorder(
-            path, self.rig, loop.rest, command_line=words, live=loop.live, gl_renderer=loop.gl_renderer
-        )
-
-    def _publisher_at(self, address: str, stack: ExitStack) -> Publisher:
-        """Publisher in the run's time, closed with the session."""
-        from zeromethod.publishing import Publisher as Socket  # noqa: PLC0415 - only who publishes needs it
-
-        return stack.enter_context(Socket(address, self._devices.clock))
 
     def _note_end(self) -> None:
         self.result.dropped_refreshes = getattr(self._devices.display, "dropped_refreshes", None)
@@ -370,7 +349,7 @@ def run(
     seconds: float | None = None,
     on_step: Callable[[Step], None] | None = None,
     publisher: Publisher | str | None = None,
-    record: Callable[[Loop], Recorder] | str | Path | None = None,
+    record: Record = None,
 ) -> RunResult:
     """Open a rig's devices, close the loop for a while, read every frame, close the devices.
 

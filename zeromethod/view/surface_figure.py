@@ -27,7 +27,7 @@ def plot(surface: Surface, path: str | Path | None = None) -> Figure:
         Four maps of the valid nodes, depth positive into the rubber.
     """
     with mpl.rc_context({"font.size": 8, "axes.titlesize": 9}):
-        figure = Figure(figsize=(10, 7.5), layout="constrained")
+        figure = Figure(figsize=(10, 6), layout="constrained")
         axes = figure.subplots(2, 2)
         draw_map(axes[0, 0], surface, surface.depth_mm, "depth (into the rubber = positive)", "mm")
         sigma_nm = 1e6 * surface.sigma_depth_mm
