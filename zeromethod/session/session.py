@@ -20,12 +20,13 @@ from zeromethod.control.stability_margin import margin_words, stability_margin
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import NULLED, State
+from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.outputs import recorder_of
+from zeromethod.session.outputs import publishing, recorder_of
 from zeromethod.session.reading import Publisher, StepReader, timed, warm_up_warp
 from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
@@ -103,8 +104,8 @@ class Session:
             self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
             self._truth: TruthSource | None = getattr(self._devices.camera, "truth", None)
             self._scenario = getattr(self._devices.camera, "scenario", None)
-            self._worst_px = 0.0
-            self._deepest_mm = 0.0
+            parts = () if self._scenario is None else self._scenario.phases
+            self._phases = frozenset(part.name for part in parts)
             self._recording_words = ""
             self._steps: Generator[Step] | None = None
             self._reads_apart = self._closed = False
@@ -269,33 +270,11 @@ class Session:
                 assert newest.surface is not None
                 assert newest.peak is not None
                 self._recorder.reading(newest, newest.surface, newest.peak, newest.read_ms)
-            self._keep(newest)
+            self.result.keep(newest, self._phases)
         return newest
 
     def _phase(self, time_ns: int) -> str:
         return "" if self._scenario is None else self._scenario.phase_at(time_ns) or ""
-
-    @cached_property
-    def _has_hold(self) -> bool:
-        return self._scenario is not None and any(phase.name == "hold" for phase in self._scenario.phases)
-
-    def _keep(self, step: Step) -> None:
-        """Keep the frames that the figure shows: before the touch, at its worst, nulled."""
-        result = self.result
-        assert step.image is not None
-        kept = replace(step, image=step.image.copy())
-        settled = step.state in NULLED
-        if settled and (step.phase == "untouched" if self._scenario is not None else result.before is None):
-            result.before = kept
-        # After the hold comes the lift, whose residual may be larger still; the figure shows the press.
-        over = self._has_hold and result.nulled is not None
-        if result.before is not None and not over and step.residual_rms_px > self._worst_px:
-            self._worst_px = step.residual_rms_px
-            result.pressed = kept
-        pressed = step.phase == "hold" if self._has_hold else abs(step.depth_peak_mm) >= self._deepest_mm
-        if settled and pressed:
-            self._deepest_mm = abs(step.depth_peak_mm)
-            result.nulled = kept
 
     def _notes(self) -> tuple[str, ...]:
         """Notes of everything but the loop itself."""
