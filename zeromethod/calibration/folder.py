@@ -44,7 +44,15 @@ _LARGE = 4096
 
 @dataclass(frozen=True)
 class Stored:
-    """A calibration as its folder tells it. document: what calibration.toml holds, as plain values."""
+    """A calibration as its folder tells it.
+
+    Attributes
+    ----------
+    folder : Path
+        Where it is.
+    document : dict
+        What calibration.toml holds, as plain values.
+    """
 
     folder: Path
     document: dict[str, Any]
@@ -70,12 +78,34 @@ class Stored:
         }
 
     def age_days(self, now: datetime | None = None) -> float:
-        """Days since it was made."""
+        """Days since it was made.
+
+        Parameters
+        ----------
+        now : datetime, optional
+            The present, unless given.
+
+        Returns
+        -------
+        float
+            Days.
+        """
         made: datetime = self.document["time"]
         return ((now or datetime.now(UTC)) - made).total_seconds() / 86400
 
     def age_warning(self, now: datetime | None = None) -> str:
-        """Words where it is old; "" while it is not."""
+        """Words where it is old; "" while it is not.
+
+        Parameters
+        ----------
+        now : datetime, optional
+            The present, unless given.
+
+        Returns
+        -------
+        str
+            The words.
+        """
         days = self.age_days(now)
         if days <= OLD_DAYS:
             return ""

@@ -42,6 +42,26 @@ class Loop:
 
     The devices belong to the caller, who closes them. `run` may be called again after it ended. The loop is
     over (`over`) when it was closed, or when a device is lost for good; the reason is in `status`.
+
+    Parameters
+    ----------
+    rig : Rig
+        The bench.
+    camera, display : Camera, Display
+        Opened devices, which stay the caller's.
+    clock : Clock
+        The clock that both share; `HostClock` for real time.
+    reopen_camera : callable, optional
+        Opens the camera again after it was lost.
+    optics : Optics, optional
+        The rig's rays, when the caller has them already.
+    sensor : Sensor, optional
+        Another one than the rig's.
+
+    Raises
+    ------
+    InputError
+        For a rig that sees no display, or where nothing can draw.
     """
 
     def __init__(
@@ -55,11 +75,6 @@ class Loop:
         optics: Optics | None = None,
         sensor: Sensor | None = None,
     ) -> None:
-        """Prepare everything; nothing is shown before the first step.
-
-        optics: the rig's rays, when the caller has them already. sensor: another one than the rig's. Raises
-        InputError for a rig that sees no display, or where nothing can draw.
-        """
         self.live = isinstance(clock, HostClock)
         parts = assemble(rig, display, optics or Optics(rig), sensor, self.live)
         self.rest = parts.rest
@@ -115,11 +130,23 @@ class Loop:
         return self._circle.horizon_s
 
     def freeze(self, on: bool = True) -> None:
-        """Keep the command as it is while `on`; frames are measured all the same."""
+        """Keep the command as it is while `on`; frames are measured all the same.
+
+        Parameters
+        ----------
+        on : bool
+            Whether to.
+        """
         self._frozen = on
 
     def pause(self, on: bool = True) -> None:
-        """Keep the command by the operator's wish: the state is PAUSED until `pause(False)`."""
+        """Keep the command by the operator's wish: the state is PAUSED until `pause(False)`.
+
+        Parameters
+        ----------
+        on : bool
+            Whether to.
+        """
         self._paused = on
 
     @property
@@ -155,11 +182,26 @@ class Loop:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
+    def __repr__(self) -> str:
+        return f"<Loop {self.status.state}: {self.status.reason}, {self._steps} steps>"
+
     def run(self, frames: int | None = None, seconds: float | None = None) -> Generator[Step]:
         """Step until `frames` frames or `seconds` (of the run's clock) have passed, or the loop is over.
 
         Ends STOPPED, or in FAULT when a device was lost for good; `ended` is the step that says so. A loop
         that is not over may be run again and goes on from its warp. KeyboardInterrupt passes through.
+
+        Parameters
+        ----------
+        frames : int, optional
+            Number of camera frames.
+        seconds : float, optional
+            Time of the run's clock.
+
+        Yields
+        ------
+        Step
+            Every step.
         """
         if self.over:
             return
@@ -195,7 +237,13 @@ class Loop:
         self.ended = self._step(self._clock.now_ns(), ())
 
     def step(self) -> Step:
-        """Wait for a frame, measure it, and show what it asks for."""
+        """Wait for a frame, measure it, and show what it asks for.
+
+        Returns
+        -------
+        Step
+            What it came to; a failed device is an event of the step, not an exception.
+        """
         self._steps += 1
         self._screen.begin()
         try:

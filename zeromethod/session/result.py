@@ -77,7 +77,13 @@ class RunResult:
     _deepest_mm: float = field(default=0.0, init=False)
 
     def add(self, step: StepFigures) -> None:
-        """Take in one step."""
+        """Take in one step.
+
+        Parameters
+        ----------
+        step : StepFigures
+            Its figures.
+        """
         self.frames += 1
         self.dropped += step.dropped
         self.notes += step.notes
@@ -90,7 +96,12 @@ class RunResult:
     def keep(self, step: Step, phases: frozenset[str]) -> None:
         """Keep a step that was read if the figure shows it: before the contact, at its worst, or nulled.
 
-        phases: parts of a simulated scenario; empty without one.
+        Parameters
+        ----------
+        step : Step
+            With its image, residual, warps and surface.
+        phases : frozenset of str
+            Parts of a simulated scenario; empty without one.
         """
         assert step.image is not None
         kept = replace(step, image=step.image.copy())
@@ -109,7 +120,13 @@ class RunResult:
             self.nulled = kept
 
     def enter(self, read: StepFigures) -> None:
-        """Enter what was read from a frame into its record."""
+        """Enter what was read from a frame into its record.
+
+        Parameters
+        ----------
+        read : StepFigures
+            Figures of the frame, with its peak.
+        """
         index = bisect_left(self.records, read.number, key=lambda record: record.number)
         if index < len(self.records) and self.records[index].number == read.number:
             self.records[index] = replace(read, notes=self.records[index].notes)

@@ -25,13 +25,12 @@ from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.outputs import recorder_of
 from zeromethod.session.outputs import publishing, recorder_of
-from zeromethod.session.reading import Publisher, StepReader, timed, warm_up_warp
+from zeromethod.session.reading import Publisher, StepReader, rms_nm, timed, warm_up_warp, with_reading
 from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
-from zeromethod.surface import Surface, SurfaceReader
+from zeromethod.surface import SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.warp.grid import NodeGrid
 
@@ -50,14 +49,14 @@ class Session:
 
     Parameters
     ----------
-    rig
-        A `Rig`, a rig file, or the name of a packaged rig.
-    devices
+    rig : Rig, str or Path
+        A rig, a rig file, or the name of a packaged rig.
+    devices : Devices, optional
         Opened devices, which stay the caller's; without, the session opens those of the rig and closes them.
-    publisher
+    publisher : str or Publisher, optional
         Address at which to publish, tcp://127.0.0.1:5556, or what takes the steps: every one in simulated
         time, those that were read in real time.
-    record
+    record : str, Path or callable, optional
         File in which to record everything (.h5), or what makes the recorder of a loop.
 
     Raises
@@ -138,7 +137,18 @@ class Session:
         return summarise(self.result)
 
     def length(self, frames: int | None = None, seconds: float | None = None) -> tuple[float | None, str]:
-        """How long `run` goes on (None: until it is stopped), and the unit: "frames" or "seconds"."""
+        """How long `run` goes on (None: until it is stopped), and the unit: "frames" or "seconds".
+
+        Parameters
+        ----------
+        frames, seconds : optional
+            As `run` takes them.
+
+        Returns
+        -------
+        float or None, str
+            The length, and its unit.
+        """
         if frames is not None:
             return float(frames), "frames"
         if seconds is None and self._scenario is not None:
@@ -217,7 +227,7 @@ class Session:
                         self._recorder.turn(step, step.phase)
                     step = replace(step, notes=step.notes + self._notes())
                     self.result.add(step.figures)
-                    yield _with_reading(step, self._collect(reading))
+                    yield with_reading(step, self._collect(reading))
             except KeyboardInterrupt:
                 self.result.interrupted = True
 
@@ -251,7 +261,7 @@ class Session:
         if self._truth is not None:
             if step.phase == "untouched":
                 filtered = self._filtered_reader.read(step.filtered)
-                found["untouched_rms_nm"] = (_rms_nm(surface), _rms_nm(filtered))
+                found["untouched_rms_nm"] = (rms_nm(surface), rms_nm(filtered))
             elif step.phase in COMPARED_PHASES:
                 found["truth"] = compare(surface, self._truth(step.time_ns), self._optics, self._grid)
         return replace(step, surface=surface, peak=deepest, read_ms=read_ms, **found)
@@ -307,20 +317,6 @@ class Session:
         )
 
 
-def _with_reading(step: Step, read: Step | None) -> Step:
-    """The step with the newest reading."""
-    if read is None:
-        return step
-    if read.number == step.number:
-        return replace(read, notes=step.notes)
-    return replace(step, surface=read.surface, peak=read.peak, read_ms=read.read_ms)
-
-
-def _rms_nm(surface: Surface) -> float:
-    depth_mm = surface.depth_mm[surface.valid]
-    return 1e6 * float(np.sqrt(np.mean(depth_mm**2))) if depth_mm.size else float("nan")
-
-
 def run(
     rig: Rig | str | Path,
     *,
@@ -342,8 +338,10 @@ def run(
         Time of the run's clock; without both, that of `Session.length`.
     on_step : callable, optional
         Called with every step, as `Session.run` yields it.
-    publisher, record
-        As `Session` takes them.
+    publisher : str, optional
+        Address at which to publish, as `Session` takes it.
+    record : str or Path, optional
+        File in which to record, as `Session` takes it.
 
     Returns
     -------
