@@ -9,6 +9,7 @@ import enum
 import inspect
 import re
 import sys
+import textwrap
 from collections.abc import Iterator
 from typing import Any
 
@@ -82,8 +83,8 @@ def _signature(name: str, found: Any) -> str:
 
 
 def _default(value: Any) -> Any:
-    """Factories of dataclasses print with an address."""
-    return ... if "factory" in repr(value) or " object at " in repr(value) else value
+    """What prints with its address, or as a dataclass's factory, is left out."""
+    return ... if "factory" in repr(value) or " at 0x" in repr(value) else value
 
 
 def _markdown(text: str | None) -> str:
@@ -91,7 +92,7 @@ def _markdown(text: str | None) -> str:
     first, *rest = _SECTION.split(text or "")
     parts = [first.strip() + "\n"]
     for title, body in zip(rest[::2], rest[1::2], strict=True):
-        content = inspect.cleandoc(body).strip()
+        content = textwrap.dedent(body).strip()
         if title in _ENTRIES:
             content = "\n".join(_items(content))
         elif title == "Examples":

@@ -1,5 +1,6 @@
 from .calibration.folder import Stored
-from .commissioning.calibration.evaluation import Calibration, calibrate
+from .commissioning.calibration.calibrate import calibrate
+from .commissioning.calibration.evaluation import Calibration
 from .commissioning.calibration.new_rig import Calipers, rig_text
 from .commissioning.calibration.storing import store_calibration
 from .commissioning.decode import decode

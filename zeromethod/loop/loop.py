@@ -48,9 +48,9 @@ class Loop:
     rig : Rig
         The bench.
     camera, display : Camera, Display
-        Opened devices, which stay the caller's.
+        Opened devices.
     clock : Clock
-        The clock that both share; `HostClock` for real time.
+        Of the run, which both share.
     reopen_camera : callable, optional
         Opens the camera again after it was lost.
     optics : Optics, optional
@@ -130,23 +130,11 @@ class Loop:
         return self._circle.horizon_s
 
     def freeze(self, on: bool = True) -> None:
-        """Keep the command as it is while `on`; frames are measured all the same.
-
-        Parameters
-        ----------
-        on : bool
-            Whether to.
-        """
+        """Keep the command as it is while `on`; frames are measured all the same."""
         self._frozen = on
 
     def pause(self, on: bool = True) -> None:
-        """Keep the command by the operator's wish: the state is PAUSED until `pause(False)`.
-
-        Parameters
-        ----------
-        on : bool
-            Whether to.
-        """
+        """Keep the command by the operator's wish: the state is PAUSED until `pause(False)`."""
         self._paused = on
 
     @property
@@ -190,18 +178,6 @@ class Loop:
 
         Ends STOPPED, or in FAULT when a device was lost for good; `ended` is the step that says so. A loop
         that is not over may be run again and goes on from its warp. KeyboardInterrupt passes through.
-
-        Parameters
-        ----------
-        frames : int, optional
-            Number of camera frames.
-        seconds : float, optional
-            Time of the run's clock.
-
-        Yields
-        ------
-        Step
-            Every step.
         """
         if self.over:
             return
@@ -237,13 +213,7 @@ class Loop:
         self.ended = self._step(self._clock.now_ns(), ())
 
     def step(self) -> Step:
-        """Wait for a frame, measure it, and show what it asks for.
-
-        Returns
-        -------
-        Step
-            What it came to; a failed device is an event of the step, not an exception.
-        """
+        """Wait for a frame, measure it, and show what it asks for."""
         self._steps += 1
         self._screen.begin()
         try:

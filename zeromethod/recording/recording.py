@@ -147,19 +147,7 @@ class Recording:
         return self._rows[group].get(int(turn))
 
     def turns_kept(self, group: str) -> Ints:
-        """Numbers of the turns that a group ("frames", "warps/measured", ...) has arrays of, rising.
-
-        Parameters
-        ----------
-        group : str
-            "frames", "residual", "warps/measured", "warps/commanded", "warps/shown", "surface" or
-            "pictures".
-
-        Returns
-        -------
-        (n,) array
-            The numbers.
-        """
+        """Numbers of the turns that a group ("frames", "warps/measured", ...) has arrays of, rising."""
         numbers = self._numbers(group)
         return numbers[numbers >= 0]
 
@@ -171,37 +159,12 @@ class Recording:
         return self._source.numbers(group, name, self._lengths[group])
 
     def is_damaged(self, group: str, number: int) -> bool:
-        """Whether a group has arrays of a turn (`pictures`: of a row) that are not what was written.
-
-        Parameters
-        ----------
-        group : str
-            "frames", "residual", "warps/measured", "warps/commanded", "warps/shown", "surface" or
-            "pictures".
-        number : int
-            Of the step, or of the picture's row.
-
-        Returns
-        -------
-        bool
-            Whether it has.
-        """
+        """Whether a group has arrays of a turn (`pictures`: of a row) that are not what was written."""
         index = self._at(group, number)
         return index is not None and self._source.is_damaged(group, index)
 
     def damaged(self, advance: Callable[[], None] = lambda: None) -> dict[str, int]:
-        """How many items of each group are left out as damaged, as `damaged_items` has it: reads all.
-
-        Parameters
-        ----------
-        advance : callable, optional
-            Called after each group.
-
-        Returns
-        -------
-        dict
-            Number of items by group.
-        """
+        """How many items of each group are left out as damaged, as `damaged_items` has it: reads all."""
         return damaged_items(self._source, self._lengths, advance)
 
     # About the recording
@@ -320,20 +283,7 @@ class Recording:
         return self._source.table("notes/table")
 
     def newest(self, table: str, count: int = 1) -> Image:
-        """Last rows of a table ("turns", "peaks", ...), without reading the others.
-
-        Parameters
-        ----------
-        table : str
-            "turns", "presentations", "peaks", "drops" or "notes".
-        count : int
-            How many rows.
-
-        Returns
-        -------
-        structured array
-            The rows.
-        """
+        """Last rows of a table ("turns", "peaks", ...), without reading the others."""
         name = f"{table}/table"
         rows: Image = self._source.read(name, slice(max(0, self._source.length(name) - count), None))
         return rows
@@ -346,68 +296,24 @@ class Recording:
 
     @staticmethod
     def state_of(row: Any) -> State:
-        """State of a row of `turns`.
-
-        Parameters
-        ----------
-        row : structured scalar
-            A row of `turns`.
-
-        Returns
-        -------
-        State
-            The loop's state after the step.
-        """
+        """State of a row of `turns`."""
         return STATES[int(row["state"])]
 
     @staticmethod
     def events_of(row: Any) -> tuple[Event, ...]:
-        """Events of a row of `turns`.
-
-        Parameters
-        ----------
-        row : structured scalar
-            A row of `turns`.
-
-        Returns
-        -------
-        tuple of Event
-            What happened.
-        """
+        """Events of a row of `turns`."""
         bits = int(row["events"])
         return tuple(event for index, event in enumerate(EVENTS) if bits >> index & 1)
 
     @staticmethod
     def words(field: bytes) -> str:
-        """Text of a field: a reason, a note, why frames are missing.
-
-        Parameters
-        ----------
-        field : bytes
-            As the table holds it.
-
-        Returns
-        -------
-        str
-            The text.
-        """
+        """Text of a field: a reason, a note, why frames are missing."""
         return bytes(field).decode("utf-8", "replace")
 
     # Arrays of a turn
 
     def row(self, turn: int) -> Any:
-        """Row of `turns`; None where there is none of that number.
-
-        Parameters
-        ----------
-        turn : int
-            Number of the step.
-
-        Returns
-        -------
-        structured scalar or None
-            The row.
-        """
+        """Row of `turns`; None where there is none of that number."""
         numbers = self.turns["number"]
         index = int(np.searchsorted(numbers, turn))
         return self.turns[index] if index < len(numbers) and numbers[index] == turn else None
@@ -420,34 +326,12 @@ class Recording:
         return [found[name] for name in names] if len(found) == len(names) else None
 
     def image(self, turn: int) -> Image | None:
-        """(rows, cols) frame as the camera gave it, uint8 or uint16.
-
-        Parameters
-        ----------
-        turn : int
-            Number of the step.
-
-        Returns
-        -------
-        (rows, cols) array or None
-            None where it was not kept, or is damaged.
-        """
+        """(rows, cols) frame as the camera gave it, uint8 or uint16."""
         found = self._arrays("frames", turn, "image")
         return None if found is None else found[0]
 
     def frame(self, turn: int) -> Frame | None:
-        """The frame with its time, as the loop had it.
-
-        Parameters
-        ----------
-        turn : int
-            Number of the step.
-
-        Returns
-        -------
-        Frame or None
-            None where it was not kept, or is damaged.
-        """
+        """The frame with its time, as the loop had it."""
         image, row = self.image(turn), self.row(turn)
         if image is None or row is None:
             return None
@@ -455,18 +339,7 @@ class Recording:
         return Frame(image, *times)
 
     def measured(self, turn: int) -> Warp | None:
-        """Warp by the turn's frame alone, from the zero that was taken last; bit for bit as it was.
-
-        Parameters
-        ----------
-        turn : int
-            Number of the step.
-
-        Returns
-        -------
-        Warp or None
-            None where it was not kept, or is damaged.
-        """
+        """Warp by the turn's frame alone, from the zero that was taken last; bit for bit as it was."""
         found, row = self._arrays("warps/measured", turn, "q", "sigma", "flags"), self.row(turn)
         if found is None or row is None:
             return None
@@ -474,66 +347,22 @@ class Recording:
         return Warp(q, sigma, flags, int(row["time_ns"]))
 
     def commanded(self, turn: int) -> Single | None:
-        """(rows, cols, 2) warp to be shown next, LCD px.
-
-        Parameters
-        ----------
-        turn : int
-            Number of the step.
-
-        Returns
-        -------
-        (rows, cols, 2) array or None
-            None where it was not kept, or is damaged.
-        """
+        """(rows, cols, 2) warp to be shown next, LCD px."""
         found = self._arrays("warps/commanded", turn, "q")
         return None if found is None else found[0]
 
     def shown(self, turn: int) -> Single | None:
-        """(rows, cols, 2) mix of warps that the turn's frame saw, LCD px.
-
-        Parameters
-        ----------
-        turn : int
-            Number of the step.
-
-        Returns
-        -------
-        (rows, cols, 2) array or None
-            None where it was not kept, or is damaged.
-        """
+        """(rows, cols, 2) mix of warps that the turn's frame saw, LCD px."""
         found = self._arrays("warps/shown", turn, "q")
         return None if found is None else found[0]
 
     def presented_q(self, index: int) -> Float | None:
-        """(rows, cols, 2) warp of the picture in row `index` of `presentations`, LCD px, bit for bit.
-
-        Parameters
-        ----------
-        index : int
-            Row of `presentations`.
-
-        Returns
-        -------
-        (rows, cols, 2) array or None
-            None where it was not kept, or is damaged.
-        """
+        """(rows, cols, 2) warp of the picture in row `index` of `presentations`, LCD px, bit for bit."""
         found = self._arrays("pictures", index, "q")
         return None if found is None else found[0]
 
     def residual(self, turn: int) -> Residual | None:
-        """Residual as single precision kept it; the carrier's amplitude is not kept: NaN.
-
-        Parameters
-        ----------
-        turn : int
-            Number of the step.
-
-        Returns
-        -------
-        Residual or None
-            None where it was not kept, or is damaged.
-        """
+        """Residual as single precision kept it; the carrier's amplitude is not kept: NaN."""
         found = self._arrays("residual", turn, "d", "sigma", "flags", "mean")
         if found is None:
             return None
@@ -542,18 +371,7 @@ class Recording:
         return Residual(d.astype(np.float64), sigma.astype(np.float64), flags, unknown, mean)
 
     def surface(self, turn: int) -> Surface | None:
-        """Slope and depth that were read from the turn, as single precision kept them.
-
-        Parameters
-        ----------
-        turn : int
-            Number of the step.
-
-        Returns
-        -------
-        Surface or None
-            None where it was not kept, or is damaged.
-        """
+        """Slope and depth that were read from the turn, as single precision kept them."""
         names = ("depth_mm", "slope", "x_mm", "y_mm", "sigma_depth_mm", "sigma_slope")
         found = self._arrays("surface", turn, *names, "valid", "contact", "anchor", "table")
         if found is None:
@@ -575,23 +393,7 @@ class Recording:
         return unknown_surface(self.grid.shape, 0 if row is None else int(row["time_ns"]))
 
     def zero(self, turn: int) -> Float | None:
-        """(rows, cols, 2) LCD px, the zero that `measured` of this turn starts from; None for the rest's.
-
-        Parameters
-        ----------
-        turn : int
-            Number of the step.
-
-        Returns
-        -------
-        (rows, cols, 2) array or None
-            LCD px.
-
-        Raises
-        ------
-        InputError
-            Where it is damaged.
-        """
+        """(rows, cols, 2) LCD px, the zero that `measured` of this turn starts from; None for the rest's."""
         turns = self._numbers("zeros")
         index = int(np.count_nonzero(turns <= turn)) - 1
         if index < 0:

@@ -185,8 +185,8 @@ class Session:
 
         Notes
         -----
-        Ctrl-C ends the run with `result.interrupted` set and everything so far kept. Steps are numbered on,
-        and their times go on, from one run to the next.
+        Ctrl-C ends the run with `result.interrupted` set and everything so far kept. Numbers and times of
+        steps go on from one run to the next.
         """
         if self._closed:
             raise InputError("session: it is closed: open a new one")
@@ -211,7 +211,6 @@ class Session:
             self._closing.enter_context(self._surfaces.beside(warm_up_warp(self.loop.rest)))
             self._reads_apart = True
         with ExitStack() as stack:
-            stack.callback(self._note_end)
             reading = StepReader(self._read, self._publisher, self.loop.live)
             stack.callback(self._collect, reading)
             stack.callback(reading.close)
@@ -236,11 +235,9 @@ class Session:
         self.result.interrupted = True
         self.loop.stop()
 
-    def _note_end(self) -> None:
-        self.result.dropped_refreshes = getattr(self._devices.display, "dropped_refreshes", None)
-
     def _post_end(self, reading: StepReader) -> None:
         """Whoever follows the run learns how it ended."""
+        self.result.dropped_refreshes = getattr(self._devices.display, "dropped_refreshes", None)
         if self.loop.ended is not None:
             reading.post(self.loop.ended)
             if self._recorder is not None:
