@@ -188,7 +188,7 @@ def test_calibrating_is_recording_and_evaluating(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(f"{module}.evaluate_or_keep", lambda *given, tell: given)
     rig = small_rig("hold")
     assert zm.calibrate(rig, light=False) == ("recorded", "rest")
-    at_rest, opened, plan = asked
+    at_rest, _, plan = asked
     assert at_rest.press == "none"
     assert (plan.presses, plan.light, plan.delay) == (0, False, True)
     asked.clear()

@@ -34,8 +34,10 @@ def problems() -> Iterator[str]:
             continue
         found = getattr(zm, name)
         yield from _of(name, found, checks)
-        if inspect.isclass(found) and name not in config["short-methods"]:
+        if inspect.isclass(found):
             for member, value in public_members(found):
+                if {name, f"{name}.{member}"} & set(config["short"]):
+                    continue
                 yield from _of(f"{name}.{member}", value, checks)
 
 

@@ -47,16 +47,12 @@ class Loop:
     ----------
     rig : Rig
         The bench.
-    camera, display : Camera, Display
-        Opened devices.
-    clock : Clock
-        Of the run, which both share.
+    camera, display, clock : Camera, Display, Clock
+        Opened devices, and the clock that both share.
     reopen_camera : callable, optional
         Opens the camera again after it was lost.
-    optics : Optics, optional
-        The rig's rays, when the caller has them already.
-    sensor : Sensor, optional
-        Another one than the rig's.
+    optics, sensor : Optics, Sensor, optional
+        The rig's rays, when the caller has them already; another sensor than the rig's.
 
     Raises
     ------

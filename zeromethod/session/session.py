@@ -11,7 +11,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -70,8 +69,7 @@ class Session:
     >>> import zeromethod as zm
     >>> with zm.Session("simulated") as session:
     ...     for step in session.run(frames=4):
-    ...         if step.surface is not None:
-    ...             print(f"{step.time_s:.2f} s: {step.peak.depth_mm:.4f} mm")  # doctest: +SKIP
+    ...         print(step.time_s, step.state, step.peak)  # doctest: +SKIP
     """
 
     def __init__(
@@ -116,12 +114,10 @@ class Session:
     def __enter__(self) -> Session:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: Any) -> None:
         self._end_run()
         self._closed = True
-        self._closing.__exit__(kind, error, trace)
+        self._closing.__exit__(*exception)
 
     def __repr__(self) -> str:
         state = "closed" if self._closed else self.loop.status.state

@@ -190,16 +190,6 @@ class SurfaceReader:
     def covariance(self, surface: Surface) -> DepthCovariance:
         """Full covariance of the depths of the last surface read; it stays valid after further readings.
 
-        Parameters
-        ----------
-        surface : Surface
-            The surface that was read last.
-
-        Returns
-        -------
-        DepthCovariance
-            Applied to weights of nodes, it gives variances.
-
         Raises
         ------
         InputError
