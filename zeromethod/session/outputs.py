@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from zeromethod.clock import Clock
 from zeromethod.loop.loop import Loop
@@ -17,7 +17,7 @@ from zeromethod.session.reading import Publisher
 if TYPE_CHECKING:
     from zeromethod.recording.recorder import Recorder
 
-    Record = Callable[[Loop], Recorder] | str | Path | None
+Record: TypeAlias = "Callable[[Loop], Recorder] | str | Path | None"
 
 
 def recorder_of(record: Record, rig: Rig, loop: Loop) -> Recorder | None:

@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.outputs import publishing, recorder_of
+from zeromethod.session.outputs import Record, publishing, recorder_of
 from zeromethod.session.reading import Publisher, StepReader, rms_nm, timed, warm_up_warp, with_reading
 from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
@@ -32,9 +32,6 @@ from zeromethod.session.surfaces import Surfaces
 from zeromethod.surface import SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.warp.grid import NodeGrid
-
-if TYPE_CHECKING:
-    from zeromethod.session.outputs import Record
 
 DEFAULT_SECONDS = 5.0
 """How long a run in simulated time lasts when neither the caller nor a scenario says so."""
