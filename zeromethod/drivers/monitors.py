@@ -77,7 +77,15 @@ class Claim:
 def monitors() -> tuple[Monitor, ...]:
     """Monitors in the order of their indices; within a few seconds, in the main thread.
 
-    InputError (one line) without a screen or when its server does not answer.
+    Returns
+    -------
+    tuple of Monitor
+        All of them.
+
+    Raises
+    ------
+    InputError
+        Without a screen, or when its server does not answer.
     """
     with glfw_errors_as(InputError):
         desktop = Desktop(connect())

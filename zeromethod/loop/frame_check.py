@@ -82,6 +82,7 @@ class FrameCheck:
         self._least_age_ns: int | None = None
         self._last: tuple[int, int] | None = None
         self._shift_ns = 0
+        self._resumed = False
         self._astray: list[tuple[int, int, int]] = []
         self._sample: Image | None = None
 
@@ -92,11 +93,17 @@ class FrameCheck:
         self._shift_ns = 0
         self._astray.clear()
 
+    def resume(self) -> None:
+        """Begin another run: frames that came since the last one were not dropped."""
+        self._resumed = True
+
     def timed(self, frame: Frame) -> Frame:
         """Frame in plain numbers, with its time on the run's clock, should the camera's have jumped."""
         time_ns, exposure_ns, number, dropped = (_plain(getattr(frame, name)) for name in _NUMBERS)
         if isinstance(time_ns, int):
             time_ns += self._shift_ns
+        if self._resumed:
+            dropped, self._resumed = 0, False
         return Frame(frame.image, time_ns, exposure_ns, number, dropped)
 
     def look_at(

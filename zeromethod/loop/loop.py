@@ -42,6 +42,22 @@ class Loop:
 
     The devices belong to the caller, who closes them. `run` may be called again after it ended. The loop is
     over (`over`) when it was closed, or when a device is lost for good; the reason is in `status`.
+
+    Parameters
+    ----------
+    rig : Rig
+        The bench.
+    camera, display, clock : Camera, Display, Clock
+        Opened devices, and the clock that both share.
+    reopen_camera : callable, optional
+        Opens the camera again after it was lost.
+    optics, sensor : Optics, Sensor, optional
+        The rig's rays, when the caller has them already; another sensor than the rig's.
+
+    Raises
+    ------
+    InputError
+        For a rig that sees no display, or where nothing can draw.
     """
 
     def __init__(
@@ -55,11 +71,6 @@ class Loop:
         optics: Optics | None = None,
         sensor: Sensor | None = None,
     ) -> None:
-        """Prepare everything; nothing is shown before the first step.
-
-        optics: the rig's rays, when the caller has them already. sensor: another one than the rig's. Raises
-        InputError for a rig that sees no display, or where nothing can draw.
-        """
         self.live = isinstance(clock, HostClock)
         parts = assemble(rig, display, optics or Optics(rig), sensor, self.live)
         self.rest = parts.rest
@@ -155,6 +166,9 @@ class Loop:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
+    def __repr__(self) -> str:
+        return f"<Loop {self.status.state}: {self.status.reason}, {self._steps} steps>"
+
     def run(self, frames: int | None = None, seconds: float | None = None) -> Generator[Step]:
         """Step until `frames` frames or `seconds` (of the run's clock) have passed, or the loop is over.
 
@@ -181,6 +195,7 @@ class Loop:
     def _restart(self) -> None:
         """Begin a run; where one has ended before, its warp is kept."""
         if self.status.state is State.STOPPED:
+            self._check.resume()
             self.status = Status()
             self._stop = False
             self._watch.restart()

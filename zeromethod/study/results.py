@@ -13,7 +13,7 @@ from typing import Any
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 from zeromethod.study.journal import Journal, fingerprint
-from zeromethod.study.plan import Study
+from zeromethod.study.plan import Study, load_study
 from zeromethod.study.runs import WHOLE_LIMIT, Outcome, procedure
 from zeromethod.study.task import Procedure
 from zeromethod.study.tasks import tasks
@@ -56,25 +56,50 @@ class Progress:
 
 
 def run_study(
-    study: Study,
-    folder: Path,
-    workers: Workers,
+    study: Study | str | Path,
+    folder: str | Path | None = None,
+    workers: Workers | None = None,
     *,
     restart: bool = False,
     retry_failed: bool = False,
     on_progress: Callable[[Progress], None] = lambda _: None,
     report: Callable[[str], None] = lambda _: None,
 ) -> Results:
-    """Carry out the missing runs of a study, write table.parquet and the rest into `folder`.
+    """Carry out the missing runs of a study and put their figures into one table.
 
-    restart: forget what is there. retry_failed: do failed runs again. on_progress: called when the study is
-    opened and after each run, once it is kept. report: called with a line for a person.
+    A study that was interrupted goes on where it stopped when it is called again. Scripts need
+    `if __name__ == "__main__":` around it, because workers import them.
+
+    Parameters
+    ----------
+    study : Study, str or Path
+        A study, a study file (.toml), or the name of a packaged study.
+    folder : str or Path, optional
+        Where table.parquet and the rest are written; study-NAME by default.
+    workers : Workers, optional
+        Who carries it out; one process per core of this machine by default.
+    restart : bool
+        Forget the runs that are in the folder.
+    retry_failed : bool
+        Do runs again that failed.
+    on_progress : callable, optional
+        Called when the study is opened and after each run, once it is kept.
+    report : callable, optional
+        Called with a line for a person.
+
+    Returns
+    -------
+    Results
+        The rows of the table, and how many runs were there before.
 
     Raises
     ------
     InputError
         A setting is wrong, another study is in `folder`, or pyarrow or Dask is missing.
     """
+    study = study if isinstance(study, Study) else load_study(study)
+    folder = Path(f"study-{study.name}" if folder is None else folder)
+    workers = workers or Workers()
     _pyarrow()
     planned = tasks(study)
     if not planned:
