@@ -18,6 +18,7 @@ from recorded_run import recorded, small_rig
 import zeromethod as zm
 from zeromethod.cli.main import _COMMANDS
 from zeromethod.decoding.fringes import FringeSequence
+from zeromethod.study import Workers
 
 ROOT = Path(__file__).parent.parent
 HEAVY = ("numpy", "scipy", "cv2", "numba", "h5py", "matplotlib", "pydantic", "moderngl")
@@ -84,7 +85,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_surface_is_plotted_and_saved(recording: Path, tmp_path: Path) -> None:
     with zm.open_recording(recording) as opened:
-        surface = opened.surface(int(opened.peaks["turn"][-1]))
+        surface = opened.surface(int(opened.peaks["step"][-1]))
     assert surface is not None
     figure = zm.plot(surface, tmp_path / "surface.png")
     labels = [axis.get_ylabel() for axis in figure.axes]
@@ -97,14 +98,14 @@ def test_a_recording_is_replayed_exported_and_reported(recording: Path, tmp_path
     again = zm.replay(recording)
     assert again["equal"]
     assert not again["changed"]
-    assert zm.replay(recording, "sense")["equal"]
+    assert zm.replay(recording, "from-frames")["equal"]
     assert zm.replay(recording, settings=["control.gain=0.5"])["changed"]
     assert zm.export_recording(recording, tmp_path / "peak.csv")["peaks"] > 5
     assert zm.report(recording, tmp_path / "page.html")["frames"] > 5
     assert "<html" in (tmp_path / "page.html").read_text()
     with pytest.raises(zm.InputError, match="form: 'xls'"):
         zm.export_recording(recording, tmp_path / "x", form="xls")
-    with pytest.raises(zm.InputError, match="again: 'dream'"):
+    with pytest.raises(zm.InputError, match="mode: 'dream'"):
         zm.replay(recording, "dream")  # type: ignore[arg-type]
 
 
@@ -169,9 +170,9 @@ def test_a_study_is_run(tmp_path: Path) -> None:
     study = tmp_path / "tiny.toml"
     tables = '[rig]\nbinning = 8\n[grid]\n"control.gain" = [0.3, 0.6]\n'
     study.write_text(f'schema_version = 1\ntitle = "tiny"\nframes = 3\n{tables}')
-    with pytest.raises(zm.InputError, match="workers: 2"):
-        zm.run_study(study, workers=2, cluster="tcp://127.0.0.1:1")
-    results = zm.run_study(study, tmp_path / "runs", workers=1)
+    with pytest.raises(zm.InputError, match="no Dask scheduler answers"):
+        zm.run_study(study, tmp_path / "runs", Workers(address="tcp://127.0.0.1:1"))
+    results = zm.run_study(study, tmp_path / "runs", 1)
     assert [row["failure"] for row in results.rows] == [None, None]
     assert "2 runs, 0 failed" in repr(results)
 
@@ -179,17 +180,17 @@ def test_a_study_is_run(tmp_path: Path) -> None:
 def test_calibrating_is_recording_and_evaluating(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Any] = []
 
-    def record(rig: zm.Rig, devices: zm.Devices, plan: Any, tell: Any) -> tuple[str, str]:
+    def record(rig: zm.Rig, devices: zm.Devices, plan: Any, prompts: Any) -> tuple[str, str]:
         asked.extend([rig, devices, plan])
         return "recorded", "rest"
 
     module = "zeromethod.commissioning.calibration.calibrate"
     monkeypatch.setattr(f"{module}.record", record)
-    monkeypatch.setattr(f"{module}.evaluate_or_keep", lambda *given, tell: given)
+    monkeypatch.setattr(f"{module}.evaluate_or_keep", lambda *given, prompts: given)
     rig = small_rig("hold")
     assert zm.calibrate(rig, light=False) == ("recorded", "rest")
     at_rest, _, plan = asked
-    assert at_rest.press == "none"
+    assert at_rest.scenario == "none"
     assert (plan.presses, plan.light, plan.delay) == (0, False, True)
     asked.clear()
     with zm.open_devices(rig) as devices:

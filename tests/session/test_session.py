@@ -178,9 +178,9 @@ def test_a_recording_holds_both_runs_and_reads_again_bit_for_bit(tmp_path: Path)
     assert session.result.recording == ""
     with zm.open_recording(path) as recording:
         assert recording.complete
-        turns = recording.turns
-        assert turns["number"][turns["frame_number"] >= 0].tolist() == numbers
-        stopped = [recording.state_of(row) for row in turns].count(zm.State.STOPPED)
+        steps = recording.steps
+        assert steps["number"][steps["frame_number"] >= 0].tolist() == numbers
+        stopped = [recording.state_of(row) for row in steps].count(zm.State.STOPPED)
         assert stopped == 2
         assert zm.replay(recording)["equal"]
     with pytest.raises(zm.InputError, match=r"two\.h5"):

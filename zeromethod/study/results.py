@@ -31,13 +31,26 @@ FIRST = {
 LAST = {"failure": "why the run failed; null where it did not"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Results:
-    """rows: the table, one row per run, in order. before: runs that were done when this one began."""
+    """Results of a study.
+
+    Attributes
+    ----------
+    study : Study
+        What was asked for.
+    rows : list of dict
+        The table, one row per run, in order.
+    before : int
+        Runs that were done when this call began.
+    """
 
     study: Study
     rows: list[Row]
     before: int
+
+    def __repr__(self) -> str:
+        return f"Results({self.study.name!r}, {len(self.rows)} runs, {len(self.failures)} failed)"
 
     @property
     def failures(self) -> list[Row]:
@@ -58,7 +71,7 @@ class Progress:
 def run_study(
     study: Study | str | Path,
     folder: str | Path | None = None,
-    workers: Workers | None = None,
+    workers: Workers | int | None = None,
     *,
     restart: bool = False,
     retry_failed: bool = False,
@@ -76,8 +89,8 @@ def run_study(
         A study, a study file (.toml), or the name of a packaged study.
     folder : str or Path, optional
         Where table.parquet and the rest are written; study-NAME by default.
-    workers : Workers, optional
-        Who carries it out; one process per core of this machine by default.
+    workers : Workers or int, optional
+        Who carries it out, or how many processes of this machine; one per core by default.
     restart : bool
         Forget the runs that are in the folder.
     retry_failed : bool
@@ -99,7 +112,7 @@ def run_study(
     """
     study = study if isinstance(study, Study) else load_study(study)
     folder = Path(f"study-{study.name}" if folder is None else folder)
-    workers = workers or Workers()
+    workers = workers if isinstance(workers, Workers) else Workers(workers)
     _pyarrow()
     planned = tasks(study)
     if not planned:
