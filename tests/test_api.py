@@ -197,7 +197,7 @@ def test_calibrating_is_recording_and_evaluating(monkeypatch: pytest.MonkeyPatch
         zm.calibrate(rig, devices, press_depths_mm=[0.2, 0.1], ball_mm=(10.0, 0.01))
         assert asked[1] is devices
         assert devices.camera.read(1.0) is not None
-    assert asked[0].press == "hold"
+    assert asked[0].scenario == "hold"
     assert asked[2].presses == 3
     with pytest.raises(zm.InputError, match="press-depths: -1"):
         zm.calibrate(rig, press_depths_mm=[-1])
