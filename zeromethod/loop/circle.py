@@ -23,7 +23,7 @@ from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.exposures import Exposures, Unpaired
 from zeromethod.exposure.pairing import Observation
 from zeromethod.loop.events import Event
-from zeromethod.loop.light_watch import LightWatch
+from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
 from zeromethod.rig.model import ControlSpec
 from zeromethod.sensing.residual import Residual

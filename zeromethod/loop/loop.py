@@ -11,16 +11,16 @@ from zeromethod.arrays import Float
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Camera, Display, Frame
 from zeromethod.exposure.delay import DelayWatch
-from zeromethod.loop.assembly import assemble
+from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.circle import FrameResult, Sensor
 from zeromethod.loop.display_watch import DisplayWatch
-from zeromethod.loop.events import Event, Notice
+from zeromethod.loop.drawing import Drawer, Drawing
+from zeromethod.loop.events import Event, Notice, Notices
 from zeromethod.loop.frame_check import FrameCheck, FrameVerdict, own
 from zeromethod.loop.frame_source import FrameSource, Trouble, failure
 from zeromethod.loop.light_quality import LightQuality
-from zeromethod.loop.live.paused_gc import PausedGC
-from zeromethod.loop.notices import Notices
 from zeromethod.loop.pattern_dwell import PatternDwell
+from zeromethod.loop.paused_gc import PausedGC
 from zeromethod.loop.screen import Screen
 from zeromethod.loop.state import LOCK_FRAMES, NULLED, Outcome, State, Status, StepOutcome, next_status
 from zeromethod.loop.step import Step
@@ -61,7 +61,11 @@ class Loop:
         InputError for a rig that sees no display, or where nothing can draw.
         """
         self.live = isinstance(clock, HostClock)
-        parts = assemble(rig, display, optics or Optics(rig), sensor, self.live)
+        parts = make_circle(rig, optics or Optics(rig), sensor)
+
+        def drawer() -> Drawer:
+            return Drawer(rig, display, parts.rest, parts.strips)
+
         self.rest = parts.rest
         self.status = Status()
         self.over = False
@@ -73,9 +77,10 @@ class Loop:
         self._circle = parts.circle
         self._zero = Zero(self.rest)
         timeout_s = rig.control.timeout_s
-        timed = self.delay is not None
+        timed = parts.strips is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
-        self._screen = Screen(parts.drawing, self._circle, clock, dwell, repaints=self.live)
+        drawing = Drawing(drawer, timed, timeout_s, self.live)
+        self._screen = Screen(drawing, self._circle, clock, dwell, repaints=self.live)
         self._watch = DisplayWatch(display, timeout_s if self.live else None)
         meanwhile = self._attend if self.live else None
         self._source = FrameSource(camera, reopen_camera, clock, timeout_s, meanwhile)
