@@ -17,7 +17,6 @@ has_library libEGL_nvidia || [ -n "$(ls -d /usr/lib/*/dri/*_dri.so /usr/lib*/dri
 has_library libOSMesa.so || missing="$missing libosmesa6"
 "$PYTHON" -c 'import ensurepip, venv' 2>/dev/null || missing="$missing python3-venv"
 if [ "${1:-}" = test ]; then
-    command -v Xvfb >/dev/null 2>&1 || missing="$missing xvfb"
     command -v Xorg >/dev/null 2>&1 || missing="$missing xserver-xorg-core"
     [ -n "$(ls /usr/lib/xorg/modules/drivers/dummy_drv.so 2>/dev/null)" ] || missing="$missing xserver-xorg-video-dummy"
     command -v xrandr >/dev/null 2>&1 || missing="$missing x11-xserver-utils"
