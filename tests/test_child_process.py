@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import os
-import sys
 import threading
-
-import pytest
 
 from zeromethod.child_process import NICENESS, lower_priority
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="niceness is a process's as a whole")
 def test_a_thread_lowers_its_own_priority_only() -> None:
     found: list[int] = []
     before = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())

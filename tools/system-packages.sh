@@ -1,7 +1,7 @@
 #!/bin/sh
 # Installs the system packages that zeromethod needs and this machine lacks: software OpenGL without a
 # screen (EGL and OSMesa of Mesa) and, where Python comes without it, the venv module; with the argument
-# `test` also screens (Xvfb; Xorg with two dummy monitors) and the library of GenICam cameras (Aravis) for the
+# `test` also screens (Xorg with two dummy monitors) and the library of GenICam cameras (Aravis) for the
 # tests. Says what it does; does nothing when all is there.
 # Where it cannot install, it names the packages and goes on.
 set -eu

@@ -37,29 +37,23 @@ if TYPE_CHECKING:
     from zeromethod.warp.grid import NodeGrid
     from zeromethod.warp.warp import Warp
 
-_HOME = {
-    "Devices": "zeromethod.devices.opening",
-    "InputError": "zeromethod.errors",
-    "Loop": "zeromethod.loop",
-    "MeasurementError": "zeromethod.errors",
-    "NodeGrid": "zeromethod.warp.grid",
-    "Optics": "zeromethod.optics",
-    "Rig": "zeromethod.rig.model",
-    "RunResult": "zeromethod.session",
-    "Session": "zeromethod.session",
-    "State": "zeromethod.loop",
-    "Step": "zeromethod.loop",
-    "Surface": "zeromethod.surface",
-    "SurfaceReader": "zeromethod.surface",
-    "Warp": "zeromethod.warp.warp",
-    "binned": "zeromethod.rig.binning",
-    "limit_threads": "zeromethod.thread_limits",
-    "load_rig": "zeromethod.rig.load",
-    "open_devices": "zeromethod.devices.opening",
-    "peak": "zeromethod.surface",
-    "run": "zeromethod.session",
-    "summarise": "zeromethod.session",
+_NAMES = {
+    "devices.opening": ("Devices", "open_devices"),
+    "errors": ("InputError", "MeasurementError"),
+    "loop.loop": ("Loop",),
+    "loop.state": ("State",),
+    "loop.step": ("Step",),
+    "optics": ("Optics",),
+    "rig.binning": ("binned",),
+    "rig.load": ("load_rig",),
+    "rig.model": ("Rig",),
+    "session": ("RunResult", "Session", "run", "summarise"),
+    "surface": ("Surface", "SurfaceReader", "peak"),
+    "thread_limits": ("limit_threads",),
+    "warp.grid": ("NodeGrid",),
+    "warp.warp": ("Warp",),
 }
+_HOME = {name: f"zeromethod.{module}" for module, names in _NAMES.items() for name in names}
 
 __version__ = version("zeromethod")
 

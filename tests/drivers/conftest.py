@@ -45,3 +45,20 @@ def open_window(desktop: TwoMonitors) -> Iterator[Callable[..., Any]]:
     yield open_it
     for display in displays:
         display.close()
+
+
+@pytest.fixture
+def open_camera() -> Iterator[Callable[..., Any]]:
+    """Opens an `OpenCVCamera` of 160 x 128 px, which is closed at the end."""
+    from zeromethod.drivers.opencv_camera import OpenCVCamera
+
+    cameras = []
+
+    def opened(source: int | str, **options: Any) -> OpenCVCamera:
+        settings = {"columns": 160, "rows": 128, "bits": 8, "rate_hz": 60.0, "exposure_s": 0.004}
+        cameras.append(OpenCVCamera(source=source, **(settings | options)))
+        return cameras[-1]
+
+    yield opened
+    for camera in cameras:
+        camera.close()

@@ -23,7 +23,7 @@ RIGHT = Output("RIGHT", 640, 0, 800, 600, 60.0)
 MONITOR = Monitor(3, "HDMI-1", 800, 600, 59.94, 640, 0, 1.0, False)
 
 
-def test_nothing_is_said_of_outputs_side_by_side() -> None:
+def test_nothing_is_reported_of_outputs_side_by_side() -> None:
     assert output_warnings("LEFT", [LEFT, RIGHT]) == output_warnings("RIGHT", [LEFT, RIGHT]) == []
 
 
@@ -36,12 +36,12 @@ def test_nothing_is_said_of_outputs_side_by_side() -> None:
         ({"x": 639}, "LEFT shows the same part of the desktop (mirrored outputs)"),
     ],
 )
-def test_what_an_output_does_to_its_picture_is_said(change: dict[str, int], said: str) -> None:
+def test_changes_of_an_output_to_its_picture_are_reported(change: dict[str, int], said: str) -> None:
     assert output_warnings("RIGHT", [LEFT, replace(RIGHT, **change)]) == [f"RIGHT: {said}"]
 
 
 @pytest.mark.parametrize("top", [255 / 256, 1.0])
-def test_what_servers_call_a_linear_ramp_is_linear(top: float) -> None:
+def test_a_ramp_that_servers_call_linear_is_linear(top: float) -> None:
     assert ramp_warnings("A", [np.linspace(0, top, 256)] * 3) == []
 
 

@@ -141,11 +141,15 @@ def test_presentations_sit_on_the_refreshes(display: WindowDisplay) -> None:
 
 
 def test_a_late_picture_drops_refreshes(display: WindowDisplay) -> None:
-    """At least the refreshes missed by drawing for 2.5 periods; a busy machine may miss more."""
+    """At least the refreshes missed by drawing for 2.5 periods, unless a busy machine asks for it too late."""
     display.draw(fill(1))
-    before = display.dropped_refreshes
-    display.draw(fill(2, delay_s=2.5 * PERIOD_NS * 1e-9))
-    assert display.dropped_refreshes - before >= 2
+
+    def missed() -> int:
+        before = display.dropped_refreshes
+        display.draw(fill(2, delay_s=2.5 * PERIOD_NS * 1e-9))
+        return display.dropped_refreshes - before
+
+    eventually(lambda: missed() >= 2)
 
 
 def test_a_monitor_switched_off_is_a_lost_display(desktop: TwoMonitors, display: WindowDisplay) -> None:
@@ -227,26 +231,19 @@ def test_the_monitors_are_listed_as_they_are_set(desktop: TwoMonitors) -> None:
     assert [monitor.name for monitor in monitors()] == ["DUMMY0"]
 
 
-def saver_is_on(desktop: TwoMonitors) -> bool:
+def saver_is_on() -> bool:
     """Whether the screen saver has come on, as the X server reports."""
+    from zeromethod.drivers.xserver import XServer
 
-    class Info(ctypes.Structure):  # scrnsaver.h
-        _fields_ = (
-            ("window", ctypes.c_ulong),
-            ("state", ctypes.c_int),
-            ("kind", ctypes.c_int),
-            ("times", ctypes.c_ulong * 2),
-            ("events", ctypes.c_ulong),
-        )
-
-    x11, saver = ctypes.CDLL("libX11.so.6"), ctypes.CDLL("libXss.so.1")
-    x11.XOpenDisplay.restype, x11.XDefaultRootWindow.restype = ctypes.c_void_p, ctypes.c_ulong
-    x11.XDefaultRootWindow.argtypes = x11.XCloseDisplay.argtypes = (ctypes.c_void_p,)
-    saver.XScreenSaverQueryInfo.argtypes = (ctypes.c_void_p, ctypes.c_ulong, ctypes.POINTER(Info))
-    server, info = x11.XOpenDisplay(desktop.display.encode()), Info()
-    saver.XScreenSaverQueryInfo(server, x11.XDefaultRootWindow(server), ctypes.byref(info))
-    x11.XCloseDisplay(server)
-    return info.state == 1
+    server, info = (
+        XServer(),
+        (ctypes.c_int * 16)(),
+    )  # XScreenSaverInfo of scrnsaver.h: window (two ints), state
+    query = ctypes.CDLL("libXss.so.1").XScreenSaverQueryInfo
+    query.argtypes = (ctypes.c_void_p, ctypes.c_ulong, ctypes.c_void_p)
+    query(server._server, server._x11.XDefaultRootWindow(server._server), info)
+    server.close()
+    return info[2] == 1
 
 
 def test_the_screen_saver_stays_off_while_a_window_is_open(desktop: TwoMonitors, open_window: Open) -> None:
@@ -255,11 +252,11 @@ def test_the_screen_saver_stays_off_while_a_window_is_open(desktop: TwoMonitors,
     try:
         display = open_window((64, 48))
         time.sleep(1.5)
-        assert not saver_is_on(desktop)
+        assert not saver_is_on()
         display.close()
-        eventually(lambda: saver_is_on(desktop))
+        eventually(saver_is_on)
         open_window((64, 48))  # opening lights the screen again
-        assert not saver_is_on(desktop)
+        assert not saver_is_on()
     finally:
         subprocess.run(["xset", "s", "0"], env=desktop.environment, check=True, timeout=10)
 

@@ -87,7 +87,7 @@ def test_a_mix_is_refused_where_half_the_carrier_is_lost_on_the_way(
     share: float, moved_px: float, mixed: bool
 ) -> None:
     # |1 - w + w exp(i k s)|: 0.5 at a third of a period for halves, 1 - 2 w at half a period; a whole
-    # period leaves everything, but nothing tells which of two orders is meant. At 0.2 and half a period or
+    # period leaves everything, but which of two orders is meant is not known. At 0.2 and half a period or
     # more the bias is over 1 px
     moved = np.zeros_like(REST.q)
     moved[..., 0] = moved_px * LCD_PER_CAMERA

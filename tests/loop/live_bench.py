@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,8 @@ class Bench:
     devices: Devices
     hung: threading.Event
     """Set at the end: whatever hangs in a test waits for it."""
+    first: list[Step] = field(default_factory=list)
+    """The steps that brought it to rest."""
 
     @property
     def eye(self) -> Eye:
@@ -82,7 +84,7 @@ def bench(
     ):
         bench = Bench(loop, devices, hung)
         try:
-            bench.settle()
+            bench.first = bench.settle()
             yield bench
         finally:
             hung.set()

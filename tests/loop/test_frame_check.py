@@ -46,10 +46,16 @@ def fresh(camera: CameraSpec = CAMERA) -> FrameCheck:
         ({"time_ns": float("nan")}, "past the present"),
         ({"dropped": -5}, "-5 frames were dropped"),
         ({"exposure_ns": 0}, "exposure is 0"),
+        ({"image": None}, "NoneType"),
+        ({"time_ns": None}, "time_ns is None, not a number"),
+        ({"number": "7"}, "number is '7', not a number"),
+        ({"exposure_ns": "short"}, "exposure_ns is 'short', not a number"),
+        ({"dropped": None}, "dropped is None, not a number"),
     ],
 )
 def test_frames_that_no_camera_may_give_break_the_contract(change: dict[str, Any], words: str) -> None:
-    verdict = fresh().look_at(replace(frame(1), **change), LATER_NS)
+    check = fresh()
+    verdict = check.look_at(check.timed(replace(frame(1), **change)), LATER_NS)
     assert verdict.wrong
     assert verdict.events == (Event.FRAME_WRONG,)
     assert words in verdict.refusal.words

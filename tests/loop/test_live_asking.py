@@ -14,6 +14,24 @@ from zeromethod.devices.protocols import CameraLost
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 
+AWAY_LCD_PX = (1.5, -0.75)
+
+
+@pytest.mark.parametrize(("real", "display"), [(False, "Screen"), (True, "RealScreen"), (True, "Canvas")])
+def test_devices_of_a_labs_own_by_import_path_null_what_they_see(real: bool, display: str) -> None:
+    with bench(real, display) as b:
+        assert b.loop.live == real
+        b.eye.away_px = np.array(AWAY_LCD_PX)
+        b.step(10)
+        step = b.settle()[-1]
+        assert step.measured is not None
+        error = (step.measured.q - b.loop.q_rest - AWAY_LCD_PX)[step.measured.valid]
+        # 0.01 px of noise per node, and the eye's bilinear look at a carrier of 27 px: 0.5 % of 1.7 px
+        assert np.abs(error.mean(axis=0)).max() < 0.02
+        assert error.std() < 0.06
+        commanded = (step.commanded.q - b.loop.q_rest)[step.measured.valid].mean(axis=0)
+        np.testing.assert_allclose(commanded, AWAY_LCD_PX, atol=0.03)
+
 
 def test_frozen_and_paused_loops_measure_and_keep_the_picture(either: Bench) -> None:
     for ask, state in ((either.loop.freeze, State.HOLDING), (either.loop.pause, State.PAUSED)):

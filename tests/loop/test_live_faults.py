@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -99,6 +99,25 @@ def test_a_loose_plug_is_followed_three_times_a_minute_and_then_ends_the_run(in_
 
 
 @both_times
+@pytest.mark.parametrize(
+    ("trouble", "states", "event", "words"),
+    [
+        (CameraTimeout(), [State.HOLDING] * 2 + [State.FAULT], Event.CAMERA_STALLED, "no frame for 0.6 s"),
+        (CameraLost("gone"), [State.FAULT], Event.CAMERA_LOST, "the camera is lost: gone"),
+    ],
+)
+def test_a_camera_without_a_way_back_ends_the_run(
+    in_real_time: bool, trouble: Exception, states: list[State], event: Event, words: str
+) -> None:
+    with bench(in_real_time, reopen=lambda _devices: None) as b:
+        b.eye.before_read = raising(trouble)
+        steps = b.to_end()
+        assert [step.state for step in steps] == states
+        assert steps[-1].events == (event,)
+        assert words in b.loop.status.reason
+
+
+@both_times
 @pytest.mark.usefixtures("quick_attempts")
 def test_a_camera_that_stays_away_ends_the_run_after_three_attempts(in_real_time: bool) -> None:
     attempts: list[int] = []
@@ -119,36 +138,29 @@ def test_a_camera_that_stays_away_ends_the_run_after_three_attempts(in_real_time
         assert frozen(steps, before)
 
 
-WRONG = {
-    "size": lambda frame: replace(frame, image=frame.image[:-1]),
-    "type": lambda frame: replace(frame, image=frame.image.astype(np.float32)),
-    "no image": lambda frame: replace(frame, image=None),
-    "no time": lambda frame: replace(frame, time_ns=None),
-    "no number": lambda frame: replace(frame, number="7"),
-    "time is no number": lambda frame: replace(frame, time_ns=float("nan")),
-    "exposure is a word": lambda frame: replace(frame, exposure_ns="short"),
-    "drops unknown": lambda frame: replace(frame, dropped=None),
-}
+def one_row_short(frame: Frame) -> Frame:
+    return replace(frame, image=frame.image[:-1])
 
 
 def test_wrong_frames_are_faults_and_the_next_good_one_ends_them(simulated: Bench) -> None:
-    for alter in WRONG.values():
-        before = simulated.loop.step()
-        simulated.eye.alter = alter
-        steps = simulated.step(3)
-        assert all(step.state is State.FAULT and step.events == (Event.FRAME_WRONG,) for step in steps)
-        assert all(step.measured is None and step.dropped == 0 for step in steps)
-        assert frozen(steps, before)
-        simulated.eye.alter = lambda frame: frame
-        simulated.settle()
+    before = simulated.loop.step()
+    simulated.eye.alter = one_row_short
+    steps = simulated.step(3)
+    assert all(step.state is State.FAULT and step.events == (Event.FRAME_WRONG,) for step in steps)
+    assert all(step.measured is None and step.dropped == 0 for step in steps)
+    assert frozen(steps, before)
+    assert notes(steps) == steps[0].reason  # shown once
+    simulated.eye.alter = lambda frame: replace(frame, dropped=None)
+    assert (simulated.loop.step().state, simulated.loop.status.state) == (State.FAULT, State.FAULT)
+    simulated.eye.alter = lambda frame: frame
+    simulated.settle()
 
 
 def test_nothing_but_wrong_frames_ends_the_run(either: Bench) -> None:
-    either.eye.alter = WRONG["size"]
+    either.eye.alter = one_row_short
     steps = either.to_end()
     assert steps[-1].state is State.FAULT
     assert "not (128, 160) uint8" in steps[-1].reason
-    assert notes(steps) == steps[0].reason  # shown once
     assert sum(Event.FRAME_WRONG in step.events for step in steps) == loop_module.WRONG_FRAMES_TO_END
 
 
@@ -181,8 +193,7 @@ def test_a_driver_that_breaks_its_contract_ends_the_run_and_is_named(
 ) -> None:
     setattr(getattr(either, device), member, breakage)
     steps = either.to_end()
-    assert steps[-1].state is State.FAULT
-    assert steps[-1].events == (Event.DEVICE_BROKEN,)
+    assert (steps[-1].state, steps[-1].events[-1]) == (State.FAULT, Event.DEVICE_BROKEN)
     assert re.match(words, steps[-1].reason)
 
 
@@ -223,17 +234,34 @@ def test_light_that_goes_out_is_waited_for(either: Bench) -> None:
     either.settle()
 
 
-def test_a_run_may_begin_in_the_dark() -> None:
+@pytest.fixture
+def fresh() -> Iterator[tuple[Loop, Eye]]:
+    """A loop in simulated time before its first step, and its camera."""
     rig = small_rig("live_devices:Eye", "live_devices:Screen")
     with open_devices(rig) as devices:
-        eye: Eye = devices.camera  # type: ignore[assignment]
-        eye.light = lambda _time_s: 0.0
-        loop = Loop(rig, devices.camera, devices.display, devices.clock)
-        dark = [loop.step() for _ in range(6)]
-        assert not any(step.state in GOOD for step in dark)
-        assert frozen(dark, dark[0])
-        eye.light = lambda _time_s: 1.0
-        assert [loop.step().state for _ in range(6)][-1] in GOOD
+        yield Loop(rig, devices.camera, devices.display, devices.clock), devices.camera  # type: ignore[misc]
+
+
+def test_a_run_may_begin_in_the_dark(fresh: tuple[Loop, Eye]) -> None:
+    loop, eye = fresh
+    eye.light = lambda _time_s: 0.0
+    dark = [loop.step() for _ in range(6)]
+    assert not any(step.state in GOOD for step in dark)
+    assert frozen(dark, dark[0])
+    eye.light = lambda _time_s: 1.0
+    assert [loop.step().state for _ in range(6)][-1] in GOOD
+
+
+def test_a_loop_frozen_from_the_start_shows_rest_and_keeps_its_state(fresh: tuple[Loop, Eye]) -> None:
+    loop, eye = fresh
+    eye.away_px = 0.5
+    loop.freeze()
+    steps = [loop.step() for _ in range(6)]
+    for step in steps:
+        assert step.state is State.STARTING
+        np.testing.assert_array_equal(step.commanded.q, loop.q_rest)
+    assert steps[-1].events == (Event.FROZEN,)
+    assert steps[-1].measured is not None
 
 
 def test_a_backlight_that_beats_with_the_exposure_is_named_and_does_no_harm(simulated: Bench) -> None:

@@ -246,13 +246,9 @@ class XServer:
                 return []
             with _freed(randr.XRRGetPanning(*asked, crtc), randr.XRRFreePanning) as panning:
                 panned = bool(panning and any(panning.size))
-            figures = (
-                *(place.x, place.y, place.width, place.height),
-                _refresh_hz(resources, place.mode),
-                place.rotation != _ROTATE_0,
-                self._scaled(randr, crtc),
-                panned,
-            )
+            part = place.x, place.y, place.width, place.height
+            refresh_hz, turned = _refresh_hz(resources, place.mode), place.rotation != _ROTATE_0
+            figures = *part, refresh_hz, turned, self._scaled(randr, crtc), panned
             outputs = []
             for output in place.outputs[: place.output_count]:
                 with _freed(randr.XRRGetOutputInfo(*asked, output), randr.XRRFreeOutputInfo) as info:

@@ -134,7 +134,7 @@ class Circle:
 
         seen_ns: what the property of this name was when `q` was the command.
         """
-        self.exposures.presented(time_ns, q, code, seen_ns)
+        self.exposures.log.record(time_ns, q, seen_ns, code)
 
     def take(self, frame: Frame, frozen: bool = False) -> FrameResult:
         """Take one frame round the circle; the command stays as it is where `frozen`."""

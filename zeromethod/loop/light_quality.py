@@ -13,7 +13,7 @@ from zeromethod.sensing.residual import Residual
 from zeromethod.warp.validity import Flag
 
 SATURATED_ABOVE = 0.05
-"""Share of the nodes seen at rest that may be at the camera's ceiling."""
+"""Share of the nodes visible at rest that may be at the camera's ceiling."""
 
 FLICKER_FRAMES = 120
 """Frames in which a beat is looked for: 1.5 Hz at 60 frames per second is the slowest to be found."""
@@ -25,7 +25,8 @@ EVERY_FRAMES = 12
 """How often it is looked for."""
 
 FLICKER_ABOVE = 0.01
-"""Amplitude of a beat over the mean light that is worth telling: a tenth of the light of a dent's slopes."""
+"""Amplitude of a beat over the mean light above which it is reported: a tenth of the light of a dent's
+slopes."""
 
 FLICKER_SHARE = 0.7
 """Share of all variance in the light that one frequency must hold: presses are no oscillation."""
@@ -41,7 +42,7 @@ MEMORY = 0.05
 
 
 class LightWatch:
-    """Follows the mean grey of the nodes seen at rest; what presses changes it little and slowly."""
+    """Follows the mean grey of the nodes visible at rest; what presses changes it little and slowly."""
 
     def __init__(self, seen: Mask, black_grey: float) -> None:
         self._seen = seen
@@ -64,7 +65,7 @@ class LightWatch:
 def beat(times_s: Float, light: Float) -> tuple[float, float]:
     """(frequency in Hz, amplitude over the mean) of an oscillation of the light, (nan, 0) for none.
 
-    times_s, light: (n,) of the frames; some may be missing. Sines are fitted beside a straight line, so that
+    times_s, light: (n,) of the frames; some may be missing. Sines are fitted together with a line, so that
     neither gaps nor a drift make one.
     """
     span_s = times_s[-1] - times_s[0]
