@@ -65,8 +65,13 @@ def test_a_scenario_of_another_kind_is_no_script(scenario: object) -> None:
     assert abilities.script_of(SimpleNamespace(scenario=scenario)) is None
 
 
-def test_a_lab_camera_may_have_a_scenario_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    figures = run_of(monkeypatch, lambda _camera: {"scenario": "weekly", "truth": "as it is"})
+@pytest.mark.parametrize(
+    "own", [{"scenario": "weekly", "truth": "as it is"}, {"truth": lambda: "the whole truth"}]
+)
+def test_a_lab_camera_may_have_a_scenario_and_a_truth_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, own: dict[str, Any]
+) -> None:
+    figures = run_of(monkeypatch, lambda _camera: own)
     assert figures["frames"] == FRAMES
     assert figures["truth"] is None
     assert figures["nulled_frames"] > 0
@@ -77,10 +82,6 @@ def test_truth_reports_errors_without_a_scenario(monkeypatch: pytest.MonkeyPatch
     assert figures["truth"]["frames"] == figures["nulled_frames"] > 0
     # at rest at first: the depth error is noise alone, far below a micrometre
     assert 0.0 < figures["truth"]["depth_rms_error_um"] < 1.0
-
-
-def test_a_truth_of_another_kind_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert run_of(monkeypatch, lambda _camera: {"truth": lambda: "the whole truth"})["truth"] is None
 
 
 def test_the_simulated_camera_declares_its_abilities() -> None:

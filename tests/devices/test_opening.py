@@ -34,11 +34,11 @@ class PlainDisplay:
 
 
 class PlainCamera:
+    shape = (RIG.camera.rows, RIG.camera.columns)
     bits = 8
 
     def __init__(self, display: object, rate_hz: float, serial: str = "") -> None:
         LOG.append(f"camera {serial} opened at {rate_hz}")
-        self.shape = (RIG.camera.rows, RIG.camera.columns)
         self.display = display
 
     def read(self, timeout_s: float) -> Frame:
@@ -77,16 +77,11 @@ class SmallDisplay(PlainDisplay):
 
 
 class SmallCamera(PlainCamera):
-    def __init__(self) -> None:
-        super().__init__(None, 1.0)
-        self.shape = (10, 10)
+    shape = (10, 10)
 
 
 class DeepCamera(PlainCamera):
     bits = 12
-
-    def __init__(self) -> None:
-        super().__init__(None, 1.0)
 
 
 class AbsentCamera(PlainCamera):

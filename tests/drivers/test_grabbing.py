@@ -13,7 +13,6 @@ from hanging import eventually, raising, takes
 
 from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, Frame
 from zeromethod.drivers.grabbing import GrabbedCamera
-from zeromethod.errors import InputError
 
 
 class Scripted:
@@ -93,11 +92,6 @@ def test_a_device_that_hangs_while_it_is_opened_is_given_up_and_closed_later() -
         opened(slow, 0.05)
     answer.set()
     assert source.closed.wait(5)
-
-
-def test_errors_on_opening_come_through() -> None:
-    with pytest.raises(InputError, match=r"^camera\.gain: 9"):
-        opened(raising(InputError("camera.gain: 9: allowed: less")))
 
 
 @pytest.mark.parametrize(

@@ -164,12 +164,6 @@ def test_a_connection_that_ends_is_a_lost_camera_and_can_be_opened_again(
     assert_sent_arrives(*streamed(port=server.port))
 
 
-def test_closing_a_silent_stream_takes_less_than_a_second(streamed: Streamed) -> None:
-    _, camera = streamed()
-    with takes(0, 1):
-        camera.close()
-
-
 ENDING = """
 import sys
 from zeromethod.drivers.opencv_camera import OpenCVCamera

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
-import threading
 import time
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -18,6 +17,7 @@ from two_monitors import TwoMonitors
 
 from zeromethod.devices.protocols import DisplayLost
 from zeromethod.errors import InputError
+from zeromethod.worker import in_thread
 
 if TYPE_CHECKING:
     import moderngl
@@ -44,16 +44,19 @@ def speckle(display: WindowDisplay, seed: int = 3) -> NDArray[np.uint8]:
     return np.random.default_rng(seed).integers(0, 256, display.size[::-1], dtype=np.uint8)
 
 
-def poll_until_lost(display: WindowDisplay, patience_s: float = 5.0) -> str:
+def poll_until_lost(display: WindowDisplay) -> str:
     """Poll as the loop does; what the display's loss was said to be."""
-    until = time.monotonic() + patience_s
-    while time.monotonic() < until:
+    said: list[str] = []
+
+    def lost() -> bool:
         try:
             display.poll()
         except DisplayLost as error:
-            return str(error)
-        time.sleep(0.01)
-    pytest.fail("the display was not lost")
+            said.append(str(error))
+        return bool(said)
+
+    eventually(lost)
+    return said[0]
 
 
 def fill(code: int, delay_s: float = 0.0) -> object:
@@ -77,23 +80,16 @@ def test_the_chosen_monitor_shows_the_picture_bit_for_bit_and_the_other_nothing(
 
 def test_another_thread_draws_while_the_main_one_polls(desktop: TwoMonitors, display: WindowDisplay) -> None:
     display.show(speckle(display))  # the first picture may well come from the main thread
-    image, times_ns, failed = speckle(display, 7), [], []
+    image = speckle(display, 7)
 
-    def draw() -> None:
-        try:
-            times_ns.extend(display.draw(fill(code)) for code in range(30))
-            times_ns.append(display.show(image))
-        except Exception as error:
-            failed.append(error)
+    def draw() -> list[int]:
+        return [*(display.draw(fill(code)) for code in range(30)), display.show(image)]
 
-    drawing = threading.Thread(target=draw)
-    drawing.start()
-    while drawing.is_alive():
+    drawing = in_thread("drawing", draw)
+    while not drawing.done():
         display.poll()
         time.sleep(0.001)
-    drawing.join()
-    assert not failed
-    assert len(times_ns) == 31
+    times_ns = drawing.result()
     assert np.all(np.diff(times_ns) > 0)
     np.testing.assert_array_equal(grab(desktop, 1)[..., 0], image)
     display.show(speckle(display))  # and the last one too
@@ -103,21 +99,14 @@ def test_another_thread_draws_while_the_main_one_polls(desktop: TwoMonitors, dis
 def test_a_thread_that_draws_learns_that_the_display_is_lost(
     desktop: TwoMonitors, display: WindowDisplay
 ) -> None:
-    said: list[str] = []
-
     def draw() -> None:
-        try:
-            while True:
-                display.draw(fill(9))
-        except DisplayLost as error:
-            said.append(str(error))
+        while True:
+            display.draw(fill(9))
 
-    drawing = threading.Thread(target=draw, daemon=True)
-    drawing.start()
+    drawing = in_thread("drawing", draw)
     desktop.xrandr("--output", "DUMMY1", "--off")
-    lost = poll_until_lost(display)
-    drawing.join(5)
-    assert said == [lost]
+    assert poll_until_lost(display) == str(drawing.exception(5))
+    assert isinstance(drawing.exception(), DisplayLost)
 
 
 def best_share(phases: NDArray[np.float64], width: float) -> float:
@@ -141,7 +130,7 @@ def test_presentations_sit_on_the_refreshes(display: WindowDisplay) -> None:
 
 
 def test_a_late_picture_drops_refreshes(display: WindowDisplay) -> None:
-    """At least the refreshes missed by drawing for 2.5 periods, unless a busy machine asks for it too late."""
+    """At least the refreshes missed by drawing for 2.5 periods, unless a busy machine asks too late."""
     display.draw(fill(1))
 
     def missed() -> int:

@@ -20,6 +20,7 @@ from zeromethod.devices.protocols import DisplayLost, DrawingDisplay
 from zeromethod.errors import InputError
 from zeromethod.pattern import PatternRenderer, Response, Target
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.worker import in_thread
 
 if TYPE_CHECKING:
     from zeromethod.drivers.window import WindowDisplay
@@ -186,13 +187,12 @@ def test_closing_does_not_wait_for_a_swap_that_hangs(
         end.wait(10)
 
     monkeypatch.setattr(glfw, "swap_buffers", hang)
-    drawing = threading.Thread(target=display.show, args=(speckle(),))
-    drawing.start()
+    drawing = in_thread("drawing", lambda: display.show(speckle()))
     assert swapping.wait(5)
     with takes(0, 1):
         display.close()
     end.set()
-    drawing.join(5)
+    drawing.exception(5)
 
 
 def test_a_failed_opening_leaves_other_windows_alone(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,10 +24,6 @@ def takes(least_s: float, most_s: float) -> Iterator[None]:
     started = time.monotonic()
     yield
     assert least_s <= time.monotonic() - started < most_s
-
-
-def alive(name: str) -> set[threading.Thread]:
-    return {thread for thread in threading.enumerate() if thread.name == name}
 
 
 def raising(error: BaseException) -> Callable[..., Any]:

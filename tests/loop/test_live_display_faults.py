@@ -72,6 +72,9 @@ def test_warnings_of_a_display_are_shown_once(real: Bench) -> None:
     steps = real.step(4)
     assert notes(steps) == "outputs are mirrored\nnight mode is on"
     assert steps[0].events.count(Event.DISPLAY_WARNING) == 2
+    real.screen.warnings = ("outputs are mirrored", "desktop scaling")
+    steps += real.step(2)
+    assert notes(steps[-2:]) == "desktop scaling"
     assert all(step.state in GOOD for step in steps)
 
 

@@ -111,10 +111,12 @@ def test_a_camera_without_a_way_back_ends_the_run(
 ) -> None:
     with bench(in_real_time, reopen=lambda _devices: None) as b:
         b.eye.before_read = raising(trouble)
-        steps = b.to_end()
+        steps = list(b.loop.run())
         assert [step.state for step in steps] == states
         assert steps[-1].events == (event,)
-        assert words in b.loop.status.reason
+        assert b.loop.ended is not None
+        assert words in b.loop.status.reason == b.loop.ended.reason == steps[-1].reason
+        assert (b.loop.ended.state, b.loop.ended.measured) == (State.FAULT, None)
 
 
 @both_times

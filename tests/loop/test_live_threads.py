@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from hanging import PATIENCE_S, Camera, eventually, raising, takes
+from hanging import PATIENCE_S, Camera, eventually, takes
 
-from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost
+from zeromethod.devices.protocols import CameraTimeout, DisplayLost
 from zeromethod.errors import InputError
 from zeromethod.loop import drawing
 from zeromethod.loop.drawing import Drawing, Drawn
@@ -47,15 +47,6 @@ def test_a_captured_camera_is_read_only_when_a_frame_is_wanted(captured: Capture
     assert capture.read(0.7) == "b"
 
 
-def test_errors_of_a_camera_are_raised_where_it_was_asked(captured: Captured) -> None:
-    capture = captured(Camera(CameraLost("gone"), ValueError("odd"), "a"))
-    with pytest.raises(CameraLost, match="gone"):
-        capture.read(1)
-    with pytest.raises(ValueError, match="odd"):
-        capture.read(1)
-    assert capture.read(1) == "a"
-
-
 def test_a_camera_that_hangs_times_out_and_its_late_frame_is_not_lost(
     captured: Captured, hung: threading.Event
 ) -> None:
@@ -85,12 +76,6 @@ def test_a_late_answer_that_there_was_no_frame_is_not_counted_twice(captured: Ca
     with pytest.raises(CameraTimeout):
         capture.read(0.1)
     assert capture.read(1) == "good"
-
-
-def test_errors_raised_meanwhile_end_the_waiting(captured: Captured, hung: threading.Event) -> None:
-    capture = captured(Camera(lambda: hung.wait(PATIENCE_S)), raising(DisplayLost("unplugged")))
-    with pytest.raises(DisplayLost):
-        capture.read(5)
 
 
 # Drawing

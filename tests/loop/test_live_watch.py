@@ -5,33 +5,12 @@ from __future__ import annotations
 import gc
 import sys
 import time
-from types import SimpleNamespace
 
 import pytest
 
 from zeromethod.loop.display_watch import RESYNC_S, STOOD_STILL_S, ClockWatch, DisplayWatch, slept_ns
 from zeromethod.loop.events import QUIET_STEPS, Event, Notice, Notices
 from zeromethod.loop.paused_gc import COLLECTED_ABOVE, SWITCH_S, PausedGC
-
-ASLEEP = Notice.refusal(Event.DISPLAY_ASLEEP)
-
-
-def test_a_watch_reports_what_the_display_reports() -> None:
-    polls: list[int] = []
-    lcd = SimpleNamespace(asleep=False, warnings=(), poll=lambda: polls.append(1))
-    watch = DisplayWatch(lcd, None)  # type: ignore[arg-type]
-    watch.poll()
-    assert polls == [1]
-    assert watch.look(0) == []
-    lcd.asleep, lcd.warnings = True, ("mirrored",)
-    watch.poll()
-    assert watch.stale(0) == ASLEEP
-    assert watch.look(0) == [ASLEEP, Notice(Event.DISPLAY_WARNING, "mirrored")]
-    assert watch.look(0) == [ASLEEP]
-    lcd.asleep, lcd.warnings = False, ("mirrored", "night mode")
-    watch.poll()
-    assert watch.stale(0) is None
-    assert watch.look(0) == [Notice(Event.DISPLAY_WARNING, "night mode")]
 
 
 def test_displays_without_such_members_raise_no_notice() -> None:

@@ -125,13 +125,17 @@ class GenICamSource:
             self._triggered_s = now_s
         return due
 
+    def _trigger_answered(self) -> None:
+        """The triggered frame has come, whole or not."""
+        self._triggered_s = -math.inf
+
     def _check_shape(self, shape: tuple[int, ...]) -> None:
         if shape != self.shape:
             raise CameraLost(f"its frames are now {shape}")
 
     def _frame(self, image: Image, received_ns: int, ticks: int, dropped: int) -> Frame:
         """The next frame; ticks: its time stamp, 0 for none."""
-        self._triggered_s = -math.inf
+        self._trigger_answered()
         self._number += 1 + dropped
         middle_ns = self._times.of(received_ns, ticks)
         return Frame(image, middle_ns, self._times.exposure_ns, self._number, dropped)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -29,8 +28,7 @@ class PylonCamera(Settings, GrabbedCamera):
     serial: str = ""
 
     def __post_init__(self) -> None:
-        serial = self.serial
-        GrabbedCamera.__init__(self, "pylon", lambda: _PylonSource(serial, self), _OPENING_S)
+        GrabbedCamera.__init__(self, "pylon", lambda: _PylonSource(self.serial, self), _OPENING_S)
 
 
 def import_pylon() -> tuple[Any, Any]:
@@ -142,7 +140,7 @@ class _PylonSource(GenICamSource):
             self._lost += result.GetNumberOfSkippedImages()
             if not result.GrabSucceeded():
                 self._lost += 1
-                self._triggered_s = -math.inf
+                self._trigger_answered()
                 return None
             image, ticks = result.Array, result.TimeStamp
         finally:
