@@ -5,7 +5,7 @@
 # make lint  format, lint, types, import layers, docstrings of the public API
 # make bench speed and accuracy against peers (ratios of the same run), sigma, steps, long holds, gains,
 #            faults, live path, calibration: ~35 minutes
-# Everything lives in .venv; system packages that are missing (EGL, Mesa; Xvfb for the tests) are installed first.
+# Everything lives in .venv; system packages that are missing (EGL, Mesa; Xorg for the tests) are installed first.
 
 PYTHON ?= python3
 VENV := .venv
