@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from zeromethod.calibration.panel_faults import Fault
 from zeromethod.commissioning.calibration.first_fit import with_values
-from zeromethod.commissioning.patterns import TimedPatterns, take_dark, take_exposures
+from zeromethod.commissioning.patterns import TimedPatterns
 from zeromethod.commissioning.response import PICTURES, SERIES_CODES, LightResult, measure_light
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
@@ -44,20 +44,13 @@ def changed(rig: Rig, **tables: dict[str, Any]) -> Rig:
 
 
 BELIEVED = small(load_rig("simulated"))
-"""What the one who measures has been told: gamma 2.2, noise of 2, black of 4 grey levels."""
+"""What the rig file says: gamma 2.2, noise of 2, black of 4 grey levels."""
 
 NOISE = BELIEVED.camera.noise.model_copy(
     update={"read_grey": 1.6, "electrons_per_grey": 25.0, "black_grey": BLACK}
 )
 TRUTH = changed(BELIEVED, display={"gamma": GAMMA, "latency_s": 0.02}, camera={"noise": NOISE})
 RIG = changed(BELIEVED, display={"latency_s": 0.02})
-
-
-def dark_frames() -> NDArray[Any]:
-    """As with the lens capped."""
-    faults = TRUTH.simulation.faults.model_copy(update={"light_off_frames": (0, 10_000)})
-    with open_devices(changed(TRUTH, simulation={"faults": faults})) as devices:
-        return take_dark(RIG, devices)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +61,7 @@ def shown() -> list[int]:
 @pytest.fixture(scope="module")
 def result(shown: list[int]) -> LightResult:
     with open_devices(TRUTH) as devices:
-        return measure_light(RIG, devices, lambda: shown.append(1), dark_frames())
+        return measure_light(RIG, devices, lambda: shown.append(1))
 
 
 def test_planted_gamma_comes_back_with_its_sigma(result: LightResult) -> None:
@@ -78,7 +71,7 @@ def test_planted_gamma_comes_back_with_its_sigma(result: LightResult) -> None:
     z = (whole.light - (result.response.codes / 255) ** GAMMA)[1:-1] / whole.sigma[1:-1]
     # 50 numbers that share the errors of black and white
     assert 0.4 < np.sqrt(np.mean(z**2)) < 1.7
-    assert result.response.follows_power_law
+    assert whole.misfit < 0.003
     assert result.response.falling == ()
     assert result.response.spread().max() < 0.005
 
@@ -99,24 +92,23 @@ def test_a_response_that_differs_over_the_panel_is_measured_and_drawn_away() -> 
     assert np.array(display.response_exponent) == pytest.approx(np.array(found.exponent), abs=1e-4)
 
 
-def test_planted_noise_and_black_level_come_back_with_their_sigma(result: LightResult) -> None:
+def test_planted_noise_comes_back_with_its_sigma(result: LightResult) -> None:
     noise = result.noise
-    assert noise.black.source == "dark"
-    # the panel's light at code 0 is none, so the black pictures hold nothing but the camera's black
-    assert abs(noise.black.grey - BLACK) < 4 * noise.black.sigma
-    assert abs(noise.read_grey - 1.6) < 4 * noise.read_sigma
+    assert noise.black.low <= BLACK <= noise.black.high
+    assert abs(noise.read_grey - 1.6) < 2.5 * noise.read_sigma
+    # the panel's light at code 0 is none, so the black pictures show nothing but the camera's black
+    assert float(noise.variance(BLACK)) == pytest.approx(1.6**2 + 1 / 12, rel=0.02)
     assert noise.electrons_per_grey is not None
     assert abs(noise.electrons_per_grey - 25.0) < 4 * noise.electrons_sigma
-    assert max(noise.read_sigma, noise.black.sigma) < 0.02
     assert noise.electrons_sigma < 1.0
-    assert abs(result.leak) < 1e-3
-    assert not result.bad_pixels.mask.any()
+    assert not result.bad_pixels.any()
 
 
 def test_a_sound_bench_is_not_accused(result: LightResult) -> None:
     assert {finding.fault for finding in result.findings} == set(Fault)
     assert [finding.words for finding in result.findings if finding.found] == []
-    assert result.advice == ()
+    assert result.advice == result.noise.notes
+    assert [note.partition(":")[0] for note in result.advice] == ["black level"]
     assert result.falloff.darkest > 0.9
 
 
@@ -131,7 +123,7 @@ def test_the_values_go_into_the_rig_file(result: LightResult, tmp_path: Any) -> 
     path.write_text(resource("calibration", "rigs", "simulated.toml").read_text())
     save_values(path, result.rig_values())
     rig = load_rig(path)
-    assert rig.camera.noise.black_grey == pytest.approx(BLACK, abs=0.1)
+    assert rig.camera.noise.black_grey == pytest.approx(result.noise.black.grey, abs=1e-3)
     assert rig.display.response_light is not None
     assert rig.display.response_light[0] == 0
     assert rig.display.response_light[-1] == 1
@@ -212,7 +204,6 @@ def test_a_dimming_and_flickering_backlight_is_named_with_what_to_do() -> None:
     )
     assert any("switch off dynamic contrast" in line for line in found.advice)
     assert any("full brightness" in line for line in found.advice)
-    assert any("lens capped" in line for line in found.advice)
     # flicker is no noise of the camera
     assert abs(found.noise.read_grey - 1.6) < 4 * found.noise.read_sigma
 
@@ -249,15 +240,7 @@ def test_a_rig_file_that_knows_nothing_of_the_latency_is_saved_by_the_margin() -
             assert abs(frames[0].image.mean() - (BLACK if code == 0 else 204)) < 2
 
 
-def test_exposures_open_the_camera_anew_and_one_that_sets_itself_is_told() -> None:
-    taken = take_exposures(TRUTH, (0.002, 0.004, 0.008), frames=2)
-    assert taken.grey.shape == (3, 64, 80)
-    # the simulated camera's white is as bright at any exposure: as with automatic exposure
-    with open_devices(TRUTH) as devices, pytest.raises(MeasurementError, match="automatic exposure"):
-        measure_light(RIG, devices, exposures=taken)
-
-
-def test_a_camera_that_does_not_see_the_lcd_is_told() -> None:
+def test_a_camera_that_does_not_see_the_lcd_is_refused() -> None:
     faults = TRUTH.simulation.faults.model_copy(update={"light_off_frames": (0, 10_000)})
     with (
         open_devices(changed(TRUTH, simulation={"faults": faults})) as devices,
@@ -266,7 +249,7 @@ def test_a_camera_that_does_not_see_the_lcd_is_told() -> None:
         measure_light(RIG, devices)
 
 
-def test_a_silent_camera_is_told_and_a_lost_one_passes() -> None:
+def test_a_silent_camera_is_refused_and_a_lost_one_passes() -> None:
     for raised, expected in ((CameraTimeout("none"), MeasurementError), (CameraLost("gone"), CameraLost)):
         with open_devices(TRUTH) as devices:
             devices.camera = _Camera(devices.camera, raises=raised)  # type: ignore[assignment]

@@ -134,7 +134,7 @@ def arrays_of(found: Calibration) -> dict[str, Any]:
             "light/sigma": light.response.whole.sigma,
             "light/lit": light.lit,
             "light/falloff": light.falloff.smooth.astype(np.float32),
-            "light/bad_pixels": light.bad_pixels.reason,
+            "light/bad_pixels": light.bad_pixels,
         }
     return arrays
 
@@ -269,7 +269,7 @@ def _light(recorded: Recorded) -> dict[str, Any]:
         "black_grey": light.noise.black.grey,
         "black_sigma_grey": light.noise.black.sigma,
         "darkest_share": light.falloff.darkest,
-        "bad_pixels": int(np.count_nonzero(light.bad_pixels.mask)),
+        "bad_pixels": int(np.count_nonzero(light.bad_pixels)),
         "found": [str(finding.fault) for finding in light.findings if finding.found],
         "advice": list(light.advice),
     }
