@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from benchmarks import calibration_study as study
 from zeromethod.calibration import Fit, MirrorEdge, Priors, RestPositions, fit
 from zeromethod.calibration.edges import EdgeSearch, NoEdge, find_edges
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
@@ -94,7 +94,7 @@ def mirror_light(rig: Rig, blur_px: float = 0.0) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def drawn(study: ModuleType) -> list[Rig]:
+def drawn() -> list[Rig]:
     """Benches that stand otherwise than the rig file says, both edges in view of each."""
     rng, benches = np.random.default_rng(21), list[Rig]()
     while len(benches) < 6:

@@ -1,10 +1,10 @@
 from dataclasses import replace
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks import calibration_study as study
 from zeromethod.calibration import (
     Direct,
     Fit,
@@ -80,7 +80,7 @@ def test_presses_fix_the_lcds_place(rest_fit: Fit, press_fit: Fit) -> None:
     assert np.abs(press.residual).max() < 2.5
 
 
-def test_edges_are_fitted_with_the_rest(study: ModuleType, nominal: Rig) -> None:
+def test_edges_are_fitted_with_the_rest(nominal: Rig) -> None:
     wide = study.changed(nominal, camera={"focal_px": (1400.0, 1400.0)})
     rng = np.random.default_rng(8)
     truth = study.Truth(study.draw(wide, rng), rng)

@@ -56,7 +56,7 @@ def test_score_and_blur_are_those_of_the_lens(meter: FocusMeter, blur_px: float)
     assert report.modulation == pytest.approx(np.full((3, 3), report.score), abs=0.02)
 
 
-def test_focus_is_told_region_by_region(meter: FocusMeter) -> None:
+def test_focus_is_given_region_by_region(meter: FocusMeter) -> None:
     image = seen(0.0)
     image[:, 110:] = seen(3.0)[:, 110:]
     report = meter.look(image)

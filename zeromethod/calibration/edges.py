@@ -104,18 +104,14 @@ def find_edges(fitted: Fit, rest: RestMeasurement) -> tuple[EdgeSearch, EdgeSear
 
 
 class _NoEdgeError(Exception):
-    """An edge is not taken."""
-
-    def __init__(self, reason: NoEdge) -> None:
-        super().__init__(reason)
-        self.reason = reason
+    """An edge is not taken; its argument is the `NoEdge`."""
 
 
 def _search(fitted: Fit, rest: RestMeasurement, edge: Name) -> EdgeSearch:
     try:
         return _seen(fitted, rest, edge)
     except _NoEdgeError as error:
-        return EdgeSearch(edge, error.reason)
+        return EdgeSearch(edge, *error.args)
 
 
 def _seen(fitted: Fit, rest: RestMeasurement, edge: Name) -> EdgeSearch:

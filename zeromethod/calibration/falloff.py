@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.errors import MeasurementError
@@ -43,6 +44,12 @@ def tile_means(image: Float, lit: Mask) -> Float:
     sums, counts, full = map(_sums, (np.where(lit, image, 0.0), lit * 1.0, np.ones(lit.shape)))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(counts >= LEAST_LIT * full, sums / counts, np.nan)
+
+
+def mean_around(image: Float, lit: Mask, size_px: int) -> Float:
+    """(rows, cols) mean of the lit pixels in a square of `size_px` around each."""
+    weight = uniform_filter(lit.astype(np.float64), size_px)
+    return np.asarray(uniform_filter(np.where(lit, image, 0.0), size_px) / np.maximum(weight, 1e-9))
 
 
 def _sums(image: Float) -> Float:

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 from scipy.optimize import least_squares
 from scipy.special import ndtr
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.calibration.falloff import mean_around
 from zeromethod.errors import InputError, MeasurementError
 
 QUANTISATION = 1.0 / 12.0
@@ -252,7 +252,7 @@ def _points(one: Still, chosen: Mask) -> Float:
         return np.empty((0, 3))
     bins = min(_BINS, len(mean) // _LEAST_PIXELS)
     # by the light around, as a pixel's own mean holds its noise
-    light = _around(one.mean, chosen)[chosen]
+    light = mean_around(one.mean, chosen, _AROUND_PX)[chosen]
     ends = [part[0] for part in np.array_split(np.arange(len(light)), bins)[1:]]
     order = np.argpartition(light, ends) if ends else np.arange(len(light))
     made = []
@@ -261,11 +261,6 @@ def _points(one: Still, chosen: Mask) -> Float:
         if one.full_grey - grey > _CEILING_SDS * math.sqrt(max(scatter, QUANTISATION)):
             made.append((grey, scatter, float(one.degrees * len(part))))
     return np.array(made).reshape(-1, 3)
-
-
-def _around(image: Float, chosen: Mask) -> Float:
-    weight = uniform_filter(chosen.astype(np.float64), _AROUND_PX)
-    return np.asarray(uniform_filter(np.where(chosen, image, 0.0), _AROUND_PX) / np.maximum(weight, 1e-9))
 
 
 def _line(points: Float, sloped: bool) -> tuple[Float, Float, float]:
@@ -293,7 +288,7 @@ def _bounds(line: Float, covariance: Float, darkest: float) -> BlackLevel:
     low = 0.0
     if line[1] > 2 * math.sqrt(covariance[1, 1]):
         low = min(max((QUANTISATION - float(line[0])) / float(line[1]), 0.0), high)
-    return BlackLevel(0.5 * (low + high), (high - low) / math.sqrt(12.0), low, high, "bounds")
+    return BlackLevel(0.5 * (low + high), (high - low) / math.sqrt(12.0), low, high)
 
 
 def _read(line: Float, covariance: Float, black: BlackLevel) -> tuple[float, float]:

@@ -16,9 +16,9 @@ from zeromethod.calibration.camera_file import ASSUMED_PERCENT, CameraFile, load
 from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, home_of, load, newest
 from zeromethod.calibration.verdict import Level
-from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, depths_of, edge_of, known_of
-from zeromethod.cli.device_options import BenchOptions, other_devices, with_devices
-from zeromethod.cli.output import TerminalPrompts, check_file, check_folder, write_summary
+from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, edge_of, known_of, numbers_of
+from zeromethod.cli.device_options import BenchOptions, opened_devices, other_devices, with_devices
+from zeromethod.cli.output import TerminalPrompts, check_folder, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.commissioning.calibration import (
     Calibration,
@@ -31,8 +31,6 @@ from zeromethod.commissioning.calibration import (
     store_calibration,
 )
 from zeromethod.commissioning.calibration.plan import Known
-from zeromethod.devices.abilities import warnings_of
-from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
@@ -76,7 +74,6 @@ def calibrate_bench(
 
     Raises InputError and MeasurementError; the latter, too, once one whose verdict is bad is stored.
     """
-    check_file("--summary", summary, suffix=".json")
     console = Console()
     if compared:
         before, after = load(compared[0]), load(compared[1])
@@ -86,9 +83,8 @@ def calibrate_bench(
         return None
     if show_folder is not None:
         shown = _wanted(show_folder, rig_name)
-        _print(console, shown)
+        _print(console, shown, summary)
         _warn_of_arrays(shown)
-        _summarise(shown, summary)
         return shown
     lens = _lens(camera_file, camera_percent)
     direct: tuple[Known, ...] = (*map(known_of, known), *map(edge_of, edges))
@@ -103,7 +99,7 @@ def calibrate_bench(
     if rig_name is None:
         raise InputError("--rig: missing: your rig file (zeromethod init my.toml makes one)")
     plan = Plan(
-        press_depths_mm=depths_of(depths),
+        press_depths_mm=numbers_of("--press-depths", depths, "depths in mm"),
         press_sigma_mm=depth_sigma,
         known=direct,
         light=light,
@@ -118,9 +114,7 @@ def calibrate_bench(
     rig = _bench(rig_name, options, plan, lens)
     with _home(home):
         with stopped_by_signals():
-            with open_devices(rig) as opened:
-                for warning in warnings_of(opened.display):
-                    click.echo(f"! {warning}", err=True)
+            with opened_devices(rig) as opened:
                 recorded, found = record(rig, opened, plan, TerminalPrompts())
             calibrated = evaluate_with(recorded, found, rig_name)
         late: list[bool] = []
@@ -257,13 +251,12 @@ def _devices_words(options: BenchOptions) -> str:
 
 
 def _print_stored(console: Console, stored: Stored, summary: Path | None, devices: str) -> None:
-    """Print the tables and where they are; then write the summary. devices: options of `run`."""
-    _print(console, stored)
+    """Print the tables, write the summary, and say where they are. devices: options of `run`."""
+    _print(console, stored, summary)
     console.print(f"stored in {stored.folder}", soft_wrap=True, highlight=False)
     if stored.level is not Level.BAD:
         command = f"zeromethod run --rig {shlex.quote(str(stored.rig_file))}{devices}"
         console.print(f"use it: {command}", soft_wrap=True, highlight=False)
-    _summarise(stored, summary)
 
 
 def _warn_of_arrays(stored: Stored) -> None:
@@ -279,16 +272,13 @@ def _refuse_bad(stored: Stored) -> Stored:
     return stored
 
 
-def _summarise(stored: Stored, summary: Path | None) -> None:
-    if summary is not None:
-        time = stored.document["time"].isoformat()
-        write_summary(summary, stored.document | {"time": time, "folder": str(stored.folder)})
-
-
-def _print(console: Console, stored: Stored) -> None:
+def _print(console: Console, stored: Stored, summary: Path | None) -> None:
     console.print(parameter_table(stored))
     console.print(figure_table(stored))
     console.print(depth_line(stored), soft_wrap=True)
     console.print(verdict_line(stored), soft_wrap=True)
     if warning := stored.age_warning():
         console.print(f"! {warning}", soft_wrap=True)
+    if summary is not None:
+        time = stored.document["time"].isoformat()
+        write_summary(summary, stored.document | {"time": time, "folder": str(stored.folder)})

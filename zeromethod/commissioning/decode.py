@@ -14,7 +14,7 @@ import numpy as np
 from zeromethod.arrays import Image
 from zeromethod.decoding.decoding import frames_expected
 from zeromethod.decoding.fringes import FringeSequence
-from zeromethod.decoding.measuring import RestMeasurement, measure_rest
+from zeromethod.decoding.measuring import LIMIT_SHARE, RestMeasurement, measure_rest
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.passive.measure import read_grey
@@ -123,7 +123,7 @@ def decode_files(
     size_px: tuple[int, int] | None = None,
     noise: NoiseModel | None = None,
     bits: int | None = None,
-    limit_share: float | None = None,
+    limit_share: float = LIMIT_SHARE,
     camera_shape: tuple[int, int] | None = None,
     advance: Callable[[], None] | None = None,
 ) -> RestMeasurement:
@@ -146,14 +146,13 @@ def decode_files(
             if advance is not None:
                 advance()
 
-    options: dict[str, Any] = {} if limit_share is None else {"limit_share": limit_share}
     return measure_rest(
         checked(),
         sequence,
         size_px=size_px,
         noise=noise,
         ceiling_grey=float(2**bits - 1) if bits else None,
-        **options,
+        limit_share=limit_share,
     )
 
 

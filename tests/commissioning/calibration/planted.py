@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from crooked_bench import crooked
 from numpy.typing import NDArray
+from small_rigs import small_rig_file
 
 from zeromethod.calibration import KnownPress, Presses, RestReading
 from zeromethod.clock import Clock
@@ -49,6 +52,13 @@ def quarter() -> Rig:
     rig = nominal()
     lcd = rig.display.model_copy(update={"columns": 480, "rows": 270, "pitch_mm": 2 * rig.display.pitch_mm})
     return binned(rig, 2).model_copy(update={"display": lcd})
+
+
+def rig_file(rig: Rig, path: Path, **values: object) -> Path:
+    """The packaged rig file, comments and all, with the pixels of `rig`, and other values by key."""
+    keys = ("display.columns", "display.rows", "display.pitch_mm", "camera.columns", "camera.rows")
+    keys += ("camera.focal_px", "camera.centre_px", "target.period_px")
+    return small_rig_file(path, {key: attrgetter(key)(rig) for key in keys} | {"scenario": "none"} | values)
 
 
 def truth(given: Rig) -> Rig:
@@ -100,7 +110,7 @@ class FaultyCamera:
 
 @dataclass
 class Hand:
-    """Listens to a calibration, and presses when it is told to. parts, lines: what it heard."""
+    """Listens to a calibration, and presses when it is asked to. parts, lines: what it heard."""
 
     devices: Devices
     depths_mm: Sequence[float] = ()

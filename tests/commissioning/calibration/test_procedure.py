@@ -8,7 +8,6 @@ from crooked_bench import OFF
 
 from zeromethod.calibration import describe
 from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, procedure, record
-from zeromethod.commissioning.calibration.first_fit import with_values
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import Optics
@@ -146,10 +145,3 @@ def test_camera_lost_on_the_way_names_the_step() -> None:
 def test_plans_that_cannot_be_are_refused(key: str, value: object) -> None:
     with pytest.raises(InputError, match="above 0"):
         Plan(**{key: value})
-
-
-def test_values_by_dotted_key_change_a_rig_and_are_checked() -> None:
-    rig = with_values(nominal(), {"display.latency_s": 0.01, "camera.noise.read_grey": 1.0})
-    assert (rig.display.latency_s, rig.camera.noise.read_grey) == (0.01, 1.0)
-    with pytest.raises(ValueError, match="latency_s"):
-        with_values(nominal(), {"display.latency_s": 100.0})
