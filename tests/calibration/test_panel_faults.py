@@ -93,7 +93,7 @@ def test_a_flickering_backlight_is_found_and_sized() -> None:
     assert 0.7 < np.sqrt(np.mean(z**2)) < 1.4
 
 
-def test_lamps_in_the_room_are_told_from_the_backlight_with_their_rhythm() -> None:
+def test_lamps_in_the_room_are_separated_from_the_backlight_with_their_rhythm() -> None:
     backlight, room = flicker(*levels(1, room=0.02), noise_grey=0.02)
     assert_named(room, Fault.ROOM_LIGHT, "lamps")
     assert room.size == pytest.approx(0.02, rel=0.1)
@@ -234,7 +234,7 @@ def test_a_delay_is_waited_for_once_and_the_rise_twice() -> None:
         assert late.stands_s < 0.1 + 2 * at_once.settled_s + 0.006
 
 
-def test_light_that_never_settles_is_told() -> None:
+def test_light_that_never_settles_is_reported() -> None:
     times, light = step(0, 0.0)
     found = step_response(times, light + 0.3 * times[:, None], "")
     assert np.isnan(found.settled_s)

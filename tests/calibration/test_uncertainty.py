@@ -101,7 +101,6 @@ def test_expected_gain_is_what_the_data_then_bring(
 def test_a_press_is_what_to_measure_after_the_rest_map(rest_fit: Fit, error: DepthError) -> None:
     offers = gains(rest_fit, error)
     best = strongest(offers)
-    assert best is not None
     assert best.what.startswith("a press of")
     assert best.percent < 0.3 * best.before_percent
     assert all(offer.percent <= offer.before_percent * (1 + 1e-9) for offer in offers)

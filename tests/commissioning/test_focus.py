@@ -110,7 +110,6 @@ def test_size_turn_and_place_are_those_of_the_picture(
     meter: FocusMeter, scale: tuple[float, float], turn_deg: float, shift_px: tuple[float, float]
 ) -> None:
     found = meter.look(seen(scale=scale, turn_deg=turn_deg, shift_px=shift_px)).alignment
-    assert found is not None
     # a node's noise of 0.01 px over a view of 140 px; the linear fit leaves the square of a turn: 0.03 %
     assert (found.wider, found.higher) == pytest.approx((scale[0] - 1, scale[1] - 1), abs=1e-3)
     assert found.turn_deg == pytest.approx(turn_deg, abs=0.03)

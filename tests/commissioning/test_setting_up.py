@@ -69,7 +69,6 @@ def test_an_lcd_out_of_view_is_not_seen() -> None:
 
 def test_where_the_picture_lies_is_known_to_a_tenth_of_a_pixel() -> None:
     sight = look(planted(camera={"centre_px": (81.5, 60.5)}))
-    assert sight.place is not None
     # noise of a node 0.01 px, some hundred nodes; the view's middle sees another part of the keystone
     assert (sight.place.right_px, sight.place.down_px) == pytest.approx((2, -3), abs=0.1)
 
@@ -77,11 +76,9 @@ def test_where_the_picture_lies_is_known_to_a_tenth_of_a_pixel() -> None:
 def test_a_picture_too_far_off_for_the_target_is_placed_by_plain_pictures() -> None:
     # edges of the plain pictures lie on whole LCD px, 0.6 camera px here: of 64 px of picture, 1 %
     far = look(planted(camera={"centre_px": (79.5, 43.5)}))  # the target looks the same 16 px further on
-    assert far.place is not None
     assert (far.place.right_px, far.place.down_px) == pytest.approx((0, -20), abs=1)
     assert any("px above of where the rig file expects it" in said for said in far.advice)
     large = look(planted(camera={"focal_px": (1.09 * FOCAL_PX,) * 2}))
-    assert large.place is not None
     assert (large.place.wider, large.place.higher) == pytest.approx((0.09, 0.09), abs=0.015)
     assert len(large.advice) == 1
 

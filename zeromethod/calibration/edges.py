@@ -95,7 +95,7 @@ class EdgeSearch:
             return str(self.found)
         place = float(self.found.pixel[:, 1 if self.along == "row" else 0].mean())
         sigma_px = self.found.sigma_px / np.sqrt(2.0)
-        return f"seen at {self.along} {place:.1f} (sigma {sigma_px:.1f} px; {self.width_px:.1f} px wide)"
+        return f"found at {self.along} {place:.1f} (sigma {sigma_px:.1f} px; {self.width_px:.1f} px wide)"
 
 
 def find_edges(fitted: Fit, rest: RestMeasurement) -> tuple[EdgeSearch, EdgeSearch]:

@@ -1,7 +1,7 @@
 """What a calibration fits: a rig's geometry as named numbers, how well calipers know them, and back to a rig.
 
 The camera's direction is given by two angles that do not depend on its position: `heading` turns its axis
-in the world's xz plane, from x towards z, `elevation` lifts it towards y. The captured face is given by how
+in the world's xz plane, from x towards z, `elevation` lifts it towards y. The camera face is given by how
 much its angle differs from the pattern face's: cut from one mould, they are known better against each other.
 """
 

@@ -45,32 +45,29 @@ from zeromethod.view.calibration_table import (
 )
 
 FIGURE = "calibration.png"
+_PLAN = ("press_sigma_mm", "light", "delay", "rest_frames", "press_frames", "patience_s")
+"""Options that are fields of `Plan`."""
 
 
 def calibrate_bench(
     rig_name: str | None,
-    *,
-    depths: str = "",
-    depth_sigma: float = 1e-3,
-    known: tuple[str, ...] = (),
-    edges: tuple[str, ...] = (),
-    find: bool | None = None,
-    ball_text: str | None = None,
-    camera_file: Path | None = None,
-    camera_percent: float | None = None,
-    light: bool = True,
-    delay: bool = True,
-    rest_frames: int = Plan.rest_frames,
-    press_frames: int = Plan.press_frames,
-    patience_s: float = Plan.patience_s,
-    output: Path | None = None,
-    summary: Path | None = None,
-    show_folder: str | None = None,
-    compared: tuple[Path, Path] | None = None,
-    again_folder: Path | None = None,
-    **devices: Any,
+    depths: str,
+    known: tuple[str, ...],
+    edges: tuple[str, ...],
+    find: bool | None,
+    ball_text: str | None,
+    camera_file: Path | None,
+    camera_percent: float | None,
+    output: Path | None,
+    summary: Path | None,
+    show_folder: str | None,
+    compared: tuple[Path, Path] | None,
+    again_folder: Path | None,
+    **others: Any,
 ) -> Stored | None:
     """Do what the command line asks for; the calibration that was made or shown.
+
+    others: fields of `Plan` and `BenchOptions`.
 
     Raises InputError and MeasurementError; the latter, too, once one whose verdict is bad is stored.
     """
@@ -93,24 +90,15 @@ def calibrate_bench(
     limit_threads()
     if again_folder is not None:
         stored = _evaluate_again(again_folder, direct, lens, ball_mm, find, output)
-        others = other_devices(stored.fingerprint, load_rig(stored.rig_file))
-        _print_stored(console, stored, summary, "".join(f" {option}" for option, _ in others))
+        missing = other_devices(stored.fingerprint, load_rig(stored.rig_file))
+        _print_stored(console, stored, summary, "".join(f" {option}" for option, _ in missing))
         return _refuse_bad(stored)
     if rig_name is None:
         raise InputError("--rig: missing: your rig file (zeromethod init my.toml makes one)")
-    plan = Plan(
-        press_depths_mm=numbers_of("--press-depths", depths, "depths in mm"),
-        press_sigma_mm=depth_sigma,
-        known=direct,
-        light=light,
-        delay=delay,
-        rest_frames=rest_frames,
-        press_frames=press_frames,
-        patience_s=patience_s,
-        ball_mm=ball_mm,
-        edges=find is not False,
-    )
-    options, home = BenchOptions(**devices), output or home_of(rig_name)
+    own = {name: others.pop(name) for name in _PLAN}
+    depths_mm = numbers_of("--press-depths", depths, "depths in mm")
+    plan = Plan(press_depths_mm=depths_mm, known=direct, ball_mm=ball_mm, edges=find is not False, **own)
+    options, home = BenchOptions(**others), output or home_of(rig_name)
     rig = _bench(rig_name, options, plan, lens)
     with _home(home):
         with stopped_by_signals():

@@ -22,7 +22,7 @@ calibrate_options = several(
         help="Depths, mm, of presses that you will make, in order; you are asked for each.",
     ),
     click.option(
-        "--depth-sigma", type=float, default=1e-3, show_default=True, metavar="MM",
+        "--depth-sigma", "press_sigma_mm", type=float, default=1e-3, show_default=True, metavar="MM",
         help="How well these depths are known (standard deviation).",
     ),
     click.option(

@@ -27,7 +27,7 @@ _COUNT = Whole(16, 16384)
 
 _QUESTIONS = (
     ("pattern_angle_deg", "--pattern-angle", _ANGLE, "angle between mirror and pattern face, degrees"),
-    ("camera_angle_deg", "--captured-angle", _ANGLE, "angle between mirror and captured face, degrees"),
+    ("camera_angle_deg", "--camera-angle", _ANGLE, "angle between mirror and camera face, degrees"),
     ("pattern_length_mm", "--leg", _LENGTH, "length of the pattern face, from P0 to its far edge, mm"),
     ("width_mm", "--width", _LENGTH, "width of the prism, mm"),
     ("index", "--index", _INDEX, "refractive index of the rubber"),
@@ -41,7 +41,7 @@ _QUESTIONS = (
     ("camera_rows", "--camera-rows", _COUNT, "rows of the camera's image"),
     ("pixel_um", "--pixel", _PIXEL, "pitch of the camera's pixels, micrometres"),
     ("lens_mm", "--lens", _LENGTH, "focal length of the lens, mm"),
-    ("distance_mm", "--distance", _LENGTH, "from the lens to the captured face, mm"),
+    ("distance_mm", "--distance", _LENGTH, "from the lens to the camera face, mm"),
     ("rate_hz", "--rate", _ABOVE_ZERO, "frame rate of the camera, frames per second"),
     ("exposure_s", "--exposure", _ABOVE_ZERO, "exposure of the camera, s"),
 )

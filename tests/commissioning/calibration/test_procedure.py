@@ -16,7 +16,7 @@ from .conftest import DEPTHS_MM, PLACES_MM
 from .planted import LATENCY_S, Hand, nominal, quarter, read_elsewhere, truth
 
 
-def test_the_person_is_told_what_to_do_in_order(hand: Hand) -> None:
+def test_the_person_is_asked_in_order(hand: Hand) -> None:
     asked = [line for line in hand.lines if line.startswith("press")]
     assert asked == [
         "press 1 of 2: press 0.2 mm deep now, and hold still",
@@ -48,7 +48,6 @@ def test_pictures_are_held_until_they_stand(recorded: Recorded) -> None:
 
 
 def test_delay_is_that_of_the_bench(recorded: Recorded) -> None:
-    assert recorded.delay is not None
     # a fiftieth of a refresh
     assert recorded.delay.latency_s == pytest.approx(LATENCY_S, abs=3e-4)
     assert recorded.values["display.latency_s"] == pytest.approx(LATENCY_S, abs=3e-4)

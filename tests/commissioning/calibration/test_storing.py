@@ -68,10 +68,8 @@ def test_document_states_parameters_presses_and_verdict(stored: Stored, calibrat
 
 def test_newest_and_own_calibration_are_found(stored: Stored, rig_file: Path) -> None:
     found = newest(rig_file)
-    assert found is not None
     assert found.folder == stored.folder
     of_rig = calibration_of(stored.rig_file)
-    assert of_rig is not None
     assert of_rig.document == stored.document
     assert calibration_of(rig_file) is None
 
@@ -129,7 +127,6 @@ def test_recording_outlives_an_evaluation_that_fails(
     assert kept.verdict.reason == "press 1: not seen: geometry from the rest map alone"
     # what was recorded is there for another try: sums of the frames, presses and their depths
     recorded, _ = recall(store_calibration(kept, rig_file, home=tmp_path).folder)
-    assert recorded.presses is not None
     assert len(recorded.presses.pressed) == len(DEPTHS_MM)
     assert recorded.plan.press_depths_mm == DEPTHS_MM
     np.testing.assert_array_equal(recorded.rest.sums, calibration.recorded.rest.sums)

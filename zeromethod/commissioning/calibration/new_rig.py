@@ -23,7 +23,7 @@ class Calipers:
     """What is measured by hand. Lengths in mm, angles in degrees, pixels of the camera in micrometres.
 
     lcd_along_mm: from P0 to the LCD's middle, along the pattern face. distance_mm: from the lens (its front
-    principal plane, about the middle of a short lens) to the captured face. lens_mm: focal length.
+    principal plane, about the middle of a short lens) to the camera face. lens_mm: focal length.
     """
 
     pattern_angle_deg: float
@@ -91,7 +91,7 @@ class Calipers:
 
     @property
     def position_mm(self) -> tuple[float, float, float]:
-        """The camera's place, on the captured face's normal through what it looks at."""
+        """The camera's place, on the camera face's normal through what it looks at."""
         beta = math.radians(self.camera_angle_deg)
         away = self.distance_mm + (self._length_mm - self.look_at_mm) * math.sin(beta)
         return self.look_at_mm + away * math.sin(beta), 0.0, -away * math.cos(beta)
@@ -101,10 +101,10 @@ class Calipers:
         return _mirror_mm(self.pattern_length_mm, self.pattern_angle_deg, self.camera_angle_deg)
 
 
-def _mirror_mm(pattern_length_mm: float, pattern_deg: float, captured_deg: float) -> float:
+def _mirror_mm(pattern_length_mm: float, pattern_deg: float, camera_deg: float) -> float:
     """Mirror's length, from the triangle with the pattern face's."""
-    top = math.radians(180.0 - pattern_deg - captured_deg)
-    return pattern_length_mm * math.sin(top) / math.sin(math.radians(captured_deg))
+    top = math.radians(180.0 - pattern_deg - camera_deg)
+    return pattern_length_mm * math.sin(top) / math.sin(math.radians(camera_deg))
 
 
 def _focus_mm(distance_mm: float, pattern_length_mm: float, index: float) -> float:
