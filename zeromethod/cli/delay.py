@@ -37,7 +37,7 @@ def report_delay(rig_name: str, options: BenchOptions, seconds: float | None, wr
     check_geometry(rig)
     tell_simulated(rig)
     try:
-        with opened_devices(rig) as devices:
+        with opened_devices(rig, err=False) as devices:
             seconds = seconds or DEFAULT_SECONDS
             with progress(round(seconds * rig.camera.rate_hz), _FRAMES) as advance:
                 result = measure_delay(rig, devices, seconds, lambda: advance(_FRAMES))

@@ -134,11 +134,11 @@ def other_devices(
 
 
 @contextmanager
-def opened_devices(rig: Rig) -> Iterator[Devices]:
-    """Devices of a rig, open; warnings about the display are printed."""
+def opened_devices(rig: Rig, err: bool = True) -> Iterator[Devices]:
+    """Devices of a rig, open; warnings about the display are printed, among errors or not."""
     with open_devices(rig) as devices:
         for warning in warnings_of(devices.display):
-            click.echo(f"! {warning}", err=True)
+            click.echo(f"! {warning}", err=err)
         yield devices
 
 

@@ -40,7 +40,7 @@ def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, sum
     console = Console()
     last: Sight | None = None
     try:
-        with opened_devices(rig) as devices:
+        with opened_devices(rig, err=False) as devices:
             if seconds is None and isinstance(devices.clock, SimulatedClock):
                 seconds = _SIMULATED_S
             with Keys() as keys, focus_view(console, _KEYS if keys.active else "") as show:
