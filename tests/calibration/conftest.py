@@ -2,38 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks import calibration_study as study
 from zeromethod.calibration import Fit, Presses, Priors, RestPositions, RestReading, fit
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Mirror
-
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-
-
-@pytest.fixture(scope="session")
-def study() -> ModuleType:
-    """benchmarks/calibration_study.py as a module."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(BENCHMARKS))
-        spec = importlib.util.spec_from_file_location(
-            "calibration_study", BENCHMARKS / "calibration_study.py"
-        )
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        patch.setitem(sys.modules, "calibration_study", module)
-        spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="session")
@@ -42,7 +21,7 @@ def nominal() -> Rig:
 
 
 @pytest.fixture(scope="session")
-def truth(study: ModuleType, nominal: Rig) -> Any:
+def truth(nominal: Rig) -> Any:
     rng = np.random.default_rng(3)
     return study.Truth(study.draw(nominal, rng), rng)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from benchmarks import calibration_study as study
 from zeromethod.calibration import Fit, MirrorEdge, Priors, RestPositions, fit
 from zeromethod.calibration.edges import EdgeSearch, NoEdge, find_edges
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
@@ -94,7 +94,7 @@ def mirror_light(rig: Rig, blur_px: float = 0.0) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def drawn(study: ModuleType) -> list[Rig]:
+def drawn() -> list[Rig]:
     """Benches that stand otherwise than the rig file says, both edges in view of each."""
     rng, benches = np.random.default_rng(21), list[Rig]()
     while len(benches) < 6:
@@ -139,6 +139,7 @@ def test_edges_bring_what_the_rest_map_leaves_open(drawn: list[Rig]) -> None:
     before = fit(Priors.of(wide()), [rest])
     edges = [one.found for one in find_edges(before, found) if isinstance(one.found, MirrorEdge)]
     after = fit(Priors.of(wide()), [rest, *edges])
+    assert after.settled
     # the LCD's place along x and the camera's: unknown by 1.2 mm without
     assert after.sigma["display.along_mm"] < 0.5 * before.sigma["display.along_mm"]
     true = bench.display.centre_mm[0]
@@ -161,7 +162,7 @@ def test_camera_on_its_side_finds_them_along_rows(drawn: list[Rig]) -> None:
     bench, nominal = turned(upright), turned(wide())
     found = searched(nominal, measured(bench, mirror_light(bench), np.random.default_rng(8)))
     for one in found:
-        assert one.words.startswith("seen at row ")
+        assert one.words.startswith("found at row ")
         assert np.abs(off_sigma(one, bench)).max() < 3.0
 
 

@@ -59,12 +59,9 @@ def made(rig_file: Path, when: datetime = TIME, **more: Any) -> Stored:
     return store(rig_file, document(**{"time": when, **more}), values, {"a/b": np.arange(6.0)})
 
 
-def test_folder_is_named_by_rig_and_time(rig_file: Path) -> None:
-    assert made(rig_file).folder == rig_file.parent / "calibrations" / "mine" / "2025-03-01T12-30-05"
-
-
-def test_two_in_one_second_are_both_kept(rig_file: Path) -> None:
+def test_folder_is_named_by_rig_and_time_and_two_in_one_second_are_both_kept(rig_file: Path) -> None:
     first, second = made(rig_file), made(rig_file)
+    assert first.folder == rig_file.parent / "calibrations" / "mine" / "2025-03-01T12-30-05"
     assert second.folder.name == "2025-03-01T12-30-05-2"
     assert calibrations(rig_file) == [first.folder, second.folder]
 
@@ -74,7 +71,6 @@ def test_newest_is_the_last_made(rig_file: Path) -> None:
     made(rig_file, TIME + timedelta(days=1), mark="late")
     made(rig_file, TIME, mark="early")
     found = newest(rig_file)
-    assert found is not None
     assert found.document["mark"] == "late"
 
 
@@ -101,13 +97,9 @@ def test_files_that_the_rig_names_are_found_from_the_folder(rig_file: Path) -> N
 def test_calibration_of_a_calibrated_rig_goes_into_the_same_home(rig_file: Path) -> None:
     stored = made(rig_file)
     assert home_of(stored.rig_file) == stored.folder.parent
-    found = calibration_of(stored.rig_file)
-    assert found is not None
-    assert found.folder == stored.folder
-
-
-def test_packaged_rig_is_calibrated_where_one_stands() -> None:
     assert home_of("simulated") == Path("calibrations", "simulated")
+    found = calibration_of(stored.rig_file)
+    assert found.folder == stored.folder
 
 
 def test_what_is_no_number_is_left_out_of_the_document(rig_file: Path) -> None:
@@ -167,14 +159,12 @@ def test_damaged_arrays_are_refused(rig_file: Path) -> None:
     assert arrays_fault(folder) is ArraysFault.MISSING
 
 
-def test_whole_arrays_have_no_fault(rig_file: Path) -> None:
-    arrays = {REST_MAP: np.zeros((2, 3, 2)), RAW_SUMS: np.zeros((4, 2, 3))}
-    assert arrays_fault(store(rig_file, document(), {}, arrays).folder) is None
-
-
-def test_rest_map_of_a_calibration_without_its_document_is_told(rig_file: Path, tmp_path: Path) -> None:
+def test_whole_arrays_have_no_fault_and_a_rest_map_without_its_document_has(
+    rig_file: Path, tmp_path: Path
+) -> None:
     arrays = {REST_MAP: np.zeros((2, 3, 2)), RAW_SUMS: np.zeros((4, 2, 3))}
     stored = store(rig_file, document(), {}, arrays)
+    assert arrays_fault(stored.folder) is None
     named = load_rig(stored.rig_file).camera.rest_map
     assert not lacks_document(stored.rig_file, named)
     (stored.folder / DOCUMENT).unlink()

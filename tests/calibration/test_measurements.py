@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ def test_nodes_near_the_edges_are_left_out(truth: Any, positions: RestPositions)
 
 
 @pytest.mark.parametrize("edge", ["P0", "R0"])
-def test_an_edge_is_told_in_camera_px_from_its_image(nominal: Rig, edge: Any) -> None:
+def test_an_edge_is_given_in_camera_px_from_its_image(nominal: Rig, edge: Any) -> None:
     optics = UnboundedOptics(nominal)
     u, v = np.linspace(-100, 450, 200001), np.full(200001, 127.5)
     x = mirror_point(optics, u, v)[:, 0]
@@ -60,22 +61,23 @@ def test_covariance_of_the_intrinsics_is_honoured(nominal: Rig) -> None:
     assert left @ left == pytest.approx(wanted)
 
 
-def test_intrinsics_that_cannot_be_are_refused(nominal: Rig) -> None:
-    with pytest.raises(InputError, match="positive definite"):
-        Intrinsics(("fx", "fy"), np.ones(2), np.array([[1.0, 2.0], [2.0, 1.0]]))
-    with pytest.raises(InputError, match="one value for each"):
-        Intrinsics(("f",), np.ones(1), np.eye(1))
-    with pytest.raises(InputError, match="perspective"):
-        Intrinsics(("fx",), np.ones(1), np.eye(1)).prepared(load_rig("paper"))
+PAPER, ONE, SADDLE = load_rig("paper"), (np.ones(1), np.eye(1)), np.array([[1.0, 2.0], [2.0, 1.0]])
 
 
-def test_a_direct_measurement_of_nothing_is_refused(nominal: Rig) -> None:
-    with pytest.raises(InputError, match="not a parameter"):
-        Direct("gap", 0.5, 0.1)
-    with pytest.raises(InputError, match="above 0"):
-        Direct("gap_mm", 0.5, 0.0)
-    with pytest.raises(InputError, match="has none"):
-        Direct("camera.k1", 0.0, 0.1).prepared(load_rig("paper"))
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Intrinsics(("fx", "fy"), np.ones(2), SADDLE), "positive definite"),
+        (lambda: Intrinsics(("f",), *ONE), "one value for each"),
+        (lambda: Intrinsics(("fx",), *ONE).prepared(PAPER), "perspective"),
+        (lambda: Direct("gap", 0.5, 0.1), "not a parameter"),
+        (lambda: Direct("gap_mm", 0.5, 0.0), "above 0"),
+        (lambda: Direct("camera.k1", 0.0, 0.1).prepared(PAPER), "has none"),
+    ],
+)
+def test_measurements_that_cannot_be_are_refused(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        make()
 
 
 def test_a_press_is_read_through_the_true_rig_as_it_is(truth: Any, presses: Presses) -> None:
@@ -108,9 +110,9 @@ def test_derivatives_are_those_of_the_prediction(nominal: Rig, positions: RestPo
     z = 0.1 * rng.standard_normal(len(priors.names))
     step = 5e-4
     change = (data.predict(priors.at(z + step * way)) - data.predict(priors.at(z - step * way))) / data.sigma
-    foreseen = jacobian(priors, z, data) @ way
+    predicted = jacobian(priors, z, data) @ way
     # central differences at 0.01 prior sigma are good to its square times the third derivative
-    np.testing.assert_allclose(change / (2 * step), foreseen, atol=1e-5 * np.abs(foreseen).max())
+    np.testing.assert_allclose(change / (2 * step), predicted, atol=1e-5 * np.abs(predicted).max())
 
 
 def test_derivatives_at_a_bound_are_one_sided(nominal: Rig) -> None:

@@ -70,7 +70,7 @@ def test_planted_timing_comes_back(latency_s: float, scanout_s: float, rise_s: f
     assert not found.upwards
 
 
-def test_a_panel_that_scans_up_is_told() -> None:
+def test_a_panel_that_scans_up_is_recognised() -> None:
     # the last row first: the light of the first row comes a scan-out later
     steps = seen(0.01 + REFRESH_S, -REFRESH_S, 0.004, 0.004)
     found = fit_steps(steps, ROUGH)
@@ -92,12 +92,12 @@ def test_sigma_holds() -> None:
     assert 0.3 < rms < 1.2
 
 
-def test_frames_that_always_fall_on_the_same_part_of_a_change_are_said_to_tell_little() -> None:
+def test_frames_that_always_fall_on_the_same_part_of_a_change_are_refused() -> None:
     with pytest.raises(MeasurementError, match="fall on a change"):
         fit_steps(seen(0.001, 0.0, 1e-4, 1e-4, in_step=True, changes=6), ROUGH)
 
 
-def test_a_dark_camera_is_told() -> None:
+def test_a_dark_camera_is_refused() -> None:
     steps = seen(0.0, REFRESH_S, 0.004, 0.004)
     dark = PanelSteps(steps.since_s, steps.exposure_s, steps.rising, np.full_like(steps.grey, 4.0), PLACE)
     with pytest.raises(MeasurementError, match="does not see the panel change"):

@@ -19,7 +19,6 @@ from zeromethod.calibration import (
     judge,
     open_combinations,
 )
-from zeromethod.calibration.depth_error import Pad
 from zeromethod.calibration.uncertainty import expected, strongest
 from zeromethod.calibration.verdict import tir_margin_deg
 from zeromethod.errors import MeasurementError
@@ -35,14 +34,6 @@ def error(rest_fit: Fit, truth: Any, reading: RestReading) -> DepthError:
 def with_covariance_of(error: DepthError, fitted: Fit) -> DepthError:
     """Derivatives hardly depend on the fit; the covariance is all that differs."""
     return replace(error, covariance=fitted.covariance)
-
-
-def test_a_pads_slope_is_its_depths_derivative() -> None:
-    pad = Pad(1.0, 2.0, 0.1, 3.0)
-    x, y, step = np.array([3.0]), np.array([-1.0]), 1e-5
-    by_x = (pad.depth(x + step, y) - pad.depth(x - step, y)) / (2 * step)
-    by_y = (pad.depth(x, y + step) - pad.depth(x, y - step)) / (2 * step)
-    np.testing.assert_allclose(pad.slope(x, y), [by_x, by_y], rtol=1e-8)
 
 
 def test_depth_depends_on_the_lcds_place_as_the_lever_says(
@@ -79,7 +70,7 @@ def test_too_little_mirror_is_named(rest_fit: Fit, truth: Any) -> None:
         depth_error(rest_fit, truth.grid, nothing)
 
 
-def test_what_the_rest_map_cannot_tell_apart_is_named(rest_fit: Fit, error: DepthError) -> None:
+def test_what_the_rest_map_cannot_separate_is_named(rest_fit: Fit, error: DepthError) -> None:
     blends = open_combinations(rest_fit, error)
     together = [{name for name, _ in blend.parts} for blend in blends]
     assert {"camera.roll_deg", "display.turn_deg"} in together
@@ -110,7 +101,6 @@ def test_expected_gain_is_what_the_data_then_bring(
 def test_a_press_is_what_to_measure_after_the_rest_map(rest_fit: Fit, error: DepthError) -> None:
     offers = gains(rest_fit, error)
     best = strongest(offers)
-    assert best is not None
     assert best.what.startswith("a press of")
     assert best.percent < 0.3 * best.before_percent
     assert all(offer.percent <= offer.before_percent * (1 + 1e-9) for offer in offers)

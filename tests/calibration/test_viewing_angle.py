@@ -81,7 +81,7 @@ def test_an_even_panel_is_left_alone(seed: int) -> None:
     assert panel_exponents(planted(0.0, 0.0, seed), places(), SIZE) is None
 
 
-def test_tiles_of_unknown_place_and_too_few_tiles_tell_nothing() -> None:
+def test_tiles_of_unknown_place_and_too_few_tiles_give_nothing() -> None:
     found, at = planted(0.2, 0.0), places()
     at[:, 1:] = np.nan
     assert panel_exponents(found, at, SIZE) is None

@@ -1,6 +1,7 @@
 """`zeromethod calibrate decode` as a person meets it: files of every kind, figures, refusals."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -17,11 +18,21 @@ SHAPE = (48, 64)
 PANEL = (200, 160)
 
 
-def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as end:
-        command_line.main(["calibrate", "decode", *(str(argument) for argument in arguments)])
-    printed = capsys.readouterr()
-    return int(end.value.code or 0), printed.out, printed.err
+Decode = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def decode(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Decode:
+    """Exit code, output and errors of the command, which writes rest.npz."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        words = ["calibrate", "decode", "--output", tmp_path / "rest.npz", *arguments]
+        with pytest.raises(SystemExit) as end:
+            command_line.main([str(word) for word in words])
+        printed = capsys.readouterr()
+        return int(end.value.code or 0), printed.out, printed.err
+
+    return run
 
 
 def true_map() -> np.ndarray:
@@ -66,62 +77,59 @@ BASIC = ("--periods", "16,18,19,23", "--shifts", "6")
 SEQUENCE = FringeSequence(PERIODS, equal_shifts(6))
 
 
-def test_images_give_the_rest_map_and_the_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    paths = images(tmp_path, capture(SEQUENCE))
-    output, summary = tmp_path / "rest.npz", tmp_path / "rest.json"
-    code, out, err = outcome(
-        *paths, *BASIC, "--panel", *PANEL, "--output", output, "--summary", summary, capsys=capsys
-    )
+def test_images_give_the_rest_map_and_the_figures(decode: Decode, tmp_path: Path) -> None:
+    paths, summary = images(tmp_path, capture(SEQUENCE)), tmp_path / "rest.json"
+    code, out, err = decode(*paths, *BASIC, "--panel", *PANEL, "--summary", summary)
     assert (code, err) == (0, "")
     assert "camera pixels left out: no modulation" in out
-    rest = check(output)
-    with np.load(output) as data:
+    rest = check(tmp_path / "rest.npz")
+    with np.load(tmp_path / "rest.npz") as data:
         assert set(data.files) == {"column", "row", "sigma", "valid", "reason"}
         assert data["column"].shape == data["row"].shape == data["valid"].shape == SHAPE
-    told = json.loads(summary.read_text())
-    assert told["valid_share"] == pytest.approx(rest.valid.mean())
-    assert told["reasons_px"]["no modulation"] == np.sum((rest.reason & Reason.NO_MODULATION) != 0)
-    assert told["display_px"] == list(PANEL)
-    assert told["wrong_orders_expected"] < 1e-12
+    figures = json.loads(summary.read_text())
+    assert figures["valid_share"] == pytest.approx(rest.valid.mean())
+    assert figures["reasons_px"]["no modulation"] == np.sum((rest.reason & Reason.NO_MODULATION) != 0)
+    assert figures["display_px"] == list(PANEL)
+    assert figures["wrong_orders_expected"] < 1e-12
 
 
 @pytest.mark.parametrize("kind", ["tif", "pages", "npy", "npz", "float", "mixed"])
-def test_every_kind_of_file_gives_the_same_map(
-    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_kind_of_file_gives_the_same_map(kind: str, decode: Decode, tmp_path: Path) -> None:
     frames = capture(SEQUENCE, bits=12)
+    stack, path = np.stack(frames), tmp_path / f"stack.{kind}"
+    paths = [path.with_suffix(".tif" if kind == "pages" else ".npz" if kind == "npz" else ".npy")]
     if kind == "tif":
         paths = images(tmp_path, frames, ".tif")
     elif kind == "pages":
-        paths = [tmp_path / "stack.tif"]
         cv2.imwritemulti(str(paths[0]), frames)
     elif kind == "npz":
-        paths = [tmp_path / "stack.npz"]
-        np.savez(paths[0], columns=np.stack(frames[:24]), rows=np.stack(frames[24:]))
+        np.savez(paths[0], columns=stack[:24], rows=stack[24:])
     elif kind == "mixed":
-        paths = [tmp_path / "columns.npy", *images(tmp_path, frames[24:])]
-        np.save(paths[0], np.stack(frames[:24]))
+        np.save(paths[0], stack[:24])
+        paths += images(tmp_path, frames[24:])
     else:
-        paths = [tmp_path / "stack.npy"]
-        stack = np.stack(frames)
         np.save(paths[0], stack.astype(np.float32) if kind == "float" else stack)
-    output = tmp_path / "rest.npz"
-    code, _, err = outcome(*paths, *BASIC, "--panel", *PANEL, "--bits", 12, "--output", output, capsys=capsys)
+    code, _, err = decode(*paths, *BASIC, "--panel", *PANEL, "--bits", 12)
     assert (code, err) == (0, "")
-    check(output)
+    check(tmp_path / "rest.npz")
 
 
-def test_unequal_shifts_other_axes_and_repeats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unequal_shifts_other_axes_and_repeats(decode: Decode, tmp_path: Path) -> None:
     degrees = (0, 50, 130, 170, 220, 300)
     sequence = FringeSequence(PERIODS, tuple(np.deg2rad(degrees)), ("rows", "columns"), 2)
-    stack, output = tmp_path / "stack.npy", tmp_path / "rest.npz"
-    np.save(stack, np.stack(capture(sequence)))
-    code, _, err = outcome(
-        stack, "--periods", "16,18,19,23", "--shifts", ",".join(map(str, degrees)), "--axes", "rows,columns",
-        "--repeats", 2, "--noise", 1.275, 1e6, "--output", output, capsys=capsys,
-    )  # fmt: skip
+    np.save(tmp_path / "stack.npy", np.stack(capture(sequence)))
+    options = ("--shifts", ",".join(map(str, degrees)), "--axes", "rows,columns", "--repeats", 2)
+    code, _, err = decode(tmp_path / "stack.npy", *BASIC[:2], *options, "--noise", 1.275, 1e6)
     assert (code, err) == (0, "")
-    check(output)
+    check(tmp_path / "rest.npz")
+
+
+def assert_one_line(outcome: tuple[int, str, str], words: str, folder: Path) -> None:
+    code, _, err = outcome
+    assert code == 2
+    assert words in err
+    assert err.count("\n") == 1
+    assert not (folder / "rest.npz").exists()
 
 
 @pytest.mark.parametrize(
@@ -140,65 +148,52 @@ def test_unequal_shifts_other_axes_and_repeats(tmp_path: Path, capsys: pytest.Ca
     ],
 )
 def test_wrong_options_end_with_one_line(
-    change: tuple[str, str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    change: tuple[str, str], words: str, decode: Decode, tmp_path: Path
 ) -> None:
     paths = images(tmp_path, [np.zeros(SHAPE, np.uint8)] * SEQUENCE.frames)
-    options = {"--periods": "16,18,19,23", "--shifts": "6", "--output": str(tmp_path / "rest.npz")}
-    options[change[0]] = change[1]
-    code, _, err = outcome(*paths, *(word for pair in options.items() for word in pair), capsys=capsys)
-    assert code == 2
-    assert words in err
-    assert err.count("\n") == 1
-    assert not (tmp_path / "rest.npz").exists()
+    assert_one_line(decode(*paths, *BASIC, *change), words, tmp_path)
 
 
 @pytest.mark.parametrize(
-    "fault", ["missing", "text", "empty", "size", "text.npy", "words.npy", "flat.npy", "torn.npz"]
+    ("name", "content"),
+    [
+        ("frame005.png", None),
+        ("frame005.png", b"no picture"),
+        ("frame005.png", b""),
+        ("frame005.png", np.zeros((10, 12), np.uint8)),
+        ("text.npy", b"no array"),
+        ("words.npy", np.array(["a", "b"])),
+        ("flat.npy", np.zeros(7)),
+        ("torn.npz", b"PK\x03\x04 and no more"),
+    ],
 )
-def test_wrong_files_end_with_one_line(
-    fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_files_end_with_one_line(name: str, content: object, decode: Decode, tmp_path: Path) -> None:
     paths = images(tmp_path, capture(SEQUENCE))
-    bad = tmp_path / (fault if "." in fault else "frame005.png")
-    if fault == "missing":
+    bad = paths[5] = tmp_path / name
+    if isinstance(content, bytes):
+        bad.write_bytes(content)
+    elif content is None:
         bad.unlink()
-    elif fault in ("text", "empty"):
-        bad.write_text("no picture" if fault == "text" else "")
-    elif fault == "size":
-        cv2.imencode(".png", np.zeros((10, 12), np.uint8))[1].tofile(bad)
-    elif fault == "words.npy":
-        np.save(bad, np.array(["a", "b"]))
-    elif fault == "flat.npy":
-        np.save(bad, np.zeros(7))
+    elif bad.suffix == ".png":
+        cv2.imencode(".png", content)[1].tofile(bad)
     else:
-        bad.write_bytes(b"PK\x03\x04 and no more" if fault == "torn.npz" else b"no array")
-    paths[5] = bad
-    code, _, err = outcome(*paths, *BASIC, "--output", tmp_path / "rest.npz", capsys=capsys)
-    assert code == 2
-    assert bad.name in err
-    assert err.count("\n") == 1
-    assert not (tmp_path / "rest.npz").exists()
+        np.save(bad, content)
+    assert_one_line(decode(*paths, *BASIC), bad.name, tmp_path)
 
 
-@pytest.mark.parametrize(("grey", "why"), [(0, "no modulation"), (255, "no modulation")])
-def test_a_black_or_blinded_camera_fails_with_the_reason(
-    grey: int, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+NOISE = np.random.default_rng(0).integers(90, 110, (SEQUENCE.frames, *SHAPE)).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("frames", "saturated"), [(0 * NOISE, False), (0 * NOISE + 255, True), (NOISE, False)]
+)
+def test_a_camera_that_sees_no_fringes_fails_with_the_reason(
+    frames: np.ndarray, saturated: bool, decode: Decode, tmp_path: Path
 ) -> None:
-    stack = tmp_path / "stack.npy"
-    np.save(stack, np.full((SEQUENCE.frames, *SHAPE), grey, np.uint8))
-    code, out, err = outcome(stack, *BASIC, "--output", tmp_path / "rest.npz", capsys=capsys)
-    assert code == 1
-    assert f"{why} at 100%" in err
-    assert ("saturated" in out) == (grey == 255)
-
-
-def test_a_view_without_fringes_fails_with_the_reason(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    stack = tmp_path / "stack.npy"
-    np.save(stack, np.random.default_rng(0).integers(90, 110, (SEQUENCE.frames, *SHAPE)).astype(np.uint8))
-    code, _, err = outcome(stack, *BASIC, "--output", tmp_path / "rest.npz", capsys=capsys)
+    np.save(tmp_path / "stack.npy", frames)
+    code, out, err = decode(tmp_path / "stack.npy", *BASIC)
     assert code == 1
     assert "no camera pixel has a place on the LCD: no modulation at 100%" in err
+    assert ("saturated" in out) == saturated
     # The map is written all the same: it says why, pixel by pixel.
     assert not RestMap.load(tmp_path / "rest.npz").valid.any()

@@ -1,7 +1,8 @@
-"""Small simulated benches that stand otherwise than the rig file says, for setting up by eye."""
+"""Small simulated benches that stand otherwise than the rig file says, and their devices altered."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from zeromethod.commissioning.setting_up import SettingUp, Sight
@@ -11,24 +12,58 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 
 
-def coarse(rig: Rig) -> Rig:
-    """The same bench with an eighth of the camera's pixels on each axis and a quarter of the LCD's: quick."""
-    lcd = rig.display.model_copy(update={"columns": 480, "rows": 270, "pitch_mm": 4 * rig.display.pitch_mm})
-    return binned(rig, 8).model_copy(update={"display": lcd, "scenario": "none"})
+def coarse(rig: Rig, camera: int = 8, lcd: int = 4) -> Rig:
+    """The same bench with fewer pixels on each axis, of camera and LCD, by these factors: quick."""
+    display = rig.display
+    values = {
+        "columns": display.columns // lcd,
+        "rows": display.rows // lcd,
+        "pitch_mm": lcd * display.pitch_mm,
+    }
+    small = {"display": display.model_copy(update=values), "scenario": "none"}
+    return binned(rig, camera).model_copy(update=small)
 
 
 RIG = coarse(load_rig("simulated"))
 """As the rig file says: 160 x 128 camera px."""
 
+SMALL_RIG = coarse(load_rig("simulated"), 16, 8)
+"""The same bench with 80 x 64 camera px."""
+
+
+def changed(rig: Rig, **tables: dict[str, Any]) -> Rig:
+    """Rig with other values in its tables."""
+    return rig.model_copy(
+        update={name: getattr(rig, name).model_copy(update=values) for name, values in tables.items()}
+    )
+
 
 def planted(**tables: dict[str, Any]) -> Rig:
-    """The bench as it truly stands: tables of the rig with other values."""
-    return RIG.model_copy(
-        update={name: getattr(RIG, name).model_copy(update=values) for name, values in tables.items()}
-    )
+    """The bench as it truly stands: tables of `RIG` with other values."""
+    return changed(RIG, **tables)
 
 
 def look(truth: Rig, seconds: float = 0.01, with_lcd: bool = True) -> Sight:
     """Last sight of a bench that truly stands as `truth`, by one who believes `RIG`."""
     with open_devices(truth) as devices:
         return list(SettingUp(RIG, devices, with_lcd).sights(seconds))[-1]
+
+
+class Altered:
+    """A device some of whose methods are others."""
+
+    def __init__(self, device: Any, **methods: Callable[..., Any]) -> None:
+        self.device = device
+        vars(self).update(methods)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.device, name)
+
+
+def failing(error: Exception) -> Callable[..., Any]:
+    """A method that raises."""
+
+    def fail(*_: object) -> None:
+        raise error
+
+    return fail

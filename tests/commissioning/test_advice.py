@@ -52,7 +52,7 @@ def test_focus_that_differs_over_the_view_is_a_tilt() -> None:
     assert advice(replace(FINE, modulation=unseen), RIG) == ()
 
 
-def test_hidden_nodes_are_told_with_the_dark_among_them() -> None:
+def test_hidden_nodes_are_reported_with_the_dark_among_them() -> None:
     (said,) = advice(replace(FINE, usable_share=0.7, dark_share=0.2), RIG)
     assert said.startswith(
         "only 70% of the view that should see the LCD is usable, 20% dark: clean the faces"
@@ -64,7 +64,7 @@ def test_flicker_asks_for_full_brightness_or_whole_periods() -> None:
     assert said.startswith("the light flickers by 3.4% from frame to frame: set the LCD to full brightness")
 
 
-def test_several_faults_are_told_light_first_place_last() -> None:
+def test_several_faults_are_reported_light_first_place_last() -> None:
     report = replace(FINE, bright_grey=60.0, score=0.6, blur_px=2.6)
     seen = replace(UPRIGHT, stray_share=0.3, place=replace(PLACE, right_px=-30.0, down_px=0.2))
     said = advice(report, RIG, seen)
@@ -83,7 +83,7 @@ def test_a_size_far_from_the_rig_files_is_not_called_out_of_focus() -> None:
     assert said.startswith("the picture is +20.0% wide and +20.0% high against the rig file")
 
 
-def test_without_the_lcd_a_picture_that_the_target_cannot_place_is_told() -> None:
+def test_without_the_lcd_a_picture_that_the_target_cannot_place_is_reported() -> None:
     (said,) = advice(replace(FINE, alignment=None), RIG)
     assert said.startswith("the picture lies far from where the rig file expects it")
 
@@ -98,7 +98,7 @@ def test_without_the_lcd_a_picture_that_the_target_cannot_place_is_told() -> Non
         (None, PLACE, "coarse"),  # mirrored: what the target tells of its place means nothing
     ],
 )
-def test_the_target_tells_the_place_where_it_cannot_be_a_period_astray(
+def test_the_target_gives_the_place_where_it_cannot_be_a_period_astray(
     coarse: Alignment | None, fine: Alignment | None, taken: str
 ) -> None:
     place = placed(replace(FINE, alignment=fine), replace(UPRIGHT, place=coarse), 16)

@@ -17,23 +17,18 @@ EVEN, DIM = np.ones((4, 4)), np.ones((4, 4))
 DIM[3, 0] = 0.08
 
 
-def result(light: np.ndarray, bent: bool, overdrive: float) -> LightResult:
+def result(light: np.ndarray, overdrive: float) -> LightResult:
     quiet: Any = SimpleNamespace(notes=())
-    linearity: Any = SimpleNamespace(bent=bent, departure=-0.02)
     finding = Finding(Fault.OVERDRIVE, overdrive, 1e-4, "the light goes past")
-    falloff = Falloff(light, light, light, 1.0)
+    falloff = Falloff(light, light)
     none: Any = None
-    return LightResult(
-        *(quiet, none, none, quiet, none, falloff, (finding,), none, (), linearity),
-        *(none, 0.1, 0.0, ("a note",)),
-    )
+    return LightResult(quiet, none, none, quiet, none, falloff, (finding,), none, 0.1, ("a note",))
 
 
 def test_everything_notable_is_said_with_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(light_result, "spread_left", lambda *_: 0.05)
-    fault, straight, region, viewing, note = result(DIM, True, 0.1).advice
+    fault, region, viewing, note = result(DIM, 0.1).advice
     assert fault.startswith("overdrive: the light goes past: switch off overdrive")
-    assert "departs from the light by 2.0 % of its span: switch off its gamma" in straight
     assert region.startswith("region 4, 1 of 4 x 4 (row, column) has 8 % of the brightest")
     assert "viewing direction" in viewing
     assert "5.0 %" in viewing
@@ -42,4 +37,4 @@ def test_everything_notable_is_said_with_what_to_do(monkeypatch: pytest.MonkeyPa
 
 def test_what_is_well_is_not_mentioned(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(light_result, "spread_left", lambda *_: 0.0)
-    assert result(EVEN, False, 0.0).advice == ("a note",)
+    assert result(EVEN, 0.0).advice == ("a note",)

@@ -59,7 +59,6 @@ def test_an_lcd_that_lies_as_it_should_is_upright_and_in_place(plain: PlainPictu
     seen = judged(plain)
     assert seen.upright
     assert seen.seen_share == 1
-    assert seen.place is not None
     # an edge is known to half a pixel of 128
     assert (seen.place.wider, seen.place.higher) == pytest.approx((0, 0), abs=0.01)
     assert (seen.place.right_px, seen.place.down_px) == pytest.approx((0, 0), abs=0.6)
@@ -68,7 +67,7 @@ def test_an_lcd_that_lies_as_it_should_is_upright_and_in_place(plain: PlainPictu
 
 @pytest.mark.parametrize("quarters", [1, 2, 3])
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_mirroring_and_quarter_turns_are_told(plain: PlainPictures, quarters: int, mirrored: bool) -> None:
+def test_mirroring_and_quarter_turns_are_found(plain: PlainPictures, quarters: int, mirrored: bool) -> None:
     def see(lcd: Image) -> Image:
         turned = np.rot90(lcd, -quarters)  # clockwise as it is looked at: from u towards v
         return turned[:, ::-1] if mirrored else turned
@@ -79,13 +78,12 @@ def test_mirroring_and_quarter_turns_are_told(plain: PlainPictures, quarters: in
     assert not seen.upright
 
 
-def test_shifts_are_told_by_their_direction(plain: PlainPictures) -> None:
+def test_shifts_are_found_with_their_direction(plain: PlainPictures) -> None:
     place = judged(plain, lambda lcd: np.roll(lcd, (-21, 34), axis=(0, 1))).place
-    assert place is not None
     assert (place.right_px, place.down_px) == pytest.approx((34, -21), abs=0.6)
 
 
-def test_size_is_told_by_the_middle_half(plain: PlainPictures) -> None:
+def test_size_is_found_by_the_middle_half(plain: PlainPictures) -> None:
     from scipy.ndimage import zoom
 
     def see(lcd: Image) -> Image:
@@ -93,7 +91,6 @@ def test_size_is_told_by_the_middle_half(plain: PlainPictures) -> None:
         return large[:, 50:450]
 
     place = judged(plain, see).place
-    assert place is not None
     # to a pixel of 112
     assert (place.wider, place.higher) == pytest.approx((0.25, 0.0), abs=0.015)
 

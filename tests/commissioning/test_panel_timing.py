@@ -39,6 +39,6 @@ def test_a_panel_that_scans_up_is_found_out() -> None:
     assert found.latency_s == pytest.approx(0.004, abs=8e-4)
 
 
-def test_a_panel_that_is_off_is_told() -> None:
+def test_a_panel_that_is_off_is_refused() -> None:
     with pytest.raises(MeasurementError, match="does not see the panel change"):
         measured(planted(display={"response_light": (0.0, 1e-9)}))

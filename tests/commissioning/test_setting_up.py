@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -10,12 +11,12 @@ import numpy as np
 import pytest
 
 from zeromethod.commissioning.advice import GOOD
-from zeromethod.commissioning.setting_up import Flicker, SettingUp
-from zeromethod.devices.opening import open_devices
+from zeromethod.commissioning.setting_up import Flicker, SettingUp, Sight
+from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost, Frame
 from zeromethod.errors import MeasurementError
 
-from .setting_up_benches import RIG, look, planted
+from .setting_up_benches import RIG, Altered, look, planted
 
 FOCAL_PX = 1125.0
 
@@ -46,7 +47,7 @@ def test_a_planted_fault_brings_its_own_advice_and_no_other(fault: Any, words: s
     assert said.startswith(words)
 
 
-def test_over_exposure_is_told_first_and_what_it_spoils_is_not() -> None:
+def test_over_exposure_is_reported_first_and_what_it_spoils_is_not() -> None:
     sight = look(planted(simulation={"peak_grey_share": 1.0, "ambient": 0.3}))
     assert sight.advice[0].startswith("saturated (")
     assert "shorten the exposure (now 8 ms)" in sight.advice[0]
@@ -54,7 +55,7 @@ def test_over_exposure_is_told_first_and_what_it_spoils_is_not() -> None:
     assert sight.report.saturated_share == pytest.approx(np.mean(sight.frame.image == 255))
 
 
-def test_no_light_is_told_before_what_follows_from_it() -> None:
+def test_no_light_is_reported_before_what_follows_from_it() -> None:
     sight = look(planted(simulation={"peak_grey_share": 0.002 + 4 / 255}))
     assert sight.advice[0].startswith("no light: lens cap, aperture")
 
@@ -66,9 +67,8 @@ def test_an_lcd_out_of_view_is_not_seen() -> None:
     assert sight.place is None
 
 
-def test_where_the_picture_lies_is_told_to_a_tenth_of_a_pixel() -> None:
+def test_where_the_picture_lies_is_known_to_a_tenth_of_a_pixel() -> None:
     sight = look(planted(camera={"centre_px": (81.5, 60.5)}))
-    assert sight.place is not None
     # noise of a node 0.01 px, some hundred nodes; the view's middle sees another part of the keystone
     assert (sight.place.right_px, sight.place.down_px) == pytest.approx((2, -3), abs=0.1)
 
@@ -76,11 +76,9 @@ def test_where_the_picture_lies_is_told_to_a_tenth_of_a_pixel() -> None:
 def test_a_picture_too_far_off_for_the_target_is_placed_by_plain_pictures() -> None:
     # edges of the plain pictures lie on whole LCD px, 0.6 camera px here: of 64 px of picture, 1 %
     far = look(planted(camera={"centre_px": (79.5, 43.5)}))  # the target looks the same 16 px further on
-    assert far.place is not None
     assert (far.place.right_px, far.place.down_px) == pytest.approx((0, -20), abs=1)
     assert any("px above of where the rig file expects it" in said for said in far.advice)
     large = look(planted(camera={"focal_px": (1.09 * FOCAL_PX,) * 2}))
-    assert large.place is not None
     assert (large.place.wider, large.place.higher) == pytest.approx((0.09, 0.09), abs=0.015)
     assert len(large.advice) == 1
 
@@ -94,23 +92,15 @@ def test_without_the_lcd_only_the_camera_is_judged() -> None:
     assert sight.advice[0].startswith("no target is seen: is it on the LCD")
 
 
-class _Defocused:
-    """A camera far out of focus: blurring its images is quicker than tracing its rays."""
-
-    def __init__(self, camera: Any) -> None:
-        self._camera = camera
-
-    def read(self, timeout_s: float) -> Frame:
-        frame = self._camera.read(timeout_s)
-        return replace(frame, image=cv2.GaussianBlur(frame.image, None, 6.0))
-
-    def close(self) -> None:
-        self._camera.close()
-
-
 def test_far_out_of_focus_the_lcd_is_seen_but_its_pattern_is_not() -> None:
     with open_devices(RIG) as devices:
-        devices.camera = _Defocused(devices.camera)  # type: ignore[assignment]
+        camera = devices.camera
+
+        def blurred(timeout_s: float) -> Frame:  # quicker than tracing the rays of a lens out of focus
+            frame = camera.read(timeout_s)
+            return replace(frame, image=cv2.GaussianBlur(frame.image, None, 6.0))
+
+        devices.camera = Altered(camera, read=blurred)
         (sight,) = SettingUp(RIG, devices, with_lcd=True).sights(0.01)
     assert sight.advice[0].startswith("far out of focus: the LCD is seen, its pattern is not")
 
@@ -119,39 +109,23 @@ def test_the_lcd_is_looked_for_again_while_it_is_not_seen_as_it_should_be(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("zeromethod.commissioning.setting_up.LOOK_AGAIN_S", 0.1)
-    truth = planted(display={"mirrored": True})
-    with open_devices(truth) as devices:
-        shown: list[int] = []
+    shown: list[int] = []
+
+    def sights(devices: Devices, seconds: float | None) -> Iterator[Sight]:
         show = devices.display.show
-        monkeypatch.setattr(devices.display, "show", lambda image: (shown.append(1), show(image))[1])
-        sights = SettingUp(RIG, devices, with_lcd=True).sights()
-        next(sights)
+        devices.display = Altered(devices.display, show=lambda image: (shown.append(1), show(image))[1])
+        return SettingUp(RIG, devices, with_lcd=True).sights(seconds)
+
+    with open_devices(planted(display={"mirrored": True})) as devices:
+        mirrored = sights(devices, None)
+        next(mirrored)
         assert len(shown) == 6
         while len(shown) < 12:
-            next(sights)
+            next(mirrored)
+    shown.clear()
     with open_devices(RIG) as devices:
-        shown.clear()
-        show = devices.display.show
-        monkeypatch.setattr(devices.display, "show", lambda image: (shown.append(1), show(image))[1])
-        assert len(list(SettingUp(RIG, devices, with_lcd=True).sights(0.3))) > 10
+        assert len(list(sights(devices, 0.3))) > 10
         assert len(shown) == 6
-
-
-class _Camera:
-    """Raises what it is told to, after some frames."""
-
-    def __init__(self, camera: Any, error: Exception, frames: int) -> None:
-        self._camera, self._error, self._left = camera, error, frames
-
-    def read(self, timeout_s: float) -> Frame:
-        self._left -= 1
-        if self._left < 0:
-            raise self._error
-        frame: Frame = self._camera.read(timeout_s)
-        return frame
-
-    def close(self) -> None:
-        self._camera.close()
 
 
 @pytest.mark.parametrize(
@@ -164,7 +138,14 @@ class _Camera:
 )
 def test_a_device_that_fails_ends_it_with_the_reason(error: Exception, words: str) -> None:
     with open_devices(RIG) as devices:
-        devices.camera = _Camera(devices.camera, error, frames=20)  # type: ignore[assignment]
+        camera, left = devices.camera, iter(range(20))
+
+        def read(timeout_s: float) -> Frame:
+            if next(left, None) is None:
+                raise error
+            return camera.read(timeout_s)
+
+        devices.camera = Altered(camera, read=read)
         with pytest.raises(MeasurementError) as ended:
             list(SettingUp(RIG, devices, with_lcd=False).sights(10))
     assert str(ended.value) == words

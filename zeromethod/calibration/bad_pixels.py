@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, uniform_filter
 from scipy.special import chdtri
 
 from zeromethod.arrays import Bytes, Mask
@@ -36,39 +35,11 @@ class BadPixel(enum.IntFlag):
     DEAD = 4  # follows the light far less, or far more, than its neighbours; dust, or a dead pixel of the LCD
     NOISY = 8  # blinks
 
-    @property
-    def plain(self) -> str:
-        """The reasons as a person reads them."""
-        return ", ".join(str(one.name).lower() for one in BadPixel if one in self)
-
-
-@dataclass(frozen=True)
-class BadPixels:
-    """reason: (rows, cols) uint8 of `BadPixel`, 0 = sound."""
-
-    reason: Bytes
-
-    @property
-    def mask(self) -> Mask:
-        """(rows, cols) pixels that are not sound."""
-        return np.asarray(self.reason != 0)
-
-    def named(self) -> list[tuple[int, int, str]]:
-        """(column, row, reasons) of every bad pixel."""
-        return [
-            (int(col), int(row), BadPixel(int(self.reason[row, col])).plain)
-            for row, col in np.argwhere(self.mask)
-        ]
-
-    def count(self, reason: BadPixel) -> int:
-        """Pixels against which a reason holds."""
-        return int(np.count_nonzero(self.reason & int(reason)))
-
 
 def find_bad_pixels(
     white: Still, black: Still, lit: Mask, noise: PhotonTransfer, stills: Sequence[Still] = ()
-) -> BadPixels:
-    """Bad pixels from the pictures of the white and the black LCD, and any more for their noise.
+) -> Bytes:
+    """(rows, cols) `BadPixel`, 0 = sound, from pictures of the white and the black LCD, and more for noise.
 
     lit: pixels that look at the LCD; what lies beyond is judged by the dark alone.
     """
@@ -107,14 +78,10 @@ def find_bad_pixels(
     # which also makes it seem hot or dead
     stuck = np.all([one.steady for one in still_ones], axis=0) & (swing == 0) & inside
     reason[stuck & (noise.variance(white.mean) > 4 * QUANTISATION)] = int(BadPixel.STUCK)
-    return BadPixels(reason)
+    return reason
 
 
 def _alone(lit: Mask) -> Mask:
     """Pixels of which most neighbours are lit: no edge of the lit area runs here."""
-    around = np.zeros(lit.shape)
-    padded = np.pad(lit.astype(np.float64), NEIGHBOURS_PX // 2)
-    for row in range(NEIGHBOURS_PX):
-        for col in range(NEIGHBOURS_PX):
-            around += padded[row : row + lit.shape[0], col : col + lit.shape[1]]
-    return np.asarray(around >= 0.8 * NEIGHBOURS_PX**2)
+    share = uniform_filter(lit.astype(np.float64), NEIGHBOURS_PX, mode="constant")
+    return np.asarray(share > 0.8 - 1e-6)

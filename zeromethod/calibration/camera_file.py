@@ -28,7 +28,6 @@ _ALLOWED = "a file by zeromethod calibrate intrinsics, or OpenCV's or ROS's came
 _SUFFIXES = (".yaml", ".yml")
 _MODELS = ("", "plumb_bob", "rational_polynomial")
 """Distortion models of ROS whose first five terms are OpenCV's."""
-_DIGITS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +56,6 @@ class CameraFile:
 def save_camera(path: Path, found: CameraFit, board: str) -> None:
     """Write a file, in one move."""
     one = found.intrinsics
-    rows = tomlkit.array()
-    for row in one.correlation:
-        rows.append(_short(row))
     document = {
         "schema_version": 1,
         "columns": found.shape[1],
@@ -68,11 +64,11 @@ def save_camera(path: Path, found: CameraFit, board: str) -> None:
         "views": len(found.views),
         "corners": found.corners,
         "stray_corners": found.stray,
-        "rms_px": float(f"{found.rms_px:.{_DIGITS}g}"),
+        "rms_px": found.rms_px,
         "names": list(one.names),
-        "values": _short(one.values),
-        "sigma": _short(one.spread),
-        "correlation": rows.multiline(True),
+        "values": one.values.tolist(),
+        "sigma": one.spread.tolist(),
+        "correlation": tomlkit.item(one.correlation.tolist()).multiline(True),
     }
     with atomic_write(path) as part:
         part.write_text(f"# {_HEAD}\n{tomlkit.dumps(document)}", encoding="utf-8")
@@ -82,7 +78,10 @@ def load_camera(path: Path, sigma_percent: float | None = None) -> CameraFile:
     """Read a file; sigma_percent: see `read_yaml`. Raises InputError for anything else."""
     if path.suffix.lower() in _SUFFIXES:
         return read_yaml(path, sigma_percent)
-    document = read_document(path, _ALLOWED)
+    try:
+        document = read_document(path, _ALLOWED)
+    except InputError as error:
+        raise InputError(f"--intrinsics: {error}") from None
     if sigma_percent is not None:
         raise InputError(f"--intrinsics-sigma: {path} states its sigmas: only for files without them (.yaml)")
     try:
@@ -139,7 +138,3 @@ def _numbers(file: cv2.FileStorage, key: str) -> Float:
     """Numbers of a matrix; none where it is missing."""
     data = file.getNode(key).getNode("data")
     return np.array([data.at(index).real() for index in range(data.size())])
-
-
-def _short(values: Float) -> list[float]:
-    return [float(f"{value:.{_DIGITS}g}") for value in values]

@@ -17,6 +17,7 @@ from zeromethod.calibration.presses import KnownPress, Presses, RestReading
 from zeromethod.calibration.rays import UnboundedOptics
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import Dented
+from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_pixels import rest_pixels
 from zeromethod.warp.validity import Flag
@@ -29,26 +30,6 @@ _WIDTH_SHARE = 0.1
 _MOST_SLOPE = 0.012
 _SIGMA_PX = 0.02
 _LEAST_NODES = 64
-
-
-@dataclass(frozen=True, slots=True)
-class Pad:
-    """A Gaussian dent, the reference press."""
-
-    x_mm: float
-    y_mm: float
-    depth_mm: float
-    sigma_mm: float
-
-    def depth(self, x: Float, y: Float) -> Float:
-        """Depth (...) in mm."""
-        r2 = (x - self.x_mm) ** 2 + (y - self.y_mm) ** 2
-        return np.asarray(self.depth_mm * np.exp(-r2 / (2 * self.sigma_mm**2)))
-
-    def slope(self, x: Float, y: Float) -> tuple[Float, Float]:
-        """(dd/dx, dd/dy), each (...), rad."""
-        steep = -self.depth(x, y) / self.sigma_mm**2
-        return (x - self.x_mm) * steep, (y - self.y_mm) * steep
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +100,7 @@ def depth_error(fitted: Fit, grid: NodeGrid, reading: RestReading | None = None)
     names, presses = [], []
     for x_name, x_mm in zip(_X_NAMES, x, strict=True):
         for y_name, y_mm in zip(_Y_NAMES, y, strict=True):
-            pad = Pad(float(x_mm), float(y_mm), depth_mm, sigma_mm)
+            pad = Mirror((Dent(Shape.GAUSSIAN, float(x_mm), float(y_mm), depth_mm, sigma_mm),))
             seen = optics.trace(pixel[..., 0], pixel[..., 1], Dented(optics.rest, pad))
             flags = np.where(known & np.isfinite(seen.q[..., 0]), 0, int(Flag.NO_RAY)).astype(np.uint16)
             warp = Warp(seen.q, np.full(seen.q.shape, _SIGMA_PX), flags, 0)

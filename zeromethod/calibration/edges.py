@@ -95,7 +95,7 @@ class EdgeSearch:
             return str(self.found)
         place = float(self.found.pixel[:, 1 if self.along == "row" else 0].mean())
         sigma_px = self.found.sigma_px / np.sqrt(2.0)
-        return f"seen at {self.along} {place:.1f} (sigma {sigma_px:.1f} px; {self.width_px:.1f} px wide)"
+        return f"found at {self.along} {place:.1f} (sigma {sigma_px:.1f} px; {self.width_px:.1f} px wide)"
 
 
 def find_edges(fitted: Fit, rest: RestMeasurement) -> tuple[EdgeSearch, EdgeSearch]:
@@ -104,18 +104,14 @@ def find_edges(fitted: Fit, rest: RestMeasurement) -> tuple[EdgeSearch, EdgeSear
 
 
 class _NoEdgeError(Exception):
-    """An edge is not taken."""
-
-    def __init__(self, reason: NoEdge) -> None:
-        super().__init__(reason)
-        self.reason = reason
+    """An edge is not taken; its argument is the `NoEdge`."""
 
 
 def _search(fitted: Fit, rest: RestMeasurement, edge: Name) -> EdgeSearch:
     try:
         return _seen(fitted, rest, edge)
     except _NoEdgeError as error:
-        return EdgeSearch(edge, error.reason)
+        return EdgeSearch(edge, *error.args)
 
 
 def _seen(fitted: Fit, rest: RestMeasurement, edge: Name) -> EdgeSearch:

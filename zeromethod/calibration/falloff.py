@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.errors import MeasurementError
@@ -29,31 +30,30 @@ WEAK_SHARE = 0.3
 _ORDER = 4
 
 
-def lit_pixels(white: Float, black: Float, sigma_grey: float = 0.0) -> Mask:
-    """Pixels (rows, cols) that follow the LCD, by its white and black pictures.
-
-    sigma_grey: noise of `white - black`; what does not stand out of it is not lit.
-    """
+def lit_pixels(white: Float, black: Float) -> Mask:
+    """Pixels (rows, cols) that follow the LCD, by its white and black pictures."""
     swing = np.asarray(white, dtype=np.float64) - black
-    least = max(LIT_SHARE * float(np.percentile(swing, 98)), 6.0 * sigma_grey, 1e-9)
-    return np.asarray(swing > least)
+    return np.asarray(swing > max(LIT_SHARE * float(np.percentile(swing, 98)), 1e-9))
 
 
-def tile_means(image: Float, lit: Mask, tiles: tuple[int, int] = TILES) -> Float:
+def tile_means(image: Float, lit: Mask) -> Float:
     """(tile rows, tile cols) mean of the lit pixels of each tile; NaN where too few are lit.
 
     image: (rows, cols); tiles split it as evenly as whole pixels allow.
     """
-    weight = lit.astype(np.float64)
-    means = _sums(np.where(lit, image, 0.0), tiles)
-    counts = _sums(weight, tiles)
-    full = _sums(np.ones_like(weight), tiles)
+    sums, counts, full = map(_sums, (np.where(lit, image, 0.0), lit * 1.0, np.ones(lit.shape)))
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(counts >= LEAST_LIT * full, means / counts, np.nan)
+        return np.where(counts >= LEAST_LIT * full, sums / counts, np.nan)
 
 
-def _sums(image: Float, tiles: tuple[int, int]) -> Float:
-    starts = [np.arange(n) * size // n for size, n in zip(image.shape, tiles, strict=True)]
+def mean_around(image: Float, lit: Mask, size_px: int) -> Float:
+    """(rows, cols) mean of the lit pixels in a square of `size_px` around each."""
+    weight = uniform_filter(lit.astype(np.float64), size_px)
+    return np.asarray(uniform_filter(np.where(lit, image, 0.0), size_px) / np.maximum(weight, 1e-9))
+
+
+def _sums(image: Float) -> Float:
+    starts = [np.arange(n) * size // n for size, n in zip(image.shape, TILES, strict=True)]
     return np.asarray(np.add.reduceat(np.add.reduceat(image, starts[0], axis=0), starts[1], axis=1))
 
 
@@ -62,14 +62,11 @@ class Falloff:
     """Light over the view.
 
     light: (tile rows, tile cols) of the evenly lit LCD over the lit view's mean; NaN where too little is lit.
-    sigma: its standard deviation, by noise alone. smooth: (rows, cols) polynomial through the lit pixels,
-    over the same mean; NaN elsewhere. lit_share: of all camera pixels.
+    smooth: (rows, cols) polynomial through the lit pixels, over the same mean; NaN elsewhere.
     """
 
     light: Float
-    sigma: Float
     smooth: Float
-    lit_share: float
 
     @property
     def darkest(self) -> float:
@@ -85,26 +82,19 @@ class Falloff:
         return int(row), int(column)
 
 
-def measure_falloff(
-    white: Float, black: Float, sigma_grey: Float | float, lit: Mask, tiles: tuple[int, int] = TILES
-) -> Falloff:
+def measure_falloff(white: Float, black: Float, lit: Mask) -> Falloff:
     """Falloff from mean images (rows, cols) of the white and the black LCD.
 
-    sigma_grey: standard deviation of `white - black` in each pixel, scalar or (rows, cols), errors
-    independent. Raises MeasurementError where no tile is lit.
+    Raises MeasurementError where no tile is lit.
     """
     swing = np.where(lit, np.asarray(white, dtype=np.float64) - black, 0.0)
-    if not lit.any() or not np.isfinite(tile_means(swing, lit, tiles)).any():
+    tiles = tile_means(swing, lit)
+    if not np.isfinite(tiles).any():
         raise MeasurementError(
             "falloff: no region of the view follows the LCD: see to focus, aim and exposure"
         )
     mean = float(swing[lit].mean())
-    light = tile_means(swing, lit, tiles) / mean
-    variance = np.broadcast_to(np.square(sigma_grey), lit.shape)
-    counts = _sums(lit.astype(np.float64), tiles)
-    with np.errstate(divide="ignore"):
-        sigma = np.sqrt(tile_means(variance, lit, tiles) / counts) / mean
-    return Falloff(light, sigma, _smooth(swing / mean, lit), float(lit.mean()))
+    return Falloff(tiles / mean, _smooth(swing / mean, lit))
 
 
 def _smooth(image: Float, lit: Mask) -> Float:

@@ -31,10 +31,10 @@ _STEPS = 60
 _SETTLED = 1e-3
 """Expected gain in the sum at which a fit has settled: 3 % of a posterior sigma."""
 _ROUNDS = 8
-_FORESEEN = 0.1
+_ACCURATE = 0.1
 """Error of a linearised prediction, in its sigma, that is good enough."""
 _LEAST_TURN = 0.05
-"""Step, in prior sigmas, from which what was not foreseen is the derivatives' fault and not rounding."""
+"""Step, in prior sigmas, from which what was not predicted is the derivatives' fault and not rounding."""
 _AHEAD, _MOST_BEND = 0.1, 0.75
 """Share of a step at which the bend is felt, and how much of the step a bend may be."""
 _FIRST_DAMPING, _MOST_DAMPING = 1e-3, 1e7
@@ -217,7 +217,7 @@ def _with_costly(priors: Priors, models: Sequence[_Exact], costly: Sequence[Meas
     """Fit with costly data taken as linear, read again where that fit ends, until nothing new appears.
 
     Depths as read are so nearly linear in the rig that two or three rounds do; derivatives are corrected by
-    what was not foreseen (Broyden's rank-one update) instead of computed again.
+    what was not predicted (Broyden's rank-one update) instead of computed again.
     """
     exact = [_Exact(priors, measurement) for measurement in costly]
     linear = [_Linear(one.measurement, z, one.residual(z), one.slope(z)) for one in exact]
@@ -227,14 +227,14 @@ def _with_costly(priors: Priors, models: Sequence[_Exact], costly: Sequence[Meas
         length2 = float(step @ step)
         for index, (one, line) in enumerate(zip(exact, linear, strict=True)):
             value = one.residual(result.z)
-            unforeseen = value - line.residual(result.z)
-            worst = max(worst, float(np.nan_to_num(np.abs(unforeseen)).max()))
+            missed = value - line.residual(result.z)
+            worst = max(worst, float(np.nan_to_num(np.abs(missed)).max()))
             derivative = line.derivative
             if length2 > _LEAST_TURN**2:
-                derivative = derivative + np.outer(unforeseen, step) / length2
+                derivative = derivative + np.outer(missed, step) / length2
             linear[index] = _Linear(one.measurement, result.z, value, derivative)
         z = result.z
-        if worst < _FORESEEN:
+        if worst < _ACCURATE:
             return result
     return replace(_descend(priors, [*models, *linear], z), settled=False)
 

@@ -269,7 +269,7 @@ def store(
             save_values(part / GIVEN, measured | dict(values), part / RIG)
             for file, draw in (pictures or {}).items():
                 draw(part / file)
-            text = tomlkit.dumps(_document({"schema_version": SCHEMA_VERSION, **document}))
+            text = tomlkit.dumps(_plain({"schema_version": SCHEMA_VERSION, **document}))
             (part / DOCUMENT).write_text(f"# {_HEAD.format(rig=RIG)}\n{text}", encoding="utf-8")
             part.rename(folder)
         finally:
@@ -311,14 +311,7 @@ def _write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
             if isinstance(value, np.ndarray) and value.size > _LARGE:
                 file.create_dataset(name, data=value, compression="gzip", compression_opts=1, shuffle=True)
             else:
-                file[name] = value
-
-
-def _document(values: Mapping[str, Any]) -> tomlkit.TOMLDocument:
-    document = tomlkit.document()
-    for key, value in _plain(values).items():
-        document[key] = value
-    return document
+                file[name] = list(value) if isinstance(value, tuple) else value
 
 
 def _plain(value: Any) -> Any:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 from zeromethod.arrays import Float, Mask, Single
+from zeromethod.calibration.falloff import mean_around
 from zeromethod.calibration.panel_faults import SURE_SIGMAS, Fault, Finding, root
 from zeromethod.errors import InputError
 
@@ -95,7 +96,8 @@ def spatial_dithering(
         rest = np.empty_like(pair)
         for half in range(2):
             with np.errstate(divide="ignore", invalid="ignore"):  # outside the lit part
-                light = _smooth(pair[half] - black[half], lit) / _smooth(swing[half], lit)
+                light = mean_around(pair[half] - black[half], lit, FINE_PX)
+                light /= mean_around(swing[half], lit, FINE_PX)
                 rest[half] = pair[half] - black[half] - light * swing[half]
         agreed = rest[0][inner] * rest[1][inner]
         # smoothing ties neighbours together a little: fewer independent ones than pixels
@@ -110,9 +112,3 @@ def _strongest(made: Iterable[Finding], fault: Fault) -> Finding:
     """The largest that was found, else the surest that was not."""
     unknown = Finding(fault, 0.0, math.inf, "")
     return max(made, key=lambda one: (one.found, one.size if one.found else -one.sigma), default=unknown)
-
-
-def _smooth(image: Float, lit: Mask) -> Float:
-    """Mean of the lit pixels around each."""
-    weight = uniform_filter(lit.astype(np.float64), FINE_PX)
-    return np.asarray(uniform_filter(np.where(lit, image, 0.0), FINE_PX) / np.maximum(weight, 1e-9))

@@ -105,26 +105,12 @@ class Finding:
         return f"{self.fault}: none above {100 * self.least:.2g} %"
 
 
-@dataclass(frozen=True)
-class Surround:
-    """A patch's light by what is around it.
+def surround(patch: Float) -> tuple[Finding, Finding]:
+    """Dynamic contrast and adaptive tone, from the light of a patch by what is around it.
 
-    glare: light that the brightest surround adds to the patch, over the patch's swing; glare_sigma.
-    Glare (of lens, faces, LCD glass) adds; dynamic contrast multiplies. So the patch's own swing separates
-    them.
-    """
-
-    gain: Finding
-    tone: Finding
-    glare: float
-    glare_sigma: float
-
-
-def surround(patch: Float) -> Surround:
-    """Dynamic contrast, from the light of a patch.
-
-    patch: (repeats, surrounds, 3) grey, surrounds from black to white, patch dark, middling and bright. Two
-    repeats at least.
+    Glare (of lens, faces, LCD glass) adds light, dynamic contrast multiplies it: the patch's own swing
+    separates them. patch: (repeats, surrounds, 3) grey, surrounds from black to white, patch dark, middling
+    and bright. Two repeats at least.
     """
     if patch.ndim != 3 or patch.shape[0] < 2 or patch.shape[1] < 2 or patch.shape[2] != 3:
         raise InputError(f"patch: shape {patch.shape}: (two or more repeats, two or more surrounds, 3)")
@@ -140,9 +126,8 @@ def surround(patch: Float) -> Surround:
     bend = tone - tone[-1]
     oddest = int(np.argmax(np.abs(bend)))
     tone_sigma = 2.0 * sigma / min(swing[oddest], swing[-1])
-    glare = (mean[-1, 0] - mean[0, 0]) / swing[-1]
     names = ["black"] + ["grey"] * (len(swing) - 2) + ["white"]
-    return Surround(
+    return (
         Finding(
             Fault.DYNAMIC_CONTRAST,
             float(gain[worst]),
@@ -156,8 +141,6 @@ def surround(patch: Float) -> Surround:
             f"a middling grey gives {100 * bend[oddest]:+.1f} % of the white's light more on {names[oddest]} "
             "than on white",
         ),
-        float(glare),
-        float(sigma * math.sqrt(2.0) / swing[-1]),
     )
 
 

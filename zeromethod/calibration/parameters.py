@@ -1,19 +1,19 @@
 """What a calibration fits: a rig's geometry as named numbers, how well calipers know them, and back to a rig.
 
 The camera's direction is given by two angles that do not depend on its position: `heading` turns its axis
-in the world's xz plane, from x towards z, `elevation` lifts it towards y. The captured face is given by how
+in the world's xz plane, from x towards z, `elevation` lifts it towards y. The camera face is given by how
 much its angle differs from the pattern face's: cut from one mould, they are known better against each other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
 
@@ -195,11 +195,3 @@ class Priors:
         low = np.array([PARAMETERS[name].low for name in self.names])
         high = np.array([PARAMETERS[name].high for name in self.names])
         return np.asarray(np.clip(z, (low - self.mean) / self.sigma, (high - self.mean) / self.sigma))
-
-    def vector(self, values: Mapping[str, float]) -> Float:
-        """Vector z (n,) of a mapping that holds at least all free parameters."""
-        return (np.array([values[name] for name in self.names]) - self.mean) / self.sigma
-
-    def columns(self, names: Sequence[str]) -> Mask:
-        """(n,) which free parameters are among `names`."""
-        return np.array([name in names for name in self.names])

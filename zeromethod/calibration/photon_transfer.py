@@ -1,8 +1,8 @@
-"""The camera's noise against its signal, by differences of frames of the same picture, and its black level.
+"""The camera's noise against its signal, by differences of frames of the same picture.
 
 variance = read_grey^2 + (grey - black_grey) / electrons_per_grey, plus 1/12 for rounding to whole grey
 levels, as `[camera.noise]` has it. Light alone gives the line's slope and its height, but not where on it the
-camera's black lies: read noise and black level need frames in the dark or several exposures.
+camera's black lies: read noise and black level are known within bounds.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 from scipy.optimize import least_squares
 from scipy.special import ndtr
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.calibration.black_level import BlackLevel
+from zeromethod.calibration.falloff import mean_around
 from zeromethod.errors import InputError, MeasurementError
 
 QUANTISATION = 1.0 / 12.0
@@ -144,6 +143,19 @@ def _rounded_and_cut(mean: float, sd: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
+class BlackLevel:
+    """The camera's grey without light: anywhere from low to high, evenly.
+
+    grey, sigma: the middle, and the standard deviation of that.
+    """
+
+    grey: float
+    sigma: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
 class PhotonTransfer:
     """Noise as `[camera.noise]` has it, with standard deviations.
 
@@ -179,23 +191,14 @@ class PhotonTransfer:
         return {key: float(f"{value:.5g}") for key, value in values.items()}
 
 
-def measure_noise(
-    stills: Sequence[Still],
-    lit: Mask,
-    dark: Still | None = None,
-    black: BlackLevel | None = None,
-    bad: Mask | None = None,
-) -> PhotonTransfer:
+def measure_noise(stills: Sequence[Still], lit: Mask, bad: Mask | None = None) -> PhotonTransfer:
     """Noise against signal.
 
-    stills: pictures of several brightnesses, the black LCD among them. dark: frames with the lens capped.
-    black: the black level from elsewhere (`black_from_exposures`). bad: pixels to leave out. Raises
+    stills: pictures of several brightnesses, the black LCD among them. bad: pixels to leave out. Raises
     MeasurementError where too little can be used.
     """
     sound = np.ones_like(lit) if bad is None else ~bad
     points = np.concatenate([_points(one, lit & sound) for one in stills] or [np.empty((0, 3))])
-    if dark is not None:
-        points = np.concatenate([points, _points(dark, sound, bins=1)])
     if len(points) < 3:
         raise MeasurementError(
             "noise: the frames are too dark, too bright or too few: change the exposure until white stays "
@@ -203,18 +206,15 @@ def measure_noise(
         )
     sloped = float(np.ptp(points[:, 0])) > LIGHT_SHARE * stills[0].full_grey
     line, covariance, chi2 = _line(points, sloped)
-    if black is None and dark is not None:
-        black = _black_of(dark, sound)
-    if black is None:
-        darkest_point = points[int(np.argmin(points[:, 0]))]
-        # a grey's own error: its noise, over as many readings as its variance came from
-        error = 0.05 + 3.0 * float(darkest_point[2] / math.sqrt(2.0 * max(darkest_point[1], QUANTISATION)))
-        black = _bounds(line, covariance, float(darkest_point[0]) + error)
+    grey, variance, sigma = points[int(np.argmin(points[:, 0]))]
+    # a grey's own error: its noise, over as many readings as its variance came from
+    error = 0.05 + 3.0 * float(sigma / math.sqrt(2.0 * max(variance, QUANTISATION)))
+    black = _bounds(line, covariance, float(grey) + error)
     read, read_sigma = _read(line, covariance, black)
     rising = sloped and line[1] > 2 * math.sqrt(covariance[1, 1])
     electrons = 1.0 / float(line[1]) if rising else None
     electrons_sigma = math.sqrt(covariance[1, 1]) / float(line[1]) ** 2 if rising else float("nan")
-    darkest = dark if dark is not None else min(stills, key=lambda one: float(one.mean.mean()))
+    darkest = min(stills, key=lambda one: float(one.mean.mean()))
     notes = _notes(black, darkest, sloped, chi2, read)
     slope, at_zero = float(line[1]), float(line[0])
     return PhotonTransfer(
@@ -224,13 +224,10 @@ def measure_noise(
 
 def _notes(black: BlackLevel, darkest: Still, sloped: bool, chi2: float, read: float) -> tuple[str, ...]:
     """What is wrong or unknown, for a person."""
-    notes = []
-    if black.source == "bounds":
-        notes.append(
-            f"black level: between {black.low:.3g} and {black.high:.3g} grey levels, read noise accordingly: "
-            "without frames in the dark (lens capped) or several exposures, the camera's black cannot be "
-            "separated from light that the black LCD and the room give"
-        )
+    notes = [
+        f"black level: between {black.low:.3g} and {black.high:.3g} grey levels, read noise accordingly: the "
+        "camera's black cannot be separated from light that the black LCD and the room give"
+    ]
     if darkest.floor_share > _CLIPPED_SHARE:
         notes.append(
             f"black level: {100 * darkest.floor_share:.0f} % of the readings of the darkest frames are 0, "
@@ -248,14 +245,14 @@ def _notes(black: BlackLevel, darkest: Still, sloped: bool, chi2: float, read: f
     return tuple(notes)
 
 
-def _points(one: Still, chosen: Mask, bins: int = _BINS) -> Float:
+def _points(one: Still, chosen: Mask) -> Float:
     """(n, 3) grey, variance, relative weight (degrees of freedom) of classes of like grey."""
     mean, variance = one.mean[chosen], one.variance[chosen]
     if len(mean) < _LEAST_PIXELS:
         return np.empty((0, 3))
-    bins = min(bins, len(mean) // _LEAST_PIXELS)
+    bins = min(_BINS, len(mean) // _LEAST_PIXELS)
     # by the light around, as a pixel's own mean holds its noise
-    light = _around(one.mean, chosen)[chosen]
+    light = mean_around(one.mean, chosen, _AROUND_PX)[chosen]
     ends = [part[0] for part in np.array_split(np.arange(len(light)), bins)[1:]]
     order = np.argpartition(light, ends) if ends else np.arange(len(light))
     made = []
@@ -264,11 +261,6 @@ def _points(one: Still, chosen: Mask, bins: int = _BINS) -> Float:
         if one.full_grey - grey > _CEILING_SDS * math.sqrt(max(scatter, QUANTISATION)):
             made.append((grey, scatter, float(one.degrees * len(part))))
     return np.array(made).reshape(-1, 3)
-
-
-def _around(image: Float, chosen: Mask) -> Float:
-    weight = uniform_filter(chosen.astype(np.float64), _AROUND_PX)
-    return np.asarray(uniform_filter(np.where(chosen, image, 0.0), _AROUND_PX) / np.maximum(weight, 1e-9))
 
 
 def _line(points: Float, sloped: bool) -> tuple[Float, Float, float]:
@@ -290,25 +282,13 @@ def _line(points: Float, sloped: bool) -> tuple[Float, Float, float]:
     return line, covariance * max(chi2, 1.0), chi2
 
 
-def _black_of(dark: Still, sound: Mask) -> BlackLevel:
-    mean, variance = float(dark.mean[sound].mean()), float(dark.variance[sound].mean())
-    grey, scatter = unclipped(mean, variance)
-    count = np.count_nonzero(sound) * (dark.degrees + 1)
-    # of pixels that differ for good, and of frames that differ as a whole
-    steady = float(dark.mean[sound].var()) / np.count_nonzero(sound)
-    frames = float(dark.level.var(ddof=1)) / len(dark.level)
-    rounding = 0.2 if scatter < _FINE_SD**2 else 0.0
-    sigma = math.sqrt(max(steady, scatter / count) + frames + rounding**2)
-    return BlackLevel(grey, sigma, grey - 2 * sigma, grey + 2 * sigma, "dark")
-
-
 def _bounds(line: Float, covariance: Float, darkest: float) -> BlackLevel:
-    """Black level without dark frames: no read noise at one end, no light in the black LCD at the other."""
+    """Black level: no read noise at one end, no light in the black LCD at the other."""
     high = max(darkest, 0.0)
     low = 0.0
     if line[1] > 2 * math.sqrt(covariance[1, 1]):
         low = min(max((QUANTISATION - float(line[0])) / float(line[1]), 0.0), high)
-    return BlackLevel(0.5 * (low + high), (high - low) / math.sqrt(12.0), low, high, "bounds")
+    return BlackLevel(0.5 * (low + high), (high - low) / math.sqrt(12.0), low, high)
 
 
 def _read(line: Float, covariance: Float, black: BlackLevel) -> tuple[float, float]:

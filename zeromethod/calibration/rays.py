@@ -45,7 +45,7 @@ def _opened(face: Face) -> Face:
 class UnboundedOptics(Optics):
     """Rays of a rig that no border cuts off, so that what they meet changes smoothly with the rig.
 
-    Rays that meet the mirror's plane before the captured face (x beyond R0) are followed backwards, which
+    Rays that meet the mirror's plane before the camera face (x beyond R0) are followed backwards, which
     is needed for an edge seen a little off its place.
     """
 

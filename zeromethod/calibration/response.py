@@ -25,9 +25,6 @@ RAMP_CODES = tuple(range(0, 256, 15))
 TABLE_CODES = tuple(range(0, 256, 5))
 """Codes of the rig file's table, which is read with straight pieces between: 1e-4 of the light."""
 
-POWER_LAW_MISFIT = 0.003
-"""Largest departure of the light from code^gamma up to which a single number says it all."""
-
 LEAST_SWING_SIGMAS = 30.0
 """White less black, over its standard deviation, below which there is no response to speak of."""
 
@@ -74,11 +71,6 @@ class MeasuredResponse:
     drift_sigma: float
     falling: tuple[int, ...]
     swing_grey: float
-
-    @property
-    def follows_power_law(self) -> bool:
-        """Whether `gamma` alone serves."""
-        return self.whole.misfit <= POWER_LAW_MISFIT
 
     def spread(self, exponents: Float | None = None) -> Float:
         """(n,) largest departure of a region's light from the whole's, less what noise explains, in light.

@@ -12,11 +12,12 @@ from rich.table import Table
 
 from zeromethod.cli.calibrate_bench import calibrate_bench
 from zeromethod.cli.calibrate_camera import board_command, intrinsics_command
+from zeromethod.cli.calibrate_known import numbers_of
 from zeromethod.cli.calibrate_options import calibrate_options, refuse_unused
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import check_file, write_summary
+from zeromethod.cli.output import OutputFile, summary_option, write_summary
 from zeromethod.commissioning.decode import decode_files, figures, noise_of, refuse_empty
-from zeromethod.decoding.fringes import FringeSequence, equal_shifts
+from zeromethod.decoding.fringes import Axis, FringeSequence, equal_shifts
 from zeromethod.decoding.measuring import LIMIT_SHARE
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.errors import InputError, MeasurementError
@@ -24,6 +25,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
+from zeromethod.view.table import pair_table
 
 _SIGMAS = ("sigma_column_median_px", "sigma_row_median_px")
 
@@ -50,17 +52,10 @@ calibrate_command.add_command(board_command)
 calibrate_command.add_command(intrinsics_command)
 
 
-def _numbers(option: str, text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise InputError(f"{option}: {text}: numbers with commas between them") from None
-
-
 def _shifts(text: str) -> tuple[float, ...]:
     """A count of equal shifts, or angles in degrees; rad."""
     if "," in text:
-        return tuple(math.radians(angle) for angle in _numbers("--shifts", text))
+        return tuple(math.radians(angle) for angle in numbers_of("--shifts", text))
     if not (text.isdecimal() and 3 <= int(text) <= 360):
         raise InputError(f"--shifts: {text}: a count of equal shifts, 3 to 360, or degrees: 0,90,180,270")
     return equal_shifts(int(text))
@@ -88,7 +83,7 @@ def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | N
     required=True,
     help="Count of equal shifts, or the angles in degrees: 0,90,180,270.",
 )
-@click.option("--output", type=click.Path(path_type=Path), required=True, help="Write the rest map (.npz).")
+@click.option("--output", type=OutputFile(".npz"), required=True, help="Write the rest map (.npz).")
 @click.option("--rig", "rig_name", help="Rig file, or a packaged name: LCD size, camera bits and noise.")
 @click.option(
     "--panel",
@@ -99,6 +94,7 @@ def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | N
 )
 @click.option(
     "--axes",
+    "axes_text",
     type=click.Choice(["columns,rows", "rows,columns"]),
     default="columns,rows",
     show_default=True,
@@ -128,7 +124,7 @@ def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | N
     show_default=True,
     help="Largest second reflection to accept, of the main one's light.",
 )
-@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+@summary_option
 def decode_command(
     frames: tuple[Path, ...],
     periods_text: str,
@@ -136,7 +132,7 @@ def decode_command(
     output: Path,
     rig_name: str | None,
     panel: tuple[int, int] | None,
-    axes: str,
+    axes_text: str,
     repeats: int,
     bits: int | None,
     noise_given: tuple[float, float] | None,
@@ -148,14 +144,9 @@ def decode_command(
     FRAMES in the order shown: for each repeat, each axis, each period, each shift. Images of 8 or 16 bits,
     TIFF of many pages, .npy or .npz. light = 1/2 + 1/2 cos(2 pi x / period - shift), x the LCD column or row.
     """
-    check_file("--output", output, suffix=".npz")
-    check_file("--summary", summary, suffix=".json")
-    sequence = FringeSequence(
-        _numbers("--periods", periods_text),
-        _shifts(shifts_text),
-        ("columns", "rows") if axes == "columns,rows" else ("rows", "columns"),
-        repeats,
-    )
+    axes: tuple[Axis, Axis] = ("columns", "rows") if axes_text == "columns,rows" else ("rows", "columns")
+    periods = numbers_of("--periods", periods_text)
+    sequence = FringeSequence(periods, _shifts(shifts_text), axes, repeats)
     rig = load_rig(rig_name) if rig_name is not None else None
     size = panel or ((rig.display.columns, rig.display.rows) if rig else None)
     limit_threads()
@@ -188,11 +179,8 @@ def _rare(share: float) -> str:
 
 def _table(values: dict[str, Any]) -> Table:
     """What was found, and why the rest was not."""
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column()
-    table.add_column(justify="right")
     columns, rows = values["display_px"]
-    for name, text in (
+    found = (
         ("camera pixels with a place on the LCD", f"{values['valid_share']:.2%}"),
         ("sigma, LCD px (columns, rows)", ", ".join(f"{values[key]:.4f}" for key in _SIGMAS)),
         ("LCD sought, px", f"{columns:.0f} x {rows:.0f}"),
@@ -201,10 +189,10 @@ def _table(values: dict[str, Any]) -> Table:
         ("second reflection, median", f"{values['second_reflection_median_share']:.1%}"),
         ("second harmonic of the LCD's light", f"{values['second_harmonic_share']:.1%}"),
         ("drift of the light", f"{values['light_drift_share']:.1%}"),
-    ):
-        if "nan" not in text:
-            table.add_row(name, text)
-    for reason, count in values["reasons_px"].items():
-        if count:
-            table.add_row(f"camera pixels left out: {reason}", f"{count}")
-    return table
+        *(
+            (f"camera pixels left out: {why}", f"{count}")
+            for why, count in values["reasons_px"].items()
+            if count
+        ),
+    )
+    return pair_table(row for row in found if "nan" not in row[1])

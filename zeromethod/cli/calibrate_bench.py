@@ -16,9 +16,9 @@ from zeromethod.calibration.camera_file import ASSUMED_PERCENT, CameraFile, load
 from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, home_of, load, newest
 from zeromethod.calibration.verdict import Level
-from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, depths_of, edge_of, known_of
-from zeromethod.cli.device_options import BenchOptions, other_devices, with_devices
-from zeromethod.cli.output import TerminalPrompts, check_file, check_folder, write_summary
+from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, edge_of, known_of, numbers_of
+from zeromethod.cli.device_options import BenchOptions, opened_devices, other_devices, with_devices
+from zeromethod.cli.output import TerminalPrompts, check_folder, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.commissioning.calibration import (
     Calibration,
@@ -31,8 +31,6 @@ from zeromethod.commissioning.calibration import (
     store_calibration,
 )
 from zeromethod.commissioning.calibration.plan import Known
-from zeromethod.devices.abilities import warnings_of
-from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
@@ -47,36 +45,32 @@ from zeromethod.view.calibration_table import (
 )
 
 FIGURE = "calibration.png"
+_PLAN = ("press_sigma_mm", "light", "delay", "rest_frames", "press_frames", "patience_s")
+"""Options that are fields of `Plan`."""
 
 
 def calibrate_bench(
     rig_name: str | None,
-    *,
-    depths: str = "",
-    depth_sigma: float = 1e-3,
-    known: tuple[str, ...] = (),
-    edges: tuple[str, ...] = (),
-    find: bool | None = None,
-    ball_text: str | None = None,
-    camera_file: Path | None = None,
-    camera_percent: float | None = None,
-    light: bool = True,
-    delay: bool = True,
-    rest_frames: int = Plan.rest_frames,
-    press_frames: int = Plan.press_frames,
-    patience_s: float = Plan.patience_s,
-    output: Path | None = None,
-    summary: Path | None = None,
-    show_folder: str | None = None,
-    compared: tuple[Path, Path] | None = None,
-    again_folder: Path | None = None,
-    **devices: Any,
+    depths: str,
+    known: tuple[str, ...],
+    edges: tuple[str, ...],
+    find: bool | None,
+    ball_text: str | None,
+    camera_file: Path | None,
+    camera_percent: float | None,
+    output: Path | None,
+    summary: Path | None,
+    show_folder: str | None,
+    compared: tuple[Path, Path] | None,
+    again_folder: Path | None,
+    **others: Any,
 ) -> Stored | None:
     """Do what the command line asks for; the calibration that was made or shown.
 
+    others: fields of `Plan` and `BenchOptions`.
+
     Raises InputError and MeasurementError; the latter, too, once one whose verdict is bad is stored.
     """
-    check_file("--summary", summary, suffix=".json")
     console = Console()
     if compared:
         before, after = load(compared[0]), load(compared[1])
@@ -86,9 +80,8 @@ def calibrate_bench(
         return None
     if show_folder is not None:
         shown = _wanted(show_folder, rig_name)
-        _print(console, shown)
+        _print(console, shown, summary)
         _warn_of_arrays(shown)
-        _summarise(shown, summary)
         return shown
     lens = _lens(camera_file, camera_percent)
     direct: tuple[Known, ...] = (*map(known_of, known), *map(edge_of, edges))
@@ -97,30 +90,19 @@ def calibrate_bench(
     limit_threads()
     if again_folder is not None:
         stored = _evaluate_again(again_folder, direct, lens, ball_mm, find, output)
-        others = other_devices(stored.fingerprint, load_rig(stored.rig_file))
-        _print_stored(console, stored, summary, "".join(f" {option}" for option, _ in others))
+        missing = other_devices(stored.fingerprint, load_rig(stored.rig_file))
+        _print_stored(console, stored, summary, "".join(f" {option}" for option, _ in missing))
         return _refuse_bad(stored)
     if rig_name is None:
         raise InputError("--rig: missing: your rig file (zeromethod init my.toml makes one)")
-    plan = Plan(
-        press_depths_mm=depths_of(depths),
-        press_sigma_mm=depth_sigma,
-        known=direct,
-        light=light,
-        delay=delay,
-        rest_frames=rest_frames,
-        press_frames=press_frames,
-        patience_s=patience_s,
-        ball_mm=ball_mm,
-        edges=find is not False,
-    )
-    options, home = BenchOptions(**devices), output or home_of(rig_name)
+    own = {name: others.pop(name) for name in _PLAN}
+    depths_mm = numbers_of("--press-depths", depths, "depths in mm")
+    plan = Plan(press_depths_mm=depths_mm, known=direct, ball_mm=ball_mm, edges=find is not False, **own)
+    options, home = BenchOptions(**others), output or home_of(rig_name)
     rig = _bench(rig_name, options, plan, lens)
     with _home(home):
         with stopped_by_signals():
-            with open_devices(rig) as opened:
-                for warning in warnings_of(opened.display):
-                    click.echo(f"! {warning}", err=True)
+            with opened_devices(rig) as opened:
                 recorded, found = record(rig, opened, plan, TerminalPrompts())
             calibrated = evaluate_with(recorded, found, rig_name)
         late: list[bool] = []
@@ -257,13 +239,12 @@ def _devices_words(options: BenchOptions) -> str:
 
 
 def _print_stored(console: Console, stored: Stored, summary: Path | None, devices: str) -> None:
-    """Print the tables and where they are; then write the summary. devices: options of `run`."""
-    _print(console, stored)
+    """Print the tables, write the summary, and say where they are. devices: options of `run`."""
+    _print(console, stored, summary)
     console.print(f"stored in {stored.folder}", soft_wrap=True, highlight=False)
     if stored.level is not Level.BAD:
         command = f"zeromethod run --rig {shlex.quote(str(stored.rig_file))}{devices}"
         console.print(f"use it: {command}", soft_wrap=True, highlight=False)
-    _summarise(stored, summary)
 
 
 def _warn_of_arrays(stored: Stored) -> None:
@@ -279,16 +260,13 @@ def _refuse_bad(stored: Stored) -> Stored:
     return stored
 
 
-def _summarise(stored: Stored, summary: Path | None) -> None:
-    if summary is not None:
-        time = stored.document["time"].isoformat()
-        write_summary(summary, stored.document | {"time": time, "folder": str(stored.folder)})
-
-
-def _print(console: Console, stored: Stored) -> None:
+def _print(console: Console, stored: Stored, summary: Path | None) -> None:
     console.print(parameter_table(stored))
     console.print(figure_table(stored))
     console.print(depth_line(stored), soft_wrap=True)
     console.print(verdict_line(stored), soft_wrap=True)
     if warning := stored.age_warning():
         console.print(f"! {warning}", soft_wrap=True)
+    if summary is not None:
+        time = stored.document["time"].isoformat()
+        write_summary(summary, stored.document | {"time": time, "folder": str(stored.folder)})

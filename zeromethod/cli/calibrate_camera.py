@@ -18,65 +18,63 @@ from zeromethod.cli.device_options import (
     REAL_CAMERAS,
     BenchOptions,
     bench_options,
+    opened_devices,
     with_devices,
     without_display,
 )
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import TerminalPrompts, check_file, write_summary
+from zeromethod.cli.output import OutputFile, TerminalPrompts, several, summary_option, write_summary
 from zeromethod.commissioning.calibration.board_views import (
     Views,
     live_views,
     square_on_lcd_px,
     views_in_files,
 )
-from zeromethod.devices.abilities import warnings_of
-from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
 from zeromethod.simulation.clone import SIMULATED
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
+from zeromethod.view.table import text_table
 
 _MM_PER_INCH = 25.4
-_BOARD = click.option(
-    "--board",
-    "board_text",
-    required=True,
-    metavar="CxR:SQUARE[:MARKER]",
-    help="Squares across and down, sides of a square and a marker in mm: 12x9:10 or 12x9:10:7.5.",
-)
-_DICTIONARY = click.option(
-    "--dictionary",
-    type=click.Choice(DICTIONARIES),
-    default=DEFAULT_DICTIONARY,
-    show_default=True,
-    metavar="NAME",
-    help="ArUco dictionary of the markers.",
+_board_options = several(
+    click.option(
+        "--board",
+        "board_text",
+        required=True,
+        metavar="CxR:SQUARE[:MARKER]",
+        help="Squares across and down, sides of a square and a marker in mm: 12x9:10 or 12x9:10:7.5.",
+    ),
+    click.option(
+        "--dictionary",
+        type=click.Choice(DICTIONARIES),
+        default=DEFAULT_DICTIONARY,
+        show_default=True,
+        metavar="NAME",
+        help="ArUco dictionary of the markers.",
+    ),
 )
 
 
 @click.command(
     "board", epilog="Example: zeromethod calibrate board --board 12x9:10 --dpi 600 --output board.png"
 )
-@_BOARD
-@_DICTIONARY
+@_board_options
 @click.option("--dpi", type=Real(10, 10_000), help="Of the printer: a picture that prints at its true size.")
 @click.option("--rig", "rig_name", help="Instead: a picture that fills this rig's LCD, pixel by pixel.")
-@click.option(
-    "--output", type=click.Path(path_type=Path, dir_okay=False), required=True, help="PNG to write."
-)
+@click.option("--output", type=OutputFile(".png"), required=True, help="PNG to write.")
 def board_command(
     board_text: str, dictionary: str, dpi: float | None, rig_name: str | None, output: Path
 ) -> None:
     """Draw a ChArUco board, to print or to show on the LCD."""
     from matplotlib.image import imsave  # noqa: PLC0415 - it loads slowly
 
-    check_file("--output", output, suffix=".png")
     board = board_of(board_text, dictionary)
     if rig_name is not None and dpi is None:
-        display = load_rig(rig_name).display
-        square_px = square_on_lcd_px(board, load_rig(rig_name))
-        picture = board.on_lcd(square_px, display.columns, display.rows)
+        rig = load_rig(rig_name)
+        square_px = square_on_lcd_px(board, rig)
+        picture = board.on_lcd(square_px, rig.display.columns, rig.display.rows)
         words = f"show it full screen, unscaled: squares of {square_px} px"
     elif dpi is not None and rig_name is None:
         square_px = round(board.square_mm * dpi / _MM_PER_INCH)
@@ -90,7 +88,7 @@ def board_command(
     true_dpi = _MM_PER_INCH * square_px / board.square_mm
     with atomic_write(output) as part:
         imsave(part, picture, cmap="gray", vmin=0, vmax=255, dpi=true_dpi, format="png")
-    Console().print(words, highlight=False, soft_wrap=True)
+    click.echo(words)
 
 
 @click.command(
@@ -98,8 +96,7 @@ def board_command(
     epilog="Example: zeromethod calibrate intrinsics board*.png --board 12x9:10 --output camera.toml",
 )
 @click.argument("frames", metavar="[FRAMES...]", nargs=-1, type=click.Path(path_type=Path))
-@_BOARD
-@_DICTIONARY
+@_board_options
 @click.option("--rig", "rig_name", help="Rig file whose camera is meant; needed for live pictures.")
 @bench_options
 @click.option(
@@ -119,10 +116,8 @@ def board_command(
     metavar="S",
     help="Live: longest wait for a view.",
 )
-@click.option(
-    "--output", type=click.Path(path_type=Path, dir_okay=False), required=True, help="File (.toml)."
-)
-@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+@click.option("--output", type=OutputFile(".toml"), required=True, help="File (.toml).")
+@summary_option
 def intrinsics_command(
     frames: tuple[Path, ...],
     board_text: str,
@@ -140,8 +135,6 @@ def intrinsics_command(
     way in each picture, and let it reach the corners of the view. With --display the board is shown on the
     LCD, and the camera is moved.
     """
-    check_file("--output", output, suffix=".toml")
-    check_file("--summary", summary, suffix=".json")
     board, options = board_of(board_text, dictionary), BenchOptions(**devices)
     limit_threads()
     if frames:
@@ -155,11 +148,20 @@ def intrinsics_command(
     found = fit_camera(views.views, board, views.shape)
     save_camera(output, found, str(board))
     Console().print(_table(found))
-    Console().print(
-        f"use it: zeromethod calibrate --intrinsics {output} ...", highlight=False, soft_wrap=True
-    )
+    click.echo(f"use it: zeromethod calibrate --intrinsics {output} ...")
     if summary is not None:
-        write_summary(summary, _figures(found, views, output))
+        one = found.intrinsics
+        figures = {
+            "output": str(output),
+            "views": found.views,
+            "refused": views.refused,
+            "corners": found.corners,
+            "stray_corners": found.stray,
+            "rms_px": found.rms_px,
+            "values": dict(zip(one.names, one.values, strict=True)),
+            "sigma": dict(zip(one.names, one.spread, strict=True)),
+        }
+        write_summary(summary, figures)
 
 
 def _from_files(frames: tuple[Path, ...], board: Board, rig_name: str | None) -> Views:
@@ -188,24 +190,8 @@ def _live(board: Board, rig_name: str | None, options: BenchOptions, count: int,
         rig = without_display(rig)
     if shown:
         square_on_lcd_px(board, rig)
-    with open_devices(rig) as opened:
-        for warning in warnings_of(opened.display):
-            click.echo(f"! {warning}", err=True)
+    with opened_devices(rig) as opened:
         return live_views(opened, rig, board, count, patience_s, shown=shown, prompts=TerminalPrompts())
-
-
-def _figures(found: CameraFit, views: Views, output: Path) -> dict[str, Any]:
-    one = found.intrinsics
-    return {
-        "output": str(output),
-        "views": list(found.views),
-        "refused": views.refused,
-        "corners": found.corners,
-        "stray_corners": found.stray,
-        "rms_px": found.rms_px,
-        "values": dict(zip(one.names, one.values.tolist(), strict=True)),
-        "sigma": dict(zip(one.names, one.spread.tolist(), strict=True)),
-    }
 
 
 _WORDS = {
@@ -217,14 +203,12 @@ _WORDS = {
 
 
 def _table(found: CameraFit) -> Table:
-    table, one = Table(box=None, pad_edge=False), found.intrinsics
-    for name in ("camera", "found", "sigma"):
-        table.add_column(name, justify="left" if name == "camera" else "right")
+    one, rows = found.intrinsics, []
     for name, value, sigma in zip(one.names, one.values, one.spread, strict=True):
         digits = max(0, 1 - math.floor(math.log10(sigma)))
-        table.add_row(_WORDS.get(name, f"distortion {name}"), f"{value:.{digits}f}", f"{sigma:.2g}")
-    table.add_row("pictures, corners", f"{len(found.views)}, {found.corners}", "")
-    table.add_row("misfit of a corner, px", f"{found.rms_px:.3f}", "")
+        rows.append((_WORDS.get(name, f"distortion {name}"), f"{value:.{digits}f}", f"{sigma:.2g}"))
+    rows.append(("pictures, corners", f"{len(found.views)}, {found.corners}", ""))
+    rows.append(("misfit of a corner, px", f"{found.rms_px:.3f}", ""))
     if found.stray:
-        table.add_row("stray corners left out", f"{found.stray}", "")
-    return table
+        rows.append(("stray corners left out", f"{found.stray}", ""))
+    return text_table(("camera", "found", "sigma"), rows)

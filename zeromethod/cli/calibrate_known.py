@@ -23,12 +23,12 @@ DEEPEST_SHARE = 0.1
 """Deepest press that is asked for, of the prism's length: far beyond what a loop follows."""
 
 
-def depths_of(text: str) -> tuple[float, ...]:
-    """Depths, mm, of "0.2,0.15"; none of "". Raises InputError."""
+def numbers_of(option: str, text: str, words: str = "numbers") -> tuple[float, ...]:
+    """Numbers of "0.2,0.15"; none of "". Raises InputError."""
     try:
         return tuple(float(part) for part in text.split(",")) if text.strip() else ()
     except ValueError:
-        raise InputError(f"--press-depths: {text}: depths in mm with commas between them") from None
+        raise InputError(f"{option}: {text}: {words} with commas between them") from None
 
 
 def known_of(text: str) -> Direct:

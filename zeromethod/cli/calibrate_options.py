@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -12,10 +10,11 @@ from click.core import ParameterSource
 from zeromethod.calibration.camera_file import ASSUMED_PERCENT
 from zeromethod.cli.device_options import bench_options
 from zeromethod.cli.numbers import Real, Whole
+from zeromethod.cli.output import several, summary_option
 from zeromethod.commissioning.calibration import Plan
 from zeromethod.errors import InputError
 
-_OPTIONS: tuple[Callable[[Any], Any], ...] = (
+calibrate_options = several(
     click.option("--rig", "rig_name", help="Rig file (`zeromethod init` makes one), or a packaged name."),
     bench_options,
     click.option(
@@ -23,7 +22,7 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
         help="Depths, mm, of presses that you will make, in order; you are asked for each.",
     ),
     click.option(
-        "--depth-sigma", type=float, default=1e-3, show_default=True, metavar="MM",
+        "--depth-sigma", "press_sigma_mm", type=float, default=1e-3, show_default=True, metavar="MM",
         help="How well these depths are known (standard deviation).",
     ),
     click.option(
@@ -70,9 +69,7 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
         "--output", type=click.Path(path_type=Path, file_okay=False),
         help="Folder for the dated folder.  [default: calibrations/<rig> next to the rig file]",
     ),
-    click.option(
-        "--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json)."
-    ),
+    summary_option,
     click.option(
         "--show", "show_folder", is_flag=False, flag_value="", metavar="[FOLDER]",
         help="Show a calibration instead: the one in FOLDER, or with --rig its newest.",
@@ -86,13 +83,6 @@ _OPTIONS: tuple[Callable[[Any], Any], ...] = (
         help="Instead: evaluate what was recorded in FOLDER again, with --known, --edge-point, --intrinsics.",
     ),
 )  # fmt: skip
-
-
-def calibrate_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options of the live command."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
 
 
 _INSTEAD = {

@@ -10,17 +10,17 @@ from typing import Any
 import click
 
 from zeromethod.calibration.panel_timing import StepTiming
-from zeromethod.cli.device_options import BenchOptions, tell_simulated, with_devices
-from zeromethod.commissioning.delay import DEFAULT_SECONDS, DelayResult, measure_delay, store_timing
+from zeromethod.cli.device_options import BenchOptions, opened_devices, tell_simulated, with_devices
+from zeromethod.commissioning.delay import DEFAULT_SECONDS, DelayResult, measure_delay
 from zeromethod.commissioning.panel_timing import measure_panel_timing
 from zeromethod.control.stability_margin import Margin, margin_words, stability_margin
-from zeromethod.devices.abilities import warnings_of
-from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.rig.save import save_values
 from zeromethod.view.progress import progress
 
 _FRAMES = "camera frames"
@@ -37,9 +37,7 @@ def report_delay(rig_name: str, options: BenchOptions, seconds: float | None, wr
     check_geometry(rig)
     tell_simulated(rig)
     try:
-        with open_devices(rig) as devices:
-            for warning in warnings_of(devices.display):
-                click.echo(f"! {warning}")
+        with opened_devices(rig, err=False) as devices:
             seconds = seconds or DEFAULT_SECONDS
             with progress(round(seconds * rig.camera.rate_hz), _FRAMES) as advance:
                 result = measure_delay(rig, devices, seconds, lambda: advance(_FRAMES))
@@ -53,7 +51,7 @@ def report_delay(rig_name: str, options: BenchOptions, seconds: float | None, wr
         click.echo(line)
     known = steps.rig_values() if steps else {}
     if write:
-        store_timing(path, result.latency_s, known)
+        save_values(path, {"display.latency_s": round(result.latency_s, 6), **known})
         click.echo(f"stored as {', '.join(('display.latency_s', *known))} in {path}")
     elif path.is_file():
         click.echo("add --write to store it in the rig file")
@@ -68,16 +66,8 @@ def report_delay(rig_name: str, options: BenchOptions, seconds: float | None, wr
 def _figures(result: DelayResult, steps: StepTiming | None) -> dict[str, Any]:
     values = asdict(result) | {"delay_frames": result.delay_frames}
     if steps:
-        names = (
-            "scanout_s",
-            "scanout_sigma_s",
-            "upwards",
-            "rise_s",
-            "rise_sigma_s",
-            "fall_s",
-            "fall_sigma_s",
-        )
-        values |= {name: getattr(steps, name) for name in names}
+        own = asdict(steps).items()
+        values |= {name: value for name, value in own if not name.startswith(("latency", "frames"))}
         values["scan"] = "up" if steps.upwards else "down"
     return values
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -12,7 +13,9 @@ import click
 from zeromethod.cli.numbers import Whole
 from zeromethod.cli.output import several
 from zeromethod.commissioning.delay import with_strips
+from zeromethod.devices.abilities import warnings_of
 from zeromethod.devices.addresses import with_camera
+from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
 from zeromethod.simulation.clone import SIMULATED
@@ -128,6 +131,15 @@ def other_devices(
         for option, table, spec in pairs
         if fingerprint.get(table, {}).get("driver", spec.driver) != spec.driver
     ]
+
+
+@contextmanager
+def opened_devices(rig: Rig, err: bool = True) -> Iterator[Devices]:
+    """Devices of a rig, open; warnings about the display are printed, among errors or not."""
+    with open_devices(rig) as devices:
+        for warning in warnings_of(devices.display):
+            click.echo(f"! {warning}", err=err)
+        yield devices
 
 
 def without_display(rig: Rig) -> Rig:

@@ -9,6 +9,7 @@ from rich.console import Console
 from zeromethod.cli.device_options import (
     REAL_CAMERAS,
     BenchOptions,
+    opened_devices,
     tell_simulated,
     with_devices,
     without_display,
@@ -17,12 +18,10 @@ from zeromethod.cli.keys import Keys
 from zeromethod.cli.output import write_summary
 from zeromethod.clock import SimulatedClock
 from zeromethod.commissioning.setting_up import SettingUp, Sight
-from zeromethod.devices.abilities import warnings_of
-from zeromethod.devices.opening import open_devices
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
-from zeromethod.view.focus import FocusView, sight_figures, sight_table
+from zeromethod.view.focus import focus_view, sight_figures, sight_table
 
 _SIMULATED_S = 1.0
 """How long a simulated bench is looked at by default; a real one until Ctrl-C."""
@@ -41,15 +40,13 @@ def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, sum
     console = Console()
     last: Sight | None = None
     try:
-        with open_devices(rig) as devices:
+        with opened_devices(rig, err=False) as devices:
             if seconds is None and isinstance(devices.clock, SimulatedClock):
                 seconds = _SIMULATED_S
-            for warning in warnings_of(devices.display):
-                console.print(f"! {warning}", soft_wrap=True, highlight=False, markup=False)
-            with Keys() as keys, FocusView(console, _KEYS if keys.active else "") as view:
+            with Keys() as keys, focus_view(console, _KEYS if keys.active else "") as show:
                 for sight in SettingUp(rig, devices, with_lcd).sights(seconds):
                     last = sight
-                    view.update(sight)
+                    show(sight)
                     if "q" in keys.pressed().lower():
                         break
     finally:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import sys
 from dataclasses import asdict, replace
@@ -13,6 +12,7 @@ import click
 
 from zeromethod.atomic_write import atomic_write
 from zeromethod.cli.numbers import Real, Whole
+from zeromethod.cli.output import check_file, several, writing
 from zeromethod.commissioning.calibration.new_rig import Calipers, rig_text
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
@@ -27,7 +27,7 @@ _COUNT = Whole(16, 16384)
 
 _QUESTIONS = (
     ("pattern_angle_deg", "--pattern-angle", _ANGLE, "angle between mirror and pattern face, degrees"),
-    ("camera_angle_deg", "--captured-angle", _ANGLE, "angle between mirror and captured face, degrees"),
+    ("camera_angle_deg", "--camera-angle", _ANGLE, "angle between mirror and camera face, degrees"),
     ("pattern_length_mm", "--leg", _LENGTH, "length of the pattern face, from P0 to its far edge, mm"),
     ("width_mm", "--width", _LENGTH, "width of the prism, mm"),
     ("index", "--index", _INDEX, "refractive index of the rubber"),
@@ -41,16 +41,18 @@ _QUESTIONS = (
     ("camera_rows", "--camera-rows", _COUNT, "rows of the camera's image"),
     ("pixel_um", "--pixel", _PIXEL, "pitch of the camera's pixels, micrometres"),
     ("lens_mm", "--lens", _LENGTH, "focal length of the lens, mm"),
-    ("distance_mm", "--distance", _LENGTH, "from the lens to the captured face, mm"),
+    ("distance_mm", "--distance", _LENGTH, "from the lens to the camera face, mm"),
     ("rate_hz", "--rate", _ABOVE_ZERO, "frame rate of the camera, frames per second"),
     ("exposure_s", "--exposure", _ABOVE_ZERO, "exposure of the camera, s"),
 )
 
 
-def _measures(command: Any) -> Any:
-    for name, option, kind, words in reversed(_QUESTIONS):
-        command = click.option(option, name, type=kind, help=words[0].upper() + words[1:] + ".")(command)
-    return command
+_measures = several(
+    *(
+        click.option(option, name, type=kind, help=words[0].upper() + words[1:] + ".")
+        for name, option, kind, words in _QUESTIONS
+    )
+)
 
 
 @click.command(
@@ -72,25 +74,17 @@ def init_command(path: Path, rig_name: str, ask: bool | None, force: bool, **giv
 
     Asks for what calipers, a protractor and data sheets give; Enter keeps the value shown.
     """
-    if path.suffix.lower() != ".toml":
-        raise InputError(f"FILE: {path}: the file name must end in .toml")
-    if not path.absolute().parent.is_dir():
-        raise InputError(f"FILE: {path}: the folder {path.absolute().parent} does not exist")
+    check_file("FILE", path, ".toml")
     if path.exists() and not force:
-        raise InputError(f"FILE: {path}: is there already; --force overwrites it")
-    if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
-        raise InputError(f"FILE: {path}: not writable")
+        raise InputError(f"FILE: {path}: exists already: --force overwrites it")
     known = {name: value for name, value in given.items() if value is not None}
     calipers = replace(Calipers.of(load_rig(rig_name)), **known)
     if (sys.stdin.isatty() if ask is None else ask) and len(known) < len(_QUESTIONS):
         text = _asked(calipers, set(known), path)
     else:
         text = rig_text(calipers, path.stem, path)
-    try:
-        with atomic_write(path) as part:
-            part.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"FILE: {path}: cannot be written: {error.strerror}: a file of yours") from None
+    with writing("FILE", path), atomic_write(path) as part:
+        part.write_text(text, encoding="utf-8")
     name = shlex.quote(str(path))
     click.echo(f"{path} written; next:")
     click.echo(f"  zeromethod design {name}                                    is it a good bench?")
@@ -112,7 +106,7 @@ def _asked(calipers: Calipers, known: set[str], path: Path) -> str:
         try:
             return rig_text(calipers, path.stem, path)
         except InputError as error:
-            click.echo(f"{error}: again (Enter keeps what you said)", err=True)
+            click.echo(f"{error}: again (Enter keeps your answer)", err=True)
 
 
 def _answer(words: str, default: Any, kind: Real | Whole, path: Path) -> Any:

@@ -125,7 +125,7 @@ def decode_files(
     size_px: tuple[int, int] | None = None,
     noise: NoiseModel | None = None,
     bits: int | None = None,
-    limit_share: float | None = None,
+    limit_share: float = LIMIT_SHARE,
     camera_shape: tuple[int, int] | None = None,
     advance: Callable[[], None] | None = None,
 ) -> RestMeasurement:
@@ -148,14 +148,13 @@ def decode_files(
             if advance is not None:
                 advance()
 
-    options: dict[str, Any] = {} if limit_share is None else {"limit_share": limit_share}
     return measure_rest(
         checked(),
         sequence,
         size_px=size_px,
         noise=noise,
         ceiling_grey=float(2**bits - 1) if bits else None,
-        **options,
+        limit_share=limit_share,
     )
 
 

@@ -6,13 +6,11 @@ What "the delay" is, is said once, in `zeromethod.exposure.delay`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from zeromethod.arrays import Float
 from zeromethod.devices.abilities import poll_of
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraTimeout, Frame
@@ -26,7 +24,6 @@ from zeromethod.loop.drawing import Drawer
 from zeromethod.optics import Optics
 from zeromethod.pattern.strips import CODES
 from zeromethod.rig.model import Rig
-from zeromethod.rig.save import save_values
 from zeromethod.warp.rest import Rest
 
 DEFAULT_SECONDS = 3.0
@@ -133,13 +130,11 @@ def measure_delay(
         log.record(shown_ns[-1], rest.q, newest.time_ns if newest else None, code)
         # the next picture is to be ready for the next refresh, even if the display does not wait for it
         next_ns = shown_ns[-1] + round(READING_REFRESHES * refresh_ns)
-        try:
-            newest = devices.camera.read(max(1e-9 * (next_ns - clock.now_ns()), LEAST_TIMEOUT_S))
-        except CameraTimeout:
-            if clock.now_ns() - came_ns > 1e9 * TIMEOUTS_TO_FAIL * rig.control.timeout_s:
-                waited_s = TIMEOUTS_TO_FAIL * rig.control.timeout_s
-                raise MeasurementError(f"delay: the camera gave no frame for {waited_s:g} s") from None
+        wait_s = max(1e-9 * (next_ns - clock.now_ns()), LEAST_TIMEOUT_S)
+        frame = _read(devices, wait_s, came_ns, TIMEOUTS_TO_FAIL * rig.control.timeout_s)
+        if frame is None:
             continue
+        newest = frame
         came_ns = clock.now_ns()
         on_frame()
         stamps.append((newest.number, newest.time_ns))
@@ -147,9 +142,10 @@ def measure_delay(
         if watch.last is not None and watch.last.fits and frame_timing is not None:
             found.append(watch.last)
             shown = pair(log, newest, frame_timing, rest.q, rest.grid, rig.target.kind)
-            horizons_ns += _mean_age_ns(shown.age_ns if shown else None)
+            if shown is not None and shown.age_ns is not None:
+                horizons_ns.append(float(np.mean(shown.age_ns)))
         clock.sleep_until_ns(next_ns)
-    if newest is None or len(found) < LEAST_FRAMES or not horizons_ns:
+    if len(found) < LEAST_FRAMES or not horizons_ns:
         raise MeasurementError(
             f"delay: the codes of {len(found)} of {len(stamps)} frames could be read, "
             f"{LEAST_FRAMES} are needed: see to focus, light and rest map"
@@ -169,9 +165,14 @@ def measure_delay(
     )
 
 
-def _mean_age_ns(age_ns: Float | None) -> list[float]:
-    """Mean age of what a frame saw; empty where it is not known."""
-    return [] if age_ns is None else [float(np.mean(age_ns))]
+def _read(devices: Devices, wait_s: float, came_ns: int, silent_s: float) -> Frame | None:
+    """Newest frame, None when none came within `wait_s`; MeasurementError `silent_s` after the last one."""
+    try:
+        return devices.camera.read(wait_s)
+    except CameraTimeout:
+        if devices.clock.now_ns() - came_ns > 1e9 * silent_s:
+            raise MeasurementError(f"delay: the camera gave no frame for {silent_s:g} s") from None
+        return None
 
 
 def _delay(found: list[Match], precise: list[float], refresh_ns: float) -> tuple[float, float, float]:
@@ -219,8 +220,3 @@ def with_strips(rig: Rig, on: bool = True) -> Rig:
     """Rig that asks for coded strips, or for none."""
     control = rig.control.model_copy(update={"strips": "edges" if on else "none"})
     return rig.model_copy(update={"control": control})
-
-
-def store_timing(path: Path, latency_s: float, others: Mapping[str, float | str] | None = None) -> None:
-    """Store a measured delay in a rig file, and other values by key; all else stays. Raises InputError."""
-    save_values(path, {"display.latency_s": round(latency_s, 6), **(others or {})})

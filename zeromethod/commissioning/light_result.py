@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from zeromethod.arrays import Float, Mask
-from zeromethod.calibration.bad_pixels import BadPixels
-from zeromethod.calibration.black_level import Linearity
+from zeromethod.arrays import Bytes, Float, Mask
 from zeromethod.calibration.falloff import Falloff
-from zeromethod.calibration.panel_faults import Finding, StepResponse, Surround
+from zeromethod.calibration.panel_faults import Finding
 from zeromethod.calibration.photon_transfer import PhotonTransfer
 from zeromethod.calibration.response import MeasuredResponse
 from zeromethod.calibration.viewing_angle import spread_left
@@ -20,38 +18,26 @@ class LightResult:
     """What was learnt about the light.
 
     exponent: at the panel's corners, see `calibration.viewing_angle`; None: one response for all of it.
-    exponents: the same at the tiles. lit: (rows, cols) camera pixels that look at the LCD. findings: every
-    check of the display, found or not. surround: None where the patch was not seen. steps: what followed each
-    step. hold_s: from presentation until a picture was held to stand. leak: light of the black LCD (and
-    of the room) over the white's, NaN where the camera's black level is unknown. linearity: None without
-    several exposures.
+    exponents: the same at the tiles. bad_pixels: (rows, cols) `BadPixel`. findings: every check of the
+    display, found or not. lit: (rows, cols) camera pixels that look at the LCD. hold_s: from presentation
+    until a picture counts as settled.
     """
 
     response: MeasuredResponse
     exponent: tuple[tuple[float, float], tuple[float, float]] | None
     exponents: Float | None
     noise: PhotonTransfer
-    bad_pixels: BadPixels
+    bad_pixels: Bytes
     falloff: Falloff
     findings: tuple[Finding, ...]
-    surround: Surround | None
-    steps: tuple[StepResponse, ...]
-    linearity: Linearity | None
     lit: Mask
     hold_s: float
-    leak: float
     notes: tuple[str, ...]
 
     @property
     def advice(self) -> tuple[str, ...]:
         """What should be seen to, the display's faults first; empty where all is well."""
         said = [finding.words for finding in self.findings if finding.found]
-        if self.linearity is not None and self.linearity.bent:
-            said.append(
-                f"the camera's grey departs from the light by {100 * abs(self.linearity.departure):.1f} % of "
-                "its span: switch off its gamma, contrast, HDR and automatic functions, and stay below full "
-                "scale"
-            )
         if (tile := self.falloff.weak_tile) is not None:
             rows, columns = self.falloff.light.shape
             said.append(

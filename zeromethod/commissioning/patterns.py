@@ -1,4 +1,4 @@
-"""Patterns on the LCD, and frames that surely saw one of them alone; frames of the dark.
+"""Patterns on the LCD, and frames that surely saw one of them alone.
 
 Whether a frame saw one alone is known by time stamps: its exposure must have begun after the pattern's
 presentation, the display's latency (which holds what the camera's stamps are wrong by), the scan-out and the
@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from zeromethod.arrays import Bytes, Float, Image, Single
-from zeromethod.clock import Clock
-from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.arrays import Bytes, Image, Single
+from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraTimeout, Frame
 from zeromethod.errors import MeasurementError
 from zeromethod.exposure.pairing import PanelTiming
@@ -183,40 +181,3 @@ class SettledPatterns:
         mean_noise = MEAN_SIGMAS * math.sqrt(self._noise2 / row[0].size)
         change = abs(float(row[0].mean()) - float(self._before.mean()))
         return change > mean_noise or apart(row[0], self._before) > AGREEMENT * self._noise2
-
-
-@dataclass(frozen=True)
-class Exposures:
-    """One picture at several exposures. grey: (exposures, rows, cols) mean of the frames."""
-
-    exposure_s: tuple[float, ...]
-    grey: Float
-
-
-def take_dark(rig: Rig, devices: Devices, frames: int = 32) -> Image:
-    """(frames, rows, cols) with the lens capped, which the caller has seen to."""
-    patterns = TimedPatterns(rig, devices, 0.0)
-    return np.stack([patterns.read().image for _ in range(frames)])
-
-
-def take_exposures(
-    rig: Rig,
-    exposure_s: Sequence[float],
-    frames: int = 8,
-    code: int = 255,
-    clock: Clock | None = None,
-    margin_s: float = 0.1,
-) -> Exposures:
-    """One uniform pattern at several exposures: devices are opened again for each, and must be closed.
-
-    margin_s: waited for longer than the rig states. Raises InputError where the camera cannot be set so, as
-    opening does.
-    """
-    means = []
-    for one in exposure_s:
-        camera = rig.camera.model_copy(update={"exposure_s": one})
-        changed = rig.model_copy(update={"camera": camera})
-        with open_devices(changed, clock) as devices:
-            taken = TimedPatterns(changed, devices, margin_s).frames(uniform_pattern(rig, code), frames)
-        means.append(np.mean([frame.image for frame in taken], axis=0))
-    return Exposures(tuple(exposure_s), np.stack(means))

@@ -12,13 +12,11 @@ from scipy.ndimage import uniform_filter
 
 from zeromethod.arrays import Bytes, Float, Image, Mask
 from zeromethod.calibration.bad_pixels import find_bad_pixels
-from zeromethod.calibration.black_level import Linearity, black_from_exposures
 from zeromethod.calibration.falloff import TILES, lit_pixels, measure_falloff, tile_means
 from zeromethod.calibration.panel_dithering import spatial_dithering, temporal_dithering
 from zeromethod.calibration.panel_faults import (
     Finding,
     StepResponse,
-    Surround,
     flicker,
     step_response,
     surround,
@@ -27,7 +25,7 @@ from zeromethod.calibration.photon_transfer import PhotonTransfer, Still, measur
 from zeromethod.calibration.response import RAMP_CODES, MeasuredResponse, measure_response
 from zeromethod.calibration.viewing_angle import at_places, panel_exponents
 from zeromethod.commissioning.light_result import LightResult
-from zeromethod.commissioning.patterns import Exposures, SettledPatterns, TimedPatterns, uniform_pattern
+from zeromethod.commissioning.patterns import SettledPatterns, TimedPatterns, uniform_pattern
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import Frame
 from zeromethod.errors import MeasurementError
@@ -80,21 +78,18 @@ def measure_light(
     rig: Rig,
     devices: Devices,
     on_picture: Callable[[], object] = lambda: None,
-    dark: Image | None = None,
-    exposures: Exposures | None = None,
 ) -> LightResult:
     """Show `PICTURES` pictures and learn what light they make.
 
-    dark: frames with the lens capped (`take_dark`); exposures: `take_exposures`; without both the camera's
-    black level is known within bounds only. Nothing may touch the mirror. To be used in the main thread, as
-    windows must be. CameraLost and DisplayLost pass.
+    Nothing may touch the mirror. To be used in the main thread, as windows must be. CameraLost and
+    DisplayLost pass.
 
     Raises
     ------
     MeasurementError
         The camera gives nothing, or does not see the LCD.
     """
-    return _Measurement(rig, devices, on_picture).run(dark, exposures)
+    return _Measurement(rig, devices, on_picture).run()
 
 
 class _Measurement:
@@ -111,9 +106,8 @@ class _Measurement:
         self._settled = SettledPatterns(self._pictures)
         self._notes: list[str] = []
 
-    def run(self, dark: Image | None, exposures: Exposures | None) -> LightResult:
-        white = self._find_lit()
-        linearity = None if exposures is None else self._linearity(exposures, white)
+    def run(self) -> LightResult:
+        self._find_lit()
         steps = tuple(self._steps())
         stacks = {code: self._series(code) for code in SERIES_CODES}
         times_s = self._times_s  # of the last one, which is white
@@ -122,24 +116,19 @@ class _Measurement:
 
         stills = {code: still(stack, self._lit, self._full) for code, stack in stacks.items()}
         long_ones = list(stills.values())
-        covered = None if dark is None else still(dark, np.ones_like(self._lit), self._full)
-        known = linearity.black if linearity is not None and covered is None else None
-        noise = measure_noise(long_ones, self._lit, covered, known)
+        noise = measure_noise(long_ones, self._lit)
         for every in (long_ones, [*long_ones, *pairs]):
             # pixels that blink raise the noise by which blinking is found
             bad = find_bad_pixels(stills[255], stills[0], self._lit, noise, every)
-            noise = measure_noise(every, self._lit, covered, known, bad.mask)
-        good = self._lit & ~bad.mask
+            noise = measure_noise(every, self._lit, bad != 0)
+        good = self._lit & (bad == 0)
         response = self._response(grey, ramp_s, noise)
         places, size = self._tile_places(), (self._rig.display.columns, self._rig.display.rows)
         exponent = panel_exponents(response, places, size)
         if exponent is None and self._rig.display.response_exponent is not None:
             exponent = (1.0, 1.0), (1.0, 1.0)  # in place of those that the rig had
-        spread = np.sqrt((noise.variance(stills[255].mean) + noise.variance(stills[0].mean)) / SERIES_FRAMES)
-        falloff = measure_falloff(stills[255].mean, stills[0].mean, spread, good)
-        findings = self._findings(stacks, stills, times_s, response, noise, good)
-        if around is not None:
-            findings = [around.gain, around.tone, *findings]
+        falloff = measure_falloff(stills[255].mean, stills[0].mean, good)
+        findings = [*around, *self._findings(stacks, stills, times_s, response, noise, good)]
         findings.append(max((step.overdrive for step in steps), key=lambda one: (one.found, one.size)))
         return LightResult(
             response=response,
@@ -149,12 +138,8 @@ class _Measurement:
             bad_pixels=bad,
             falloff=falloff,
             findings=tuple(findings),
-            surround=around,
-            steps=steps,
-            linearity=linearity,
             lit=self._lit,
             hold_s=self._pictures.hold_s,
-            leak=self._leak(stills, noise),
             notes=tuple(self._notes),
         )
 
@@ -163,8 +148,8 @@ class _Measurement:
         self._times_s = 1e-9 * np.array([frame.time_ns - frames[0].time_ns for frame in frames])
         return np.stack([frame.image for frame in frames])
 
-    def _find_lit(self) -> Still:
-        """Find the pixels that look at the LCD; its white picture."""
+    def _find_lit(self) -> None:
+        """Find the pixels that look at the LCD."""
         bright = self._held(255, LOOK_FRAMES)
         self._settled.learn(bright)
         dark = self._held(0, LOOK_FRAMES)
@@ -184,7 +169,6 @@ class _Measurement:
             )
         # what is cut off in some frames has a mean that is wrong
         self._lit &= ~(white >= self._full).any(axis=0)
-        return still(white, self._lit, self._full)
 
     def _steps(self) -> list[StepResponse]:
         """Follow the light after steps; then hold pictures as long as it takes to settle."""
@@ -231,8 +215,8 @@ class _Measurement:
     def _tiles(self, image: Image) -> Float:
         return tile_means(np.asarray(image, dtype=np.float64), self._lit)
 
-    def _surround(self) -> Surround | None:
-        """Light of a patch by what surrounds it; None where the patch is not seen."""
+    def _surround(self) -> tuple[Finding, ...]:
+        """Light of a patch by what surrounds it; nothing where the patch is not visible."""
         rest = Rest.of(self._rig, Optics(self._rig))
         size = np.array(rest.display_size) - 1
         places = np.clip(rest.q[rest.flags == 0], 0, size)
@@ -258,7 +242,7 @@ class _Measurement:
             self._notes.append(
                 "dynamic contrast was not looked for: the patch in the middle of the view is not seen"
             )
-            return None
+            return ()
         return surround(images[..., patch].mean(axis=-1))
 
     def _ramp(self) -> tuple[Float, Float, list[Still]]:
@@ -290,20 +274,6 @@ class _Measurement:
             for size, count in zip((camera.rows, camera.columns), TILES, strict=True)
         )
         return Optics(self._rig).rest_map(*np.meshgrid(u, v))
-
-    def _linearity(self, exposures: Exposures, white: Still) -> Linearity:
-        grey = np.stack([self._tiles(image).ravel() for image in exposures.grey])
-        grey = grey[:, np.isfinite(grey).all(axis=0)]
-        spread = float(
-            np.sqrt(white.variance[self._lit].mean() * grey.shape[1] / np.count_nonzero(self._lit))
-        )
-        return black_from_exposures(exposures.exposure_s, grey, max(spread, 0.01))
-
-    def _leak(self, stills: dict[int, Still], noise: PhotonTransfer) -> float:
-        if noise.black.source == "bounds":
-            return float("nan")
-        dark, bright = (float(stills[code].mean[self._lit].mean()) for code in (0, 255))
-        return (dark - noise.black.grey) / (bright - noise.black.grey)
 
     def _findings(
         self,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from rich.table import Table
@@ -12,6 +12,7 @@ from rich.text import Text
 from zeromethod.calibration.fingerprint import OF_DEVICES, WORDS
 from zeromethod.calibration.folder import Stored
 from zeromethod.calibration.verdict import Level
+from zeromethod.view.table import pair_table, text_table
 
 _COLOURS = {Level.GOOD: "green", Level.UNCERTAIN: "yellow", Level.BAD: "red"}
 _OFFERS, _OPEN = 4, 4
@@ -38,29 +39,17 @@ def depth_line(stored: Stored) -> str:
 
 def parameter_table(stored: Stored) -> Table:
     """Every parameter: as the rig file had it, as found, and how well it is known."""
-    table = Table(box=None, pad_edge=False)
-    for name in ("parameter", "given", "found", "sigma", "unit"):
-        table.add_column(name, justify="left" if name in {"parameter", "unit"} else "right")
-    for entry in stored.document["parameters"].values():
-        digits = _digits(entry["sigma"])
-        table.add_row(
-            entry["words"],
-            f"{entry['given']:z.{digits}f}",
-            f"{entry['value']:z.{digits}f}",
-            _sigma(entry["sigma"]),
-            entry["unit"],
-        )
-    return table
+    entries = stored.document["parameters"].values()
+    rows = []
+    for one in entries:
+        numbers = [f"{one[key]:z.{_digits(one['sigma'])}f}" for key in ("given", "value", "sigma")]
+        rows.append((one["words"], *numbers, one["unit"]))
+    return text_table(("parameter", "given", "found", "sigma", "unit"), rows, left=(0, 4))
 
 
 def figure_table(stored: Stored) -> Table:
     """Everything else that was measured."""
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style="dim")
-    table.add_column()
-    for label, words in _figures(stored.document):
-        table.add_row(label, words)
-    return table
+    return pair_table(_figures(stored.document))
 
 
 _PANEL = (("scanout", "scan-out"), ("rise", "rise, 10 to 90 %"), ("fall", "fall, 90 to 10 %"))
@@ -120,14 +109,9 @@ def _light(document: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def difference_table(before: Stored, after: Stored) -> Table:
     """What differs between two calibrations: parameters by size of the change, then the rest."""
-    table = Table(box=None, pad_edge=False)
-    for name in ("", before.folder.name, after.folder.name, "change", "in sigma"):
-        table.add_column(name, justify="left" if not name else "right")
-    for _, row in sorted(_changes(before, after), reverse=True):
-        table.add_row(*row)
-    for label, one, other in _others(before, after):
-        table.add_row(label, one, other, "", "")
-    return table
+    rows = [row for _, row in sorted(_changes(before, after), reverse=True)]
+    rows += [(*row, "", "") for row in _others(before, after)]
+    return text_table(("", before.folder.name, after.folder.name, "change", "in sigma"), rows)
 
 
 def _changes(before: Stored, after: Stored) -> Iterator[tuple[float, tuple[str, ...]]]:
@@ -145,25 +129,24 @@ def _changes(before: Stored, after: Stored) -> Iterator[tuple[float, tuple[str, 
 
 
 def _others(before: Stored, after: Stored) -> Iterator[tuple[str, str, str]]:
-    one, other = before.document, after.document
-    yield "depth's sigma, percent", *(f"{d['depth_error']['percent']:.2f}" for d in (one, other))  # type: ignore[misc]
-    yield "verdict", one["verdict"]["level"], other["verdict"]["level"]
-    if "delay" in one and "delay" in other:
-        yield "delay, ms", *(f"{1e3 * d['delay']['latency_s']:.2f}" for d in (one, other))  # type: ignore[misc]
-    if "light" in one and "light" in other:
-        yield "gamma of the LCD", *(f"{d['light']['gamma']:.3f}" for d in (one, other))  # type: ignore[misc]
+    both = before.document, after.document
+
+    def pair(words: str, value: Callable[[dict[str, Any]], str]) -> tuple[str, str, str]:
+        return words, value(both[0]), value(both[1])
+
+    yield pair("depth's sigma, percent", lambda one: f"{one['depth_error']['percent']:.2f}")
+    yield pair("verdict", lambda one: str(one["verdict"]["level"]))
+    if all("delay" in one for one in both):
+        yield pair("delay, ms", lambda one: f"{1e3 * one['delay']['latency_s']:.2f}")
+    if all("light" in one for one in both):
+        yield pair("gamma of the LCD", lambda one: f"{one['light']['gamma']:.3f}")
     for key, words in WORDS.items():
         table, name = key.split(".")
-        values = [d["fingerprint"].get(table, {}).get(name) for d in (one, other)]
+        values = [str(one["fingerprint"].get(table, {}).get(name, "unknown")) for one in both]
         if values[0] != values[1]:
-            shown = ["unknown" if value is None else str(value) for value in values]
-            yield words, shown[0], shown[1]
+            yield words, values[0], values[1]
 
 
 def _digits(sigma: float) -> int:
     """Decimals that show two digits of sigma."""
     return min(max(1 - math.floor(math.log10(sigma)), 0), 7) if sigma > 0 else 4
-
-
-def _sigma(sigma: float) -> str:
-    return f"{sigma:.{_digits(sigma)}f}"

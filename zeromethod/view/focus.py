@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from zeromethod.arrays import Float
 from zeromethod.commissioning.orientation import Orientation
 from zeromethod.commissioning.setting_up import Sight
+from zeromethod.view.table import pair_table
 
 _BARS = " ▁▂▃▄▅▆▇█"
 _UPDATES_HZ = 4
@@ -31,31 +32,29 @@ def sparkline(shares: Float) -> str:
 def sight_table(sight: Sight) -> RenderableType:
     """Figures of one frame, and what to do."""
     report = sight.report
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_column(style="dim")
-    table.add_column()
     blur = f"(blur {report.blur_px:.1f} px)" if math.isfinite(report.blur_px) else ""
-    table.add_row("focus score, 0 to 1", f"{_number(report.score, '.3f')} {blur}")
+    rows = [("focus score, 0 to 1", f"{_number(report.score, '.3f')} {blur}")]
     for row, label in zip(report.modulation, ("... by region", "", ""), strict=True):
-        table.add_row(label, "  ".join(_number(value, ".2f") for value in row))
+        rows.append((label, "  ".join(_number(value, ".2f") for value in row)))
     light = f"mean {report.mean_grey:.0f}, brightest {report.bright_grey:.0f} of {report.full_grey:.0f}"
-    table.add_row("exposure", f"{1e-6 * sight.frame.exposure_ns:.3g} ms; {light}")
-    table.add_row("grey levels", f"|{sparkline(report.histogram)}|")
-    table.add_row("saturated", f"{report.saturated_share:.2%} of the pixels")
-    table.add_row("should see the LCD", f"{report.seen_share:.0%} of the view, by the rig file")
-    table.add_row("usable of that", f"{report.usable_share:.1%} ({report.dark_share:.1%} dark)")
+    rows += [
+        ("exposure", f"{1e-6 * sight.frame.exposure_ns:.3g} ms; {light}"),
+        ("grey levels", f"|{sparkline(report.histogram)}|"),
+        ("saturated", f"{report.saturated_share:.2%} of the pixels"),
+        ("should see the LCD", f"{report.seen_share:.0%} of the view, by the rig file"),
+        ("usable of that", f"{report.usable_share:.1%} ({report.dark_share:.1%} dark)"),
+    ]
     if math.isfinite(sight.flicker_share):
-        table.add_row("flicker", f"{sight.flicker_share:.2%} from frame to frame")
-    if sight.seen is not None:
-        stray = f"stray light {_number(sight.seen.stray_share, '.1%')}"
-        table.add_row("LCD", f"seen in {sight.seen.seen_share:.0%} of the image; {_lie(sight.seen)}; {stray}")
+        rows.append(("flicker", f"{sight.flicker_share:.2%} from frame to frame"))
+    if (seen := sight.seen) is not None:
+        stray = f"stray light {_number(seen.stray_share, '.1%')}"
+        rows.append(("LCD", f"visible in {seen.seen_share:.0%} of the image; {_lie(seen)}; {stray}"))
     if (place := sight.place) is not None:
         size = f"{place.wider:+.1%} wide, {place.higher:+.1%} high, turned by {place.turn_deg:+.1f} degrees"
-        table.add_row(
-            "picture, by the rig file", f"{size}, {place.right_px:+.1f} px right, {place.down_px:+.1f} down"
-        )
+        where = f"{place.right_px:+.1f} px right, {place.down_px:+.1f} down"
+        rows.append(("picture, by the rig file", f"{size}, {where}"))
     lines = [Text(f"-> {line}", style="yellow" if sight.advice else "green") for line in sight.lines]
-    return Group(table, *lines)
+    return Group(pair_table(rows), *lines)
 
 
 def _lie(seen: Orientation) -> str:
@@ -92,36 +91,25 @@ def sight_figures(sight: Sight) -> dict[str, Any]:
     }
 
 
-class FocusView:
-    """Shows sights as they come: a table that renews itself on a terminal, else a line every second.
+@contextmanager
+def focus_view(console: Console, keys: str = "") -> Iterator[Callable[[Sight], None]]:
+    """Show sights as they come: a table that renews itself on a terminal, else a line every second.
 
-    keys: what they do, shown below the table; "" for none.
+    keys: what they do, shown below the table; "" for none. Gives what is called with the newest sight.
     """
+    if console.is_terminal:
+        with Live(console=console, refresh_per_second=_UPDATES_HZ) as live:
+            yield lambda sight: live.update(Group(sight_table(sight), Text(keys, style="dim")))
+        return
+    last_s = -math.inf
 
-    def __init__(self, console: Console, keys: str = "") -> None:
-        self._console = console
-        self._keys = keys
-        self._live = Live(console=console, refresh_per_second=_UPDATES_HZ) if console.is_terminal else None
-        self._last_s = -math.inf
+    def print_line(sight: Sight) -> None:
+        nonlocal last_s
+        if sight.time_s - last_s >= _LINE_EVERY_S:
+            last_s = sight.time_s
+            console.print(sight_line(sight), soft_wrap=True, highlight=False, markup=False)
 
-    def __enter__(self) -> FocusView:
-        if self._live is not None:
-            self._live.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._live is not None:
-            self._live.stop()
-
-    def update(self, sight: Sight) -> None:
-        """Show the newest frame."""
-        if self._live is not None:
-            self._live.update(Group(sight_table(sight), Text(self._keys, style="dim")))
-        elif sight.time_s - self._last_s >= _LINE_EVERY_S:
-            self._last_s = sight.time_s
-            self._console.print(sight_line(sight), soft_wrap=True, highlight=False, markup=False)
+    yield print_line
 
 
 def _number(value: float, pattern: str) -> str:

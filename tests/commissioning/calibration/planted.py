@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from operator import attrgetter
+from pathlib import Path
 
 import numpy as np
 from crooked_bench import crooked
-from numpy.typing import NDArray
+from small_rigs import small_rig_file
 
 from zeromethod.calibration import KnownPress, Presses, RestReading
 from zeromethod.clock import Clock
 from zeromethod.commissioning.calibration import Calibration
 from zeromethod.devices.opening import Devices
-from zeromethod.devices.protocols import Frame
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
@@ -51,6 +51,13 @@ def quarter() -> Rig:
     return binned(rig, 2).model_copy(update={"display": lcd})
 
 
+def rig_file(rig: Rig, path: Path, **values: object) -> Path:
+    """The packaged rig file, comments and all, with the pixels of `rig`, and other values by key."""
+    keys = ("display.columns", "display.rows", "display.pitch_mm", "camera.columns", "camera.rows")
+    keys += ("camera.focal_px", "camera.centre_px", "target.period_px")
+    return small_rig_file(path, {key: attrgetter(key)(rig) for key in keys} | {"scenario": "none"} | values)
+
+
 def truth(given: Rig) -> Rig:
     """The bench as it is."""
     rig = crooked(given)
@@ -76,35 +83,14 @@ class PlantedCamera(SimulatedCamera):
 
 
 @dataclass
-class FaultyCamera:
-    """The simulated camera, with something done to every frame's light: (rows, cols), grey above black."""
-
-    camera: SimulatedCamera
-    black_grey: float
-    faults: tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], ...]
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.camera, name)
-
-    def read(self, timeout_s: float) -> Frame:
-        frame = self.camera.read(timeout_s)
-        light = frame.image - self.black_grey
-        for fault in self.faults:
-            light = fault(light)
-        grey = np.clip(np.rint(light + self.black_grey), 0, 2**self.camera.bits - 1)
-        return replace(frame, image=grey.astype(frame.image.dtype))
-
-    def close(self) -> None:
-        self.camera.close()
-
-
-@dataclass
 class Hand:
-    """Listens to a calibration, and presses when it is told to. parts, lines: what it heard."""
+    """Listens to a calibration, and presses when it is asked to. lines, counts: what it heard."""
 
     devices: Devices
     depths_mm: Sequence[float] = ()
     places_mm: Sequence[tuple[float, float]] = ()
+    shape: Shape = Shape.GAUSSIAN
+    size_mm: float = PRESS_MM
     lines: list[str] = field(default_factory=list)
     counts: dict[str, tuple[int, int]] = field(default_factory=dict)
 
@@ -122,16 +108,14 @@ class Hand:
             self.press(int(words.split()[1]) - 1)
 
     def press(self, number: int) -> None:
-        camera = self.devices.camera
-        if isinstance(camera, FaultyCamera):
-            camera = camera.camera
+        camera = getattr(self.devices.camera, "device", self.devices.camera)
         assert isinstance(camera, SimulatedCamera)
         depth, (x, y) = self.depths_mm[number], self.places_mm[number]
         lifted_s = LEAD_S + MOVE_S + HOLD_S
         path = ((LEAD_S, 0.0), (LEAD_S + MOVE_S, depth), (lifted_s, depth), (lifted_s + MOVE_S, 0.0))
         now_ns = self.devices.clock.now_ns()
         points = tuple(PathPoint(now_ns + round(1e9 * t), x, y, d) for t, d in path)
-        dent = PressPath(Dent(Shape.GAUSSIAN, x, y, depth, PRESS_MM), points)
+        dent = PressPath(Dent(self.shape, x, y, depth, self.size_mm), points)
         camera.scenario = Scenario("asked for", (dent,), 1e9)
 
 

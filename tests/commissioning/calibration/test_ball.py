@@ -11,36 +11,14 @@ import pytest
 from zeromethod.commissioning.calibration import Plan, Recorded, evaluate, recall, record, store_calibration
 from zeromethod.devices.opening import open_devices
 from zeromethod.rig.model import Rig
-from zeromethod.simulation.camera import SimulatedCamera
-from zeromethod.simulation.path import PathPoint, PressPath
-from zeromethod.simulation.press import Dent, Shape
-from zeromethod.simulation.scenario import Scenario
+from zeromethod.simulation.press import Shape
 
-from .planted import HOLD_S, LEAD_S, MOVE_S, Hand, quarter, truth
+from .planted import Hand, quarter, truth
 
 RADIUS_MM, SIGMA_MM, DEPTH_MM = 800.0, 4.0, 0.15
 PLAN = Plan(
     light=False, delay=False, rest_frames=1, press_frames=6, patience_s=3.0, ball_mm=(RADIUS_MM, SIGMA_MM)
 )
-
-
-class BallHand(Hand):
-    """Presses a ball in the middle of the view when a ball is asked for."""
-
-    def press(self, number: int) -> None:
-        camera = self.devices.camera
-        assert isinstance(camera, SimulatedCamera)
-        lifted_s = LEAD_S + MOVE_S + HOLD_S
-        depths = (
-            (LEAD_S, 0.0),
-            (LEAD_S + MOVE_S, DEPTH_MM),
-            (lifted_s, DEPTH_MM),
-            (lifted_s + MOVE_S, 0.0),
-        )
-        now_ns = self.devices.clock.now_ns()
-        points = tuple(PathPoint(now_ns + round(1e9 * t), 40.0, 0.0, depth) for t, depth in depths)
-        dent = PressPath(Dent(Shape.BALL, 40.0, 0.0, DEPTH_MM, RADIUS_MM), points)
-        camera.scenario = Scenario("ball", (dent,), 1e9)
 
 
 def bench() -> Rig:
@@ -52,7 +30,7 @@ def bench() -> Rig:
 @pytest.fixture(scope="module")
 def pressed() -> tuple[Recorded, list[str]]:
     with open_devices(bench()) as devices:
-        hand = BallHand(devices)
+        hand = Hand(devices, (DEPTH_MM,), ((40.0, 0.0),), shape=Shape.BALL, size_mm=RADIUS_MM)
         recorded, _ = record(quarter(), devices, PLAN, hand)
     return recorded, hand.lines
 
@@ -61,12 +39,11 @@ def test_ball_is_asked_for_and_taken(pressed: tuple[Recorded, list[str]]) -> Non
     recorded, lines = pressed
     assert "press 1 of 1: press the ball of 800 mm radius in now, and hold still" in lines
     assert recorded.failure is None
-    assert recorded.presses is not None
     assert recorded.presses.pressed == ()
     assert recorded.presses.ball is not None
 
 
-def test_ball_tells_depth_and_survives_the_disk(pressed: tuple[Recorded, list[str]], tmp_path: Path) -> None:
+def test_ball_gives_depth_and_survives_the_disk(pressed: tuple[Recorded, list[str]], tmp_path: Path) -> None:
     recorded, _ = pressed
     found = evaluate(recorded)
     (term,) = (term for term in found.fitted.terms if term.measurement.name == "ball")
@@ -76,8 +53,6 @@ def test_ball_tells_depth_and_survives_the_disk(pressed: tuple[Recorded, list[st
     assert found.depth_percent < 0.7 * without.depth_percent
     again, _ = recall(store_calibration(found, "simulated", home=tmp_path).folder)
     assert again.plan.ball_mm == (RADIUS_MM, SIGMA_MM)
-    assert again.presses is not None
-    assert again.presses.ball is not None
     np.testing.assert_array_equal(again.presses.ball.q, recorded.presses.ball.q)  # type: ignore[union-attr]
 
 

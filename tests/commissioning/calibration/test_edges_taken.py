@@ -42,7 +42,7 @@ def seen() -> tuple[Recorded, RestMeasurement]:
         return record(wide(), devices, PLAN)
 
 
-def test_edges_in_view_are_found_told_and_taken(seen: tuple[Recorded, RestMeasurement]) -> None:
+def test_edges_in_view_are_found_reported_and_taken(seen: tuple[Recorded, RestMeasurement]) -> None:
     hand = Listener()
     found = evaluate(*seen, prompts=hand)
     edges = [term.measurement for term in found.fitted.terms if isinstance(term.measurement, MirrorEdge)]
@@ -51,8 +51,8 @@ def test_edges_in_view_are_found_told_and_taken(seen: tuple[Recorded, RestMeasur
         # within three sigma of where they are
         assert np.abs(one.predict(truth(wide())) / one.sigma).max() < 3.0
     assert [line.split(" (")[0].rsplit(" ", 1)[0] for line in hand.lines] == [
-        "edge P0: seen at column",
-        "edge R0: seen at column",
+        "edge P0: found at column",
+        "edge R0: found at column",
     ]
     without = evaluate(replace(seen[0], plan=replace(PLAN, edges=False)), seen[1])
     assert not without.edges
@@ -65,6 +65,5 @@ def test_an_edge_by_hand_takes_the_place_of_the_one_found(
     given = MirrorEdge("R0", np.array([[70.0, 32.0]]), 3.0)
     found = evaluate(replace(seen[0], plan=replace(PLAN, known=(given,))), seen[1])
     (edge,) = (term.measurement for term in found.fitted.terms if term.measurement.name == "edge R0")
-    assert edge is not None
     assert edge.sigma.tolist() == [3.0]
     assert [one.edge for one in found.edges] == ["P0"]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from commissioning.setting_up_benches import Altered
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion
 
@@ -17,11 +18,11 @@ from zeromethod.commissioning.calibration.storing import document_of
 from zeromethod.decoding import Reason
 from zeromethod.decoding.measuring import RestMeasurement
 from zeromethod.devices.opening import open_devices
+from zeromethod.devices.protocols import Frame
 from zeromethod.optics import Optics
-from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.thread_limits import limit_threads
 
-from .planted import FaultyCamera, Hand, nominal, read_elsewhere, truth
+from .planted import Hand, nominal, read_elsewhere, truth
 
 Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -45,7 +46,7 @@ DOUBLED = part(slice(None), slice(120, None))
 SHADED = part(slice(70, 110), slice(15, 60))
 ELSEWHERE = part(slice(20, 44), slice(20, 42))
 ELSEWHERE_PX = 31
-"""While the fringes are shown this patch shows what lies so many camera px beside it."""
+"""While the fringes are shown this patch shows what lies so many camera px away."""
 DEAD = part(slice(5, None, 24), slice(66, 118, 7)) & ~ELSEWHERE
 
 
@@ -84,9 +85,15 @@ def troubled() -> tuple[Recorded, RestMeasurement, Trouble]:
     plan = Plan(DEPTHS_MM, 6e-4, light=False, delay=False, rest_frames=2, press_frames=8, patience_s=3.0)
     with open_devices(truth(given)) as devices:
         camera = devices.camera
-        assert isinstance(camera, SimulatedCamera)
         hand = Trouble(devices, DEPTHS_MM, PLACES_MM)
-        devices.camera = FaultyCamera(camera, given.camera.noise.black_grey, (hand.spoil,))
+        black = given.camera.noise.black_grey
+
+        def read(timeout_s: float) -> Frame:
+            frame = camera.read(timeout_s)
+            grey = np.clip(np.rint(hand.spoil(frame.image - black) + black), 0, 255)
+            return replace(frame, image=grey.astype(np.uint8))
+
+        devices.camera = Altered(camera, read=read)
         # Response and delay are as believed: the light is measured elsewhere.
         true = truth(given).display
         display = given.display.model_copy(update={"gamma": true.gamma, "latency_s": true.latency_s})
@@ -101,7 +108,7 @@ def calibration(troubled: tuple[Recorded, RestMeasurement, Trouble]) -> Calibrat
 @pytest.mark.parametrize(
     ("reason", "planted", "rim_px"),
     [
-        # a second reflection is told over 9 x 9 px
+        # a second reflection is found over 9 x 9 px
         (Reason.SECOND_REFLECTION, DOUBLED, 5),
         (Reason.DISTURBED, SHADED, 3),
         (Reason.WRONG_ORDER, ELSEWHERE, 1),

@@ -21,32 +21,16 @@ from zeromethod.commissioning.calibration import (
 )
 from zeromethod.errors import MeasurementError
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.save import save_values
 from zeromethod.view.calibration_figure import draw_calibration
 
+from . import planted
 from .conftest import DEPTHS_MM
 from .planted import nominal
 
 
 @pytest.fixture(scope="module")
 def rig_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The small bench as a file of its own, with a comment of its owner's."""
-    rig, path = nominal(), tmp_path_factory.mktemp("bench") / "mine.toml"
-    camera, display = rig.camera, rig.display
-    source = Path(__file__).parents[3] / "calibration" / "rigs" / "simulated.toml"
-    values = {
-        "display.columns": display.columns,
-        "display.rows": display.rows,
-        "display.pitch_mm": display.pitch_mm,
-        "camera.columns": camera.columns,
-        "camera.rows": camera.rows,
-        "camera.focal_px": camera.focal_px,
-        "camera.centre_px": camera.centre_px,
-        "target.period_px": 8,
-        "scenario": "none",
-    }
-    save_values(source, values, path)
-    return path
+    return planted.rig_file(nominal(), tmp_path_factory.mktemp("bench") / "mine.toml")
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +39,7 @@ def stored(calibration: Calibration, rig_file: Path) -> Stored:
     return store_calibration(calibration, rig_file, pictures=pictures)
 
 
-def test_folder_lies_beside_the_rig_and_is_whole(stored: Stored, rig_file: Path) -> None:
+def test_folder_lies_next_to_the_rig_and_is_whole(stored: Stored, rig_file: Path) -> None:
     assert stored.folder.parent == rig_file.parent / "calibrations" / "mine"
     names = {path.name for path in stored.folder.iterdir()}
     assert names == {"calibration.toml", "rig.toml", "given.toml", "arrays.h5", "calibration.png"}
@@ -69,13 +53,10 @@ def test_calibrated_rig_file_is_the_fitted_rig(stored: Stored, calibration: Cali
     assert kept == pytest.approx(fitted, rel=1e-8, abs=1e-7)
     assert load_rig(stored.rig_file).display.latency_s == calibration.recorded.values["display.latency_s"]
     assert "# silicone rubber" in stored.rig_file.read_text()
-
-
-def test_rig_as_given_is_kept(stored: Stored) -> None:
     assert describe(load_rig(stored.folder / "given.toml")) == pytest.approx(describe(nominal()))
 
 
-def test_document_tells_parameters_presses_and_verdict(stored: Stored, calibration: Calibration) -> None:
+def test_document_states_parameters_presses_and_verdict(stored: Stored, calibration: Calibration) -> None:
     document = stored.document
     for name, (value, sigma) in stored.parameters.items():
         assert value == pytest.approx(calibration.fitted.values[name], rel=1e-6, abs=1e-9)
@@ -87,10 +68,8 @@ def test_document_tells_parameters_presses_and_verdict(stored: Stored, calibrati
 
 def test_newest_and_own_calibration_are_found(stored: Stored, rig_file: Path) -> None:
     found = newest(rig_file)
-    assert found is not None
     assert found.folder == stored.folder
     of_rig = calibration_of(stored.rig_file)
-    assert of_rig is not None
     assert of_rig.document == stored.document
     assert calibration_of(rig_file) is None
 
@@ -118,8 +97,8 @@ def test_rest_map_and_covariance_are_in_the_arrays(stored: Stored, calibration: 
 def test_what_was_known_by_hand_comes_back(calibration: Calibration, rig_file: Path, tmp_path: Path) -> None:
     known = (Direct("gap_mm", 0.6, 0.01), MirrorEdge("R0", np.array([[120.5, 64.0]]), 2.0))
     plan = replace(calibration.recorded.plan, known=known)
-    told = replace(calibration, recorded=replace(calibration.recorded, plan=plan))
-    recorded, _ = recall(store_calibration(told, rig_file, home=tmp_path).folder)
+    with_known = replace(calibration, recorded=replace(calibration.recorded, plan=plan))
+    recorded, _ = recall(store_calibration(with_known, rig_file, home=tmp_path).folder)
     gap, edge = recorded.plan.known
     assert isinstance(gap, Direct)
     assert (gap.parameter, gap.value, gap.sigma_value) == ("gap_mm", 0.6, 0.01)
@@ -148,7 +127,6 @@ def test_recording_outlives_an_evaluation_that_fails(
     assert kept.verdict.reason == "press 1: not seen: geometry from the rest map alone"
     # what was recorded is there for another try: sums of the frames, presses and their depths
     recorded, _ = recall(store_calibration(kept, rig_file, home=tmp_path).folder)
-    assert recorded.presses is not None
     assert len(recorded.presses.pressed) == len(DEPTHS_MM)
     assert recorded.plan.press_depths_mm == DEPTHS_MM
     np.testing.assert_array_equal(recorded.rest.sums, calibration.recorded.rest.sums)

@@ -44,15 +44,13 @@ def views_in_files(
     Raises InputError for files that are no images or of several sizes, and, naming the files, where fewer
     than `least` show the board.
     """
-    views, refused, shapes = [], {}, list[tuple[int, int]]()
+    views, refused, size = [], {}, (0, 0)
     for path in paths:
         image = read_grey(path)
-        shapes.append((image.shape[0], image.shape[1]))
-        if shapes[-1] != shapes[0]:
-            (rows, columns), (first_rows, first_columns) = shapes[-1], shapes[0]
-            raise InputError(
-                f"{path}: {columns} x {rows} px: the first picture has {first_columns} x {first_rows}"
-            )
+        rows, columns = image.shape
+        size = size if any(size) else (rows, columns)
+        if (rows, columns) != size:
+            raise InputError(f"{path}: {columns} x {rows} px: the first picture has {size[1]} x {size[0]}")
         found = board.find(path.name, image)
         if isinstance(found, View):
             views.append(found)
@@ -68,7 +66,7 @@ def views_in_files(
             f"FRAMES: {len(views)} of {len(paths)} show the board ({board}), at least {least} must; "
             + ("; ".join(lines) or "take more")
         )
-    return Views(tuple(views), shapes[0], refused)
+    return Views(tuple(views), size, refused)
 
 
 def square_on_lcd_px(board: Board, rig: Rig) -> int:

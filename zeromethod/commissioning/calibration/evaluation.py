@@ -33,7 +33,6 @@ from zeromethod.commissioning.calibration.first_fit import (
     grid_of,
     rest_measurements,
     with_intrinsics,
-    with_values,
 )
 from zeromethod.commissioning.calibration.plan import Plan, Recorded
 from zeromethod.commissioning.calibration.presses import PressWarps
@@ -131,7 +130,7 @@ def evaluate(
 
     Raises MeasurementError where the data contradict the rig file beyond use.
     """
-    rig, plan = with_values(recorded.rig, recorded.values), recorded.plan
+    rig, plan = recorded.rig.replace(recorded.values), recorded.plan
     prompts = prompts or Silent()
     findings: list[str] = []
     with prompts.part("geometry", PARTS) as advance:

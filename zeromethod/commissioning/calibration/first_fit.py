@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from zeromethod.calibration import Fit, Intrinsics, Measurement, Priors, RestPositions, fit
@@ -14,18 +14,6 @@ from zeromethod.warp.grid import NodeGrid
 
 _WIDE = 10.0
 """Priors of distortion, in the sigma that the board gives: wide enough to leave the decision to it."""
-
-
-def with_values(rig: Rig, values: Mapping[str, Any]) -> Rig:
-    """Rig with values by dotted key of two or three parts, checked as those of a file are."""
-    data = rig.model_dump(exclude_unset=True)
-    for key, value in values.items():
-        *tables, name = key.split(".")
-        table = data
-        for step in tables:
-            table = table.setdefault(step, {})
-        table[name] = tuple(value) if isinstance(value, list) else value
-    return Rig.model_validate(data)
 
 
 def rest_measurements(rig: Rig, found: RestMeasurement, known: tuple[Known, ...]) -> list[Measurement]:

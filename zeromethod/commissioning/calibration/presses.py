@@ -187,8 +187,7 @@ def _follow(
         prompts.part("rest and presses, by the loop", 1 + len(asked)) as advance,
     ):
         for step in steps:
-            nulled = step.state in NULLED and step.measured is not None
-            if watch.take(step.measured if nulled else None):
+            if watch.take(step.measured if step.state in NULLED else None):
                 last_ns = devices.clock.now_ns()
                 if watch.phase is Phase.LIFTING or (watch.phase is Phase.COMING and not watch.pressed):
                     advance()

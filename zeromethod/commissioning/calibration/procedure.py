@@ -9,7 +9,7 @@ from typing import Any
 from zeromethod.calibration.fingerprint import take_fingerprint
 from zeromethod.calibration.panel_timing import StepTiming
 from zeromethod.clock import HostClock
-from zeromethod.commissioning.calibration.first_fit import first_fit, with_values
+from zeromethod.commissioning.calibration.first_fit import first_fit
 from zeromethod.commissioning.calibration.plan import Plan, Recorded
 from zeromethod.commissioning.calibration.presses import PressesEndedError, PressWarps, record_presses
 from zeromethod.commissioning.calibration.prompts import Prompts, Silent
@@ -93,7 +93,7 @@ class _Session:
         light = self._light(hold_s)
         if light is not None:
             hold_s = max(hold_s, light.hold_s if light.hold_s < 2 * hold_s else 0.0)
-        rig = with_values(self._given, self._values)
+        rig = self._given.replace(self._values)
 
         self._begin("rest map")
         pictures = TimedPatterns(rig, devices, 0.0)
@@ -117,7 +117,7 @@ class _Session:
                 fitted = first_fit(rig, found, plan.known)
                 advance()
             panel = self._panel(fitted.rig)
-            delay = self._delay(with_values(fitted.rig, self._timing()), panel)
+            delay = self._delay(fitted.rig.replace(self._timing()), panel)
             presses = self._presses(fitted.rig)
         except KeyboardInterrupt:
             # The rest map is sound. Ctrl-C between presses is handled there.
@@ -197,7 +197,7 @@ class _Session:
         if not self._plan.presses:
             return None
         self._begin("presses")
-        timed = with_values(rig, self._timing())
+        timed = rig.replace(self._timing())
         chosen = "strips" in rig.control.model_fields_set
         if not chosen and (isinstance(self._devices.clock, HostClock) or "display.latency_s" in self._values):
             timed = with_strips(timed)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,38 @@ from zeromethod.warp.warp import Warp
 
 _OFFERS = 6
 _DELAY = ("latency_s", "sigma_s", "jitter_s", "refresh_hz", "camera_rate_hz", "horizon_s", "frames", "used")
+_DATA = ("name=measurement.name", "numbers=count", "outliers")
 _WARP = ("q", "sigma", "flags")
+_SEQUENCE = ("periods_px", "shifts_rad", "axes", "repeats")
+_ARRAYS = (
+    *(f"rest_map/{name}=rest.rest_map.{name}" for name in ("lcd_px", "valid", "reason")),
+    *(f"raw/{name}=recorded.rest.{name}" for name in ("sums", "frames")),
+    *(f"raw/{name}=recorded.rest.sequence.{name}" for name in _SEQUENCE),
+    "fit/names=fitted.priors.names",
+    "fit/prior_mean=fitted.priors.mean",
+    "fit/prior_sigma=fitted.priors.sigma",
+    "fit/z=fitted.z",
+    "fit/covariance=fitted.covariance",
+    "depth_error/sensitivity=error.sensitivity",
+)
+_LIGHT_ARRAYS = (
+    "light/codes=response.codes",
+    "light/light=response.whole.light",
+    "light/sigma=response.whole.sigma",
+    "light/lit=lit",
+    "light/bad_pixels=bad_pixels",
+)
+_LIGHT = (
+    "gamma=response.whole.gamma",
+    "gamma_sigma=response.whole.gamma_sigma",
+    "power_law_misfit=response.whole.misfit",
+    "read_grey=noise.read_grey",
+    "electrons_per_grey=noise.electrons_per_grey",
+    "black_grey=noise.black.grey",
+    "black_sigma_grey=noise.black.sigma",
+    "darkest_share=falloff.darkest",
+    "advice",
+)
 _KEPT = ("light", "delay", "panel")
 """Tables of a document that evaluating again does not change."""
 
@@ -78,7 +110,7 @@ def recall(folder: Path) -> tuple[Recorded, Stored]:
     """What was recorded for a calibration, to evaluate it again. Raises InputError."""
     stored = load(folder)
     raw = stored.document["recorded"]
-    names = ("periods_px", "shifts_rad", "axes", "repeats", "frames", "sums")
+    names = (*_SEQUENCE, "frames", "sums")
     arrays = load_arrays(folder)
     if missing := [f"raw/{name}" for name in names if f"raw/{name}" not in arrays]:
         raise InputError(f"{folder / ARRAYS}: {missing[0]}: missing: arrays of a calibration")
@@ -87,10 +119,8 @@ def recall(folder: Path) -> tuple[Recorded, Stored]:
     sequence = FringeSequence(tuple(map(float, periods)), tuple(map(float, shifts)), axes_given, int(repeats))
     presses = None
     if "presses/rest_q" in arrays:
-        pressed: tuple[Warp, ...] = ()
-        if "presses/pressed_q" in arrays:
-            q, sigma, flags = (arrays[f"presses/pressed_{part}"] for part in _WARP)
-            pressed = tuple(Warp(q[i], sigma[i], flags[i], 0) for i in range(len(q)))
+        stacks = (arrays.get(f"presses/pressed_{part}", ()) for part in _WARP)
+        pressed = tuple(Warp(q, sigma, flags, 0) for q, sigma, flags in zip(*stacks, strict=True))
         ball = _warp_of(arrays, "ball") if "presses/ball_q" in arrays else None
         presses = PressWarps(_warp_of(arrays, "rest"), pressed, ball)
     plan = Plan(
@@ -114,115 +144,76 @@ def recall(folder: Path) -> tuple[Recorded, Stored]:
     return recorded, stored
 
 
+def _table(one: object, *fields: str) -> dict[str, Any]:
+    """Fields of an object, by name, or as "key=path" under another key."""
+    pairs = [field.partition("=") for field in fields]
+    return {key: attrgetter(path or key)(one) for key, _, path in pairs}
+
+
 def arrays_of(found: Calibration) -> dict[str, Any]:
     """Arrays of a calibration by name."""
-    recorded, rest = found.recorded, found.rest.rest_map
-    raw, sequence = recorded.rest, recorded.rest.sequence
-    arrays: dict[str, Any] = {
-        "rest_map/lcd_px": rest.lcd_px,
-        "rest_map/sigma_px": rest.sigma_px.astype(np.float32),
-        "rest_map/valid": rest.valid,
-        "rest_map/reason": rest.reason,
-        "fit/names": list(found.fitted.priors.names),
-        "fit/prior_mean": found.fitted.priors.mean,
-        "fit/prior_sigma": found.fitted.priors.sigma,
-        "fit/z": found.fitted.z,
-        "fit/covariance": found.fitted.covariance,
-        "depth_error/sensitivity": found.error.sensitivity,
-        "raw/sums": raw.sums,
-        "raw/frames": raw.frames,
-        "raw/periods_px": np.array(sequence.periods_px),
-        "raw/shifts_rad": np.array(sequence.shifts_rad),
-        "raw/axes": list(sequence.axes),
-        "raw/repeats": sequence.repeats,
-    }
-    if recorded.presses is not None:
-        warps, rest_warp = recorded.presses.pressed, recorded.presses.rest
+    arrays = _table(found, *_ARRAYS)
+    arrays["rest_map/sigma_px"] = found.rest.rest_map.sigma_px.astype(np.float32)
+    if (presses := found.recorded.presses) is not None:
         for part in _WARP:
-            arrays[f"presses/rest_{part}"] = getattr(rest_warp, part)
-            if warps:
-                arrays[f"presses/pressed_{part}"] = np.stack([getattr(warp, part) for warp in warps])
-            if recorded.presses.ball is not None:
-                arrays[f"presses/ball_{part}"] = getattr(recorded.presses.ball, part)
-    if recorded.light is not None:
-        light = recorded.light
-        arrays |= {
-            "light/codes": light.response.codes,
-            "light/light": light.response.whole.light,
-            "light/sigma": light.response.whole.sigma,
-            "light/lit": light.lit,
-            "light/falloff": light.falloff.smooth.astype(np.float32),
-            "light/bad_pixels": light.bad_pixels.reason,
-        }
+            of = attrgetter(part)
+            arrays[f"presses/rest_{part}"] = of(presses.rest)
+            if presses.pressed:
+                arrays[f"presses/pressed_{part}"] = np.stack([of(warp) for warp in presses.pressed])
+            if presses.ball is not None:
+                arrays[f"presses/ball_{part}"] = of(presses.ball)
+    if (light := found.recorded.light) is not None:
+        arrays |= _table(light, *_LIGHT_ARRAYS)
+        arrays["light/falloff"] = light.falloff.smooth.astype(np.float32)
     return arrays
 
 
 def document_of(found: Calibration) -> dict[str, Any]:
     """calibration.toml of a calibration, as plain values."""
-    recorded, fitted, error = found.recorded, found.fitted, found.error
-    percent = error.percent
+    recorded, fitted, error, plan = found.recorded, found.fitted, found.error, found.recorded.plan
+    regions = zip(error.names, error.x_mm, error.y_mm, error.percent, strict=True)
     document: dict[str, Any] = {
         "time": datetime.now(UTC).replace(microsecond=0),
         "rig": recorded.rig.name,
         "made_by": f"zeromethod {version('zeromethod')}",
-        "verdict": {
-            "level": found.verdict.level.value,
-            "reason": found.verdict.reason,
-            "findings": list(found.verdict.findings),
-        },
+        "verdict": _table(found.verdict, "level=level.value", "reason", "findings"),
         "depth_error": {
             "percent": found.depth_percent,
-            "worst_percent": float(percent.max()),
-            "region": [
-                {"name": name, "x_mm": x, "y_mm": y, "percent": one}
-                for name, x, y, one in zip(error.names, error.x_mm, error.y_mm, percent, strict=True)
-            ],
+            "worst_percent": error.percent.max(),
+            "region": [dict(zip(("name", "x_mm", "y_mm", "percent"), one, strict=True)) for one in regions],
         },
         "parameters": _parameters(fitted),
-        "fit": {
-            "chi2_per_freedom": fitted.chi2_per_freedom,
-            "rest_map_sigma_factor": fitted.inflation,
-            "settled": fitted.settled,
-            "data": [
-                {"name": term.measurement.name, "numbers": term.count, "outliers": term.outliers}
-                for term in fitted.terms
-            ],
-        },
-        "not_told_apart": [
-            {"words": one.words, "kept": one.kept, "depth_percent": one.depth_percent}
-            for one in found.open_blends
-        ],
-        "measure_next": [{"what": one.what, "depth_percent": one.percent} for one in found.gains[:_OFFERS]],
+        "fit": _table(fitted, "chi2_per_freedom", "rest_map_sigma_factor=inflation", "settled")
+        | {"data": [_table(one, *_DATA) for one in fitted.terms]},
+        "not_told_apart": [_table(one, "words", "kept", "depth_percent") for one in found.open_blends],
+        "measure_next": [_table(one, "what", "depth_percent=percent") for one in found.gains[:_OFFERS]],
         "edge": [_edge(one) for one in found.edges],
         "rest_map": figures(found.rest),
         "settling": asdict(recorded.settling),
     }
     if recorded.delay is not None:
-        document["delay"] = {key: getattr(recorded.delay, key) for key in _DELAY}
+        document["delay"] = _table(recorded.delay, *_DELAY)
     if recorded.panel is not None:
         document["panel"] = asdict(recorded.panel)
-    if recorded.light is not None:
-        document["light"] = _light(recorded)
+    if (light := recorded.light) is not None:
+        document["light"] = _table(light, *_LIGHT) | {
+            "bad_pixels": np.count_nonzero(light.bad_pixels),
+            "found": [str(finding.fault) for finding in light.findings if finding.found],
+        }
     if recorded.presses is not None and found.peaks:
         document["press"] = [
-            {"depth_mm": depth, "sigma_mm": recorded.plan.press_sigma_mm, "read_mm": one.depth_mm}
-            | {"x_mm": one.x_mm, "y_mm": one.y_mm}
-            for depth, one in zip(recorded.plan.press_depths_mm, found.peaks, strict=True)
+            {"depth_mm": depth, "sigma_mm": plan.press_sigma_mm}
+            | _table(one, "read_mm=depth_mm", "x_mm", "y_mm")
+            for depth, one in zip(plan.press_depths_mm, found.peaks, strict=True)
         ]
         document["drift_lcd_px"] = found.drift_px
     document["fingerprint"] = recorded.fingerprint
-    document["recorded"] = {
-        "press_depths_mm": list(recorded.plan.press_depths_mm),
-        "press_sigma_mm": recorded.plan.press_sigma_mm,
-        "edges": recorded.plan.edges,
-        "known": list(map(_table_of, recorded.plan.known)),
-        "notes": list(recorded.notes),
-        "values": recorded.values,
-        "seconds": recorded.seconds,
-    }
-    if recorded.plan.ball_mm is not None:
-        radius, sigma = recorded.plan.ball_mm
-        document["recorded"]["ball"] = {"radius_mm": radius, "sigma_mm": sigma}
+    document["recorded"] = _table(plan, "press_depths_mm", "press_sigma_mm", "edges") | _table(
+        recorded, "notes", "values", "seconds"
+    )
+    document["recorded"]["known"] = list(map(_table_of, plan.known))
+    if plan.ball_mm is not None:
+        document["recorded"]["ball"] = dict(zip(("radius_mm", "sigma_mm"), plan.ball_mm, strict=True))
     return document
 
 
@@ -262,32 +253,7 @@ def _parameters(fitted: Fit) -> dict[str, Any]:
     sigma, given = fitted.sigma, describe(fitted.priors.rig)
     priors = dict(zip(fitted.priors.names, fitted.priors.sigma, strict=True))
     return {
-        name: {
-            "value": value,
-            "sigma": sigma[name],
-            "given": given[name],
-            "given_sigma": float(priors[name]),
-            "unit": PARAMETERS[name].unit,
-            "words": PARAMETERS[name].words,
-        }
+        name: {"value": value, "sigma": sigma[name], "given": given[name], "given_sigma": priors[name]}
+        | _table(PARAMETERS[name], "unit", "words")
         for name, value in fitted.values.items()
-    }
-
-
-def _light(recorded: Recorded) -> dict[str, Any]:
-    light = recorded.light
-    assert light is not None
-    curve = light.response.whole
-    return {
-        "gamma": curve.gamma,
-        "gamma_sigma": curve.gamma_sigma,
-        "power_law_misfit": curve.misfit,
-        "read_grey": light.noise.read_grey,
-        "electrons_per_grey": light.noise.electrons_per_grey,
-        "black_grey": light.noise.black.grey,
-        "black_sigma_grey": light.noise.black.sigma,
-        "darkest_share": light.falloff.darkest,
-        "bad_pixels": int(np.count_nonzero(light.bad_pixels.mask)),
-        "found": [str(finding.fault) for finding in light.findings if finding.found],
-        "advice": list(light.advice),
     }
