@@ -57,11 +57,11 @@ def test_the_measured_rest_is_the_rest_of_the_loop(
     rest = Rest.of(rig, Optics(rig))
     by_geometry = Rest.of(believed, Optics(believed))
     truth = bench.rest_map(*by_geometry.grid.mesh())
-    seen = rest.seen
-    assert seen.sum() > 0.95 * by_geometry.seen.sum()
+    visible = rest.visible
+    assert visible.sum() > 0.95 * by_geometry.visible.sum()
     # the quadratic of a node's window of 9 x 9 px takes the noise down to a quarter
-    np.testing.assert_allclose(rest.q[seen], truth[seen], atol=4 * NOISE_PX / 4)
-    assert np.abs(by_geometry.q[seen] - truth[seen]).max() > 1.0
+    np.testing.assert_allclose(rest.q[visible], truth[visible], atol=4 * NOISE_PX / 4)
+    assert np.abs(by_geometry.q[visible] - truth[visible]).max() > 1.0
 
 
 def test_a_press_is_read_on_the_rays_that_the_measured_rest_names(
@@ -71,11 +71,11 @@ def test_a_press_is_read_on_the_rays_that_the_measured_rest_names(
     optics = Optics(rig)
     rest = Rest.of(rig, optics)
     pixels = Rest.of(believed, optics).grid.mesh()
-    point = bench.trace(*pixels, bench.rest).point[rest.seen]
+    point = bench.trace(*pixels, bench.rest).point[rest.visible]
     x, y = (float(np.median(point[:, axis])) for axis in (0, 1))
     mirror = Mirror((Dent(Shape.GAUSSIAN, x, y, DEPTH_MM, 5.0),))
     q = bench.trace(*pixels, Dented(bench.rest, mirror)).q
-    flags = np.where(rest.seen, 0, 1).astype(np.uint16)
+    flags = np.where(rest.visible, 0, 1).astype(np.uint16)
     warp = Warp(q, np.full(q.shape, NOISE_PX / 4), flags, 0)
     assert isinstance(rest.grid, RestGrid)
     found = peak(SurfaceReader(rig, optics, rest.grid).read(warp))
@@ -83,7 +83,7 @@ def test_a_press_is_read_on_the_rays_that_the_measured_rest_names(
     assert found.depth_mm == pytest.approx(DEPTH_MM, rel=3e-3)
 
 
-def test_nodes_that_the_rest_map_leaves_out_are_drawn_and_not_seen(
+def test_nodes_that_the_rest_map_leaves_out_are_drawn_and_not_visible(
     believed: Rig, bench: Optics, rest_map: RestMap, tmp_path: Path
 ) -> None:
     valid, reason, lcd = rest_map.valid.copy(), rest_map.reason.copy(), rest_map.lcd_px.copy()
@@ -94,7 +94,7 @@ def test_nodes_that_the_rest_map_leaves_out_are_drawn_and_not_seen(
     rest = Rest.of(rig, Optics(rig))
     u, v = np.meshgrid(rest.grid.u_px, rest.grid.v_px)
     inside = (v > 104) & (v < 136) & (u > 124) & (u < 176)
-    assert not rest.seen[inside].any()
+    assert not rest.visible[inside].any()
     # continued from around: the lens bends by less than a pixel over the hole
     np.testing.assert_allclose(rest.q[inside], bench.rest_map(u, v)[inside], atol=0.2)
 

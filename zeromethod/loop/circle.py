@@ -106,12 +106,12 @@ class Circle:
         self.exposures = exposures
         self.controller = controller
         self._sensor = sensor
-        self._light_watch = LightWatch(rest.seen, black_grey)
+        self._light_watch = LightWatch(rest.visible, black_grey)
         self._expected_light = expected_light
         self._horizon = Horizon(exposures.timing.upwards)
         self._source_ns: int | None = None
         # At rest the order of every node is known: it is that of the rest map.
-        self._trusted = rest.seen
+        self._trusted = rest.visible
 
     @property
     def seen_ns(self) -> int | None:
@@ -151,7 +151,7 @@ class Circle:
             continued = continue_smoothly(measured.q - self.rest.q, measured.valid)
             residual, measured = self._measure(observation, known, self.rest.q + continued)
         changed, refusal = self._command(residual, measured, frozen)
-        square, share = _figures(residual.d, measured.valid, self.rest.seen)
+        square, share = _figures(residual.d, measured.valid, self.rest.visible)
         return FrameResult(changed, refusal, observation, residual, measured, float(np.sqrt(square)), share)
 
     def _measure(self, observation: Observation, known: Known, lit_q: Float) -> tuple[Residual, Warp]:

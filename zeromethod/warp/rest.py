@@ -54,25 +54,25 @@ class Rest:
     """The warp at rest on a grid.
 
     q: (rows, cols, 2) LCD px, finite everywhere: continued where no ray arrives. flags: (rows, cols)
-    uint16, NO_RAY there, else 0. seen: (rows, cols) measurable nodes whose ray ends at least one carrier
-    period inside the panel. display_size: (columns, rows) LCD px.
+    uint16, NO_RAY there, else 0. visible: (rows, cols) nodes measurable and visible at rest: their ray ends
+    at least one carrier period inside the panel. display_size: (columns, rows) LCD px.
     """
 
     grid: NodeGrid
     q: Float
     flags: Flags
-    seen: Mask
+    visible: Mask
     display_size: tuple[int, int]
 
     def without(self, covered: Mask) -> Rest:
         """Take out nodes (rows, cols) that cannot be measured; their warp is drawn all the same."""
-        return replace(self, seen=self.seen & ~covered)
+        return replace(self, visible=self.visible & ~covered)
 
     @classmethod
     def of(cls, rig: Rig, optics: Optics) -> Rest:
         """Rest warp as measured where the rig names a rest map, else by its geometry.
 
-        With a rest map the grid is a `RestGrid`, and nodes without a valid part of the map are not seen.
+        With a rest map the grid is a `RestGrid`, and nodes without a valid part of the map are not visible.
         Raises InputError when no node sees the panel, or the map is not one of this camera.
         """
         camera, target = rig.camera, rig.target
