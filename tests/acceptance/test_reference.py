@@ -44,12 +44,12 @@ def test_recorded_frames_give_the_warps_and_depths_of_the_reference(reference, t
     measured = 0
     for index, image in enumerate(reference["image"]):
         while pending and pending[0][0] <= index:
-            _, time_ns, q, code, seen_ns = pending.pop(0)
+            _, time_ns, q, code, source_ns = pending.pop(0)
             circle.presented(
                 int(time_ns),
                 q,
                 None if code < 0 else int(code),
-                seen_ns=None if seen_ns < 0 else int(seen_ns),
+                source_ns=None if source_ns < 0 else int(source_ns),
             )
         frame = Frame(
             image,

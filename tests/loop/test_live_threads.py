@@ -155,7 +155,7 @@ def test_only_the_newest_picture_is_shown_when_the_display_is_slow() -> None:
     pen.go.set()
     done = collected(what, 2)
     assert [float(one.q[0]) for one in done] == [0.0, 29.0]
-    assert [one.seen_ns for one in done] == [100, 129]
+    assert [one.source_ns for one in done] == [100, 129]
     # codes count what was shown, not what was asked for
     assert [one.code for one in done] == [0, 1]
     assert what.collect() == []

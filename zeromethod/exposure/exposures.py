@@ -34,9 +34,9 @@ class Exposures:
         self._kind = target_kind
         self._log = PresentationLog(grid.shape)
 
-    def presented(self, time_ns: int, q: Float, code: int | None, seen_ns: int | None) -> None:
+    def presented(self, time_ns: int, q: Float, code: int | None, source_ns: int | None) -> None:
         """Add a picture to the log; arguments as of `PresentationLog.record`."""
-        self._log.record(time_ns, q, seen_ns, code)
+        self._log.record(time_ns, q, source_ns, code)
 
     def observe(self, frame: Frame, known_q: Float) -> Observation | Unpaired:
         """Pair a frame with the mix of warps that was lit in it.

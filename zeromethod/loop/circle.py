@@ -114,7 +114,7 @@ class Circle:
         self._trusted = rest.visible
 
     @property
-    def seen_ns(self) -> int | None:
+    def source_ns(self) -> int | None:
         """Mid-exposure of the newest frame that the present command was made from; None: of no frame."""
         return self._source_ns
 
@@ -129,12 +129,12 @@ class Circle:
         age_s = self._horizon.age_s
         return float("nan") if age_s is None else float(age_s.mean())
 
-    def presented(self, time_ns: int, q: Float, code: int | None = None, *, seen_ns: int | None) -> None:
+    def presented(self, time_ns: int, q: Float, code: int | None = None, *, source_ns: int | None) -> None:
         """Note that `q` (copied) was presented at `time_ns`, with `code` in its strips.
 
-        seen_ns: what the property of this name was when `q` was the command.
+        source_ns: what the property of this name was when `q` was the command.
         """
-        self.exposures.presented(time_ns, q, code, seen_ns)
+        self.exposures.presented(time_ns, q, code, source_ns)
 
     def take(self, frame: Frame, frozen: bool = False) -> FrameResult:
         """Take one frame round the circle; the command stays as it is where `frozen`."""
