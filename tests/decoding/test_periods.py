@@ -12,7 +12,6 @@ from zeromethod.decoding.periods import (
     choose_periods,
     order_error,
     rivals,
-    separation,
     unambiguous_range,
 )
 from zeromethod.decoding.unwrapping import unwrap
@@ -75,7 +74,7 @@ def test_rivals_of_two_periods_lie_at_their_multiples() -> None:
 def test_default_periods_keep_every_place_apart(size: int) -> None:
     periods = choose_periods(size)
     assert len(periods) == 4
-    assert separation(periods, size) > SEPARATION_RAD
+    assert rivals(periods, 1.0, size)[1].min() > SEPARATION_RAD
     # 0.05 rad is three times the noise of two grey levels at an amplitude of 80, six shifts.
     assert order_error(periods, 0.05, size) < 1e-15
     assert unambiguous_range(periods, 0.05) > size

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from zeromethod.arrays import Float, Mask, Single
+from zeromethod.decoding.consistency import insert_sorted
 from zeromethod.decoding.decoding import Phasors, fit_matrices
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.unwrapping import Places
@@ -69,12 +70,7 @@ def _median_of_sets(mean: Single, gain: Float, typical: Single, change: Single) 
     for j in range(rows):
         for i in range(cols):
             for n in range(count):
-                v = mean[n, j, i] / gain[n]
-                m = n - 1
-                while m >= 0 and value[m] > v:
-                    value[m + 1] = value[m]
-                    m -= 1
-                value[m + 1] = v
+                insert_sorted(value, n, mean[n, j, i] / gain[n])
             middle = 0.5 * (value[(count - 1) // 2] + value[count // 2])
             typical[j, i] = middle
             change[j, i] = max(value[count - 1] - middle, middle - value[0])

@@ -130,6 +130,4 @@ class DepthCovariance:
         return np.where(self._linear.island, weights[self._grid.inner], 0.0)
 
     def _padded(self, inner: Float) -> Float:
-        full = np.full(self._grid.shape, np.nan)
-        full[self._grid.inner] = np.where(self._linear.island, inner, np.nan)
-        return full
+        return self._grid.padded(np.where(self._linear.island, inner, np.nan), np.nan)

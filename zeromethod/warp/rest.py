@@ -98,6 +98,4 @@ class Rest:
         whole[known] = q[known]
         flags = np.where(known, np.uint16(0), np.uint16(Flag.NO_RAY))
         inside = warp_flags(whole, whole, grid.period_px, display_size, spacing_px=grid.spacing_px) == 0
-        measurable = np.zeros_like(known)
-        measurable[grid.inner] = True
-        return cls(grid, whole, flags, known & inside & measurable, display_size)
+        return cls(grid, whole, flags, known & inside & grid.measurable, display_size)
