@@ -1,22 +1,17 @@
 """One unknown bench from its own pictures to millimetres: calibrated, run and pressed, all simulated."""
 
-from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks import calibration_benches as benches
+
 pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
 
 
 @pytest.fixture(scope="module")
-def benches(load_benchmark: Callable[[str], ModuleType]) -> Any:
-    return load_benchmark("calibration_benches")
-
-
-@pytest.fixture(scope="module")
-def result(benches: Any) -> Any:
+def result() -> Any:
     return benches.study_bench(0)
 
 
@@ -46,7 +41,7 @@ def test_less_data_is_told_by_a_larger_sigma(outcomes: dict[str, Any]) -> None:
     assert three < one < none
 
 
-def test_smooth_presses_are_nulled_throughout_and_balls_now_and_then(result: Any, benches: Any) -> None:
+def test_smooth_presses_are_nulled_throughout_and_balls_now_and_then(result: Any) -> None:
     frames, balls = np.array(result.facts["frames"]), np.arange(benches.TESTS) % 4 == 3
     assert (frames[~balls] == benches.FRAMES).all()
     # the image folds at a ball's rim, where the loop may go on hunting

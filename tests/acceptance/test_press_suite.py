@@ -1,24 +1,19 @@
 """Noise-free warps of the whole press suite at full size: what the reading's own rules leave."""
 
-from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 import pytest
 
-
-@pytest.fixture(scope="module")
-def suite(load_benchmark: Callable[[str], ModuleType]) -> Any:
-    return load_benchmark("press_suite")
+from benchmarks import press_suite as suite
 
 
 @pytest.fixture(scope="module")
-def errors(suite: Any) -> dict[str, Any]:
+def errors() -> dict[str, Any]:
     bench = suite.Bench()
     return {press.name: bench.error(press) for press in suite.PRESSES}
 
 
-def test_depth_is_exact_up_to_one_constant(suite: Any, errors: dict[str, Any]) -> None:
+def test_depth_is_exact_up_to_one_constant(errors: dict[str, Any]) -> None:
     for error in errors.values():
         # of the deepest node compared
         assert error.rms_percent <= 0.02, error

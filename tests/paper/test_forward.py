@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from zeromethod.paper.forward import exact_picks, printed_picks
+from zeromethod.paper.needle import exact_picks, printed_picks
 
 from .plane_rays import traced
 

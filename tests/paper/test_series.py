@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from zeromethod.errors import InputError, MeasurementError
-from zeromethod.paper.forward import exact_picks, printed_picks
+from zeromethod.paper.needle import exact_picks, printed_picks
 from zeromethod.paper.series import reconstruct
 
 LENGTH, PEAK, WIDTH = 85.0, 0.2, 6.0

@@ -30,8 +30,7 @@ def test_composing_agrees_with_reading_between_the_nodes():
 
 def test_no_residual_returns_the_shown_warp_bit_for_bit():
     shown = np.random.default_rng(2).normal(size=(*GRID.shape, 2))
-    out = np.zeros_like(shown)
-    assert compose(shown, np.zeros_like(shown), 8, out) is out
+    out = compose(shown, np.zeros_like(shown), 8)
     assert np.array_equal(out[1:-1, 1:-1], shown[1:-1, 1:-1])
     assert np.isnan(out[0]).all()
     assert np.isnan(out[:, -1]).all()

@@ -167,35 +167,33 @@ def _drop_residues(flags: Flags, jumps: Jumps, costs: Bytes) -> None:
 
 
 @numba.njit(cache=True)
+def _mark(flags: Flags, border: Bytes, r: int, c: int, stack: Ints, top: int) -> int:
+    """Mark a node not yet marked: 1 valid, 2 invalid, which goes onto the stack; the stack's height."""
+    if border[r, c] == 0:
+        border[r, c] = 1 if flags[r + PADDING, c + PADDING] & ~AMBIGUOUS == 0 else 2
+        if border[r, c] == 2:
+            stack[top] = r * border.shape[1] + c
+            return top + 1
+    return top
+
+
+@numba.njit(cache=True)
 def _mark_border(flags: Flags, border: Bytes, stack: Ints) -> int:
     """Mark (1) the valid nodes at the view's border or next to invalid nodes joined to it; their number."""
     rows, cols = border.shape
     border[:] = 0
-    count, top = 0, 0
+    top = 0
     for r in range(rows):
         step = 1 if r in (0, rows - 1) else max(cols - 1, 1)
         for c in range(0, cols, step):
-            if flags[r + PADDING, c + PADDING] & ~AMBIGUOUS == 0:
-                border[r, c] = 1
-                count += 1
-            elif border[r, c] == 0:
-                border[r, c] = 2
-                stack[top] = r * cols + c
-                top += 1
+            top = _mark(flags, border, r, c, stack, top)
     while top > 0:
         top -= 1
         r, c = stack[top] // cols, stack[top] % cols
         for y in range(max(r - 1, 0), min(r + 2, rows)):
             for x in range(max(c - 1, 0), min(c + 2, cols)):
-                if border[y, x] == 0:
-                    if flags[y + PADDING, x + PADDING] & ~AMBIGUOUS == 0:
-                        border[y, x] = 1
-                        count += 1
-                    else:
-                        border[y, x] = 2
-                        stack[top] = y * cols + x
-                        top += 1
-    return count
+                top = _mark(flags, border, y, x, stack, top)
+    return int(np.sum(border == 1))
 
 
 @numba.njit(cache=True)

@@ -91,10 +91,6 @@ class LatticeSolver:
             splu(self._matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
         )
 
-    def solve(self, rhs: Float) -> Float:
-        """`LatticeSolution.solve` with the present weights."""
-        return self.solution.solve(rhs)
-
 
 @dataclass(frozen=True, slots=True)
 class LinearIntegration:
@@ -224,7 +220,7 @@ class SlopeIntegrator:
             return np.zeros(slope.shape[:-1])
         lattices = slope.reshape(-1, *slope.shape[-3:])
         rhs = np.stack([self._right_hand_side(one, x_mm, y_mm, depth_mm) for one in lattices])
-        return self._solver.solve(rhs).reshape(slope.shape[:-1])
+        return self._solver.solution.solve(rhs).reshape(slope.shape[:-1])
 
     def _right_hand_side(self, slope: Float, x_mm: Float, y_mm: Float, depth_mm: Float | None) -> Float:
         across, down = depth_differences(slope, x_mm, y_mm, self.island)
