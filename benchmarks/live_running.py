@@ -30,10 +30,10 @@ from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
 from zeromethod.loop.step import Step
 from zeromethod.publishing import Publisher
-from zeromethod.session.reading import Reading, StepReader, timed, warm_up_warp
+from zeromethod.session.reading import StepReader, timed, warm_up_warp
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.thread_limits import limit_threads
-from zeromethod.warp.warp import Warp
+from zeromethod.warp.warp import Role, Warp
 
 LEFT_OUT = 6
 """First turns of a loop: the first picture, and what is looked up once."""
@@ -107,9 +107,9 @@ def _published(loop: Loop, clock: Clock, kind: str | None) -> Iterator[Publisher
 
 
 def _blank(loop: Loop, time_ns: int) -> Step:
-    rest = loop.rest
-    warp = Warp(rest.q, np.full_like(rest.q, 0.01), rest.flags, time_ns)
-    return Step(0, time_ns, loop.status.state, "", (), rest.q, warp)
+    nothing = Warp.drawn(loop.rest.q, Role.COMMANDED, time_ns)
+    state = loop.status.state
+    return Step(number=0, time_ns=time_ns, time_s=0.0, state=state, commanded=nothing, filtered=nothing)
 
 
 class Running:
@@ -189,11 +189,12 @@ class Running:
         return found[LEFT_OUT:]
 
 
-def _reading(surfaces: Surfaces) -> Callable[[Step], Reading]:
-    def read(step: Step) -> Reading:
+def _reading(surfaces: Surfaces) -> Callable[[Step], Step]:
+    def read(step: Step) -> Step:
         measured = step.measured
         assert measured is not None
-        return Reading(step, *timed(lambda: surfaces.read(measured)))
+        surface, deepest, read_ms = timed(lambda: surfaces.read(measured))
+        return replace(step, surface=surface, peak=deepest, read_ms=read_ms)
 
     return read
 

@@ -275,7 +275,7 @@ def report(cases: Sequence[Case] = CASES, count: int = DRAWS) -> Report:
     with progress(len(cases), "cases") as bar:
         for case in cases:
             found += ratios(case, bench.draws(case, count))
-            bar.step()
+            bar(case.name)
     header = ["case", "quantity", "sigma", "median ratio", "0.5 %", "99.5 %", "within 0.8 to 1.2", "valid"]
     units = {"residual": ("px", 1.0), "warp": ("LCD px", 1.0), "slope": ("urad", 1e6), "depth": ("nm", 1e6)}
     rows = [

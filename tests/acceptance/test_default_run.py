@@ -51,7 +51,7 @@ def test_a_run_leaves_the_pictures_of_before_pressed_and_nulled(result: RunResul
     assert result.nulled is not None
     assert result.before.time_s < result.pressed.time_s < result.nulled.time_s
     before, pressed, nulled = (
-        float(np.sqrt(np.nanmean(np.sum(one.residual_px[one.surface.valid] ** 2, axis=-1))))
+        float(np.sqrt(np.nanmean(np.sum(one.residual.d[one.surface.valid] ** 2, axis=-1))))
         for one in (result.before, result.pressed, result.nulled)
     )
     assert max(before, nulled) < LOCK_RESIDUAL_PX < pressed

@@ -16,7 +16,7 @@ from zeromethod.devices.protocols import PollingDisplay, ScriptedCamera, Truthfu
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.run import Run
+from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.press import Mirror
@@ -44,10 +44,9 @@ def run_of(
     rig = binned(load_rig("simulated"), 8).replace(
         {"camera.driver": f"{__name__}:LabCam", "scenario": "step"}
     )
-    with open_devices(rig) as devices:
+    with open_devices(rig) as devices, Session(rig, devices=devices) as session:
         assert type(devices.camera).__name__ == "LabCam"
-        session = Run(rig, devices)
-        assert len(list(session.steps(frames=FRAMES))) == FRAMES
+        assert len(list(session.run(frames=FRAMES))) == FRAMES
         return summarise(session.result)
 
 

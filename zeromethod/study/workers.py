@@ -119,13 +119,21 @@ def _local_cluster(count: int, exits: _Exits) -> Iterator[str]:
     nanny = logging.getLogger("distributed.nanny")
     nanny.addHandler(exits)
     nanny.setLevel(logging.INFO)
-    environment = ONE_THREAD | {"PYTHONFAULTHANDLER": "1"}
+    # what is set before a worker starts is set in this process too, whose numba must not see it change
+    before_start = {name: value for name, value in ONE_THREAD.items() if not name.startswith("NUMBA")}
+    in_worker = ONE_THREAD | {"PYTHONFAULTHANDLER": "1"}
     # Ctrl-C in the terminal is for the study alone, which ends its workers: they inherit the blocked signal
     # (starting the tracker would unblock it)
     multiprocessing.resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        with dask.config.set({"distributed.nanny.pre-spawn-environ": environment, **_NO_PAGES}):
+        with dask.config.set(
+            {
+                "distributed.nanny.pre-spawn-environ": before_start,
+                "distributed.nanny.environ": in_worker,
+                **_NO_PAGES,
+            }
+        ):
             cluster = distributed.LocalCluster(
                 n_workers=count,
                 threads_per_worker=1,
