@@ -2,23 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from surface_bench import Bench, Gauss, small_rig
+from surface_bench import Gauss
 
-from zeromethod.rig.load import load_rig
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.noise import SlopeNoise, sample_nodes
 from zeromethod.warp.overlap import component_correlation
 from zeromethod.warp.validity import Flag
-
-
-@pytest.fixture(scope="module")
-def small():
-    return Bench(small_rig())
-
-
-@pytest.fixture(scope="module")
-def full():
-    return Bench(load_rig("simulated"))
 
 
 def stated_over_exact(bench, surface, count=60):
@@ -100,7 +89,7 @@ def test_a_moved_anchor_is_accounted_for_without_new_samples(small):
     assert np.quantile(np.abs(ratio - 1), 0.95) < 0.06
 
 
-def test_holes_and_odd_shapes_are_sampled_anew(small):
+def test_holes_and_odd_shapes_are_sampled_again(small):
     warp = small.warp(Gauss(0.0, small.centre_mm, 0.0, 5.0))
     warp.flags[12:20, 15:22] |= np.uint16(Flag.LIGHT_LOST)
     warp.flags[25:, :20] |= np.uint16(Flag.LIGHT_LOST)
