@@ -163,15 +163,18 @@ def test_a_second_reflection_that_is_accepted_is_in_sigma() -> None:
 
 
 @pytest.mark.parametrize(
-    ("frames", "repeats"),
-    [(range(9, 13), 1), (range(9, 10), 1), (range(12, 18), 1), (range(20, 26), 1), (range(48, 54), 3)],
+    ("frames", "left", "repeats"),
+    [
+        *((frames, 0.5, 1) for frames in (range(9, 13), range(9, 10), range(12, 18), range(20, 26))),
+        (range(48, 54), 0.6, 3),
+    ],
 )
-def test_a_hand_in_the_light_is_found_and_named(frames: range, repeats: int) -> None:
+def test_a_hand_in_the_light_is_found_and_named(frames: range, left: float, repeats: int) -> None:
     hand = part(slice(40, 90), slice(60, 100))
-    bench = Bench(shade=lambda number: np.where(hand, 0.5, 1.0) if number in frames else 1.0)
+    bench = Bench(shade=lambda number: np.where(hand, left, 1.0) if number in frames else 1.0)
     found = measure(bench, replace(SEQUENCE, repeats=repeats))
     disturbed = named(found, Reason.DISTURBED)
-    assert disturbed[hand].mean() > 0.98
+    assert disturbed[hand].mean() > (0.98 if repeats == 1 else 0.99)
     assert not disturbed[~binary_dilation(hand, iterations=5)].any()
     assert not found.rest_map.valid[hand].any() or np.abs(errors(bench, found)).max() < 6
     assert found.count(Reason.SECOND_REFLECTION) < 0.01 * hand.sum()

@@ -2,8 +2,6 @@ import numpy as np
 import pytest
 
 from zeromethod.errors import InputError
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
 from zeromethod.sensing import Residual, ResidualSensor
 from zeromethod.sensing.window import curvature_bias_px2
 from zeromethod.warp.grid import PADDING, NodeGrid
@@ -123,7 +121,7 @@ def test_every_bit_depth(bits):
     residual = sensor.measure(exposed(observed(cosines, 0.4 + 0.001 * v, -0.3 - 0.001 * u), bits))
     d = residual.d[INNER] - np.stack([at_nodes(0.4 + 0.001 * v), at_nodes(-0.3 - 0.001 * u)], axis=-1)
     assert residual.flags[INNER].max() == 0
-    # rounding at worst in step with the carrier: (4/pi) x 1/2 grey beside its amplitude; 1e-4 float32
+    # rounding at worst in step with the carrier: (4/pi) x 1/2 grey against its amplitude; 1e-4 float32
     amplitude = 0.8 * (2**bits - 1) * 0.5 * 0.45
     assert np.abs(d).max() < PERIOD / (2 * np.pi) * (2 / np.pi) / amplitude + 1e-4
 
@@ -163,13 +161,6 @@ def test_same_image_same_bits(sensor):
     image = exposed(observed(cosines, 0.3, 0.2))
     one = sensor.measure(image).copy()
     assert np.array_equal(one.d, sensor.measure(image).d)
-
-
-def test_from_rig():
-    rig = binned(load_rig("simulated"), 4)
-    grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
-    sensor = ResidualSensor.from_rig(rig, grid)
-    assert sensor.bits == rig.camera.bits
 
 
 def test_wrong_image_is_refused_in_one_line(sensor):

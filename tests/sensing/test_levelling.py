@@ -79,5 +79,5 @@ def test_read_noise_counts_inversely_and_shot_noise_by_the_root() -> None:
     share, grey = np.array([0.25], np.float32), np.array([104.0], np.float32)
     assert noise_factor(grey, share, Noise(read_grey=2.0, electrons_per_grey=None)) == pytest.approx(4.0)
     faint = Noise(read_grey=0.0, electrons_per_grey=0.01)
-    # the rounding of grey levels is all that does not go by the root: 1/12 beside 10,400
+    # the rounding of grey levels is all that does not go by the root: 1/12 against 10,400
     assert noise_factor(grey, share, faint) == pytest.approx(2.0, rel=1e-4)

@@ -55,8 +55,8 @@ def test_samples_stay_on_the_island_and_line_its_holes():
     assert island.ravel()[nodes].all()
     assert {0, 49, 39 * 50, 40 * 50 - 1} <= set(nodes.tolist())
     rows, cols = np.unravel_index(nodes, island.shape)
-    beside = (np.abs(rows - 18) <= 4) & (np.abs(cols - 24.5) <= 6)
-    assert np.count_nonzero(beside) >= 10
+    near = (np.abs(rows - 18) <= 4) & (np.abs(cols - 24.5) <= 6)
+    assert np.count_nonzero(near) >= 10
 
 
 def test_sigma_between_the_samples_is_that_of_the_covariance(full):

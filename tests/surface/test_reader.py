@@ -126,7 +126,7 @@ def test_contact_hole_is_masked_and_the_rest_read(full):
     np.testing.assert_array_equal(surface.contact, hole)
     assert np.isnan(surface.depth_mm[hole]).all()
     assert not surface.valid[hole].any()
-    # cubic rules beside the hole
+    # cubic rules next to the hole
     assert np.abs(full.error(surface, dent)).max() < 1e-3 * 0.2
 
 

@@ -55,6 +55,11 @@ class Phasors:
     saturated: Mask
     second_harmonic: float
 
+    @property
+    def power(self) -> Single:
+        """(2, periods, rows, cols) squared amplitude of the fundamental, grey^2."""
+        return self.cosine**2 + self.sine**2
+
 
 def fit_matrices(shifts_rad: tuple[float, ...]) -> tuple[Float, Float]:
     """Design matrix (shifts, terms) and its least-squares inverse (terms, shifts).

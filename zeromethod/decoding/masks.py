@@ -94,13 +94,7 @@ def median_light(phasors: Phasors) -> tuple[Single, Single, Float]:
 
 def amplitude(phasors: Phasors) -> Single:
     """Amplitude of the fringes, grey levels, rms over axes and periods (rows, cols)."""
-    power = np.zeros_like(phasors.scatter)
-    count = 0
-    for axis in range(2):
-        for c, s in zip(phasors.cosine[axis], phasors.sine[axis], strict=True):
-            power += c * c + s * s
-            count += 1
-    return np.asarray(np.sqrt(power / count))
+    return np.asarray(np.sqrt(phasors.power.mean(axis=(0, 1))))
 
 
 def unmodulated(phasors: Phasors, noise: NoiseModel, mean: Single, rms_amplitude: Single) -> Mask:
@@ -108,10 +102,7 @@ def unmodulated(phasors: Phasors, noise: NoiseModel, mean: Single, rms_amplitude
     _, solve = fit_matrices(phasors.sequence.shifts_rad)
     gain = max(float(np.sum(solve[1] ** 2)), float(np.sum(solve[2] ** 2))) / phasors.sequence.repeats
     least = LEAST_SNR**2 * gain * noise.variance(mean)
-    weak = np.zeros(mean.shape, dtype=np.bool_)
-    for axis in range(2):
-        for c, s in zip(phasors.cosine[axis], phasors.sine[axis], strict=True):
-            weak |= c * c + s * s < least
+    weak = np.asarray((phasors.power < least).any(axis=(0, 1)))
     if not weak.all():
         weak |= rms_amplitude < LEAST_AMPLITUDE * np.quantile(rms_amplitude[~weak], 0.9)
     return weak

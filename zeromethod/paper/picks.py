@@ -156,9 +156,9 @@ def _follow(
     """Candidate of each lattice point, spread from the border of the lattice along the neighbours."""
     names: dict[int, tuple[int, int]] = {}
     for point, place in rest.items():
-        if len(candidates) and any(next_one not in rest for next_one in _next_to(point)):
+        if not rest.keys() >= set(_next_to(point)):
             misses = np.linalg.norm(candidates - place, axis=-1)
-            if misses.min() < _STILL * period_px:
+            if misses.min(initial=np.inf) < _STILL * period_px:
                 names[int(np.argmin(misses))] = point
     around: dict[int, list[tuple[int, tuple[int, int]]]] = {}
     queue = deque(names)

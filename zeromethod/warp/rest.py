@@ -11,7 +11,7 @@ from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
-from zeromethod.warp.continuation import continue_smoothly
+from zeromethod.warp.continuation import continue_smoothly, continued
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.rest_pixels import RestGrid
@@ -90,12 +90,7 @@ class Rest:
             raise InputError(
                 f"rig: fewer than {LEAST_NODES} camera nodes see the display's plane by the mirror at rest"
             )
-        u, v = grid.mesh()
-        plane = np.stack([np.ones_like(u), u, v], axis=-1)
-        terms = np.linalg.lstsq(plane[known], q[known], rcond=None)[0]
-        affine = plane @ terms
-        whole = affine + continue_smoothly(np.where(known[..., None], q - affine, 0.0), known)
-        whole[known] = q[known]
+        whole = continued(q, *grid.mesh())
         flags = np.where(known, np.uint16(0), np.uint16(Flag.NO_RAY))
         inside = warp_flags(whole, whole, grid.period_px, display_size, spacing_px=grid.spacing_px) == 0
         return cls(grid, whole, flags, known & inside & grid.measurable, display_size)
