@@ -2,10 +2,10 @@
 # make rehearse  set up, then run the real bench's code in real time on monitors that exist only in memory
 # make test  set up, then run the tests
 # make test-long  calibrations of whole benches, in real time and pixel by pixel, some six minutes
-# make lint  format, lint, types, import layers
+# make lint  format, lint, types, import layers, docstrings of the public API
 # make bench speed and accuracy against peers (ratios of the same run), sigma, steps, long holds, gains,
 #            faults, live path, calibration: ~35 minutes
-# Everything lives in .venv; system packages that are missing (EGL, Mesa; Xvfb for the tests) are installed first.
+# Everything lives in .venv; system packages that are missing (EGL, Mesa; Xorg for the tests) are installed first.
 
 PYTHON ?= python3
 VENV := .venv
@@ -32,6 +32,7 @@ lint: $(VENV)/.dev-ready
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python tools/check_api_docs.py
 
 bench: $(VENV)/.run-ready
 	@mkdir -p out

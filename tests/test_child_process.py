@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import os
-import sys
 import threading
 
-import pytest
-
 from zeromethod.child_process import NICENESS, lower_priority
+from zeromethod.worker import in_thread
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="niceness is a process's as a whole")
 def test_a_thread_lowers_its_own_priority_only() -> None:
-    found: list[int] = []
     before = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
 
-    def look() -> None:
+    def look() -> int:
         lower_priority()
-        found.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+        return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
 
-    thread = threading.Thread(target=look)
-    thread.start()
-    thread.join()
+    found = in_thread("look", look).result(10)
     # a process that is further back already stays there
-    assert found == [max(NICENESS, before)]
+    assert found == max(NICENESS, before)
     assert os.getpriority(os.PRIO_PROCESS, threading.get_native_id()) == before

@@ -12,9 +12,9 @@ def test_the_python_example_runs_and_reads_the_press(capsys: pytest.CaptureFixtu
     (example,) = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
     exec(compile(example, str(README), "exec"), {})
     state, depth_mm = capsys.readouterr().out.split()
-    assert state in {"nulling", "locked"}
-    # The default press has come down to 0.2 mm by 0.5 s; 1 % covers a frame read while still nulling.
-    assert float(depth_mm) == pytest.approx(0.2, rel=0.01)
+    assert state == "locked"
+    # The default press has come down to 0.2 mm by 0.5 s.
+    assert float(depth_mm) == pytest.approx(0.2, rel=0.003)
 
 
 def test_every_file_that_the_readme_links_to_exists() -> None:

@@ -52,6 +52,8 @@ def test_the_wheel_carries_shaders_and_rigs_and_runs_elsewhere(tmp_path: Path) -
     )
     assert Path(shaders.strip()).is_relative_to(tmp_path / "fresh")
     _take_compiled_code(Path(shaders.strip()).parents[1])
+    # the names are loaded from a stub, which must be there
+    assert "Session" in _run(python, "-c", "import zeromethod as zm; print(zm.__all__)", cwd=elsewhere)
     command = tmp_path / "fresh" / "bin" / "zeromethod"
     assert "zeromethod, version" in _run(command, "--version", cwd=elsewhere)
     _run(

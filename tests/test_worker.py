@@ -11,18 +11,9 @@ from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import pytest
+from hanging import PATIENCE_S, eventually, raising, takes
 
 from zeromethod.worker import SameThread, Worker, call_within, completed, in_thread
-
-PATIENCE_S = 10.0
-"""More than anything takes on a busy machine."""
-
-
-def eventually(condition: Callable[[], object]) -> None:
-    end_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end_s
-        time.sleep(0.002)
 
 
 class Job:
@@ -67,11 +58,10 @@ def test_the_newest_request_replaces_the_one_that_waits(job: Job) -> None:
     worker = Worker("test", job.serving)
     worker.post(1)
     eventually(lambda: job.served == [1])
-    started = time.monotonic()
-    for number in range(2, 40):
-        worker.post(number)
-    assert worker.take() == []
-    assert time.monotonic() - started < 5
+    with takes(0, 5):
+        for number in range(2, 40):
+            worker.post(number)
+        assert worker.take() == []
     job.go.set()
     eventually(lambda: job.served == [1, 39])
     worker.close(PATIENCE_S)
@@ -105,15 +95,13 @@ def test_only_so_many_answers_are_kept_and_none_is_no_answer(job: Job) -> None:
 
 def test_taking_waits_for_an_answer_and_no_longer(job: Job) -> None:
     worker = Worker("test", job.serving)
-    started = time.monotonic()
-    assert worker.take(0.05) == []
-    assert 0.05 <= time.monotonic() - started < 2
+    with takes(0.05, 2):
+        assert worker.take(0.05) == []
     threading.Timer(0.1, worker.post, ("late",)).start()
     assert worker.take(PATIENCE_S) == ["late"]
     threading.Timer(0.1, worker.close, (0.0,)).start()
-    started = time.monotonic()
-    assert worker.take(PATIENCE_S) == []
-    assert time.monotonic() - started < 5
+    with takes(0, 5):
+        assert worker.take(PATIENCE_S) == []
 
 
 def test_an_idle_worker_serves_its_idle_request(job: Job) -> None:
@@ -151,10 +139,7 @@ def test_a_failure_is_raised_once_after_all_answers_and_ends_the_worker(job: Job
 
 
 def test_a_context_that_cannot_be_entered_is_raised_where_it_is_waited_for(job: Job) -> None:
-    def refuse() -> None:
-        raise KeyError("refused")
-
-    job.opening = refuse
+    job.opening = raising(KeyError("refused"))
     with pytest.raises(KeyError, match="refused"):
         Worker("test", job.serving).opened(PATIENCE_S)
     with pytest.raises(KeyError, match="refused"):
@@ -190,9 +175,8 @@ def test_a_hung_job_is_left_within_the_bound_and_its_time_is_known(job: Job) -> 
     worker.post(1)
     eventually(lambda: worker.busy_s > 0.02)
     for least_s in (0.1, 0.0):  # the second call does not wait
-        started = time.monotonic()
-        worker.close(0.1)
-        assert least_s <= time.monotonic() - started < least_s + 0.5
+        with takes(least_s, least_s + 0.5):
+            worker.close(0.1)
     assert not job.left.is_set()
     job.go.set()
     assert job.left.wait(PATIENCE_S)
@@ -227,13 +211,6 @@ def test_without_a_thread_requests_are_served_and_fail_where_they_are_posted(job
     assert job.left.is_set()
     assert job.threads == {threading.current_thread()}
     assert SameThread(lambda: nullcontext(job)).busy_s == 0.0
-
-
-def raising(error: BaseException) -> Callable[[], Any]:
-    def call() -> None:
-        raise error
-
-    return call
 
 
 def test_calls_with_a_time_limit_return_or_raise_what_the_call_does() -> None:

@@ -14,10 +14,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 SIZES = ((640, 480), (800, 600))
-"""Columns and rows of the monitors unless told."""
+"""Columns and rows of the monitors, where nothing else is asked for."""
 REFRESH_HZ = 60.0
 OUTPUTS = ("DUMMY0", "DUMMY1")
 
@@ -58,6 +60,13 @@ class TwoMonitors:
         """Where a monitor lies, as mss takes it: left, top, width, height, px."""
         columns, rows = self.sizes[monitor]
         return {"left": sum(c for c, _ in self.sizes[:monitor]), "top": 0, "width": columns, "height": rows}
+
+    def grab(self, place: dict[str, int]) -> NDArray[np.uint8]:
+        """Blue, green, red of a part of the desktop, (rows, cols, 3); `place` as of `region`."""
+        import mss
+
+        with mss.MSS(display=self.display) as grabber:
+            return np.array(grabber.grab(place), np.uint8)[..., :3]
 
     def xrandr(self, *arguments: str) -> None:
         """Change the outputs (DUMMY0, DUMMY1) by xrandr."""

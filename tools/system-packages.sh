@@ -1,7 +1,7 @@
 #!/bin/sh
 # Installs the system packages that zeromethod needs and this machine lacks: software OpenGL without a
 # screen (EGL and OSMesa of Mesa) and, where Python comes without it, the venv module; with the argument
-# `test` also screens (Xvfb; Xorg with two dummy monitors) and the library of GenICam cameras (Aravis) for the
+# `test` also screens (Xorg with two dummy monitors) and the library of GenICam cameras (Aravis) for the
 # tests. Says what it does; does nothing when all is there.
 # Where it cannot install, it names the packages and goes on.
 set -eu
@@ -17,7 +17,6 @@ has_library libEGL_nvidia || [ -n "$(ls -d /usr/lib/*/dri/*_dri.so /usr/lib*/dri
 has_library libOSMesa.so || missing="$missing libosmesa6"
 "$PYTHON" -c 'import ensurepip, venv' 2>/dev/null || missing="$missing python3-venv"
 if [ "${1:-}" = test ]; then
-    command -v Xvfb >/dev/null 2>&1 || missing="$missing xvfb"
     command -v Xorg >/dev/null 2>&1 || missing="$missing xserver-xorg-core"
     [ -n "$(ls /usr/lib/xorg/modules/drivers/dummy_drv.so 2>/dev/null)" ] || missing="$missing xserver-xorg-video-dummy"
     command -v xrandr >/dev/null 2>&1 || missing="$missing x11-xserver-utils"

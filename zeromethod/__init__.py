@@ -2,98 +2,17 @@
 
     import zeromethod as zm
 
-    rig = zm.load_rig("simulated")
-    with zm.open_devices(rig) as devices:
-        loop = zm.Loop(rig, devices.camera, devices.display, devices.clock)
-        reader = zm.SurfaceReader(rig, loop.optics, loop.grid)
-        for step in loop.run(seconds=1.0):
-            if step.measured is not None:
-                surface = reader.read(step.measured)
+    with zm.Session("simulated") as session:
+        for step in session.run(seconds=1.0):
+            print(step.state, step.peak)
 
-Names are loaded on first use, so that importing the package costs nothing.
+All names are listed in `__init__.pyi` and loaded on first use, so that importing the package costs nothing.
 """
 
-from __future__ import annotations
-
-import importlib
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from zeromethod.devices.opening import Devices, open_devices
-    from zeromethod.errors import InputError, MeasurementError
-    from zeromethod.loop.loop import Loop
-    from zeromethod.loop.state import State
-    from zeromethod.loop.step import Step
-    from zeromethod.optics import Optics
-    from zeromethod.rig.binning import binned
-    from zeromethod.rig.load import load_rig
-    from zeromethod.rig.model import Rig
-    from zeromethod.session.result import RunResult
-    from zeromethod.session.session import Session, run
-    from zeromethod.session.summary import summarise
-    from zeromethod.surface import Surface, SurfaceReader, peak
-    from zeromethod.thread_limits import limit_threads
-    from zeromethod.warp.grid import NodeGrid
-    from zeromethod.warp.warp import Warp
+import lazy_loader
 
-_HOME = {
-    "Devices": "zeromethod.devices.opening",
-    "InputError": "zeromethod.errors",
-    "Loop": "zeromethod.loop",
-    "MeasurementError": "zeromethod.errors",
-    "NodeGrid": "zeromethod.warp.grid",
-    "Optics": "zeromethod.optics",
-    "Rig": "zeromethod.rig.model",
-    "RunResult": "zeromethod.session",
-    "Session": "zeromethod.session",
-    "State": "zeromethod.loop",
-    "Step": "zeromethod.loop",
-    "Surface": "zeromethod.surface",
-    "SurfaceReader": "zeromethod.surface",
-    "Warp": "zeromethod.warp.warp",
-    "binned": "zeromethod.rig.binning",
-    "limit_threads": "zeromethod.thread_limits",
-    "load_rig": "zeromethod.rig.load",
-    "open_devices": "zeromethod.devices.opening",
-    "peak": "zeromethod.surface",
-    "run": "zeromethod.session",
-    "summarise": "zeromethod.session",
-}
-
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __version__ = version("zeromethod")
-
-__all__ = [
-    "Devices",
-    "InputError",
-    "Loop",
-    "MeasurementError",
-    "NodeGrid",
-    "Optics",
-    "Rig",
-    "RunResult",
-    "Session",
-    "State",
-    "Step",
-    "Surface",
-    "SurfaceReader",
-    "Warp",
-    "__version__",
-    "binned",
-    "limit_threads",
-    "load_rig",
-    "open_devices",
-    "peak",
-    "run",
-    "summarise",
-]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'zeromethod' has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOME[name]), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__all__ += ["__version__"]

@@ -44,9 +44,8 @@ def lower_priority() -> None:
     """Give the calling process less of a core where the loop needs it.
 
     To be called in its main thread, before it has others: Linux counts niceness per thread (and, with
-    autogroup, within a session); elsewhere nothing changes. Not for threads of the loop's process: one that
+    autogroup, within a session). Not for threads of the loop's process: one that
     waits for a core while it has the interpreter's lock keeps the loop waiting, too.
     """
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)

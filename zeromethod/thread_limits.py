@@ -13,6 +13,11 @@ def limit_threads(count: int = 1) -> None:
     A later call may raise the count again; numba's ends at the number of threads it was started with.
     The loop is one thread, and its steps are too short to be divided: pools that each take every core
     slow it by contention.
+
+    Parameters
+    ----------
+    count : int
+        Threads for each library.
     """
     threadpool_limits(limits=count)
     cv2.setNumThreads(count)

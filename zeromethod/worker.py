@@ -17,6 +17,9 @@ Request = TypeVar("Request")
 Answer = TypeVar("Answer")
 Result = TypeVar("Result")
 
+Serving = Callable[[], AbstractContextManager[Callable[[Request], Answer | None]]]
+"""Makes a context, entered and left in the thread, which gives the function that serves a request."""
+
 
 class Worker(Generic[Request, Answer]):
     """A thread that serves one request at a time; a newer request replaces the one that waits.
@@ -27,7 +30,7 @@ class Worker(Generic[Request, Answer]):
     def __init__(
         self,
         name: str,
-        serving: Callable[[], AbstractContextManager[Callable[[Request], Answer | None]]],
+        serving: Serving[Request, Answer],
         *,
         kept: int | None = None,
         merge: Callable[[Request, Request], Request] = lambda _waiting, newer: newer,
@@ -35,10 +38,9 @@ class Worker(Generic[Request, Answer]):
     ) -> None:
         """Start the thread.
 
-        serving: a context entered and left in the thread, which gives the function that serves a request; an
-        answer of None is none. kept: how many answers wait to be taken, the newest; None: all. merge: makes
-        one request of the waiting one and a newer one. idle: (seconds, request), a request that is served
-        whenever none was posted for so long.
+        serving: an answer of None is none. kept: how many answers wait to be taken, the newest; None: all.
+        merge: makes one request of the waiting one and a newer one. idle: (seconds, request), a request that
+        is served whenever none was posted for so long.
         """
         self._serving = serving
         self._merge = merge
@@ -150,9 +152,7 @@ class SameThread(Generic[Request, Answer]):
 
     busy_s = 0.0
 
-    def __init__(
-        self, serving: Callable[[], AbstractContextManager[Callable[[Request], Answer | None]]]
-    ) -> None:
+    def __init__(self, serving: Serving[Request, Answer]) -> None:
         self._stack = ExitStack()
         self._serve = self._stack.enter_context(serving())
         self._answers: list[Answer] = []

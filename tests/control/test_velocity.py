@@ -1,4 +1,4 @@
-"""Leading a moving mirror: what it gains, and that it stays out of everything else."""
+"""Prediction of a moving mirror: what it gains, and that it stays out of everything else."""
 
 from collections.abc import Callable
 
@@ -25,7 +25,7 @@ def residuals(bench: NodeBench, frames: int = 40, after: int = 18) -> float:
     return float(np.sqrt(np.mean(squares[after:])))
 
 
-def unled(bench: NodeBench) -> NodeBench:
+def unpredicted(bench: NodeBench) -> NodeBench:
     bench.circle._horizon.learn = lambda age_ns: None  # type: ignore[method-assign]
     return bench
 
@@ -34,11 +34,11 @@ def unled(bench: NodeBench) -> NodeBench:
 def test_a_steady_slide_leaves_a_fifth_of_the_residual(scan: str) -> None:
     display = panel().model_copy(update={"scan": scan})
     truth = slide(100.0)
-    led, late = NodeBench(REST, truth, display), unled(NodeBench(REST, truth, display))
-    assert residuals(led) < 0.2 * residuals(late)
+    predicted_bench, late = NodeBench(REST, truth, display), unpredicted(NodeBench(REST, truth, display))
+    assert residuals(predicted_bench) < 0.2 * residuals(late)
 
 
-def test_the_estimate_is_not_led() -> None:
+def test_the_estimate_is_not_predicted() -> None:
     truth = slide(100.0)
     bench = NodeBench(REST, truth)
     inner = REST.grid.inner
@@ -52,7 +52,7 @@ def test_the_estimate_is_not_led() -> None:
 
 
 @pytest.mark.parametrize("at_s", 0.2 + np.arange(8) / 8 * FRAME_S)
-def test_a_sudden_press_is_not_led_wherever_it_falls_in_an_exposure(at_s: float) -> None:
+def test_a_sudden_press_is_not_predicted_wherever_it_falls_in_an_exposure(at_s: float) -> None:
     rest, pressed = np.zeros_like(REST.q), dent(REST, 6.0, **WIDE)
     bench = NodeBench(REST, lambda t: pressed if t > at_s else rest)
     for _ in bench.run(24):
@@ -61,7 +61,7 @@ def test_a_sudden_press_is_not_led_wherever_it_falls_in_an_exposure(at_s: float)
         assert along < 0.01
 
 
-def test_a_mirror_at_rest_is_not_led() -> None:
+def test_a_mirror_at_rest_is_not_predicted() -> None:
     bench = NodeBench(REST, lambda t: np.zeros_like(REST.q))
     for _ in bench.run(60):
         controller = bench.circle.controller
@@ -69,7 +69,7 @@ def test_a_mirror_at_rest_is_not_led() -> None:
         assert np.sqrt(np.mean((controller.commanded - controller.estimate) ** 2)) < 0.001
 
 
-def test_the_end_of_a_motion_ends_the_lead_within_the_delay() -> None:
+def test_the_end_of_a_motion_ends_the_prediction_within_the_delay() -> None:
     bench = NodeBench(REST, lambda t: slide(100.0)(min(t, 0.4)))
     quiet = [taken.residual_rms_px for taken in bench.run(36) if bench.mid_s > 0.4 + 7 * FRAME_S]
     assert max(quiet) < 0.02
@@ -80,44 +80,40 @@ def test_the_horizon_is_the_median_age_from_the_first_panel_row() -> None:
         horizon = Horizon(upwards)
         assert horizon.age_s is None
         horizon.learn(None)
-        for late_ms in (0, 0, 20, 0):  # one frame after a held command
+        for late_ms in (0, 0, 20, 0):  # one frame after a frozen command
             horizon.learn(MS * (np.array([30.0, 40.0, 50.0]) + late_ms))
         expected = [0.05, 0.04, 0.03] if upwards else [0.03, 0.04, 0.05]
         assert horizon.age_s is not None
         np.testing.assert_allclose(horizon.age_s, expected)
 
 
-def test_a_lead_waits_for_three_steps_that_agree() -> None:
-    lead = VelocityPredictor(REST)
-    gain, horizon = np.ones(REST.q.shape[:2]), np.full(5, 0.03)
-    step = np.full_like(REST.q, 0.3)
-    leads = []
-    for k in range(7):
-        x = step * min(k, 5)
+def predicted(steps: int, step: np.ndarray, horizon_s: float) -> list[np.ndarray]:
+    """Shifts added to commands that move by `step` LCD px a frame, and stand still after `steps`."""
+    predictor = VelocityPredictor(REST)
+    shifts = []
+    for k in range(steps + 2):
+        x = np.zeros_like(REST.q) + step * min(k, steps)
         q = REST.q + x
-        lead.add(q, x, gain, round(k * FRAME_S * 1e9), horizon)
-        leads.append(float((q - REST.q - x).mean()))
+        predictor.add(q, x, np.ones(q.shape[:2]), round(k * FRAME_S * 1e9), np.full(5, horizon_s))
+        shifts.append(q - REST.q - x)
+    return shifts
+
+
+def test_a_prediction_waits_for_three_steps_that_agree() -> None:
+    shifts = [float(shift.mean()) for shift in predicted(5, np.array([0.3, 0.3]), 0.03)]
     full = 0.3 * 0.03 / FRAME_S
-    np.testing.assert_allclose(leads, [0, 0, 0, full, full, full, 0], atol=1e-6)
+    np.testing.assert_allclose(shifts, [0, 0, 0, full, full, full, 0], atol=1e-6)
 
 
-def test_a_large_lead_builds_up_over_several_pictures() -> None:
-    lead = VelocityPredictor(REST)
-    gain, horizon = np.ones(REST.q.shape[:2]), np.full(5, 0.1)
-    before, jumps = 0.0, []
-    for k in range(12):
-        x = np.zeros_like(REST.q)
-        x[..., 0] = 2.0 * k
-        q = REST.q + x
-        lead.add(q, x, gain, round(k * FRAME_S * 1e9), horizon)
-        jumps.append(float((q - REST.q)[..., 0].max()) - before)
-        before += jumps[-1]
-    assert before == pytest.approx(22 + 2.0 * 0.1 / FRAME_S, rel=1e-6)
-    # a third of a period of 16 camera px
-    assert max(jumps) <= 0.34 * 16 * LCD_PER_CAMERA
+def test_a_large_prediction_builds_up_over_several_pictures() -> None:
+    step = np.array([2.0, 0.0])
+    shifts = np.array([shift[..., 0].max() for shift in predicted(11, step, 0.1)[:-1]])
+    assert shifts[-1] == pytest.approx(2.0 * 0.1 / FRAME_S, rel=1e-6)
+    # from picture to picture a third of a period of 16 camera px
+    assert np.diff(shifts + 2.0 * np.arange(12)).max() <= 0.34 * 16 * LCD_PER_CAMERA
 
 
-def test_a_controller_of_low_gain_is_not_led() -> None:
+def test_a_controller_of_low_gain_does_not_predict() -> None:
     bench = NodeBench(REST, slide(100.0), control=ControlSpec(gain=0.2))
     for _ in bench.run(20):
         np.testing.assert_array_equal(bench.circle.controller.commanded, bench.circle.controller.estimate)

@@ -34,11 +34,11 @@ class PlainDisplay:
 
 
 class PlainCamera:
+    shape = (RIG.camera.rows, RIG.camera.columns)
     bits = 8
 
     def __init__(self, display: object, rate_hz: float, serial: str = "") -> None:
         LOG.append(f"camera {serial} opened at {rate_hz}")
-        self.shape = (RIG.camera.rows, RIG.camera.columns)
         self.display = display
 
     def read(self, timeout_s: float) -> Frame:
@@ -66,17 +66,22 @@ class GreedyCamera(PlainCamera):
         self.options = options
 
 
-class SmallCamera(PlainCamera):
+class NeedyCamera(PlainCamera):
+    def __init__(self, serial: str) -> None:
+        raise AssertionError
+
+
+class SmallDisplay(PlainDisplay):
     def __init__(self) -> None:
-        super().__init__(None, 1.0)
-        self.shape = (10, 10)
+        super().__init__(10, 10)
+
+
+class SmallCamera(PlainCamera):
+    shape = (10, 10)
 
 
 class DeepCamera(PlainCamera):
     bits = 12
-
-    def __init__(self) -> None:
-        super().__init__(None, 1.0)
 
 
 class AbsentCamera(PlainCamera):
@@ -135,7 +140,7 @@ def test_a_driver_that_takes_anything_gets_the_keys_of_its_table_and_the_clock()
 
 
 @pytest.mark.parametrize("keys", [{"gain": 2.0}, {"trigger": "software"}, {"pixel_format": "Mono8"}])
-def test_a_setting_that_the_driver_would_not_heed_is_refused(keys: dict[str, Any]) -> None:
+def test_a_setting_that_the_driver_would_not_apply_is_refused(keys: dict[str, Any]) -> None:
     (name,) = keys
     with pytest.raises(InputError, match=rf"^camera\.{name}: .*: driver '.*' cannot set it$"):
         open_devices(rig(camera_keys=keys))
@@ -144,14 +149,8 @@ def test_a_setting_that_the_driver_would_not_heed_is_refused(keys: dict[str, Any
 
 
 def test_a_missing_option_is_named() -> None:
-    class Needy(PlainCamera):
-        def __init__(self, serial: str) -> None:
-            raise AssertionError
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(f"{__name__}.PlainCamera", Needy)
-        with pytest.raises(InputError, match=r"^camera.serial: missing"):
-            open_devices(rig())
+    with pytest.raises(InputError, match=r"^camera.serial: missing"):
+        open_devices(rig("NeedyCamera"))
 
 
 def test_devices_that_take_a_clock_share_a_simulated_one() -> None:
@@ -191,14 +190,8 @@ def test_a_camera_that_will_not_do_is_refused_and_the_display_closed(camera: str
 
 
 def test_a_display_of_another_size_is_refused() -> None:
-    class Smaller(PlainDisplay):
-        def __init__(self) -> None:
-            super().__init__(10, 10)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(f"{__name__}.PlainDisplay", Smaller)
-        with pytest.raises(InputError, match=r"^display: the device's size is \(10, 10\)"):
-            open_devices(rig())
+    with pytest.raises(InputError, match=r"^display: the device's size is \(10, 10\)"):
+        open_devices(rig(display="SmallDisplay"))
     assert LOG[-1] == "display closed"
 
 
@@ -210,27 +203,33 @@ def test_the_camera_can_be_opened_again() -> None:
     assert LOG.count("camera closed") == 2
 
 
-def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(InputError, match=r"^camera.driver: 'pylno': unknown; allowed: .*simulated"):
-        load_driver("camera", "pylno")
+@pytest.mark.parametrize(
+    ("kind", "name", "message"),
+    [
+        ("camera", "pylno", r"^camera.driver: 'pylno': unknown; allowed: .*simulated"),
+        ("display", "no_such_package.module:Name", "cannot be imported"),
+        ("display", f"{__name__}:Nothing", r"^display.driver: '.*:Nothing': cannot be imported"),
+        ("display", ":", "cannot be imported"),
+        ("display", "json:", "cannot be imported"),
+        ("display", f"{__name__}:LOG", "not callable"),
+    ],
+)
+def test_names_that_are_no_driver_are_refused(kind: opening.Kind, name: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        load_driver(kind, name)
 
 
-@pytest.mark.parametrize("name", ["no_such_package.module:Name", f"{__name__}:Nothing", ":", "json:"])
-def test_what_cannot_be_imported_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match="cannot be imported"):
-        load_driver("display", name)
-
-
-def test_what_cannot_be_called_is_refused() -> None:
-    with pytest.raises(InputError, match="not callable"):
-        load_driver("display", f"{__name__}:LOG")
-
-
-def test_a_file_in_the_working_directory_is_a_driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "lab_camera_for_test.py").write_text("class Ours:\n    pass\n")
+def test_a_package_in_the_working_directory_has_drivers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "lab_for_test").mkdir()
+    (tmp_path / "lab_for_test" / "cameras.py").write_text("class Ours:\n    pass\n")
+    (tmp_path / "broken_lab.py").write_text("raise RuntimeError('sdk\\nnot found')\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(opening.sys, "path", list(opening.sys.path))
-    assert load_driver("camera", "lab_camera_for_test:Ours").__name__ == "Ours"
+    assert load_driver("camera", "lab_for_test.cameras:Ours").__name__ == "Ours"
+    with pytest.raises(InputError, match=r"cannot be imported: sdk not found$"):
+        load_driver("camera", "broken_lab:Camera")
 
 
 def test_the_simulated_devices_are_known_by_name() -> None:

@@ -1,4 +1,4 @@
-"""What is said of monitors and outputs, and screens that do not answer."""
+"""Warnings of monitors and outputs, and screens that do not answer."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import os
 import socket
 import subprocess
 import sys
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hanging import takes
 
 from zeromethod.drivers.desktop import output_warnings, ramp_warnings
 from zeromethod.drivers.identify import identify_picture, p0_place
@@ -23,7 +23,7 @@ RIGHT = Output("RIGHT", 640, 0, 800, 600, 60.0)
 MONITOR = Monitor(3, "HDMI-1", 800, 600, 59.94, 640, 0, 1.0, False)
 
 
-def test_nothing_is_said_of_outputs_side_by_side() -> None:
+def test_nothing_is_reported_of_outputs_side_by_side() -> None:
     assert output_warnings("LEFT", [LEFT, RIGHT]) == output_warnings("RIGHT", [LEFT, RIGHT]) == []
 
 
@@ -36,16 +36,16 @@ def test_nothing_is_said_of_outputs_side_by_side() -> None:
         ({"x": 639}, "LEFT shows the same part of the desktop (mirrored outputs)"),
     ],
 )
-def test_what_an_output_does_to_its_picture_is_said(change: dict[str, int], said: str) -> None:
+def test_changes_of_an_output_to_its_picture_are_reported(change: dict[str, int], said: str) -> None:
     assert output_warnings("RIGHT", [LEFT, replace(RIGHT, **change)]) == [f"RIGHT: {said}"]
 
 
 @pytest.mark.parametrize("top", [255 / 256, 1.0])
-def test_what_servers_call_a_linear_ramp_is_linear(top: float) -> None:
+def test_a_ramp_that_servers_call_linear_is_linear(top: float) -> None:
     assert ramp_warnings("A", [np.linspace(0, top, 256)] * 3) == []
 
 
-def test_a_warm_blue_is_said() -> None:
+def test_a_warm_blue_is_reported() -> None:
     linear = np.linspace(0, 1, 1024)
     assert "changes greys by up to 30%" in ramp_warnings("A", [linear, linear, 0.7 * linear])[0]
 
@@ -78,42 +78,51 @@ def test_p0_is_at_the_edge_that_the_mounting_puts_there(
     assert p0_place(MONITOR, turn_deg, mirrored, 10) == place
 
 
-LISTING = """
+OPENING = """
 from zeromethod.drivers import xserver
 from zeromethod.drivers.monitors import monitors
+from zeromethod.drivers.window import WindowDisplay
 from zeromethod.errors import InputError
 xserver.PATIENCE_S = 0.3
-try:
-    monitors()
-except InputError as error:
-    print(error)
+for opening in (monitors, lambda: WindowDisplay(64, 48, 60.0)):
+    try:
+        opening()
+    except InputError as error:
+        print(error)
 """
 
 
-def listed(display: str) -> str:
-    environment = {name: value for name, value in os.environ.items() if name != "WAYLAND_DISPLAY"}
+def said_on(display: str | None) -> tuple[str, str]:
+    """What listing monitors and opening a window print, both alike, and on the error stream."""
+    variables = {"XDG_SESSION_TYPE": "x11"} | ({} if display is None else {"DISPLAY": display})
+    plain = {name: value for name, value in os.environ.items() if name not in ("WAYLAND_DISPLAY", "DISPLAY")}
+    command = [sys.executable, "-W", "error", "-c", OPENING]
     run = subprocess.run(
-        [sys.executable, "-W", "error", "-c", LISTING],
-        env=environment | {"XDG_SESSION_TYPE": "x11", "DISPLAY": display},
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=60,
+        command, env=plain | variables, capture_output=True, text=True, check=True, timeout=60
     )
-    return run.stdout.strip()
+    (said,) = set(run.stdout.splitlines())
+    return said, run.stderr
 
 
-def test_listing_without_a_screen_names_what_is_missing() -> None:
-    assert listed("") == "display window: no screen: DISPLAY is not set"
+@pytest.mark.parametrize(
+    ("display", "message"),
+    [
+        (None, "no screen: DISPLAY is not set"),
+        ("", "no screen: DISPLAY is not set"),
+        (":99999", "X11: Failed to open display :99999"),
+    ],
+)
+def test_importing_needs_no_screen_and_opening_names_what_is_missing(
+    display: str | None, message: str
+) -> None:
+    assert said_on(display) == (f"display window: {message}", "")
 
 
 def test_a_server_that_never_answers_is_not_waited_for() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as silent:
-        number = silent.getsockname()[1] - 6000  # X11 over TCP
-        before = time.monotonic()
-        said = listed(f"127.0.0.1:{number}")
-    assert said == f"display window: the X server 127.0.0.1:{number} does not answer within 0.3 s"
-    assert time.monotonic() - before < 20
+    with socket.create_server(("127.0.0.1", 0)) as silent, takes(0.6, 20):
+        name = f"127.0.0.1:{silent.getsockname()[1] - 6000}"  # X11 over TCP
+        said, _ = said_on(name)
+    assert said == f"display window: the X server {name} does not answer within 0.3 s"
 
 
 def test_a_monitor_is_claimed_once_per_desktop_and_free_after_its_release(

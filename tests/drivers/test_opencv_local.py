@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from typing import Any
 
 import cv2
@@ -19,25 +18,8 @@ COLUMNS, ROWS = 160, 128
 BUSY_S = 5.0
 
 
-@pytest.fixture
-def open_camera() -> Iterator[Any]:
-    cameras = []
-
-    def opened(source: int, **options: Any) -> OpenCVCamera:
-        settings = {"columns": COLUMNS, "rows": ROWS, "bits": 8, "rate_hz": 60.0, "exposure_s": 0.004}
-        cameras.append(OpenCVCamera(source=source, **(settings | options)))
-        return cameras[-1]
-
-    yield opened
-    for camera in cameras:
-        camera.close()
-
-
 class LocalCapture:
-    """Stands in for OpenCV's capture.
-
-    Its sixth frame is smaller than those before.
-    """
+    """Stands in for OpenCV's capture. Its sixth frame is smaller than those before."""
 
     taken: dict[int, float]
 
@@ -115,7 +97,7 @@ def test_a_camera_whose_frames_change_is_lost_before_a_wrong_one_is_shown(
         ({"exposure_s": 0.001}, r"^camera\.exposure_s: 0\.001: the camera makes 0\.003 of it$"),
     ],
 )
-def test_what_a_local_camera_refuses_is_told(
+def test_settings_that_a_local_camera_refuses_are_reported(
     local: type[LocalCapture],
     open_camera: Any,
     options: dict[str, Any],

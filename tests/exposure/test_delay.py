@@ -1,11 +1,15 @@
 """The delay between display and camera from coded strips, against planted ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from coded_frames import CodedBench, panel, reader
 
+from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.delay import DelayWatch
 from zeromethod.exposure.strip_matching import match
+from zeromethod.exposure.strip_reading import StripReading
 
 MS = 1e6
 FRAME_NS = 1e9 / 60
@@ -71,9 +75,8 @@ def test_exposure_rise_and_scan_direction_are_taken_in(scan: str, exposure_s: fl
 
 def test_frame_that_saw_one_picture_alone_only_bounds_the_delay() -> None:
     bench = CodedBench(camera_hz=15, exposure_s=0.004, phase=0.0, display=panel(rise_s=0.0))
-    frames = [(frame, match(reader().read(frame.image), bench.log, frame, bench.timing, WIDE))
-              for frame in bench.frames(6)]  # fmt: skip
-    found = frames[-1][1]
+    for frame in bench.frames(6):
+        found = match(reader().read(frame.image), bench.log, frame, bench.timing, WIDE)
     assert found is not None
     assert found.fits
     assert found.low_ns < 0 < found.high_ns
@@ -90,16 +93,21 @@ def test_single_wrong_bit_or_a_code_that_was_not_shown_is_never_used() -> None:
             assert not after
             continue
         # The picture is in one or two exposures. One or two codes off it passes for a picture that came a
-        # refresh or two too early or late, unless the check or the pictures beside it tell.
+        # refresh or two too early or late, unless the check or the pictures next to it show it.
         assert after or wrong in {12, 13, 15, 0}
         assert set(after) <= set(range(30, 35))
         assert watch.estimator.value_ns == pytest.approx(11 * MS, abs=0.05 * FRAME_NS)
 
 
-def test_flipped_cell_is_a_contradiction() -> None:
+def _last_read() -> tuple[CodedBench, Frame, tuple[StripReading, ...]]:
+    """A bench with a delay of 11 ms, its 20th frame, and what is read of its strips."""
     bench = CodedBench(refresh_hz=59.94, delay_s=0.011)
-    frames = [(frame, reader().read(frame.image)) for frame in bench.frames(20)]
-    frame, readings = frames[-1]
+    *_, last = ((frame, reader().read(frame.image)) for frame in bench.frames(20))
+    return bench, *last
+
+
+def test_flipped_cell_is_a_contradiction() -> None:
+    bench, frame, readings = _last_read()
     span = (11 * MS - 2.5 * FRAME_NS, 11 * MS + 2.5 * FRAME_NS)
     good = match(readings, bench.log, frame, bench.timing, span)
     assert good is not None
@@ -109,20 +117,18 @@ def test_flipped_cell_is_a_contradiction() -> None:
         if abs(levels[bit] - 0.5) < 0.3:
             continue  # a grey bit turned over is another weight, which the check contradicts less loudly
         levels[bit] = 1 - levels[bit]
-        turned = (type(readings[0])(levels, 0.001, readings[0].panel_rows), readings[1])
+        turned = (replace(readings[0], levels=levels, sigma=0.001), readings[1])
         bad = match(turned, bench.log, frame, bench.timing, span)
         assert bad is not None
         assert not bad.fits
 
 
 def test_bit_and_check_that_disagree_are_not_used() -> None:
-    bench = CodedBench(refresh_hz=59.94, delay_s=0.011)
-    frames = [(frame, reader().read(frame.image)) for frame in bench.frames(20)]
-    frame, readings = frames[-1]
+    bench, frame, readings = _last_read()
     mixed = next(one for one in readings if one.code is None)
     levels = mixed.levels.copy()
     levels[-1] += 0.5 if levels[-1] < 0.5 else -0.5
-    other = type(mixed)(levels, 0.001, mixed.panel_rows)
+    other = replace(mixed, levels=levels, sigma=0.001)
     bad = match((other,), bench.log, frame, bench.timing, WIDE)
     assert bad is not None
     assert not bad.fits

@@ -35,6 +35,14 @@ def read(
     return (measured - REST.q - truth) / LCD_PER_CAMERA, mixed
 
 
+def of_two(away_lcd_px: float | np.ndarray, share: float, kind: str) -> Mixture:
+    """Mixture of the warp at rest with one that is `away_lcd_px` from it and weighs `share`."""
+    warps = np.stack([REST.q, REST.q + away_lcd_px])
+    weights, place = np.tile([1 - share, share], (257, 1)), np.full(REST.q.shape[:2], 3.0)
+    q = REST.q + share * (warps[1] - REST.q)
+    return mixture(warps, np.arange(2), weights, place, q, GRID.spacing_px, PERIOD_PX, kind)
+
+
 def largest(error: np.ndarray, mixed: np.ndarray) -> float:
     good = ~mixed
     good[: INNER[0].start + 1] = good[:, : INNER[1].start + 1] = False
@@ -87,21 +95,14 @@ def test_a_mix_is_refused_where_half_the_carrier_is_lost_on_the_way(
     share: float, moved_px: float, mixed: bool
 ) -> None:
     # |1 - w + w exp(i k s)|: 0.5 at a third of a period for halves, 1 - 2 w at half a period; a whole
-    # period leaves everything, but nothing tells which of two orders is meant. At 0.2 and half a period or
+    # period leaves everything, but which of two orders is meant is not known. At 0.2 and half a period or
     # more the bias is over 1 px
-    moved = np.zeros_like(REST.q)
-    moved[..., 0] = moved_px * LCD_PER_CAMERA
-    warps = np.stack([REST.q, REST.q + moved])
-    q = REST.q + share * moved
-    weights, place = np.tile([1 - share, share], (257, 1)), np.full(q.shape[:2], 3.0)
-    got = mixture(warps, np.arange(2), weights, place, q, GRID.spacing_px, PERIOD_PX, "lattice")
+    got = of_two(np.array([moved_px * LCD_PER_CAMERA, 0.0]), share, "lattice")
     assert np.all(got.mixed == mixed)
 
 
 def test_pictures_that_differ_by_noise_are_one() -> None:
-    warps = np.stack([REST.q, REST.q + 0.05])
-    weights, place = np.full((257, 2), 0.5), np.zeros(REST.q.shape[:2])
-    got = mixture(warps, np.arange(2), weights, place, warps.mean(0), GRID.spacing_px, PERIOD_PX, "cosines")
+    got = of_two(0.05, 0.5, "cosines")
     assert got.bias_px is not None
     assert not got.bias_px.any()
     assert not got.mixed.any()
@@ -109,9 +110,7 @@ def test_pictures_that_differ_by_noise_are_one() -> None:
 
 @pytest.mark.parametrize(("moved_px", "mixed"), [(1.9, False), (2.1, True)])
 def test_without_carriers_the_spread_decides(moved_px: float, mixed: bool) -> None:
-    warps = np.stack([REST.q, REST.q + np.array([moved_px * LCD_PER_CAMERA, 0.0])])
-    weights, place = np.full((257, 2), 0.5), np.zeros(REST.q.shape[:2])
-    got = mixture(warps, np.arange(2), weights, place, warps.mean(0), GRID.spacing_px, PERIOD_PX, "noise")
+    got = of_two(np.array([moved_px * LCD_PER_CAMERA, 0.0]), 0.5, "noise")
     assert got.bias_px is None
     assert np.all(got.mixed == mixed)
 

@@ -6,7 +6,7 @@ from node_bench import PANEL, panel, rest_warp
 from scipy.integrate import quad
 
 from zeromethod.devices.protocols import Frame
-from zeromethod.exposure.pairing import PanelTiming, entry_weights, lit_share, pair
+from zeromethod.exposure.pairing import Observation, PanelTiming, entry_weights, lit_share, pair
 from zeromethod.exposure.presentation_log import PresentationLog
 
 MS = 1_000_000
@@ -16,6 +16,12 @@ TIMING = PanelTiming.of(panel(rise_s=0.004))
 
 def frame(mid_ms: float, exposure_ms: float = 8.0) -> Frame:
     return Frame(np.zeros((1, 1)), round(mid_ms * MS), round(exposure_ms * MS), 0)
+
+
+def paired(log: PresentationLog, mid_ms: float, timing: PanelTiming = TIMING) -> Observation:
+    observed = pair(log, frame(mid_ms), timing, REST.q, REST.grid, "cosines")
+    assert observed is not None
+    return observed
 
 
 def logged(*entries: tuple[float, float]) -> PresentationLog:
@@ -57,16 +63,14 @@ def test_weights_add_up_to_one_in_every_row() -> None:
 
 
 def test_a_picture_alone_is_returned_as_it_was_logged() -> None:
-    observed = pair(logged((0, 0.0), (16, 1.0)), frame(80), TIMING, REST.q, REST.grid, "cosines")
-    assert observed is not None
+    observed = paired(logged((0, 0.0), (16, 1.0)), 80)
     assert observed.mixture is None
     assert observed.entries.tolist() == [16 * MS]
     np.testing.assert_array_equal(observed.shown.q, REST.q + np.array([1.0, 0.0]))
 
 
 def test_a_picture_that_starts_after_the_exposure_has_no_part() -> None:
-    observed = pair(logged((0, 0.0), (90, 5.0)), frame(80), TIMING, REST.q, REST.grid, "cosines")
-    assert observed is not None
+    observed = paired(logged((0, 0.0), (90, 5.0)), 80)
     np.testing.assert_array_equal(observed.shown.q, REST.q)
 
 
@@ -81,22 +85,19 @@ def test_nothing_is_shown_before_the_first_picture_is_lit() -> None:
 
 def test_rows_that_change_first_show_more_of_the_new_picture() -> None:
     log = logged((0, 0.0), (60, 1.0))
-    observed = pair(log, frame(70), TIMING, REST.q, REST.grid, "cosines")
-    assert observed is not None
+    observed = paired(log, 70)
     moved = observed.shown.q[..., 0] - REST.q[..., 0]
     assert np.all(np.diff(moved[:, 5]) <= 0)  # LCD rows grow with node rows; scan is downwards
     assert moved[0, 5] > moved[-1, 5] + 0.2
     up = PanelTiming.of(panel().model_copy(update={"scan": "up"}))
-    observed_up = pair(log, frame(70), up, REST.q, REST.grid, "cosines")
-    assert observed_up is not None
+    observed_up = paired(log, 70, up)
     # scanning up mirrors the rows about the panel's middle, from which the nodes' middle is 0.42 LCD rows
     # away: 2 x 0.42 / 399 of the scan-out of 16.7 ms, in which at most 1 / 8 ms changes
     np.testing.assert_allclose(observed_up.shown.q[::-1, 5, 0] - REST.q[::-1, 5, 0], moved[:, 5], atol=5e-3)
 
 
 def test_the_mix_weighs_pictures_by_the_light_of_their_row() -> None:
-    observed = pair(logged((0, 0.0), (60, 1.0)), frame(70), TIMING, REST.q, REST.grid, "cosines")
-    assert observed is not None
+    observed = paired(logged((0, 0.0), (60, 1.0)), 70)
     row = REST.q[4, 5, 1]
     change_ns = 60e6 + row / (PANEL[1] - 1) * 1e9 / 60
     new = lit_share(66e6, 74e6, np.array([change_ns]), TIMING.tau_ns)[0]
@@ -109,15 +110,12 @@ def test_the_age_of_what_is_shown_is_weighted_by_its_light() -> None:
     log.record(0, REST.q)
     log.record(60 * MS, REST.q, source_ns=30 * MS)
     log.record(77 * MS, REST.q, source_ns=50 * MS)
-    early = pair(log, frame(60), TIMING, REST.q, REST.grid, "cosines")
-    assert early is not None
+    early = paired(log, 60)
     assert early.age_ns is None  # the first picture was made from no frame
-    observed = pair(log, frame(130), TIMING, REST.q, REST.grid, "cosines")
-    assert observed is not None
+    observed = paired(log, 130)
     assert observed.age_ns is not None
     np.testing.assert_allclose(observed.age_ns, 80 * MS)
-    mixed = pair(log, frame(100), TIMING, REST.q, REST.grid, "cosines")
-    assert mixed is not None
+    mixed = paired(log, 100)
     assert mixed.age_ns is not None
     np.testing.assert_allclose(mixed.age_ns, mixed.weights.T @ [70 * MS, 50 * MS])
     assert mixed.age_ns[0] == pytest.approx(50 * MS, rel=1e-3)
@@ -127,6 +125,5 @@ def test_a_log_that_was_overwritten_takes_its_oldest_entry_for_all_before() -> N
     log = PresentationLog(REST.q.shape[:2], capacity=2)
     for at_ms in (0, 16, 33):
         log.record(at_ms * MS, REST.q)
-    observed = pair(log, frame(34), TIMING, REST.q, REST.grid, "cosines")
-    assert observed is not None
+    observed = paired(log, 34)
     np.testing.assert_allclose(observed.shown.q, REST.q, atol=1e-9)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
 
+import node_bench
 import numpy as np
 
 from zeromethod.devices.protocols import Frame
@@ -46,15 +47,7 @@ STRIPS = strips()
 
 
 def panel(refresh_hz: float = 60.0, rise_s: float = 0.004, scan: str = "down") -> DisplaySpec:
-    return DisplaySpec(
-        columns=PANEL[0],
-        rows=PANEL[1],
-        pitch_mm=0.1,
-        centre_mm=(0.0, 0.0),
-        refresh_hz=refresh_hz,
-        rise_s=rise_s,
-        scan=scan,
-    )
+    return node_bench.panel(rise_s, refresh_hz, scan=scan, size=PANEL)
 
 
 def reader(bits: int = 8) -> StripReader:

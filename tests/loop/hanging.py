@@ -1,25 +1,36 @@
-"""Cameras that answer from a list, and waiting for what happens in other threads."""
+"""Cameras that answer from a list, waiting for other threads, and limits on how long something takes."""
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 PATIENCE_S = 10.0
 """More than anything takes on a busy machine."""
 
 
-def eventually(condition: Callable[[], bool]) -> None:
+def eventually(condition: Callable[[], object]) -> None:
     end_s = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < end_s
         time.sleep(0.002)
 
 
-def alive(name: str) -> set[threading.Thread]:
-    return {thread for thread in threading.enumerate() if thread.name == name}
+@contextmanager
+def takes(least_s: float, most_s: float) -> Iterator[None]:
+    """Assert how long the block takes."""
+    started = time.monotonic()
+    yield
+    assert least_s <= time.monotonic() - started < most_s
+
+
+def raising(error: BaseException) -> Callable[..., Any]:
+    def call(*_: object) -> None:
+        raise error
+
+    return call
 
 
 class Camera:

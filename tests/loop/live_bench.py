@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,10 +18,9 @@ from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 
 GOOD = {State.LOCKED, State.RESTING}
-TOLD_HOLDING = {State.HOLDING, State.FAULT, State.LOST}
 TIMEOUT_S = small_rig().control.timeout_s
 
-both_times = pytest.mark.parametrize("real", [False, True], ids=["simulated", "real"])
+both_times = pytest.mark.parametrize("in_real_time", [False, True], ids=["simulated", "real"])
 
 
 @dataclass
@@ -32,6 +31,8 @@ class Bench:
     devices: Devices
     hung: threading.Event
     """Set at the end: whatever hangs in a test waits for it."""
+    first: list[Step] = field(default_factory=list)
+    """The steps that brought it to rest."""
 
     @property
     def eye(self) -> Eye:
@@ -41,14 +42,17 @@ class Bench:
     def screen(self) -> Window:
         return self.devices.display  # type: ignore[return-value]
 
-    def until(self, condition: Callable[[Step], bool], turns: int = 400) -> list[Step]:
+    def step(self, count: int) -> list[Step]:
+        return [self.loop.step() for _ in range(count)]
+
+    def until(self, condition: Callable[[Step], bool], most: int = 400) -> list[Step]:
         """Steps up to the first that meets the condition."""
         steps: list[Step] = []
         while not self.loop.over:
             steps.append(self.loop.step())
             if condition(steps[-1]):
                 return steps
-            assert len(steps) < turns, [(s.state, s.reason) for s in steps[-5:]]
+            assert len(steps) < most, [(s.state, s.reason) for s in steps[-5:]]
         pytest.fail(f"the loop is over: {self.loop.status.reason}")
 
     def settle(self) -> list[Step]:
@@ -80,23 +84,16 @@ def bench(
     ):
         bench = Bench(loop, devices, hung)
         try:
-            bench.settle()
+            bench.first = bench.settle()
             yield bench
         finally:
             hung.set()
 
 
-def held(steps: list[Step], before: Step) -> bool:
+def frozen(steps: list[Step], before: Step) -> bool:
     """Whether the command stayed as it was, bit for bit."""
     return all(np.array_equal(step.commanded.q, before.commanded.q) for step in steps)
 
 
 def notes(steps: list[Step]) -> str:
     return "\n".join(note for step in steps for note in step.notes)
-
-
-def raising(error: BaseException) -> Callable[..., None]:
-    def call(*_: object) -> None:
-        raise error
-
-    return call

@@ -1,4 +1,4 @@
-"""A screen and an eye of somebody's own, which sees the screen in a mirror: devices as a lab brings them.
+"""A screen and an eye of a lab's own, which observes the screen in a mirror.
 
 Nothing here knows the loop; of the package it uses the contract (`zeromethod.devices.protocols`), clocks and
 the rays of the mirror at rest. The real ones live in the host's time, the simulated ones on the run's clock.
@@ -12,6 +12,7 @@ from typing import Any
 
 import moderngl
 import numpy as np
+from scipy.ndimage import map_coordinates
 
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Frame
@@ -61,7 +62,7 @@ class RealScreen(Screen):
 
 
 class Window(RealScreen):
-    """One whose driver tells what happens to its window. `on_poll` may raise."""
+    """One whose driver reports what happens to its window. `on_poll` may raise."""
 
     warnings: tuple[str, ...] = ()
     asleep = False
@@ -155,14 +156,10 @@ class Eye:
         """Picture, bilinear, where the mirror at rest sends each pixel, `away_px` further on."""
         q = self.rest_q + self.away_px
         seen = np.isfinite(q).all(axis=-1)
-        rows, columns = picture.shape
-        x = np.where(seen, q[..., 0], 0).clip(0, columns - 1.001)
-        y = np.where(seen, q[..., 1], 0).clip(0, rows - 1.001)
-        i, j = x.astype(int), y.astype(int)
-        s, t = x - i, y - j
-        upper = (1 - s) * picture[j, i] + s * picture[j, i + 1]
-        lower = (1 - s) * picture[j + 1, i] + s * picture[j + 1, i + 1]
-        return np.where(seen, (1 - t) * upper + t * lower, 0.0)
+        light = map_coordinates(
+            picture, np.where(seen, q[..., ::-1].transpose(2, 0, 1), 0.0), order=1, mode="nearest"
+        )
+        return np.where(seen, light, 0.0)
 
 
 class RealEye(Eye):
@@ -171,7 +168,7 @@ class RealEye(Eye):
 
 
 def small_rig(camera: str = "live_devices:RealEye", display: str = "live_devices:RealScreen") -> Rig:
-    """A rig seen by 160 x 128 px, with a coarse panel that changes at once, on these devices."""
+    """A rig of 160 x 128 camera px, with a coarse panel that changes at once, on these devices."""
     rig = binned(load_rig("simulated"), 8)
     values = rig.display.model_dump(exclude_unset=True)
     coarse = {"driver": display, "columns": 480, "rows": 270, "pitch_mm": 0.252, "scanout_s": 0.0}

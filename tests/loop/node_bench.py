@@ -30,16 +30,15 @@ PANEL = (400, 400)
 INSTANTS = 150
 
 
-def panel(rise_s: float = 0.004, refresh_hz: float = 60.0, latency_s: float = 0.0) -> DisplaySpec:
-    return DisplaySpec(
-        columns=PANEL[0],
-        rows=PANEL[1],
-        pitch_mm=0.1,
-        centre_mm=(0.0, 0.0),
-        refresh_hz=refresh_hz,
-        rise_s=rise_s,
-        latency_s=latency_s,
-    )
+def panel(
+    rise_s: float = 0.004,
+    refresh_hz: float = 60.0,
+    latency_s: float = 0.0,
+    scan: str = "down",
+    size: tuple[int, int] = PANEL,
+) -> DisplaySpec:
+    timing = {"refresh_hz": refresh_hz, "rise_s": rise_s, "latency_s": latency_s, "scan": scan}
+    return DisplaySpec(columns=size[0], rows=size[1], pitch_mm=0.1, centre_mm=(0.0, 0.0), **timing)  # type: ignore[arg-type]
 
 
 def rest_warp(image_px: int = 256) -> Rest:

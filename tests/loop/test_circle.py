@@ -48,7 +48,7 @@ def test_a_press_past_half_a_period_is_nulled_in_two_corrections_at_most() -> No
     for taken in bench.run(24):
         if bench.mid_s > 0.2 and taken.changed and taken.residual_rms_px > LOCK_RESIDUAL_PX:
             commands += 1
-    # each frame still exposed to the old picture measures, and commands, the same once more
+    # each frame still exposed to the old picture measures, and commands, the same again
     assert commands <= 3
     # noise, and the Keys interpolant's h^3 error at a dent of 5 nodes
     assert rms(bench.error_px()) < 0.01
@@ -126,7 +126,7 @@ def test_no_phase_rate_or_exposure_starves_the_loop(
     assert frames <= 8  # delay of up to two frames: twice that, and four
 
 
-def test_mixed_pictures_hold_the_command_and_are_flagged() -> None:
+def test_mixed_pictures_freeze_the_command_and_are_flagged() -> None:
     bench = NodeBench(REST, step(6.0), exposure_s=0.016)
     before = None
     held = 0
@@ -194,7 +194,7 @@ def test_the_integrator_is_slower_leaks_and_diverges_with_delay() -> None:
     assert later > 2 * max(early, rms(truth))
 
 
-def test_the_state_at_rest_is_told_from_a_light_press() -> None:
+def test_the_state_at_rest_is_distinguished_from_a_light_press() -> None:
     for peak, resting in [(0.0, True), (0.5, False)]:
         bench = NodeBench(REST, step(peak, at_s=0.0))
         *_, taken = bench.run(30)

@@ -1,10 +1,17 @@
-"""Beats in the light of frames, against planted ones: found, and not found where there are none."""
+"""Light that is off, too bright, or beats: found where planted, and not found where there is none."""
 
 import numpy as np
 import pytest
 
 from zeromethod.loop.events import Event
-from zeromethod.loop.light_quality import EVERY_FRAMES, FEWEST_FRAMES, FLICKER_FRAMES, LightQuality, beat
+from zeromethod.loop.light_quality import (
+    EVERY_FRAMES,
+    FEWEST_FRAMES,
+    FLICKER_FRAMES,
+    LightQuality,
+    LightWatch,
+    beat,
+)
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.validity import Flag
 
@@ -58,7 +65,7 @@ QUIET = {
 
 @pytest.mark.parametrize("kind", QUIET)
 @pytest.mark.parametrize("count", [FEWEST_FRAMES, FLICKER_FRAMES])
-def test_what_is_no_beat_is_not_called_one(kind: str, count: int) -> None:
+def test_other_changes_of_the_light_are_not_called_a_beat(kind: str, count: int) -> None:
     t = frames(count)
     hz, size = beat(t, 100 * (1 + QUIET[kind](t) + noise(count, 1e-4)))
     assert size == 0
@@ -74,7 +81,7 @@ def test_what_is_no_beat_is_not_called_one(kind: str, count: int) -> None:
         (np.arange(3.0), np.array([1.0, 2.0, 1.0])),
     ],
 )
-def test_light_that_says_nothing_has_no_beat(times: np.ndarray, light: np.ndarray) -> None:
+def test_light_without_variation_has_no_beat(times: np.ndarray, light: np.ndarray) -> None:
     assert beat(times, light)[1] == 0
 
 
@@ -87,21 +94,21 @@ def residual(mean_grey: float, saturated: int = 0) -> Residual:
     )
 
 
-def test_a_beat_is_told_once_enough_frames_show_it_and_no_more_once_it_is_gone() -> None:
+def test_a_beat_is_reported_once_enough_frames_show_it_until_it_is_gone() -> None:
     quality = LightQuality(SEEN, black_grey=4)
-    told = []
+    said = []
     for k in range(4 * FLICKER_FRAMES):
         swing = 0.1 * np.sin(2 * np.pi * 4 * k / RATE_HZ) if k < 2 * FLICKER_FRAMES else 0.0
-        told.append(quality.look(residual(4 + 90 * (1 + swing)), round(1e9 * k / RATE_HZ)))
-    first = next(k for k, one in enumerate(told) if one)
+        said.append(quality.look(residual(4 + 90 * (1 + swing)), round(1e9 * k / RATE_HZ)))
+    first = next(k for k, one in enumerate(said) if one)
     assert FEWEST_FRAMES <= first + 1 <= FEWEST_FRAMES + EVERY_FRAMES
-    assert {notice.event for one in told for notice in one} == {Event.FLICKER}
-    assert told[2 * FLICKER_FRAMES - 1]
-    assert not any(told[3 * FLICKER_FRAMES :])
-    assert "4 Hz" in told[2 * FLICKER_FRAMES - 1][0].words
+    assert {notice.event for one in said for notice in one} == {Event.FLICKER}
+    assert said[2 * FLICKER_FRAMES - 1]
+    assert not any(said[3 * FLICKER_FRAMES :])
+    assert "4 Hz" in said[2 * FLICKER_FRAMES - 1][0].words
 
 
-def test_saturation_is_told_above_a_twentieth_of_the_view() -> None:
+def test_saturation_is_reported_above_a_twentieth_of_the_view() -> None:
     quality = LightQuality(SEEN, black_grey=4)
     assert quality.look(residual(100, saturated=2), 0) == []
     (notice,) = quality.look(residual(100, saturated=12), 1)
@@ -109,5 +116,27 @@ def test_saturation_is_told_above_a_twentieth_of_the_view() -> None:
     assert notice.words.startswith("25 % of the view is too bright")
 
 
-def test_where_nothing_is_seen_nothing_is_told() -> None:
+def test_where_no_node_is_visible_nothing_is_reported() -> None:
     assert LightQuality(np.zeros_like(SEEN), 4).look(residual(100, saturated=48), 0) == []
+
+
+@pytest.mark.parametrize(
+    ("black_grey", "levels", "off"),
+    [
+        (4, (100, 100, 5, 4, 98), [False, False, True, True, False]),
+        (0, [100 * 0.99**k for k in range(300)], [False] * 300),  # slow change is followed
+    ],
+)
+def test_light_that_goes_out_is_noticed_and_its_return_too(
+    black_grey: float, levels: list[float], off: list[bool]
+) -> None:
+    watch = LightWatch(SEEN, black_grey)
+    assert [watch.is_off(np.full(SEEN.shape, level, np.float32)) for level in levels] == off
+
+
+def test_a_touch_in_a_part_of_the_view_is_not_the_light() -> None:
+    watch = LightWatch(SEEN, black_grey=4)
+    touched = np.full(SEEN.shape, 100, np.float32)
+    assert not watch.is_off(touched)
+    touched[:4] = 4
+    assert not watch.is_off(touched)

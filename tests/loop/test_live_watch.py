@@ -1,4 +1,4 @@
-"""What is looked after beside the frames, and what the operator is told; Python's housekeeping."""
+"""What is watched apart from the frames, the notices to the operator, and garbage collection."""
 
 from __future__ import annotations
 
@@ -8,47 +8,16 @@ import time
 
 import pytest
 
-from zeromethod.loop.display_watch import RESYNC_S, DisplayWatch
-from zeromethod.loop.events import Event, Notice
-from zeromethod.loop.live.clock_watch import STOOD_STILL_S, ClockWatch, slept_ns
-from zeromethod.loop.live.paused_gc import COLLECTED_ABOVE, SWITCH_S, PausedGC
-from zeromethod.loop.notices import QUIET_STEPS, Notices
-
-ASLEEP = Notice.refusal(Event.DISPLAY_ASLEEP)
+from zeromethod.loop.display_watch import RESYNC_S, STOOD_STILL_S, ClockWatch, DisplayWatch, slept_ns
+from zeromethod.loop.events import QUIET_STEPS, Event, Notice, Notices
+from zeromethod.loop.paused_gc import COLLECTED_ABOVE, SWITCH_S, PausedGC
 
 
-class Lcd:
-    def __init__(self) -> None:
-        self.asleep = False
-        self.warnings: tuple[str, ...] = ()
-        self.polls = 0
-
-    def poll(self) -> None:
-        self.polls += 1
-
-
-def test_a_watch_tells_what_the_display_tells() -> None:
-    lcd = Lcd()
-    watch = DisplayWatch(lcd, None)  # type: ignore[arg-type]
-    watch.poll()
-    assert lcd.polls == 1
-    assert watch.look(0) == []
-    lcd.asleep, lcd.warnings = True, ("mirrored",)
-    watch.poll()
-    assert watch.stale(0) == ASLEEP
-    assert watch.look(0) == [ASLEEP, Notice(Event.DISPLAY_WARNING, "mirrored")]
-    assert watch.look(0) == [ASLEEP]
-    lcd.asleep, lcd.warnings = False, ("mirrored", "night mode")
-    watch.poll()
-    assert watch.stale(0) is None
-    assert watch.look(0) == [Notice(Event.DISPLAY_WARNING, "night mode")]
-
-
-def test_displays_without_such_members_are_as_good() -> None:
+def test_displays_without_such_members_raise_no_notice() -> None:
     watch = DisplayWatch(object(), None)  # type: ignore[arg-type]
     watch.poll()
     assert watch.look(0) == []
-    # simulated time does not stand still by itself, however long a turn is
+    # simulated time does not stand still by itself, however long a step is
     assert watch.stale(10**12) is None
 
 
@@ -68,32 +37,34 @@ def test_a_clock_watch_knows_standing_still_from_waiting_and_from_suspension(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     slept = [3 * 10**9]
-    monkeypatch.setattr("zeromethod.loop.live.clock_watch.slept_ns", lambda: slept[0])
+    monkeypatch.setattr("zeromethod.loop.display_watch.slept_ns", lambda: slept[0])
     watch = ClockWatch(longest_wait_s=1.0)
     longest_ns = round(1e9 * (1.0 + STOOD_STILL_S))
-    assert watch.look(0) == ""
-    assert watch.look(longest_ns) == ""
-    assert watch.look(2 * longest_ns + 10**6) == "the program stood still for 2.5 s"
-    assert watch.look(2 * longest_ns + 2 * 10**6) == ""
-    slept[0] += 7 * 10**9
-    assert watch.look(2 * longest_ns + 3 * 10**6) == "the host was suspended for 7.0 s"
-    assert watch.look(2 * longest_ns + 4 * 10**6) == ""
+    stood = 2 * longest_ns + 10**6
+    for now_ns, sleep_s, words in [
+        (0, 0, ""),
+        (longest_ns, 0, ""),
+        (stood, 0, "the program stood still for 2.5 s"),
+        (stood + 10**6, 0, ""),
+        (stood + 2 * 10**6, 7, "the host was suspended for 7.0 s"),
+        (stood + 3 * 10**6, 0, ""),
+    ]:
+        slept[0] += sleep_s * 10**9
+        assert watch.look(now_ns) == words
 
 
 def test_a_host_that_did_not_sleep_says_so() -> None:
     first = slept_ns()
     time.sleep(0.01)
-    # two clocks read one after the other: microseconds, or a turn of the scheduler
+    # two clocks read one after the other: microseconds, or a switch of threads
     assert abs(slept_ns() - first) < 50_000_000
 
 
-def test_notices_tell_what_begins_and_not_what_goes_on() -> None:
+def test_notices_are_shown_when_an_event_begins_and_not_while_it_goes_on() -> None:
     notices = Notices()
-    told = []
-    for _ in range(5):
+    for expected in [("it beats",), (), (), (), ()]:
         notices.add(Notice(Event.FLICKER, "it beats"))
-        told.append(notices.take())
-    assert told == [("it beats",), (), (), (), ()]
+        assert notices.take() == expected
     for _ in range(QUIET_STEPS - 2):
         assert notices.take() == ()
     notices.add(Notice(Event.FLICKER, "it beats"))
@@ -104,13 +75,12 @@ def test_notices_tell_what_begins_and_not_what_goes_on() -> None:
     assert notices.take() == ("it beats again",)
 
 
-def test_notices_keep_warnings_apart_by_their_words_and_pass_on_what_is_said() -> None:
+def test_warnings_are_kept_apart_by_their_words() -> None:
     notices = Notices()
-    notices.add(Notice(Event.DISPLAY_WARNING, "mirrored"))
-    notices.add(Notice(Event.DISPLAY_WARNING, "night mode"))
-    notices.add(Notice(Event.DISPLAY_WARNING, "mirrored"))
-    notices.add_always(Notice(Event.ZERO_TAKEN, "a new zero"))
-    notices.add_always(Notice(Event.ZERO_TAKEN, "a new zero"))
+    for words in ("mirrored", "night mode", "mirrored"):
+        notices.add(Notice(Event.DISPLAY_WARNING, words))
+    for _ in range(2):
+        notices.add_always(Notice(Event.ZERO_TAKEN, "a new zero"))
     notices.add_events((Event.CAMERA_LOST, Event.FRAMES_DROPPED), "gone")
     assert notices.take() == ("mirrored", "night mode", "a new zero", "a new zero", "gone")
 

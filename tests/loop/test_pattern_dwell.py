@@ -1,4 +1,4 @@
-"""How long pictures are held, by how well the loop locks."""
+"""How long pictures stay, by how well the loop locks."""
 
 import math
 
@@ -27,7 +27,7 @@ def test_single_mixed_frames_change_nothing() -> None:
     assert dwell.period_frames == 1
 
 
-def test_frames_that_stay_mixed_or_far_from_null_are_held_longer_up_to_three() -> None:
+def test_pictures_stay_longer_where_frames_remain_mixed_or_far_from_null() -> None:
     for unusable, residual in ((True, math.nan), (False, 0.5)):
         dwell = PatternDwell(FRAME_NS)
         _note(dwell, RAISE_FRAMES, unusable, residual)
@@ -44,7 +44,7 @@ def test_motion_does_not_lengthen_what_strips_tell_apart() -> None:
     assert dwell.period_frames == 2
 
 
-def test_picture_is_held_for_its_period_and_no_longer() -> None:
+def test_a_picture_stays_for_its_period_and_no_longer() -> None:
     dwell = PatternDwell(FRAME_NS)
     _note(dwell, RAISE_FRAMES, unusable=True)
     dwell.presented(1000)

@@ -3,95 +3,79 @@ import pytest
 from zeromethod.loop.state import LOCK_FRAMES, Outcome, State, Status, StepOutcome, next_status
 
 QUIET = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0)
-RESTING = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0, at_rest=True)
+AT_REST = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0, at_rest=True)
 LOUD = StepOutcome(Outcome.MEASURED, residual_rms_px=1.0, valid_share=1.0)
 BLIND = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=0.3)
-NOTHING_SEEN = StepOutcome(Outcome.MEASURED, "the light is off")
+DARK = StepOutcome(Outcome.MEASURED, "the light is off")
 HELD = StepOutcome(Outcome.HELD, "held")
 FAILED = StepOutcome(Outcome.FAILED, "gone")
 STOP = StepOutcome(Outcome.STOP, "asked to")
 
+NULLING, LOCKED, RESTING, LOST = State.NULLING, State.LOCKED, State.RESTING, State.LOST
 RUNNING = [s for s in State if s is not State.STOPPED]
 
 
-def status(state: State, nulled: int = 0) -> Status:
-    return Status(state, "", nulled)
-
-
-@pytest.mark.parametrize("state", RUNNING)
-def test_a_large_residual_means_nulling_from_any_state(state: State) -> None:
-    after = next_status(status(state, LOCK_FRAMES), LOUD)
-    assert after.state is State.NULLING
-    assert after.nulled_frames == 0
-
-
-def test_three_small_residuals_running_make_a_lock_and_two_do_not() -> None:
-    now = Status()
-    assert now.state is State.STARTING
-    states = []
-    for turn in [QUIET, QUIET, LOUD, QUIET, QUIET, QUIET, QUIET]:
-        now = next_status(now, turn)
+def follow(state: State, nulled: int, *steps: StepOutcome) -> list[State]:
+    now, states = Status(state, "", nulled), []
+    for step in steps:
+        now = next_status(now, step)
         states.append(now.state)
-    assert states == [State.NULLING] * 5 + [State.LOCKED] * 2
-
-
-def test_a_lock_at_rest_is_resting_and_a_press_ends_it() -> None:
-    now = next_status(status(State.NULLING, LOCK_FRAMES - 1), RESTING)
-    assert now.state is State.RESTING
-    assert next_status(now, QUIET).state is State.LOCKED
-    assert next_status(next_status(now, QUIET), RESTING).state is State.RESTING
-    assert next_status(now, LOUD).state is State.NULLING
+    return states
 
 
 @pytest.mark.parametrize("state", RUNNING)
-@pytest.mark.parametrize("turn", [BLIND, NOTHING_SEEN])
-def test_few_nodes_seen_means_lost_from_any_state(state: State, turn: StepOutcome) -> None:
-    after = next_status(status(state, LOCK_FRAMES), turn)
-    assert after.state is State.LOST
-    assert after.reason
-    assert after.nulled_frames == 0
+@pytest.mark.parametrize(
+    ("step", "after", "reason"),
+    [
+        (LOUD, NULLING, "residual 1 px"),
+        (BLIND, LOST, "30 % of the nodes are seen"),
+        (DARK, LOST, "the light is off"),
+        (FAILED, State.FAULT, "gone"),
+        (STOP, State.STOPPED, "asked to"),
+    ],
+    ids=["large residual", "few nodes", "no light", "failed device", "stop"],
+)
+def test_some_steps_mean_the_same_in_any_state(
+    state: State, step: StepOutcome, after: State, reason: str
+) -> None:
+    assert next_status(Status(state, "", LOCK_FRAMES), step) == Status(after, reason, 0)
 
 
-def test_lost_gives_the_light_as_its_reason_when_it_is_off() -> None:
-    assert next_status(Status(), NOTHING_SEEN).reason == "the light is off"
-
-
-@pytest.mark.parametrize("state", [State.NULLING, State.LOCKED, State.RESTING, State.HOLDING])
-def test_no_new_information_means_holding(state: State) -> None:
-    after = next_status(status(state, 2), HELD)
-    assert (after.state, after.reason, after.nulled_frames) == (State.HOLDING, "held", 2)
-
-
-@pytest.mark.parametrize("state", [State.STARTING, State.LOST, State.FAULT])
-def test_holding_does_not_hide_starting_lost_or_fault(state: State) -> None:
-    after = next_status(status(state), HELD)
-    assert (after.state, after.reason) == (state, "held")
-
-
-def test_a_held_frame_does_not_break_a_lock() -> None:
-    now = next_status(status(State.LOCKED, LOCK_FRAMES), HELD)
-    assert next_status(now, QUIET).state is State.LOCKED
-    assert next_status(now, RESTING).state is State.RESTING
+@pytest.mark.parametrize("step", [QUIET, LOUD, BLIND, HELD, FAILED, STOP])
+def test_stopping_is_final(step: StepOutcome) -> None:
+    stopped = Status(State.STOPPED, "asked to")
+    assert next_status(stopped, step) == stopped
 
 
 @pytest.mark.parametrize("state", RUNNING)
-def test_a_failed_device_means_fault_from_any_state(state: State) -> None:
-    after = next_status(status(state, 5), FAILED)
-    assert (after.state, after.reason, after.nulled_frames) == (State.FAULT, "gone", 0)
+def test_no_new_information_means_holding_but_does_not_hide_starting_lost_or_fault(state: State) -> None:
+    after = state if state in {State.STARTING, State.LOST, State.FAULT} else State.HOLDING
+    assert next_status(Status(state, "", 2), HELD) == Status(after, "held", 2)
 
 
-@pytest.mark.parametrize("state", [State.FAULT, State.LOST])
-def test_a_good_frame_leads_out_of_fault_and_lost_by_way_of_nulling(state: State) -> None:
-    assert next_status(status(state), QUIET).state is State.NULLING
+@pytest.mark.parametrize(
+    ("state", "nulled", "steps", "states"),
+    [
+        (State.STARTING, 0, [QUIET, QUIET, LOUD, QUIET, QUIET, QUIET, QUIET], [NULLING] * 5 + [LOCKED] * 2),
+        (NULLING, LOCK_FRAMES - 1, [AT_REST, QUIET, AT_REST, LOUD], [RESTING, LOCKED, RESTING, NULLING]),
+        (LOCKED, LOCK_FRAMES, [HELD, QUIET], [State.HOLDING, LOCKED]),
+        (LOCKED, LOCK_FRAMES, [HELD, AT_REST], [State.HOLDING, RESTING]),
+        (State.FAULT, 0, [QUIET], [NULLING]),
+        (LOST, 0, [QUIET], [NULLING]),
+    ],
+    ids=[
+        "three small residuals lock",
+        "rest, until a press",
+        "a refused frame breaks no lock",
+        "nor rest",
+        "out of fault",
+        "out of lost",
+    ],
+)
+def test_sequences_of_steps(state: State, nulled: int, steps: list[StepOutcome], states: list[State]) -> None:
+    assert follow(state, nulled, *steps) == states
 
 
-@pytest.mark.parametrize("state", RUNNING)
-def test_stopping_works_from_any_state_and_is_final(state: State) -> None:
-    stopped = next_status(status(state), STOP)
-    assert (stopped.state, stopped.reason) == (State.STOPPED, "asked to")
-    for turn in (QUIET, LOUD, BLIND, HELD, FAILED, STOP):
-        assert next_status(stopped, turn) == stopped
-
-
-def test_states_are_words() -> None:
+def test_it_begins_starting_and_states_are_words() -> None:
+    assert Status().state is State.STARTING
     assert str(State.LOCKED) == "locked"

@@ -46,7 +46,15 @@ _LARGE = 4096
 
 @dataclass(frozen=True)
 class Stored:
-    """A calibration as its folder holds it. document: what calibration.toml holds, as plain values."""
+    """A calibration as its folder tells it.
+
+    Attributes
+    ----------
+    folder : Path
+        Where it is.
+    document : dict
+        What calibration.toml holds, as plain values.
+    """
 
     folder: Path
     document: dict[str, Any]
@@ -77,12 +85,34 @@ class Stored:
         }
 
     def age_days(self, now: datetime | None = None) -> float:
-        """Days since it was made."""
+        """Days since it was made.
+
+        Parameters
+        ----------
+        now : datetime, optional
+            The present, unless given.
+
+        Returns
+        -------
+        float
+            Days.
+        """
         made: datetime = self.document["time"]
         return ((now or datetime.now(UTC)) - made).total_seconds() / 86400
 
     def age_warning(self, now: datetime | None = None) -> str | None:
-        """What to do where it is old."""
+        """What to do where it is old; None while it is not.
+
+        Parameters
+        ----------
+        now : datetime, optional
+            The present, unless given.
+
+        Returns
+        -------
+        str or None
+            One line.
+        """
         days = self.age_days(now)
         if days <= OLD_DAYS:
             return None

@@ -15,7 +15,7 @@ from zeromethod.cli.calibrate_camera import board_command, intrinsics_command
 from zeromethod.cli.calibrate_options import calibrate_options, refuse_unused
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, write_summary
-from zeromethod.commissioning.decode import decode_files, figures, refuse_empty
+from zeromethod.commissioning.decode import decode_files, figures, noise_of, refuse_empty
 from zeromethod.decoding.fringes import FringeSequence, equal_shifts
 from zeromethod.decoding.measuring import LIMIT_SHARE
 from zeromethod.decoding.noise import NoiseModel
@@ -71,10 +71,7 @@ def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | N
         if not all(map(math.isfinite, given)):
             raise InputError(f"--noise: {given[0]:g} {given[1]:g}: two numbers above 0")
         return NoiseModel.of_camera(given[0], given[1])
-    if rig is None or (rig.camera.noise.read_grey == 0 and rig.camera.noise.electrons_per_grey is None):
-        return None
-    noise = rig.camera.noise
-    return NoiseModel.of_camera(noise.read_grey, noise.electrons_per_grey, noise.black_grey)
+    return noise_of(rig)
 
 
 @calibrate_command.command(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import click
 
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import OutputFile, summary_option, wide_console, write_summary
-from zeromethod.control.stability_margin import stability_margin
 from zeromethod.design import (
     DEFAULT_KINDS,
     PressKind,
@@ -19,18 +18,17 @@ from zeromethod.design import (
     design_figures,
     design_warnings,
 )
+from zeromethod.design.assess import stability_figures
 from zeromethod.design.delay_budget import ASSUMED_COMPUTING_S
 from zeromethod.design.resolution import ASSUMED_PUPIL_MM
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import ControlSpec, Rig
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.design_table import curves_table, design_table
 from zeromethod.view.progress import progress
 
 _MOST_COMPUTING_S = 10.0
 _MOST_PUPIL_MM = 100.0
-_CONTROLLERS = get_args(ControlSpec.model_fields["controller"].annotation)
 
 
 @click.command("design", epilog="Example: zeromethod design my.toml --vary angle=45:60 --figure design.png")
@@ -88,19 +86,10 @@ def design_command(
         found = [(run, curves(rig, run, pupil, lambda: advance("curves"))) for run in runs]
         figures = design_figures(view, presses, pupil, computing_s, lambda: advance("presses"))
     figures["resolution"]["pupil_assumed"] = pupil_mm is None
-    figures["delay"] |= _stability(rig, figures["delay"]["worst_frames"])
+    figures["delay"] |= stability_figures(rig, figures["delay"]["worst_frames"])
     figures["warnings"] = design_warnings(view, figures)
     figures["vary"] = [curve for _, curve in found]
     _report(view, figures, found, figure, summary)
-
-
-def _stability(rig: Rig, delay_frames: float) -> dict[str, Any]:
-    """Largest stable gain of either controller at the longest delay, next to the rig's."""
-    largest = {
-        name: stability_margin(rig.control.model_copy(update={"controller": name}), delay_frames).largest_gain
-        for name in _CONTROLLERS
-    }
-    return {"controller": rig.control.controller, "gain": rig.control.gain, "largest_gain": largest}
 
 
 def _report(

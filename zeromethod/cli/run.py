@@ -177,9 +177,9 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
     if summary is not None:
         write_summary(summary, figures)
     if figure is not None and result.records:
-        from zeromethod.view.figure import draw_figure  # noqa: PLC0415 - matplotlib loads slowly
+        from zeromethod.view.figure import plot_run  # noqa: PLC0415 - matplotlib loads slowly
 
-        draw_figure(result, figures, figure)
+        plot_run(result, figure)
     if result.interrupted:
         raise KeyboardInterrupt
     if result.state in {State.FAULT, State.LOST}:

@@ -13,11 +13,13 @@ import numpy as np
 
 from zeromethod.arrays import Image
 from zeromethod.decoding.decoding import frames_expected
-from zeromethod.decoding.fringes import FringeSequence
-from zeromethod.decoding.measuring import RestMeasurement, measure_rest
+from zeromethod.decoding.fringes import Axis, FringeSequence, equal_shifts
+from zeromethod.decoding.measuring import LIMIT_SHARE, RestMeasurement, measure_rest
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.passive.measure import read_grey
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
 from zeromethod.warp.rest_map import Reason, plain_name
 
 _FILES = "an image of 8 or 16 bits (png, tif, ...), or grey levels in .npy or .npz"
@@ -155,6 +157,83 @@ def decode_files(
         ceiling_grey=float(2**bits - 1) if bits else None,
         **options,
     )
+
+
+def decode(
+    frames: Sequence[str | Path],
+    periods_px: Sequence[float],
+    shifts: int | Sequence[float],
+    *,
+    rig: Rig | str | Path | None = None,
+    panel_px: tuple[int, int] | None = None,
+    axes: tuple[Axis, Axis] = ("columns", "rows"),
+    repeats: int = 1,
+    bits: int | None = None,
+    noise: NoiseModel | None = None,
+    second_reflection: float = LIMIT_SHARE,
+) -> RestMeasurement:
+    """Absolute LCD position of every camera pixel, from pictures of shifted fringes.
+
+    Parameters
+    ----------
+    frames : sequence of str or Path
+        Files in the order in which they were shown: for each repeat, each axis, each period, each shift.
+    periods_px : sequence of float
+        Periods of the fringes, LCD px.
+    shifts : int or sequence of float
+        Number of equal shifts, or the shifts in rad.
+    rig : Rig, str or Path, optional
+        Gives the LCD's size, the camera's size, bits and noise.
+    panel_px : (int, int), optional
+        LCD columns and rows; by default the rig's, else as far as the periods reach.
+    axes : {("columns", "rows"), ("rows", "columns")}
+        Which axis was shown first.
+    repeats : int
+        How often the whole sequence was shown.
+    bits : int, optional
+        Bits of the camera; all set is saturated.
+    noise : NoiseModel, optional
+        Of the camera; by default the rig's, else found in the frames.
+    second_reflection : float
+        Largest second reflection to accept, of the main one's light.
+
+    Returns
+    -------
+    RestMeasurement
+        The rest map (`rest_map`) with a reason for every pixel that has no position.
+
+    Raises
+    ------
+    InputError
+        For files that cannot be read, or that do not fit the sequence or the rig.
+
+    Notes
+    -----
+    light = 1/2 + 1/2 cos(2 pi x / period - shift), with x the LCD column or row.
+    """
+    bench = rig if isinstance(rig, Rig) or rig is None else load_rig(rig)
+    angles = equal_shifts(shifts) if isinstance(shifts, int) else tuple(map(float, shifts))
+    size, shape = panel_px, None
+    if bench is not None:
+        size = panel_px or (bench.display.columns, bench.display.rows)
+        shape = bench.camera.rows, bench.camera.columns
+    return decode_files(
+        [Path(path) for path in frames],
+        FringeSequence(tuple(map(float, periods_px)), angles, axes, repeats),
+        size_px=size,
+        noise=noise or noise_of(bench),
+        bits=bits or (bench.camera.bits if bench else None),
+        limit_share=second_reflection,
+        camera_shape=shape,
+    )
+
+
+def noise_of(rig: Rig | None) -> NoiseModel | None:
+    """Noise of a rig's camera, as decoding takes it; None where it is not known."""
+    if rig is None or (rig.camera.noise.read_grey == 0 and rig.camera.noise.electrons_per_grey is None):
+        return None
+    noise = rig.camera.noise
+    return NoiseModel.of_camera(noise.read_grey, noise.electrons_per_grey, noise.black_grey)
 
 
 def figures(found: RestMeasurement) -> dict[str, Any]:

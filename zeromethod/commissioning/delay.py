@@ -85,8 +85,24 @@ def measure_delay(
     """Show coded pictures of the mirror at rest for `seconds` of the run's clock and time them.
 
     Nothing may touch the mirror. The pictures differ only by their codes; another one is shown at every
-    refresh, so that exposures that lie anywhere share pictures. `on_frame` is called for every frame. To be
+    refresh, so that exposures that lie anywhere share pictures. To be
     used in the main thread, as windows must be. CameraLost and DisplayLost pass.
+
+    Parameters
+    ----------
+    rig : Rig
+        The bench.
+    devices : Devices
+        Its opened devices.
+    seconds : float
+        How long to measure.
+    on_frame : callable, optional
+        Called for every frame.
+
+    Returns
+    -------
+    DelayResult
+        The delay and how well it is known.
 
     Raises
     ------

@@ -71,8 +71,15 @@ class Sight:
 class SettingUp:
     """Shows the target at rest on the bench's display, if that shows anything, and judges frames.
 
-    with_lcd: whether the display is the bench's; plain pictures then show first whether, and which way round,
-    the camera sees it.
+    Parameters
+    ----------
+    rig : Rig
+        The bench.
+    devices : Devices
+        Its opened devices.
+    with_lcd : bool
+        Whether the display is the bench's; plain pictures then show first whether, and which
+        way round, the camera sees it.
     """
 
     def __init__(self, rig: Rig, devices: Devices, with_lcd: bool) -> None:
@@ -85,9 +92,22 @@ class SettingUp:
         self._drawer = Drawer(self._rig, devices.display, self._meter.rest) if with_lcd else None
 
     def sights(self, seconds: float | None = None) -> Iterator[Sight]:
-        """Judge frames for `seconds` of the run's clock, None = until the caller stops.
+        """Judge frames, one after the other.
 
-        Raises MeasurementError when a device is lost or gives nothing.
+        Parameters
+        ----------
+        seconds : float, optional
+            Of the run's clock; without, until it is stopped.
+
+        Yields
+        ------
+        Sight
+            One frame and what it says.
+
+        Raises
+        ------
+        MeasurementError
+            When a device is lost or gives nothing.
         """
         clock = self._devices.clock
         try:

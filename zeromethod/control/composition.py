@@ -56,10 +56,6 @@ class Controller(Protocol):
     def estimate(self) -> Float:
         """(rows, cols, 2) LCD px where the nodes looked in the last frame, finite everywhere."""
 
-    @property
-    def gain(self) -> Float:
-        """(rows, cols) share of the last correction applied at each node."""
-
     def update(self, residual: Residual, measured: Warp, horizon_s: Float | None = None) -> bool:
         """Take in one frame; False when the command stayed as it was.
 
@@ -152,20 +148,12 @@ class Composition:
         self._target = np.empty(shape)
         self._observable = np.empty(shape)
         self._scratch = np.empty((3, *shape[:2]))
-        self._gain = np.zeros(shape[:2])
-        self._predictor = VelocityPredictor(rest)
-        self._estimate = rest.q.copy()
-        self.commanded: Float = rest.q.copy()
-
-    @property
-    def estimate(self) -> Float:
-        """(rows, cols, 2) LCD px, rest and x: the command without prediction."""
-        return self._estimate
-
-    @property
-    def gain(self) -> Float:
+        self.gain = np.zeros(shape[:2])
         """(rows, cols) K of the last update; 0 where nothing was measured."""
-        return self._gain
+        self._predictor = VelocityPredictor(rest)
+        self.estimate: Float = rest.q.copy()
+        """(rows, cols, 2) LCD px, rest and x: the command without prediction."""
+        self.commanded: Float = rest.q.copy()
 
     def update(
         self,
@@ -191,18 +179,18 @@ class Composition:
             self._least,
             self._most,
             self._scratch,
-            self._gain,
+            self.gain,
             target,
         )
         continue_smoothly(target, valid, out=target)
         observable = observable_part(target, out=self._observable)
-        _drop_unobservable(target, observable, self._gain, valid, x)
+        _drop_unobservable(target, observable, self.gain, valid, x)
         self._flags = measured.flags
-        self._estimate = self._rest.q + x
-        self.commanded = self._estimate.copy()
-        self._predictor.add(self.commanded, x, self._gain, measured.time_ns, horizon_s)
+        self.estimate = self._rest.q + x
+        self.commanded = self.estimate.copy()
+        self._predictor.add(self.commanded, x, self.gain, measured.time_ns, horizon_s)
         return True
 
     def filtered(self, time_ns: int) -> Warp:
         """The estimate, without prediction; sigma by the filter's recursion, flags of the last frame."""
-        return Warp(self._estimate, np.sqrt(self._variance), self._flags, time_ns)
+        return Warp(self.estimate, np.sqrt(self._variance), self._flags, time_ns)

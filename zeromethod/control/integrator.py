@@ -25,22 +25,16 @@ class Integrator:
 
     def __init__(self, rest: Rest, gain: float = 0.3, leak: float = 0.01) -> None:
         self._rest = rest
-        self._fixed_gain = gain
+        self._gain = gain
         self._keep = 1.0 - leak
         self._flags = rest.flags.copy()
         self._sigma = np.zeros(rest.q.shape)
-        self._gain = np.zeros(rest.q.shape[:2])
         self.commanded: Float = rest.q.copy()
 
     @property
     def estimate(self) -> Float:
         """(rows, cols, 2) LCD px: the command itself."""
         return self.commanded
-
-    @property
-    def gain(self) -> Float:
-        """(rows, cols) the fixed gain where the node was measured, 0 elsewhere."""
-        return self._gain
 
     def update(
         self,
@@ -50,13 +44,12 @@ class Integrator:
     ) -> bool:
         """Take in one frame; False when it has no valid node."""
         flags = measured.flags & ~_TOLERATED
-        moved = compose(self.commanded, self._fixed_gain * residual.d, self._rest.grid.spacing_px)
+        moved = compose(self.commanded, self._gain * residual.d, self._rest.grid.spacing_px)
         valid = (flags == 0) & np.isfinite(moved).all(axis=-1)
         if not valid.any():
             return False
         displacement = self._keep * (moved - self._rest.q)
         continue_smoothly(displacement, valid, out=displacement)
-        self._gain = np.where(valid, self._fixed_gain, 0.0)
         self._flags = measured.flags
         self._sigma = measured.sigma
         self.commanded = self._rest.q + displacement

@@ -89,7 +89,18 @@ class RestMeasurement:
     near_px: float = 0.0
 
     def count(self, reason: Reason) -> int:
-        """Number of camera pixels with a reason."""
+        """Number of camera pixels with a reason.
+
+        Parameters
+        ----------
+        reason : Reason
+            Why a pixel has no position.
+
+        Returns
+        -------
+        int
+            Pixels.
+        """
         return int(np.count_nonzero(self.rest_map.reason & int(reason)))
 
 

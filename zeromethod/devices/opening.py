@@ -77,9 +77,19 @@ def load_driver(kind: Kind, name: str) -> Factory:
     return cast(Factory, factory)
 
 
-@dataclass
+@dataclass(repr=False)
 class Devices:
-    """Opened devices and the clock they share. A context manager that closes them, the camera first."""
+    """Opened devices and the clock they share. A context manager that closes them, the camera first.
+
+    Attributes
+    ----------
+    camera : Camera
+        The opened camera; another one after it was opened again.
+    display : Display
+        The opened display.
+    clock : Clock
+        Simulated, or the host's.
+    """
 
     camera: Camera
     display: Display
@@ -88,10 +98,24 @@ class Devices:
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
     _openings: int = 0
 
+    def __repr__(self) -> str:
+        names = (type(part).__name__ for part in (self.camera, self.display, self.clock))
+        return f"<Devices: {', '.join(names)}>"
+
     def reopen_camera(self) -> Camera:
-        """Close the camera and open it again; raises InputError when that fails.
+        """Close the camera and open it again.
 
         One that opens only when it was asked for again, or after `close`, is its caller's alone.
+
+        Returns
+        -------
+        Camera
+            The camera, opened again.
+
+        Raises
+        ------
+        InputError
+            When that fails.
         """
         with self._lock:
             self._openings += 1
@@ -106,10 +130,20 @@ class Devices:
         return camera
 
     def close(self, timeout_s: float = ORDERLY_CLOSING_S) -> None:
-        """Close both devices; safe to call twice. Raises MeasurementError when one cannot be closed.
+        """Close both devices; safe to call twice.
 
         In the host's time devices that take longer than `timeout_s` cannot. A display that has `poll` is
         closed in the caller's thread, as windows must be, however long that takes.
+
+        Parameters
+        ----------
+        timeout_s : float
+            Longest wait for devices in the host's time.
+
+        Raises
+        ------
+        MeasurementError
+            When a device cannot be closed.
         """
         with self._lock:
             self._openings += 1
@@ -153,8 +187,23 @@ def open_devices(rig: Rig, clock: Clock | None = None) -> Devices:
     The clock is simulated when both factories name a parameter `clock`: such a device lives on the run's
     clock. If one does not, it lives in the host's time, and so does the run. `clock` overrides this.
 
-    Raises InputError (one line) for unknown drivers or options, for devices that cannot be opened, and
-    for devices that are not what the rig says.
+    Parameters
+    ----------
+    rig : Rig
+        The bench, whose `[camera]` and `[display]` name the drivers.
+    clock : Clock, optional
+        Clock of the run, in place of the one that the drivers ask for.
+
+    Returns
+    -------
+    Devices
+        The opened devices; a context manager that closes them.
+
+    Raises
+    ------
+    InputError
+        For unknown drivers or options, devices that cannot be opened, and devices that are not
+        what the rig says.
     """
     display_factory = load_driver("display", rig.display.driver)
     camera_factory = load_driver("camera", rig.camera.driver)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,7 @@ from zeromethod.arrays import Image
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import CameraLost, Frame
 from zeromethod.drivers.aravis_library import SUCCESS, Aravis, AravisError, library
-from zeromethod.drivers.device_clock import DeviceClock, MidExposure
-from zeromethod.drivers.genicam import FeatureError, Settings, SoftwareTrigger, Value, configure, identity
+from zeromethod.drivers.genicam import FeatureError, GenICamSource, Settings, Value
 from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera
 from zeromethod.errors import InputError
 
@@ -23,34 +23,19 @@ _BUFFERS = 4
 """One is filled while one is read; the others take up what comes while the thread waits for its turn."""
 
 
-class AravisCamera(GrabbedCamera):
+@dataclass(repr=False, eq=False)
+class AravisCamera(Settings, GrabbedCamera):
     """A `Camera` that speaks GigE Vision or USB3 Vision.
 
-    address: IP address or Aravis' name of it; the first found where it is empty. The other keys are those of
-    the rig file's `[camera]`; trigger_source: input of a hardware trigger; features: any other settings, by
-    the device's names. Times are the device's, mapped onto the host's clock.
+    address: IP address or Aravis' name of it; the first found where it is empty. InputError (one line)
+    without Aravis or camera, or for a value that it refuses. Times are the device's, mapped onto the host's
+    clock.
     """
 
-    def __init__(
-        self,
-        columns: int,
-        rows: int,
-        bits: int,
-        rate_hz: float,
-        exposure_s: float,
-        address: str = "",
-        gain: float | None = None,
-        pixel_format: str | None = None,
-        region_px: Sequence[int] | None = None,
-        trigger: str = "free",
-        trigger_source: str = "Line1",
-        latency_s: float = 0.0,
-        features: Mapping[str, Value] | None = None,
-    ) -> None:
-        """Open and configure it; InputError (one line) without Aravis or camera, or for a refused value."""
-        image = columns, rows, bits, rate_hz, exposure_s, gain, pixel_format, region_px
-        settings = Settings(*image, trigger, trigger_source, features or {})
-        super().__init__("aravis", lambda: _AravisSource(address, settings, latency_s), _OPENING_S)
+    address: str = ""
+
+    def __post_init__(self) -> None:
+        GrabbedCamera.__init__(self, "aravis", lambda: _AravisSource(self.address, self), _OPENING_S)
 
 
 def found() -> list[tuple[str, str]]:
@@ -118,30 +103,22 @@ class _AravisFeatures:
         return names
 
 
-class _AravisSource:
+class _AravisSource(GenICamSource):
     """An opened camera that streams."""
 
-    def __init__(self, address: str, settings: Settings, latency_s: float) -> None:
+    def __init__(self, address: str, settings: Settings) -> None:
         self._aravis = aravis = library()
         self._clock = HostClock()
         self._stream = 0
         self._control_lost = False
         self._last_id: int | None = None
-        self._number = -1
-        self._trigger = SoftwareTrigger()
-        self.on_demand = settings.trigger == "software"
         self._camera = self._opened(address)
         try:
             device = aravis.camera_get_device(self._camera)
             self._handler = aravis.on_signal(device, "control-lost", self._when_lost)
             self._features = _AravisFeatures(aravis, device)
-            configured = configure(self._features, settings)
-            self.shape = settings.rows, settings.columns
-            self.bits = configured.bits
-            self.serial, self.model = identity(self._features)
+            self._set_up(self._features, settings, tick_ns=1.0)  # Aravis has turned ticks into nanoseconds
             self._dtype = np.dtype(np.uint8 if self.bits == 8 else np.uint16)
-            # Aravis has turned ticks into nanoseconds already
-            self._times = MidExposure(configured.exposure_s, latency_s, DeviceClock())
             self._stream = aravis.camera_create_stream(self._camera, None, None)
             payload = aravis.camera_get_payload(self._camera)
             for _ in range(_BUFFERS):
@@ -171,7 +148,7 @@ class _AravisSource:
         """Newest frame, or None when none came in a moment; raises CameraLost when its control is lost."""
         if self._control_lost:
             raise CameraLost("it no longer answers (control lost)")
-        if self.on_demand and self._trigger.due():
+        if self._trigger_due():
             self._features.execute("TriggerSoftware")
         buffer = self._aravis.stream_timeout_pop_buffer(self._stream, round(1e6 * POLL_S))
         if not buffer:
@@ -182,27 +159,21 @@ class _AravisSource:
             self._aravis.stream_push_buffer(self._stream, buffer)
             buffer = newer
         try:
-            return self._frame(buffer, received_ns)
+            return self._read(buffer, received_ns)
         finally:
             self._aravis.stream_push_buffer(self._stream, buffer)
 
-    def _frame(self, buffer: int, received_ns: int) -> Frame | None:
+    def _read(self, buffer: int, received_ns: int) -> Frame | None:
         aravis = self._aravis
         if aravis.buffer_get_status(buffer) != SUCCESS:
             return None
+        self._check_shape((aravis.buffer_get_image_height(buffer), aravis.buffer_get_image_width(buffer)))
         number = aravis.buffer_get_frame_id(buffer)
-        shape = aravis.buffer_get_image_height(buffer), aravis.buffer_get_image_width(buffer)
-        if shape != self.shape:
-            raise CameraLost(f"its frames are now {shape}")
-        self._trigger.answered()
         # identities wrap round (16 bits in old cameras) and start again with the stream
         step = 1 if self._last_id is None else number - self._last_id
         self._last_id = number
         dropped = step - 1 if 1 <= step < 1000 else 0
-        self._number += 1 + dropped
-        image = self._copy(buffer)
-        middle_ns = self._times.of(received_ns, aravis.buffer_get_timestamp(buffer))
-        return Frame(image, middle_ns, self._times.exposure_ns, self._number, dropped)
+        return self._frame(self._copy(buffer), received_ns, aravis.buffer_get_timestamp(buffer), dropped)
 
     def _copy(self, buffer: int) -> Image:
         size = ctypes.c_size_t()

@@ -8,19 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from ctypes import (
-    POINTER,
-    byref,
-    c_bool,
-    c_char_p,
-    c_double,
-    c_int,
-    c_int64,
-    c_size_t,
-    c_uint,
-    c_uint64,
-    c_void_p,
-)
+from ctypes import POINTER, c_bool, c_char_p, c_double, c_int, c_int64, c_size_t, c_uint, c_uint64, c_void_p
 from functools import cache
 from typing import Any
 
@@ -100,43 +88,38 @@ def library() -> Aravis:
         raise InputError(f"camera.driver: 'aravis': needs {LIBRARY}: {INSTALL}") from error
 
 
+def _declared(library: ctypes.CDLL, name: str, result: Any, arguments: tuple[Any, ...]) -> Callable[..., Any]:
+    """Function of a library with the types of its result and arguments."""
+    function = getattr(library, name)
+    function.restype, function.argtypes = result, arguments
+    return function  # type: ignore[no-any-return]
+
+
 class Aravis:
     """The library's functions by name; those that can fail raise AravisError."""
 
     def __init__(self, loaded: ctypes.CDLL) -> None:
-        self._glib = ctypes.CDLL("libglib-2.0.so.0")
-        self._gobject = ctypes.CDLL("libgobject-2.0.so.0")
-        for name in ("g_free", "g_error_free"):
-            getattr(self._glib, name).argtypes = (c_void_p,)
-        self._gobject.g_object_unref.argtypes = (c_void_p,)
-        self._gobject.g_type_check_instance_is_a.argtypes = (c_void_p, c_size_t)
-        connect = self._gobject.g_signal_connect_data
-        connect.argtypes = (c_void_p, c_char_p, _SIGNAL, c_void_p, c_void_p, c_int)
-        connect.restype = ctypes.c_ulong
-        self._functions: dict[str, Callable[..., Any]] = {}
-        for name, (result, arguments) in _FUNCTIONS.items():
-            self._functions[name] = self._function(loaded, name, result, arguments)
+        glib, gobject = ctypes.CDLL("libglib-2.0.so.0"), ctypes.CDLL("libgobject-2.0.so.0")
+        self._free_error = _declared(glib, "g_error_free", None, (c_void_p,))
+        self.free = _declared(glib, "g_free", None, (c_void_p,))
+        """Frees what the library allocated, by its address."""
+        self.release = _declared(gobject, "g_object_unref", None, (c_void_p,))
+        """Releases a reference to an object."""
+        self._is_a = _declared(gobject, "g_type_check_instance_is_a", c_int, (c_void_p, c_size_t))
+        connecting = c_void_p, c_char_p, _SIGNAL, c_void_p, c_void_p, c_int
+        self._connect = _declared(gobject, "g_signal_connect_data", ctypes.c_ulong, connecting)
+        self._functions = {name: _declared(loaded, name, *types) for name, types in _FUNCTIONS.items()}
         for name, (result, arguments) in _FALLIBLE.items():
-            self._functions[name] = self._checked(self._function(loaded, name, result, (*arguments, _ERROR)))
-        self._types = {
-            kind: self._function(loaded, f"arv_gc_{kind}_get_type", c_size_t, ())() for kind in _KINDS
-        }
-
-    @staticmethod
-    def _function(
-        loaded: ctypes.CDLL, name: str, result: Any, arguments: tuple[Any, ...]
-    ) -> Callable[..., Any]:
-        function = getattr(loaded, name)
-        function.restype, function.argtypes = result, arguments
-        return function  # type: ignore[no-any-return]
+            self._functions[name] = self._checked(_declared(loaded, name, result, (*arguments, _ERROR)))
+        self._types = {kind: _declared(loaded, f"arv_gc_{kind}_get_type", c_size_t, ())() for kind in _KINDS}
 
     def _checked(self, function: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any) -> Any:
             error = POINTER(_GError)()
-            result = function(*arguments, byref(error))
+            result = function(*arguments, ctypes.byref(error))
             if error:
                 message = (error.contents.message or b"").decode(errors="replace")
-                self._glib.g_error_free(error)
+                self._free_error(error)
                 raise AravisError(" ".join(message.split()) or "failed without a message")
             return result
 
@@ -149,22 +132,13 @@ class Aravis:
         except KeyError:
             raise AttributeError(name) from None
 
-    def release(self, thing: int) -> None:
-        """Release a reference to an object."""
-        self._gobject.g_object_unref(thing)
-
-    def free(self, memory: int) -> None:
-        """Free what the library allocated."""
-        self._glib.g_free(memory)
-
     def on_signal(self, thing: int, signal: str, act: Callable[[], None]) -> object:
         """Call `act`, in a thread of the library, on a signal; keep what is returned until it is released."""
         handler = _SIGNAL(lambda _thing, _data: act())
-        self._gobject.g_signal_connect_data(thing, signal.encode(), handler, None, None, 0)
+        self._connect(thing, signal.encode(), handler, None, None, 0)
         return handler
 
     def kind(self, device: int, feature: str) -> str:
         """Type of a feature: float, integer, boolean, enumeration or string; "" for others."""
         node = self.device_get_feature(device, feature.encode())
-        is_a = self._gobject.g_type_check_instance_is_a
-        return next((kind for kind in _KINDS if node and is_a(node, self._types[kind])), "")
+        return next((kind for kind in _KINDS if node and self._is_a(node, self._types[kind])), "")

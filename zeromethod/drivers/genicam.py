@@ -7,12 +7,14 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Protocol
 
+from zeromethod.arrays import Image
+from zeromethod.devices.protocols import CameraLost, Frame
+from zeromethod.drivers.device_clock import DeviceClock, MidExposure
 from zeromethod.errors import InputError
 
 Value = bool | int | float | str
-Trigger = Literal["free", "software", "hardware"]
 
 FORMATS = {"Mono8": 8, "Mono10": 10, "Mono12": 12, "Mono14": 14, "Mono16": 16}
 """Pixel formats that are read, and their bits: grey, not packed, LSB-aligned."""
@@ -23,7 +25,6 @@ _GAIN = ("Gain", "GainAbs", "GainRaw")
 _RATE = ("AcquisitionFrameRate", "AcquisitionFrameRateAbs")
 _TICKS_HZ = ("GevTimestampTickFrequency", "TimestampTickFrequency")
 _TRIGGERS = ("FrameStart", "ExposureStart", "FrameBurstStart", "AcquisitionStart")
-
 
 REPEAT_S = 2.0
 """How long a triggered frame is waited for."""
@@ -68,12 +69,12 @@ def identity(features: Features) -> tuple[str, str]:
     return found[0], found[1]
 
 
-@dataclass(frozen=True)
+@dataclass(repr=False, eq=False)
 class Settings:
     """Settings of a camera in the rig file; see `zeromethod.rig.model.CameraSpec` for the keys.
 
     features: any others, by the device's own names, set before these. trigger_source: input of a hardware
-    trigger.
+    trigger. latency_s: from the end of an exposure until the frame is received.
     """
 
     columns: int
@@ -86,26 +87,8 @@ class Settings:
     region_px: Sequence[int] | None = None
     trigger: str = "free"
     trigger_source: str = "Line1"
+    latency_s: float = 0.0
     features: Mapping[str, Value] = field(default_factory=dict)
-
-
-class SoftwareTrigger:
-    """When to trigger: once per frame, and again where a triggered frame does not come for `REPEAT_S`."""
-
-    def __init__(self) -> None:
-        self._fired_s = -math.inf
-
-    def due(self) -> bool:
-        """Whether to trigger now; then the next one is due after the frame."""
-        now_s = time.monotonic()
-        due = now_s - self._fired_s > REPEAT_S
-        if due:
-            self._fired_s = now_s
-        return due
-
-    def answered(self) -> None:
-        """The frame has come."""
-        self._fired_s = -math.inf
 
 
 @dataclass(frozen=True)
@@ -115,6 +98,47 @@ class Configured:
     exposure_s: float
     bits: int
     tick_ns: float
+
+
+class GenICamSource:
+    """The part of an opened camera's `Source` that is the same for every library."""
+
+    on_demand: bool
+
+    def _set_up(self, features: Features, settings: Settings, tick_ns: float | None = None) -> None:
+        """Configure the camera. tick_ns: of its time stamps; None: as the device says."""
+        configured = configure(features, settings)
+        self.shape = settings.rows, settings.columns
+        self.bits = configured.bits
+        self.on_demand = settings.trigger == "software"
+        self.serial, self.model = identity(features)
+        clock = DeviceClock(tick_ns or configured.tick_ns)
+        self._times = MidExposure(configured.exposure_s, settings.latency_s, clock)
+        self._triggered_s = -math.inf
+        self._number = -1
+
+    def _trigger_due(self) -> bool:
+        """Whether to trigger now: once per frame, and again where that does not come for `REPEAT_S`."""
+        now_s = time.monotonic()
+        due = self.on_demand and now_s - self._triggered_s > REPEAT_S
+        if due:
+            self._triggered_s = now_s
+        return due
+
+    def _trigger_answered(self) -> None:
+        """The triggered frame has come, whole or not."""
+        self._triggered_s = -math.inf
+
+    def _check_shape(self, shape: tuple[int, ...]) -> None:
+        if shape != self.shape:
+            raise CameraLost(f"its frames are now {shape}")
+
+    def _frame(self, image: Image, received_ns: int, ticks: int, dropped: int) -> Frame:
+        """The next frame; ticks: its time stamp, 0 for none."""
+        self._trigger_answered()
+        self._number += 1 + dropped
+        middle_ns = self._times.of(received_ns, ticks)
+        return Frame(image, middle_ns, self._times.exposure_ns, self._number, dropped)
 
 
 def configure(features: Features, settings: Settings) -> Configured:

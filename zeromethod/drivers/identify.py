@@ -34,10 +34,28 @@ def identify(
 ) -> tuple[Identified, ...]:
     """Show the identify picture on one monitor, or on all, for a time or until a key is pressed there.
 
-    turn_deg, mirrored: how the display is mounted, as in the rig file.
+    To be called in the main thread. A window that is closed ends it too.
 
-    To be called in the main thread. InputError (one line) for an unknown index, without a screen or when a
-    window cannot be opened. A window that is closed ends it too.
+    Parameters
+    ----------
+    seconds : float
+        How long to show it.
+    index : int, optional
+        Of the monitor; all by default.
+    turn_deg : float
+        How the display is turned, as in the rig file.
+    mirrored : bool
+        Whether it is mirrored, as in the rig file.
+
+    Returns
+    -------
+    tuple of Identified
+        The monitors that showed it, with what their windows warned of.
+
+    Raises
+    ------
+    InputError
+        For an unknown index, without a screen, or when a window cannot be opened.
     """
     known = monitors()
     chosen = known if index is None else (by_index(known, index, "--identify"),)

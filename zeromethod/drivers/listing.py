@@ -44,7 +44,13 @@ class Listing:
 
 
 def cameras() -> Listing:
-    """Look for cameras of every driver, at most a few seconds; opens none of them."""
+    """Look for cameras of every driver, at most a few seconds; opens none of them.
+
+    Returns
+    -------
+    Listing
+        Cameras that were found, drivers that are missing, and problems met in looking.
+    """
     listed = _local()
     missing: list[Missing] = []
     problems: list[str] = []

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import socket
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -51,15 +49,13 @@ class Monitor:
 class Claim:
     """A monitor of the present desktop, claimed for one program: a second pattern would hide the first.
 
-    It lasts until `release`, or until the program ends, however that comes about; on Linux only.
+    It lasts until `release`, or until the program ends, however that comes about.
     """
 
     def __init__(self, index: int) -> None:
         """Raises InputError when another claim lasts."""
         desktop = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY", "")
-        self._socket = socket.socket(socket.AF_UNIX) if sys.platform == "linux" else None
-        if self._socket is None:
-            return
+        self._socket = socket.socket(socket.AF_UNIX)
         try:
             # an abstract socket: no file is left behind
             self._socket.bind(f"\0zeromethod monitor {index} of {desktop}")
@@ -69,15 +65,21 @@ class Claim:
 
     def release(self) -> None:
         """End the claim; safe to call twice."""
-        if self._socket is not None:
-            with contextlib.suppress(OSError):
-                self._socket.close()
+        self._socket.close()
 
 
 def monitors() -> tuple[Monitor, ...]:
     """Monitors in the order of their indices; within a few seconds, in the main thread.
 
-    InputError (one line) without a screen or when its server does not answer.
+    Returns
+    -------
+    tuple of Monitor
+        All of them.
+
+    Raises
+    ------
+    InputError
+        Without a screen, or when its server does not answer.
     """
     with glfw_errors_as(InputError):
         desktop = Desktop(connect())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -83,14 +82,14 @@ class OpenCVCamera(GrabbedCamera):
                     raise InputError(f"camera.{key}: {value!r}: a stream or file has none")
 
         def opened() -> Source:
-            params = (open_timeout_s, lost_after_s)
+            timeouts = _timeouts(open_timeout_s, lost_after_s)
             if isinstance(source, int):
-                capture = _open_local(source, params, (columns, rows), region_px is None, pixel_format)
+                size = None if region_px else (columns, rows)
+                capture = _open_local(source, timeouts, size, pixel_format)
                 _set_up(capture, rate_hz, exposure_s, gain)
             else:
-                capture = _open_named(source, params)
-            clock = DeviceClock() if local else None
-            times = MidExposure(exposure_s, latency_s, clock)
+                capture = _open_named(source, timeouts)
+            times = MidExposure(exposure_s, latency_s, DeviceClock() if local else None)
             is_file = not local and "://" not in str(source)
             try:
                 return _Capture(capture, name, bits, region_px, times, rate_hz if is_file else None)
@@ -132,26 +131,26 @@ def _quietly_opened(source: int | str, backend: int, params: list[int]) -> cv2.V
     return capture
 
 
-def _timeouts(timeouts_s: tuple[float, float]) -> list[int]:
-    keys = (cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, cv2.CAP_PROP_READ_TIMEOUT_MSEC)
-    return [item for key, time_s in zip(keys, timeouts_s, strict=True) for item in (key, round(1e3 * time_s))]
+def _timeouts(open_s: float, read_s: float) -> list[int]:
+    opening, reading = (round(1e3 * time_s) for time_s in (open_s, read_s))
+    return [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, opening, cv2.CAP_PROP_READ_TIMEOUT_MSEC, reading]
 
 
-def _open_named(source: str, timeouts_s: tuple[float, float]) -> cv2.VideoCapture:
+def _open_named(source: str, timeouts: list[int]) -> cv2.VideoCapture:
     raw = [cv2.CAP_PROP_CONVERT_RGB, 0]  # grey levels as they were sent, 16 bits included
     if "://" in source:
         with _low_delay():
-            return _quietly_opened(source, cv2.CAP_FFMPEG, _timeouts(timeouts_s) + raw)
+            return _quietly_opened(source, cv2.CAP_FFMPEG, timeouts + raw)
     if not Path(source).is_file():
         raise InputError(f"camera.source: {source!r}: no such file")
     return _quietly_opened(source, cv2.CAP_FFMPEG, raw)
 
 
 def _open_local(
-    index: int, timeouts_s: tuple[float, float], size: tuple[int, int], whole: bool, pixel_format: str | None
+    index: int, timeouts: list[int], size: tuple[int, int] | None, pixel_format: str | None
 ) -> cv2.VideoCapture:
-    backend = cv2.CAP_V4L2 if sys.platform == "linux" else cv2.CAP_ANY
-    capture = _quietly_opened(index, backend, _timeouts(timeouts_s) if sys.platform == "linux" else [])
+    """size: (columns, rows) of its frames; None: as they are, a region is cut out of them."""
+    capture = _quietly_opened(index, cv2.CAP_V4L2, timeouts)
     letters = _FOURCC.get(pixel_format, pixel_format) if pixel_format else None
     if letters:
         code = cv2.VideoWriter.fourcc(*letters) if len(letters) == 4 else 0
@@ -160,7 +159,7 @@ def _open_local(
             capture.release()
             allowed = f"what the camera has of {', '.join(_FOURCC)}, or four letters of Video4Linux"
             raise InputError(f'camera.pixel_format: "{pixel_format}": allowed: {allowed}')
-    if whole:
+    if size:
         capture.set(cv2.CAP_PROP_FRAME_WIDTH, size[0])
         capture.set(cv2.CAP_PROP_FRAME_HEIGHT, size[1])
     if letters in _RAW:

@@ -3,55 +3,32 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import CameraLost, Frame
-from zeromethod.drivers.device_clock import DeviceClock, MidExposure
-from zeromethod.drivers.genicam import (
-    Configured,
-    FeatureError,
-    Settings,
-    SoftwareTrigger,
-    Value,
-    configure,
-    identity,
-)
+from zeromethod.drivers.genicam import FeatureError, GenICamSource, Settings, Value
 from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera
 from zeromethod.errors import InputError
 
 _OPENING_S = 15.0
 
 
-class PylonCamera(GrabbedCamera):
+@dataclass(repr=False, eq=False)
+class PylonCamera(Settings, GrabbedCamera):
     """A `Camera` of Basler: GigE, USB3, or pylon's emulator (environment variable PYLON_CAMEMU).
 
-    serial: which; the first found where it is empty. The other keys are those of the rig file's `[camera]`;
-    trigger_source: input of a hardware trigger; features: any other settings, by the device's names.
-    Times are the device's, mapped onto the host's clock; of receipt where it stamps none.
+    serial: which; the first found where it is empty. InputError (one line) without pypylon or camera, or for
+    a value that it refuses. Times are the device's, mapped onto the host's clock; of receipt where it stamps
+    none.
     """
 
-    def __init__(
-        self,
-        columns: int,
-        rows: int,
-        bits: int,
-        rate_hz: float,
-        exposure_s: float,
-        serial: str = "",
-        gain: float | None = None,
-        pixel_format: str | None = None,
-        region_px: Sequence[int] | None = None,
-        trigger: str = "free",
-        trigger_source: str = "Line1",
-        latency_s: float = 0.0,
-        features: Mapping[str, Value] | None = None,
-    ) -> None:
-        """Open and configure it; InputError (one line) without pypylon or camera, or for a refused value."""
-        image = columns, rows, bits, rate_hz, exposure_s, gain, pixel_format, region_px
-        settings = Settings(*image, trigger, trigger_source, features or {})
-        super().__init__("pylon", lambda: _PylonSource(serial, settings, latency_s), _OPENING_S)
+    serial: str = ""
+
+    def __post_init__(self) -> None:
+        GrabbedCamera.__init__(self, "pylon", lambda: _PylonSource(self.serial, self), _OPENING_S)
 
 
 def import_pylon() -> tuple[Any, Any]:
@@ -132,26 +109,17 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split(" : ")[0].split())
 
 
-class _PylonSource:
+class _PylonSource(GenICamSource):
     """An opened camera that grabs."""
 
-    def __init__(self, serial: str, settings: Settings, latency_s: float) -> None:
+    def __init__(self, serial: str, settings: Settings) -> None:
         self._pylon, self._genicam = import_pylon()
         self._clock = HostClock()
         self._lost = 0
-        self._number = -1
-        self._trigger = SoftwareTrigger()
-        self.on_demand = settings.trigger == "software"
         self._camera = self._pylon.InstantCamera(_create(self._pylon, serial))
         try:
             self._camera.Open()
-            self._features = _PylonFeatures(self._camera.GetNodeMap(), self._genicam)
-            self._set: Configured = configure(self._features, settings)
-            self.shape = settings.rows, settings.columns
-            self.bits = self._set.bits
-            self.serial, self.model = identity(self._features)
-            clock = DeviceClock(self._set.tick_ns)
-            self._times = MidExposure(self._set.exposure_s, latency_s, clock)
+            self._set_up(_PylonFeatures(self._camera.GetNodeMap(), self._genicam), settings)
             self._camera.StartGrabbing(self._pylon.GrabStrategy_LatestImageOnly)
         except BaseException:
             self.close()
@@ -159,7 +127,7 @@ class _PylonSource:
 
     def grab(self) -> Frame | None:
         """Next frame, or None when none came in a moment; raises CameraLost when the device was removed."""
-        if self.on_demand and self._trigger.due():
+        if self._trigger_due():
             self._fire()
         result = self._camera.RetrieveResult(round(1e3 * POLL_S), self._pylon.TimeoutHandling_Return)
         received_ns = self._clock.now_ns()
@@ -172,19 +140,14 @@ class _PylonSource:
             self._lost += result.GetNumberOfSkippedImages()
             if not result.GrabSucceeded():
                 self._lost += 1
-                self._trigger.answered()
+                self._trigger_answered()
                 return None
-            image = result.Array
-            ticks = result.TimeStamp
+            image, ticks = result.Array, result.TimeStamp
         finally:
             result.Release()
-        if image.shape != self.shape:
-            raise CameraLost(f"its frames are now {image.shape}")
-        self._trigger.answered()
+        self._check_shape(image.shape)
         dropped, self._lost = self._lost, 0
-        self._number += 1 + dropped
-        middle_ns = self._times.of(received_ns, ticks)
-        return Frame(image, middle_ns, self._times.exposure_ns, self._number, dropped)
+        return self._frame(image, received_ns, ticks, dropped)
 
     def _fire(self) -> None:
         if self._camera.WaitForFrameTriggerReady(round(1e3 * POLL_S), self._pylon.TimeoutHandling_Return):

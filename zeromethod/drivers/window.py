@@ -78,9 +78,9 @@ class WindowDisplay:
             self.name = found.name
             self._claim = monitors.Claim(monitor)
         with current_context_kept():
-            self._open_in(place)
+            self._open_on(place)
 
-    def _open_in(self, place: Any) -> None:
+    def _open_on(self, place: Any) -> None:
         """Open the window on a glfw monitor, None = the primary one, and time its swaps."""
         handle = ContextHandle(lambda: self._create(place))
         settings: dict[str, Any] = {"context": handle}

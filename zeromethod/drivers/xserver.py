@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from ctypes import POINTER, Structure, byref, c_char_p, c_int, c_ubyte, c_uint, c_ulong, c_ushort, c_void_p
 from dataclasses import dataclass
@@ -110,72 +110,61 @@ _ErrorHandler = ctypes.CFUNCTYPE(c_int, c_void_p, c_void_p)
 _ignore_error = _ErrorHandler(lambda _server, _error: 0)
 
 
-def _library(name: str, functions: dict[str, tuple[Any, tuple[Any, ...]]]) -> ctypes.CDLL:
-    """Library with the result and argument types of its functions declared; OSError when missing."""
-    library = ctypes.CDLL(name)
-    for function, (result, arguments) in functions.items():
+_LIBRARIES: dict[str, dict[str, tuple[Any, tuple[Any, ...]]]] = {
+    "libX11.so.6": {
+        "XOpenDisplay": (c_void_p, (c_char_p,)),
+        "XCloseDisplay": (c_int, (c_void_p,)),
+        "XDefaultRootWindow": (c_ulong, (c_void_p,)),
+        "XFree": (c_int, (c_void_p,)),
+        "XSync": (c_int, (c_void_p, c_int)),
+        "XSetErrorHandler": (c_void_p, (c_void_p,)),
+        "XForceScreenSaver": (c_int, (c_void_p, c_int)),
+    },
+    "libXrandr.so.2": {
+        "XRRGetScreenResourcesCurrent": (POINTER(_Resources), (c_void_p, c_ulong)),
+        "XRRFreeScreenResources": (None, (c_void_p,)),
+        "XRRGetCrtcInfo": (POINTER(_Crtc), (c_void_p, c_void_p, c_ulong)),
+        "XRRFreeCrtcInfo": (None, (c_void_p,)),
+        "XRRGetOutputInfo": (POINTER(_OutputHead), (c_void_p, c_void_p, c_ulong)),
+        "XRRFreeOutputInfo": (None, (c_void_p,)),
+        "XRRGetCrtcTransform": (c_int, (c_void_p, c_ulong, POINTER(POINTER(_Transform)))),
+        "XRRGetPanning": (POINTER(_Panning), (c_void_p, c_void_p, c_ulong)),
+        "XRRFreePanning": (None, (c_void_p,)),
+    },
+    "libXext.so.6": {
+        "DPMSQueryExtension": (c_int, (c_void_p, POINTER(c_int), POINTER(c_int))),
+        "DPMSInfo": (c_int, (c_void_p, POINTER(c_ushort), POINTER(c_ubyte))),
+        "DPMSForceLevel": (c_int, (c_void_p, c_ushort)),
+    },
+    "libXss.so.1": {
+        "XScreenSaverQueryExtension": (c_int, (c_void_p, POINTER(c_int), POINTER(c_int))),
+        "XScreenSaverSuspend": (None, (c_void_p, c_int)),
+    },
+}
+"""Functions with the types of their results and arguments."""
+
+
+@cache
+def _library(name: str) -> ctypes.CDLL | None:
+    """Library of the table; None where it is not installed."""
+    try:
+        library = ctypes.CDLL(name)
+    except OSError:
+        return None
+    for function, (result, arguments) in _LIBRARIES[name].items():
         getattr(library, function).restype = result
         getattr(library, function).argtypes = arguments
     return library
 
 
-@cache
-def _x11() -> ctypes.CDLL:
-    return _library(
-        "libX11.so.6",
-        {
-            "XOpenDisplay": (c_void_p, (c_char_p,)),
-            "XCloseDisplay": (c_int, (c_void_p,)),
-            "XDefaultRootWindow": (c_ulong, (c_void_p,)),
-            "XFree": (c_int, (c_void_p,)),
-            "XSync": (c_int, (c_void_p, c_int)),
-            "XSetErrorHandler": (c_void_p, (c_void_p,)),
-            "XForceScreenSaver": (c_int, (c_void_p, c_int)),
-        },
-    )
-
-
-@cache
-def _xrandr() -> ctypes.CDLL:
-    crtc, resources, output = POINTER(_Crtc), POINTER(_Resources), POINTER(_OutputHead)
-    return _library(
-        "libXrandr.so.2",
-        {
-            "XRRGetScreenResourcesCurrent": (resources, (c_void_p, c_ulong)),
-            "XRRFreeScreenResources": (None, (resources,)),
-            "XRRGetCrtcInfo": (crtc, (c_void_p, resources, c_ulong)),
-            "XRRFreeCrtcInfo": (None, (crtc,)),
-            "XRRGetOutputInfo": (output, (c_void_p, resources, c_ulong)),
-            "XRRFreeOutputInfo": (None, (output,)),
-            "XRRGetCrtcTransform": (c_int, (c_void_p, c_ulong, POINTER(POINTER(_Transform)))),
-            "XRRGetPanning": (POINTER(_Panning), (c_void_p, resources, c_ulong)),
-            "XRRFreePanning": (None, (POINTER(_Panning),)),
-        },
-    )
-
-
-@cache
-def _dpms() -> ctypes.CDLL:
-    two = (c_void_p, POINTER(c_int), POINTER(c_int))
-    return _library(
-        "libXext.so.6",
-        {
-            "DPMSQueryExtension": (c_int, two),
-            "DPMSInfo": (c_int, (c_void_p, POINTER(c_ushort), POINTER(c_ubyte))),
-            "DPMSForceLevel": (c_int, (c_void_p, c_ushort)),
-        },
-    )
-
-
-@cache
-def _screen_saver() -> ctypes.CDLL:
-    return _library(
-        "libXss.so.1",
-        {
-            "XScreenSaverQueryExtension": (c_int, (c_void_p, POINTER(c_int), POINTER(c_int))),
-            "XScreenSaverSuspend": (None, (c_void_p, c_int)),
-        },
-    )
+@contextmanager
+def _freed(found: Any, free: Callable[[Any], object]) -> Iterator[Any]:
+    """Contents of a pointer that the server gave, freed at the end; None for a null pointer."""
+    try:
+        yield found.contents if found else None
+    finally:
+        if found:
+            free(found)
 
 
 class XServer:
@@ -186,11 +175,12 @@ class XServer:
 
     def __init__(self) -> None:
         """Connect; OSError without libX11 or server, InputError when it does not answer in time."""
-        self._x11 = _x11()
+        x11 = _library("libX11.so.6")
+        if x11 is None:
+            raise OSError("no libX11")
+        self._x11 = x11
         try:  # a server that accepts the connection and says nothing would be waited for without end
-            self._server: int | None = call_within(
-                PATIENCE_S, lambda: self._x11.XOpenDisplay(None), "X server"
-            )
+            self._server: int | None = call_within(PATIENCE_S, lambda: x11.XOpenDisplay(None), "X server")
         except TimeoutError:
             name = os.environ.get("DISPLAY", "")
             raise InputError(
@@ -201,20 +191,16 @@ class XServer:
 
     def outputs(self) -> tuple[Output, ...]:
         """Lit outputs, empty where the server does not know (no RandR, no libXrandr)."""
-        try:
-            randr = _xrandr()
-        except OSError:
+        randr = _library("libXrandr.so.2")
+        if randr is None:
             return ()
         with self._errors_ignored():
-            root = self._x11.XDefaultRootWindow(self._server)
-            resources = randr.XRRGetScreenResourcesCurrent(self._server, root)
-            if not resources:
-                return ()
-            try:
-                crtcs = resources.contents.crtcs[: resources.contents.crtc_count]
-                return tuple(output for crtc in crtcs for output in self._outputs_of(randr, resources, crtc))
-            finally:
-                randr.XRRFreeScreenResources(resources)
+            found = randr.XRRGetScreenResourcesCurrent(
+                self._server, self._x11.XDefaultRootWindow(self._server)
+            )
+            with _freed(found, randr.XRRFreeScreenResources) as resources:
+                crtcs = resources.crtcs[: resources.crtc_count] if resources else ()
+                return tuple(one for crtc in crtcs for one in self._outputs_of(randr, resources, crtc))
 
     def asleep(self) -> str:
         """Power state of the monitors in words ("standby", "suspend", "off"); "" when lit or not known."""
@@ -225,13 +211,12 @@ class XServer:
         """Light the monitors, turn screen saver and power saving off; False where the server cannot."""
         with self._errors_ignored():
             self._x11.XForceScreenSaver(self._server, _FORCE_RESET)
-            if self._power_state():
-                _dpms().DPMSForceLevel(self._server, 0)
-            try:
-                saver = _screen_saver()
-            except OSError:
-                return False
-            if not saver.XScreenSaverQueryExtension(self._server, byref(c_int()), byref(c_int())):
+            if (dpms := _library("libXext.so.6")) and self._power_state():
+                dpms.DPMSForceLevel(self._server, 0)
+            saver = _library("libXss.so.1")
+            if saver is None or not saver.XScreenSaverQueryExtension(
+                self._server, byref(c_int()), byref(c_int())
+            ):
                 return False
             saver.XScreenSaverSuspend(self._server, 1)
             return True
@@ -244,9 +229,8 @@ class XServer:
 
     def _power_state(self) -> int | None:
         """DPMS state (0 = lit), None where power saving is not known or not enabled."""
-        try:
-            dpms = _dpms()
-        except OSError:
+        dpms = _library("libXext.so.6")
+        if dpms is None:
             return None
         with self._errors_ignored():
             if not dpms.DPMSQueryExtension(self._server, byref(c_int()), byref(c_int())):
@@ -255,49 +239,27 @@ class XServer:
             dpms.DPMSInfo(self._server, byref(state), byref(enabled))
         return state.value if enabled.value else None
 
-    def _outputs_of(self, randr: ctypes.CDLL, resources: Any, crtc: int) -> list[Output]:
-        info = randr.XRRGetCrtcInfo(self._server, resources, crtc)
-        if not info:
-            return []
-        try:
-            if not info.contents.mode:
+    def _outputs_of(self, randr: ctypes.CDLL, resources: _Resources, crtc: int) -> list[Output]:
+        asked = self._server, byref(resources)
+        with _freed(randr.XRRGetCrtcInfo(*asked, crtc), randr.XRRFreeCrtcInfo) as place:
+            if not (place and place.mode):
                 return []
-            place = info.contents
-            turned = place.rotation != _ROTATE_0
-            refresh_hz = _refresh_hz(resources.contents, place.mode)
-            scaled, panned = self._scaled(randr, crtc), self._panned(randr, resources, crtc)
+            with _freed(randr.XRRGetPanning(*asked, crtc), randr.XRRFreePanning) as panning:
+                panned = bool(panning and any(panning.size))
             part = place.x, place.y, place.width, place.height
-            names = [self._name(randr, resources, place.outputs[i]) for i in range(place.output_count)]
-            return [Output(name, *part, refresh_hz, turned, scaled, panned) for name in names]
-        finally:
-            randr.XRRFreeCrtcInfo(info)
-
-    def _name(self, randr: ctypes.CDLL, resources: Any, output: int) -> str:
-        info = randr.XRRGetOutputInfo(self._server, resources, output)
-        if not info:
-            return ""
-        try:
-            return os.fsdecode(info.contents.name)
-        finally:
-            randr.XRRFreeOutputInfo(info)
+            refresh_hz, turned = _refresh_hz(resources, place.mode), place.rotation != _ROTATE_0
+            figures = *part, refresh_hz, turned, self._scaled(randr, crtc), panned
+            outputs = []
+            for output in place.outputs[: place.output_count]:
+                with _freed(randr.XRRGetOutputInfo(*asked, output), randr.XRRFreeOutputInfo) as info:
+                    outputs.append(Output(os.fsdecode(info.name) if info else "", *figures))
+            return outputs
 
     def _scaled(self, randr: ctypes.CDLL, crtc: int) -> bool:
-        transform = POINTER(_Transform)()
-        if not randr.XRRGetCrtcTransform(self._server, crtc, byref(transform)) or not transform:
-            return False
-        try:
-            return tuple(transform.contents.current) != _IDENTITY
-        finally:
-            self._x11.XFree(transform)
-
-    def _panned(self, randr: ctypes.CDLL, resources: Any, crtc: int) -> bool:
-        panning = randr.XRRGetPanning(self._server, resources, crtc)
-        if not panning:
-            return False
-        try:
-            return any(panning.contents.size)
-        finally:
-            randr.XRRFreePanning(panning)
+        found = POINTER(_Transform)()
+        known = randr.XRRGetCrtcTransform(self._server, crtc, byref(found))
+        with _freed(found if known else None, self._x11.XFree) as transform:
+            return transform is not None and tuple(transform.current) != _IDENTITY
 
     @contextmanager
     def _errors_ignored(self) -> Iterator[None]:

@@ -124,3 +124,54 @@ def prepare(
         require(recording, ("surface",), f"a .{form} file")
         selected = selection.one(recording) if form in MESHES else selection.several(recording, ("surface",))
     return Export(recording, form, path, selected, pitch_mm)
+
+
+def export_recording(
+    recording: Recording | str | Path,
+    path: str | Path,
+    *,
+    form: str | None = None,
+    from_s: float | None = None,
+    to_s: float | None = None,
+    every: int = 1,
+    at_s: float | None = None,
+    pitch_mm: float | None = None,
+) -> dict[str, Any]:
+    """Write a recording as a file that other programs open.
+
+    Parameters
+    ----------
+    recording : Recording, str or Path
+        What to export.
+    path : str or Path
+        File to write; its suffix chooses the format: .npz, .tif, .ply, .stl, .csv, .mcap, .mp4.
+    form : str, optional
+        Format, whatever the suffix: "npz", "tiff", "ply", "stl", "csv", "mcap" or "mp4".
+    from_s, to_s : float, optional
+        Part to export, seconds since the recording's first step.
+    every : int
+        Only every so many-th step.
+    at_s : float, optional
+        Time of a mesh; by default where |depth| is largest while locked.
+    pitch_mm : float, optional
+        Pixels of a TIFF; by default the nodes' own distance.
+
+    Returns
+    -------
+    dict
+        Figures of what was written, which depend on the format.
+
+    Raises
+    ------
+    InputError
+        For another suffix or format, a recording without what the format needs, and a missing library.
+    """
+    if not isinstance(recording, Recording):
+        with Recording(recording) as opened:
+            return export_recording(
+                opened, path, form=form, from_s=from_s, to_s=to_s, every=every, at_s=at_s, pitch_mm=pitch_mm
+            )
+    if form is not None and form not in FORMATS:
+        raise InputError(f"form: {form!r}: allowed: {', '.join(FORMATS)}")
+    selection = Selection(from_s, to_s, every, at_s)
+    return prepare(recording, Path(path), form, selection, pitch_mm).write()

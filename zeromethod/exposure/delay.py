@@ -53,38 +53,25 @@ class DelayEstimator:
     def __init__(self, prior_ns: float, refresh_ns: float) -> None:
         self._refresh_ns = refresh_ns
         self._values: deque[float] = deque(maxlen=MEMORY_FRAMES)
-        self._value_ns = prior_ns
-        self._scatter_ns = float("inf")
-
-    @property
-    def value_ns(self) -> float:
+        self.value_ns = prior_ns
         """The delay, ns."""
-        return self._value_ns
-
-    @property
-    def frames(self) -> int:
-        """Number of frames behind the value, `MEMORY_FRAMES` at most."""
-        return len(self._values)
-
-    @property
-    def scatter_ns(self) -> float:
+        self.scatter_ns = float("inf")
         """Standard deviation of single frames' delays, ns; infinite before two."""
-        return self._scatter_ns
 
     @property
     def sigma_ns(self) -> float:
         """Standard deviation of the value, ns: that of a median is 1.25 times that of a mean."""
-        return 1.25 * self._scatter_ns / math.sqrt(max(len(self._values), 1))
+        return 1.25 * self.scatter_ns / math.sqrt(max(len(self._values), 1))
 
     @property
     def settled(self) -> bool:
         """Whether the value can be trusted."""
-        return len(self._values) >= SETTLED_FRAMES and self._scatter_ns < 0.5 * self._refresh_ns
+        return len(self._values) >= SETTLED_FRAMES and self.scatter_ns < 0.5 * self._refresh_ns
 
     def forget(self) -> None:
         """Forget all frames; the value stays until the next."""
         self._values.clear()
-        self._scatter_ns = float("inf")
+        self.scatter_ns = float("inf")
 
     def is_precise(self, found: Match) -> bool:
         """Whether a frame whose strips fit measures the delay, and does not merely bound it."""
@@ -95,26 +82,26 @@ class DelayEstimator:
         if self.is_precise(found):
             self._values.append(found.delay_ns)
         else:
-            within = min(max(self._value_ns, found.low_ns), found.high_ns)
-            if within == self._value_ns:
+            within = min(max(self.value_ns, found.low_ns), found.high_ns)
+            if within == self.value_ns:
                 return
             if not self._values:
-                self._value_ns = within
+                self.value_ns = within
                 return
             self._values.append(within)
         values = np.array(self._values)
-        self._value_ns = float(np.median(values))
+        self.value_ns = float(np.median(values))
         if len(values) > 1:
-            deviation = 1.4826 * float(np.median(np.abs(values - self._value_ns)))
-            self._scatter_ns = max(deviation, LEAST_SCATTER_NS)
+            deviation = 1.4826 * float(np.median(np.abs(values - self.value_ns)))
+            self.scatter_ns = max(deviation, LEAST_SCATTER_NS)
 
     def for_frame(self, found: Match) -> float:
         """Delay of one frame, ns: its own and the running one, weighted by variance, within its bounds."""
         if not self.is_precise(found):
-            return min(max(self._value_ns, found.low_ns), found.high_ns)
+            return min(max(self.value_ns, found.low_ns), found.high_ns)
         own = 1 / max(found.sigma_ns, 1.0) ** 2
-        running = 1 / self._scatter_ns**2 if self.settled else 0.0
-        between = (own * found.delay_ns + running * self._value_ns) / (own + running)
+        running = 1 / self.scatter_ns**2 if self.settled else 0.0
+        between = (own * found.delay_ns + running * self.value_ns) / (own + running)
         return min(max(between, found.low_ns), found.high_ns)
 
 

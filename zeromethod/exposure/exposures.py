@@ -32,11 +32,8 @@ class Exposures:
         self.delay = delay
         self._grid = grid
         self._kind = target_kind
-        self._log = PresentationLog(grid.shape)
-
-    def presented(self, time_ns: int, q: Float, code: int | None, source_ns: int | None) -> None:
-        """Add a picture to the log; arguments as of `PresentationLog.record`."""
-        self._log.record(time_ns, q, source_ns, code)
+        self.log = PresentationLog(grid.shape)
+        """Every picture given to the panel is recorded here."""
 
     def observe(self, frame: Frame, known_q: Float) -> Observation | Unpaired:
         """Pair a frame with the mix of warps that was lit in it.
@@ -45,9 +42,9 @@ class Exposures:
         """
         timing: PanelTiming | None = self.timing
         if self.delay is not None:
-            timing = self.delay.timing_of(frame.image, frame, self._log)
+            timing = self.delay.timing_of(frame.image, frame, self.log)
             self.timing = self.delay.timing
         if timing is None:
             return Unpaired.CONTRADICTED
-        observation = pair(self._log, frame, timing, known_q, self._grid, self._kind)
+        observation = pair(self.log, frame, timing, known_q, self._grid, self._kind)
         return Unpaired.NOT_LIT if observation is None else observation

@@ -1,57 +1,42 @@
-"""What a rig's loop is made of, put together once and tried."""
+"""A rig's circle, put together once and tried with made-up frames."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from zeromethod.devices.protocols import Display
+import numpy as np
+
+from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.delay import DelayWatch
 from zeromethod.exposure.exposures import Exposures
 from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.exposure.strip_reading import StripReader, find_strips
 from zeromethod.loop.circle import Circle, Sensor, controller_of
-from zeromethod.loop.drawing import Drawer, Drawing
-from zeromethod.loop.warm_up import warm_up
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target
 from zeromethod.pattern.strips import Strips
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import CameraSpec, Rig
 from zeromethod.sensing.sensor import ResidualSensor
 from zeromethod.surface.expected_light import ExpectedLight
 from zeromethod.warp.rest import Rest
 
+_FRAMES = 8
+"""Enough for a motion to be accepted and predicted."""
 
-@dataclass(frozen=True)
-class Assembly:
-    """The parts. rest: without the nodes that coded strips cover."""
-
-    rest: Rest
-    circle: Circle
-    drawing: Drawing
+_STEP_PX = 2
+"""Camera px per frame that the made-up picture moves by: pictures mix, nodes move, nothing saturates."""
 
 
 @dataclass(frozen=True)
 class CircleParts:
-    """The circle without what shows its pictures. rest: as in `Assembly`. strips: None without."""
+    """The circle without what shows its pictures.
+
+    rest: without the nodes that coded strips cover. strips: None without.
+    """
 
     rest: Rest
     strips: Strips | None
     circle: Circle
-
-
-def assemble(rig: Rig, display: Display, optics: Optics, sensor: Sensor | None, live: bool) -> Assembly:
-    """Make the parts for one run. live: draw in a thread of its own. sensor: in place of the rig's.
-
-    Raises InputError for a rig that sees no display, or where nothing can draw.
-    """
-    parts = make_circle(rig, optics, sensor)
-
-    def drawer() -> Drawer:
-        return Drawer(rig, display, parts.rest, parts.strips)
-
-    coded = parts.strips is not None
-    drawing = Drawing(drawer, coded, rig.control.timeout_s, live)
-    return Assembly(parts.rest, parts.circle, drawing)
 
 
 def make_circle(
@@ -84,3 +69,20 @@ def make_circle(
 
     warm_up(circle(), target, rig.camera)
     return CircleParts(rest, strips, circle())
+
+
+def warm_up(circle: Circle, target: Target, camera: CameraSpec) -> None:
+    """Send made-up frames round a circle of its own, which is of no use afterwards.
+
+    They show the target drifting along u while every exposure spans two presentations, so that all steps of
+    the circle run, those of a moving mirror too.
+    """
+    u, v = np.meshgrid(np.arange(camera.columns), np.arange(camera.rows))
+    grey = np.rint(0.8 * (2**camera.bits - 1) * target.light(u, v))
+    image = grey.astype(np.uint8 if camera.bits == 8 else np.uint16)
+    frame_ns, exposure_ns = round(1e9 / camera.rate_hz), round(1e9 * camera.exposure_s)
+    for number in range(_FRAMES):
+        time_ns = number * frame_ns
+        circle.presented(time_ns - exposure_ns // 4, circle.controller.commanded, source_ns=circle.source_ns)
+        drifting = np.ascontiguousarray(np.roll(image, _STEP_PX * number, axis=1))
+        circle.take(Frame(drifting, time_ns, exposure_ns, number))

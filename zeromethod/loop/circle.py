@@ -23,7 +23,7 @@ from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.exposures import Exposures, Unpaired
 from zeromethod.exposure.pairing import Observation
 from zeromethod.loop.events import Event
-from zeromethod.loop.light_watch import LightWatch
+from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
 from zeromethod.rig.model import ControlSpec
 from zeromethod.sensing.residual import Residual
@@ -134,7 +134,7 @@ class Circle:
 
         source_ns: what the property of this name was when `q` was the command.
         """
-        self.exposures.presented(time_ns, q, code, source_ns)
+        self.exposures.log.record(time_ns, q, source_ns, code)
 
     def take(self, frame: Frame, frozen: bool = False) -> FrameResult:
         """Take one frame round the circle; the command stays as it is where `frozen`."""

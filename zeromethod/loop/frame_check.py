@@ -18,14 +18,10 @@ SAMPLE_STRIDE = 8
 """Every how many-th row is compared with the frame before."""
 
 LATE_FRAMES = 2.0
-"""Frame times beyond the least age seen so far at which a frame counts as late."""
+"""Frame times beyond the least age so far at which a frame counts as late."""
 
 JUMP_FRAMES = 3
 """Consecutive frames that follow each other, but not those before, after which the clock has jumped."""
-
-
-_PAST = "the frame's time lies past the present"
-
 
 _NUMBERS = ("time_ns", "exposure_ns", "number", "dropped")
 
@@ -40,7 +36,7 @@ def _plain(value: Any) -> Any:
 def own(frame: Frame) -> Frame:
     """Frame whose image is in order in memory and may be written to: copied where it is not.
 
-    What works on images is compiled for such, and would be anew, for seconds, for any other.
+    Code that works on images is compiled for such; compiling it for any other would take seconds.
     """
     flags = frame.image.flags
     return frame if flags.c_contiguous and flags.writeable else replace(frame, image=frame.image.copy())
@@ -68,8 +64,8 @@ class FrameCheck:
     """Checks frames one after the other against the rig's camera.
 
     Noise makes every row of pixels unique. So rows that are, bit for bit, those of the frame before were
-    not taken anew: all of them in a repeated frame, some in a torn one, whose transfer left part of the old
-    frame standing. Where the rig gives the camera no noise, equal rows are no fault and this is not judged.
+    not exposed again: all of them in a repeated frame, some in a torn one, whose transfer left part of the
+    old frame standing. Where the rig gives the camera no noise, equal rows are no fault and are not judged.
     """
 
     def __init__(self, camera: CameraSpec) -> None:
@@ -82,21 +78,28 @@ class FrameCheck:
         self._least_age_ns: int | None = None
         self._last: tuple[int, int] | None = None
         self._shift_ns = 0
+        self._resumed = False
         self._astray: list[tuple[int, int, int]] = []
         self._sample: Image | None = None
 
     def restart(self) -> None:
-        """Forget the frames so far: the camera was opened anew and counts from its own beginning."""
+        """Forget the frames so far: the camera was opened again and counts from its own beginning."""
         self._last = None
         self._sample = None
         self._shift_ns = 0
         self._astray.clear()
+
+    def resume(self) -> None:
+        """Begin another run: frames that came since the last one were not dropped."""
+        self._resumed = True
 
     def timed(self, frame: Frame) -> Frame:
         """Frame in plain numbers, with its time on the run's clock, should the camera's have jumped."""
         time_ns, exposure_ns, number, dropped = (_plain(getattr(frame, name)) for name in _NUMBERS)
         if isinstance(time_ns, int):
             time_ns += self._shift_ns
+        if self._resumed:
+            dropped, self._resumed = 0, False
         return Frame(frame.image, time_ns, exposure_ns, number, dropped)
 
     def look_at(
@@ -113,9 +116,8 @@ class FrameCheck:
         return verdict
 
     def _by_itself(self, frame: Frame, now_ns: int) -> FrameVerdict:
-        if broken := self._broken_contract(frame, now_ns):
-            jumped = self._jumped(frame, now_ns) if broken.startswith(_PAST) else None
-            return jumped or _refused((Event.FRAME_WRONG,), broken)
+        if wrong := self._wrong(frame, now_ns):
+            return wrong
         image = frame.image
         events = [Event.FRAMES_DROPPED] if frame.dropped else []
         stale = self._stale_rows(image)
@@ -135,8 +137,18 @@ class FrameCheck:
         rows = round(100 * float(stale.mean()))
         return _refused((*events, Event.FRAME_TORN), f"{rows} % of the frame is still that of the one before")
 
-    def _broken_contract(self, frame: Frame, now_ns: int) -> str:
-        """Say what no camera may give, "" where there is nothing of the kind."""
+    def _wrong(self, frame: Frame, now_ns: int) -> FrameVerdict | None:
+        """Verdict on a frame that breaks the contract, or whose clock jumped ahead; None for any other."""
+        if broken := self._broken_contract(frame):
+            return _refused((Event.FRAME_WRONG,), broken)
+        # An exposure's length is left for clocks that were mapped onto each other.
+        if frame.time_ns <= now_ns + frame.exposure_ns:
+            return None
+        words = f"the frame's time lies past the present: {frame.time_ns} ns at {now_ns} ns"  # NaN does too
+        return self._jumped(frame, now_ns) or _refused((Event.FRAME_WRONG,), words)
+
+    def _broken_contract(self, frame: Frame) -> str:
+        """Members that no camera may give, in words; "" for none."""
         image = frame.image
         if not isinstance(image, np.ndarray) or image.shape != self._shape or image.dtype != self._dtype:
             found = f"{getattr(image, 'shape', '')} {getattr(image, 'dtype', type(image).__name__)}"
@@ -148,9 +160,6 @@ class FrameCheck:
             return f"the frame's exposure is {frame.exposure_ns} ns"
         if not frame.dropped >= 0:
             return f"the frame says that {frame.dropped} frames were dropped"
-        # NaN fails this too. An exposure's length is left for clocks that were mapped onto each other.
-        if not frame.time_ns <= now_ns + frame.exposure_ns:
-            return f"{_PAST}: {frame.time_ns} ns at {now_ns} ns"
         return ""
 
     def _jumped(self, frame: Frame, now_ns: int) -> FrameVerdict | None:
@@ -174,7 +183,7 @@ class FrameCheck:
         return _refused((Event.CLOCK_JUMPED,), f"the camera's {what}: followed")
 
     def _stale_rows(self, image: Image) -> Mask:
-        """Which of the sampled rows equal the last frame's; even ones (no light, clipped) tell nothing."""
+        """Which of the sampled rows equal the last frame's; uniform ones (no light, clipped) are left out."""
         sample = image[::SAMPLE_STRIDE].copy()
         before, self._sample = self._sample, sample
         if before is None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from zeromethod.clock import Clock
 from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, DisplayLost, Frame
 from zeromethod.loop.events import Event
-from zeromethod.loop.live.reopening import Reopener
+from zeromethod.loop.reopening import Reopener
 from zeromethod.loop.state import Outcome
 from zeromethod.worker import Worker, completed
 

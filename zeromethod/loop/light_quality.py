@@ -1,10 +1,11 @@
-"""Light that spoils the measurement without being off: too much of it, or beating with the exposure."""
+"""Light that spoils the measurement: off, too much of it, or beating with the exposure."""
 
 from __future__ import annotations
 
 from collections import deque
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.loop.events import Event, Notice
@@ -12,7 +13,7 @@ from zeromethod.sensing.residual import Residual
 from zeromethod.warp.validity import Flag
 
 SATURATED_ABOVE = 0.05
-"""Share of the nodes seen at rest that may be at the camera's ceiling."""
+"""Share of the nodes visible at rest that may be at the camera's ceiling."""
 
 FLICKER_FRAMES = 120
 """Frames in which a beat is looked for: 1.5 Hz at 60 frames per second is the slowest to be found."""
@@ -24,7 +25,8 @@ EVERY_FRAMES = 12
 """How often it is looked for."""
 
 FLICKER_ABOVE = 0.01
-"""Amplitude of a beat over the mean light that is worth telling: a tenth of the light of a dent's slopes."""
+"""Amplitude of a beat over the mean light above which it is reported: a tenth of the light of a dent's
+slopes."""
 
 FLICKER_SHARE = 0.7
 """Share of all variance in the light that one frequency must hold: presses are no oscillation."""
@@ -32,11 +34,38 @@ FLICKER_SHARE = 0.7
 LEAST_CYCLES = 3.0
 """Slower changes are drift, or presses."""
 
+OFF_BELOW = 0.25
+"""Share of the usual light under which it counts as off."""
+
+MEMORY = 0.05
+"""Share of every good frame in the usual light."""
+
+
+class LightWatch:
+    """Follows the mean grey of the nodes visible at rest; what presses changes it little and slowly."""
+
+    def __init__(self, seen: Mask, black_grey: float) -> None:
+        self._seen = seen
+        self._black = black_grey
+        self._usual: float | None = None
+
+    def is_off(self, mean_grey: NDArray[np.floating]) -> bool:
+        """Whether a frame with these means per node, (rows, cols) grey, was taken without light."""
+        if not self._seen.any():
+            return False
+        light = float(mean_grey.mean(where=self._seen)) - self._black
+        if self._usual is None:
+            self._usual = light
+        off = not light > OFF_BELOW * self._usual
+        if not off:
+            self._usual += MEMORY * (light - self._usual)
+        return off
+
 
 def beat(times_s: Float, light: Float) -> tuple[float, float]:
     """(frequency in Hz, amplitude over the mean) of an oscillation of the light, (nan, 0) for none.
 
-    times_s, light: (n,) of the frames; some may be missing. Sines are fitted beside a straight line, so that
+    times_s, light: (n,) of the frames; some may be missing. Sines are fitted together with a line, so that
     neither gaps nor a drift make one.
     """
     span_s = times_s[-1] - times_s[0]

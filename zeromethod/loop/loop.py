@@ -10,24 +10,22 @@ from typing import Any
 from zeromethod.arrays import Float
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Camera, Display, Frame
-from zeromethod.exposure.delay import DelayWatch
-from zeromethod.loop.assembly import assemble
+from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.circle import FrameResult, Sensor
 from zeromethod.loop.display_watch import DisplayWatch
-from zeromethod.loop.events import Event, Notice
+from zeromethod.loop.drawing import Drawer, Drawing
+from zeromethod.loop.events import Event, Notice, Notices
 from zeromethod.loop.frame_check import FrameCheck, FrameVerdict, own
 from zeromethod.loop.frame_source import FrameSource, Trouble, failure
 from zeromethod.loop.light_quality import LightQuality
-from zeromethod.loop.live.paused_gc import PausedGC
-from zeromethod.loop.notices import Notices
 from zeromethod.loop.pattern_dwell import PatternDwell
+from zeromethod.loop.paused_gc import PausedGC
 from zeromethod.loop.screen import Screen
 from zeromethod.loop.state import LOCK_FRAMES, NULLED, Outcome, State, Status, StepOutcome, next_status
 from zeromethod.loop.step import Step
 from zeromethod.loop.zero import Zero
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
-from zeromethod.warp.grid import NodeGrid
 
 WRONG_FRAMES_TO_END = 10
 """Consecutive frames of wrong shape or type after which the run ends."""
@@ -36,12 +34,28 @@ WRONG_FRAMES_TO_END = 10
 class Loop:
     """Nulls what the camera sees, one frame per `step`; see `zeromethod.loop.state` for its states.
 
-    In simulated time everything happens in turn, in the caller's thread. In the host's (`HostClock`) the
-    camera is read and the display is drawn in threads of their own, newest only, and nothing that a device
-    does keeps a step from returning: use it as a context, or `close` it, to end them.
+    In simulated time everything happens in the caller's thread. In the host's (`HostClock`) the camera is
+    read and the display is drawn in threads of their own, newest only, and nothing that a device does keeps a
+    step from returning: use it as a context, or `close` it, to end them.
 
     The devices belong to the caller, who closes them. `run` may be called again after it ended. The loop is
     over (`over`) when it was closed, or when a device is lost for good; the reason is in `status`.
+
+    Parameters
+    ----------
+    rig : Rig
+        The bench.
+    camera, display, clock : Camera, Display, Clock
+        Opened devices, and the clock that both share.
+    reopen_camera : callable, optional
+        Opens the camera again after it was lost.
+    optics, sensor : Optics, Sensor, optional
+        The rig's rays, when the caller has them already; another sensor than the rig's.
+
+    Raises
+    ------
+    InputError
+        For a rig that sees no display, or where nothing can draw.
     """
 
     def __init__(
@@ -55,14 +69,18 @@ class Loop:
         optics: Optics | None = None,
         sensor: Sensor | None = None,
     ) -> None:
-        """Prepare everything; nothing is shown before the first step.
-
-        optics: the rig's rays, when the caller has them already. sensor: another one than the rig's. Raises
-        InputError for a rig that sees no display, or where nothing can draw.
-        """
         self.live = isinstance(clock, HostClock)
-        parts = assemble(rig, display, optics or Optics(rig), sensor, self.live)
+        parts = make_circle(rig, optics or Optics(rig), sensor)
+
         self.rest = parts.rest
+        self.grid = self.rest.grid
+        """The nodes."""
+        self.q_rest = self.rest.q
+        """(rows, cols, 2) warp of the untouched mirror, LCD px."""
+        self.delay = parts.circle.exposures.delay
+        """What the coded strips say of the delay; None without strips."""
+        self.paused = False
+        """Whether corrections are paused; see `pause`."""
         self.status = Status()
         self.over = False
         self.on_wait: Callable[[], None] | None = None
@@ -73,9 +91,12 @@ class Loop:
         self._circle = parts.circle
         self._zero = Zero(self.rest)
         timeout_s = rig.control.timeout_s
-        timed = self.delay is not None
+        timed = parts.strips is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
-        self._screen = Screen(parts.drawing, self._circle, clock, dwell, repaints=self.live)
+        drawing = Drawing(lambda: Drawer(rig, display, parts.rest, parts.strips), timed, timeout_s, self.live)
+        self.gl_renderer = drawing.gl_renderer
+        """Name of what draws the pattern, as GL gives it."""
+        self._screen = Screen(drawing, self._circle, clock, dwell, repaints=self.live)
         self._watch = DisplayWatch(display, timeout_s if self.live else None)
         meanwhile = self._attend if self.live else None
         self._source = FrameSource(camera, reopen_camera, clock, timeout_s, meanwhile)
@@ -85,29 +106,9 @@ class Loop:
         self._garbage: PausedGC | None = None
         self._steps = 0
         self._start_ns: int | None = None
-        self._frozen = self._paused = self._stop = False
+        self._frozen = self._stop = False
         self._waiting = False
         self._referenced = False
-
-    @property
-    def grid(self) -> NodeGrid:
-        """The nodes."""
-        return self.rest.grid
-
-    @property
-    def q_rest(self) -> Float:
-        """(rows, cols, 2) warp of the untouched mirror, LCD px."""
-        return self.rest.q
-
-    @property
-    def gl_renderer(self) -> str:
-        """Name of what draws the pattern, as GL gives it."""
-        return self._screen.gl_renderer
-
-    @property
-    def delay(self) -> DelayWatch | None:
-        """What the coded strips say of the delay; None without strips."""
-        return self._circle.exposures.delay
 
     @property
     def horizon_s(self) -> float:
@@ -120,12 +121,7 @@ class Loop:
 
     def pause(self, on: bool = True) -> None:
         """Keep the command by the operator's wish: the state is PAUSED until `pause(False)`."""
-        self._paused = on
-
-    @property
-    def paused(self) -> bool:
-        """Whether corrections are paused."""
-        return self._paused
+        self.paused = on
 
     def rezero(self) -> None:
         """Take the mean warp of the next nulled frames as that of the untouched mirror, for all readings.
@@ -155,6 +151,9 @@ class Loop:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
+    def __repr__(self) -> str:
+        return f"<Loop {self.status.state}: {self.status.reason}, {self._steps} steps>"
+
     def run(self, frames: int | None = None, seconds: float | None = None) -> Generator[Step]:
         """Step until `frames` frames or `seconds` (of the run's clock) have passed, or the loop is over.
 
@@ -181,6 +180,7 @@ class Loop:
     def _restart(self) -> None:
         """Begin a run; where one has ended before, its warp is kept."""
         if self.status.state is State.STOPPED:
+            self._check.resume()
             self.status = Status()
             self._stop = False
             self._watch.restart()
@@ -228,7 +228,7 @@ class Loop:
         started = time.perf_counter()
         frame = self._check.timed(frame)
         now_ns = self._clock.now_ns()
-        frozen = self._frozen or self._paused
+        frozen = self._frozen or self.paused
         verdict = self._check.look_at(frame, now_ns, self._watch.stale)
         result = FrameResult() if verdict.refusal else self._circle.take(own(frame), frozen)
         loop_ms = 1e3 * (time.perf_counter() - started)
@@ -293,7 +293,7 @@ class Loop:
             return StepOutcome(Outcome.FAILED, words)
         if result.refusal is Event.LIGHT_OFF:
             return StepOutcome(Outcome.MEASURED, words)
-        if self._paused:
+        if self.paused:
             return StepOutcome(Outcome.PAUSED, "paused: frames are measured, the picture stays")
         if refusal is not None or result.measured is None:
             return StepOutcome(Outcome.HELD, words)

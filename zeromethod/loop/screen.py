@@ -34,11 +34,6 @@ class Screen:
         self._undrawn = False
         self._posted_ns = 0
 
-    @property
-    def gl_renderer(self) -> str:
-        """Name of what draws the pattern, as GL gives it."""
-        return self._drawing.gl_renderer
-
     def begin(self) -> None:
         """Begin a step."""
         self.presented, self.presented_before = [], 0

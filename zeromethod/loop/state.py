@@ -4,9 +4,9 @@
                                   ^                                       |                     |
                                   +--------------- residual large --------+---------------------+
 
-    any of these five --no usable new information--> HOLDING (STARTING keeps its name; the warp is held)
-    any of these six  --few nodes still seen--> LOST
-    any of these seven  --asked to pause--> PAUSED (frames are measured, the warp is held) until resumed
+    any of these five --no usable new information--> HOLDING (STARTING keeps its name; the warp stays)
+    any of these six  --few nodes still valid--> LOST
+    any of these seven  --asked to pause--> PAUSED (frames are measured, the warp stays) until resumed
     any              --device lost, wrong frame, stalled--> FAULT
     HOLDING, LOST, FAULT --usable frame--> NULLING, LOCKED, RESTING or LOST by its figures
     any              --asked to stop--> STOPPED --run again--> STARTING

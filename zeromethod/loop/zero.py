@@ -34,7 +34,7 @@ LARGEST_LCD_PX = 3.0
 """Drift of more than this anywhere is no drift."""
 
 WITHIN_LCD_PX = 0.05
-"""Rms of a block, beyond three deviations of noise, by which drift may miss the fit: 0.2 um of press."""
+"""Rms of a block, beyond three deviations of noise, by which drift may miss the fit: 0.2 µm of press."""
 
 STEADY_LCD_PX = 0.1
 """Rms of a block, beyond three deviations of noise, between the earlier and the later half of the frames."""

@@ -70,15 +70,48 @@ class Optics:
         return self.prism.length_mm
 
     def lcd_to_world(self, q: Float) -> Float:
-        """World points (..., 3) in mm of LCD positions (..., 2) in px."""
+        """World points (..., 3) in mm of LCD positions (..., 2) in px.
+
+        Parameters
+        ----------
+        q : (..., 2) array
+            LCD positions (column, row), px.
+
+        Returns
+        -------
+        (..., 3) array
+            World points, mm.
+        """
         return self.panel.lcd_to_world(q)
 
     def world_to_lcd(self, point: Float) -> Float:
-        """LCD positions (..., 2) in px of world points (..., 3) in mm on the LCD's plane."""
+        """LCD positions (..., 2) in px of world points (..., 3) in mm on the LCD's plane.
+
+        Parameters
+        ----------
+        point : (..., 3) array
+            World points on the LCD's plane, mm.
+
+        Returns
+        -------
+        (..., 2) array
+            LCD positions, px.
+        """
         return self.panel.world_to_lcd(point)
 
     def camera_rays(self, u: Float, v: Float) -> tuple[Float, Float]:
-        """Rays (origin, direction), each (..., 3), of camera pixels u, v (...), in air."""
+        """Rays (origin, direction), each (..., 3), of camera pixels u, v (...), in air.
+
+        Parameters
+        ----------
+        u, v : (...) array
+            Camera pixels (column, row).
+
+        Returns
+        -------
+        origin, direction : (..., 3) array
+            Points, mm, and unit vectors along the travel.
+        """
         return self.camera.rays(u, v)
 
     def rubber_rays(self, u: Float, v: Float) -> tuple[Float, Float]:
@@ -86,6 +119,16 @@ class Optics:
 
         They start on the captured face, behind its layers, and do not depend on the mirror. NaN where the
         pixel misses the face or looks at it from behind.
+
+        Parameters
+        ----------
+        u, v : (...) array
+            Camera pixels (column, row).
+
+        Returns
+        -------
+        origin, direction : (..., 3) array
+            Points, mm, and unit vectors along the travel.
         """
         origin, direction = self.camera.rays(u, v)
         face = self.prism.captured_face
@@ -99,11 +142,37 @@ class Optics:
         return np.where(met, start, np.nan), np.where(met, inside, np.nan)
 
     def trace(self, u: Float, v: Float, mirror: HeightField) -> Trace:
-        """Rays of camera pixels u, v (...) by reflection at `mirror`."""
+        """Rays of camera pixels u, v (...) by reflection at `mirror`.
+
+        Parameters
+        ----------
+        u, v : (...) array
+            Camera pixels (column, row).
+        mirror : HeightField
+            The mirror: `Optics.rest`, or any other height field.
+
+        Returns
+        -------
+        Trace
+            LCD positions, mirror points, incidence, reflectance, paths, and why rays are lost.
+        """
         return self.trace_rays(*self.rubber_rays(u, v), mirror)
 
     def trace_rays(self, origin: Float, direction: Float, mirror: HeightField) -> Trace:
-        """`trace` of rays in the rubber, (..., 3) each, from `rubber_rays`."""
+        """`trace` of rays in the rubber, (..., 3) each, from `rubber_rays`.
+
+        Parameters
+        ----------
+        origin, direction : (..., 3) array
+            Points, mm, and unit vectors along the travel.
+        mirror : HeightField
+            The mirror: `Optics.rest`, or any other height field.
+
+        Returns
+        -------
+        Trace
+            LCD positions, mirror points, incidence, reflectance, paths, and why rays are lost.
+        """
         point = origin + distance_to(mirror, origin, direction)[..., None] * direction
         with np.errstate(invalid="ignore"):
             normal = normal_of(mirror.gradient(point[..., 0], point[..., 1]))
@@ -126,6 +195,16 @@ class Optics:
         """LCD positions (..., 2) in px that camera pixels u, v (...) look at by the undeformed mirror.
 
         NaN where the ray is lost before the LCD's plane.
+
+        Parameters
+        ----------
+        u, v : (...) array
+            Camera pixels (column, row).
+
+        Returns
+        -------
+        (..., 2) array
+            LCD positions, px.
         """
         return self.trace(u, v, self.rest).q
 
@@ -134,6 +213,18 @@ class Optics:
 
         point (..., 3) in mm, q (..., 2) in px. The refraction through all layers is solved exactly; faces
         count as unbounded. NaN where no ray joins the two.
+
+        Parameters
+        ----------
+        point : (..., 3) array
+            Points on the mirror, mm.
+        q : (..., 2) array
+            LCD positions (column, row), px.
+
+        Returns
+        -------
+        (..., 3) array
+            Unit vectors along the travel.
         """
         face = self.prism.pattern_face
         offset = self.panel.lcd_to_world(q) - point
@@ -151,6 +242,16 @@ class Optics:
 
         The surface's (dz/dx, dz/dy) is -(nx, ny) / nz, so the depth's slope is the rest surface's gradient
         plus (nx, ny) / nz.
+
+        Parameters
+        ----------
+        incoming, outgoing : (..., 3) array
+            Unit vectors along the travel.
+
+        Returns
+        -------
+        (..., 3) array
+            Unit normals.
         """
         with np.errstate(invalid="ignore"):
             return unit(incoming - outgoing)
@@ -160,6 +261,16 @@ class Optics:
 
         Rows: LCD (column, row); columns: slope (dd/dx, dd/dy), at a fixed mirror point. Closed form; faces
         count as unbounded. NaN where the ray never reaches the mirror or the LCD's plane.
+
+        Parameters
+        ----------
+        u, v : (...) array
+            Camera pixels (column, row).
+
+        Returns
+        -------
+        (..., 2, 2) array
+            LCD px per rad.
         """
         origin, direction = self.rubber_rays(u, v)
         point = origin + distance_to(self.rest, origin, direction)[..., None] * direction

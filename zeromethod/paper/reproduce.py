@@ -50,11 +50,27 @@ STEPS = (
 class Reproduction:
     """What `zeromethod reproduce` finds; pictures are drawn from it.
 
-    before, after: camera images (rows, cols). whole, between: the paper's method with whole-pixel and with
-    sub-pixel picks. pixels, pixels_own_window: all pixels, with the window of
-    `press_reading.WINDOW_PITCHES` and with those that the correlation chooses. scatter_percent: (n, 4), see
-    `lattice_reading.scatter`, the press moved by up to half a lattice pitch. layers_percent: error at the
-    peak without error of picks, by what lies on the prism.
+    Attributes
+    ----------
+    rig : Rig
+        The paper's bench.
+    press : Mirror
+        The planted press.
+    needle : NeedleResult
+        Section 3.1.
+    before, after : (rows, cols) array
+        Camera images.
+    whole, between : LatticeReading
+        The paper's method with whole-pixel and with sub-pixel picks.
+    pixels, pixels_own_window : SurfaceReading
+        All pixels, with the window of `press_reading.WINDOW_PITCHES` and with those that the
+        correlation chooses.
+    zero : SurfaceReading
+        The zero method.
+    scatter_percent : (n, 4) array
+        See `lattice_reading.scatter`: the press moved by up to half a lattice pitch.
+    layers_percent : dict
+        Error at the peak without error of picks, by what lies on the prism.
     """
 
     rig: Rig
@@ -71,12 +87,29 @@ class Reproduction:
     layers_percent: dict[str, float]
 
     def truth_along_line(self, points: int = 801) -> tuple[Float, Float]:
-        """(l, depth), each (points,) mm: the planted mirror at y = 0."""
+        """(l, depth), each (points,) mm: the planted mirror at y = 0.
+
+        Parameters
+        ----------
+        points : int
+            How many.
+
+        Returns
+        -------
+        along_mm, depth_mm : (points,) array
+            Place along the mirror, and depth.
+        """
         along = np.linspace(0.0, Optics(self.rig).length_mm, points)
         return along, self.press.depth(along, np.zeros_like(along))
 
     def figures(self) -> Figures:
-        """All figures, JSON-ready; None where there is none."""
+        """All figures as JSON can say them; None where there is none.
+
+        Returns
+        -------
+        dict
+            The figures.
+        """
         columns = {
             "paper": PAPER_PRESS,
             "whole_pixel_picks": _of_lattice(self.whole),
@@ -127,9 +160,23 @@ def _spread(errors: Float) -> Figures:
 def reproduce(advance: Callable[[str], None] | None = None, *, quick: bool = False) -> Reproduction:
     """Reproduce sections 3.1 and 5 of the paper on the packaged rig "paper"; the same figures every time.
 
-    advance: called after each of `STEPS` with the name of the next. quick: fewer positions in the scatter
-    and frames in the loop. Raises MeasurementError where no lattice is found; a zero method that never
-    nulls says so in its reading.
+    Parameters
+    ----------
+    advance : callable, optional
+        Called after each of `STEPS` with the name of the next.
+    quick : bool
+        Fewer positions in the scatter, and fewer frames in the loop.
+
+    Returns
+    -------
+    Reproduction
+        Every figure, and what pictures are drawn from.
+
+    Raises
+    ------
+    MeasurementError
+        Where the lattice is not found in the image; a zero method that never nulls says so in
+        its reading.
     """
     next_step = advance or (lambda _: None)
     rig = load_rig("paper").model_copy(update={"scenario": PRESS})

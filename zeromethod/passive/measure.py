@@ -12,20 +12,32 @@ import numpy as np
 
 from zeromethod.arrays import Image
 from zeromethod.errors import InputError
-from zeromethod.optics import Optics
+from zeromethod.optics import Optics, check_geometry
 from zeromethod.passive import Displacement, correlate
 from zeromethod.passive.correlate import SPACING_PX
 from zeromethod.passive.passive_warp import measured_warp
+from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class StillReading:
-    """One image measured against the reference; surface, peak and grid only with a rig.
+    """One image measured against the reference.
 
-    surface is None, too, where the displacement leaves no node to read.
+    Attributes
+    ----------
+    name : str
+        Of the image: its file's, without the suffix.
+    displacement : Displacement
+        How far each point of the reference has moved, px.
+    surface : Surface, optional
+        Slope and depth; None without a rig, and where the displacement leaves no node to read.
+    peak : Peak, optional
+        The surface's deepest point.
+    grid : NodeGrid, optional
+        Nodes of the surface; None without a rig.
     """
 
     name: str
@@ -33,6 +45,11 @@ class StillReading:
     surface: Surface | None = None
     peak: Peak | None = None
     grid: NodeGrid | None = None
+
+    def __repr__(self) -> str:
+        share = 100 * float(np.mean(self.displacement.valid))
+        read = "" if self.peak is None else f", {self.peak}"
+        return f"<StillReading {self.name!r}: {share:.1f} % of the points valid{read}>"
 
 
 def read_grey(path: Path) -> Image:
@@ -57,59 +74,148 @@ def read_grey(path: Path) -> Image:
 
 
 class Measurement:
-    """Measures image files against one reference, one after the other.
+    """Measurement of images against one reference, one after the other.
 
     Each image is also tried from the field of the one before, so a sequence may move by many periods of a
     regular texture as long as its neighbours do not.
+
+    Parameters
+    ----------
+    reference : Path or (rows, cols) array
+        Image taken with the mirror at rest, 8 or 16 bits.
+    rig : Rig, optional
+        Bench whose camera took the images; with it, slope and depth are read as well.
+    spacing_px : int, optional
+        Pixels between the points.
+    window_px : float, optional
+        Standard deviation of the Gaussian window; by default chosen for each point.
+
+    Raises
+    ------
+    InputError
+        For a file that is no image, or an image that is not of the rig's camera.
     """
 
     def __init__(
         self,
-        reference: Path,
+        reference: Path | Image,
         *,
         rig: Rig | None = None,
         spacing_px: int = SPACING_PX,
         window_px: float | None = None,
     ) -> None:
-        """Read the reference, taken with the mirror at rest; place the rig's rays.
-
-        Raises InputError for a file that is no image, or not of the rig's camera.
-        """
-        self.reference = read_grey(reference)
+        self.reference, name = _grey(reference, "reference")
         self._rig = rig
         self._options: dict[str, Any] = {"window_px": window_px, "spacing_px": spacing_px}
         self._before: Displacement | None = None
         if rig is not None:
             expected = rig.camera.rows, rig.camera.columns
             if self.reference.shape != expected:
-                raise InputError(
-                    f"{reference}: {_size(self.reference)}: the rig's camera has {_size(expected)}"
-                )
+                raise InputError(f"{name}: {_size(self.reference)}: the rig's camera has {_size(expected)}")
             self._optics = Optics(rig)
             self._grid = NodeGrid(expected, rig.target.period_px)
             self._reader = SurfaceReader(rig, self._optics, self._grid)
 
-    def load(self, path: Path) -> Image:
-        """Grey levels of an image; InputError unless it has the reference's size."""
-        image = read_grey(path)
-        if image.shape != self.reference.shape:
-            raise InputError(f"{path}: {_size(image)}: the reference has {_size(self.reference)}")
-        return image
+    def load(self, image: Path | Image) -> Image:
+        """Grey levels of an image that has the reference's size.
 
-    def measure(self, path: Path) -> StillReading:
-        """Displacement of one image and, with a rig, the surface that made it."""
-        image = self.load(path)
+        Parameters
+        ----------
+        image : Path or (rows, cols) array
+            The image.
+
+        Returns
+        -------
+        (rows, cols) array
+            Its grey levels.
+
+        Raises
+        ------
+        InputError
+            For a file that is no image, or an image of another size.
+        """
+        grey, name = _grey(image, "image")
+        if grey.shape != self.reference.shape:
+            raise InputError(f"{name}: {_size(grey)}: the reference has {_size(self.reference)}")
+        return grey
+
+    def measure(self, image: Path | Image) -> StillReading:
+        """Displacement of one image and, with a rig, the surface that made it.
+
+        Parameters
+        ----------
+        image : Path or (rows, cols) array
+            The image.
+
+        Returns
+        -------
+        StillReading
+            What was measured.
+        """
+        name = image.stem if isinstance(image, Path) else "image"
+        image = self.load(image)
         displacement = correlate(self.reference, image, guess=self._before, **self._options)
         if not displacement.valid.any():
-            return StillReading(path.stem, displacement)
+            return StillReading(name, displacement)
         self._before = displacement
         if self._rig is None:
-            return StillReading(path.stem, displacement)
+            return StillReading(name, displacement)
         warp = measured_warp(displacement, self._optics, self._grid)
         if not warp.valid.any():
-            return StillReading(path.stem, displacement, grid=self._grid)
+            return StillReading(name, displacement, grid=self._grid)
         surface = self._reader.read(warp)
-        return StillReading(path.stem, displacement, surface, peak(surface), self._grid)
+        return StillReading(name, displacement, surface, peak(surface), self._grid)
+
+
+def _grey(image: Path | Image, name: str) -> tuple[Image, str]:
+    """Grey levels (rows, cols) of a file or an array, and what messages call it."""
+    if isinstance(image, Path):
+        return read_grey(image), str(image)
+    if getattr(image, "ndim", None) != 2 or image.dtype not in (np.uint8, np.uint16):
+        found = f"{getattr(image, 'dtype', type(image).__name__)} {getattr(image, 'shape', '')}".strip()
+        raise InputError(f"{name}: {found}: (rows, cols) grey levels of 8 or 16 bits, or an image file")
+    return image, name
+
+
+def measure(
+    reference: str | Path | Image,
+    image: str | Path | Image,
+    rig: Rig | str | Path | None = None,
+    *,
+    spacing_px: int | None = None,
+    window_px: float | None = None,
+) -> StillReading:
+    """Measure how one still image moved against another: reference(u, v) = image(u + du, v + dv).
+
+    Any texture will do. `Measurement` measures sequences, each image from the one before.
+
+    Parameters
+    ----------
+    reference, image : str, Path or (rows, cols) array
+        Image files or grey levels, 8 or 16 bits; with a rig, the reference is the mirror at rest.
+    rig : Rig, str or Path, optional
+        Bench whose camera took the images, as for `Session`; with it, slope and depth are read as well.
+    spacing_px : int, optional
+        Pixels between the points.
+    window_px : float, optional
+        Standard deviation of the Gaussian window; by default chosen for each point.
+
+    Returns
+    -------
+    StillReading
+        Displacement and, with a rig, surface and peak.
+
+    Raises
+    ------
+    InputError
+        For what is no image, and for images whose sizes differ or that are not of the rig's camera.
+    """
+    bench = load_rig(rig) if isinstance(rig, str | Path) else rig
+    if bench is not None:
+        check_geometry(bench)
+    first, second = (Path(one) if isinstance(one, str) else one for one in (reference, image))
+    spacing = SPACING_PX if spacing_px is None else spacing_px
+    return Measurement(first, rig=bench, spacing_px=spacing, window_px=window_px).measure(second)
 
 
 def measure_all(measurement: Measurement, paths: Sequence[Path]) -> Iterator[StillReading]:

@@ -48,18 +48,22 @@ class Recording(AbstractContextManager["Recording"]):
     Tables are structured arrays, one row per step, picture, reading or drop, with the fields of
     `zeromethod.recording.schema`. Arrays are asked for by the number of their step; None: there are none.
 
-    live: whether it ran in real time. kept: what was kept, of `schema.KEEP`. every: arrays were kept of every
-    so many-th frame. seed: of the simulated bench. command_line: how the run was started. started_utc: when,
-    ISO 8601. gl_renderer: what drew the pattern. calibration: text of the calibration's document; "" without.
-    zeromethod_version: version that wrote it. versions: of Python, the system and the libraries. rig_text:
-    the rig as TOML, with all its values.
+    Whatever is read may raise InputError, one line: the file is damaged there. Arrays that are not what was
+    written are left out (None; a surface without a valid node), which each dataset warns of once:
+    DamagedWarning.
 
-    Every read may raise InputError, one line: the file is damaged there. Damaged arrays are left out (None; a
-    surface without a valid node), with one DamagedWarning per dataset.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        For a file that does not exist, is no recording, or was written by another version.
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Open it. Raises `RefusedRecording`, an InputError of one line."""
         self.path = Path(path)
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._source = RecordingFile(self.path)
@@ -346,3 +350,24 @@ class Recording(AbstractContextManager["Recording"]):
         if not found or steps.min() < 0:
             raise RefusedRecording(self.path, Refusal.CHANGED, part="zeros/q")
         return np.asarray(found["q"])
+
+
+def open_recording(path: str | Path) -> Recording:
+    """Open a recording that a run has written, or is still writing.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file (.h5).
+
+    Returns
+    -------
+    Recording
+        A context manager; `close` it, or use it in a `with` statement.
+
+    Raises
+    ------
+    InputError
+        For a file that does not exist, is no recording, or was written by another version.
+    """
+    return Recording(path)

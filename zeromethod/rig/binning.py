@@ -15,6 +15,18 @@ def binned(rig: Rig, factor: int) -> Rig:
     The target's period, the blur and the noise stay the same in (larger) pixels, so nodes lie `factor`
     times further apart on the mirror. A rest map, which is of the whole pixels, is left out.
 
+    Parameters
+    ----------
+    rig : Rig
+        The bench.
+    factor : int
+        How many pixels become one, on each axis.
+
+    Returns
+    -------
+    Rig
+        The same bench with the larger pixels.
+
     Raises
     ------
     InputError

@@ -53,9 +53,25 @@ def parse_rig(text: str, path: Path, *, measured: bool = True) -> Rig:
 def load_rig(name: str | Path, *, measured: bool = True) -> Rig:
     """Rig from a file, or a packaged one by bare name ("simulated", "paper").
 
-    Files that it names (`prism.rest.file`, `camera.rest_map`, a `scenario` that ends in .toml) lie relative
-    to the rig file. measured: with the measured rest (`camera.rest_map`); without, its file may be missing.
-    Raises InputError, one line "file: key: value: what is allowed", for the first thing wrong.
+    Files that it names (`prism.rest.file`, `camera.rest_map`, a `scenario` that ends in .toml) lie
+    relative to the rig file.
+
+    Parameters
+    ----------
+    name : str or Path
+        A rig file, or the name of a packaged rig.
+    measured : bool
+        Use the rest as it was measured (`camera.rest_map`); without, its file need not exist.
+
+    Returns
+    -------
+    Rig
+        The checked rig.
+
+    Raises
+    ------
+    InputError
+        One line "file: key: value: what is allowed", for the first thing wrong.
     """
     path = _path(name)
     return parse_rig(read_text(path), path, measured=measured)

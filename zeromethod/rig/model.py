@@ -230,9 +230,28 @@ class Rig(Table):
 
     @classmethod
     def checked(cls, data: dict[str, Any], where: str | Path, folder: Path, *, measured: bool = True) -> Rig:
-        """Rig of a rig file's values; `where` begins messages, `folder` is where the files it names lie.
+        """Rig of a rig file's values.
 
-        measured: with `camera.rest_map`. Raises InputError, one line "where: key: value: what is allowed".
+        Parameters
+        ----------
+        data : dict
+            The values, as TOML has them.
+        where : str or Path
+            What messages begin with.
+        folder : Path
+            Where the files that it names lie.
+        measured : bool
+            With `camera.rest_map`.
+
+        Returns
+        -------
+        Rig
+            The checked rig.
+
+        Raises
+        ------
+        InputError
+            One line "where: key: value: what is allowed".
         """
         if refusal := _check_version(data) or _check_simulated_options(data):
             raise InputError(f"{where}: {refusal}")
@@ -253,7 +272,7 @@ class Rig(Table):
 
         Parameters
         ----------
-        values
+        values : mapping, optional
             Values by dotted key: `{"display.pitch_mm": 0.06, "camera.focal_px[1]": 9000.0}`. None takes the
             key out, so that its default holds.
         **tables

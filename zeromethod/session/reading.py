@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import replace
 from operator import or_
 
 import numpy as np
@@ -74,3 +75,18 @@ def timed(read: Callable[[], tuple[Surface, Peak]]) -> tuple[Surface, Peak, floa
     started = time.perf_counter()
     surface, deepest = read()
     return surface, deepest, 1e3 * (time.perf_counter() - started)
+
+
+def with_reading(step: Step, read: Step | None) -> Step:
+    """The step with the newest reading."""
+    if read is None:
+        return step
+    if read.number == step.number:
+        return replace(read, notes=step.notes)
+    return replace(step, surface=read.surface, peak=read.peak, read_ms=read.read_ms)
+
+
+def rms_nm(surface: Surface) -> float:
+    """Depth of the valid nodes, rms, nm."""
+    depth_mm = surface.depth_mm[surface.valid]
+    return 1e6 * float(np.sqrt(np.mean(depth_mm**2))) if depth_mm.size else float("nan")

@@ -6,7 +6,7 @@ from bisect import bisect_left
 from dataclasses import dataclass, field, replace
 
 from zeromethod.control.stability_margin import Margin
-from zeromethod.loop.state import State
+from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import Step, StepFigures
 from zeromethod.rig.model import Rig
 from zeromethod.surface.comparison import TruthSource
@@ -18,17 +18,46 @@ KEPT_FRAMES = 50_000
 
 @dataclass
 class RunResult:
-    """What a session leaves behind. dropped_refreshes: None where the display does not count them.
+    """What a session leaves behind, of all its runs.
 
-    records: figures of the last `KEPT_FRAMES` steps at least; a run may go on for days. In real time a frame
-    is read after its step: its record gets the peak then, or never. before, pressed, nulled: steps that the
-    figure shows. true_mirror: the mirror at a time in ns, where the camera knows it.
+    Attributes
+    ----------
+    rig : Rig
+        The bench.
+    gl_renderer : str
+        Name of what drew the pattern.
+    usable_share_at_rest : float
+        Share of the measurable nodes that the rig file says are usable while nothing presses.
+    rest : Rest
+        The warp of the untouched mirror.
+    true_mirror : callable, optional
+        The mirror at a time in ns, where the camera knows it.
+    records : list of StepFigures
+        Figures of the last `KEPT_FRAMES` steps at least; a run may go on for days. In real time a frame is
+        read after its step: its record gets the peak then, or never.
+    frames, dropped : int
+        Steps so far, and frames that the camera dropped.
+    events : dict
+        How often each event happened.
+    before, pressed, nulled : Step, optional
+        Steps that the figure shows.
+    interrupted : bool
+        Whether the last run was ended early, by Ctrl-C or `Session.interrupt`.
+    recording : str
+        What went wrong with the recording; "" where all was kept, or none was asked for.
+    notes : list of str
+        What the operator should know, one line each.
+    dropped_refreshes : int, optional
+        Refreshes that showed no new picture in time; None where the display does not count them.
+    margin : Margin, optional
+        Stability at the delay that coded strips reported when it was first known.
+    delay_ms : float, optional
+        Delay of display and camera as coded strips report it (`DisplaySpec.latency_s`).
     """
 
     rig: Rig
     gl_renderer: str
     usable_share_at_rest: float
-    """Share of the measurable nodes that the rig file says are usable while nothing presses."""
     rest: Rest
     true_mirror: TruthSource | None = None
     records: list[StepFigures] = field(default_factory=list)
@@ -40,16 +69,21 @@ class RunResult:
     nulled: Step | None = None
     interrupted: bool = False
     recording: str = ""
-    """What went wrong with the recording; "" where all was kept, or none was asked for."""
     notes: list[str] = field(default_factory=list)
     dropped_refreshes: int | None = None
     margin: Margin | None = None
-    """Stability at the delay that coded strips reported when it was first known; None without."""
     delay_ms: float | None = None
-    """Delay of display and camera as coded strips report it (`DisplaySpec.latency_s`); None without."""
+    _worst_px: float = field(default=0.0, init=False)
+    _deepest_mm: float = field(default=0.0, init=False)
 
     def add(self, step: StepFigures) -> None:
-        """Take in one step."""
+        """Take in one step.
+
+        Parameters
+        ----------
+        step : StepFigures
+            Its figures.
+        """
         self.frames += 1
         self.dropped += step.dropped
         self.notes += step.notes
@@ -59,8 +93,40 @@ class RunResult:
         if len(self.records) >= 2 * KEPT_FRAMES:
             del self.records[:KEPT_FRAMES]
 
+    def keep(self, step: Step, phases: frozenset[str]) -> None:
+        """Keep a step that was read if the figure shows it: before the contact, at its worst, or nulled.
+
+        Parameters
+        ----------
+        step : Step
+            With its image, residual, warps and surface.
+        phases : frozenset of str
+            Parts of a simulated scenario; empty without one.
+        """
+        assert step.image is not None
+        kept = replace(step, image=step.image.copy())
+        settled = step.state in NULLED
+        if settled and (step.phase == "untouched" if phases else self.before is None):
+            self.before = kept
+        # After the hold comes the lift, whose residual may be larger still; the figure shows the press.
+        over = "hold" in phases and self.nulled is not None
+        if self.before is not None and not over and step.residual_rms_px > self._worst_px:
+            self._worst_px = step.residual_rms_px
+            self.pressed = kept
+        if settled and (
+            step.phase == "hold" if "hold" in phases else abs(step.depth_peak_mm) >= self._deepest_mm
+        ):
+            self._deepest_mm = abs(step.depth_peak_mm)
+            self.nulled = kept
+
     def enter(self, read: StepFigures) -> None:
-        """Enter what was read from a frame into its record."""
+        """Enter what was read from a frame into its record.
+
+        Parameters
+        ----------
+        read : StepFigures
+            Figures of the frame, with its peak.
+        """
         index = bisect_left(self.records, read.number, key=lambda record: record.number)
         if index < len(self.records) and self.records[index].number == read.number:
             self.records[index] = replace(read, notes=self.records[index].notes)

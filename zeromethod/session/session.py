@@ -6,36 +6,35 @@ The same session serves the simulated bench and a real one. Where the camera can
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from zeromethod.control.stability_margin import margin_words, stability_margin
 from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import NULLED
+from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.publishing.publisher import Publisher
 from zeromethod.recording.status import Condition
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.reading import StepReader, timed, warm_up_warp
+from zeromethod.session.outputs import Record, publishing, recorder_of
+from zeromethod.session.reading import StepReader, rms_nm, timed, warm_up_warp, with_reading
 from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
-from zeromethod.surface import Surface, SurfaceReader
+from zeromethod.surface import SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.warp.grid import NodeGrid
-
-if TYPE_CHECKING:  # what writes files loads slowly, and few runs are recorded
-    from zeromethod.recording.recorder import Recorder
 
 DEFAULT_SECONDS = 5.0
 """How long a run in simulated time lasts when neither the caller nor a scenario says so."""
@@ -49,27 +48,28 @@ class Session:
 
     Parameters
     ----------
-    rig
-        A `Rig`, a rig file, or the name of a packaged rig.
-    devices
+    rig : Rig, str or Path
+        A rig, a rig file, or the name of a packaged rig.
+    devices : Devices, optional
         Opened devices, which stay the caller's; without, the session opens those of the rig and closes them.
-    publisher
-        Gets every step in simulated time, every step that was read in real time.
-    record
-        Makes what records the loop's run.
+    publisher : str or Publisher, optional
+        Address at which to publish, tcp://127.0.0.1:5556, or what takes the steps: every one in simulated
+        time, those that were read in real time.
+    record : str, Path or callable, optional
+        File in which to record everything (.h5), or what makes the recorder of a loop.
 
     Raises
     ------
     InputError
-        For a rig that cannot be used, devices that cannot be opened, or a recording that cannot be written.
+        For a rig that cannot be used, devices that cannot be opened, an address or a recording that cannot
+        be made.
 
     Examples
     --------
     >>> import zeromethod as zm
     >>> with zm.Session("simulated") as session:
     ...     for step in session.run(frames=4):
-    ...         if step.surface is not None:
-    ...             print(f"{step.time_s:.2f} s: {step.peak.depth_mm:.4f} mm")  # doctest: +SKIP
+    ...         print(step.time_s, step.state, step.peak)  # doctest: +SKIP
     """
 
     def __init__(
@@ -77,8 +77,8 @@ class Session:
         rig: Rig | str | Path = "simulated",
         *,
         devices: Devices | None = None,
-        publisher: Publisher | None = None,
-        record: Callable[[Loop], Recorder] | None = None,
+        publisher: Publisher | str | None = None,
+        record: Record = None,
     ) -> None:
         self.rig = rig if isinstance(rig, Rig) else load_rig(rig)
         check_geometry(self.rig)
@@ -94,16 +94,18 @@ class Session:
                 optics=self._optics,
             )
             stack.callback(self.loop.close)
-            self._recorder = None if record is None else record(self.loop)
+            self._recorder = recorder_of(record, self.rig, self.loop)
             stack.callback(self._end_recording)
             self._grid: NodeGrid = self.loop.grid
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
-            self._publisher = publisher
+            self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
             self._truth: TruthSource | None = truth_of(self._devices.camera)
             self._scenario = script_of(self._devices.camera)
-            self._worst_px = 0.0
-            self._deepest_mm = 0.0
+            parts = () if self._scenario is None else self._scenario.phases
+            self._phases = frozenset(part.name for part in parts)
             self._recording = Condition.ALL_KEPT
+            self._steps: Generator[Step] | None = None
+            self._reads_apart = self._closed = False
             usable = usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]
             share = float(np.mean(usable))
             self.result = RunResult(self.rig, self.loop.gl_renderer, share, self.loop.rest, self._truth)
@@ -112,15 +114,18 @@ class Session:
     def __enter__(self) -> Session:
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        self.close()
+    def __exit__(self, *exception: Any) -> None:
+        self._end_run()
+        self._closed = True
+        self._closing.__exit__(*exception)
 
     def __repr__(self) -> str:
-        return f"Session({self.rig.name!r}, {self.loop.status.state}, {self.result.frames} frames)"
+        state = "closed" if self._closed else self.loop.status.state
+        return f"Session({self.rig.name!r}, {state}, {self.result.frames} frames)"
 
     def close(self) -> None:
-        """End the loop's threads and the recording, and close the devices that the session opened."""
-        self._closing.close()
+        """End run, threads and recording, and close the devices that the session opened; safe to repeat."""
+        self.__exit__(None, None, None)
 
     @property
     def figures(self) -> Figures:
@@ -128,7 +133,18 @@ class Session:
         return summarise(self.result)
 
     def length(self, frames: int | None = None, seconds: float | None = None) -> tuple[float | None, str]:
-        """How long `run` goes on (None: until it is stopped), and the unit: "frames" or "seconds"."""
+        """How long `run` goes on (None: until it is stopped), and the unit: "frames" or "seconds".
+
+        Parameters
+        ----------
+        frames, seconds : optional
+            As `run` takes them.
+
+        Returns
+        -------
+        float or None, str
+            The length, and its unit.
+        """
         if frames is not None:
             return float(frames), "frames"
         if seconds is None and self._scenario is not None:
@@ -137,8 +153,17 @@ class Session:
             seconds = DEFAULT_SECONDS
         return seconds, "seconds"
 
-    def run(self, frames: int | None = None, seconds: float | None = None) -> Iterator[Step]:
+    def run(self, frames: int | None = None, seconds: float | None = None) -> Generator[Step]:
         """Run the loop for `frames` or `seconds`; for the time of `length` when neither is given.
+
+        It may be called again, and goes on from the warp it had; a run that has not ended is ended first.
+
+        Parameters
+        ----------
+        frames : int, optional
+            Number of camera frames.
+        seconds : float, optional
+            Time of the run's clock.
 
         Yields
         ------
@@ -147,17 +172,41 @@ class Session:
             ready since the step before, None for none: in simulated time that of the step's own frame, in
             real time that of a frame shortly before, whose mid-exposure is `step.surface.time_ns`.
 
+        Raises
+        ------
+        InputError
+            When the session is closed.
+        MeasurementError
+            When a device was lost for good before.
+
         Notes
         -----
-        Ctrl-C ends the run with `result.interrupted` set and everything so far kept. When the loop is not
-        over (`loop.over`: a device was lost for good) it may be run again, and goes on from the warp it had.
+        Ctrl-C ends the run with `result.interrupted` set and everything so far kept. Numbers and times of
+        steps go on from one run to the next.
         """
+        if self._closed:
+            raise InputError("session: it is closed: open a new one")
+        self._end_run()
+        if self.loop.over:
+            raise MeasurementError(f"session: it cannot go on: {self.loop.status.reason}: open a new one")
+        if self.loop.status.state is State.STOPPED:  # an interrupt before the first run ends that run
+            self.result.interrupted = False
+        self._steps = self._run(frames, seconds)
+        return self._steps
+
+    def _end_run(self) -> None:
+        """End a run that its caller has left half-way."""
+        if self._steps is not None:
+            self._steps.close()
+            self._steps = None
+
+    def _run(self, frames: int | None, seconds: float | None) -> Generator[Step]:
         if frames is None:
             seconds, _ = self.length(frames, seconds)
+        if self.loop.live and not self._reads_apart:
+            self._closing.enter_context(self._surfaces.in_own_process(warm_up_warp(self.loop.rest)))
+            self._reads_apart = True
         with ExitStack() as stack:
-            stack.callback(self._note_end)
-            if self.loop.live:
-                stack.enter_context(self._surfaces.in_own_process(warm_up_warp(self.loop.rest)))
             reading = StepReader(self._read, self._publisher, self.loop.live)
             stack.callback(self._collect, reading)
             stack.callback(reading.close)
@@ -173,7 +222,7 @@ class Session:
                         self._recorder.add_step(step)
                     step = replace(step, notes=step.notes + self._notes())
                     self.result.add(step.figures)
-                    yield _with_reading(step, self._collect(reading))
+                    yield with_reading(step, self._collect(reading))
             except KeyboardInterrupt:
                 self.result.interrupted = True
 
@@ -182,11 +231,9 @@ class Session:
         self.result.interrupted = True
         self.loop.stop()
 
-    def _note_end(self) -> None:
-        self.result.dropped_refreshes = dropped_refreshes_of(self._devices.display)
-
     def _post_end(self, reading: StepReader) -> None:
         """Whoever follows the run learns how it ended."""
+        self.result.dropped_refreshes = dropped_refreshes_of(self._devices.display)
         if self.loop.ended is not None:
             reading.post(self.loop.ended)
             if self._recorder is not None:
@@ -207,7 +254,7 @@ class Session:
         if self._truth is not None:
             if step.phase == "untouched":
                 filtered = self._filtered_reader.read(step.filtered)
-                found["untouched_rms_nm"] = (_rms_nm(surface), _rms_nm(filtered))
+                found["untouched_rms_nm"] = (rms_nm(surface), rms_nm(filtered))
             elif self._scenario is None or step.phase in COMPARED_PHASES:
                 found["truth"] = compare(surface, self._truth(step.time_ns), self._optics, self._grid)
         return replace(step, surface=surface, peak=deepest, read_ms=read_ms, **found)
@@ -224,33 +271,11 @@ class Session:
             self.result.enter(newest.figures)
             if self._recorder is not None:
                 self._recorder.add_reading(newest)
-            self._keep(newest)
+            self.result.keep(newest, self._phases)
         return newest
 
     def _phase(self, time_ns: int) -> str:
         return "" if self._scenario is None else self._scenario.phase_at(time_ns) or ""
-
-    @cached_property
-    def _has_hold(self) -> bool:
-        return self._scenario is not None and any(phase.name == "hold" for phase in self._scenario.phases)
-
-    def _keep(self, step: Step) -> None:
-        """Keep the frames that the figure shows: before the touch, at its worst, nulled."""
-        result = self.result
-        assert step.image is not None
-        kept = replace(step, image=step.image.copy())
-        settled = step.state in NULLED
-        if settled and (step.phase == "untouched" if self._scenario is not None else result.before is None):
-            result.before = kept
-        # After the hold comes the lift, whose residual may be larger still; the figure shows the press.
-        over = self._has_hold and result.nulled is not None
-        if result.before is not None and not over and step.residual_rms_px > self._worst_px:
-            self._worst_px = step.residual_rms_px
-            result.pressed = kept
-        pressed = step.phase == "hold" if self._has_hold else abs(step.depth_peak_mm) >= self._deepest_mm
-        if settled and pressed:
-            self._deepest_mm = abs(step.depth_peak_mm)
-            result.nulled = kept
 
     def _notes(self) -> tuple[str, ...]:
         """Notes of everything but the loop itself."""
@@ -281,33 +306,43 @@ class Session:
         )
 
 
-def _with_reading(step: Step, read: Step | None) -> Step:
-    """The step with the newest reading."""
-    if read is None:
-        return step
-    if read.number == step.number:
-        return replace(read, notes=step.notes)
-    return replace(step, surface=read.surface, peak=read.peak, read_ms=read.read_ms)
-
-
-def _rms_nm(surface: Surface) -> float:
-    depth_mm = surface.depth_mm[surface.valid]
-    return 1e6 * float(np.sqrt(np.mean(depth_mm**2))) if depth_mm.size else float("nan")
-
-
 def run(
     rig: Rig | str | Path,
     *,
     frames: int | None = None,
     seconds: float | None = None,
     on_step: Callable[[Step], None] | None = None,
+    publisher: Publisher | str | None = None,
+    record: Record = None,
 ) -> RunResult:
-    """Open the rig's devices, close the loop for a while, read every frame, close the devices.
+    """Open a rig's devices, close the loop for a while, read every frame, close the devices.
 
-    Ctrl-C ends the run early with `interrupted` set and everything so far kept. Raises InputError for
-    devices that cannot be opened.
+    Parameters
+    ----------
+    rig : Rig, str or Path
+        A rig, a rig file, or the name of a packaged rig.
+    frames : int, optional
+        Number of camera frames.
+    seconds : float, optional
+        Time of the run's clock; without both, that of `Session.length`.
+    on_step : callable, optional
+        Called with every step, as `Session.run` yields it.
+    publisher : str, optional
+        Address at which to publish, as `Session` takes it.
+    record : str or Path, optional
+        File in which to record, as `Session` takes it.
+
+    Returns
+    -------
+    RunResult
+        Figures of every step; `interrupted` is set where Ctrl-C ended the run early.
+
+    Raises
+    ------
+    InputError
+        For a rig that cannot be used, or devices that cannot be opened.
     """
-    with Session(rig) as session:
+    with Session(rig, publisher=publisher, record=record) as session:
         for step in session.run(frames, seconds):
             if on_step is not None:
                 on_step(step)

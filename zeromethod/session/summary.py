@@ -103,7 +103,18 @@ def _finite(value: Any) -> Any:
 
 
 def summarise(result: RunResult) -> Figures:
-    """All figures of a run. Keys ending in a unit carry it; None where nothing could be measured."""
+    """All figures of a run. Keys ending in a unit carry it; None where nothing could be measured.
+
+    Parameters
+    ----------
+    result : RunResult
+        Of a session, also while it runs.
+
+    Returns
+    -------
+    dict
+        The figures, ready for JSON.
+    """
     records = result.records
     # The figures of a hold are those of its nulled frames; a hold that was never nulled says so by None.
     held = [record for record in records if record.phase == "hold"] or records

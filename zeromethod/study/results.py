@@ -13,7 +13,7 @@ from typing import Any
 from zeromethod.atomic_write import atomic_write
 from zeromethod.errors import InputError
 from zeromethod.study.journal import Journal, fingerprint
-from zeromethod.study.plan import Study
+from zeromethod.study.plan import Study, load_study
 from zeromethod.study.runs import WHOLE_LIMIT, Outcome, procedure
 from zeromethod.study.task import Procedure
 from zeromethod.study.tasks import tasks
@@ -31,13 +31,26 @@ FIRST = {
 LAST = {"failure": "why the run failed; null where it did not"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Results:
-    """rows: the table, one row per run, in order. before: runs that were done when this one began."""
+    """Results of a study.
+
+    Attributes
+    ----------
+    study : Study
+        What was asked for.
+    rows : list of dict
+        The table, one row per run, in order.
+    before : int
+        Runs that were done when this call began.
+    """
 
     study: Study
     rows: list[Row]
     before: int
+
+    def __repr__(self) -> str:
+        return f"Results({self.study.name!r}, {len(self.rows)} runs, {len(self.failures)} failed)"
 
     @property
     def failures(self) -> list[Row]:
@@ -56,25 +69,50 @@ class Progress:
 
 
 def run_study(
-    study: Study,
-    folder: Path,
-    workers: Workers,
+    study: Study | str | Path,
+    folder: str | Path | None = None,
+    workers: Workers | int | None = None,
     *,
     restart: bool = False,
     retry_failed: bool = False,
     on_progress: Callable[[Progress], None] = lambda _: None,
     report: Callable[[str], None] = lambda _: None,
 ) -> Results:
-    """Carry out the missing runs of a study, write table.parquet and the rest into `folder`.
+    """Carry out the missing runs of a study and put their figures into one table.
 
-    restart: forget what is there. retry_failed: do failed runs again. on_progress: called when the study is
-    opened and after each run, once it is kept. report: called with a line for a person.
+    A study that was interrupted goes on where it stopped when it is called again. Scripts need
+    `if __name__ == "__main__":` around it, because workers import them.
+
+    Parameters
+    ----------
+    study : Study, str or Path
+        A study, a study file (.toml), or the name of a packaged study.
+    folder : str or Path, optional
+        Where table.parquet and the rest are written; study-NAME by default.
+    workers : Workers or int, optional
+        Who carries it out, or how many processes of this machine; one per core by default.
+    restart : bool
+        Forget the runs that are in the folder.
+    retry_failed : bool
+        Do runs again that failed.
+    on_progress : callable, optional
+        Called when the study is opened and after each run, once it is kept.
+    report : callable, optional
+        Called with a line for a person.
+
+    Returns
+    -------
+    Results
+        The rows of the table, and how many runs were there before.
 
     Raises
     ------
     InputError
         A setting is wrong, another study is in `folder`, or pyarrow or Dask is missing.
     """
+    study = study if isinstance(study, Study) else load_study(study)
+    folder = Path(f"study-{study.name}" if folder is None else folder)
+    workers = workers if isinstance(workers, Workers) else Workers(workers)
     _pyarrow()
     planned = tasks(study)
     if not planned:

@@ -21,14 +21,17 @@ _FEW_DECADES = 3.0
 
 
 @contextmanager
-def picture(path: Path, inches: tuple[float, float], title: str = "", font: int = 8) -> Iterator[Figure]:
-    """A figure that is written as PNG at the end, under a title."""
+def picture(
+    path: str | Path | None, inches: tuple[float, float], title: str = "", font: int = 8
+) -> Iterator[Figure]:
+    """A figure under a title, which is written at the end where there is a path."""
     with mpl.rc_context({"font.size": font, "axes.titlesize": font + 1}):
         figure = Figure(figsize=inches, layout="constrained")
         yield figure
         if title:
             figure.suptitle(title, fontsize=11)
-        figure.savefig(path, dpi=110)
+        if path is not None:
+            figure.savefig(path, dpi=110)
 
 
 def labelled(axis: Axes, title: str, x: str, y: str) -> None:

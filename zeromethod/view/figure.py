@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from zeromethod.arrays import Float, Image
 from zeromethod.loop.step import Step
 from zeromethod.session.result import RunResult
+from zeromethod.session.session import Session
+from zeromethod.session.summary import summarise
 from zeromethod.surface import Surface
 from zeromethod.view.axes import centred, colour_bar, colours, labelled, picture
 from zeromethod.warp.grid import PADDING, NodeGrid
@@ -19,11 +22,25 @@ CROP_PX = (480, 360)
 """Columns and rows of the camera image that are shown, round the press: the pattern stays visible."""
 
 
-def draw_figure(result: RunResult, figures: dict[str, Any], path: Path) -> None:
-    """Write the figure of a run as PNG. Panels without data say so."""
+def plot_run(run: Session | RunResult, path: str | Path | None = None) -> Figure:
+    """Plot a run: what the camera saw, what was drawn to cancel it, what was read off it, all in time.
+
+    Parameters
+    ----------
+    run : Session or RunResult
+        The session, during or after its runs, or its result.
+    path : str or Path, optional
+        Also save the picture there; the suffix (.png, .svg, .pdf) chooses the format.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Twelve panels; those without data say so.
+    """
+    result = run.result if isinstance(run, Session) else run
     camera = result.rig.camera
     grid = NodeGrid((camera.rows, camera.columns), result.rig.target.period_px)
-    with picture(path, (16, 9.5), _title(figures)) as figure:
+    with picture(path, (16, 9.5), _title(summarise(result))) as figure:
         axes = figure.subplots(3, 4)
         _camera_row(axes[0, :3], result, grid)
         _timeline(axes[2, 3], result)
@@ -33,6 +50,7 @@ def draw_figure(result: RunResult, figures: dict[str, Any], path: Path) -> None:
                 _say(axis, "never nulled")
         else:
             _read_maps(read_axes, result, result.nulled)
+    return figure
 
 
 def _title(figures: dict[str, Any]) -> str:
@@ -83,7 +101,9 @@ def _deepest_node(surface: Surface) -> tuple[int, int]:
     return int(row), int(column)
 
 
-def _map(axis: Axes, surface: Surface, values: Float, title: str, unit: str, *, signed: bool = True) -> None:
+def draw_map(
+    axis: Axes, surface: Surface, values: Float, title: str, unit: str, *, signed: bool = True
+) -> None:
     """Map of the valid nodes over the mirror in mm; colours symmetric round zero, or from zero up."""
     inner = (slice(PADDING, -PADDING),) * 2
     shown = np.where(surface.valid, values, np.nan)[inner]
@@ -106,16 +126,16 @@ def _read_maps(axes: list[Axes], result: RunResult, nulled: Step) -> None:
     if result.true_mirror is not None:
         mirror = result.true_mirror(nulled.time_ns)
         true_mm = mirror.depth(surface.x_mm, surface.y_mm)
-    _map(axes[0], surface, residual_px, "residual when nulled", "camera px", signed=False)
-    _map(axes[1], surface, applied_px[..., 0], "applied warp, along LCD columns", "LCD px")
-    _map(axes[2], surface, measured_px[..., 0], "measured warp, along LCD columns", "LCD px")
-    _map(axes[3], surface, 1e3 * surface.slope[..., 0], "slope dd/dx", "mrad")
-    _map(axes[4], surface, 1e3 * surface.slope[..., 1], "slope dd/dy", "mrad")
-    _map(axes[5], surface, surface.depth_mm, "depth (into the rubber = positive)", "mm")
+    draw_map(axes[0], surface, residual_px, "residual when nulled", "camera px", signed=False)
+    draw_map(axes[1], surface, applied_px[..., 0], "applied warp, along LCD columns", "LCD px")
+    draw_map(axes[2], surface, measured_px[..., 0], "measured warp, along LCD columns", "LCD px")
+    draw_map(axes[3], surface, 1e3 * surface.slope[..., 0], "slope dd/dx", "mrad")
+    draw_map(axes[4], surface, 1e3 * surface.slope[..., 1], "slope dd/dy", "mrad")
+    draw_map(axes[5], surface, surface.depth_mm, "depth (into the rubber = positive)", "mm")
     if true_mm is None:
-        _map(axes[6], surface, 1e6 * surface.sigma_depth_mm, "depth sigma", "nm", signed=False)
+        draw_map(axes[6], surface, 1e6 * surface.sigma_depth_mm, "depth sigma", "nm", signed=False)
     else:
-        _map(axes[6], surface, 1e6 * (surface.depth_mm - true_mm), "depth error", "nm")
+        draw_map(axes[6], surface, 1e6 * (surface.depth_mm - true_mm), "depth error", "nm")
     _section(axes[7], surface, true_mm)
 
 

@@ -66,6 +66,33 @@ def write_report(
     return figures
 
 
+def report(recording: Recording | str | Path, path: str | Path | None = None) -> Figures:
+    """Write a recording as one HTML page that needs nothing else.
+
+    Parameters
+    ----------
+    recording : Recording, str or Path
+        What to report; it may still be written.
+    path : str or Path, optional
+        The page (.html); by default next to the recording, under its name.
+
+    Returns
+    -------
+    dict
+        Figures of the page's summary.
+
+    Raises
+    ------
+    InputError
+        For a recording that cannot be read.
+    """
+    if not isinstance(recording, Recording):
+        with Recording(recording) as opened:
+            return report(opened, path)
+    output = recording.path.with_suffix(".html") if path is None else Path(path)
+    return write_report(recording, recording.path, output)
+
+
 def _render(
     recording: Recording,
     path: Path,

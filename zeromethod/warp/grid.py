@@ -77,6 +77,12 @@ class NodeGrid:
         return full
 
     def mesh(self) -> tuple[Float, Float]:
-        """(u, v), each (rows, cols): camera pixel of every node."""
+        """(u, v), each (rows, cols): camera pixel of every node.
+
+        Returns
+        -------
+        u, v : (rows, cols) array
+            Camera column and row of each node.
+        """
         u, v = np.meshgrid(self.u_px, self.v_px)
         return u, v

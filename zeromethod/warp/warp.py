@@ -22,10 +22,19 @@ class Role(enum.StrEnum):
 class Warp:
     """LCD position per node of a `NodeGrid`.
 
-    q: (rows, cols, 2) float64, LCD (column, row) in px, pixel centres at integers.
-    sigma: (rows, cols, 2) float64, standard deviation of q in LCD px; 0 where q was drawn, not measured.
-    flags: (rows, cols) uint16 of `Flag` bits; 0 = valid.
-    time_ns: mid-exposure of the frame (measured, shown), or of the newest frame behind it (commanded).
+    Attributes
+    ----------
+    q : (rows, cols, 2) float64
+        LCD (column, row), px, pixel centres at integers.
+    sigma : (rows, cols, 2) float64
+        Standard deviation of q, LCD px; 0 where q was drawn, not measured.
+    flags : (rows, cols) uint16
+        Bits of `Flag`; 0 = valid.
+    time_ns : int
+        Mid-exposure of the frame (measured, shown), or of the newest frame behind it
+        (commanded).
+    role : Role
+        Measured by a frame, commanded by the controller, or shown while a frame was exposed.
     """
 
     q: Float
@@ -36,7 +45,22 @@ class Warp:
 
     @classmethod
     def drawn(cls, q: Float, role: Role, time_ns: int) -> Warp:
-        """Warp that is known exactly because it was drawn; sigma and flags are read-only zeros."""
+        """Warp that is known exactly because it was drawn; sigma and flags are read-only zeros.
+
+        Parameters
+        ----------
+        q : (rows, cols, 2) float64
+            LCD positions, px.
+        role : Role
+            Commanded or shown.
+        time_ns : int
+            See `Warp`.
+
+        Returns
+        -------
+        Warp
+            The warp.
+        """
         sigma = np.broadcast_to(np.float64(0.0), q.shape)
         return cls(q, sigma, np.broadcast_to(np.uint16(0), q.shape[:-1]), time_ns, role)
 
@@ -46,11 +70,28 @@ class Warp:
         return np.equal(self.flags, 0)
 
     def copy(self) -> Warp:
-        """The same warp with a q of its own: a shown one's may be a view of the presentation log."""
+        """The same warp with a q of its own: a shown one's may be a view of the presentation log.
+
+        Returns
+        -------
+        Warp
+            The copy.
+        """
         return replace(self, q=self.q.copy())
 
     def less(self, zero: Float | None) -> Warp:
-        """The same warp with `zero`, (rows, cols, 2) LCD px, subtracted; None subtracts nothing."""
+        """The same warp with `zero`, (rows, cols, 2) LCD px, subtracted; None subtracts nothing.
+
+        Parameters
+        ----------
+        zero : (rows, cols, 2) array, optional
+            LCD px.
+
+        Returns
+        -------
+        Warp
+            The difference, with the sigma and flags of this one.
+        """
         return self if zero is None else replace(self, q=self.q - zero)
 
     def __repr__(self) -> str:

@@ -51,13 +51,36 @@ DRIFT_LCD_PX = 0.3
 """Between the rest map and the loop's rest, median over the nodes, from which something moved meanwhile."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Calibration:
     """A bench as calibrated.
 
-    rest: the measured rest map; rest_warp: the same at the nodes of `grid`. peaks: the known presses as read
-    through the calibrated rig. drift_px: median distance of the loop's rest from the rest map, LCD px; NaN
-    without presses. edges: what became of the search for the mirror's edges.
+    Attributes
+    ----------
+    recorded : Recorded
+        Everything that the bench gave.
+    rest : RestMeasurement
+        The measured rest map.
+    grid : NodeGrid
+        The nodes.
+    rest_warp : Warp
+        The rest map at the nodes.
+    fitted : Fit
+        The geometry, with sigma.
+    error : DepthError
+        What the geometry's uncertainty makes of depth.
+    untold : tuple of Blend
+        What the data do not determine.
+    gains : tuple of Gain
+        What to measure next, and what it would bring.
+    verdict : Verdict
+        Whether to trust it, and why.
+    peaks : tuple of Peak
+        The known presses as read through the calibrated rig.
+    drift_px : float
+        Median distance of the loop's rest from the rest map, LCD px; NaN without presses.
+    edges : tuple of EdgeSearch
+        What became of the search for the mirror's edges.
     """
 
     recorded: Recorded
@@ -72,6 +95,12 @@ class Calibration:
     peaks: tuple[Peak, ...]
     drift_px: float
     edges: tuple[EdgeSearch, ...] = ()
+
+    def __repr__(self) -> str:
+        return (
+            f"<Calibration of {self.rig.name!r}: {self.verdict.level} ({self.verdict.reason}), "
+            f"depth within {self.depth_percent:.2g} %>"
+        )
 
     @property
     def rig(self) -> Rig:

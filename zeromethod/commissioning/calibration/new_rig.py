@@ -46,7 +46,23 @@ class Calipers:
 
     @classmethod
     def of(cls, rig: Rig) -> Calipers:
-        """The same of a rig that is there already, for a lens of 50 mm in front of its pixels."""
+        """The same of a rig that is there already, for a lens of 50 mm in front of its pixels.
+
+        Parameters
+        ----------
+        rig : Rig
+            The bench.
+
+        Returns
+        -------
+        Calipers
+            Its measures.
+
+        Raises
+        ------
+        InputError
+            For a rig without a perspective camera, `prism.leg_mm` and a pattern layer.
+        """
         prism, display, camera = rig.prism, rig.display, rig.camera
         if camera.projection != "perspective" or prism.pattern_length_mm is None or not rig.pattern_layers:
             raise InputError(
@@ -124,7 +140,22 @@ def _image_mm(lens_mm: float, focus_mm: float) -> float:
 
 
 def rig_text(calipers: Calipers, name: str, path: Path) -> str:
-    """Text of the rig file, checked as `load_rig` and `check_geometry` would. Raises InputError."""
+    """Text of the rig file, checked as `load_rig` and `check_geometry` would. Raises InputError.
+
+    Parameters
+    ----------
+    calipers : Calipers
+        What was measured.
+    name : str
+        Of the rig.
+    path : Path
+        Of the file, for its comments and for messages.
+
+    Returns
+    -------
+    str
+        The file, TOML with comments.
+    """
     c = calipers
     x, _, z = c.position_mm
     file = shlex.quote(path.name)

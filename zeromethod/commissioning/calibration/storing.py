@@ -43,9 +43,27 @@ def store_calibration(
     home: Path | None = None,
     again: Stored | None = None,
 ) -> Stored:
-    """Write a calibration of the rig `name`; see `folder.store`.
+    """Write a calibration into a dated folder, with a rig file that a session takes.
 
-    again: the calibration whose recording was evaluated again.
+    Parameters
+    ----------
+    found : Calibration
+        What `calibrate` gave.
+    name : str or Path
+        The rig file that it is of, or a packaged name.
+    settings : mapping, optional
+        Keys of the rig file as they were used, not found.
+    pictures : mapping, optional
+        File names, and what draws each.
+    home : Path, optional
+        Where the dated folder is made; calibrations/NAME next to the rig file by default.
+    again : Stored, optional
+        The calibration whose records were evaluated again.
+
+    Returns
+    -------
+    Stored
+        The folder; its `rig_file` is what `Session` takes.
     """
     document = document_of(found)
     if again is not None:

@@ -1,0 +1,298 @@
+"""A session as a person uses it: run, look, run again; closed, interrupted, recorded, on any devices."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from live_devices import RealEye, small_rig
+from recorded_run import small_rig as simulated_rig
+
+import zeromethod as zm
+from zeromethod.devices.protocols import CameraLost, DisplayLost
+from zeromethod.loop.state import LOCK_FRAMES, NULLED
+from zeromethod.session.reading import StepReader
+
+LIVE = ("read surface", "present", "capture", "draw")
+
+
+def live_rig(window: bool = False) -> zm.Rig:
+    return small_rig("live_devices:RealEye", f"live_devices:{'Window' if window else 'RealScreen'}")
+
+
+@pytest.fixture
+def session() -> Iterator[zm.Session]:
+    with zm.Session(simulated_rig("hold")) as opened:
+        yield opened
+
+
+def test_a_second_run_locks_at_once_and_steps_and_time_go_on(session: zm.Session) -> None:
+    first = list(session.run(seconds=0.6))
+    assert first[-1].state is zm.State.LOCKED
+    assert first[-1].peak is not None
+    assert session.loop.status.state is zm.State.STOPPED
+    second = list(session.run(frames=5))
+    assert [step.state for step in second[: LOCK_FRAMES - 1]] == [zm.State.NULLING] * (LOCK_FRAMES - 1)
+    assert [step.state for step in second[LOCK_FRAMES - 1 :]] == [zm.State.LOCKED] * (6 - LOCK_FRAMES)
+    numbers = [step.number for step in [*first, *second]]
+    assert numbers == sorted(set(numbers))
+    times = [step.time_s for step in [*first, *second]]
+    period_s = 1 / session.rig.camera.rate_hz
+    np.testing.assert_allclose(np.diff(times[-7:]), period_s, rtol=0.2)
+    # the mirror is still pressed: the readings go on where they were
+    assert second[0].peak is not None
+    assert second[0].peak.depth_mm == pytest.approx(first[-1].peak.depth_mm, rel=1e-3)
+    assert session.result.dropped == 0
+
+
+def test_figures_are_those_of_both_runs(session: zm.Session) -> None:
+    list(session.run(frames=6))
+    assert session.figures["frames"] == 6
+    list(session.run(frames=4))
+    assert session.figures["frames"] == 10
+    assert [record.number for record in session.result.records] == [*range(1, 7), *range(8, 12)]
+    assert not session.result.interrupted
+    assert session.figures["state"] == str(session.result.records[-1].state)
+
+
+def test_a_run_that_is_left_ends_when_the_next_one_begins(session: zm.Session) -> None:
+    steps = session.run()
+    for _ in range(3):
+        next(steps)
+    again = session.run(frames=2)
+    assert session.loop.status.state is zm.State.STOPPED
+    assert list(steps) == []
+    assert [step.number for step in again] == [5, 6]
+
+
+def test_another_run_may_begin_in_the_body_of_a_loop(session: zm.Session) -> None:
+    for step in session.run(frames=30):
+        if step.number == 3:
+            assert len(list(session.run(frames=2))) == 2
+    assert session.result.frames == 5
+
+
+def test_an_error_in_the_callers_body_ends_the_run_and_the_session_closes() -> None:
+    session = zm.Session(simulated_rig("none"))
+
+    def broken() -> None:
+        with session:
+            for step in session.run(seconds=10):
+                if step.number == 3:
+                    raise ZeroDivisionError("mine")
+
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        broken()
+    assert session.loop.ended is not None
+    assert session.loop.ended.state is zm.State.STOPPED
+    assert session.result.frames == 3
+
+
+def test_after_an_error_in_the_callers_body_the_session_runs_on(session: zm.Session) -> None:
+    def broken() -> None:
+        for _ in session.run(seconds=10):
+            raise ZeroDivisionError("mine")
+
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        broken()
+    assert [step.number for step in session.run(frames=2)] == [3, 4]
+
+
+def test_a_closed_session_refuses_in_one_line_and_closes_again() -> None:
+    session = zm.Session(simulated_rig("none"))
+    steps = session.run(frames=8)
+    next(steps)
+    session.close()
+    assert list(steps) == []
+    with pytest.raises(zm.InputError, match=r"^session: it is closed: open a new one$"):
+        session.run(frames=1)
+    session.close()
+    assert "closed" in repr(session)
+    assert session.result.frames == 1
+
+
+def test_an_interrupt_ends_one_run_and_not_the_next(session: zm.Session) -> None:
+    for step in session.run(seconds=10):
+        if step.number == 3:
+            session.interrupt()
+    assert session.result.interrupted
+    assert session.result.frames == 3
+    assert len(list(session.run(frames=2))) == 2
+    assert not session.result.interrupted
+    session.interrupt()
+    assert len(list(session.run(frames=2))) == 2
+
+
+def test_an_interrupt_before_the_first_run_ends_it(session: zm.Session) -> None:
+    session.interrupt()
+    assert list(session.run(frames=5)) == []
+    assert session.result.interrupted
+
+
+def test_ctrl_c_in_the_loop_ends_the_run_with_what_it_has(session: zm.Session) -> None:
+    def press() -> None:
+        if session.loop._steps == 4:
+            raise KeyboardInterrupt
+
+    session.loop.on_wait = press
+    assert len(list(session.run(frames=10))) == 3
+    assert session.result.interrupted
+
+
+def test_ctrl_c_in_the_callers_body_is_the_callers(session: zm.Session) -> None:
+    def press() -> None:
+        for _ in session.run(frames=10):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        press()
+    assert len(list(session.run(frames=2))) == 2
+
+
+def test_devices_that_were_given_stay_open() -> None:
+    rig = simulated_rig("none")
+    with zm.open_devices(rig) as devices:
+        for _ in range(2):
+            with zm.Session(rig, devices=devices) as session:
+                assert len(list(session.run(frames=3))) == 3
+        assert devices.camera.read(1.0).image.shape == devices.camera.shape
+
+
+def test_an_unknown_rig_is_refused_in_one_line() -> None:
+    with pytest.raises(zm.InputError) as refused:
+        zm.Session("simulatedd")
+    assert "simulatedd" in str(refused.value)
+    assert "simulated," in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_recording_holds_both_runs_and_reads_again_bit_for_bit(tmp_path: Path) -> None:
+    path = tmp_path / "two.h5"
+    with zm.Session(simulated_rig("hold"), record=path) as session:
+        numbers = [step.number for _ in range(2) for step in session.run(frames=5)]
+    assert session.result.recording == ""
+    with zm.open_recording(path) as recording:
+        assert recording.complete
+        steps = recording.steps
+        assert steps["number"][steps["frame_number"] >= 0].tolist() == numbers
+        stopped = [recording.state_of(row) for row in steps].count(zm.State.STOPPED)
+        assert stopped == 2
+        assert zm.replay(recording)["equal"]
+    with pytest.raises(zm.InputError, match=r"two\.h5"):
+        zm.Session(simulated_rig("hold"), record=path)
+
+
+def test_run_by_itself_gives_the_result() -> None:
+    seen: list[zm.Step] = []
+    result = zm.run(simulated_rig("none"), frames=4, on_step=seen.append)
+    assert result.frames == len(seen) == 4
+    assert zm.summarise(result)["frames"] == 4
+
+
+def running() -> list[str]:
+    return [thread.name for thread in threading.enumerate() if thread.name in LIVE]
+
+
+@pytest.mark.timeout(120)
+def test_live_a_second_run_reads_on_without_a_new_process_and_drops_nothing_between() -> None:
+    with zm.Session(live_rig()) as session:
+        first = list(session.run(frames=25))
+        assert first[-1].state in NULLED
+        process = session._surfaces._process
+        assert process is not None
+        assert "read surface" not in running()
+        dropped = session.result.dropped
+        time.sleep(0.5)
+        second = list(session.run(frames=25))
+        assert session._surfaces._process is process
+        assert [step.state in NULLED for step in second[LOCK_FRAMES + 1 :]] == [True] * (24 - LOCK_FRAMES)
+        assert second[0].dropped == 0
+        assert session.result.dropped - dropped < 25  # half a second is 30 frames
+        assert second[0].number == first[-1].number + 2
+        assert second[0].time_s > first[-1].time_s + 0.4
+        assert any(step.surface is not None for step in second)
+    assert running() == []
+    assert process._process.returncode is not None
+
+
+def test_live_a_device_that_is_lost_for_good_ends_the_session_with_its_reason() -> None:
+    with zm.Session(live_rig(window=True)) as session:
+        window: Any = session._devices.display
+
+        def close() -> None:
+            raise DisplayLost("its window was closed")
+
+        for step in session.run(seconds=20):
+            if step.number == 4:
+                window.on_poll = close
+        with pytest.raises(zm.MeasurementError, match=r"^session: it cannot go on: the display is lost: its"):
+            session.run(frames=1)
+    assert session.result.state is zm.State.FAULT
+
+
+def test_live_a_camera_that_came_back_serves_the_next_run() -> None:
+    def lose(_reads: int) -> None:
+        raise CameraLost("cable is out")
+
+    with zm.Session(live_rig()) as session:
+        eye = session._devices.camera
+        assert isinstance(eye, RealEye)
+        for step in session.run(frames=20):
+            if step.number == 5:
+                eye.before_read = lose
+        assert "the camera was opened again" in session.result.notes
+        assert {step.state for step in session.run(frames=12)} & NULLED
+
+
+def test_live_an_error_in_reading_ends_the_run_and_the_next_one_reads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def broken(_step: object) -> Any:
+        raise FloatingPointError("surface")
+
+    with zm.Session(live_rig()) as session:
+        with monkeypatch.context() as patch:
+            patch.setattr(session, "_read", broken)
+            with pytest.raises(FloatingPointError, match="surface"):
+                list(session.run(frames=200))
+        assert any(step.surface is not None for step in session.run(frames=40))
+
+
+def test_live_a_caller_that_is_slow_gets_the_newest_frames() -> None:
+    with zm.Session(live_rig()) as session:
+        for _ in session.run(frames=6):
+            time.sleep(0.1)
+        assert session.result.frames == 6
+        assert len(list(session.run(frames=3))) == 3
+
+
+def test_every_run_closes_its_reader_even_when_its_caller_leaves(
+    session: zm.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed: list[StepReader] = []
+    close = StepReader.close
+    monkeypatch.setattr(StepReader, "close", lambda self: (closed.append(self), close(self))[1])
+    next(session.run())
+    list(session.run(frames=1))
+    assert len(closed) == 2
+
+
+def test_a_session_publishes_at_an_address() -> None:
+    zmq = pytest.importorskip("zmq")
+    with zm.Session(simulated_rig("none"), publisher="tcp://127.0.0.1:*") as session:
+        context = zmq.Context()
+        socket = context.socket(zmq.SUB)
+        socket.connect(session._publisher.address)  # type: ignore[union-attr]
+        socket.subscribe(b"")
+        time.sleep(0.3)
+        list(session.run(frames=3))
+        assert socket.poll(5000)
+        socket.close()
+        context.term()
+    with pytest.raises(zm.InputError, match="nowhere"):
+        zm.Session(simulated_rig("none"), publisher="nowhere")
