@@ -198,7 +198,7 @@ class Bench:
         sensor = ResidualSensor.from_rig(rig, self.rest.grid, Target.from_spec(rig.target).light)
         chip = Sensor(rig)
         light, shown = self.exposed(case)
-        q, trusted = self.warp(case.press_mm), self.rest.seen
+        q, trusted = self.warp(case.press_mm), self.rest.visible
         known = expect(shown, q, trusted, self.rest)
         guess = known.residual_px
         if shown.mixture is not None and shown.mixture.bias_px is not None:

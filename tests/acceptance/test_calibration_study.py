@@ -1,12 +1,11 @@
 """One unknown bench by exact rays: what each set of data leaves of depth, and whether its sigma is true."""
 
-from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks import calibration_study as study
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
 
@@ -14,12 +13,7 @@ pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")
-def study(load_benchmark: Callable[[str], ModuleType]) -> Any:
-    return load_benchmark("calibration_study")
-
-
-@pytest.fixture(scope="module")
-def outcomes(study: Any) -> dict[str, Any]:
+def outcomes() -> dict[str, Any]:
     # nodes as far apart as by half the pixels of the packaged camera
     nominal = study.changed(binned(load_rig("simulated"), 4), target={"period_px": 8})
     return {one.case: one for one in study.study_bench(0, nominal, tests=8)}

@@ -4,13 +4,11 @@ On a bench binned by 4, for speed. Its nodes lie 1.4 mm apart, the dent's sigma 
 costs 0.11 % of the peak; the bars are those of the full size all the same.
 """
 
-from collections.abc import Callable
-from types import ModuleType
-
 import numpy as np
 import pytest
 
 import zeromethod as zm
+from benchmarks.rigs import small_rig
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
 from zeromethod.session.result import RunResult
 from zeromethod.session.summary import summarise
@@ -22,8 +20,8 @@ PROMISED = {
 
 
 @pytest.fixture(scope="module")
-def result(load_benchmark: Callable[[str], ModuleType]) -> RunResult:
-    return zm.run(load_benchmark("rigs").small_rig())
+def result() -> RunResult:
+    return zm.run(small_rig())
 
 
 def test_the_default_run_meets_its_bars(result: RunResult) -> None:

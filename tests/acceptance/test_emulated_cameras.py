@@ -45,18 +45,12 @@ def pictures(rig: Rig) -> NDArray[np.uint8]:
 def rig_with(driver: str, **options: Any) -> Rig:
     """The packaged rig `virtual` on a camera of `driver`, and on no display."""
     rig = load_rig("virtual")
-    known = {
-        name: getattr(rig.camera, name) for name in rig.camera.model_fields_set & set(CameraSpec.model_fields)
-    }
-    camera = CameraSpec.model_validate(
-        known | {"driver": driver, "rate_hz": 20.0, "latency_s": 0.0} | options
-    )
-    lcd = {"driver": "zeromethod.drivers.blank:BlankDisplay"}
-    known = {
-        name: getattr(rig.display, name)
-        for name in rig.display.model_fields_set & set(DisplaySpec.model_fields)
-    }
-    return rig.model_copy(update={"camera": camera, "display": DisplaySpec.model_validate(known | lcd)})
+    fields = {"include": set(CameraSpec.model_fields), "exclude_unset": True}
+    camera = rig.camera.model_dump(**fields) | {"driver": driver, "rate_hz": 20.0, "latency_s": 0.0} | options
+    fields["include"] = set(DisplaySpec.model_fields)
+    display = rig.display.model_dump(**fields) | {"driver": "zeromethod.drivers.blank:BlankDisplay"}
+    tables = {"camera": CameraSpec.model_validate(camera), "display": DisplaySpec.model_validate(display)}
+    return rig.model_copy(update=tables)
 
 
 def until(loop: Loop, reached: Callable[[Step], bool]) -> list[Step]:
@@ -72,19 +66,17 @@ def until(loop: Loop, reached: Callable[[Step], bool]) -> list[Step]:
 
 def rests_is_lost_and_rests_again(rig: Rig, lose: Callable[[], None], regain: Callable[[], None]) -> None:
     with (
-        open_devices(rig) as devices,
-        Loop(
-            rig, devices.camera, devices.display, devices.clock, reopen_camera=devices.reopen_camera
-        ) as loop,
+        open_devices(rig) as opened,
+        Loop(rig, opened.camera, opened.display, opened.clock, reopen_camera=opened.reopen_camera) as loop,
     ):
         nulled = until(loop, lambda step: step.state is State.RESTING)[-1]
         assert nulled.valid_share > 0.98
         lose()
         # a frame that was taken already may still come
-        *seen, lost = [nulled, *until(loop, lambda step: step.state is State.FAULT)]
+        *before, lost = [nulled, *until(loop, lambda step: step.state is State.FAULT)]
         assert {*lost.events} & {Event.CAMERA_LOST, Event.CAMERA_STALLED}
-        # the warp holds meanwhile
-        last = [step for step in seen if step.frame_number is not None][-1]
+        # the warp stays as it is meanwhile
+        last = [step for step in before if step.frame_number is not None][-1]
         np.testing.assert_array_equal(lost.commanded.q, last.commanded.q)
         regain()
         until(loop, lambda step: Event.CAMERA_REOPENED in step.events)

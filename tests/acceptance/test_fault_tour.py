@@ -1,10 +1,8 @@
 """Every planted fault is named, survived where it can be, and never read as a wrong depth."""
 
-from collections.abc import Callable
-from types import ModuleType
-from typing import Any
-
 import pytest
+
+from benchmarks import fault_tour as faults
 
 FAULTS = [
     "one frame dropped",
@@ -23,17 +21,12 @@ FAULTS = [
 ]
 
 
-@pytest.fixture(scope="module")
-def faults(load_benchmark: Callable[[str], ModuleType]) -> Any:
-    return load_benchmark("fault_tour")
-
-
-def test_every_fault_of_the_tour_is_tested(faults: Any) -> None:
+def test_every_fault_of_the_tour_is_tested() -> None:
     assert [fault.name for fault in faults.FAULTS if fault.keys] == FAULTS
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_fault_behind_which_the_press_jumps(faults: Any, name: str) -> None:
+def test_a_fault_behind_which_the_press_jumps(name: str) -> None:
     fault = next(fault for fault in faults.FAULTS if fault.name == name)
     outcome = faults.tour(fault, moving=fault.recovers, frames_after=24)
     assert outcome.named, outcome.events

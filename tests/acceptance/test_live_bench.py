@@ -29,6 +29,15 @@ Line = dict[str, Any]
 
 PRESS = """
 duration_s = 18.0
+phase = [
+    { name = "untouched", from_s = 0.0, to_s = 1.0 },
+    { name = "press", from_s = 1.0, to_s = 2.0 },
+    { name = "hold", from_s = 2.0, to_s = 6.0 },
+    { name = "slide", from_s = 6.0, to_s = 12.0 },
+    { name = "settle", from_s = 12.0, to_s = 13.0 },
+    { name = "lift", from_s = 13.0, to_s = 14.0 },
+    { name = "rest", from_s = 14.0, to_s = 18.0 },
+]
 
 [[press]]
 shape = "gaussian"
@@ -41,41 +50,6 @@ path = [
     { time_s = 13.0, x_mm = 45.0, y_mm = 0.0, depth_mm = 0.2 },
     { time_s = 14.0, x_mm = 45.0, y_mm = 0.0, depth_mm = 0.0 },
 ]
-
-[[phase]]
-name = "untouched"
-from_s = 0.0
-to_s = 1.0
-
-[[phase]]
-name = "press"
-from_s = 1.0
-to_s = 2.0
-
-[[phase]]
-name = "hold"
-from_s = 2.0
-to_s = 6.0
-
-[[phase]]
-name = "slide"
-from_s = 6.0
-to_s = 12.0
-
-[[phase]]
-name = "settle"
-from_s = 12.0
-to_s = 13.0
-
-[[phase]]
-name = "lift"
-from_s = 13.0
-to_s = 14.0
-
-[[phase]]
-name = "rest"
-from_s = 14.0
-to_s = 18.0
 """
 
 START_S = 60.0
@@ -132,7 +106,7 @@ def _headers(address: str, running: subprocess.Popen[str]) -> list[Line]:
     return headers
 
 
-def _beside(headers: list[Line], truth: list[Line]) -> Iterator[tuple[Line, Line]]:
+def _paired(headers: list[Line], truth: list[Line]) -> Iterator[tuple[Line, Line]]:
     """Each reading with the line of the truth nearest in time: both clocks are the host's monotonic one."""
     times_ns = np.array([line["time_ns"] for line in truth])
     for header in headers:
@@ -159,11 +133,11 @@ def test_a_live_run_locks_and_follows_press_slide_and_release_within_one_percent
         text=True,
     )
     headers = _headers(publishing, running)
-    told, _ = running.communicate(timeout=START_S)
-    assert running.returncode == 0, told
+    said, _ = running.communicate(timeout=START_S)
+    assert running.returncode == 0, said
     truth = [json.loads(line) for line in truth_path.read_text().splitlines()[1:]]
     by_phase: dict[str, list[tuple[Line, Line]]] = {}
-    for header, line in _beside(headers, truth):
+    for header, line in _paired(headers, truth):
         by_phase.setdefault(line["phase"], []).append((header, line))
 
     held = _settled(by_phase["hold"])
@@ -191,15 +165,12 @@ def test_a_live_run_locks_and_follows_press_slide_and_release_within_one_percent
     assert not set(figures["events"]) & {"camera timeout", "camera lost", "display lost", "wrong frame"}
 
 
-def _settled(
-    readings: list[tuple[Line, Line]],
-) -> list[tuple[Line, Line]]:
+def _settled(readings: list[tuple[Line, Line]]) -> list[tuple[Line, Line]]:
     first_ns = readings[0][1]["time_ns"]
     return [one for one in readings if one[1]["time_ns"] - first_ns > 1e9 * LOCKING_S]
 
 
 def _free_port() -> int:
-
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

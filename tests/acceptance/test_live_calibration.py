@@ -1,7 +1,7 @@
 """A whole calibration in real time: a monitor, a camera's stream, a hand that presses when it is asked to.
 
-The process that plays prism and camera stands otherwise than the rig file says, of which the calibration is
-told nothing.
+The process that plays prism and camera stands otherwise than the rig file says; the calibration does not
+know that.
 """
 
 from __future__ import annotations

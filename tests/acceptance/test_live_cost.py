@@ -1,43 +1,25 @@
 """What the live path costs: the benchmark's devices, and that it times every variant."""
 
-from collections.abc import Callable, Iterator
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks import live_cost as cost
+from benchmarks import live_running as running
+from benchmarks import memory_devices as bench
+from benchmarks import rigs
 from zeromethod.loop.state import NULLED
-
-pytest.importorskip("zmq")
 
 FRAMES = 30
 
 
 @pytest.fixture(scope="module")
-def cost(load_benchmark: Callable[[str], ModuleType]) -> Any:
-    return load_benchmark("live_cost")
-
-
-@pytest.fixture(scope="module")
-def running(load_benchmark: Callable[[str], ModuleType]) -> Any:
-    return load_benchmark("live_running")
-
-
-@pytest.fixture(scope="module")
-def bench(load_benchmark: Callable[[str], ModuleType]) -> Any:
-    return load_benchmark("memory_devices")
-
-
-@pytest.fixture(scope="module")
-def prepared(load_benchmark: Callable[[str], ModuleType], bench: Any) -> Iterator[Any]:
-    rigs = load_benchmark("rigs")
+def prepared() -> Any:
     return bench.Prepared(rigs.changed(rigs.small_rig(), control={"strips": "edges"}))
 
 
-def test_a_press_made_of_prepared_frames_is_nulled_with_and_without_strips(
-    cost: Any, running: Any, bench: Any, prepared: Any
-) -> None:
+def test_a_press_made_of_prepared_frames_is_nulled_with_and_without_strips(prepared: Any) -> None:
     frames = int(np.flatnonzero(bench.PATH)[0]) + 24
     bare, live = running.run_together((cost.BARE, cost.LIVE), prepared, frames)
     for turns in (bare, live):
@@ -47,7 +29,7 @@ def test_a_press_made_of_prepared_frames_is_nulled_with_and_without_strips(
 
 
 def test_what_was_read_of_the_codes_in_prepared_strips_is_the_delay_of_a_display_of_memory(
-    running: Any, prepared: Any
+    prepared: Any,
 ) -> None:
     with running.Running(running.Variant("in turn, strips", live=False), prepared, FRAMES) as one:
         for _ in range(FRAMES):
@@ -59,7 +41,7 @@ def test_what_was_read_of_the_codes_in_prepared_strips_is_the_delay_of_a_display
     assert abs(estimator.value_ns) < 0.2e6
 
 
-def test_every_variant_is_timed_and_held_against_another(cost: Any, running: Any, prepared: Any) -> None:
+def test_every_variant_is_timed_and_held_against_another(prepared: Any) -> None:
     report = cost.measure(prepared.rig, rounds=1, frames=12)
     header, *rows = report.details
     assert [row[0] for row in rows] == [variant.name for variant in cost.VARIANTS]
@@ -70,7 +52,7 @@ def test_every_variant_is_timed_and_held_against_another(cost: Any, running: Any
     assert report.data["added"].keys() == cost.COMPARED.keys()
 
 
-def test_differences_are_taken_frame_by_frame(cost: Any, running: Any) -> None:
+def test_differences_are_taken_frame_by_frame() -> None:
     def turns(extra_ms: float) -> list[Any]:
         # frames differ by far more than the variants do
         return [running.Timed(n, 10.0 * n + extra_ms, 0.0, 0.0, 0.0, True, []) for n in range(9)]

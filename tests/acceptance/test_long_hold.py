@@ -1,16 +1,16 @@
 """Nothing drifts: a quick version of ten thousand frames at rest and pressed."""
 
-from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks import long_hold
+
 
 @pytest.fixture(scope="module")
-def report(load_benchmark: Callable[[str], ModuleType]) -> Any:
-    return load_benchmark("long_hold").measure(frames=300, settled=80)
+def report() -> Any:
+    return long_hold.measure(frames=300, settled=80)
 
 
 def test_neither_rest_nor_a_held_press_drifts(report: Any) -> None:

@@ -32,31 +32,17 @@ def test_recorded_frames_give_the_warps_and_depths_of_the_reference(reference, t
     optics = Optics(rig)
     circle = make_circle(rig, optics).circle
     reader = SurfaceReader(rig, optics, circle.rest.grid)
-    pictures = zip(
-        reference["pic_before_frame"],
-        reference["pic_time_ns"],
-        reference["pic_q"],
-        reference["pic_code"],
-        reference["pic_seen_ns"],
-        strict=True,
-    )
-    pending = list(pictures)
+    names = ("pic_before_frame", "pic_time_ns", "pic_q", "pic_code", "pic_seen_ns")
+    pending = list(zip(*(reference[name] for name in names), strict=True))
+    names = ("frame_time_ns", "exposure_ns", "number")
+    stamps = zip(*(reference[name].tolist() for name in names), strict=True)
     measured = 0
-    for index, image in enumerate(reference["image"]):
+    for index, (image, stamp) in enumerate(zip(reference["image"], stamps, strict=True)):
         while pending and pending[0][0] <= index:
-            _, time_ns, q, code, seen_ns = pending.pop(0)
-            circle.presented(
-                int(time_ns),
-                q,
-                None if code < 0 else int(code),
-                seen_ns=None if seen_ns < 0 else int(seen_ns),
-            )
-        frame = Frame(
-            image,
-            int(reference["frame_time_ns"][index]),
-            int(reference["exposure_ns"][index]),
-            int(reference["number"][index]),
-        )
+            _, time_ns, q, *numbers = pending.pop(0)
+            code, source_ns = (None if number < 0 else int(number) for number in numbers)
+            circle.presented(int(time_ns), q, code, source_ns=source_ns)
+        frame = Frame(image, *stamp)
         warp = circle.take(frame).measured
         if warp is None:
             assert np.isnan(reference["measured_q"][index]).all()

@@ -1,51 +1,41 @@
 """Stated sigma and covariance against draws of the pixels' noise, all the way to depth."""
 
-from collections.abc import Callable
 from statistics import NormalDist
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks import sigma as benchmark
 from zeromethod.rig.model import KnownRest
 from zeromethod.thread_limits import limit_threads
 
 
 @pytest.fixture(scope="module")
-def benchmark(load_benchmark: Callable[[str], ModuleType]) -> Any:
-    return load_benchmark("sigma")
-
-
-@pytest.fixture(scope="module")
-def bench(benchmark: Any) -> Any:
+def bench() -> Any:
     limit_threads(1)
     return benchmark.Bench()
 
 
 @pytest.fixture(scope="module")
-def draws(benchmark: Any, bench: Any) -> dict[str, Any]:
+def draws(bench: Any) -> dict[str, Any]:
     return {case.name: bench.draws(case) for case in benchmark.CASES}
 
 
-def test_three_noise_levels_at_two_exposures_are_among_the_cases(benchmark: Any) -> None:
+def test_three_noise_levels_at_two_exposures_are_among_the_cases() -> None:
     pressed = [c for c in benchmark.CASES if c.press_mm == 0.2 and not c.two_pictures]
     assert len({c.read_grey for c in pressed}) == 3
     assert len({(c.read_grey, c.exposure) for c in pressed}) == 6
 
 
 @pytest.mark.parametrize("word", ["residual", "warp", "slope", "depth"])
-def test_sigma_is_true(benchmark: Any, draws: dict[str, Any], word: str) -> None:
+def test_sigma_is_true_and_usable_nodes_are_called_valid(draws: dict[str, Any], word: str) -> None:
     for case in benchmark.CASES:
+        assert draws[case.name].valid_share >= 0.95, case.name
         ratio = draws[case.name].ratios(word)
         # 400 draws know a node's deviation to 3.5 %; 99 % of exact ones lie within 9 %
         assert 0.95 < np.median(ratio) < 1.05, case.name
         assert np.mean((ratio > 0.8) & (ratio < 1.2)) >= 0.99, case.name
-
-
-def test_usable_nodes_are_called_valid(benchmark: Any, draws: dict[str, Any]) -> None:
-    for case in benchmark.CASES:
-        assert draws[case.name].valid_share >= 0.95, case.name
 
 
 def test_noise_grows_as_light_gets_less(draws: dict[str, Any]) -> None:
@@ -92,7 +82,7 @@ def assert_median_true(ratio: np.ndarray) -> None:
     assert 0.967 < np.median(ratio) < 1.033
 
 
-def test_covariance_is_true_where_the_anchor_is_known(benchmark: Any) -> None:
+def test_covariance_is_true_where_the_anchor_is_known() -> None:
     """Exact theory: the anchor's weights are fixed, depth is linear in the noise, its draws are Gaussian."""
     rig = benchmark.changed(benchmark.small_rig(), surface={"known_rest": (RIM,)})
     case = next(c for c in benchmark.CASES if c.name == "packaged noise, exposure 1")
@@ -106,7 +96,7 @@ def test_covariance_is_true_where_the_anchor_is_known(benchmark: Any) -> None:
 
 
 @pytest.mark.parametrize("name", ["packaged noise, exposure 1", "high noise, exposure 1"])
-def test_covariance_is_true_where_the_anchor_is_chosen(benchmark: Any, bench: Any, name: str) -> None:
+def test_covariance_is_true_where_the_anchor_is_chosen(bench: Any, name: str) -> None:
     """Every frame chooses its quietest nodes, and sigmas over these nodes differ from frame to frame.
 
     What the frames do not agree on cannot be true in all: their spread is allowed on top of the draws' luck.

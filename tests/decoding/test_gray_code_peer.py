@@ -43,7 +43,7 @@ def test_phase_shifting_beats_gray_code_with_like_many_frames() -> None:
     known = np.isfinite(coded).all(axis=-1)
     coded_rms = np.sqrt(np.mean(np.square(coded - bench.lcd)[known]))
     our_rms = np.sqrt(np.mean(np.square(ours.lcd_px - bench.lcd)))
-    # 1.5 px of blur dims Gray code's narrowest stripes: it gives up where they cannot be told.
+    # 1.5 px of blur dims Gray code's narrowest stripes: it gives up where they cannot be resolved.
     assert ours.valid.all()
     assert known.mean() < 0.6
     # Whole pixels at best: 1 / sqrt(12) = 0.29 px. Phases: 0.025 px.

@@ -12,7 +12,6 @@ from zeromethod.decoding.periods import (
     choose_periods,
     order_error,
     rivals,
-    separation,
     unambiguous_range,
 )
 from zeromethod.decoding.unwrapping import unwrap
@@ -37,7 +36,7 @@ def wrong_share(periods: tuple[float, ...], phase_sigma: float, seed: int = 0) -
     phasors = decode_phasors(frames, sequence)
     every = np.ones(x.shape, dtype=bool)
     found = unwrap(phasors, 0, NoiseModel(sigma_grey**2, 0.0), np.full(x.shape, 120, np.float32), SIZE, every)
-    # The decoder's own sigma is far below half the shortest period, so this tells orders, not noise.
+    # The decoder's own sigma is far below half the shortest period, so this counts wrong orders, not noise.
     assert np.nanmedian(found.phase_sigma_rad) == pytest.approx(phase_sigma, rel=0.05)
     return float(np.mean(np.abs(found.x_px - x) > 4))
 
@@ -56,12 +55,12 @@ def test_close_periods_confuse_places_and_spread_ones_do_not() -> None:
     ("periods", "sigma"),
     [((9.0, 64.0, 128.0), 0.025), ((16.0, 18.0, 19.0), 0.11), ((24.0, 25.0, 26.0, 27.0), 0.1)],
 )
-def test_the_bound_foretells_the_share_of_wrong_orders(periods: tuple[float, ...], sigma: float) -> None:
-    foretold, found = order_error(periods, sigma, SIZE), wrong_share(periods, sigma)
-    assert 0.005 < foretold < 0.1  # rare enough for the union bound, common enough for 40,000 draws
+def test_the_bound_predicts_the_share_of_wrong_orders(periods: tuple[float, ...], sigma: float) -> None:
+    predicted, found = order_error(periods, sigma, SIZE), wrong_share(periods, sigma)
+    assert 0.005 < predicted < 0.1  # rare enough for the union bound, common enough for 40,000 draws
     # 0.005 of 40,000 draws is known to 7 %. The bound counts rivals twice that are confused together; phases
     # of a tenth of a radian have tails a little wider than Gaussian.
-    assert 0.7 * foretold < found < 1.25 * foretold
+    assert 0.7 * predicted < found < 1.25 * predicted
 
 
 def test_rivals_of_two_periods_lie_at_their_multiples() -> None:
@@ -75,7 +74,7 @@ def test_rivals_of_two_periods_lie_at_their_multiples() -> None:
 def test_default_periods_keep_every_place_apart(size: int) -> None:
     periods = choose_periods(size)
     assert len(periods) == 4
-    assert separation(periods, size) > SEPARATION_RAD
+    assert rivals(periods, 1.0, size)[1].min() > SEPARATION_RAD
     # 0.05 rad is three times the noise of two grey levels at an amplitude of 80, six shifts.
     assert order_error(periods, 0.05, size) < 1e-15
     assert unambiguous_range(periods, 0.05) > size

@@ -108,8 +108,8 @@ def test_the_mix_weighs_pictures_by_the_light_of_their_row() -> None:
 def test_the_age_of_what_is_shown_is_weighted_by_its_light() -> None:
     log = PresentationLog(REST.q.shape[:2])
     log.record(0, REST.q)
-    log.record(60 * MS, REST.q, seen_ns=30 * MS)
-    log.record(77 * MS, REST.q, seen_ns=50 * MS)
+    log.record(60 * MS, REST.q, source_ns=30 * MS)
+    log.record(77 * MS, REST.q, source_ns=50 * MS)
     early = paired(log, 60)
     assert early.age_ns is None  # the first picture was made from no frame
     observed = paired(log, 130)

@@ -117,7 +117,7 @@ class NodeBench:
         self.pictures.append((self.now_s, q.copy()))
         # older ones have faded
         self.pictures = self.pictures[-7:]
-        self.circle.presented(round(1e9 * self.now_s), q, seen_ns=self.circle.seen_ns)
+        self.circle.presented(round(1e9 * self.now_s), q, source_ns=self.circle.source_ns)
 
     def _weights(self, row: np.ndarray, start_s: float) -> np.ndarray:
         """(pictures, rows, cols): light of each picture in each node, summed over many instants."""

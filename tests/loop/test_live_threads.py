@@ -121,7 +121,7 @@ def test_only_the_newest_picture_is_shown_when_the_display_is_slow() -> None:
         what.post(np.array([float(k)]), 100 + k)
     pen.go.set()
     # codes count what was shown, not what was asked for
-    done = [(float(one.q[0]), one.seen_ns, one.code) for one in collected(what, 2)]
+    done = [(float(one.q[0]), one.source_ns, one.code) for one in collected(what, 2)]
     assert done == [(0.0, 100, 0), (29.0, 129, 1)]
     assert what.collect() == []
     what.close()

@@ -16,7 +16,7 @@ SIGMA_LCD_PX = 0.84 * SIGMA_PX
 
 def warp(away: np.ndarray | float, hidden: np.ndarray | None = None) -> Warp:
     q = REST.q + away + SIGMA_LCD_PX * RNG.standard_normal(REST.q.shape)
-    flags = np.where(REST.seen, np.uint16(0), np.uint16(Flag.OUTSIDE))
+    flags = np.where(REST.visible, np.uint16(0), np.uint16(Flag.OUTSIDE))
     if hidden is not None:
         flags[hidden] = Flag.MODULATION
     q[flags != 0] = np.nan
@@ -44,7 +44,7 @@ def test_planted_drift_comes_back_to_the_noise_of_eight_frames() -> None:
         zero = taken(*[away] * FRAMES)
         assert isinstance(zero, np.ndarray)
         assert np.isfinite(zero).all()
-        error = (zero - away)[REST.seen]
+        error = (zero - away)[REST.visible]
         assert error.std() == pytest.approx(SIGMA_LCD_PX / FRAMES**0.5, rel=0.1)
         # nodes that are not visible get the smooth part, at the rim of what it was fitted to
         assert np.abs(zero - away).max() < 0.05
@@ -78,7 +78,7 @@ def test_too_much_is_no_drift() -> None:
 
 
 def test_half_a_mirror_is_not_enough() -> None:
-    hidden = np.zeros_like(REST.seen)
+    hidden = np.zeros_like(REST.visible)
     hidden[: int(0.6 * len(hidden))] = True
     assert taken(*[0.0] * FRAMES, hidden=hidden) == NoZero("too much of the mirror is hidden")
     hidden[int(0.3 * len(hidden)) :] = False

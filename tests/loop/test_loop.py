@@ -85,8 +85,8 @@ def test_the_simulated_bench_locks_at_rest_and_on_a_sudden_press() -> None:
     lit_ms = 1e3 * (
         rig.display.latency_s + 0.5 / rig.display.refresh_hz + rig.display.rise_s * log(2) / log(9)
     )
-    drawn = next(s for s in steps if s.presented and s.presented[-1].seen_ns is not None)
-    after_ms = 1e-6 * (drawn.presented[-1].time_ns - drawn.presented[-1].seen_ns)
+    drawn = next(s for s in steps if s.presented and s.presented[-1].source_ns is not None)
+    after_ms = 1e-6 * (drawn.presented[-1].time_ns - drawn.presented[-1].source_ns)
     assert drawn.delay_ms == pytest.approx(after_ms + lit_ms)
     mixed = [s for s in steps if Event.PICTURES_MIXED in s.events]
     assert mixed

@@ -3,9 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
+
+
+@dataclass(frozen=True)
+class Press:
+    """Depth height exp(-((l - at) / width)^2) and its slope."""
+
+    height: float
+    at: float
+    width: float
+
+    def depth(self, l):  # noqa: E741
+        return self.height * np.exp(-(((l - self.at) / self.width) ** 2))
+
+    def slope(self, l):  # noqa: E741
+        return -2 * (l - self.at) / self.width**2 * self.depth(l)
+
 
 Depth = Callable[[float], float]
 

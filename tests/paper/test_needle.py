@@ -33,7 +33,7 @@ def test_equation_17_on_its_own_model_stays_within_the_papers_bounds(result):
 
 @pytest.mark.parametrize("spacing_px", [1.0, 4.0, 6.0])
 def test_the_depth_bound_holds_for_other_spacings_too(spacing_px):
-    found = column(Needle(), "", exact=False, invert="equation 17", spacing_px=spacing_px)
+    found = column(Needle(), exact=False, invert="equation 17", spacing_px=spacing_px)
     assert max(found.rises.depth_px, found.drops.depth_px, found.average.depth_px) < PAPER_DEPTH_ERROR_PX
 
 

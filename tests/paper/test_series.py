@@ -2,27 +2,25 @@ import numpy as np
 import pytest
 
 from zeromethod.errors import InputError, MeasurementError
-from zeromethod.paper.forward import exact_picks, printed_picks
+from zeromethod.paper.needle import exact_picks, printed_picks
 from zeromethod.paper.series import reconstruct
+
+from .plane_rays import Press
 
 LENGTH, PEAK, WIDTH = 85.0, 0.2, 6.0
 BENCH = {"alpha0": np.pi / 4, "beta0": np.pi / 4, "length": LENGTH}
 
 
-def _depth(at):
-    return PEAK * np.exp(-(((at - 45.0) / WIDTH) ** 2) / 2)
+PRESS = Press(PEAK, 45.0, WIDTH * np.sqrt(2))
+_depth = PRESS.depth
 
 
 def _theta(at):
-    return np.arctan(-(at - 45.0) / WIDTH**2 * _depth(at))
-
-
-def _points(spacing):
-    return np.arange(4.0, 82.0, spacing)
+    return np.arctan(PRESS.slope(at))
 
 
 def _error(spacing, **options):
-    at = _points(spacing)
+    at = np.arange(4.0, 82.0, spacing)
     m, w = exact_picks(at, _depth(at), _theta(at), **BENCH)
     return reconstruct(m, w, **BENCH, rim=0.0, **options), at
 
@@ -61,7 +59,7 @@ def test_a_closed_rim_finds_the_slope_that_a_straight_start_cannot():
 
 
 def test_equation_17_recovers_a_shallow_press_of_its_own_model():
-    at = _points(0.25)
+    at = np.arange(4.0, 82.0, 0.25)
     m, w = printed_picks(at, _depth(at), _theta(at), **BENCH)
     series = reconstruct(m, w, **BENCH, step="centred", rim=0.0, keep_gamma=False)
     # theta is short by (8/3) theta^3: at 20 mrad 0.1 % of the slope

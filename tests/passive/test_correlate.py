@@ -1,17 +1,17 @@
 """Image correlation against planted displacements: every texture, sign, size, noise."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from zeromethod.errors import InputError
 from zeromethod.passive import Displacement, Doubt, correlate
 
-_spec = importlib.util.spec_from_file_location("planted", Path(__file__).with_name("planted.py"))
-planted = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(planted)
+from . import planted
+
+
+def matched(texture, field, noise_grey: float = 0.0, **options) -> Displacement:
+    """What is found between a texture's reference and image."""
+    return correlate(*planted.pair(texture, field, noise_grey), **options)
 
 
 def errors(found: Displacement, field) -> np.ndarray:
@@ -25,8 +25,7 @@ def errors(found: Displacement, field) -> np.ndarray:
 )
 def test_any_texture_gives_a_planted_bump_below_a_hundredth_of_a_pixel(texture, share: float) -> None:
     field = planted.bump(2.5, 40.0)
-    reference, image = planted.pair(texture, field)
-    found = correlate(reference, image)
+    found = matched(texture, field)
     # The border's points, whose pixels may have left the image, are the rest.
     assert found.valid.mean() > share
     # No noise: what is left is what quadratics under the windows do not follow of the bump.
@@ -34,15 +33,13 @@ def test_any_texture_gives_a_planted_bump_below_a_hundredth_of_a_pixel(texture, 
 
 
 def test_what_moved_right_and_down_is_positive() -> None:
-    reference, image = planted.pair(planted.speckle(), lambda u, v: (0 * u + 3.25, 0 * v + 1.75))
-    found = correlate(reference, image)
+    found = matched(planted.speckle(), lambda u, v: (0 * u + 3.25, 0 * v + 1.75))
     assert np.median(found.du[found.valid]) == pytest.approx(3.25, abs=0.002)
     assert np.median(found.dv[found.valid]) == pytest.approx(1.75, abs=0.002)
 
 
 def test_points_are_centres_of_squares_on_whole_pixels() -> None:
-    reference, image = planted.pair(planted.speckle(), planted.lens(0.0))
-    found = correlate(reference, image, spacing_px=7)
+    found = matched(planted.speckle(), planted.lens(0.0), spacing_px=7)
     np.testing.assert_array_equal(found.u[0, :3], [3.0, 10.0, 17.0])
     np.testing.assert_array_equal(found.v[:3, 0], [3.0, 10.0, 17.0])
 
@@ -54,8 +51,7 @@ def test_speckle_is_found_again_tens_of_pixels_away() -> None:
         du, dv = field(u, v)
         return du - 31.3, dv + 17.6
 
-    reference, image = planted.pair(planted.speckle(), far)
-    found = correlate(reference, image)
+    found = matched(planted.speckle(), far)
     # 31 of 260 columns and 18 of 200 rows have left the image.
     assert found.valid.mean() > 0.7
     assert np.sqrt(np.mean(errors(found, far) ** 2)) < 0.01
@@ -65,8 +61,7 @@ def test_speckle_is_found_again_tens_of_pixels_away() -> None:
 def test_a_regular_texture_is_followed_over_more_than_a_period_from_where_it_rests(texture) -> None:
     # Half of a period is 8 px (lattice) and 10 px (checker's diagonal); the corners move by 16 px.
     field = planted.lens(0.1)
-    reference, image = planted.pair(texture, field)
-    found = correlate(reference, image)
+    found = matched(texture, field)
     length = np.hypot(found.du, found.dv)[found.valid]
     assert length.max() > 11.0
     assert found.valid.mean() > 0.6
@@ -79,8 +74,7 @@ def test_the_frame_before_carries_a_regular_texture_over_any_number_of_periods()
     for height in (6.0, 12.0, 18.0, 24.0):
         # A bump alone: the rim stays where it is, the middle moves by one and a half periods.
         field = planted.bump(height, 30.0)
-        reference, image = planted.pair(texture, field)
-        before = correlate(reference, image, guess=before)
+        before = matched(texture, field, guess=before)
     middle = before.valid & (np.hypot(before.u - 130, before.v - 100) < 15)
     assert middle.any()
     du, dv = field(before.u, before.v)

@@ -9,8 +9,7 @@ import pytest
 from zeromethod.passive import correlate
 from zeromethod.passive.measure import read_grey
 
-_BESIDE = Path(__file__).resolve().parents[3] / "shared" / "data"
-DATA = Path(os.environ.get("ZEROMETHOD_DATA", _BESIDE))
+DATA = Path(os.environ.get("ZEROMETHOD_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="no folder of photographs (ZEROMETHOD_DATA)")
 
 
@@ -44,11 +43,11 @@ def test_dic_challenge_within_the_bars_over_the_whole_image() -> None:
 def test_checkerboard_field_is_smooth_and_grows_smoothly_over_all_photographs() -> None:
     folder = DATA / "checkerboard"
     reference = read_grey(folder / "image01.tif")
-    before, grown, shown = None, [], None
+    before, grown, last = None, [], None
     for number in range(2, 19):
         before = correlate(reference, read_grey(folder / f"image{number:02d}.tif"), guess=before)
         inside = (np.abs(before.u - 150) < 35) & (np.abs(before.v - 125) < 35)
-        # The middle of the dome is in sight on every photograph.
+        # The middle of the dome is in view on every photograph.
         assert before.valid[inside].mean() > 0.95
         field = np.where(before.valid[..., None], before.field, np.nan)
         # Smooth: a wrong order would be a step of 11 px or more, half of the texture's period.
@@ -57,10 +56,10 @@ def test_checkerboard_field_is_smooth_and_grows_smoothly_over_all_photographs() 
             assert np.nanmax(np.abs(np.diff(field, axis=axis))) < 6.0
             assert np.nanmax(np.abs(np.diff(field[rows, cols], axis=axis))) < 1.0
         now = field[inside]
-        if shown is not None:
+        if last is not None:
             # Growing smoothly: from one photograph to the next, no point of the middle moves by a period.
-            assert np.nanmax(np.abs(now - shown)) < 1.5
-        shown = now
+            assert np.nanmax(np.abs(now - last)) < 1.5
+        last = now
         grown.append(np.nanmean(now[:, 1]))
     assert np.all(np.diff(grown) < 0.02)
     assert grown[-1] < -1.5

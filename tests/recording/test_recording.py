@@ -90,7 +90,7 @@ def test_all_pictures_are_there_with_their_warps(truth: Truth, opened: Recording
     rows = opened.presentation_log[: len(shown)]
     for index, ((one, after), row) in enumerate(zip(shown, rows, strict=True)):
         assert (row["time_ns"], row["after_step"]) == (one.time_ns, after)
-        assert row["newest_frame_ns"] == (-1 if one.seen_ns is None else one.seen_ns)
+        assert row["newest_frame_ns"] == (-1 if one.source_ns is None else one.source_ns)
         q = opened.picture_q(index)
         assert q is not None
         assert q.tobytes() == one.q.tobytes()

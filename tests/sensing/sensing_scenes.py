@@ -9,6 +9,8 @@ SHAPE = (256, 320)
 PERIOD = 16
 GRID = NodeGrid(SHAPE, PERIOD)
 QUIET = Noise()
+NOISE = Noise(read_grey=2.0, electrons_per_grey=150.0, black_grey=4.0)
+INNER = GRID.inner
 
 
 def pixels(shape=SHAPE):
@@ -30,16 +32,22 @@ def lattice(u, v, period=PERIOD):
     return np.where(dark, 0.05, 0.95)
 
 
-def seen(light, du=0.0, dv=0.0, shape=SHAPE, samples=1):
+def bump(width, centre=(160, 128)):
+    """Gaussian of height 1 at `centre` (u, v), px."""
+    u, v = pixels()
+    return np.exp(-((u - centre[0]) ** 2 + (v - centre[1]) ** 2) / (2 * width**2))
+
+
+def observed(light, du=0.0, dv=0.0, shape=SHAPE, samples=1):
     """Light averaged over each pixel's area (`samples` per axis) of target((u, v) + d)."""
     u, v = pixels(shape)
     part = (np.arange(samples) + 0.5) / samples - 0.5
     return np.mean([light(u + du + a, v + dv + b) for a in part for b in part], axis=0)
 
 
-def seen_periodic(light, du, dv, samples=40):
-    """As `seen` for a uniform shift and a periodic light: one tile, finely averaged."""
-    tile = seen(light, du, dv, (PERIOD, PERIOD), samples)
+def observed_periodic(light, du, dv, samples=40):
+    """As `observed` for a uniform shift and a periodic light: one tile, finely averaged."""
+    tile = observed(light, du, dv, (PERIOD, PERIOD), samples)
     return np.tile(tile, [n // PERIOD for n in SHAPE])
 
 
@@ -51,6 +59,11 @@ def exposed(light, bits=16, full=0.8, black=0.0, rng=None, noise=QUIET):
         variance = noise.read_grey**2 + (grey - black) / (noise.electrons_per_grey or np.inf)
         grey = grey + rng.standard_normal(grey.shape) * np.sqrt(variance)
     return np.clip(np.rint(grey), 0, top).astype(np.uint8 if bits == 8 else np.uint16)
+
+
+def camera(light, seed=1, noise=NOISE):
+    """Eight bits of a light with noise, black at 4 grey levels."""
+    return exposed(light, 8, black=4.0, rng=np.random.default_rng(seed), noise=noise)
 
 
 def at_nodes(field, grid=GRID):

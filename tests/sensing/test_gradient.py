@@ -5,9 +5,7 @@ from zeromethod.rig.model import Noise
 from zeromethod.sensing import ResidualSensor
 from zeromethod.warp.validity import Flag
 
-from .sensing_scenes import GRID, SHAPE, exposed, seen
-
-INNER = GRID.inner
+from .sensing_scenes import GRID, INNER, SHAPE, exposed, observed
 
 
 def texture():
@@ -43,7 +41,7 @@ def exact():
 def test_one_step_converges_quadratically(exact):
     errors = []
     for scale in (0.4, 0.2):
-        d = exact.measure(exposed(seen(LIGHT, 0.5 * scale, -scale))).d[INNER]
+        d = exact.measure(exposed(observed(LIGHT, 0.5 * scale, -scale))).d[INNER]
         errors.append(np.sqrt(np.mean((d - (0.5 * scale, -scale)) ** 2)))
     # curvature of the texture: error ~ d^2; halving d leaves at most 0.3 of it (0.25 and rounding)
     assert errors[0] < 0.03
@@ -51,7 +49,7 @@ def test_one_step_converges_quadratically(exact):
 
 
 def test_brightness_and_contrast_do_not_matter(exact):
-    light = seen(LIGHT, 0.1, 0.05)
+    light = observed(LIGHT, 0.1, 0.05)
     one = exact.measure(exposed(light)).copy()
     two = exact.measure(exposed(0.1 + 0.7 * light))
     assert np.median(np.abs(one.d[INNER] - two.d[INNER])) < 2e-5  # quantisation
@@ -59,7 +57,7 @@ def test_brightness_and_contrast_do_not_matter(exact):
 
 def test_sigma_matches_monte_carlo(sensor):
     rng = np.random.default_rng(2)
-    light = seen(LIGHT)
+    light = observed(LIGHT)
     frames = [sensor.measure(exposed(light, 8, rng=rng, noise=NOISE)).copy() for _ in range(150)]
     spread = np.std([f.d[INNER] for f in frames], axis=0, ddof=1)
     ratio = np.median(spread / np.median([f.sigma[INNER] for f in frames], axis=0))
@@ -69,7 +67,7 @@ def test_sigma_matches_monte_carlo(sensor):
 
 
 def test_another_part_of_the_texture_is_not_trusted(sensor):
-    residual = sensor.measure(exposed(seen(LIGHT, 57.0, 33.0), 8))
+    residual = sensor.measure(exposed(observed(LIGHT, 57.0, 33.0), 8))
     assert residual.valid[INNER].mean() < 0.2
     assert (residual.flags[INNER] & Flag.AMBIGUOUS > 0).mean() > 0.5
 

@@ -1,4 +1,4 @@
-"""Light that the optics foretell, taken out of the image before the carrier is read."""
+"""Light that the optics predict, taken out of the image before the carrier is read."""
 
 import numpy as np
 import pytest
@@ -8,19 +8,12 @@ from zeromethod.sensing import ResidualSensor
 from zeromethod.sensing.shading import level, noise_factor
 from zeromethod.warp.validity import Flag
 
-from .sensing_scenes import GRID, SHAPE, at_nodes, cosines, exposed, pixels, seen
-
-INNER = GRID.inner
-NOISE = Noise(read_grey=2.0, electrons_per_grey=150.0, black_grey=4.0)
+from .sensing_scenes import GRID, INNER, NOISE, SHAPE, at_nodes, camera, cosines, observed, pixels
 
 
 @pytest.fixture
 def sensor() -> ResidualSensor:
     return ResidualSensor(GRID, "cosines", NOISE, 8)
-
-
-def camera(light: np.ndarray, seed: int = 1) -> np.ndarray:
-    return exposed(light, 8, black=4.0, rng=np.random.default_rng(seed), noise=NOISE)
 
 
 def kinked() -> np.ndarray:
@@ -29,19 +22,19 @@ def kinked() -> np.ndarray:
     return np.clip(1 - 0.05 * np.sqrt(np.clip(150 - u, 0, None)), 0.45, 1).astype(np.float32)
 
 
-def test_a_kink_of_the_light_costs_nothing_when_it_was_foretold(sensor: ResidualSensor) -> None:
-    image, share = camera(kinked() * seen(cosines, 0.4, -0.2)), kinked()
-    unwarned = sensor.measure(image).copy()
-    foretold = sensor.measure(image, light_share=share)
-    assert (unwarned.flags[INNER] & Flag.LIGHT_LOST > 0).mean() > 0.05
-    assert foretold.valid[INNER].all()
-    wrong = np.abs((foretold.d[INNER] - (0.4, -0.2)) / foretold.sigma[INNER])
+def test_a_kink_of_the_light_costs_nothing_when_it_was_predicted(sensor: ResidualSensor) -> None:
+    image, share = camera(kinked() * observed(cosines, 0.4, -0.2)), kinked()
+    unlevelled = sensor.measure(image).copy()
+    predicted = sensor.measure(image, light_share=share)
+    assert (unlevelled.flags[INNER] & Flag.LIGHT_LOST > 0).mean() > 0.05
+    assert predicted.valid[INNER].all()
+    wrong = np.abs((predicted.d[INNER] - (0.4, -0.2)) / predicted.sigma[INNER])
     assert wrong.max() < 5  # of 2000 numbers, at a bias below one sigma
 
 
 def test_sigma_is_that_of_the_light_there_was(sensor: ResidualSensor) -> None:
     share = kinked()
-    light = share * seen(cosines)
+    light = share * observed(cosines)
     frames = [sensor.measure(camera(light, seed), light_share=share).copy() for seed in range(40)]
     spread = np.std([f.d[INNER] for f in frames], axis=0, ddof=1)
     sigma = frames[0].sigma[INNER]
@@ -54,7 +47,7 @@ def test_sigma_is_that_of_the_light_there_was(sensor: ResidualSensor) -> None:
 
 @pytest.mark.parametrize("left", [0.05, 0.1, 0.2])
 def test_a_touch_in_dim_and_in_bright_places_is_still_light_lost(sensor: ResidualSensor, left: float) -> None:
-    rest, share = seen(cosines), kinked()
+    rest, share = observed(cosines), kinked()
     sensor.set_reference(sensor.measure(camera(rest)))
     u, v = pixels()
     for at in (60, 240):
@@ -68,7 +61,7 @@ def test_a_touch_in_dim_and_in_bright_places_is_still_light_lost(sensor: Residua
 
 
 def test_dimming_by_fresnel_alone_is_not_light_lost(sensor: ResidualSensor) -> None:
-    rest = seen(cosines)
+    rest = observed(cosines)
     sensor.set_reference(sensor.measure(camera(rest)))
     dim = np.full(SHAPE, 0.25, np.float32)
     assert (sensor.measure(camera(dim * rest)).flags[INNER] & Flag.LIGHT_LOST > 0).all()
@@ -86,5 +79,5 @@ def test_read_noise_counts_inversely_and_shot_noise_by_the_root() -> None:
     share, grey = np.array([0.25], np.float32), np.array([104.0], np.float32)
     assert noise_factor(grey, share, Noise(read_grey=2.0, electrons_per_grey=None)) == pytest.approx(4.0)
     faint = Noise(read_grey=0.0, electrons_per_grey=0.01)
-    # the rounding of grey levels is all that does not go by the root: 1/12 beside 10,400
+    # the rounding of grey levels is all that does not go by the root: 1/12 against 10,400
     assert noise_factor(grey, share, faint) == pytest.approx(2.0, rel=1e-4)

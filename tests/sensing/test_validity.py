@@ -1,14 +1,24 @@
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter
 
-from zeromethod.rig.model import Noise
 from zeromethod.sensing import ResidualSensor
 from zeromethod.warp.validity import Flag
 
-from .sensing_scenes import GRID, QUIET, SHAPE, at_nodes, cosines, exposed, pixels, seen
-
-INNER = GRID.inner
-NOISE = Noise(read_grey=2.0, electrons_per_grey=150.0, black_grey=4.0)
+from .sensing_scenes import (
+    GRID,
+    INNER,
+    NOISE,
+    QUIET,
+    SHAPE,
+    at_nodes,
+    bump,
+    camera,
+    cosines,
+    exposed,
+    observed,
+    pixels,
+)
 
 
 @pytest.fixture
@@ -16,18 +26,9 @@ def sensor():
     return ResidualSensor(GRID, "cosines", NOISE, 8)
 
 
-def camera(light):
-    return exposed(light, 8, black=4.0, rng=np.random.default_rng(1), noise=NOISE)
-
-
 def window_share(mask):
     """Share of the +-P px round each node that `mask` covers."""
-    total = np.zeros(GRID.shape)[INNER]
-    rows, cols = (axis[s].astype(int) for axis, s in zip((GRID.v_px, GRID.u_px), INNER, strict=True))
-    for i, r in enumerate(rows):
-        for j, c in enumerate(cols):
-            total[i, j] = mask[r - 16 : r + 16, c - 16 : c + 16].mean()
-    return total
+    return at_nodes(uniform_filter(mask.astype(float), 32))
 
 
 def test_dark_frame_is_flagged_everywhere(sensor):
@@ -49,7 +50,7 @@ def test_noise_alone_is_hardly_ever_taken_for_a_carrier(sensor):
 
 
 def test_saturation_flags_the_windows_that_hold_it(sensor):
-    image = camera(seen(cosines))
+    image = camera(observed(cosines))
     clipped = np.zeros(SHAPE, bool)
     clipped[100:130, 150:190] = True
     image[clipped] = 255
@@ -60,20 +61,20 @@ def test_saturation_flags_the_windows_that_hold_it(sensor):
 
 
 def test_a_hot_pixel_is_not_saturation(sensor):
-    image = camera(seen(cosines))
+    image = camera(observed(cosines))
     image[100, 100] = 255
     assert sensor.measure(image).flags[INNER].max() == 0
 
 
 def test_saturation_is_the_cameras_ceiling_not_the_words():
     sensor = ResidualSensor(GRID, "cosines", QUIET, 12)
-    light = seen(cosines)
+    light = observed(cosines)
     assert (sensor.measure(exposed(light, 12, full=1.3)).flags[INNER] & Flag.SATURATED).all()
     assert not (sensor.measure(exposed(light, 12, full=1.0)).flags[INNER] & Flag.SATURATED).any()
 
 
 def test_light_lost_against_the_reference(sensor):
-    rest = seen(cosines)
+    rest = observed(cosines)
     u, _ = pixels()
     smooth = 1 - 0.9 / (1 + np.exp(-(u - 200) / 60.0))
     dim = camera(smooth * rest)
@@ -90,7 +91,7 @@ def test_light_lost_against_the_reference(sensor):
 
 def test_no_valid_node_beside_a_contact_is_wrong(sensor):
     """A hard dark patch: what is not flagged is right, what does not see it is not flagged."""
-    light = seen(cosines, 0.4, -0.2)
+    light = observed(cosines, 0.4, -0.2)
     patch = np.zeros(SHAPE, bool)
     patch[90:150, 120:200] = True
     light[patch] = 0.0
@@ -107,7 +108,7 @@ def test_no_valid_node_beside_a_contact_is_wrong(sensor):
 
 @pytest.mark.parametrize("drop", [0.05, 0.15, 0.3, 0.5, 0.8])
 def test_partial_loss_of_light_at_an_edge(sensor, drop):
-    light = seen(cosines)
+    light = observed(cosines)
     light[:, 160:] *= 1 - drop
     residual = sensor.measure(camera(light))
     # what may stay unflagged is a step of 8 to 10 %: 2.5 px x 0.08, or its like further off
@@ -116,7 +117,5 @@ def test_partial_loss_of_light_at_an_edge(sensor, drop):
 
 
 def test_strain_of_a_sudden_press_is_not_an_edge_of_light(sensor):
-    u, v = pixels()
-    bump = np.exp(-((u - 160) ** 2 + (v - 128) ** 2) / (2 * 45.0**2))
-    residual = sensor.measure(camera(seen(cosines, 20 * bump, -15 * bump)))
+    residual = sensor.measure(camera(observed(cosines, 20 * bump(45.0), -15 * bump(45.0))))
     assert (residual.flags[INNER] & Flag.LIGHT_LOST > 0).mean() < 0.01

@@ -1,43 +1,37 @@
 import numpy as np
 import pytest
-from surface_bench import Bench, Gauss, small_rig
+from surface_bench import Gauss
 
 from zeromethod.surface.lever import Lever
 from zeromethod.surface.rays import MirrorRays
 
 
 @pytest.fixture(scope="module")
-def bench():
-    return Bench(small_rig())
+def pixels(small):
+    return [axis[small.grid.inner] for axis in small.grid.mesh()]
 
 
 @pytest.fixture(scope="module")
-def rays(bench):
-    u, v = bench.grid.mesh()
-    return MirrorRays(bench.optics, u[bench.grid.inner], v[bench.grid.inner])
+def rays(small, pixels):
+    return MirrorRays(small.optics, *pixels)
 
 
 @pytest.fixture(scope="module")
-def lever(bench, rays):
-    u, v = bench.grid.mesh()
-    inner = bench.grid.inner
-    return Lever(rays, np.nan_to_num(bench.optics.sensitivity(u[inner], v[inner]), nan=1.0))
-
-
-def isotropic(shape):
-    return np.broadcast_to(np.eye(2), (*shape, 2, 2)).copy()
+def lever(small, rays, pixels):
+    return Lever(rays, np.nan_to_num(small.optics.sensitivity(*pixels), nan=1.0))
 
 
 @pytest.mark.parametrize("peak_mm", [0.0, 0.2])
-def test_factor_is_the_slope_that_a_small_step_on_the_panel_makes(bench, rays, lever, peak_mm):
-    """At the pressed mirror itself: by exact rays, the points held."""
-    dent = Gauss(peak_mm, bench.centre_mm - 8.0, 0.0, 5.0)
-    inner = bench.grid.inner
-    q, depth = bench.warp(dent).q[inner], np.nan_to_num(bench.truth(dent)[inner])
+def test_factor_is_the_slope_that_a_small_step_on_the_panel_makes(small, rays, lever, peak_mm):
+    """At the pressed mirror itself: by exact rays, the points kept."""
+    dent = Gauss(peak_mm, small.centre_mm - 8.0, 0.0, 5.0)
+    inner = small.grid.inner
+    q, depth = small.warp(dent).q[inner], np.nan_to_num(small.truth(dent)[inner])
     slope, _ = rays.slope(depth, q)
     good = np.isfinite(slope).all(axis=-1)
     ones = np.ones((*depth.shape, 2))
-    factor = lever.factor(depth, slope, isotropic(depth.shape), ones)
+    isotropic = np.broadcast_to(np.eye(2), (*depth.shape, 2, 2)).copy()
+    factor = lever.factor(depth, slope, isotropic, ones)
     step = 1e-2
     for axis in (0, 1):
         turned, _ = rays.slope(depth, q + step * (np.arange(2) == axis))
@@ -60,7 +54,7 @@ def test_noise_goes_by_the_warps_own_stretch_and_turn(lever):
 
 
 def test_a_camera_turned_by_45_degrees_shares_the_noise_evenly(lever):
-    """Both rows of the squared Jacobian are alike then: the components' noise cannot be told apart."""
+    """Both rows of the squared Jacobian are alike then: the components' noise cannot be separated."""
     shape = lever._rest.shape[:2]
     jacobian = np.broadcast_to(np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2), (*shape, 2, 2)).copy()
     sigma_q = np.full((*shape, 2), 0.01)

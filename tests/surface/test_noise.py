@@ -2,23 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from surface_bench import Bench, Gauss, small_rig
+from surface_bench import Gauss
 
-from zeromethod.rig.load import load_rig
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.noise import SlopeNoise, sample_nodes
 from zeromethod.warp.overlap import component_correlation
 from zeromethod.warp.validity import Flag
-
-
-@pytest.fixture(scope="module")
-def small():
-    return Bench(small_rig())
-
-
-@pytest.fixture(scope="module")
-def full():
-    return Bench(load_rig("simulated"))
 
 
 def stated_over_exact(bench, surface, count=60):
@@ -66,8 +55,8 @@ def test_samples_stay_on_the_island_and_line_its_holes():
     assert island.ravel()[nodes].all()
     assert {0, 49, 39 * 50, 40 * 50 - 1} <= set(nodes.tolist())
     rows, cols = np.unravel_index(nodes, island.shape)
-    beside = (np.abs(rows - 18) <= 4) & (np.abs(cols - 24.5) <= 6)
-    assert np.count_nonzero(beside) >= 10
+    near = (np.abs(rows - 18) <= 4) & (np.abs(cols - 24.5) <= 6)
+    assert np.count_nonzero(near) >= 10
 
 
 def test_sigma_between_the_samples_is_that_of_the_covariance(full):
@@ -100,7 +89,7 @@ def test_a_moved_anchor_is_accounted_for_without_new_samples(small):
     assert np.quantile(np.abs(ratio - 1), 0.95) < 0.06
 
 
-def test_holes_and_odd_shapes_are_sampled_anew(small):
+def test_holes_and_odd_shapes_are_sampled_again(small):
     warp = small.warp(Gauss(0.0, small.centre_mm, 0.0, 5.0))
     warp.flags[12:20, 15:22] |= np.uint16(Flag.LIGHT_LOST)
     warp.flags[25:, :20] |= np.uint16(Flag.LIGHT_LOST)

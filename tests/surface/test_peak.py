@@ -8,19 +8,9 @@ def surface_of(depth, x, y, valid=None, sigma=1e-5):
     shape = depth.shape
     valid = np.ones(shape, bool) if valid is None else valid
     none = np.zeros(shape, bool)
-    return Surface(
-        np.where(valid, depth, np.nan),
-        np.zeros((*shape, 2)),
-        x,
-        y,
-        np.full(shape, sigma),
-        np.zeros((*shape, 2)),
-        valid,
-        none,
-        Anchor("quiet", none, 0.0),
-        0,
-        1,
-    )
+    read = np.where(valid, depth, np.nan), np.zeros((*shape, 2)), x, y
+    sigmas = np.full(shape, sigma), np.zeros((*shape, 2))
+    return Surface(*read, *sigmas, valid, none, Anchor("quiet", none, 0.0), 0, 1)
 
 
 def lattice():
@@ -33,13 +23,8 @@ def gauss(nodes, shift, sign=1.0):
     j, i = np.meshgrid(np.arange(60.0), np.arange(50.0))
     r2 = (j - 30 - shift[0]) ** 2 + (i - 25 - shift[1]) ** 2
     at = 30 + shift[0]
-    return (
-        sign * 0.2 * np.exp(-0.5 * r2 / nodes**2),
-        x,
-        y,
-        0.4 * at + 0.0003 * at**2,
-        0.3 * (25 + shift[1]) - 7.0,
-    )
+    depth = sign * 0.2 * np.exp(-0.5 * r2 / nodes**2)
+    return depth, x, y, 0.4 * at + 0.0003 * at**2, 0.3 * (25 + shift[1]) - 7.0
 
 
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (0.5, 0.5), (-0.37, 0.21)])

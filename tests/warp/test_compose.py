@@ -11,15 +11,6 @@ def _q(u, v):
     return np.stack([30 + 0.8 * u + 1e-4 * u * v, 20 + 0.7 * v - 2e-4 * u * u], axis=-1)
 
 
-def test_measured_warp_is_the_shown_warp_where_the_residual_points():
-    u, v = GRID.mesh()
-    d = np.random.default_rng(0).uniform(-7, 7, (*GRID.shape, 2))
-    q = compose(_q(u, v), d, GRID.spacing_px)
-    inner = GRID.inner
-    # quadratic warps are interpolated exactly; rounding of 300 px
-    np.testing.assert_allclose(q[inner], _q(u + d[..., 0], v + d[..., 1])[inner], atol=1e-11)
-
-
 def test_composing_agrees_with_reading_between_the_nodes():
     rng = np.random.default_rng(1)
     shown, d = rng.normal(size=(2, *GRID.shape, 2))
@@ -30,8 +21,7 @@ def test_composing_agrees_with_reading_between_the_nodes():
 
 def test_no_residual_returns_the_shown_warp_bit_for_bit():
     shown = np.random.default_rng(2).normal(size=(*GRID.shape, 2))
-    out = np.zeros_like(shown)
-    assert compose(shown, np.zeros_like(shown), 8, out) is out
+    out = compose(shown, np.zeros_like(shown), 8)
     assert np.array_equal(out[1:-1, 1:-1], shown[1:-1, 1:-1])
     assert np.isnan(out[0]).all()
     assert np.isnan(out[:, -1]).all()

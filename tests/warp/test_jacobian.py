@@ -38,18 +38,15 @@ def test_planes_have_exact_derivatives_everywhere_and_beside_nan():
     np.testing.assert_allclose(J[there], np.broadcast_to([[0.8, 0.05], [0, 0.7]], J[there].shape), atol=1e-12)
 
 
-def test_rest_is_free_of_flags():
-    assert not warp_flags(_rest(), _rest(), 16, SIZE).any()
-
-
 def test_folded_exactly_where_the_area_turns_over():
     q = _bumped(60.0)  # steepest slope 60 exp(-1/2) / 40 = 0.91 > 0.8
     flags = warp_flags(q, _rest(), 16, SIZE)
     slope = 0.8 - (U - 160) / 40**2 * (q[..., 0] - _rest()[..., 0])
     clear = np.abs(slope) > 0.05  # the fourth-order rule errs by 0.01 at 8 px to sigma 40
+    clear[[0, 1, -2, -1]] = clear[:, [0, 1, -2, -1]] = False
     folded = (flags & Flag.FOLDED) != 0
     assert folded.sum() > 5
-    assert np.array_equal(folded[clear & _away()], (slope < 0)[clear & _away()])
+    assert np.array_equal(folded[clear], (slope < 0)[clear])
 
 
 def test_a_mirrored_rig_is_not_folded_at_rest():
@@ -79,16 +76,10 @@ def test_off_display_within_one_period_of_the_edge():
 
 
 def test_nan_is_undrawable_and_spares_its_neighbours():
+    """And where nothing is, at rest, no node has a flag."""
     q = _rest()
     q[12, 15] = np.nan
     flags = warp_flags(q, _rest(), 16, SIZE)
     assert flags[12, 15] & Flag.UNDRAWABLE
     flags[12, 15] = 0
     assert not flags.any()
-
-
-def _away():
-    """Nodes two inside the grid's edge."""
-    away = np.zeros(GRID.shape, dtype=bool)
-    away[2:-2, 2:-2] = True
-    return away

@@ -87,7 +87,7 @@ def focus_report(
 ) -> FocusReport:
     """Report of an image and of what the sensor made of it; the rig's target is cosines."""
     black, full = rig.camera.noise.black_grey, float(2**rig.camera.bits - 1)
-    seen = rest.seen
+    seen = rest.visible
     light = residual.mean.astype(float) - black - stray_grey
     brightest = float(np.percentile(light[seen], BRIGHT_PERCENTILE)) if seen.any() else 0.0
     lit = seen & (light > max(LIT_SHARE * brightest, 1.0))
@@ -138,9 +138,9 @@ def _by_region(transfer: Float, rest: Rest) -> Float:
 
 def _alignment(residual: Residual, known: Mask, rest: Rest) -> Alignment | None:
     """Place, size and turn by least squares: seen(x) = target(x + d), so d = M x turns and shrinks it."""
-    if np.count_nonzero(known) < FITTED_SHARE * np.count_nonzero(rest.seen) or not known.any():
+    if np.count_nonzero(known) < FITTED_SHARE * np.count_nonzero(rest.visible) or not known.any():
         return None
-    u, v = (axis - axis[rest.seen].mean() for axis in rest.grid.mesh())
+    u, v = (axis - axis[rest.visible].mean() for axis in rest.grid.mesh())
     terms = np.stack([np.ones_like(u), u, v], axis=-1)[known]
     (middle, (uu, vu), (uv, vv)), *_ = np.linalg.lstsq(terms, residual.d[known], rcond=None)
     wider, higher = (float(1 / (1 + slope) - 1) for slope in (uu, vv))

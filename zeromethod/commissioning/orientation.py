@@ -88,9 +88,9 @@ class PlainPictures:
     def __init__(self, rest: Rest) -> None:
         """Rest: as the rig file predicts it."""
         columns, rows = rest.display_size
-        self._centre = rest.q[rest.seen].mean(axis=0)
-        self._steps = np.linalg.inv(jacobian(rest.q, rest.grid.spacing_px)[rest.seen].mean(axis=0))
-        self._quarter = [0.25 * float(np.ptp(axis[rest.seen])) for axis in rest.grid.mesh()]
+        self._centre = rest.q[rest.visible].mean(axis=0)
+        self._steps = np.linalg.inv(jacobian(rest.q, rest.grid.spacing_px)[rest.visible].mean(axis=0))
+        self._quarter = [0.25 * float(np.ptp(axis[rest.visible])) for axis in rest.grid.mesh()]
         column, row = np.meshgrid(np.arange(columns), np.arange(rows))
         black = np.zeros((rows, columns), np.uint8)
         parts = self._inside_px(np.stack([column, row], axis=-1).astype(float))

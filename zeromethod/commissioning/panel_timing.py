@@ -37,7 +37,7 @@ class _Bands:
     """Mean grey of the nodes that see each band of the panel's rows."""
 
     def __init__(self, rig: Rig, rest: Rest) -> None:
-        rows, cols = np.nonzero(rest.seen)
+        rows, cols = np.nonzero(rest.visible)
         self._v, self._u = rest.grid.v_px[rows].astype(np.intp), rest.grid.u_px[cols].astype(np.intp)
         place = rest.q[rows, cols, 1] / (rig.display.rows - 1)
         self._band = np.clip((place * BANDS).astype(np.intp), 0, BANDS - 1)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
+from typing import Any
 
 import cv2
 import numba
@@ -54,6 +55,11 @@ class Phasors:
     saturated: Mask
     second_harmonic: float
 
+    @property
+    def power(self) -> Single:
+        """(2, periods, rows, cols) squared amplitude of the fundamental, grey^2."""
+        return self.cosine**2 + self.sine**2
+
 
 def fit_matrices(shifts_rad: tuple[float, ...]) -> tuple[Float, Float]:
     """Design matrix (shifts, terms) and its least-squares inverse (terms, shifts).
@@ -68,20 +74,14 @@ def fit_matrices(shifts_rad: tuple[float, ...]) -> tuple[Float, Float]:
 
 
 @numba.njit(cache=True)
-def _fit(
-    frames: Image,
-    design: Float,
-    solve: Float,
-    ceiling: float,
-    cosine: Single,
-    sine: Single,
-    mean: Single,
-    scatter: Single,
-    saturated: Mask,
-) -> None:
+def _fit(frames: Image, design: Float, solve: Float, ceiling: float) -> tuple[Single, Single, Single, Mask]:
+    """Phasor (2, rows, cols), mean, variance of the residual, and where a frame reaches the ceiling."""
     count, rows, cols = frames.shape
     terms = design.shape[1]
     degrees = count - terms
+    phasor = np.empty((2, rows, cols), np.float32)
+    mean, scatter = np.empty((rows, cols), np.float32), np.empty((rows, cols), np.float32)
+    saturated = np.zeros((rows, cols), np.bool_)
     grey = np.empty(count)
     fitted = np.empty(terms)
     for j in range(rows):
@@ -94,9 +94,7 @@ def _fit(
                 fitted[m] = 0.0
                 for k in range(count):
                     fitted[m] += solve[m, k] * grey[k]
-            mean[j, i] = fitted[0]
-            cosine[j, i] = fitted[1]
-            sine[j, i] = fitted[2]
+            mean[j, i], phasor[0, j, i], phasor[1, j, i] = fitted[0], fitted[1], fitted[2]
             squares = 0.0
             for k in range(count):
                 rest = grey[k]
@@ -104,6 +102,7 @@ def _fit(
                     rest -= design[k, m] * fitted[m]
                 squares += rest * rest
             scatter[j, i] = squares / degrees if degrees > 0 else 0.0
+    return phasor, mean, scatter, saturated
 
 
 def _stacks(frames: Iterable[Image], sequence: FringeSequence) -> Iterator[Image]:
@@ -124,6 +123,8 @@ def _stacks(frames: Iterable[Image], sequence: FringeSequence) -> Iterator[Image
             number += 1
         if len(stack) < count:
             break
+        if not np.isfinite(stack).all():
+            raise InputError(f"frames {number - count} and on: not finite: grey levels")
         yield np.stack(stack)
     if number != sequence.frames or next(source, None) is not None:
         more = " or more" if number == sequence.frames else ""
@@ -149,40 +150,37 @@ def decode_phasors(
     design, solve = fit_matrices(sequence.shifts_rad)
     degrees = design.shape[0] - design.shape[1]
     separable = design.shape[1] > 3
-    axis_number = {"columns": 0, "rows": 1}
-    periods, sets = len(sequence.periods_px), sequence.frames // len(sequence.shifts_rad)
-    arrays: list[Single] = []
+    sets = sequence.frames // len(sequence.shifts_rad)
+    phasors: dict[tuple[str, int], Any] = {}
+    first: dict[tuple[str, int], Single] = {}
+    means: list[Single] = []
     seconds: list[float] = []
-    for n, (fringes, stack) in enumerate(zip(sequence.sets(), _stacks(frames, sequence), strict=True)):
-        if not arrays:
-            rows, cols = stack.shape[1:]
-            cosine, sine = (np.zeros((2, periods, rows, cols), dtype=np.float32) for _ in range(2))
-            first = np.zeros((2, 2, periods, rows, cols) if sequence.repeats > 1 else (0,), dtype=np.float32)
-            mean = np.empty((sets, rows, cols), dtype=np.float32)
-            total, worst, moved, c, s, scatter = (np.zeros((rows, cols), dtype=np.float32) for _ in range(6))
-            saturated = np.zeros((rows, cols), dtype=np.bool_)
-            arrays = [cosine]
-            whole = stack.dtype.kind in "ui"
-            ceiling = ceiling_grey or (float(np.iinfo(stack.dtype).max) if whole else np.inf)
-        if stack.dtype.kind == "f" and not np.isfinite(stack).all():
-            raise InputError(f"frames {fringes.first_frame} and on: not finite: grey levels")
-        _fit(stack, design, solve, ceiling, c, s, mean[n], scatter, saturated)
-        axis, period = axis_number[fringes.axis], fringes.period
-        cosine[axis, period] += c / sequence.repeats
-        sine[axis, period] += s / sequence.repeats
-        if fringes.repeat == 0 and sequence.repeats > 1:
-            first[0, axis, period], first[1, axis, period] = c, s
-        elif fringes.repeat > 0:
-            np.maximum(moved, np.hypot(c - first[0, axis, period], s - first[1, axis, period]), out=moved)
-        np.maximum(worst, scatter, out=worst)
-        total += (scatter if separable else _neighbour_scatter(stack)) / sets
+    nothing: list[Any] = [np.float32(0)] * 3
+    total, worst, moved = nothing
+    saturated: Mask = np.zeros(1, np.bool_)
+    for fringes, stack in zip(sequence.sets(), _stacks(frames, sequence), strict=True):
+        whole = stack.dtype.kind in "ui"
+        ceiling = ceiling_grey or (float(np.iinfo(stack.dtype).max) if whole else np.inf)
+        phasor, mean, scatter, clipped = _fit(stack, design, solve, ceiling)
+        place = fringes.axis, fringes.period
+        phasors[place] = phasors.get(place, 0) + phasor / sequence.repeats
+        moved = np.maximum(moved, np.hypot(*(phasor - first.setdefault(place, phasor))))
+        means.append(mean)
+        worst = np.maximum(worst, scatter)
+        saturated = np.logical_or(saturated, clipped)
+        total = total + (scatter if separable else _neighbour_scatter(stack)) / sets
         if separable:
             seconds.append(_second_harmonic(stack, solve))
+    periods = range(len(sequence.periods_px))
+    cosine, sine = (
+        np.array([[phasors[axis, n][part] for n in periods] for axis in ("columns", "rows")])
+        for part in (0, 1)
+    )
     return Phasors(
         sequence,
         cosine,
         sine,
-        mean,
+        np.array(means),
         total,
         worst,
         degrees * sets if separable else sequence.frames,

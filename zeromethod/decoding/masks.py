@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from zeromethod.arrays import Float, Mask, Single
+from zeromethod.decoding.consistency import insert_sorted
 from zeromethod.decoding.decoding import Phasors, fit_matrices
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.unwrapping import Places
@@ -69,12 +70,7 @@ def _median_of_sets(mean: Single, gain: Float, typical: Single, change: Single) 
     for j in range(rows):
         for i in range(cols):
             for n in range(count):
-                v = mean[n, j, i] / gain[n]
-                m = n - 1
-                while m >= 0 and value[m] > v:
-                    value[m + 1] = value[m]
-                    m -= 1
-                value[m + 1] = v
+                insert_sorted(value, n, mean[n, j, i] / gain[n])
             middle = 0.5 * (value[(count - 1) // 2] + value[count // 2])
             typical[j, i] = middle
             change[j, i] = max(value[count - 1] - middle, middle - value[0])
@@ -98,13 +94,7 @@ def median_light(phasors: Phasors) -> tuple[Single, Single, Float]:
 
 def amplitude(phasors: Phasors) -> Single:
     """Amplitude of the fringes, grey levels, rms over axes and periods (rows, cols)."""
-    power = np.zeros_like(phasors.scatter)
-    count = 0
-    for axis in range(2):
-        for c, s in zip(phasors.cosine[axis], phasors.sine[axis], strict=True):
-            power += c * c + s * s
-            count += 1
-    return np.asarray(np.sqrt(power / count))
+    return np.asarray(np.sqrt(phasors.power.mean(axis=(0, 1))))
 
 
 def unmodulated(phasors: Phasors, noise: NoiseModel, mean: Single, rms_amplitude: Single) -> Mask:
@@ -112,10 +102,7 @@ def unmodulated(phasors: Phasors, noise: NoiseModel, mean: Single, rms_amplitude
     _, solve = fit_matrices(phasors.sequence.shifts_rad)
     gain = max(float(np.sum(solve[1] ** 2)), float(np.sum(solve[2] ** 2))) / phasors.sequence.repeats
     least = LEAST_SNR**2 * gain * noise.variance(mean)
-    weak = np.zeros(mean.shape, dtype=np.bool_)
-    for axis in range(2):
-        for c, s in zip(phasors.cosine[axis], phasors.sine[axis], strict=True):
-            weak |= c * c + s * s < least
+    weak = np.asarray((phasors.power < least).any(axis=(0, 1)))
     if not weak.all():
         weak |= rms_amplitude < LEAST_AMPLITUDE * np.quantile(rms_amplitude[~weak], 0.9)
     return weak

@@ -12,7 +12,6 @@ from zeromethod.arrays import Flags, Float, Image, Mask, Single
 from zeromethod.decoding.consistency import departures, jumped_patches
 from zeromethod.decoding.decoding import Phasors, decode_phasors
 from zeromethod.decoding.fringes import FringeSequence
-from zeromethod.decoding.harmonics import LEAST_SHARE, folded_harmonic, without_harmonic
 from zeromethod.decoding.masks import (
     LEAST_AMPLITUDE,
     POOL_PX,
@@ -30,7 +29,7 @@ from zeromethod.decoding.masks import (
 from zeromethod.decoding.near_reflection import near_reflection
 from zeromethod.decoding.noise import QUANTISATION, NoiseModel, fit_noise
 from zeromethod.decoding.periods import order_error, unambiguous_range
-from zeromethod.decoding.unwrapping import Places, unwrap
+from zeromethod.decoding.unwrapping import LEAST_SHARE, Places, folded_harmonic, unwrap, without_harmonic
 from zeromethod.errors import InputError
 from zeromethod.warp.rest_map import Reason, RestMap
 

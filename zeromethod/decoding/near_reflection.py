@@ -46,12 +46,11 @@ def _distance(phasors: Phasors, axis: int, place: Places, usable: Mask) -> float
         return 0.0
     waves = 2.0 * np.pi / np.asarray(phasors.sequence.periods_px, dtype=np.float64)
     x = np.where(usable, place.x_px, 0.0)
-    power, rest = np.empty(len(waves)), np.empty((len(waves), *x.shape))
+    power = np.array([np.median(one[usable]) for one in phasors.power[axis]], dtype=np.float64)
+    rest = np.empty((len(waves), *x.shape))
     for n, k in enumerate(waves):
-        cosine, sine = phasors.cosine[axis, n], phasors.sine[axis, n]
-        phase = np.arctan2(sine, cosine) - k * x
+        phase = np.arctan2(phasors.sine[axis, n], phasors.cosine[axis, n]) - k * x
         rest[n] = (phase - 2.0 * np.pi * np.rint(phase / (2.0 * np.pi))) / k
-        power[n] = float(np.median(cosine[usable] ** 2 + sine[usable] ** 2))
     weight = np.sqrt(power) * waves
     design = np.stack([np.ones_like(waves), -(waves**2)], axis=-1)
     solve = np.linalg.pinv(design * weight[:, None])[1] * weight

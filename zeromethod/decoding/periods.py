@@ -86,12 +86,6 @@ def order_error(
     return float(min(np.sum((1.0 - offset / size_px) * tails), 1.0))
 
 
-def separation(periods_px: Sequence[float], size_px: float) -> float:
-    """Distance in phase (rad) between the closest rivals: it tolerates half of it as phase error."""
-    _, distance = rivals(periods_px, 1.0, size_px)
-    return float(distance.min()) if len(distance) else math.inf
-
-
 def unambiguous_range(periods_px: Sequence[float], phase_sigma_rad: float) -> float:
     """Largest size, px, with a share of wrong orders below `RANGE_ERROR`; at least the longest period."""
     offset, distance = rivals(periods_px, phase_sigma_rad, LARGEST_PX)

@@ -201,7 +201,7 @@ def pair(
 
 
 def _age_ns(log: PresentationLog, index: Ints, weights: Float, time_ns: int) -> Float | None:
-    seen = [log.seen_ns(int(k)) for k in index]
+    seen = [log.source_ns(int(k)) for k in index]
     if None in seen:
         return None
     ages = np.array([time_ns - one for one in seen if one is not None], dtype=np.float64)

@@ -20,7 +20,7 @@ class PresentationLog:
     def __init__(self, shape: tuple[int, int], capacity: int = CAPACITY) -> None:
         self._times_ns = np.zeros(capacity, dtype=np.int64)
         self._warps = np.zeros((capacity, *shape, 2))
-        self._seen_ns: list[int | None] = [None] * capacity
+        self._source_ns: list[int | None] = [None] * capacity
         self._codes = np.full(capacity, -1, dtype=np.int64)
         self._count = 0
 
@@ -32,8 +32,8 @@ class PresentationLog:
         """Whether nothing has been overwritten yet: the oldest entry is the first picture of the run."""
         return self._count <= len(self._times_ns)
 
-    def record(self, time_ns: int, q: Float, seen_ns: int | None = None, code: int | None = None) -> None:
-        """Add that `q` (copied), made from a frame of `seen_ns`, was presented at `time_ns` with `code`.
+    def record(self, time_ns: int, q: Float, source_ns: int | None = None, code: int | None = None) -> None:
+        """Add that `q` (copied), made from a frame of `source_ns`, was presented at `time_ns` with `code`.
 
         ValueError when `time_ns` is before the last entry's.
         """
@@ -43,7 +43,7 @@ class PresentationLog:
         slot = self._count % len(self._times_ns)
         self._times_ns[slot] = time_ns
         self._warps[slot] = q
-        self._seen_ns[slot] = seen_ns
+        self._source_ns[slot] = source_ns
         self._codes[slot] = -1 if code is None else code
         self._count += 1
 
@@ -69,6 +69,6 @@ class PresentationLog:
         view: Float = self._warps[int(self.slots(np.array(index)))]
         return view
 
-    def seen_ns(self, index: int) -> int | None:
+    def source_ns(self, index: int) -> int | None:
         """Mid-exposure, ns, of the frame that the entry, counted from the oldest, was made from."""
-        return self._seen_ns[int(self.slots(np.array(index)))]
+        return self._source_ns[int(self.slots(np.array(index)))]

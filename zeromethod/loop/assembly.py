@@ -83,6 +83,6 @@ def warm_up(circle: Circle, target: Target, camera: CameraSpec) -> None:
     frame_ns, exposure_ns = round(1e9 / camera.rate_hz), round(1e9 * camera.exposure_s)
     for number in range(_FRAMES):
         time_ns = number * frame_ns
-        circle.presented(time_ns - exposure_ns // 4, circle.controller.commanded, seen_ns=circle.seen_ns)
+        circle.presented(time_ns - exposure_ns // 4, circle.controller.commanded, source_ns=circle.source_ns)
         drifting = np.ascontiguousarray(np.roll(image, _STEP_PX * number, axis=1))
         circle.take(Frame(drifting, time_ns, exposure_ns, number))

@@ -106,15 +106,15 @@ class Circle:
         self.exposures = exposures
         self.controller = controller
         self._sensor = sensor
-        self._light_watch = LightWatch(rest.seen, black_grey)
+        self._light_watch = LightWatch(rest.visible, black_grey)
         self._expected_light = expected_light
         self._horizon = Horizon(exposures.timing.upwards)
         self._source_ns: int | None = None
         # At rest the order of every node is known: it is that of the rest map.
-        self._trusted = rest.seen
+        self._trusted = rest.visible
 
     @property
-    def seen_ns(self) -> int | None:
+    def source_ns(self) -> int | None:
         """Mid-exposure of the newest frame that the present command was made from; None: of no frame."""
         return self._source_ns
 
@@ -129,12 +129,12 @@ class Circle:
         age_s = self._horizon.age_s
         return float("nan") if age_s is None else float(age_s.mean())
 
-    def presented(self, time_ns: int, q: Float, code: int | None = None, *, seen_ns: int | None) -> None:
+    def presented(self, time_ns: int, q: Float, code: int | None = None, *, source_ns: int | None) -> None:
         """Note that `q` (copied) was presented at `time_ns`, with `code` in its strips.
 
-        seen_ns: what the property of this name was when `q` was the command.
+        source_ns: what the property of this name was when `q` was the command.
         """
-        self.exposures.log.record(time_ns, q, seen_ns, code)
+        self.exposures.log.record(time_ns, q, source_ns, code)
 
     def take(self, frame: Frame, frozen: bool = False) -> FrameResult:
         """Take one frame round the circle; the command stays as it is where `frozen`."""
@@ -151,7 +151,7 @@ class Circle:
             continued = continue_smoothly(measured.q - self.rest.q, measured.valid)
             residual, measured = self._measure(observation, known, self.rest.q + continued)
         changed, refusal = self._command(residual, measured, frozen)
-        square, share = _figures(residual.d, measured.valid, self.rest.seen)
+        square, share = _figures(residual.d, measured.valid, self.rest.visible)
         return FrameResult(changed, refusal, observation, residual, measured, float(np.sqrt(square)), share)
 
     def _measure(self, observation: Observation, known: Known, lit_q: Float) -> tuple[Residual, Warp]:

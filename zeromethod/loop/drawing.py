@@ -29,13 +29,13 @@ CLOSING_S = 0.2
 class Drawn:
     """One picture that was given to the panel at `time_ns`.
 
-    q: (rows, cols, 2) its warp, LCD px. seen_ns: mid-exposure of the frame behind it, None for none. code: in
-    its strips, None for none. draw_ms: to draw and show it.
+    q: (rows, cols, 2) its warp, LCD px. source_ns: mid-exposure of the newest frame that it was made from,
+    None for none. code: in its strips, None for none. draw_ms: to draw and show it.
     """
 
     time_ns: int
     q: Float
-    seen_ns: int | None
+    source_ns: int | None
     code: int | None
     draw_ms: float
 
@@ -109,12 +109,12 @@ class Drawing:
         if not self._worker.opened(OPENING_S):
             raise InputError(f"display: not ready to be drawn on within {OPENING_S:g} s")
 
-    def post(self, q: Float, seen_ns: int | None) -> None:
+    def post(self, q: Float, source_ns: int | None) -> None:
         """Draw `q`, which must not change any more; it replaces one that waits. Live, it returns at once.
 
-        seen_ns: as in `Drawn`. Raises DisplayLost, unless live.
+        source_ns: as in `Drawn`. Raises DisplayLost, unless live.
         """
-        self._worker.post((q, seen_ns))
+        self._worker.post((q, source_ns))
 
     def collect(self) -> list[Drawn]:
         """What was drawn since the last call.
@@ -136,12 +136,12 @@ class Drawing:
         drawer = self._make()
 
         def draw(request: tuple[Float, int | None]) -> Drawn:
-            q, seen_ns = request
+            q, source_ns = request
             code = self._count % CODES if self._coded else None
             started = time.perf_counter()
             time_ns = drawer.draw(q, code)
             self._count += 1
-            return Drawn(time_ns, q, seen_ns, code, 1e3 * (time.perf_counter() - started))
+            return Drawn(time_ns, q, source_ns, code, 1e3 * (time.perf_counter() - started))
 
         try:
             self.gl_renderer = drawer.gl_renderer

@@ -101,7 +101,7 @@ class Loop:
         meanwhile = self._attend if self.live else None
         self._source = FrameSource(camera, reopen_camera, clock, timeout_s, meanwhile)
         self._check = FrameCheck(rig.camera)
-        self._quality = LightQuality(self.rest.seen, rig.camera.noise.black_grey)
+        self._quality = LightQuality(self.rest.visible, rig.camera.noise.black_grey)
         self._notices = Notices()
         self._garbage: PausedGC | None = None
         self._steps = 0

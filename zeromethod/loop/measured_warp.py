@@ -174,7 +174,7 @@ def measure_warp(observation: Observation, residual: Residual, known: Known, res
     flags |= warp_flags(q, rest.q, grid.period_px, rest.display_size, spacing_px=grid.spacing_px)
     if observation.mixture is not None:
         flags[observation.mixture.mixed] |= _MIXED
-    change, missing = _changes(residual.d, known.residual_px, flags, rest.seen)
+    change, missing = _changes(residual.d, known.residual_px, flags, rest.visible)
     if missing:
         sudden = change > SUDDEN_PERIODS * grid.period_px
         doubt = order_in_doubt(flags == 0, np.zeros_like(known.trusted) if sudden else known.trusted)

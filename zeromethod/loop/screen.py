@@ -42,7 +42,7 @@ class Screen:
         """Have the present command drawn."""
         self._undrawn = False
         self._posted_ns = self._clock.now_ns()
-        self._drawing.post(self._circle.controller.commanded, self._circle.seen_ns)
+        self._drawing.post(self._circle.controller.commanded, self._circle.source_ns)
 
     def repaint_if_due(self) -> None:
         """Draw the command again where it has stood for `REPAINT_S` of the host's time."""
@@ -64,7 +64,7 @@ class Screen:
     def collect(self) -> None:
         """Note in the log what was presented."""
         for one in self._drawing.collect():
-            self._circle.presented(one.time_ns, one.q, one.code, seen_ns=one.seen_ns)
+            self._circle.presented(one.time_ns, one.q, one.code, source_ns=one.source_ns)
             if self.dwell is not None:
                 self.dwell.presented(one.time_ns)
             self.presented.append(one)
@@ -74,10 +74,10 @@ class Screen:
         if not self.presented:
             return float("nan"), float("nan")
         newest = self.presented[-1]
-        if newest.seen_ns is None:
+        if newest.source_ns is None:
             return newest.draw_ms, float("nan")
         lit_ns = newest.time_ns + self._circle.exposures.timing.half_lit_ns
-        return newest.draw_ms, 1e-6 * (lit_ns - newest.seen_ns)
+        return newest.draw_ms, 1e-6 * (lit_ns - newest.source_ns)
 
     def close(self) -> None:
         """Draw nothing more; the display stays open."""

@@ -93,8 +93,8 @@ class ZeroTaking:
         rest = self._rest
         away = np.stack([warp.q for warp in self._measured]) - rest.q
         valid = np.stack([warp.valid for warp in self._measured])
-        used = valid.all(axis=0) & rest.seen
-        if np.count_nonzero(used) < 0.5 * np.count_nonzero(rest.seen):
+        used = valid.all(axis=0) & rest.visible
+        if np.count_nonzero(used) < 0.5 * np.count_nonzero(rest.visible):
             return NoZero("too much of the mirror is hidden")
         mean = np.where(used[..., None], away.mean(axis=0), 0.0)
         sigma = np.stack([warp.sigma for warp in self._measured])[:, used]
@@ -146,6 +146,6 @@ class Zero:
         if isinstance(found, NoZero):
             return Notice(Event.ZERO_REFUSED, f"no new zero: {found.reason}")
         self.q = found
-        drift = float(np.sqrt(np.mean(np.sum(found[self._rest.seen] ** 2, axis=-1))))
+        drift = float(np.sqrt(np.mean(np.sum(found[self._rest.visible] ** 2, axis=-1))))
         words = f"readings start from here now, {drift:.2f} LCD px (rms) from the rig file's rest"
         return Notice(Event.ZERO_TAKEN, words)

@@ -1,4 +1,4 @@
-"""The paper's equations 5, 8 to 15, 17 and 19, one function each.
+"""The paper's equations 5, 8 to 10, 12 to 14, 17 and 19, one function each.
 
 Convention: one length unit throughout, angles in rad, everything in the plane of incidence. l runs along the
 mirror from P0, l' = L0 - l from R0; depth d is positive into the rubber and tan(theta) = dd/dl. alpha and
@@ -11,6 +11,8 @@ the two are opposite: lean = -theta. With gamma dropped the equations do not kno
 
 Source: S. Saga, "High-resolution tactile sensor using the deformation of a reflection image".
 """
+
+# ruff: noqa: E741 (the paper's l)
 
 from __future__ import annotations
 
@@ -57,7 +59,7 @@ def lean_between(alpha: ArrayLike, beta: ArrayLike) -> Float:
     return np.asarray((towards_camera - towards_pattern) / 2.0)
 
 
-def elevation(d: ArrayLike, l: ArrayLike) -> Float:  # noqa: E741 (the paper's l)
+def elevation(d: ArrayLike, l: ArrayLike) -> Float:
     """Equations 10 and 13: gamma = arctan(d / l), by which Q leaves the mirror as seen from P0.
 
     With l' for l: as seen from R0. Exact.
@@ -66,29 +68,8 @@ def elevation(d: ArrayLike, l: ArrayLike) -> Float:  # noqa: E741 (the paper's l
     return np.asarray(np.arctan2(depth, along))
 
 
-def sine_rule_sides(
-    l: ArrayLike,  # noqa: E741
-    d: ArrayLike,
-    m: ArrayLike,
-    alpha: ArrayLike,
-    alpha0: float,
-) -> tuple[Float, Float]:
-    """Equation 11: both sides of the sine rule in the triangle P0 P1 Q1.
-
-    Equal (exactly) where a ray at alpha joins Q1 = (l, d) and P1 at m.
-    """
-    along, depth, pattern, angle = _floats(l, d, m, alpha)
-    gamma = elevation(depth, along)
-    left = np.hypot(along, depth) / np.sin(np.pi / 2 - (alpha0 - angle))
-    return np.asarray(left), np.asarray(pattern / np.sin(np.pi / 2 - (angle - gamma)))
-
-
 def pattern_distance(
-    l: ArrayLike,  # noqa: E741
-    d: ArrayLike,
-    alpha: ArrayLike,
-    alpha0: float,
-    gamma: ArrayLike | None = None,
+    l: ArrayLike, d: ArrayLike, alpha: ArrayLike, alpha0: float, gamma: ArrayLike | None = None
 ) -> Float:
     """Equation 12: m = sqrt(l^2 + d^2) cos(alpha - gamma) / cos(alpha - alpha0), from P0.
 
@@ -121,13 +102,7 @@ def mirror_distance(w: ArrayLike, d: ArrayLike, beta0: float, *, keep_gamma: boo
     return np.asarray(np.sqrt(np.maximum((captured / np.cos(beta0)) ** 2 - depth**2, 0.0)))
 
 
-def angle_change(alpha: ArrayLike, alpha0: float) -> Float:
-    """Equation 15: delta alpha = alpha - alpha0, 0 for a ray that is normal to the pattern face."""
-    (angle,) = _floats(alpha)
-    return np.asarray(angle - alpha0)
-
-
-def expanded_angle_change(m: ArrayLike, l: ArrayLike, d: ArrayLike, alpha0: float) -> Float:  # noqa: E741
+def expanded_angle_change(m: ArrayLike, l: ArrayLike, d: ArrayLike, alpha0: float) -> Float:
     """Equation 17: delta alpha from m, l and d, to second order in delta alpha, with gamma = 0.
 
     With r^2 = l^2 + d^2, c = cos(alpha0), s = sin(alpha0) the second-order Taylor series of equation 16,
@@ -153,7 +128,7 @@ def expanded_angle_change(m: ArrayLike, l: ArrayLike, d: ArrayLike, alpha0: floa
     return np.asarray(-rest / (b + np.sqrt(b * b - rest * a)))
 
 
-def pattern_angle(m: ArrayLike, l: ArrayLike, d: ArrayLike, alpha0: float) -> Float:  # noqa: E741
+def pattern_angle(m: ArrayLike, l: ArrayLike, d: ArrayLike, alpha0: float) -> Float:
     """Equation 12 solved for alpha, gamma kept. Exact.
 
     tan(alpha) = (l - m cos(alpha0)) / (m sin(alpha0) - d):

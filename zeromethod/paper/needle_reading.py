@@ -3,6 +3,8 @@
 The paper's px is a length on the mirror; the bench of the own reading makes it 0.1 mm, as section 5 does.
 """
 
+# ruff: noqa: E741 (the paper's l)
+
 from __future__ import annotations
 
 from dataclasses import asdict, astuple, dataclass
@@ -52,7 +54,7 @@ class NeedleReading:
 
     pixel_mm: float
     window_px: float
-    l: Float  # noqa: E741
+    l: Float
     theta: Float
     depth: Float
     errors: Errors
@@ -148,14 +150,13 @@ def reproduce_needle() -> NeedleResult:
     very last point of the drops goes to 0.00094 rad, with the lagged sum to some mrad.
     """
     tent = Needle()
-    printed, exact = "equation 17, gamma = 0", "exact geometry"
     return NeedleResult(
         needle=tent,
         spacing_px=SPACING_PX,
-        printed=column(tent, printed, exact=False, invert="equation 17"),
-        lagged=column(tent, f"{printed}, lagged sum", exact=False, invert="equation 17", step="printed"),
-        exact_17=column(tent, f"equation 17, {exact}", exact=True, invert="equation 17"),
-        exact_12=column(tent, f"equation 12, {exact}", exact=True, invert="equation 12", rim="closed"),
+        printed=column(tent, exact=False, invert="equation 17"),
+        lagged=column(tent, exact=False, invert="equation 17", step="printed"),
+        exact_17=column(tent, exact=True, invert="equation 17"),
+        exact_12=column(tent, exact=True, invert="equation 12", rim="closed"),
         zero_method=read_needle(tent, FINE_PIXEL_MM),
         coarse=read_needle(tent, MM_PER_PX),
     )
@@ -180,12 +181,12 @@ def read_needle(needle: Needle, pixel_mm: float, period_px: int = PERIOD_PX) -> 
     surface = reader.read(_measured(optics, grid, Dented(Flat(), _Tent(needle))))
     window_px = period_px * pixel_mm / np.cos(needle.beta0) / MM_PER_PX
     row = grid.shape[0] // 2
-    l = surface.x_mm[row] / MM_PER_PX  # noqa: E741
-    # a flank that falls towards the camera is seen stretched
+    l = surface.x_mm[row] / MM_PER_PX
+    # a flank that falls towards the camera appears stretched
     window_px /= 1.0 - needle.peak_px / needle.tip_px * np.tan(needle.beta0)
     # nodes whose window takes in the rim, with its own kink, are left out
     on_needle = surface.valid[row] & (l > 0.0) & (l < needle.length_px - window_px)
-    l = l[on_needle]  # noqa: E741
+    l = l[on_needle]
     theta = np.arctan(surface.slope[row, on_needle, 0])
     depth = surface.depth_mm[row, on_needle] / MM_PER_PX
     errors = errors_of(needle, l, theta, depth, float(window_px))

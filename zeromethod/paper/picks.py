@@ -155,22 +155,24 @@ def _follow(
 ) -> dict[tuple[int, int], int]:
     """Candidate of each lattice point, spread from the border of the lattice along the neighbours."""
     names: dict[int, tuple[int, int]] = {}
-    for (i, j), place in rest.items():
-        if len(candidates) and any((i + a, j + b) not in rest for a, b in _SIDES):
+    for point, place in rest.items():
+        if not rest.keys() >= set(_next_to(point)):
             misses = np.linalg.norm(candidates - place, axis=-1)
-            if misses.min() < _STILL * period_px:
-                names[int(np.argmin(misses))] = (i, j)
+            if misses.min(initial=np.inf) < _STILL * period_px:
+                names[int(np.argmin(misses))] = point
+    around: dict[int, list[tuple[int, tuple[int, int]]]] = {}
     queue = deque(names)
     while queue:
         here = queue.popleft()
-        for side, (a, b) in enumerate(_SIDES):
-            there = int(neighbours[here, side])
-            if there >= 0 and there not in names:
-                names[there] = names[here][0] + a, names[here][1] + b
+        pairs = zip(neighbours[here].tolist(), _next_to(names[here]), strict=True)
+        around[here] = [(there, point) for there, point in pairs if there >= 0]
+        for there, point in around[here]:
+            if there not in names:
+                names[there] = point
                 queue.append(there)
-    followed: dict[tuple[int, int], int] = {}
-    for here, (i, j) in names.items():
-        around = [(int(neighbours[here, side]), (i + a, j + b)) for side, (a, b) in enumerate(_SIDES)]
-        if (i, j) in rest and all(there < 0 or names[there] == name for there, name in around):
-            followed[i, j] = here
-    return followed
+    agreed = {here: all(names[there] == point for there, point in around[here]) for here in names}
+    return {point: here for here, point in names.items() if agreed[here] and point in rest}
+
+
+def _next_to(point: tuple[int, int]) -> list[tuple[int, int]]:
+    return [(point[0] + a, point[1] + b) for a, b in _SIDES]

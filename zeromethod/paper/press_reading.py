@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -39,26 +39,21 @@ class SurfaceReading:
     frames: images that the figures are medians of. NaN and a `reason` where nothing was read.
     """
 
-    peak_mm: float
-    peak_error_percent: float
-    line_rms_um: float
-    view_rms_um: float
-    l_mm: Float
-    depth_mm: Float
-    points: int
-    frames: int
+    peak_mm: float = NOTHING
+    peak_error_percent: float = NOTHING
+    line_rms_um: float = NOTHING
+    view_rms_um: float = NOTHING
+    l_mm: Float = field(default_factory=lambda: np.zeros(0))
+    depth_mm: Float = field(default_factory=lambda: np.zeros(0))
+    points: int = 0
+    frames: int = 0
     reason: str = ""
-
-
-def _unread(reason: str) -> SurfaceReading:
-    empty = np.zeros(0)
-    return SurfaceReading(NOTHING, NOTHING, NOTHING, NOTHING, empty, empty, 0, 0, reason)
 
 
 def against_truth(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid) -> SurfaceReading:
     """Compare one surface with the truth."""
     if not surface.valid.any():
-        return _unread("no point was read")
+        return SurfaceReading(reason="no point was read")
     errors = compare(surface, truth, optics, grid)
     row = int(np.argmin(np.abs(grid.v_px - optics.rig.camera.centre_px[1])))
     read = surface.valid[row]
@@ -86,11 +81,11 @@ def read_whole_image(
     pitch_px = PITCH_MM / (rig.camera.pixel_mm or NOTHING)
     displacement = correlate(before, after, window_px=None if own_window else WINDOW_PITCHES * pitch_px)
     if not displacement.valid.any():
-        return _unread("the two images do not match anywhere")
+        return SurfaceReading(reason="the two images do not match anywhere")
     optics, grid = Optics(rig), NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
     warp = measured_warp(displacement, optics, grid)
     if not warp.valid.any():
-        return _unread("no node of the warp was measured")
+        return SurfaceReading(reason="no node of the warp was measured")
     return against_truth(SurfaceReader(rig, optics, grid).read(warp), truth, optics, grid)
 
 
@@ -104,7 +99,7 @@ def read_zero(rig: Rig, truth: TrueMirror, seconds: float) -> SurfaceReading:
     nulled = result.nulled
     if not held or nulled is None or nulled.surface is None:
         last = result.records[-1].reason if result.records else "no frame"
-        return _unread(f"never nulled while held: {last}")
+        return SurfaceReading(reason=f"never nulled while held: {last}")
     grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
     one = against_truth(nulled.surface, truth, Optics(rig), grid)
     truths = [record.truth for record in held if record.truth is not None]

@@ -3,6 +3,8 @@
 Convention: as in `zeromethod.paper.equations`: d into the rubber, tan(theta) = dd/dl.
 """
 
+# ruff: noqa: E741 (the paper's l)
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -38,7 +40,7 @@ class Series:
     *_drops: summed from l = L0. Lengths in the unit of m and w, theta in rad.
     """
 
-    l: Float  # noqa: E741
+    l: Float
     theta: Float
     depth: Float
     l_rises: Float
@@ -62,7 +64,7 @@ class _Bench:
         """Equation 14: l of the point that the camera sees at w, if it is d deep."""
         return self.length - float(mirror_distance(w, d, self.beta0, keep_gamma=self.keep_gamma))
 
-    def theta(self, m: float, l: float, d: float) -> float:  # noqa: E741
+    def theta(self, m: float, l: float, d: float) -> float:
         """Equations 9 and 17 (or 12): slope angle of the point (l, d) that looks at m."""
         if self.invert == "equation 17":
             alpha = self.alpha0 + float(expanded_angle_change(m, l, d, self.alpha0))
@@ -134,17 +136,17 @@ def _checked(m: ArrayLike, w: ArrayLike, length: float) -> tuple[Float, Float]:
 def _sum(bench: _Bench, m: Float, w: Float, end: float, rim: float | None) -> Float:
     """(3, n): l, theta, d of one series that starts with d = 0 at l = `end`; rim None = straight."""
     found = np.empty((3, len(m)))
-    l, theta, d, rise = _first(bench, m[0], w[0], end, rim)  # noqa: E741
+    l, theta, d, rise = _first(bench, m[0], w[0], end, rim)
     found[:, 0] = l, theta, d
     for n in range(1, len(m)):
         l_before, theta_before, d_before = l, theta, d
         d = d_before + rise
-        l = bench.along(w[n], d)  # noqa: E741
+        l = bench.along(w[n], d)
         theta = bench.theta(m[n], l, d)
         rise = float(next_depth_step(l - l_before, theta_before, theta - theta_before))
         if bench.step == "centred":
             d = d_before + rise
-            l = bench.along(w[n], d)  # noqa: E741
+            l = bench.along(w[n], d)
         found[:, n] = l, theta, d
     return found
 
@@ -155,16 +157,16 @@ def _first(
     """l, theta and d of the point next to an end, and the rise of d up to it."""
     if rim is not None:
         guess = (bench.along(w, 0.0) - end) * float(np.tan(rim))
-        l = bench.along(w, guess)  # noqa: E741
+        l = bench.along(w, guess)
         theta = bench.theta(m, l, guess)
         rise = float(depth_step(l - end, rim, theta - rim))
         if bench.step == "printed":
             return l, theta, guess, rise
         return bench.along(w, rise), theta, rise, rise
     d = 0.0
-    l, theta = end, 0.0  # noqa: E741
+    l, theta = end, 0.0
     for _ in range(_START_ITERATIONS):
-        l = bench.along(w, d)  # noqa: E741
+        l = bench.along(w, d)
         theta = bench.theta(m, l, d)
         d = (l - end) * float(np.tan(theta))
     return l, theta, d, d
@@ -174,7 +176,7 @@ def _closing_slope(bench: _Bench, m: Float, w: Float) -> float:
     """Slope angle at P0 with which the rises end, straight on from the last point, at d = 0."""
 
     def missed(slope: float) -> float:
-        l, theta, d = _sum(bench, m, w, 0.0, slope)[:, -1]  # noqa: E741
+        l, theta, d = _sum(bench, m, w, 0.0, slope)[:, -1]
         return float(d + (bench.length - l) * np.tan(theta))
 
     start = float(_first(bench, m[0], w[0], 0.0, None)[1])

@@ -80,7 +80,8 @@ def adaptive_fit(
     best = np.argmin(cost, axis=0)
     sigma, fit, area, total = (np.zeros_like(field) for _ in range(4))
     for k, name in enumerate(names):
-        share = _share(best == k, widths_px[0] / size) * np.isfinite(cost[k])
+        # blurred, so that a change of window leaves no step
+        share = _blurred(best == k, (widths_px[0] / size,) * 2) * np.isfinite(cost[k])
         fit += share * np.nan_to_num(fits[name])
         sigma += share * np.sqrt(np.nan_to_num(variances[name]))
         area += share * _NOISE_AREA * name[0] * name[1]
@@ -98,15 +99,10 @@ def _bias2(
     ratio = (fits[wide] - fits[narrow]) ** 2 / noise
     known = np.isfinite(ratio)
     pool = (wide[0] / size, wide[1] / size)
-    out = np.empty_like(ratio)
-    for c in range(2):
-        total = blur(np.where(known[..., c], ratio[..., c], 0.0), pool)
-        count = blur(known[..., c].astype(np.float64), pool)
-        out[..., c] = total / np.maximum(count, 1e-9)
-    return np.where(known, np.maximum(out - _NOISE, 0.0) * noise, 0.0)
+    mean = _blurred(np.where(known, ratio, 0.0), pool) / np.maximum(_blurred(known, pool), 1e-9)
+    return np.where(known, np.maximum(mean - _NOISE, 0.0) * noise, 0.0)
 
 
-def _share(chosen: Mask, sigma: float) -> Float:
-    """Blurred choice (rows, cols, 2), so that a change of window leaves no step."""
-    parts = [blur(chosen[..., c].astype(np.float64), (sigma, sigma)) for c in range(2)]
-    return np.stack(parts, axis=-1)
+def _blurred(field: Float | Mask, sigma: tuple[float, float]) -> Float:
+    """Both components of a field (rows, cols, 2), blurred."""
+    return np.stack([blur(field[..., c].astype(np.float64), sigma) for c in range(2)], axis=-1)

@@ -80,7 +80,7 @@ def correlate(
             break
     u, v = np.meshgrid(*(spacing_px * np.arange(n) + 0.5 * (spacing_px - 1) for n in matcher.shape[::-1]))
     within = (u <= a.shape[1] - 1) & (v <= a.shape[0] - 1)
-    found = doubts(field, sigma, np.where(known, step, np.inf), comparison.seen & within, good, spacing_px)
+    found = doubts(field, sigma, np.where(known, step, np.inf), comparison.shown & within, good, spacing_px)
     valid = found == 0
     return Displacement(
         u=u,

@@ -56,6 +56,11 @@ class Displacement:
         """(rows, cols) px: root mean square of the two components' standard deviations."""
         return np.asarray(np.sqrt(0.5 * (self.sigma_u**2 + self.sigma_v**2)))
 
+    def place(self, u: Float, v: Float) -> tuple[Float, Float]:
+        """(column, row) among the points of reference pixels (u, v), any shape."""
+        spacing = self.u[0, 1] - self.u[0, 0]
+        return (u - self.u[0, 0]) / spacing, (v - self.v[0, 0]) / spacing
+
     @property
     def field(self) -> Float:
         """(rows, cols, 2) px: (du, dv)."""

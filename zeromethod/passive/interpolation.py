@@ -40,7 +40,7 @@ def quintic_weights(t: float) -> tuple[float, float, float, float, float, float]
 
 @numba.njit(cache=True, fastmath=True)
 def warp_image(coefficients: Single, field: Float, padding: int, size: int, out: Single) -> None:
-    """Draw the image as the reference should have seen it: out(u, v) = image(u + du, v + dv).
+    """Draw the image as the reference should show it: out(u, v) = image(u + du, v + dv).
 
     coefficients: (rows, cols) of the image. field: (cell rows + 2 padding, cell cols + 2 padding, 2)
     displacement in px at the centres of cells of `size` px, interpolated by the system's cubic. out: (rows,

@@ -26,14 +26,14 @@ class CellMatches:
     """Sums per cell (see `cells.normal_sums`) and how well the images agree round it.
 
     match: (rows, cols) correlation coefficient in a window. alike: (rows, cols) cells that both images show,
-    and show alike. seen: (rows, cols) cells with pixels in both images. grey_variance: (rows, cols) of the
+    and show alike. shown: (rows, cols) cells with pixels in both images. grey_variance: (rows, cols) of the
     difference of two matched pixels, both images' noise counted.
     """
 
     sums: Float
     match: Float
     alike: Mask
-    seen: Mask
+    shown: Mask
     grey_variance: Float
 
 
@@ -68,7 +68,7 @@ class Matcher:
         """Warp the image by field (cell rows, cell cols, 2) px and compare it with the reference."""
         warp_image(self._coefficients, padded(field), PADDING, self.size, self._warped)
         grey_sums(self._reference, self._warped, self.size, self._grey)
-        seen = self._grey[..., 0] > 0.5 * self.size**2
+        shown = self._grey[..., 0] > 0.5 * self.size**2
         light, match, contrast = self._light()
         normal_sums(self._reference, self._warped, light, self.size, self._sums, self._misfit)
         sigma = (LIGHT_PX / self.size, LIGHT_PX / self.size)
@@ -79,8 +79,8 @@ class Matcher:
         variance = squares / np.maximum(count, 1.0) * (1.0 + gain) / (1.0 + noise_gain(field) * gain)
         # The rim of a hole is alike in a window, but not in its own pixels.
         own = self._misfit[..., 0] <= 2.0 * (1.0 - ALIKE) * contrast * self._misfit[..., 1]
-        alike = seen & (match > ALIKE) & own
-        return CellMatches(self._sums, match, alike, seen, np.where(count > 0.0, variance, np.nan))
+        alike = shown & (match > ALIKE) & own
+        return CellMatches(self._sums, match, alike, shown, np.where(count > 0.0, variance, np.nan))
 
     def _light(self) -> tuple[Float, Float, Float]:
         """(gain, offset) of the warped image per cell; correlation and reference's variance in its window."""

@@ -230,14 +230,15 @@ def figures(reading: StillReading) -> dict[str, Any]:
     """Figures of one image, px and mm, as the table and the summary give them; NaN where not measured."""
     found = reading.displacement
     valid = found.valid
-    length = np.hypot(found.du, found.dv)[valid]
-    some = length.size > 0
+    length, sigma = np.hypot(found.du, found.dv)[valid], found.sigma[valid]
+    if not length.size:
+        length = sigma = np.array([np.nan])
     out: dict[str, Any] = {
         "name": reading.name,
         "valid_share": float(valid.mean()),
-        "displacement_median_px": float(np.median(length)) if some else float("nan"),
-        "displacement_largest_px": float(length.max()) if some else float("nan"),
-        "sigma_median_px": float(np.median(found.sigma[valid])) if some else float("nan"),
+        "displacement_median_px": float(np.median(length)),
+        "displacement_largest_px": float(length.max()),
+        "sigma_median_px": float(np.median(sigma)),
         "noise_grey": found.noise_grey,
     }
     if reading.grid is not None:

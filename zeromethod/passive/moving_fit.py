@@ -16,7 +16,7 @@ from zeromethod.passive.cells import XX, XY, YY, X, Y
 REACH = 3.0
 """The Gaussian window ends at this many standard deviations."""
 
-_POWERS = {0: ((0, 0),), 1: ((0, 0), (1, 0), (0, 1)), 2: ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))}
+_POWERS = {1: ((0, 0), (1, 0), (0, 1)), 2: ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))}
 """Monomials x^a y^b of the displacement per order."""
 
 _WEAK = 1e-9
@@ -155,7 +155,7 @@ def moving_fit(sums: Float, field: Float, sigma: tuple[float, float], order: int
 
     sums: (rows, cols, 5) as `cells.normal_sums` gives them; cells to be left out hold zeros. field: (rows,
     cols, 2) px, the displacement that warped the image. sigma: window (columns, rows) in cells. order: of
-    the polynomial, 0 to 2. Returns (rows, cols, 2) px and (rows, cols, 2) px^2 per grey^2 of the images'
+    the polynomial, 1 or 2. Returns (rows, cols, 2) px and (rows, cols, 2) px^2 per grey^2 of the images'
     difference; NaN where the texture does not determine the polynomial.
     """
     n = 2 * order + 1

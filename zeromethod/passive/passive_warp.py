@@ -24,26 +24,20 @@ def rest_pixels(displacement: Displacement, u: Float, v: Float) -> Float:
     the valid points, or does not settle because the picture is folded.
     """
     field = np.where(displacement.valid[..., None], displacement.field, np.nan)
-    first = displacement.u[0, 0], displacement.v[0, 0]
-    spacing = displacement.u[0, 1] - displacement.u[0, 0]
     # The start may lie where nothing is valid while the answer does not: it follows the smooth guess.
     x, y = u.astype(np.float64), v.astype(np.float64)
     smooth = displacement.field
+    limits = smooth.shape[1::-1]
     for _ in range(_ROUNDS):
-        shift = _clamped(smooth, (x - first[0]) / spacing, (y - first[1]) / spacing)
+        # a position is first moved inside what can be interpolated
+        inside = (np.clip(at, 1.0, n - 2.0) for at, n in zip(displacement.place(x, y), limits, strict=True))
+        shift = sample(smooth, *inside)
         moved = np.hypot(u - shift[..., 0] - x, v - shift[..., 1] - y)
         x, y = u - shift[..., 0], v - shift[..., 1]
         if np.max(moved) < _SETTLED_PX:
             break
-    at = (x - first[0]) / spacing, (y - first[1]) / spacing
-    known = np.isfinite(sample(field, *at)).all(axis=-1) & (moved < 1e3 * _SETTLED_PX)
+    known = np.isfinite(sample(field, *displacement.place(x, y))).all(axis=-1) & (moved < 1e3 * _SETTLED_PX)
     return np.where(known[..., None], np.stack([x, y], axis=-1), np.nan)
-
-
-def _clamped(field: Float, col: Float, row: Float) -> Float:
-    """Field at a position in points, which is first moved inside what can be interpolated."""
-    rows, cols = field.shape[:2]
-    return sample(field, np.clip(col, 1.0, cols - 2.0), np.clip(row, 1.0, rows - 2.0))
 
 
 def measured_warp(displacement: Displacement, optics: Optics, grid: NodeGrid) -> Warp:
@@ -62,16 +56,11 @@ def measured_warp(displacement: Displacement, optics: Optics, grid: NodeGrid) ->
     counted_px2 = (reach * grid.spacing_px) ** 2
     scale = np.sqrt(displacement.noise_area_px2 / counted_px2)
     spread = np.stack([displacement.sigma_u * scale, displacement.sigma_v * scale], axis=-1)
-    spacing = displacement.u[0, 1] - displacement.u[0, 0]
-    col, row = (
-        (pixel[..., 0] - displacement.u[0, 0]) / spacing,
-        (pixel[..., 1] - displacement.v[0, 0]) / spacing,
-    )
-    noise = np.abs(sample(spread, col, row))
+    noise = np.abs(sample(spread, *displacement.place(pixel[..., 0], pixel[..., 1])))
     sigma = np.sqrt((by_u * noise[..., :1]) ** 2 + (by_v * noise[..., 1:]) ** 2)
-    flags = np.full(grid.shape, int(Flag.OUTSIDE), dtype=np.uint16)
-    inner = np.where(np.isnan(pixel[..., 0]), int(Flag.MODULATION), 0)
-    inner = np.where(~np.isnan(pixel[..., 0]) & np.isnan(q[..., 0]), int(Flag.NO_RAY), inner)
-    inner = np.where((inner == 0) & np.isnan(sigma).any(axis=-1), int(Flag.MODULATION), inner)
-    flags[grid.inner] = inner[grid.inner]
+    unmatched = np.isnan(pixel[..., 0])
+    no_ray = ~unmatched & np.isnan(q[..., 0])
+    unknown = unmatched | (~no_ray & np.isnan(sigma).any(axis=-1))
+    reasons = (~grid.measurable, Flag.OUTSIDE), (unknown, Flag.MODULATION), (no_ray, Flag.NO_RAY)
+    flags = np.select([mask for mask, _ in reasons], [np.uint16(flag) for _, flag in reasons], np.uint16(0))
     return Warp(q, sigma, flags, 0)

@@ -39,7 +39,7 @@ def settle(matcher: Matcher, field: Float, rounds: int, window_px: float = WINDO
     sigma = (window_px / matcher.size, window_px / matcher.size)
     for _ in range(rounds):
         comparison = matcher.compare(field)
-        weight = np.where(comparison.seen, np.clip(comparison.match, 0.05, 1.0) ** 2, 0.0)
+        weight = np.where(comparison.shown, np.clip(comparison.match, 0.05, 1.0) ** 2, 0.0)
         fitted, _ = moving_fit(comparison.sums * weight[..., None], field, sigma, 1)
         step = fitted - field
         length = np.linalg.norm(step, axis=-1, keepdims=True)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from zeromethod.arrays import Bytes, Float, Mask
 from zeromethod.passive.displacement import Doubt
+from zeromethod.surface.integrate import largest_island
 
 WEAK_PX = 0.25
 """Largest standard deviation of a point that still counts as measured."""
@@ -45,14 +45,6 @@ def _next_to_jump(field: Float, spacing_px: float) -> Mask:
     return out
 
 
-def largest_part(mask: Mask) -> Mask:
-    """The largest part of a mask (rows, cols) whose cells touch by their sides."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
-    if count < 2:
-        return mask
-    return np.asarray(labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
-
-
 def unsettled(sigma: Float, step: Float) -> Mask:
     """Points (rows, cols) whose last change, step (rows, cols) px, was too large for their sigma (..., 2)."""
     return np.asarray(~(step <= np.maximum(UNSETTLED_PX, _SIGMAS * _worst(sigma))))
@@ -62,20 +54,23 @@ def _worst(sigma: Float) -> Float:
     return np.asarray(np.where(np.isfinite(sigma).all(axis=-1), sigma.max(axis=-1), np.inf))
 
 
-def doubts(field: Float, sigma: Float, step: Float, seen: Mask, alike: Mask, spacing_px: float) -> Bytes:
+def doubts(field: Float, sigma: Float, step: Float, shown: Mask, alike: Mask, spacing_px: float) -> Bytes:
     """`Doubt` bits (rows, cols) of a field (rows, cols, 2) px with points spacing_px apart.
 
-    sigma (rows, cols, 2) px. step (rows, cols) px: the last change of the field. seen: cells that both
+    sigma (rows, cols, 2) px. step (rows, cols) px: the last change of the field. shown: cells that both
     images show. alike: cells whose grey levels match.
     """
-    out = np.zeros(seen.shape, dtype=np.uint8)
-    out[~seen] |= np.uint8(Doubt.OUTSIDE)
-    out[seen & ~alike] |= np.uint8(Doubt.MISMATCH)
-    out[seen & ~(_worst(sigma) <= WEAK_PX)] |= np.uint8(Doubt.TEXTURE)
-    out[seen & unsettled(sigma, step)] |= np.uint8(Doubt.UNSETTLED)
     least, most = stretch(field, spacing_px)
-    torn = (least < LEAST_STRETCH) | (most > MOST_STRETCH) | _next_to_jump(field, spacing_px)
-    out[torn] |= np.uint8(Doubt.ORDER)
+    found = {
+        Doubt.OUTSIDE: ~shown,
+        Doubt.MISMATCH: shown & ~alike,
+        Doubt.TEXTURE: shown & ~(_worst(sigma) <= WEAK_PX),
+        Doubt.UNSETTLED: shown & unsettled(sigma, step),
+        Doubt.ORDER: (least < LEAST_STRETCH) | (most > MOST_STRETCH) | _next_to_jump(field, spacing_px),
+    }
+    out = np.zeros(shown.shape, dtype=np.uint8)
+    for doubt, where in found.items():
+        out[where] |= np.uint8(doubt)
     sound = out == 0
-    out[sound & ~largest_part(sound)] |= np.uint8(Doubt.ORDER)
+    out[sound & ~largest_island(sound)] |= np.uint8(Doubt.ORDER)
     return out

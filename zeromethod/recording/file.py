@@ -189,7 +189,7 @@ def rest_arrays(rest: Rest) -> dict[str, tuple[Image, str, str]]:
             "",
             "why a node is not measurable at rest: bits named in the attribute `flags`",
         ),
-        "mask": (rest.seen, "", "rest mask: nodes that are measurable at rest"),
+        "mask": (rest.visible, "", "rest mask: nodes that are measurable at rest"),
         "node_pixels": (
             np.stack(rest.grid.mesh(), axis=-1),
             "camera px",

@@ -168,7 +168,7 @@ class Rows:
         return [self._row("drops/table", step.number, step.time_ns, *one) for one in found]
 
     def _presented(self, one: Drawn, after_step: int) -> Item:
-        frame_ns = -1 if one.seen_ns is None else one.seen_ns
+        frame_ns = -1 if one.source_ns is None else one.source_ns
         code = -1 if one.code is None else one.code
         return self._row("presentation_log/table", after_step, one.time_ns, frame_ns, code, one.draw_ms)
 

@@ -8,8 +8,6 @@ it is the Cramer-Rao bound of a cosine in that window.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -17,31 +15,12 @@ from numpy.typing import NDArray
 from zeromethod.arrays import Flags, Float, Single
 from zeromethod.rig.model import Noise
 from zeromethod.sensing.demodulate import FAST, Buffers, Image, demodulate
-from zeromethod.sensing.residual import Limits, Residual
+from zeromethod.sensing.residual import Limits, Residual, Scales, flags_of
 from zeromethod.sensing.window import carrier_power
 from zeromethod.warp.grid import PADDING, NodeGrid
-from zeromethod.warp.validity import Flag
 
-MODULATION, SATURATED, LIGHT_LOST = int(Flag.MODULATION), int(Flag.SATURATED), int(Flag.LIGHT_LOST)
 PI = np.float32(np.pi)
 HALF_PI = np.float32(np.pi / 2)
-
-
-class _Scales(NamedTuple):
-    """Camera noise and limits in the kernels' units, float32.
-
-    px_per_rad: P / 2 pi. still: variance without light, grey^2. per_grey: light's variance per grey. The
-    rest: limits of sigma (px), visibility, clipped pixels and light share.
-    """
-
-    px_per_rad: np.float32
-    still: np.float32
-    per_grey: np.float32
-    black: np.float32
-    sigma_px: np.float32
-    visibility: np.float32
-    clipped: np.float32
-    light_share: np.float32
 
 
 class CarrierEstimator:
@@ -67,18 +46,8 @@ class CarrierEstimator:
         self._ceiling, self._diagonal = ceiling, diagonal
         self._origin = np.exp(-1j * np.array(origin_rad)).astype(np.complex64)
         self._gain = carrier_power(period).astype(np.float32)
-        per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
-        numbers = (
-            period / (2 * np.pi),
-            noise.read_grey**2 + 1 / 12,
-            per_grey,
-            noise.black_grey,
-            limits.sigma_periods * period,
-            limits.visibility,
-            limits.clipped_share * (2 * period) ** 2,
-            limits.light_share,
-        )
-        self._scales = _Scales(*np.array(numbers, np.float32))
+        self._px_per_rad = np.float32(period / (2 * np.pi))
+        self._scales = Scales(*np.array(Scales.of(noise, limits, period), np.float32))
         self._work = np.zeros((6, cols), np.float32)
 
     def estimate(self, image: Image, reference_light: Single, out: Residual) -> None:
@@ -86,7 +55,7 @@ class CarrierEstimator:
 
         reference_light: (node rows, node cols) mean light at rest above black, 0 = unknown.
         """
-        buffers, carriers = self._buffers, (self._diagonal, self._origin, self._gain)
+        buffers, carriers = self._buffers, (self._diagonal, self._origin, self._gain, self._px_per_rad)
         demodulate(image, self._ceiling, self._diagonal, buffers)
         light, work = reference_light, self._work
         _read_phases(buffers.planes, buffers.clipped, *carriers, self._scales, light, work, out.arrays)
@@ -118,11 +87,12 @@ def _read_row(
     diagonal: bool,
     origin: NDArray[np.complex64],
     gain: Single,
-    scales: _Scales,
+    scale: np.float32,
+    scales: Scales,
     work: Single,
 ) -> None:
     """Phase (px), variance (px^2) and amplitude of both carriers of one node row: six rows of `work`."""
-    scale, still, per_grey, black = scales.px_per_rad, scales.still, scales.per_grey, scales.black
+    still, per_grey, black = scales.still, scales.per_grey, scales.black
     g0, g1, g2, g3 = gain[0], gain[1], gain[2], gain[3]
     half, quarter, two = np.float32(0.5), np.float32(0.25), np.float32(2)
     tiny = np.float32(1e-30)
@@ -168,7 +138,8 @@ def _read_phases(
     diagonal: bool,
     origin: NDArray[np.complex64],
     gain: Single,
-    scales: _Scales,
+    px_per_rad: np.float32,
+    scales: Scales,
     reference_light: Single,
     work: Single,
     out: tuple[Float, Float, Flags, Single, Single],
@@ -176,22 +147,16 @@ def _read_phases(
     d, sigma, flags, modulation, mean = out
     any_clipped = clipped.max() > 0
     for r in range(planes.shape[1]):
-        _read_row(planes, r, diagonal, origin, gain, scales, work)
+        _read_row(planes, r, diagonal, origin, gain, px_per_rad, scales, work)
         for j in range(planes.shape[2]):
             row, col = r + PADDING, j + PADDING
             au, av, grey = work[4, j], work[5, j], planes[4, r, j]
             su = np.sqrt(work[2, j]) if au > 0 else np.inf
             sv = np.sqrt(work[3, j]) if av > 0 else np.inf
-            light = grey - scales.black
-            flag = 0
-            if not max(su, sv) <= scales.sigma_px or min(au, av) < scales.visibility * light:
-                flag |= MODULATION
-            if light < scales.light_share * reference_light[r, j]:
-                flag |= LIGHT_LOST
-            if any_clipped and clipped[r : r + 4, j : j + 4].sum() > scales.clipped:
-                flag |= SATURATED
+            light, rest = grey - scales.black, reference_light[r, j]
+            over = clipped[r : r + 4, j : j + 4].sum() if any_clipped else 0
             d[row, col, 0], d[row, col, 1] = work[0, j], work[1, j]
             sigma[row, col, 0], sigma[row, col, 1] = su, sv
             modulation[row, col, 0], modulation[row, col, 1] = au, av
             mean[row, col] = grey
-            flags[row, col] = flag
+            flags[row, col] = flags_of(max(su, sv), min(au, av), light, rest, over, scales)

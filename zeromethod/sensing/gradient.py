@@ -8,7 +8,6 @@ matrices belong to the target and are inverted once; an image costs four window 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -18,33 +17,17 @@ from scipy.sparse import csr_array
 from zeromethod.arrays import Flags, Float, Single
 from zeromethod.rig.model import Noise
 from zeromethod.sensing.demodulate import FAST, Buffers, Image, count_clipped, window_rows
-from zeromethod.sensing.residual import Limits, Residual
+from zeromethod.sensing.residual import Limits, Residual, Scales, flags_of
 from zeromethod.sensing.window import triangle
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.validity import Flag
 
-MODULATION, SATURATED, LIGHT_LOST, AMBIGUOUS = (
-    int(flag) for flag in (Flag.MODULATION, Flag.SATURATED, Flag.LIGHT_LOST, Flag.AMBIGUOUS)
-)
+AMBIGUOUS = int(Flag.AMBIGUOUS)
 LEAST_MATCH = 0.4
 """Least contrast relative to the target's; below, another part of the target is assumed."""
 
 Light = Callable[[Float, Float], Float]
 """The target's light at camera pixels (u, v)."""
-
-
-class _Scales(NamedTuple):
-    """Camera noise, limits and target in the kernel's units: see `carrier`; mean: of the target's light."""
-
-    still: float
-    per_grey: float
-    black: float
-    sigma_px: float
-    visibility: float
-    clipped: float
-    light_share: float
-    mean: float
-    farthest_px: float
 
 
 class GradientEstimator:
@@ -89,24 +72,14 @@ class GradientEstimator:
         )
         self._rms: Float = np.sqrt(np.maximum(normal[..., 0, 0] - normal[..., 0, 3] ** 2, 0.0))
         self._basis = basis[:3].astype(np.float32)
-        per_grey = 0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey
-        self._scales = _Scales(
-            still=noise.read_grey**2 + 1 / 12,
-            per_grey=per_grey,
-            black=noise.black_grey,
-            sigma_px=limits.sigma_periods * period,
-            visibility=limits.visibility,
-            clipped=limits.clipped_share * (2 * period) ** 2,
-            light_share=limits.light_share,
-            mean=mean,
-            farthest_px=period / 4,
-        )
+        self._scales = Scales.of(noise, limits, period)
+        self._mean, self._farthest_px = mean, period / 4
         self._ceiling = ceiling
         self._buffers = Buffers.of((rows, cols), period, signs=(1, 1, 1, 1), planes=4)
 
     def estimate(self, image: Image, reference_light: Single, out: Residual) -> None:
         """Fill the measurable nodes of `out`; reference light as for `CarrierEstimator.estimate`."""
-        buffers, fit = self._buffers, (self._inverse, self._spread, self._rms)
+        buffers, fit = self._buffers, (self._inverse, self._spread, self._rms, self._mean, self._farthest_px)
         _project(image, self._ceiling, self._basis, buffers)
         _solve(buffers.planes, buffers.clipped, *fit, self._scales, reference_light, out.arrays)
 
@@ -168,7 +141,9 @@ def _solve(
     inverse: Float,
     spread: Float,
     rms: Float,
-    scales: _Scales,
+    target_mean: float,
+    farthest_px: float,
+    scales: Scales,
     reference_light: Single,
     out: tuple[Float, Float, Flags, Single, Single],
 ) -> None:
@@ -183,7 +158,7 @@ def _solve(
             light = t - black
             pixel = still + per_grey * max(offset - black, 0.0)
             amplitude = max(gain, 0.0) * rms[r, j] * np.sqrt(2.0)
-            flag, far = 0, 0.0
+            far = 0.0
             for k in range(2):
                 if gain > 0:
                     n = m[k + 1]
@@ -196,13 +171,9 @@ def _solve(
                     d[row, col, k], sigma[row, col, k] = 0.0, np.inf
                 modulation[row, col, k] = amplitude
             worst = max(sigma[row, col, 0], sigma[row, col, 1])
-            if not worst <= scales.sigma_px or amplitude < scales.visibility * light:
-                flag |= MODULATION
-            if far > scales.farthest_px or gain * scales.mean < LEAST_MATCH * (offset - black):
+            over = clipped[r : r + 4, j : j + 4].sum()
+            flag = flags_of(worst, amplitude, light, reference_light[r, j], over, scales)
+            if far > farthest_px or gain * target_mean < LEAST_MATCH * (offset - black):
                 flag |= AMBIGUOUS
-            if light < scales.light_share * reference_light[r, j]:
-                flag |= LIGHT_LOST
-            if clipped[r : r + 4, j : j + 4].sum() > scales.clipped:
-                flag |= SATURATED
             mean[row, col] = t
             flags[row, col] = flag

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
+import numba
 import numpy as np
 
 from zeromethod.arrays import Flags, Float, Mask, Single
+from zeromethod.rig.model import Noise
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
+
+MODULATION, SATURATED, LIGHT_LOST = int(Flag.MODULATION), int(Flag.SATURATED), int(Flag.LIGHT_LOST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +29,48 @@ class Limits:
     visibility: float = 0.03
     clipped_share: float = 0.01
     light_share: float = 0.3
+
+
+class Scales(NamedTuple):
+    """Camera noise and limits in the kernels' units; see `Limits`.
+
+    still: variance without light, grey^2. per_grey: light's variance per grey. black: grey without light.
+    clipped: pixels of a window.
+    """
+
+    still: float
+    per_grey: float
+    black: float
+    sigma_px: float
+    visibility: float
+    clipped: float
+    light_share: float
+
+    @classmethod
+    def of(cls, noise: Noise, limits: Limits, period_px: int) -> Scales:
+        """Scales of a camera for windows of +-`period_px`."""
+        return cls(
+            still=noise.read_grey**2 + 1 / 12,
+            per_grey=0.0 if noise.electrons_per_grey is None else 1.0 / noise.electrons_per_grey,
+            black=noise.black_grey,
+            sigma_px=limits.sigma_periods * period_px,
+            visibility=limits.visibility,
+            clipped=limits.clipped_share * (2 * period_px) ** 2,
+            light_share=limits.light_share,
+        )
+
+
+@numba.njit(cache=True, inline="always")
+def flags_of(sigma: float, amplitude: float, light: float, rest: float, clipped: int, scales: Scales) -> int:
+    """Flags of a node by its larger sigma, smaller amplitude, mean light, light at rest, clipped pixels."""
+    flag = 0
+    if not sigma <= scales.sigma_px or amplitude < scales.visibility * light:
+        flag |= MODULATION
+    if light < scales.light_share * rest:
+        flag |= LIGHT_LOST
+    if clipped > scales.clipped:
+        flag |= SATURATED
+    return flag
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,8 +23,6 @@ _OUTSIDE = np.uint16(Flag.OUTSIDE)
 Light = Callable[[Float, Float], Float]
 """The target's light at camera pixels (u, v); see `Target.light`."""
 
-CARRIER_KINDS = ("cosines", "checker", "lattice")
-
 
 def carrier_origin(kind: str, period_px: int, light: Light | None) -> tuple[float, float]:
     """Phases (rad) of the target's two carriers at pixel (0, 0), from one period of its light.
@@ -80,7 +78,7 @@ class ResidualSensor:
         limits: Limits | None = None,
         covered: Mask | None = None,
     ) -> None:
-        if kind not in (*CARRIER_KINDS, "noise"):
+        if kind not in {"cosines", "checker", "lattice", "noise"}:
             raise InputError(f"target.kind: {kind!r}: one of cosines, checker, lattice, noise")
         if light is None and kind in {"lattice", "noise"}:
             raise InputError(f"ResidualSensor: light: None: target.kind {kind!r} needs the target's light")

@@ -167,35 +167,33 @@ def _drop_residues(flags: Flags, jumps: Jumps, costs: Bytes) -> None:
 
 
 @numba.njit(cache=True)
+def _mark(flags: Flags, border: Bytes, r: int, c: int, stack: Ints, top: int) -> int:
+    """Mark a node not yet marked: 1 valid, 2 invalid, which goes onto the stack; the stack's height."""
+    if border[r, c] == 0:
+        border[r, c] = 1 if flags[r + PADDING, c + PADDING] & ~AMBIGUOUS == 0 else 2
+        if border[r, c] == 2:
+            stack[top] = r * border.shape[1] + c
+            return top + 1
+    return top
+
+
+@numba.njit(cache=True)
 def _mark_border(flags: Flags, border: Bytes, stack: Ints) -> int:
     """Mark (1) the valid nodes at the view's border or next to invalid nodes joined to it; their number."""
     rows, cols = border.shape
     border[:] = 0
-    count, top = 0, 0
+    top = 0
     for r in range(rows):
         step = 1 if r in (0, rows - 1) else max(cols - 1, 1)
         for c in range(0, cols, step):
-            if flags[r + PADDING, c + PADDING] & ~AMBIGUOUS == 0:
-                border[r, c] = 1
-                count += 1
-            elif border[r, c] == 0:
-                border[r, c] = 2
-                stack[top] = r * cols + c
-                top += 1
+            top = _mark(flags, border, r, c, stack, top)
     while top > 0:
         top -= 1
         r, c = stack[top] // cols, stack[top] % cols
         for y in range(max(r - 1, 0), min(r + 2, rows)):
             for x in range(max(c - 1, 0), min(c + 2, cols)):
-                if border[y, x] == 0:
-                    if flags[y + PADDING, x + PADDING] & ~AMBIGUOUS == 0:
-                        border[y, x] = 1
-                        count += 1
-                    else:
-                        border[y, x] = 2
-                        stack[top] = y * cols + x
-                        top += 1
-    return count
+                top = _mark(flags, border, y, x, stack, top)
+    return int(np.sum(border == 1))
 
 
 @numba.njit(cache=True)
@@ -256,45 +254,31 @@ def _winner(votes: Ints) -> tuple[int, int]:
 
 
 @numba.njit(cache=True)
-def _order_from_guess(
-    d: Float, guess: Float, period: float, work: _Work, region: Ints
+def _region_order(
+    d: Float, guess: Float, period: float, work: _Work, least_nodes: float, region: Ints
 ) -> tuple[bool, int, int]:
-    """(whether most of the region then lies next to the guess, the orders to add)."""
-    order, votes = work.order, work.votes
+    """(whether at least `least_nodes` of a region count and most of them agree, the orders to add).
+
+    Nodes with a guess count, and agree when they then lie within a quarter period of it. Without any guess
+    (of size 0) those at the border count, and are brought nearest to zero.
+    """
+    order, votes, guessed = work.order, work.votes, guess.size > 0
     votes[:] = 0
     nodes = 0
     for node in region:
         r, c = node // order.shape[1], node % order.shape[1]
         a, b = r + PADDING, c + PADDING
-        if np.isfinite(guess[a, b, 0]) and np.isfinite(guess[a, b, 1]):
-            nodes += 1
-            for k in range(2):
-                miss = (guess[a, b, k] - d[a, b, k]) / period - order[r, c, k]
-                orders = int(np.rint(miss))
-                if abs(miss - orders) < 0.25 and abs(orders) <= MOST_ORDERS:
-                    votes[k, orders + MOST_ORDERS] += 1
+        if not (np.isfinite(guess[a, b, 0] + guess[a, b, 1]) if guessed else work.border[r, c] == 1):
+            continue
+        nodes += 1
+        for k in range(2):
+            away = ((guess[a, b, k] if guessed else 0.0) - d[a, b, k]) / period
+            orders = int(np.rint(away - order[r, c, k]))
+            close = not guessed or abs(away - order[r, c, k] - orders) < 0.25
+            if close and abs(orders) <= MOST_ORDERS:
+                votes[k, orders + MOST_ORDERS] += 1
     (nu, most_u), (nv, most_v) = _winner(votes[0]), _winner(votes[1])
-    return 2 * min(most_u, most_v) > nodes, nu, nv
-
-
-@numba.njit(cache=True)
-def _order_from_border(
-    d: Float, period: float, work: _Work, border_nodes: int, region: Ints
-) -> tuple[bool, int, int]:
-    """(whether the border nodes are enough and agree, the orders to add for them to be nearest zero)."""
-    order, votes = work.order, work.votes
-    votes[:] = 0
-    nodes = 0
-    for node in region:
-        r, c = node // order.shape[1], node % order.shape[1]
-        if work.border[r, c] == 1:
-            nodes += 1
-            for k in range(2):
-                orders = int(np.rint(-d[r + PADDING, c + PADDING, k] / period)) - order[r, c, k]
-                if abs(orders) <= MOST_ORDERS:
-                    votes[k, orders + MOST_ORDERS] += 1
-    (nu, most_u), (nv, most_v) = _winner(votes[0]), _winner(votes[1])
-    return nodes >= BORDER_SHARE * border_nodes and 2 * min(most_u, most_v) > nodes, nu, nv
+    return nodes >= least_nodes and 2 * min(most_u, most_v) > nodes, nu, nv
 
 
 @numba.njit(cache=True)
@@ -332,9 +316,10 @@ def _unwrap(d: Float, sigma: Float, flags: Flags, guess: Float, period: float, w
         region = work.path[:count]
         determined, nu, nv = False, 0, 0
         if guess.size > 0:
-            determined, nu, nv = _order_from_guess(d, guess, period, work, region)
+            determined, nu, nv = _region_order(d, guess, period, work, 0.0, region)
         if not determined:
-            determined, nu, nv = _order_from_border(d, period, work, border_nodes, region)
+            least = BORDER_SHARE * border_nodes
+            determined, nu, nv = _region_order(d, np.zeros((0, 0, 2)), period, work, least, region)
         for node in region:
             y, x = node // cols, node % cols
             order[y, x, 0] += nu

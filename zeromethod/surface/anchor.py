@@ -59,14 +59,6 @@ def fit_known(nodes: Mask, scale: Float) -> RestFit:
     return RestFit("known", weights / weights.sum(), 0.0)
 
 
-def border_ring(shape: tuple[int, int]) -> Mask:
-    """Outer ring (rows, cols) of the lattice."""
-    width = max(2, round(_RING_SHARE * min(shape)))
-    ring = np.ones(shape, bool)
-    ring[width:-width, width:-width] = False
-    return ring
-
-
 def fit_quiet(
     slope: Float,
     variance: Float,
@@ -82,7 +74,9 @@ def fit_quiet(
     slope, variance: (rows, cols, 2) of depth's slope, rad and rad^2. depth_mm: any depth with that slope.
     scale: h. correlation: of the noise of nodes 0, 1, 2, ... apart along one axis.
     """
-    ring = border_ring((island.shape[0], island.shape[1])) & island
+    width = max(2, round(_RING_SHARE * min(island.shape)))
+    ring = island.copy()
+    ring[width:-width, width:-width] = False
     if np.count_nonzero(ring) < _MIN_NODES:
         ring = island
     constant = depth_mm / scale
@@ -93,7 +87,10 @@ def fit_quiet(
     spread = np.maximum(nearby, noise2) / scale**2
     first = np.where(ring, 1.0 / np.where(ring, spread, 1.0), 0.0)
     relative = depth_mm - scale * float((first * constant).sum() / first.sum())
-    away = _from_deepest(relative, x_mm, y_mm, island)
+    deepest = np.unravel_index(int(np.argmax(np.where(island, np.abs(relative), -1.0))), island.shape)
+    # from there, mm
+    away = np.stack([x_mm - x_mm[deepest], y_mm - y_mm[deepest]], axis=-1)
+    away = np.where(island[..., None], away, 0.0)
     floor2 = (0.25**2) * (np.ptp(x_mm[island]) ** 2 + np.ptp(y_mm[island]) ** 2)
     # a single remaining node has no extent and needs no weight
     lever2 = np.maximum((away * away).sum(axis=-1), floor2 or 1.0)
@@ -153,14 +150,6 @@ def mean_noise_gain(correlation: Float, count: int) -> float:
     rho[: min(count, len(correlation))] = correlation[:count]
     pairs = np.where(lags == 0, count, 2 * (count - lags))
     return float((pairs * rho).sum() / count**2)
-
-
-def _from_deepest(relative_mm: Float, x_mm: Float, y_mm: Float, island: Mask) -> Float:
-    """Vectors (rows, cols, 2) in mm from the node of largest |depth|; 0 off the island."""
-    deepest = int(np.argmax(np.where(island, np.abs(relative_mm), -1.0)))
-    row, col = np.unravel_index(deepest, relative_mm.shape)
-    away = np.stack([x_mm - x_mm[row, col], y_mm - y_mm[row, col]], axis=-1)
-    return np.where(island[..., None], away, 0.0)
 
 
 def _shortest_interval(values: Float, weights: Float) -> tuple[float, float]:

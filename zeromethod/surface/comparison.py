@@ -79,14 +79,7 @@ def usable_nodes(optics: Optics, grid: NodeGrid, truth: TrueMirror) -> Mask:
     size = np.array([optics.rig.display.columns, optics.rig.display.rows])
     with np.errstate(invalid="ignore"):
         inside = np.all((trace.q >= margin[..., None]) & (trace.q <= size - 1 - margin[..., None]), axis=-1)
-    usable: Mask = whole & ~touched & inside & _measurable(grid)
-    return usable
-
-
-def _measurable(grid: NodeGrid) -> Mask:
-    mask = np.zeros(grid.shape, dtype=np.bool_)
-    mask[grid.inner] = True
-    return mask
+    return np.asarray(whole & ~touched & inside & grid.measurable)
 
 
 def true_peak_mm(truth: TrueMirror, x: Float, y: Float) -> float:
@@ -119,8 +112,8 @@ def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid)
     x, y = surface.x_mm[both], surface.y_mm[both]
     depth_error = surface.depth_mm[both] - truth.depth(x, y)
     slope_error = surface.slope[both] - np.stack(truth.slope(x, y), axis=-1)
-    seen = surface.on_mirror & usable
-    peak_true = true_peak_mm(truth, surface.x_mm[seen], surface.y_mm[seen])
+    known = surface.on_mirror & usable
+    peak_true = true_peak_mm(truth, surface.x_mm[known], surface.y_mm[known])
     peak_read = peak(surface).depth_mm
     share = 100 * (peak_read - peak_true) / peak_true if peak_true else float("nan")
     inner = grid.inner

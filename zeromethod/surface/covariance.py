@@ -103,22 +103,6 @@ class DepthCovariance:
         systematic = self._anchor_sigma**2 * float((inner * self._scale).sum()) * self._scale
         return Covariances(self._padded(self._scale * row), self._padded(systematic))
 
-    def with_node(self, row: int, col: int) -> Covariances:
-        """One row of the matrix: covariance of every depth with that of a valid node. Raises InputError."""
-        weights = np.zeros(self._grid.shape)
-        rows, cols = weights.shape
-        inside = 0 <= row < rows and 0 <= col < cols
-        if inside:
-            weights[row, col] = 1.0
-        if not (inside and weights[self._grid.inner][self._linear.island].any()):
-            raise InputError(f"node: ({row}, {col}): a valid node of {rows} x {cols}")
-        return self.with_mean(weights)
-
-    def slope_with_mean(self, weights: Float) -> Float:
-        """Covariance (rows, cols, 2), rad mm, of every slope with sum(weights * depth): noise alone."""
-        covariance = self._noise.covariance(self._slope_weights(self._checked(weights)))
-        return np.stack([self._padded(covariance[..., k]) for k in (0, 1)], axis=-1)
-
     def _slope_weights(self, inner: Float) -> Float:
         in_units_of_h = inner * self._scale
         return self._linear.slope_weights(in_units_of_h - in_units_of_h.sum() * self._anchor)
@@ -130,6 +114,4 @@ class DepthCovariance:
         return np.where(self._linear.island, weights[self._grid.inner], 0.0)
 
     def _padded(self, inner: Float) -> Float:
-        full = np.full(self._grid.shape, np.nan)
-        full[self._grid.inner] = np.where(self._linear.island, inner, np.nan)
-        return full
+        return self._grid.padded(np.where(self._linear.island, inner, np.nan), np.nan)

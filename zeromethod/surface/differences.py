@@ -56,6 +56,42 @@ _INTEGRAL = integral_table()
 
 
 @numba.njit(cache=True)
+def _next_run(valid: Any, i: int, at: int) -> tuple[int, int]:
+    """Start and end of the next run of valid nodes in row i from column `at`; both the width for none."""
+    cols = valid.shape[1]
+    while at < cols and not valid[i, at]:
+        at += 1
+    end = at
+    while end < cols and valid[i, end]:
+        end += 1
+    return at, end
+
+
+@numba.njit(cache=True)
+def _derivative_at(x: Any, y: Any, i: int, j: int, start: int, end: int, table: Any) -> tuple[float, float]:
+    """Derivatives of x and y along row i at node j of a run."""
+    points = min(DERIVATIVE_POINTS, end - start)
+    first = min(max(j - points // 2, start), end - points)
+    dx = 0.0
+    dy = 0.0
+    for k in range(points):
+        weight = table[points, j - first, k]
+        dx += weight * x[i, first + k]
+        dy += weight * y[i, first + k]
+    return dx, dy
+
+
+@numba.njit(cache=True)
+def _integral_stencil(j: int, start: int, end: int) -> tuple[int, int]:
+    """First node and number of nodes of the integral from node j of a run to the next."""
+    first = j - INTEGRAL_POINTS // 2 + 1
+    if first < start or first + INTEGRAL_POINTS > end:
+        points = min(BORDER_POINTS, end - start)
+        return min(max(j - points // 2 + 1, start), end - points), points
+    return first, INTEGRAL_POINTS
+
+
+@numba.njit(cache=True)
 def _along_rows(
     slope_x: Any, slope_y: Any, x: Any, y: Any, valid: Any, derivative: Any, integral: Any, out: Any
 ) -> None:
@@ -64,37 +100,19 @@ def _along_rows(
     for i in range(rows):
         for j in range(cols - 1):
             out[i, j] = 0.0
-        start = 0
+        start, end = _next_run(valid, i, 0)
         while start < cols:
-            if not valid[i, start]:
-                start += 1
-                continue
-            end = start
-            while end < cols and valid[i, end]:
-                end += 1
-            length = end - start
-            if length > 1:
-                points = min(DERIVATIVE_POINTS, length)
+            if end - start > 1:
                 for j in range(start, end):
-                    first = min(max(j - points // 2, start), end - points)
-                    dx = 0.0
-                    dy = 0.0
-                    for k in range(points):
-                        weight = derivative[points, j - first, k]
-                        dx += weight * x[i, first + k]
-                        dy += weight * y[i, first + k]
+                    dx, dy = _derivative_at(x, y, i, j, start, end, derivative)
                     line[j] = slope_x[i, j] * dx + slope_y[i, j] * dy
                 for j in range(start, end - 1):
-                    first = j - INTEGRAL_POINTS // 2 + 1
-                    points = INTEGRAL_POINTS
-                    if first < start or first + points > end:
-                        points = min(BORDER_POINTS, length)
-                        first = min(max(j - points // 2 + 1, start), end - points)
+                    first, points = _integral_stencil(j, start, end)
                     total = 0.0
                     for k in range(points):
                         total += integral[points, j - first, k] * line[first + k]
                     out[i, j] = total
-            start = end
+            start, end = _next_run(valid, i, end)
 
 
 @numba.njit(cache=True)
@@ -105,36 +123,19 @@ def _along_rows_adjoint(
     rows, cols = valid.shape
     line = np.empty(cols)
     for i in range(rows):
-        start = 0
+        start, end = _next_run(valid, i, 0)
         while start < cols:
-            if not valid[i, start]:
-                start += 1
-                continue
-            end = start
-            while end < cols and valid[i, end]:
-                end += 1
-            length = end - start
-            if length > 1:
+            if end - start > 1:
                 line[start:end] = 0.0
                 for j in range(start, end - 1):
-                    first = j - INTEGRAL_POINTS // 2 + 1
-                    points = INTEGRAL_POINTS
-                    if first < start or first + points > end:
-                        points = min(BORDER_POINTS, length)
-                        first = min(max(j - points // 2 + 1, start), end - points)
+                    first, points = _integral_stencil(j, start, end)
                     for k in range(points):
                         line[first + k] += integral[points, j - first, k] * weight[i, j]
-                points = min(DERIVATIVE_POINTS, length)
                 for j in range(start, end):
-                    first = min(max(j - points // 2, start), end - points)
-                    dx = 0.0
-                    dy = 0.0
-                    for k in range(points):
-                        dx += derivative[points, j - first, k] * x[i, first + k]
-                        dy += derivative[points, j - first, k] * y[i, first + k]
+                    dx, dy = _derivative_at(x, y, i, j, start, end, derivative)
                     out_x[i, j] += line[j] * dx
                     out_y[i, j] += line[j] * dy
-            start = end
+            start, end = _next_run(valid, i, end)
 
 
 def depth_differences_adjoint(across: Float, down: Float, x_mm: Float, y_mm: Float, valid: Mask) -> Float:

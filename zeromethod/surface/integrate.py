@@ -91,10 +91,6 @@ class LatticeSolver:
             splu(self._matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
         )
 
-    def solve(self, rhs: Float) -> Float:
-        """`LatticeSolution.solve` with the present weights."""
-        return self.solution.solve(rhs)
-
 
 @dataclass(frozen=True, slots=True)
 class LinearIntegration:
@@ -215,23 +211,18 @@ class SlopeIntegrator:
         self._solver.set_weights(self._across * self._h_across, self._down * self._h_down, self._pin)
 
     def integrate(self, slope: Float, x_mm: Float, y_mm: Float, depth_mm: Float | None = None) -> Float:
-        """Update e (..., rows, cols), up to a constant: depth_mm + h e has the given slope. 0 off the island.
+        """Update e (rows, cols), up to a constant: depth_mm + h e has the given slope. 0 off the island.
 
-        slope: (..., rows, cols, 2), (dd/dx, dd/dy) at the mirror points x_mm, y_mm (rows, cols), which are
-        at depth_mm (rows, cols; default 0).
+        slope: (rows, cols, 2), (dd/dx, dd/dy) at the mirror points x_mm, y_mm (rows, cols), which are at
+        depth_mm (rows, cols; default 0).
         """
         if not self.island.any():
-            return np.zeros(slope.shape[:-1])
-        lattices = slope.reshape(-1, *slope.shape[-3:])
-        rhs = np.stack([self._right_hand_side(one, x_mm, y_mm, depth_mm) for one in lattices])
-        return self._solver.solve(rhs).reshape(slope.shape[:-1])
-
-    def _right_hand_side(self, slope: Float, x_mm: Float, y_mm: Float, depth_mm: Float | None) -> Float:
+            return np.zeros(self._shape)
         across, down = depth_differences(slope, x_mm, y_mm, self.island)
         if depth_mm is not None:
             across -= np.diff(depth_mm, axis=1)
             down -= np.diff(depth_mm, axis=0)
-        return _divergence(self._across * across, self._down * down)
+        return self._solver.solution.solve(_divergence(self._across * across, self._down * down))
 
     def linear(self, x_mm: Float, y_mm: Float) -> LinearIntegration:
         """Integration with the present mask and weights over points at x_mm, y_mm (rows, cols)."""

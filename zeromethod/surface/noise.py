@@ -70,13 +70,6 @@ class SlopeNoise:
         return out
 
 
-def difference_weights(nodes: NDArray[np.intp], anchor: Float) -> Float:
-    """Weights (n, rows, cols) of depth / h at n flat node numbers against the anchor's weighted mean."""
-    weights = np.repeat(-anchor[None], len(nodes), axis=0)
-    weights.reshape(len(nodes), -1)[np.arange(len(nodes)), nodes] += 1.0
-    return weights
-
-
 class DepthNoise:
     """Standard deviation of depth, exact at some nodes and interpolated between.
 
@@ -179,25 +172,23 @@ def sampled_variance(
     linear: LinearIntegration, noise: SlopeNoise, nodes: NDArray[np.intp], anchor: Float
 ) -> Float:
     """Exact variance (n,) of depth / h, mm^2, at flat node numbers against the anchor's weighted mean."""
-    parts = [nodes[k : k + _BATCH] for k in range(0, len(nodes), _BATCH)]
-    found = [noise.variance_of(linear.slope_weights(difference_weights(part, anchor))) for part in parts]
+    found = []
+    for k in range(0, len(nodes), _BATCH):
+        part = nodes[k : k + _BATCH]
+        weights = np.repeat(-anchor[None], len(part), axis=0)
+        weights.reshape(len(part), -1)[np.arange(len(part)), part] += 1.0
+        found.append(noise.variance_of(linear.slope_weights(weights)))
     return np.concatenate(found) if found else np.zeros(0)
 
 
 def sample_nodes(island: Mask) -> NDArray[np.intp]:
     """Flat numbers of island nodes on Chebyshev's points of both axes, and some along the rims of holes."""
     chosen = np.zeros(island.shape, bool)
-    rows, cols = (np.unique(np.rint(_chebyshev(n)).astype(np.intp)) for n in island.shape)
+    along = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, _SAMPLES_PER_AXIS)))
+    rows, cols = (np.unique(np.rint((n - 1) * along).astype(np.intp)) for n in island.shape)
     chosen[np.ix_(rows, cols)] = True
     rim = island & ~ndimage.binary_erosion(island, border_value=1)
-    along = np.flatnonzero(rim)
-    if len(along):
-        step = max(len(along) // _SAMPLES_AROUND_HOLES, 1)
-        chosen.ravel()[along[::step]] = True
+    on_rim = np.flatnonzero(rim)
+    step = max(len(on_rim) // _SAMPLES_AROUND_HOLES, 1)
+    chosen.ravel()[on_rim[::step]] = True
     return np.flatnonzero(chosen & island)
-
-
-def _chebyshev(length: int) -> Float:
-    turn = np.linspace(0.0, np.pi, _SAMPLES_PER_AXIS)
-    points: Float = 0.5 * (length - 1) * (1.0 - np.cos(turn))
-    return points

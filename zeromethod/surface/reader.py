@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
@@ -39,8 +38,6 @@ _MOST_FITS = 3
 _CLOSER = 0.3
 _NO_LAW = 2.0
 _PROBE_DEPTH_MM = 1e-3
-
-T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(slots=True)
@@ -108,7 +105,7 @@ class SurfaceReader:
         rest = np.zeros(u.shape)
         slope, point = self._rays.slope(rest, self._rays.rest_q)
         self._rest_point = point
-        self._rest_xy = continued_points(self._padded(point[..., :2], np.nan))
+        self._rest_xy = continued_points(self._grid.padded(point[..., :2], np.nan))
         sensitivity = optics.sensitivity(u, v)
         regular = island & (
             np.abs(np.linalg.det(np.where(island[..., None, None], sensitivity, np.eye(2)))) > 0
@@ -281,11 +278,11 @@ class SurfaceReader:
             of_frame = self._noise.sigma(noise, x, y, fit.weights)
             sigma_depth = self._scale * np.hypot(of_frame, fit.sigma_mm)
             typical = fit.sigma_mm * float(np.sqrt(np.mean(self._scale[island] ** 2)))
-            anchor = Anchor(fit.mode, self._padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
+            anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
         contact = (warp.flags & Flag.LIGHT_LOST != 0) & (warp.flags & (Flag.OUTSIDE | Flag.NO_RAY) == 0)
         surface = Surface(
             **self._arrays(island, reading.depth, reading.slope, reading.point, sigma_depth, noise.variance),
-            valid=self._padded(island, False),
+            valid=self._grid.padded(island, False),
             contact=contact,
             anchor=anchor,
             time_ns=warp.time_ns,
@@ -301,10 +298,12 @@ class SurfaceReader:
     ) -> dict[str, Any]:
         """Arrays of a `Surface` on the full grid, NaN off the `nodes`; variance: (rows, cols, 2) of slope."""
         full = [
-            self._padded(np.where(nodes if values.ndim == 2 else nodes[..., None], values, np.nan), np.nan)
+            self._grid.padded(
+                np.where(nodes if values.ndim == 2 else nodes[..., None], values, np.nan), np.nan
+            )
             for values in (depth, slope, sigma_depth, np.sqrt(variance))
         ]
-        points = self._padded(point[..., :2], np.nan)
+        points = self._grid.padded(point[..., :2], np.nan)
         on_mirror: Mask = np.asarray(np.isfinite(points).all(axis=-1))
         points = np.where(on_mirror[..., None], points, self._rest_xy)
         return {
@@ -332,13 +331,8 @@ class SurfaceReader:
         sigma_depth = np.hypot(float(np.nanmax(surface.sigma_depth_mm)), found.sigma_mm)
         depth, slope, point = found.read.depth, found.read.slope, found.read.point
         arrays = self._arrays(found.nodes, depth, slope, point, sigma_depth, variance)
-        cut_off = replace(surface, **arrays, valid=self._padded(found.nodes, False))
+        cut_off = replace(surface, **arrays, valid=self._grid.padded(found.nodes, False))
         whole = replace(surface, cut_off=cut_off)
         if self._last is not None:
             self._last = replace(self._last, surface=whole)
         return whole
-
-    def _padded(self, inner: NDArray[T], fill: float | bool) -> NDArray[T]:
-        full = np.full((*self._grid.shape, *inner.shape[2:]), fill, dtype=inner.dtype)
-        full[self._grid.inner] = inner
-        return full

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.warp.continuation import continue_smoothly
+from zeromethod.warp.continuation import continued
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -123,8 +123,5 @@ def continued_points(points: Float) -> Float:
     known: Mask = np.asarray(np.isfinite(points).all(axis=-1))
     if known.all() or not known.any():
         return points
-    rows, cols = np.indices(known.shape)
-    plane = np.stack([rows, cols, np.ones(known.shape)], axis=-1)
-    affine = plane @ np.linalg.lstsq(plane[known], points[known], rcond=None)[0]
-    whole = affine + continue_smoothly(np.where(known[..., None], points - affine, 0.0), known)
-    return np.where(known[..., None], points, whole)
+    x, y = np.meshgrid(*(np.arange(n, dtype=np.float64) for n in known.shape[::-1]))
+    return continued(points, x, y)

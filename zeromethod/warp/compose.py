@@ -19,17 +19,16 @@ def _compose(q_shown: Float, d_px: Float, scale: float, out: Float) -> None:
             out[j, i, 1] = y
 
 
-def compose(q_shown: Float, d_px: Float, spacing_px: float, out: Float | None = None) -> Float:
+def compose(q_shown: Float, d_px: Float, spacing_px: float) -> Float:
     """Measured warp q(u, v) = q_shown((u, v) + d) at every node.
 
     q_shown: (rows, cols, 2) LCD px, the warp shown during the exposure. d_px: (rows, cols, 2) residual in
-    camera px. spacing_px: camera px between nodes. Returns (rows, cols, 2) LCD px, in `out` (not `q_shown`)
-    when given; NaN where (u, v) + d leaves the interpolable region (one node inside the grid's edge) or d is
-    NaN. With d = 0 the inner nodes come back bit for bit.
+    camera px. spacing_px: camera px between nodes. Returns (rows, cols, 2) LCD px; NaN where (u, v) + d
+    leaves the interpolable region (one node inside the grid's edge) or d is NaN. With d = 0 the inner nodes
+    come back bit for bit.
 
     Convention: the residual is where on the target the node looks, observed(u, v) = T((u, v) + d).
     """
-    if out is None:
-        out = np.empty_like(q_shown)
+    out = np.empty_like(q_shown)
     _compose(q_shown, d_px, 1.0 / spacing_px, out)
     return out

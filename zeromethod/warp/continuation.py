@@ -237,6 +237,18 @@ def _continue(field: Float, valid: Mask, out: Float) -> None:
                 out[j, i, k] = field[j, i, k] if valid[j, i] else finest[j, i, _F + k]
 
 
+def continued(values: Float, x: Float, y: Float) -> Float:
+    """Values (rows, cols, 2) with NaN replaced by a plane through the others and what they differ from it.
+
+    x, y: (rows, cols) coordinates of the plane. The difference is continued smoothly.
+    """
+    known: Mask = np.asarray(np.isfinite(values).all(axis=-1))
+    plane = np.stack([np.ones_like(x), x, y], axis=-1)
+    affine = plane @ np.linalg.lstsq(plane[known], values[known], rcond=None)[0]
+    whole = affine + continue_smoothly(np.where(known[..., None], values - affine, 0.0), known)
+    return np.where(known[..., None], values, whole)
+
+
 def continue_smoothly(field: Float, valid: Mask, out: Float | None = None) -> Float:
     """Displacement with its invalid nodes filled by a smooth continuation of value and gradient.
 

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Mask
+
+T = TypeVar("T", bound=np.generic)
 
 PADDING = 4
 """Nodes outside the measurable ones on every side, so that the picture covers the whole view."""
@@ -60,6 +64,17 @@ class NodeGrid:
     def inner(self) -> tuple[slice, slice]:
         """Slices of the measurable nodes."""
         return slice(PADDING, -PADDING), slice(PADDING, -PADDING)
+
+    @property
+    def measurable(self) -> Mask:
+        """(rows, cols) whether a node is measurable."""
+        return self.padded(np.ones([n - 2 * PADDING for n in self.shape], np.bool_), False)
+
+    def padded(self, inner: NDArray[T], fill: float | bool) -> NDArray[T]:
+        """Array (rows, cols, ...) of the measurable nodes' values `inner`, `fill` in the padding."""
+        full = np.full((*self.shape, *inner.shape[2:]), fill, dtype=inner.dtype)
+        full[self.inner] = inner
+        return full
 
     def mesh(self) -> tuple[Float, Float]:
         """(u, v), each (rows, cols): camera pixel of every node.

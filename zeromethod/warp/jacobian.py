@@ -113,7 +113,6 @@ def warp_flags(
     q_rest: Float,
     period_px: float,
     display_size: tuple[int, int],
-    out: Flags | None = None,
     *,
     spacing_px: float | None = None,
 ) -> Flags:
@@ -126,10 +125,9 @@ def warp_flags(
     sensing window around the node contains more than the target.
 
     q, q_rest: (rows, cols, 2) LCD px. display_size: (columns, rows) LCD px. spacing_px: camera px between
-    nodes, half a period unless given. `out` is overwritten.
+    nodes, half a period unless given.
     """
-    if out is None:
-        out = np.empty(q.shape[:2], dtype=np.uint16)
+    out = np.empty(q.shape[:2], dtype=np.uint16)
     period_nodes = 2.0 if spacing_px is None else period_px / spacing_px
     _flags(q, q_rest, period_nodes, display_size[0], display_size[1], out)
     return out

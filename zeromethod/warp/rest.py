@@ -11,7 +11,7 @@ from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
-from zeromethod.warp.continuation import continue_smoothly
+from zeromethod.warp.continuation import continue_smoothly, continued
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.rest_pixels import RestGrid
@@ -54,25 +54,25 @@ class Rest:
     """The warp at rest on a grid.
 
     q: (rows, cols, 2) LCD px, finite everywhere: continued where no ray arrives. flags: (rows, cols)
-    uint16, NO_RAY there, else 0. seen: (rows, cols) measurable nodes whose ray ends at least one carrier
-    period inside the panel. display_size: (columns, rows) LCD px.
+    uint16, NO_RAY there, else 0. visible: (rows, cols) nodes measurable and visible at rest: their ray ends
+    at least one carrier period inside the panel. display_size: (columns, rows) LCD px.
     """
 
     grid: NodeGrid
     q: Float
     flags: Flags
-    seen: Mask
+    visible: Mask
     display_size: tuple[int, int]
 
     def without(self, covered: Mask) -> Rest:
         """Take out nodes (rows, cols) that cannot be measured; their warp is drawn all the same."""
-        return replace(self, seen=self.seen & ~covered)
+        return replace(self, visible=self.visible & ~covered)
 
     @classmethod
     def of(cls, rig: Rig, optics: Optics) -> Rest:
         """Rest warp as measured where the rig names a rest map, else by its geometry.
 
-        With a rest map the grid is a `RestGrid`, and nodes without a valid part of the map are not seen.
+        With a rest map the grid is a `RestGrid`, and nodes without a valid part of the map are not visible.
         Raises InputError when no node sees the panel, or the map is not one of this camera.
         """
         camera, target = rig.camera, rig.target
@@ -90,14 +90,7 @@ class Rest:
             raise InputError(
                 f"rig: fewer than {LEAST_NODES} camera nodes see the display's plane by the mirror at rest"
             )
-        u, v = grid.mesh()
-        plane = np.stack([np.ones_like(u), u, v], axis=-1)
-        terms = np.linalg.lstsq(plane[known], q[known], rcond=None)[0]
-        affine = plane @ terms
-        whole = affine + continue_smoothly(np.where(known[..., None], q - affine, 0.0), known)
-        whole[known] = q[known]
+        whole = continued(q, *grid.mesh())
         flags = np.where(known, np.uint16(0), np.uint16(Flag.NO_RAY))
         inside = warp_flags(whole, whole, grid.period_px, display_size, spacing_px=grid.spacing_px) == 0
-        measurable = np.zeros_like(known)
-        measurable[grid.inner] = True
-        return cls(grid, whole, flags, known & inside & measurable, display_size)
+        return cls(grid, whole, flags, known & inside & grid.measurable, display_size)

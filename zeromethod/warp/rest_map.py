@@ -138,11 +138,9 @@ class RestMap:
         sigma = np.full((*grid.shape, 2), np.nan)
         found = np.zeros(grid.shape, dtype=np.uint16)
         _fit(self.lcd_px, self.sigma_px, self.valid, self.reason, grid.u_px, grid.v_px, half, q, sigma, found)
-        inner = np.zeros(grid.shape, dtype=np.uint16)
+        flags = np.where(grid.measurable, np.uint16(0), np.uint16(Flag.OUTSIDE))
         for reason, flag in _FLAGS:
-            inner[(found & int(reason)) != 0] |= np.uint16(int(flag))
-        flags = np.full(grid.shape, int(Flag.OUTSIDE), dtype=np.uint16)
-        flags[grid.inner] = inner[grid.inner]
+            flags[grid.measurable & (found & int(reason) != 0)] |= np.uint16(flag)
         return Warp(q, sigma, flags, time_ns)
 
 

@@ -204,12 +204,12 @@ def _present(recording: Recording, window: Window, index: int, circle: Circle) -
         why = "is damaged" if recording.is_damaged("pictures", index) else "was not kept"
         step = int(row["after_step"]) + 1
         raise InputError(_ends_at(recording, window, step, f"what was shown before step {step} {why}"))
-    code, seen_ns = int(row["strip_code"]), int(row["newest_frame_ns"])
+    code, source_ns = int(row["strip_code"]), int(row["newest_frame_ns"])
     circle.presented(
         int(row["time_ns"]),
         q,
         None if code < 0 else code,
-        seen_ns=None if seen_ns < 0 else seen_ns,
+        source_ns=None if source_ns < 0 else source_ns,
     )
 
 

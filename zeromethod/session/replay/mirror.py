@@ -104,9 +104,9 @@ class RecordedMirror:
         recording = self._recording
         rest, optics = recording.rest, Optics(recording.rig)
         point = optics.trace(*recording.grid.mesh(), optics.rest).point
-        inner = np.zeros(rest.seen.shape, dtype=np.bool_)
+        inner = np.zeros(rest.visible.shape, dtype=np.bool_)
         inner[recording.grid.inner] = True
-        self._used = rest.seen & inner & np.isfinite(point).all(axis=-1)
+        self._used = rest.visible & inner & np.isfinite(point).all(axis=-1)
         self._x_mm, self._y_mm = point[self._used][:, 0], point[self._used][:, 1]
         apart = (np.linalg.norm(np.diff(point, axis=axis), axis=-1) for axis in (0, 1))
         self._maps = ScatteredMap(self._x_mm, self._y_mm, float(max(np.nanmedian(one) for one in apart)))

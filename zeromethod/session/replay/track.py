@@ -79,9 +79,9 @@ class Nodes:
 
     def __init__(self, rest: Rest, frames: int) -> None:
         """frames: about how many will be followed."""
-        inner = np.zeros(rest.seen.shape, dtype=np.bool_)
+        inner = np.zeros(rest.visible.shape, dtype=np.bool_)
         inner[rest.grid.inner] = True
-        rows, cols = np.nonzero(rest.seen & inner)
+        rows, cols = np.nonzero(rest.visible & inner)
         most = min(max(MOST_VALUES // max(frames, 1), LEAST_NODES), MOST_NODES)
         step = max(-(-rows.size // most), 1)
         self._rest = rest
