@@ -21,9 +21,9 @@ def test_the_span_on_the_mirror_is_that_of_the_nodes() -> None:
 
 
 def test_lost_rays_are_counted_by_reason() -> None:
-    # parallel rays over 1.5 times the 60 mm of the captured face
+    # parallel rays over 1.5 times the 60 mm of the camera face
     view = SampledView(telecentric(pixel_mm=90.0 / 320, display={"columns": 3000, "rows": 2000}))
     found = field_of_view(view)
     lost = found["lost_share"]
     assert sum(lost.values()) + found["sees_lcd_share"] == pytest.approx(1.0)
-    assert max(lost, key=lost.__getitem__) == "misses_captured_face"
+    assert max(lost, key=lost.__getitem__) == "misses_camera_face"

@@ -26,7 +26,7 @@ def oblique() -> tuple[Optics, list]:
 
 def test_rays_bend_as_snell_says_and_reflect_evenly(oblique: tuple[Optics, list]) -> None:
     optics, rays = oblique
-    captured, pattern = optics.prism.captured_face.normal, optics.prism.pattern_face.normal
+    captured, pattern = optics.prism.camera_face.normal, optics.prism.pattern_face.normal
     for ray in rays:
         assert ray.lost is Lost.NONE
         # camera, plate's outside, face | mirror | face, plate's outside, LCD
@@ -50,5 +50,5 @@ def test_rays_end_where_the_trace_does(oblique: tuple[Optics, list]) -> None:
 def test_a_ray_that_misses_the_prism_ends_at_the_camera() -> None:
     optics = Optics(telecentric(pixel_mm=90.0 / 320))
     (ray,) = ray_paths(optics, np.array([0.0]), np.array([127.5]))
-    assert ray.lost is Lost.MISSES_CAPTURED_FACE
+    assert ray.lost is Lost.MISSES_CAMERA_FACE
     assert len(ray.points) == 1

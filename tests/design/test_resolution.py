@@ -24,7 +24,7 @@ def test_the_footprint_of_parallel_rays_is_their_cone_at_the_path() -> None:
 def test_the_footprint_of_a_lens_follows_similar_triangles() -> None:
     view = SampledView(small())
     middle = at_centre(view, view.trace.point)
-    rubber = float(view.optics.prism.captured_face.depth_below(middle)), middle[0] * SIN
+    rubber = float(view.optics.prism.camera_face.depth_below(middle)), middle[0] * SIN
     camera_away = 280.0 + rubber[0] / 1.41
     lcd_away = rubber[1] / 1.41 + 0.5
     across = 5.0 * lcd_away / (camera_away + lcd_away)

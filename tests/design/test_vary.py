@@ -21,7 +21,7 @@ def centre(rig):
 
 
 @pytest.mark.parametrize("angle_deg", [45.0, 53.0, 60.0])
-def test_the_camera_goes_along_with_the_captured_face(angle_deg: float) -> None:
+def test_the_camera_goes_along_with_the_camera_face(angle_deg: float) -> None:
     before, after = small(), varied(small(), "angle", angle_deg)
     (old, old_trace), (new, new_trace) = centre(before), centre(after)
     # it still looks at right angles into the face: the centre ray meets the mirror at the prism's angle,
@@ -30,7 +30,7 @@ def test_the_camera_goes_along_with_the_captured_face(angle_deg: float) -> None:
     share = old_trace.point[0, 0] / old.length_mm, new_trace.point[0, 0] / new.length_mm
     assert share[1] == pytest.approx(share[0], abs=1e-6)
     air = [
-        -float(optics.prism.captured_face.depth_below(np.array(rig.camera.position_mm)))
+        -float(optics.prism.camera_face.depth_below(np.array(rig.camera.position_mm)))
         for optics, rig in ((old, before), (new, after))
     ]
     assert air[1] == pytest.approx(air[0], abs=1e-4)

@@ -7,7 +7,8 @@ from pathlib import Path
 import moderngl
 import pytest
 
-from zeromethod.gl import program, shader, shader_source
+from zeromethod.gl import program, shader
+from zeromethod.gl.shader import shader_source
 
 VERTEX = """#version 330
 out float value;

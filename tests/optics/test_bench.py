@@ -37,7 +37,7 @@ def test_rays_enter_the_rubber_by_snell_and_from_the_face():
     u, v = pixels(optics.rig)
     _, air = optics.camera_rays(u, v)
     origin, inside = optics.rubber_rays(u, v)
-    face = optics.prism.captured_face
+    face = optics.prism.camera_face
     np.testing.assert_allclose(face.depth_below(origin), 0.0, rtol=0, atol=1e-12)
     # a plate does not change the direction behind it
     np.testing.assert_allclose(
@@ -45,12 +45,12 @@ def test_rays_enter_the_rubber_by_snell_and_from_the_face():
     )
 
 
-def test_a_plate_on_the_captured_face_shifts_the_ray():
+def test_a_plate_on_the_camera_face_shifts_the_ray():
     """Met 3 mm before the face, the ray runs 3 mm tan(angle in the plate) sideways, not in the air."""
     optics = Optics(small(camera_layers=(Layer(index=1.49, thickness_mm=3.0),)))
     u, v = pixels(optics.rig)
     start, air = optics.camera_rays(u, v)
-    face = optics.prism.captured_face
+    face = optics.prism.camera_face
     cosine = -dot(air, face.normal)
     met = start + ((-face.depth_below(start) - 3.0) / cosine)[..., None] * air
     sine = np.sqrt(1 - cosine**2)
@@ -167,8 +167,8 @@ def test_reasons_for_losing_a_ray():
     trace = optics.trace(u, v, Flat())
     assert trace.lost.tolist() == [
         Lost.NONE,
-        Lost.MISSES_CAPTURED_FACE,
-        Lost.MISSES_CAPTURED_FACE,
+        Lost.MISSES_CAMERA_FACE,
+        Lost.MISSES_CAMERA_FACE,
         Lost.MISSES_MIRROR,
         Lost.NONE,
     ]

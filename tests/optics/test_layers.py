@@ -4,12 +4,17 @@ import numpy as np
 import pytest
 
 from zeromethod.optics.layers import direction_between, through_slabs
-from zeromethod.optics.snell import refract
-from zeromethod.optics.vectors import dot, unit
+from zeromethod.optics.vectors import dot, reflect, unit
 
 NORMAL = unit(np.array([-0.6, 0.2, -0.75]))
 PLATE, BOND, AIR, GLASS = (1.49, 2.0), (1.45, 0.1), (1.0, 0.5), (1.52, 0.7)
 STACKS = [[], [AIR], [PLATE], [PLATE, AIR], [BOND, PLATE, AIR], [BOND, PLATE, AIR, GLASS]]
+
+
+def refract(direction, normal, n1, n2):
+    """Snell's law in vector form, for normals along the travel."""
+    tangential = n1 / n2 * (direction - dot(direction, normal)[:, None] * normal)
+    return tangential + np.sqrt(1 - dot(tangential, tangential))[:, None] * normal
 
 
 def random_directions(count, most_deg, seed=4):
@@ -101,3 +106,32 @@ def test_points_straight_ahead_and_points_that_no_ray_joins():
     found = direction_between(offset, normal, [1.41, 1.0], thicknesses)
     np.testing.assert_array_equal(found[0], normal)
     assert np.isnan(found[1:]).all()  # behind the gap; no gap at all, 50 mm aside; unknown
+
+
+@pytest.mark.parametrize(("n1", "n2"), [(1.0, 1.41), (1.41, 1.0), (1.5, 1.41)])
+def test_a_bare_interface_obeys_snell_and_is_reversible(n1, n2):
+    angle = np.radians(np.linspace(0.0, 44.0, 45))
+    up = np.array([0.0, 0.0, 1.0])
+    direction = np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=-1)
+    _, out = through_slabs(direction, up, n1, [], n2)
+    expected = np.arcsin(n1 / n2 * np.sin(angle))
+    # 1e-14: a few roundings of numbers near 1
+    np.testing.assert_allclose(
+        out, np.stack([np.sin(expected), 0 * angle, np.cos(expected)], axis=-1), rtol=0, atol=1e-14
+    )
+    # going back from grazing rays loses half the digits of cos = sqrt(1 - sin^2)
+    np.testing.assert_allclose(through_slabs(out, up, n2, [], n1)[1], direction, rtol=0, atol=1e-9)
+
+
+def test_beyond_the_critical_angle_nothing_is_refracted():
+    angle = np.radians([45.1, 45.2, np.nan])  # critical angle 45.17 deg at 1.41
+    direction = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=-1)
+    _, out = through_slabs(direction, np.array([0.0, 0.0, 1.0]), 1.41, [], 1.0)
+    assert np.isfinite(out[0]).all()
+    assert np.isnan(out[1:]).all()
+
+
+def test_reflection_turns_only_the_part_along_the_normal():
+    up, direction = np.array([0.0, 0.0, 1.0]), unit(np.array([[0.3, -0.2, 0.9], [np.nan] * 3]))
+    for sense in (1, -1):
+        np.testing.assert_allclose(reflect(direction, sense * up), direction * [1, 1, -1], rtol=0, atol=1e-16)

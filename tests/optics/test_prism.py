@@ -16,7 +16,7 @@ def prism(**update):
 @pytest.mark.parametrize(("a", "b"), [(50.0, 50.0), (45.0, 45.0), (40.0, 63.0)])
 def test_the_faces_close_the_triangle(a, b):
     geometry = prism(pattern_angle_deg=a, camera_angle_deg=b)
-    pattern, captured = geometry.pattern_face, geometry.captured_face
+    pattern, captured = geometry.pattern_face, geometry.camera_face
     assert pattern.length_mm == pytest.approx(60.0)
     np.testing.assert_allclose(
         captured.edge + captured.length_mm * captured.along, geometry.apex_mm, rtol=0, atol=1e-12
@@ -34,7 +34,7 @@ def test_leg_and_mirror_length_say_the_same():
 
 
 def test_a_face_ends_at_its_edges():
-    face = prism().captured_face
+    face = prism().camera_face
     offset = np.array([-0.01, 0.01, 59.99, 60.01, 30.0, 30.0, np.nan])
     y = np.array([0.0, 0.0, 0.0, 0.0, 29.99, 30.01, 0.0])
     points = face.edge + offset[:, None] * face.along + y[:, None] * np.array([0.0, 1.0, 0.0])

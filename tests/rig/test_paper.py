@@ -9,7 +9,7 @@ import pytest
 from zeromethod.rig.load import load_rig
 
 
-def test_every_ray_through_the_captured_face_lands_on_the_display() -> None:
+def test_every_ray_through_the_camera_face_lands_on_the_display() -> None:
     # 45/45 degrees and a camera square to the captured face: a ray at distance w from R0 along that face
     # leaves the pattern face square at the same distance from R0's mirror image, leg - w from P0.
     rig = load_rig("paper")

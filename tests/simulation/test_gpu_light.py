@@ -11,7 +11,6 @@ from numpy.polynomial.polynomial import polyvander2d
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from zeromethod.errors import InputError
 from zeromethod.gl import create_context
 from zeromethod.optics import Dented, Optics
 from zeromethod.pattern import Response
@@ -273,13 +272,6 @@ def test_no_picture_leaves_the_ambient_light(context: moderngl.Context) -> None:
     renderer = GpuRenderer(_sharp(simulation={"ambient": 0.02}), context)
     np.testing.assert_allclose(renderer.expose([]), 0.02, rtol=1e-6)
     np.testing.assert_allclose(renderer.expose([Piece(1.0, REST, [])]), 0.02, rtol=1e-6)
-    renderer.close()
-
-
-def test_wrong_picture_is_refused_in_one_line(context: moderngl.Context) -> None:
-    renderer = GpuRenderer(_sharp(), context)
-    with pytest.raises(InputError, match=r"^picture: \(3, 4\) uint8: allowed is \(1080, 1920\) uint8$"):
-        renderer.upload(np.zeros((3, 4), np.uint8))
     renderer.close()
 
 

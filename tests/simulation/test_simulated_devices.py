@@ -14,9 +14,9 @@ from zeromethod.devices.protocols import (
 )
 from zeromethod.errors import InputError
 from zeromethod.gl.context import VARIABLE
+from zeromethod.pattern import Response
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
-from zeromethod.simulation.panel import code_of_light, light_of_codes
 
 EXACT = {"camera_jitter_s": 0.0, "display_refresh_hz": 60.0, "camera_phase": 0.3}
 QUIET = {"noise": {"read_grey": 0.0, "black_grey": 0.0}}
@@ -120,7 +120,8 @@ def test_a_camera_opened_later_starts_with_a_frame_exposed_after_that(make_rig, 
 def test_before_the_first_picture_the_panel_shows_the_targets_mean_light(make_rig) -> None:
     rig = make_rig(display={"fill_factor": (1.0, 1.0)}, camera=QUIET, simulation=EXACT)
     _, _, camera = opened(rig)
-    light = light_of_codes(rig.display)[code_of_light(rig.display, 0.5)]
+    response = Response.from_rig(rig.display)
+    light = float(response.light(response.code(0.5)))
     assert light == pytest.approx(0.5, abs=0.005)
     assert np.median(camera.read(1.0).image) == np.rint(light * 0.8 * 255)
 

@@ -11,12 +11,13 @@ import numpy as np
 from zeromethod.arrays import Image
 from zeromethod.clock import HostClock
 from zeromethod.rig.model import Rig
+from zeromethod.simulation.gpu import GpuRenderer
+from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Mirror
-from zeromethod.simulation.renderer import Piece
+from zeromethod.simulation.renderer import BenchRenderer, Piece
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.simulation.sensor import Sensor
 from zeromethod.simulation.virtual_bench.exposure import Exposer, Exposure, Grabber
-from zeromethod.simulation.virtual_bench.renderer import bending_renderer
 from zeromethod.simulation.virtual_bench.stream import POLL_S, FrameServer
 from zeromethod.simulation.virtual_bench.truth import TruthFile
 
@@ -67,8 +68,12 @@ class Bender:
     """Camera images of exposures: optics, with the mirror of mid-exposure, then the sensor's noise."""
 
     def __init__(self, rig: Rig) -> None:
-        """Lay out the rays and compile. Raises InputError where the rig's rest surface cannot be used."""
-        self._renderer = bending_renderer(rig)
+        """Lay out the rays and compile, for this thread alone.
+
+        Raises InputError where the rig's rest surface cannot be used, or without OpenGL where it is needed.
+        """
+        numpy = rig.simulation.renderer == "numpy"
+        self._renderer: BenchRenderer = NumpyRenderer(rig) if numpy else GpuRenderer(rig)
         self._sensor = Sensor(rig)
         self._rows = np.ones(rig.display.rows, np.float32)
         dark = np.zeros((rig.display.rows, rig.display.columns), np.uint8)
