@@ -149,7 +149,7 @@ def truth_lines(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
-def test_the_truth_is_told_line_by_line_as_the_press_file_has_it(tmp_path: Path) -> None:
+def test_the_truth_is_written_line_by_line_as_the_press_file_has_it(tmp_path: Path) -> None:
     rig = load_rig("virtual")
     scenario = load_scenario(rig.scenario)
     performance = Performance(scenario, loops=2)
@@ -167,8 +167,7 @@ def test_the_truth_is_told_line_by_line_as_the_press_file_has_it(tmp_path: Path)
         performance.start(start_ns)
         for number, (second, phase, x_mm, depth_mm) in enumerate(known):
             time_ns = start_ns + round(1e9 * second)
-            moment = performance.at(time_ns)
-            truth.frame(number, time_ns, moment.scenario_s, moment.phase, moment.mirror)
+            truth.frame(number, time_ns, performance.at(time_ns))
             line = truth_lines(path)[-1]  # there at once
             assert (line["number"], line["time_ns"], line["phase"]) == (number, time_ns, phase)
             assert line["scenario_s"] == (None if second < 0 else pytest.approx(second))
@@ -199,7 +198,6 @@ def test_two_dents_are_deepest_between_them() -> None:
     # two equal Gaussians 1.6 sigma apart add up to one peak in the middle: 2 d exp(-0.8^2 / 2)
     dents = [Dent(Shape.GAUSSIAN, x, 2.0, 0.1, 5.0) for x in (38.0, 46.0)]
     found = deepest(Mirror(tuple(dents)))
-    assert found is not None
     assert found.depth_mm == pytest.approx(0.2 * np.exp(-0.32), rel=1e-6)
     assert (found.x_mm, found.y_mm) == pytest.approx((42.0, 2.0), abs=2e-3)
 
@@ -255,8 +253,8 @@ class Counting:
 
 
 def test_exposures_come_at_the_cameras_rate_and_what_fails_is_reported() -> None:
-    camera = load_rig("virtual").camera
-    exposer = Exposer(camera, 50.0, Counting)
+    camera = load_rig("virtual").camera.model_copy(update={"rate_hz": 50.0})
+    exposer = Exposer(camera, Counting)
     taken: list[Exposure] = []
 
     def take_all() -> None:
@@ -305,7 +303,7 @@ def virtual_bench(environment: dict[str, str], arguments: Sequence[str]) -> subp
     )
 
 
-def port_told(bench: subprocess.Popen[str]) -> int:
+def port_of(bench: subprocess.Popen[str]) -> int:
     """Port in what the bench prints once it serves."""
     assert bench.stdout is not None
     for line in bench.stdout:
@@ -321,7 +319,7 @@ def picture(shape: tuple[int, int]) -> NDArray[np.uint8]:
     return np.rint(60 + 25 * waves + 60 * col / shape[1] + 20 * row / shape[0]).astype(np.uint8)
 
 
-def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_told(
+def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_asked(
     desktop: two_monitors.TwoMonitors, tmp_path: Path
 ) -> None:
     rig = silent(load_rig("virtual"))
@@ -351,7 +349,7 @@ def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_told(
         try:
             assert drawn.stdout is not None
             assert drawn.stdout.readline() == "shown\n"
-            with client_of(port_told(bench)) as client:
+            with client_of(port_of(bench)) as client:
                 assert received_line(client) == b"YUV4MPEG2 W640 H512 F12:1 Ip A1:1 Cmono\n"
                 for _ in range(3):
                     image = received_frame(client)

@@ -81,7 +81,8 @@ def allowed(annotation: Any, more: list[Any] | None = None) -> str:
     if get_origin(kind) is tuple:
         items = get_args(kind)
         if items[-1] is Ellipsis:
-            return f"a list, each {allowed(items[0])}"
+            filled = " that is not empty" if any(isinstance(bound, MinLen) for bound in bounds) else ""
+            return f"a list{filled}, each {allowed(items[0])}"
         one = allowed(items[0])
         each = "" if one == "a number" else f", each {one}"
         return f"a list of {len(items)} numbers{each}"
