@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from zeromethod.resources import resource
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
 from zeromethod.rig.save import save_values
 
 BENCH_320: Mapping[str, Any] = {
@@ -36,3 +39,17 @@ def small_rig_file(path: Path, values: Mapping[str, Any] = BENCH_320) -> Path:
     """Write the packaged rig with `values` in place of its own."""
     save_values(resource("calibration", "rigs", "simulated.toml"), values, path)
     return path
+
+
+def with_tables(rig: Rig, **tables: Any) -> Rig:
+    """The rig with tables changed, unchecked: each given whole, or as a dict of the keys that change."""
+    update = {
+        name: getattr(rig, name).model_copy(update=value) if isinstance(value, dict) else value
+        for name, value in tables.items()
+    }
+    return rig.model_copy(update=update)
+
+
+def quarter(**tables: Any) -> Rig:
+    """The packaged bench with 320 x 256 camera pixels and its whole LCD; `tables` as for `with_tables`."""
+    return with_tables(binned(load_rig("simulated"), 4), **tables)

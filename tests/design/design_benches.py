@@ -1,28 +1,15 @@
 """Benches whose figures are known in closed form."""
 
 import numpy as np
+from small_rigs import quarter as small
 
 from zeromethod.design import SampledView
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Layer, Rig
 
 PIXEL_MM = 0.1
 PUPIL_AWAY_MM = 150.0
 PLATE = Layer(index=1.5, thickness_mm=2.0)
 GAP = Layer(index=1.0, thickness_mm=0.5)
-
-
-def small(**parts) -> Rig:
-    """The simulated rig at 320 x 256 camera pixels; each part updated by a dict, or replaced."""
-    rig = binned(load_rig("simulated"), 4)
-    update = {
-        name: type(getattr(rig, name)).model_validate(getattr(rig, name).model_dump() | value)
-        if isinstance(value, dict)
-        else value
-        for name, value in parts.items()
-    }
-    return rig.model_copy(update=update)
 
 
 def telecentric(angle_deg=50.0, layers=(), pixel_mm=PIXEL_MM, **parts) -> Rig:

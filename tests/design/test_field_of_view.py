@@ -9,8 +9,7 @@ from zeromethod.design.figures import field_of_view
 from .design_benches import PIXEL_MM, telecentric
 
 
-def test_the_span_on_the_mirror_is_that_of_the_nodes() -> None:
-    view = SampledView(telecentric())
+def test_the_span_on_the_mirror_is_that_of_the_nodes(view: SampledView) -> None:
     found = field_of_view(view)
     span = np.ptp(view.u_px) * PIXEL_MM / np.cos(np.radians(50.0))
     assert np.ptp(found["mirror_x_mm"]) == pytest.approx(span)

@@ -36,14 +36,12 @@ def test_the_image_moves_by_as_many_of_its_own_pixels() -> None:
     np.testing.assert_allclose(found, 2e-3 * np.outer(reach, [1.0, COS]) / PIXEL_MM, rtol=1e-6)
 
 
-def test_a_pixel_covers_more_of_the_mirror_along_x() -> None:
-    view = SampledView(telecentric())
+def test_a_pixel_covers_more_of_the_mirror_along_x(view: SampledView) -> None:
     found = mirror_mm_per_px(view)[view.on_lcd]
     np.testing.assert_allclose(found, [[PIXEL_MM / COS, PIXEL_MM]] * len(found), rtol=1e-6)
 
 
-def test_depth_per_pixel_is_the_slope_of_one_pixel_over_the_width_of_one_pixel() -> None:
-    view = SampledView(telecentric())
+def test_depth_per_pixel_is_the_slope_of_one_pixel_over_the_width_of_one_pixel(view: SampledView) -> None:
     reach = reach_mm(view, ())[view.on_lcd]
     expected = 1e6 * PIXEL_MM**2 / (2 * reach * COS)  # the same along x and y
     found = depth_nm_per_px(view)[view.on_lcd]

@@ -12,8 +12,7 @@ from .design_benches import PUPIL_AWAY_MM, at_centre, small, telecentric
 SIN, COS = np.sin(np.radians(50.0)), np.cos(np.radians(50.0))
 
 
-def test_the_footprint_of_parallel_rays_is_their_cone_at_the_path() -> None:
-    view = SampledView(telecentric())
+def test_the_footprint_of_parallel_rays_is_their_cone_at_the_path(view: SampledView) -> None:
     found = footprint_mm(view, 5.0)[view.on_lcd]
     # a pupil of 5 mm at 150 mm: a cone in air, narrower by the index in rubber, 1 / cos wider along x
     across = 5.0 / PUPIL_AWAY_MM / 1.41 * view.x_mm[view.on_lcd] * SIN

@@ -28,8 +28,7 @@ def test_at_rest_the_margin_is_the_prisms_angle_less_the_critical_one(angle_deg:
     np.testing.assert_allclose(margin_deg(view)[view.on_lcd], expected, atol=1e-9)
 
 
-def test_a_slope_along_x_takes_off_its_own_angle_and_the_other_sign_adds_it() -> None:
-    view = SampledView(telecentric())
+def test_a_slope_along_x_takes_off_its_own_angle_and_the_other_sign_adds_it(view: SampledView) -> None:
     rest, slope = margin_deg(view), 0.02
     turned = np.degrees(np.arctan(slope))
     both = sorted(np.nanmedian(margin_deg(view, (sign * slope, 0.0)) - rest) for sign in (1, -1))
@@ -37,16 +36,14 @@ def test_a_slope_along_x_takes_off_its_own_angle_and_the_other_sign_adds_it() ->
     np.testing.assert_allclose(both, [-turned, turned], atol=1e-7)
 
 
-def test_a_slope_along_y_turns_the_normal_out_of_the_plane() -> None:
-    view = SampledView(telecentric())
+def test_a_slope_along_y_turns_the_normal_out_of_the_plane(view: SampledView) -> None:
     slope = 0.05
     cosine = np.cos(np.radians(50.0)) / np.sqrt(1 + slope**2)
     expected = np.degrees(np.arccos(cosine)) - critical_deg(view.rig)
     np.testing.assert_allclose(margin_deg(view, (0.0, slope))[view.on_lcd], expected, atol=1e-7)
 
 
-def test_the_least_margin_over_directions_is_towards_the_camera() -> None:
-    view = SampledView(telecentric())
+def test_the_least_margin_over_directions_is_towards_the_camera(view: SampledView) -> None:
     expected = 50.0 - np.degrees(np.arctan(1e-3 * np.array(SLOPES_MRAD))) - critical_deg(view.rig)
     found = [np.nanmedian(margin) for margin in margins_by_slope_deg(view)]
     np.testing.assert_allclose(found, expected, atol=1e-7)

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from small_rigs import quarter as small
 
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Layer
 
 
@@ -41,16 +40,6 @@ class Ramp:
 
     def slope(self, x, y):
         return np.full_like(x, self.slope_x), np.full_like(y, self.slope_y)
-
-
-def small(**parts):
-    """The simulated rig at 320 x 256; each part (prism, camera, ...) updated by a dict, or replaced."""
-    rig = binned(load_rig("simulated"), 4)
-    update = {
-        name: getattr(rig, name).model_copy(update=value) if isinstance(value, dict) else value
-        for name, value in parts.items()
-    }
-    return rig.model_copy(update=update)
 
 
 def perpendicular(**parts):
@@ -115,3 +104,8 @@ def pixels(rig, count=24):
     """(u, v) of a lattice of pixels over the whole image."""
     camera = rig.camera
     return np.meshgrid(np.linspace(0, camera.columns - 1, count), np.linspace(0, camera.rows - 1, count))
+
+
+def close(found, expected, atol):
+    """Assert that arrays agree to `atol`."""
+    np.testing.assert_allclose(found, expected, rtol=0, atol=atol)

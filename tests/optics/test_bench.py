@@ -8,7 +8,7 @@ from zeromethod.optics.vectors import dot, unit
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Layer
 
-from .optics_shapes import Gaussian, Ramp, perpendicular, pixels, random_rig, small
+from .optics_shapes import Gaussian, Ramp, close, perpendicular, pixels, random_rig, small
 
 ACROSS = np.array([1.0, 1.0, -1.0])  # mirrors points and directions at z = 0
 
@@ -29,7 +29,7 @@ def test_a_flat_mirror_shows_the_mirror_image():
     shift = 0.5 * np.tan(np.arcsin(1.41 * np.sin(theta)))
     expected = origin + into[:, None] * direction + 0.5 * normal + shift[:, None] * sideways
     # 1e-11 mm: arccos near 1 loses digits
-    np.testing.assert_allclose(optics.lcd_to_world(trace.q[seen]) * ACROSS, expected, rtol=0, atol=1e-11)
+    close(optics.lcd_to_world(trace.q[seen]) * ACROSS, expected, 1e-11)
 
 
 def test_rays_enter_the_rubber_by_snell_and_from_the_face():
@@ -38,11 +38,9 @@ def test_rays_enter_the_rubber_by_snell_and_from_the_face():
     _, air = optics.camera_rays(u, v)
     origin, inside = optics.rubber_rays(u, v)
     face = optics.prism.camera_face
-    np.testing.assert_allclose(face.depth_below(origin), 0.0, rtol=0, atol=1e-12)
+    close(face.depth_below(origin), 0.0, 1e-12)
     # a plate does not change the direction behind it
-    np.testing.assert_allclose(
-        np.cross(air, face.normal), 1.41 * np.cross(inside, face.normal), rtol=0, atol=1e-14
-    )
+    close(np.cross(air, face.normal), 1.41 * np.cross(inside, face.normal), 1e-14)
 
 
 def test_a_plate_on_the_camera_face_shifts_the_ray():
@@ -58,7 +56,7 @@ def test_a_plate_on_the_camera_face_shifts_the_ray():
     shift = 3.0 * np.tan(np.arcsin(sine / 1.49))
     expected = met - 3.0 * face.normal + shift[..., None] * sideways
     # 1e-12 mm: roundings of 300 mm
-    np.testing.assert_allclose(optics.rubber_rays(u, v)[0], expected, rtol=0, atol=1e-12)
+    close(optics.rubber_rays(u, v)[0], expected, 1e-12)
 
 
 def test_a_spherical_rest_surface_reflects_about_its_radius():
@@ -68,12 +66,12 @@ def test_a_spherical_rest_surface_reflects_about_its_radius():
     trace = optics.trace(u, v, sphere)
     seen = np.isfinite(trace.q[..., 0])
     assert seen.mean() > 0.5
-    np.testing.assert_allclose(np.linalg.norm(trace.point[seen] - centre, axis=-1), 400.0, rtol=0, atol=1e-11)
+    close(np.linalg.norm(trace.point[seen] - centre, axis=-1), 400.0, 1e-11)
     _, incoming = optics.rubber_rays(u, v)
     outgoing = optics.rubber_direction_to_lcd(trace.point, trace.q)
     normal = optics.normal_between(incoming, outgoing)
-    np.testing.assert_allclose(normal[seen], ((trace.point - centre) / 400.0)[seen], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(trace.cos_incidence[seen], dot(incoming, normal)[seen], rtol=0, atol=1e-12)
+    close(normal[seen], ((trace.point - centre) / 400.0)[seen], 1e-12)
+    close(trace.cos_incidence[seen], dot(incoming, normal)[seen], 1e-12)
 
 
 def test_the_normal_comes_back_from_what_a_dent_shows():
@@ -89,7 +87,7 @@ def test_the_normal_comes_back_from_what_a_dent_shows():
     # depth = -z: slope is +(nx, ny) / nz
     for axis in (0, 1):
         found = normal[..., axis] / normal[..., 2]
-        np.testing.assert_allclose(found[seen], slope[axis][seen], rtol=0, atol=1e-10)
+        close(found[seen], slope[axis][seen], 1e-10)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -105,8 +103,8 @@ def test_any_geometry_comes_back(seed):
     normal = optics.normal_between(incoming, optics.rubber_direction_to_lcd(trace.point, trace.q))
     zx, zy = mirror.gradient(trace.point[..., 0], trace.point[..., 1])
     # 1e-10: near P0 the path to the LCD is short, so that roundings of 1e-13 px turn the ray by 1e-12
-    np.testing.assert_allclose((-normal[..., 0] / normal[..., 2])[seen], zx[seen], rtol=0, atol=1e-10)
-    np.testing.assert_allclose((-normal[..., 1] / normal[..., 2])[seen], zy[seen], rtol=0, atol=1e-10)
+    close((-normal[..., 0] / normal[..., 2])[seen], zx[seen], 1e-10)
+    close((-normal[..., 1] / normal[..., 2])[seen], zy[seen], 1e-10)
 
 
 def test_the_optical_lever_is_twice_the_slope_times_the_path():
@@ -139,10 +137,8 @@ def test_a_tilted_lcd_is_met_where_it_is():
     assert seen.sum() > 40
     along = (rest.q[..., 0] - 959.5) * 0.063
     expected = rest.path_mm + along * np.tan(np.radians(1.5))
-    np.testing.assert_allclose(met.path_mm[seen], expected[seen], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(
-        (met.q[..., 0] - 959.5)[seen], (along / np.cos(np.radians(1.5)) / 0.063)[seen], rtol=0, atol=1e-9
-    )
+    close(met.path_mm[seen], expected[seen], 1e-12)
+    close((met.q[..., 0] - 959.5)[seen], (along / np.cos(np.radians(1.5)) / 0.063)[seen], 1e-9)
 
 
 def test_the_simulated_bench_is_usable_all_over():
@@ -151,8 +147,7 @@ def test_the_simulated_bench_is_usable_all_over():
     u, v = pixels(rig, 50)
     trace = optics.trace(u, v, optics.rest)
     margin = np.degrees(np.arccos(trace.cos_incidence) - critical_angle_rad(1.41))
-    centre = optics.trace(np.array([639.5]), np.array([511.5]), Flat())
-    assert np.degrees(np.arccos(centre.cos_incidence[0])) == pytest.approx(50.0, abs=0.02)
+    assert np.degrees(np.arccos(optics.centre().cos_incidence[0])) == pytest.approx(50.0, abs=0.02)
     assert 1.5 < np.nanmin(margin) < 2.2  # design.md: as little as 1.7 at the edge
     period = 16  # camera px, more than that many LCD px
     inside = (trace.q > period).all(axis=-1) & (trace.q < [1919 - period, 1079 - period]).all(axis=-1)
@@ -211,9 +206,7 @@ def test_the_lcds_polarisation_decides_what_a_dim_mirror_gives(angle, expected):
 
 def test_the_paper_bench_sees_just_below_total_reflection():
     optics = Optics(load_rig("paper"))
-    camera = optics.rig.camera
-    u, v = np.array([(camera.columns - 1) / 2]), np.array([(camera.rows - 1) / 2])
-    trace = optics.trace(u, v, optics.rest)
+    trace = optics.centre()
     assert trace.lost[0] == Lost.BELOW_TIR
     assert 0.5 < trace.reflectance[0] < 0.75
 
