@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from zeromethod.resources import resource
 from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import Layer, Rig
 from zeromethod.rig.save import save_values
 
 BENCH_320: Mapping[str, Any] = {
@@ -53,3 +55,17 @@ def with_tables(rig: Rig, **tables: Any) -> Rig:
 def quarter(**tables: Any) -> Rig:
     """The packaged bench with 320 x 256 camera pixels and its whole LCD; `tables` as for `with_tables`."""
     return with_tables(binned(load_rig("simulated"), 4), **tables)
+
+
+def telecentric(
+    angle_deg: float = 50.0, layers: Sequence[Layer] = (), pixel_mm: float = 0.1, **parts: Any
+) -> Rig:
+    """A symmetric prism, parallel rays at right angles to both faces: incidence = the prism's angle."""
+    angle = np.radians(angle_deg)
+    mirror_mm = 2 * 60.0 * np.cos(angle)
+    look = np.array([mirror_mm / 2, 0.0, 0.0])
+    position = look + 150.0 * np.array([np.sin(angle), 0.0, -np.cos(angle)])
+    camera: dict[str, Any] = {"projection": "orthographic", "pixel_mm": pixel_mm, "focal_px": None}
+    camera |= {"position_mm": tuple(position), "look_at_mm": tuple(look)} | parts.pop("camera", {})
+    prism = {"pattern_angle_deg": angle_deg, "camera_angle_deg": angle_deg} | parts.pop("prism", {})
+    return quarter(camera=camera, prism=prism, pattern_layers=tuple(layers), **parts)

@@ -26,14 +26,14 @@ def oblique() -> tuple[Optics, list]:
 
 def test_rays_bend_as_snell_says_and_reflect_evenly(oblique: tuple[Optics, list]) -> None:
     optics, rays = oblique
-    captured, pattern = optics.prism.camera_face.normal, optics.prism.pattern_face.normal
+    camera, pattern = optics.prism.camera_face.normal, optics.prism.pattern_face.normal
     for ray in rays:
         assert ray.lost is Lost.NONE
         # camera, plate's outside, face | mirror | face, plate's outside, LCD
         assert len(ray.points) == 7
         along = [unit(b - a) for a, b in zip(ray.points[:-1], ray.points[1:], strict=True)]
         indices = [1.0, 1.5, 1.41, 1.41, 1.5, 1.0]
-        for k, normal in ((0, captured), (1, captured), (3, pattern), (4, pattern)):
+        for k, normal in ((0, camera), (1, camera), (3, pattern), (4, pattern)):
             before, after = (indices[j] * np.cross(along[j], normal) for j in (k, k + 1))
             np.testing.assert_allclose(before, after, atol=1e-9)
         assert along[3][2] == pytest.approx(-along[2][2])

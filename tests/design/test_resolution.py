@@ -27,7 +27,7 @@ def test_the_footprint_of_a_lens_follows_similar_triangles() -> None:
     camera_away = 280.0 + rubber[0] / 1.41
     lcd_away = rubber[1] / 1.41 + 0.5
     across = 5.0 * lcd_away / (camera_away + lcd_away)
-    # the middle node lies half a node beside the axis: 0.1 deg
+    # the middle node lies half a node off the axis: 0.1 deg
     found = at_centre(view, footprint_mm(view, 5.0))
     np.testing.assert_allclose(found, [across / COS, across], rtol=5e-3)
 

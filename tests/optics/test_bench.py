@@ -8,7 +8,7 @@ from zeromethod.optics.vectors import dot, unit
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Layer
 
-from .optics_shapes import Gaussian, Ramp, close, perpendicular, pixels, random_rig, small
+from .optics_shapes import Ramp, close, gaussian, perpendicular, pixels, random_rig, small
 
 ACROSS = np.array([1.0, 1.0, -1.0])  # mirrors points and directions at z = 0
 
@@ -76,7 +76,7 @@ def test_a_spherical_rest_surface_reflects_about_its_radius():
 
 def test_the_normal_comes_back_from_what_a_dent_shows():
     optics = Optics(small())
-    dent = Gaussian(0.3, 4.0, 38.0, 2.0)
+    dent = gaussian(0.3, 4.0, 38.0, 2.0)
     u, v = pixels(optics.rig, 60)
     trace = optics.trace(u, v, Dented(Flat(), dent))
     _, incoming = optics.rubber_rays(u, v)
@@ -94,7 +94,7 @@ def test_the_normal_comes_back_from_what_a_dent_shows():
 def test_any_geometry_comes_back(seed):
     rng = np.random.default_rng(seed)
     optics = Optics(random_rig(rng))
-    mirror = Dented(Sphere(rng.uniform(800, 2000), (35.0, 0.0)), Gaussian(0.1, 4.0, 36.0, 1.0))
+    mirror = Dented(Sphere(rng.uniform(800, 2000), (35.0, 0.0)), gaussian(0.1, 4.0, 36.0, 1.0))
     u, v = pixels(optics.rig)
     trace = optics.trace(u, v, mirror)
     seen = np.isfinite(trace.q[..., 0])

@@ -32,7 +32,7 @@ def test_a_view_partly_off_the_mirror_passes():
         ({"display": {"tilt_deg": (0.0, 2.0)}}, "display.tilt_deg"),  # 30 mm x 2 deg > 0.5 mm of gap
         ({"display": {"centre_mm": (120.0, 0.0)}}, "display.centre_mm"),
         ({"display": {"rows": 100, "centre_mm": (30.0, 30.0)}}, "display.centre_mm"),
-        # straight up to the mirror beside R0: thrown back at the camera face
+        # straight up to the mirror next to R0: thrown back at the camera face
         (
             {"camera": {"position_mm": (60.0, 0.0, -300.0), "look_at_mm": (70.0, 0.0, 0.0)}},
             "camera.position_mm",

@@ -8,7 +8,7 @@ from zeromethod.optics import Dented, Flat, GridHeight, Sphere, rest_surface
 from zeromethod.optics.mirror import distance_to, normal_of
 from zeromethod.optics.vectors import dot, unit
 
-from .optics_shapes import Gaussian, close, small
+from .optics_shapes import close, gaussian, small
 
 X, Y = np.meshgrid(np.linspace(2.0, 70.0, 30), np.linspace(-25.0, 25.0, 20))
 
@@ -37,7 +37,7 @@ def wavy_map(pitch):
         Sphere(300.0, (40.0, 2.0)),
         Sphere(-250.0, (30.0, 0.0)),
         wavy_map(1.0),
-        Dented(Sphere(500.0, (40.0, 0.0)), Gaussian(0.3, 5.0, 40.0, 1.0)),
+        Dented(Sphere(500.0, (40.0, 0.0)), gaussian(0.3, 5.0, 40.0, 1.0)),
     ],
     ids=["flat", "bulge", "hollow", "map", "dented"],
 )
@@ -71,7 +71,7 @@ def test_rays_meet_a_sphere_where_algebra_says(radius):
 
 def test_rays_meet_a_steep_dent_where_a_dense_search_does():
     """A dent of 1.3 mm, its walls 38 deg against the ray's 40: Newton's first steps stray."""
-    mirror = Dented(Flat(), Gaussian(1.3, 1.0, 40.0, 0.0))
+    mirror = Dented(Flat(), gaussian(1.3, 1.0, 40.0, 0.0))
     target = np.linspace(36.0, 46.0, 101)
     direction = unit(np.array([-0.766, 0.0, 0.643]))
     origin = np.stack([target, np.zeros(101), np.zeros(101)], axis=-1) - 40.0 * direction

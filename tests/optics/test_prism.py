@@ -18,10 +18,10 @@ def prism(**update):
 @pytest.mark.parametrize(("a", "b"), [(50.0, 50.0), (45.0, 45.0), (40.0, 63.0)])
 def test_the_faces_close_the_triangle(a, b):
     geometry = prism(pattern_angle_deg=a, camera_angle_deg=b)
-    pattern, captured = geometry.pattern_face, geometry.camera_face
+    pattern, camera = geometry.pattern_face, geometry.camera_face
     assert pattern.length_mm == pytest.approx(60.0)
-    close(captured.edge + captured.length_mm * captured.along, geometry.apex_mm, 1e-12)
-    for face, other in ((pattern, captured.edge), (captured, pattern.edge)):
+    close(camera.edge + camera.length_mm * camera.along, geometry.apex_mm, 1e-12)
+    for face, other in ((pattern, camera.edge), (camera, pattern.edge)):
         assert face.along @ face.normal == pytest.approx(0.0, abs=1e-15)
         assert face.depth_below(other) > 0.0
 

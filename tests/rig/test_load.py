@@ -44,9 +44,6 @@ def refusal(tmp_path: Path, text: str | bytes) -> str:
 def test_packaged_rigs_load_by_bare_name_and_by_path(name: str) -> None:
     assert load_rig(name) == load_rig(resource("calibration", "rigs", f"{name}.toml"))
     assert load_rig(name).name == name
-
-
-def test_both_promised_rigs_are_packaged() -> None:
     assert {"simulated", "paper"} <= set(packaged_rigs())
 
 
@@ -57,21 +54,14 @@ def test_unknown_bare_name_lists_the_packaged_ones() -> None:
         load_rig("simulate")
 
 
-def test_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nowhere\.toml: cannot be read: No such file or directory"):
-        load_rig(tmp_path / "nowhere.toml")
+@pytest.mark.parametrize(("name", "reason"), [("nowhere.toml", "No such file or directory"), ("", "Is a")])
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, name: str, reason: str) -> None:
+    with pytest.raises(InputError, match=f"{name}: cannot be read: {reason}"):
+        load_rig(tmp_path / name)
 
 
-def test_folder_in_place_of_a_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be read: Is a directory"):
-        load_rig(tmp_path)
-
-
-def test_text_that_is_not_utf8_is_refused(tmp_path: Path) -> None:
+def test_text_that_is_not_utf8_or_not_toml_is_refused_with_its_place(tmp_path: Path) -> None:
     assert refusal(tmp_path, b'name = "\xff"\n') == "byte 8: not UTF-8: a rig file is UTF-8 text"
-
-
-def test_broken_toml_is_refused_with_its_line(tmp_path: Path) -> None:
     assert "line 3" in refusal(tmp_path, "schema_version = 1\n\nname = \n")
 
 

@@ -160,16 +160,13 @@ def test_apertures_are_integrated_over_the_pixels_response(
     assert np.abs(error).max() < tolerance
 
 
+TURNED = {"turn_deg": 20.0, "stripes": "rgb", "fill_factor": (0.6, 0.8)}
 BENCHES = {
     "plain": _sharp,
     "ghosts": lambda: _sharp(simulation={"ghost_gap": 0.05, "ghost_faces": 0.1, "ambient": 0.03}),
-    "turned, striped": lambda: _sharp(
-        display={"turn_deg": 20.0, "stripes": "rgb", "fill_factor": (0.6, 0.8), "gamma": 1.8}
-    ),
+    "turned, striped": lambda: _sharp(display=TURNED | {"gamma": 1.8}),
     "lens": lambda: _sharp(camera={"psf_px": 1.3}),
-    "lens, turned, striped": lambda: _sharp(
-        camera={"psf_px": 0.4}, display={"turn_deg": 20.0, "stripes": "rgb", "fill_factor": (0.6, 0.8)}
-    ),
+    "lens, turned, striped": lambda: _sharp(camera={"psf_px": 0.4}, display=TURNED),
     "paper": lambda: load_rig("paper"),
 }
 

@@ -72,23 +72,23 @@ def test_every_dent_agrees_with_the_exact_rays(dents: tuple[Dent, ...], gl_conte
     assert both.mean() > 0.9
 
 
+def _layers(*slabs: tuple[float, float]) -> tuple[Layer, ...]:
+    return tuple(Layer(index=index, thickness_mm=thickness_mm) for index, thickness_mm in slabs)
+
+
 RIGS: dict[str, Callable[[], Rig]] = {
     "paper": lambda: load_rig("paper"),
     "orthographic, rolled": lambda: quarter(
         camera={"projection": "orthographic", "pixel_mm": 0.12, "focal_px": None, "roll_deg": 4.0}
     ),
     "layers": lambda: quarter(
-        pattern_layers=(
-            Layer(index=1.49, thickness_mm=2.0),
-            Layer(index=1.0, thickness_mm=0.5),
-            Layer(index=1.52, thickness_mm=0.7),
-        ),
-        camera_layers=(Layer(index=1.49, thickness_mm=3.0), Layer(index=1.33, thickness_mm=1.0)),
+        pattern_layers=_layers((1.49, 2.0), (1.0, 0.5), (1.52, 0.7)),
+        camera_layers=_layers((1.49, 3.0), (1.33, 1.0)),
     ),
     "no layers": lambda: quarter(pattern_layers=()),
     "distorted": lambda: quarter(camera={"distortion": (-3.0, 20.0, 0.02, -0.03, 5.0), "roll_deg": -7.0}),
     "turned lcd": lambda: quarter(
-        pattern_layers=(Layer(index=1.49, thickness_mm=2.0), Layer(index=1.0, thickness_mm=6.0)),
+        pattern_layers=_layers((1.49, 2.0), (1.0, 6.0)),
         display={"tilt_deg": (3.0, -2.0), "turn_deg": 75.0, "mirrored": True, "centre_mm": (29.0, 2.0)},
     ),
     "panel cuts into the prism": lambda: quarter(pattern_layers=(), display={"tilt_deg": (1.0, 2.0)}),

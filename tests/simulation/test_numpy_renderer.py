@@ -162,8 +162,8 @@ def test_faces_ghost_follows_the_ray_unfolded_in_the_five_planes(make_rig) -> No
     v, u = np.mgrid[0 : rig.camera.rows, 0 : rig.camera.columns].astype(float)
     point, direction = optics.rubber_rays(u, v)
     mirror = (np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    pattern, captured = ((f.edge, f.normal) for f in (optics.prism.pattern_face, optics.prism.camera_face))
-    for on, n in (mirror, pattern, mirror, captured, mirror):
+    pattern, camera_face = ((f.edge, f.normal) for f in (optics.prism.pattern_face, optics.prism.camera_face))
+    for on, n in (mirror, pattern, mirror, camera_face, mirror):
         point = point - 2 * ((point - on) @ n)[..., None] * n
         direction = direction - 2 * (direction @ n)[..., None] * n
     known = ghost.gain > 0

@@ -1,4 +1,4 @@
-"""All figures of a bench as plain numbers: what the table prints and the summary holds."""
+"""All figures of a bench as plain numbers: what the table prints and the summary contains."""
 
 from __future__ import annotations
 

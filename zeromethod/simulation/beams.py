@@ -64,12 +64,12 @@ class Beams:
 
     def main(self, mirror: Mirror) -> tuple[Float, Float, Float]:
         """(q (rows, cols, 2), gain (rows, cols), mirror point (rows, cols, 3)); NaN where lost."""
-        seen = self._optics.trace_rays(self._origin, self._direction, self._surface(mirror))
-        factor = mirror.reflectance_factor(seen.point[..., 0], seen.point[..., 1])
-        return seen.q, seen.reflectance * factor, seen.point
+        traced = self._optics.trace_rays(self._origin, self._direction, self._surface(mirror))
+        factor = mirror.reflectance_factor(traced.point[..., 0], traced.point[..., 1])
+        return traced.q, traced.reflectance * factor, traced.point
 
     def all(self, mirror: Mirror) -> list[Beam]:
-        """Every beam asked for, the main one first; ghosts' gains hold their relative amplitude."""
+        """Every beam asked for, the main one first; ghosts' gains are their relative amplitude."""
         q, gain, point = self.main(mirror)
         beams = [Beam.of(q, gain)]
         if self._spec.ghost_gap > 0:
@@ -107,9 +107,9 @@ class Beams:
             at, direction, kept = self._off_mirror(at, direction, surface, mirror)
             at = self._to_face(face, at, direction)
             direction, gain = reflect(direction, face.normal), gain * kept
-        seen = self._optics.trace_rays(at, direction, surface)
-        last = seen.reflectance * mirror.reflectance_factor(seen.point[..., 0], seen.point[..., 1])
-        return seen.q, gain * last
+        traced = self._optics.trace_rays(at, direction, surface)
+        last = traced.reflectance * mirror.reflectance_factor(traced.point[..., 0], traced.point[..., 1])
+        return traced.q, gain * last
 
     def _off_mirror(
         self, origin: Float, direction: Float, surface: HeightField, mirror: Mirror

@@ -14,7 +14,7 @@ from zeromethod.rig.model import DisplaySpec
 from zeromethod.simulation.press import Mirror
 
 Handle = int
-"""Names a picture that the renderer holds."""
+"""Names a picture of the renderer."""
 
 
 @dataclass(slots=True)
