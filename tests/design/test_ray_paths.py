@@ -15,12 +15,8 @@ def unit(vector: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def oblique() -> tuple[Optics, list]:
-    rig = small(
-        pattern_layers=(PLATE, GAP),
-        camera_layers=(PLATE,),
-        camera={"position_mm": (270.0, 12.0, -215.0)},
-    )
-    optics = Optics(rig)
+    camera = {"position_mm": (270.0, 12.0, -215.0)}
+    optics = Optics(small(pattern_layers=(PLATE, GAP), camera_layers=(PLATE,), camera=camera))
     return optics, ray_paths(optics, np.array([40.0, 160.0, 280.0]), np.array([30.0, 128.0, 220.0]))
 
 

@@ -17,13 +17,8 @@ def camera(**update):
 
 
 def test_pixels_agree_with_opencv():
-    bench = camera(
-        focal_px=(1400.0, 1450.0),
-        distortion=DISTORTION,
-        roll_deg=17.0,
-        position_mm=(120.0, 9.0, -90.0),
-        look_at_mm=(40.0, -3.0, 2.0),
-    )
+    pose = {"roll_deg": 17.0, "position_mm": (120.0, 9.0, -90.0), "look_at_mm": (40.0, -3.0, 2.0)}
+    bench = camera(focal_px=(1400.0, 1450.0), distortion=DISTORTION, **pose)
     rng = np.random.default_rng(2)
     points = rng.uniform([0, -20, -30], [80, 20, 0], size=(200, 3))
     rotation = np.stack([bench.u_axis, bench.v_axis, bench.axis])
@@ -43,21 +38,17 @@ def test_a_pixels_ray_projects_back_onto_it(projection):
     u, v = np.meshgrid(np.linspace(0, 1279, 30), np.linspace(0, 1023, 25))
     origin, direction = bench.rays(u, v)
     for distance in (50.0, 400.0):
-        u_back, v_back = bench.project(origin + distance * direction)
         # 1e-9 px: 1e-14 of normalised coordinates times focal length, with room
-        close(u_back, u, 1e-9)
-        close(v_back, v, 1e-9)
+        close(bench.project(origin + distance * direction), [u, v], 1e-9)
 
 
 def test_undistortion_is_exact():
     x, y = np.meshgrid(np.linspace(-0.5, 0.5, 41), np.linspace(-0.4, 0.4, 33))
-    x_back, y_back = undistort(*distort(x, y, DISTORTION), DISTORTION)
-    close(x_back, x, 1e-12)
-    close(y_back, y, 1e-12)
+    close(undistort(*distort(x, y, DISTORTION), DISTORTION), [x, y], 1e-12)
 
 
 def test_positions_that_no_ideal_point_reaches_are_nan():
-    """k1 = -0.5 folds at r = 0.816, where the seen radius peaks at 0.544."""
+    """k1 = -0.5 folds at r = 0.816, where the radius in the image peaks at 0.544."""
     x, y = undistort(np.array([0.5, 0.6, np.nan]), np.zeros(3), (-0.5, 0.0, 0.0, 0.0, 0.0))
     assert np.isfinite(x[0])
     assert np.isnan(x[1:]).all()

@@ -38,9 +38,9 @@ def test_a_white_lcd_without_gaps_gives_light_one_wherever_rays_arrive(make_rig)
     light = exposed(rig, grey(rig, 255))
     assert light.dtype == np.float32
     assert light.shape == (rig.camera.rows, rig.camera.columns)
-    seen = arriving(rig)
-    assert seen.mean() > 0.9
-    np.testing.assert_allclose(light[seen], 1.0, atol=2e-6)
+    arrives = arriving(rig)
+    assert arrives.mean() > 0.9
+    np.testing.assert_allclose(light[arrives], 1.0, atol=2e-6)
 
 
 def test_apertures_are_normalised_by_their_fill(make_rig) -> None:
