@@ -16,7 +16,6 @@ from zeromethod.cli.numbers import Whole
 from zeromethod.drivers.monitors import monitors
 from zeromethod.drivers.window import WindowDisplay
 from zeromethod.errors import InputError
-from zeromethod.gl import renderer_name
 from zeromethod.pattern import PatternRenderer, Response, Target
 from zeromethod.warp.grid import NodeGrid
 
@@ -41,7 +40,7 @@ def command(index: int, pictures: int) -> None:
     u, v = GRID.mesh()
     rest = np.stack([u * size[0] / 1280, v * size[1] / 1024], axis=-1)
     with display.context:
-        print(f"{monitor}; {renderer_name(display.context)}")
+        print(f"{monitor}; {display.context.info['GL_RENDERER']}")
         renderer = PatternRenderer(display.context, GRID, rest, size, Target("cosines"), Response(2.2))
     drawing_ms, polls_ms, times_ns = [], [], []
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from zeromethod.resources import resource
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Layer, Rig
 from zeromethod.rig.save import save_values
 
 BENCH_320: Mapping[str, Any] = {
@@ -36,3 +41,31 @@ def small_rig_file(path: Path, values: Mapping[str, Any] = BENCH_320) -> Path:
     """Write the packaged rig with `values` in place of its own."""
     save_values(resource("calibration", "rigs", "simulated.toml"), values, path)
     return path
+
+
+def with_tables(rig: Rig, **tables: Any) -> Rig:
+    """The rig with tables changed, unchecked: each given whole, or as a dict of the keys that change."""
+    update = {
+        name: getattr(rig, name).model_copy(update=value) if isinstance(value, dict) else value
+        for name, value in tables.items()
+    }
+    return rig.model_copy(update=update)
+
+
+def quarter(**tables: Any) -> Rig:
+    """The packaged bench with 320 x 256 camera pixels and its whole LCD; `tables` as for `with_tables`."""
+    return with_tables(binned(load_rig("simulated"), 4), **tables)
+
+
+def telecentric(
+    angle_deg: float = 50.0, layers: Sequence[Layer] = (), pixel_mm: float = 0.1, **parts: Any
+) -> Rig:
+    """A symmetric prism, parallel rays at right angles to both faces: incidence = the prism's angle."""
+    angle = np.radians(angle_deg)
+    mirror_mm = 2 * 60.0 * np.cos(angle)
+    look = np.array([mirror_mm / 2, 0.0, 0.0])
+    position = look + 150.0 * np.array([np.sin(angle), 0.0, -np.cos(angle)])
+    camera: dict[str, Any] = {"projection": "orthographic", "pixel_mm": pixel_mm, "focal_px": None}
+    camera |= {"position_mm": tuple(position), "look_at_mm": tuple(look)} | parts.pop("camera", {})
+    prism = {"pattern_angle_deg": angle_deg, "camera_angle_deg": angle_deg} | parts.pop("prism", {})
+    return quarter(camera=camera, prism=prism, pattern_layers=tuple(layers), **parts)

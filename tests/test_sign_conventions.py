@@ -35,16 +35,16 @@ def test_the_world_frame_is_right_handed_with_the_rubber_below():
     np.testing.assert_allclose(np.cross([0, 0, 1], [1, 0, 0]), [0, 1, 0])  # y = z cross x
     assert optics.prism.apex_mm[2] < 0
     np.testing.assert_array_equal(optics.prism.pattern_face.edge, [0, 0, 0])  # P0
-    np.testing.assert_allclose(optics.prism.captured_face.edge, [optics.length_mm, 0, 0])  # R0
+    np.testing.assert_allclose(optics.prism.camera_face.edge, [optics.length_mm, 0, 0])  # R0
 
 
 def test_face_normals_point_out_of_the_rubber():
     prism = bench().prism
     inside = np.array([prism.length_mm / 2, 0.0, -1.0])
-    for face in (prism.pattern_face, prism.captured_face):
+    for face in (prism.pattern_face, prism.camera_face):
         assert (inside - face.edge) @ face.normal < 0
         assert face.depth_below(inside) > 0
-    assert prism.pattern_face.normal[0] < 0 < prism.captured_face.normal[0]
+    assert prism.pattern_face.normal[0] < 0 < prism.camera_face.normal[0]
 
 
 def test_camera_columns_grow_with_x_and_rows_with_y():

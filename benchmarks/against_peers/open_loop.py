@@ -56,14 +56,13 @@ from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
-from zeromethod.pattern import Target
+from zeromethod.pattern import Response, Target
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.sensing.sensor import ResidualSensor
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
-from zeromethod.simulation.panel import light_of_codes
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.scenario import Scenario
@@ -157,7 +156,7 @@ def compare_open_loop(
 def true_rig(believed: Rig, kind: str) -> Rig:
     """The rig that the bench really is when `believed` is wrong by the error `kind`."""
     if kind == "display":
-        light = light_of_codes(believed.display)
+        light = Response.from_rig(believed.display).light(np.arange(256))
         bowed = light + 4 * ERROR * light * (1 - light)
         display = believed.display.model_copy(update={"response_light": tuple(bowed.tolist())})
         return believed.model_copy(update={"display": display})

@@ -14,7 +14,7 @@ from typing import Any
 from zeromethod.rig.load import load_rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.scenario import Scenario
-from zeromethod.simulation.virtual_bench.bench import Bender, VirtualBench
+from zeromethod.simulation.virtual_bench.bench import Bender, Performance, VirtualBench
 from zeromethod.simulation.virtual_bench.grab import MonitorGrabber, find_monitor
 from zeromethod.simulation.virtual_bench.stream import FrameServer, stream_header
 from zeromethod.thread_limits import limit_threads
@@ -65,7 +65,7 @@ def main(rig_file: str, monitor: str) -> None:
     def grabber() -> Any:
         return MonitorGrabber(found)
 
-    bench = VirtualBench(rig, hand, Bender(rig), server, grabber, camera.rate_hz)
+    bench = VirtualBench(rig, Performance(hand), Bender(rig), server, grabber)
     threading.Thread(target=listen, daemon=True).start()
     sys.stdout.write(f"tcp://127.0.0.1:{server.port}\n")
     sys.stdout.flush()

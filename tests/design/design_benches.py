@@ -1,45 +1,18 @@
 """Benches whose figures are known in closed form."""
 
 import numpy as np
+from small_rigs import quarter as small
+from small_rigs import telecentric
 
 from zeromethod.design import SampledView
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Layer, Rig
+from zeromethod.rig.model import Layer
+
+__all__ = ["GAP", "PIXEL_MM", "PLATE", "PUPIL_AWAY_MM", "at_centre", "small", "telecentric"]
 
 PIXEL_MM = 0.1
 PUPIL_AWAY_MM = 150.0
 PLATE = Layer(index=1.5, thickness_mm=2.0)
 GAP = Layer(index=1.0, thickness_mm=0.5)
-
-
-def small(**parts) -> Rig:
-    """The simulated rig at 320 x 256 camera pixels; each part updated by a dict, or replaced."""
-    rig = binned(load_rig("simulated"), 4)
-    update = {
-        name: type(getattr(rig, name)).model_validate(getattr(rig, name).model_dump() | value)
-        if isinstance(value, dict)
-        else value
-        for name, value in parts.items()
-    }
-    return rig.model_copy(update=update)
-
-
-def telecentric(angle_deg=50.0, layers=(), pixel_mm=PIXEL_MM, **parts) -> Rig:
-    """A symmetric prism, parallel rays at right angles to both faces: incidence = the prism's angle."""
-    angle = np.radians(angle_deg)
-    mirror_mm = 2 * 60.0 * np.cos(angle)
-    look = np.array([mirror_mm / 2, 0.0, 0.0])
-    position = look + PUPIL_AWAY_MM * np.array([np.sin(angle), 0.0, -np.cos(angle)])
-    camera = {
-        "projection": "orthographic",
-        "pixel_mm": pixel_mm,
-        "focal_px": None,
-        "position_mm": tuple(position),
-        "look_at_mm": tuple(look),
-    } | parts.pop("camera", {})
-    prism = {"pattern_angle_deg": angle_deg, "camera_angle_deg": angle_deg} | parts.pop("prism", {})
-    return small(camera=camera, prism=prism, pattern_layers=tuple(layers), **parts)
 
 
 def at_centre(view: SampledView, values: np.ndarray) -> np.ndarray:

@@ -14,11 +14,8 @@ def budget(computing_s: float = 0.0, **parts):
 
 
 def test_the_sum_is_that_of_its_steps() -> None:
-    steps = budget(
-        0.01,
-        display={"refresh_hz": 50.0, "latency_s": 0.03, "scanout_s": 0.0, "rise_s": 0.0},
-        camera={"rate_hz": 25.0, "exposure_s": 0.02, "latency_s": 0.005},
-    )
+    display = {"refresh_hz": 50.0, "latency_s": 0.03, "scanout_s": 0.0, "rise_s": 0.0}
+    steps = budget(0.01, display=display, camera={"rate_hz": 25.0, "exposure_s": 0.02, "latency_s": 0.005})
     total = total_s(list(steps.values()))
     # exposure / 2, readout, computing, half a refresh, latency, half a frame
     assert total.mean_s == pytest.approx(0.01 + 0.005 + 0.01 + 0.01 + 0.03 + 0.02)
@@ -43,7 +40,7 @@ def test_a_rise_from_10_to_90_percent_delays_by_its_time_constant() -> None:
     assert rise == pytest.approx(np.trapezoid(np.exp(-time_s / tau_s), time_s), rel=1e-4)
 
 
-def test_a_simulated_camera_has_the_simulations_latency_unless_told() -> None:
+def test_a_simulated_camera_has_the_simulations_latency_unless_given() -> None:
     def latency_s(rig) -> float:
         return next(s.mean_s for s in delay_budget(SampledView(rig), 0.0) if s.name == "readout and transfer")
 

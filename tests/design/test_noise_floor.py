@@ -13,11 +13,12 @@ from zeromethod.design.noise_floor import (
     slope_sigma_urad,
 )
 from zeromethod.pattern.target import Target
+from zeromethod.rig.model import Noise
 from zeromethod.sensing import ResidualSensor
 
 from .design_benches import small, telecentric
 
-NOISE = {"read_grey": 2.0, "electrons_per_grey": 150.0, "black_grey": 4.0}
+NOISE = Noise(read_grey=2.0, electrons_per_grey=150.0, black_grey=4.0)
 
 
 def image(rig, rng: np.random.Generator) -> np.ndarray:
@@ -31,32 +32,30 @@ def image(rig, rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["cosines", "checker", "lattice", "noise"])
-def test_the_sensor_scatters_as_foretold(kind: str) -> None:
+def test_the_sensor_scatters_as_predicted(kind: str) -> None:
     rig = telecentric(camera={"psf_px": 0.0, "noise": NOISE}, target={"kind": kind})
     view = SampledView(rig)
     sensor = ResidualSensor.from_rig(rig, view.grid, light=Target.from_spec(rig.target).light)
     rng = np.random.default_rng(1)
     d = [sensor.measure(image(rig, rng).astype(np.uint8)).d[view.grid.inner].copy() for _ in range(40)]
     measured = np.sqrt(np.mean(np.var(d, axis=0, ddof=1)))
-    foretold = float(np.median(displacement_sigma_px(view)))
+    predicted = float(np.median(displacement_sigma_px(view)))
     # 40 frames of some 60 independent nodes: 2 %. A pixel is taken to be wide, the image's are points: 1 %.
     # Edges weigh noise by their own light, and random texture varies from window to window: 25 %.
     tolerance = 0.05 if kind == "cosines" else 0.25
-    assert measured == pytest.approx(foretold, rel=tolerance)
+    assert measured == pytest.approx(predicted, rel=tolerance)
 
 
-def test_slope_noise_is_displacement_noise_by_the_lever() -> None:
-    view = SampledView(telecentric())
+def test_slope_noise_is_displacement_noise_by_the_lever(view: SampledView) -> None:
     lever = 2 * view.x_mm * np.sin(np.radians(50.0)) / 0.1  # camera px per rad along x
     expected = 1e6 * displacement_sigma_px(view) / lever
     np.testing.assert_allclose(slope_sigma_urad(view)[view.on_lcd][:, 0], expected[view.on_lcd], rtol=1e-6)
 
 
 def test_depth_noise_follows_the_light() -> None:
-    quiet = SampledView(small(camera={"noise": NOISE | {"electrons_per_grey": None}}))
-    dim = SampledView(
-        small(camera={"noise": NOISE | {"electrons_per_grey": None}}, simulation={"peak_grey_share": 0.4})
-    )
+    camera = {"noise": Noise(read_grey=2.0, black_grey=4.0)}
+    quiet = SampledView(small(camera=camera))
+    dim = SampledView(small(camera=camera, simulation={"peak_grey_share": 0.4}))
     ratio = np.nanmedian(depth_sigma_nm(dim)) / np.nanmedian(depth_sigma_nm(quiet))
     # with a noise that does not depend on light, sigma goes with 1 / (light above black)
     assert ratio == pytest.approx((0.8 * 255 - 4) / (0.4 * 255 - 4), rel=1e-3)
@@ -64,7 +63,7 @@ def test_depth_noise_follows_the_light() -> None:
 
 def test_below_total_reflection_the_lost_light_counts() -> None:
     lit, dim = (
-        SampledView(telecentric(angle, camera={"noise": {"read_grey": 2.0}})) for angle in (46.0, 45.0)
+        SampledView(telecentric(angle, camera={"noise": Noise(read_grey=2.0)})) for angle in (46.0, 45.0)
     )
     ratio = np.nanmedian(displacement_sigma_px(dim)) / np.nanmedian(displacement_sigma_px(lit))
     s, p = 0.7334, 0.5379  # Fresnel's at 45 deg, index 1.41; the light is not polarised

@@ -15,25 +15,21 @@ def unit(vector: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def oblique() -> tuple[Optics, list]:
-    rig = small(
-        pattern_layers=(PLATE, GAP),
-        camera_layers=(PLATE,),
-        camera={"position_mm": (270.0, 12.0, -215.0)},
-    )
-    optics = Optics(rig)
+    camera = {"position_mm": (270.0, 12.0, -215.0)}
+    optics = Optics(small(pattern_layers=(PLATE, GAP), camera_layers=(PLATE,), camera=camera))
     return optics, ray_paths(optics, np.array([40.0, 160.0, 280.0]), np.array([30.0, 128.0, 220.0]))
 
 
 def test_rays_bend_as_snell_says_and_reflect_evenly(oblique: tuple[Optics, list]) -> None:
     optics, rays = oblique
-    captured, pattern = optics.prism.captured_face.normal, optics.prism.pattern_face.normal
+    camera, pattern = optics.prism.camera_face.normal, optics.prism.pattern_face.normal
     for ray in rays:
         assert ray.lost is Lost.NONE
         # camera, plate's outside, face | mirror | face, plate's outside, LCD
         assert len(ray.points) == 7
         along = [unit(b - a) for a, b in zip(ray.points[:-1], ray.points[1:], strict=True)]
         indices = [1.0, 1.5, 1.41, 1.41, 1.5, 1.0]
-        for k, normal in ((0, captured), (1, captured), (3, pattern), (4, pattern)):
+        for k, normal in ((0, camera), (1, camera), (3, pattern), (4, pattern)):
             before, after = (indices[j] * np.cross(along[j], normal) for j in (k, k + 1))
             np.testing.assert_allclose(before, after, atol=1e-9)
         assert along[3][2] == pytest.approx(-along[2][2])
@@ -50,5 +46,5 @@ def test_rays_end_where_the_trace_does(oblique: tuple[Optics, list]) -> None:
 def test_a_ray_that_misses_the_prism_ends_at_the_camera() -> None:
     optics = Optics(telecentric(pixel_mm=90.0 / 320))
     (ray,) = ray_paths(optics, np.array([0.0]), np.array([127.5]))
-    assert ray.lost is Lost.MISSES_CAPTURED_FACE
+    assert ray.lost is Lost.MISSES_CAMERA_FACE
     assert len(ray.points) == 1

@@ -12,8 +12,7 @@ from .design_benches import PUPIL_AWAY_MM, at_centre, small, telecentric
 SIN, COS = np.sin(np.radians(50.0)), np.cos(np.radians(50.0))
 
 
-def test_the_footprint_of_parallel_rays_is_their_cone_at_the_path() -> None:
-    view = SampledView(telecentric())
+def test_the_footprint_of_parallel_rays_is_their_cone_at_the_path(view: SampledView) -> None:
     found = footprint_mm(view, 5.0)[view.on_lcd]
     # a pupil of 5 mm at 150 mm: a cone in air, narrower by the index in rubber, 1 / cos wider along x
     across = 5.0 / PUPIL_AWAY_MM / 1.41 * view.x_mm[view.on_lcd] * SIN
@@ -24,11 +23,11 @@ def test_the_footprint_of_parallel_rays_is_their_cone_at_the_path() -> None:
 def test_the_footprint_of_a_lens_follows_similar_triangles() -> None:
     view = SampledView(small())
     middle = at_centre(view, view.trace.point)
-    rubber = float(view.optics.prism.captured_face.depth_below(middle)), middle[0] * SIN
+    rubber = float(view.optics.prism.camera_face.depth_below(middle)), middle[0] * SIN
     camera_away = 280.0 + rubber[0] / 1.41
     lcd_away = rubber[1] / 1.41 + 0.5
     across = 5.0 * lcd_away / (camera_away + lcd_away)
-    # the middle node lies half a node beside the axis: 0.1 deg
+    # the middle node lies half a node off the axis: 0.1 deg
     found = at_centre(view, footprint_mm(view, 5.0))
     np.testing.assert_allclose(found, [across / COS, across], rtol=5e-3)
 

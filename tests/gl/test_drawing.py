@@ -44,18 +44,13 @@ void main() {
 """
 
 
-@pytest.fixture
-def shaders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(autouse=True)
+def shaders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Folder of shaders in place of the packaged one."""
     monkeypatch.setattr(shader, "resource", lambda _, name: tmp_path / name)
-    for name, text in {
-        "fill.vert": FILL,
-        "pattern.frag": PATTERN,
-        "floats.frag": FLOATS,
-        "fetch.frag": FETCH,
-    }.items():
+    texts = {"fill.vert": FILL, "pattern.frag": PATTERN, "floats.frag": FLOATS, "fetch.frag": FETCH}
+    for name, text in texts.items():
         (tmp_path / name).write_text(text)
-    return tmp_path
 
 
 def draw(ctx: moderngl.Context, fragment: str, target: moderngl.Texture, **uniforms: int) -> None:
@@ -74,7 +69,6 @@ def texels(texture: moderngl.Texture) -> np.ndarray:
     return np.frombuffer(texture.read(alignment=1), kind).reshape(texture.height, texture.width, -1)
 
 
-@pytest.mark.usefixtures("shaders")
 def test_eight_bit_pattern_comes_back_bit_exact(gl_context: moderngl.Context) -> None:
     target = gl_context.texture(SIZE, 4, dtype="f1")
     draw(gl_context, "pattern.frag", target)
@@ -83,7 +77,6 @@ def test_eight_bit_pattern_comes_back_bit_exact(gl_context: moderngl.Context) ->
     assert np.array_equal(texels(target), expected)
 
 
-@pytest.mark.usefixtures("shaders")
 @pytest.mark.parametrize("components", [1, 2, 4])
 def test_float_textures_are_render_targets_of_full_precision(
     gl_context: moderngl.Context, components: int
@@ -96,14 +89,12 @@ def test_float_textures_are_render_targets_of_full_precision(
     np.testing.assert_allclose(texels(target), exact[..., :components], rtol=4e-7)
 
 
-@pytest.mark.usefixtures("shaders")
 @pytest.mark.parametrize("components", [1, 2, 4])
 def test_texel_fetch_returns_what_was_uploaded_bit_exact(
     gl_context: moderngl.Context, components: int
 ) -> None:
-    values = (
-        np.random.default_rng(1).normal(scale=1e3, size=(SIZE[1], SIZE[0], components)).astype(np.float32)
-    )
+    rng = np.random.default_rng(1)
+    values = rng.normal(scale=1e3, size=(*SIZE[::-1], components)).astype(np.float32)
     source = gl_context.texture(SIZE, components, values.tobytes(), dtype="f4", alignment=1)
     target = gl_context.texture(SIZE, components, dtype="f4")
     source.use(location=2)
@@ -111,10 +102,8 @@ def test_texel_fetch_returns_what_was_uploaded_bit_exact(
     assert np.array_equal(texels(target), values[::-1, ::-1])
 
 
-@pytest.mark.usefixtures("shaders")
 def test_a_texture_just_drawn_can_be_fetched_by_the_next_pass(gl_context: moderngl.Context) -> None:
-    first = gl_context.texture(SIZE, 4, dtype="f4")
-    second = gl_context.texture(SIZE, 4, dtype="f4")
+    first, second = (gl_context.texture(SIZE, 4, dtype="f4") for _ in range(2))
     draw(gl_context, "floats.frag", first)
     first.use(location=0)
     draw(gl_context, "fetch.frag", second, source=0)

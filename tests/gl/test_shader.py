@@ -7,10 +7,10 @@ from pathlib import Path
 import moderngl
 import pytest
 
-from zeromethod.gl import program, shader, shader_source
+from zeromethod.gl import program, shader
+from zeromethod.gl.shader import shader_source
 
-VERTEX = """#version 330
-out float value;
+VERTEX = """out float value;
 void main() { value = float(gl_VertexID) * SCALE; gl_Position = vec4(0.0); }
 """
 
@@ -23,49 +23,37 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def write(folder: Path, **files: str) -> None:
+    """Files by name ("main_frag" is main.frag), with #version before each stage's text."""
     for name, text in files.items():
-        (folder / name.replace("_", ".")).write_text(text)
+        version = "" if name.endswith("glsl") else "#version 330\n"
+        (folder / name.replace("_", ".")).write_text(version + text)
 
 
 def test_includes_stand_in_place_and_only_once(folder: Path) -> None:
-    write(
-        folder,
-        main_frag='#version 330\n#include "a.glsl"\n  #include "b.glsl"  \nmain\n',
-        a_glsl='#include "b.glsl"\na\n',
-        b_glsl="b\n",
-    )
+    main = '#include "a.glsl"\n  #include "b.glsl"  \nmain\n'
+    write(folder, main_frag=main, a_glsl='#include "b.glsl"\na\n', b_glsl="b\n")
     assert shader_source("main.frag") == "#version 330\nb\na\nmain\n"
 
 
 def test_defines_follow_the_version(folder: Path) -> None:
-    write(folder, main_frag="#version 330\nmain\n")
+    write(folder, main_frag="main\n")
     source = shader_source("main.frag", N=3, SCALE=2.0, SMALL=1e-7, ON=True, KIND="vec2")
-    assert source.splitlines()[1:-1] == [
-        "#define N 3",
-        "#define SCALE 2.0",
-        "#define SMALL 1e-07",
-        "#define ON 1",
-        "#define KIND vec2",
-    ]
+    defined = ["N 3", "SCALE 2.0", "SMALL 1e-07", "ON 1", "KIND vec2"]
+    assert source.splitlines()[1:-1] == [f"#define {each}" for each in defined]
 
 
 @pytest.mark.parametrize(
     ("files", "message"),
     [
         ({}, r"^shader: shader 'main\.frag' cannot be read \(No such file or directory\)$"),
-        ({"main_frag": "void main() {}\n"}, r"^main\.frag:1: a shader starts with #version$"),
-        ({"main_frag": ""}, r"^main\.frag:1: a shader starts with #version$"),
+        ({"main_frag": '\n#include "no.glsl"\n'}, r"^main\.frag:3: shader 'no\.glsl' cannot be read"),
         (
-            {"main_frag": '#version 330\n\n#include "no.glsl"\n'},
-            r"^main\.frag:3: shader 'no\.glsl' cannot be read",
-        ),
-        (
-            {"main_frag": '#version 330\n#include "a.glsl"\n', "a_glsl": '\n#include "a.glsl"\n'},
+            {"main_frag": '#include "a.glsl"\n', "a_glsl": '\n#include "a.glsl"\n'},
             r"^a\.glsl:2: #include 'a\.glsl' goes round in a circle$",
         ),
         (
             {
-                "main_frag": '#version 330\n#include "a.glsl"\n',
+                "main_frag": '#include "a.glsl"\n',
                 "a_glsl": '#include "b.glsl"\n',
                 "b_glsl": '#include "a.glsl"\n',
             },
@@ -79,52 +67,43 @@ def test_bad_includes_name_their_place(folder: Path, files: dict[str, str], mess
         shader_source("main.frag")
 
 
+@pytest.mark.parametrize("text", ["void main() {}\n", ""])
+def test_a_shader_without_its_version_is_refused(folder: Path, text: str) -> None:
+    (folder / "main.frag").write_text(text)
+    with pytest.raises(RuntimeError, match=r"^main\.frag:1: a shader starts with #version$"):
+        shader_source("main.frag")
+
+
+INCLUDING = '#include "a.glsl"\nout float f;\nvoid main() { f = 1.0; }\n'
+
+
 @pytest.mark.parametrize(
     ("files", "place"),
     [
+        ({"main_frag": "out float f;\nvoid main() {\n  f = oops;\n}\n"}, r"main\.frag:4: .*oops"),
+        ({"main_frag": INCLUDING, "a_glsl": "float g() {\n  return wrong;\n}\n"}, r"a\.glsl:2: .*wrong"),
+        ({"main_frag": "out float f;\nvoid main() { f = SCALE + bad; }\n"}, r"main\.frag:3: .*bad"),
+        # the vertex stage's are not blamed on the other
         (
-            {"main_frag": "#version 330\nout float f;\nvoid main() {\n  f = oops;\n}\n"},
-            r"main\.frag:4: .*oops",
-        ),
-        (
-            {
-                "main_frag": '#version 330\n#include "a.glsl"\nout float f;\nvoid main() { f = 1.0; }\n',
-                "a_glsl": "float g() {\n  return wrong;\n}\n",
-            },
-            r"a\.glsl:2: .*wrong",
-        ),
-        (
-            {"main_frag": "#version 330\nout float f;\nvoid main() { f = SCALE + bad; }\n"},
-            r"main\.frag:3: .*bad",
+            {"main_vert": "\nvoid main() { nope; }\n", "main_frag": "void main() {}\n"},
+            r"main\.vert:3: .*nope",
         ),
     ],
 )
 def test_compile_errors_name_file_and_line(
     gl_context: moderngl.Context, folder: Path, files: dict[str, str], place: str
 ) -> None:
-    write(folder, main_vert=VERTEX, **files)
+    write(folder, **{"main_vert": VERTEX} | files)
     with pytest.raises(RuntimeError, match=place) as caught:
         program(gl_context, "main.vert", "main.frag", SCALE=1.0)
     assert "\n" not in str(caught.value)
 
 
-def test_compile_errors_of_the_vertex_stage_are_not_blamed_on_the_other(
-    gl_context: moderngl.Context, folder: Path
-) -> None:
-    write(
-        folder,
-        main_vert="#version 330\n\nvoid main() { nope; }\n",
-        main_frag="#version 330\nvoid main() {}\n",
-    )
-    with pytest.raises(RuntimeError, match=r"main\.vert:3: .*nope"):
-        program(gl_context, "main.vert", "main.frag")
-
-
 def test_link_errors_name_the_files(gl_context: moderngl.Context, folder: Path) -> None:
     write(
         folder,
-        main_vert="#version 330\nout vec2 a;\nvoid main() { a = vec2(1.0); gl_Position = vec4(0.0); }\n",
-        main_frag="#version 330\nin float a;\nout float f;\nvoid main() { f = a; }\n",
+        main_vert="out vec2 a;\nvoid main() { a = vec2(1.0); gl_Position = vec4(0.0); }\n",
+        main_frag="in float a;\nout float f;\nvoid main() { f = a; }\n",
     )
     with pytest.raises(RuntimeError, match=r"^main\.vert, main\.frag: .*type"):
         program(gl_context, "main.vert", "main.frag")

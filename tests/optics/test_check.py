@@ -32,7 +32,7 @@ def test_a_view_partly_off_the_mirror_passes():
         ({"display": {"tilt_deg": (0.0, 2.0)}}, "display.tilt_deg"),  # 30 mm x 2 deg > 0.5 mm of gap
         ({"display": {"centre_mm": (120.0, 0.0)}}, "display.centre_mm"),
         ({"display": {"rows": 100, "centre_mm": (30.0, 30.0)}}, "display.centre_mm"),
-        # straight up to the mirror beside R0: thrown back at the captured face
+        # straight up to the mirror next to R0: thrown back at the camera face
         (
             {"camera": {"position_mm": (60.0, 0.0, -300.0), "look_at_mm": (70.0, 0.0, 0.0)}},
             "camera.position_mm",
@@ -45,7 +45,7 @@ def test_a_bench_that_cannot_see_is_refused(parts, key):
     assert "\n" not in str(refused.value)
 
 
-def test_a_camera_within_the_captured_layers_is_refused():
+def test_a_camera_within_the_camera_layers_is_refused():
     plate = (Layer(index=1.49, thickness_mm=500.0),)
     with pytest.raises(InputError, match=r"camera\.position_mm"):
         check_geometry(small(camera_layers=plate))

@@ -4,12 +4,19 @@ import numpy as np
 import pytest
 
 from zeromethod.optics.layers import direction_between, through_slabs
-from zeromethod.optics.snell import refract
-from zeromethod.optics.vectors import dot, unit
+from zeromethod.optics.vectors import dot, reflect, unit
+
+from .optics_shapes import close
 
 NORMAL = unit(np.array([-0.6, 0.2, -0.75]))
 PLATE, BOND, AIR, GLASS = (1.49, 2.0), (1.45, 0.1), (1.0, 0.5), (1.52, 0.7)
 STACKS = [[], [AIR], [PLATE], [PLATE, AIR], [BOND, PLATE, AIR], [BOND, PLATE, AIR, GLASS]]
+
+
+def refract(direction, normal, n1, n2):
+    """Snell's law in vector form, for normals along the travel."""
+    tangential = n1 / n2 * (direction - dot(direction, normal)[:, None] * normal)
+    return tangential + np.sqrt(1 - dot(tangential, tangential))[:, None] * normal
 
 
 def random_directions(count, most_deg, seed=4):
@@ -29,8 +36,8 @@ def test_a_stack_is_its_interfaces_one_by_one(slabs):
         expected += (t / dot(ray, NORMAL))[:, None] * ray
     displacement, out = through_slabs(direction, NORMAL, 1.41, slabs, 1.3)
     # 1e-11 mm: near the critical angle, 45.17 deg, each route rounds cos = sqrt(1 - sin^2) its own way
-    np.testing.assert_allclose(displacement, expected, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(out, refract(ray, NORMAL, index, 1.3), rtol=0, atol=1e-11)
+    close(displacement, expected, 1e-11)
+    close(out, refract(ray, NORMAL, index, 1.3), 1e-11)
 
 
 def test_a_plate_in_air_shifts_by_the_textbook_amount():
@@ -39,7 +46,7 @@ def test_a_plate_in_air_shifts_by_the_textbook_amount():
     displacement, out = through_slabs(direction, np.array([0.0, 0.0, 1.0]), 1.0, [(1.5, 3.0)], 1.0)
     inside = np.arcsin(np.sin(angle) / 1.5)
     shift = 3.0 * np.sin(angle - inside) / np.cos(inside)
-    np.testing.assert_allclose(out, direction, rtol=0, atol=1e-15)
+    close(out, direction, 1e-15)
     perpendicular = np.array([np.cos(angle), 0.0, -np.sin(angle)])
     assert -(displacement[0] @ perpendicular) == pytest.approx(shift, abs=1e-14)
 
@@ -65,7 +72,7 @@ def test_joining_two_points_finds_the_ray_that_was_sent(slabs, rubber_mm):
     thicknesses = np.array([[t] * 300 for _, t in stack])
     found = direction_between(offset, NORMAL, [n for n, _ in stack], thicknesses)
     # 1e-13: machine precision after the forward trace's own roundings
-    np.testing.assert_allclose(found, direction, rtol=0, atol=1e-13)
+    close(found, direction, 1e-13)
 
 
 def test_joined_rays_obey_fermat():
@@ -101,3 +108,30 @@ def test_points_straight_ahead_and_points_that_no_ray_joins():
     found = direction_between(offset, normal, [1.41, 1.0], thicknesses)
     np.testing.assert_array_equal(found[0], normal)
     assert np.isnan(found[1:]).all()  # behind the gap; no gap at all, 50 mm aside; unknown
+
+
+@pytest.mark.parametrize(("n1", "n2"), [(1.0, 1.41), (1.41, 1.0), (1.5, 1.41)])
+def test_a_bare_interface_obeys_snell_and_is_reversible(n1, n2):
+    angle = np.radians(np.linspace(0.0, 44.0, 45))
+    up = np.array([0.0, 0.0, 1.0])
+    direction = np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=-1)
+    _, out = through_slabs(direction, up, n1, [], n2)
+    expected = np.arcsin(n1 / n2 * np.sin(angle))
+    # 1e-14: a few roundings of numbers near 1
+    close(out, np.stack([np.sin(expected), 0 * angle, np.cos(expected)], axis=-1), 1e-14)
+    # going back from grazing rays loses half the digits of cos = sqrt(1 - sin^2)
+    close(through_slabs(out, up, n2, [], n1)[1], direction, 1e-9)
+
+
+def test_beyond_the_critical_angle_nothing_is_refracted():
+    angle = np.radians([45.1, 45.2, np.nan])  # critical angle 45.17 deg at 1.41
+    direction = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=-1)
+    _, out = through_slabs(direction, np.array([0.0, 0.0, 1.0]), 1.41, [], 1.0)
+    assert np.isfinite(out[0]).all()
+    assert np.isnan(out[1:]).all()
+
+
+def test_reflection_turns_only_the_part_along_the_normal():
+    up, direction = np.array([0.0, 0.0, 1.0]), unit(np.array([[0.3, -0.2, 0.9], [np.nan] * 3]))
+    for sense in (1, -1):
+        close(reflect(direction, sense * up), direction * [1, 1, -1], 1e-16)

@@ -8,7 +8,7 @@ from zeromethod.optics import Dented, Flat, GridHeight, Sphere, rest_surface
 from zeromethod.optics.mirror import distance_to, normal_of
 from zeromethod.optics.vectors import dot, unit
 
-from .optics_shapes import Gaussian, small
+from .optics_shapes import close, gaussian, small
 
 X, Y = np.meshgrid(np.linspace(2.0, 70.0, 30), np.linspace(-25.0, 25.0, 20))
 
@@ -37,7 +37,7 @@ def wavy_map(pitch):
         Sphere(300.0, (40.0, 2.0)),
         Sphere(-250.0, (30.0, 0.0)),
         wavy_map(1.0),
-        Dented(Sphere(500.0, (40.0, 0.0)), Gaussian(0.3, 5.0, 40.0, 1.0)),
+        Dented(Sphere(500.0, (40.0, 0.0)), gaussian(0.3, 5.0, 40.0, 1.0)),
     ],
     ids=["flat", "bulge", "hollow", "map", "dented"],
 )
@@ -61,28 +61,28 @@ def test_rays_meet_a_sphere_where_algebra_says(radius):
     expected = -b + root if radius > 0 else -b - root  # leaves a bulge from inside, enters a hollow's ball
     distance = distance_to(sphere, origin, direction)
     # 1e-11 mm: the quadratic formula cancels squares of 300 mm
-    np.testing.assert_allclose(distance, expected, rtol=0, atol=1e-11)
+    close(distance, expected, 1e-11)
     point = origin + distance[:, None] * direction
     normal = normal_of(sphere.gradient(point[:, 0], point[:, 1]))
     met = np.isfinite(distance)
     assert met.mean() > 0.9
-    np.testing.assert_allclose(normal[met], ((point - centre) / radius)[met], rtol=0, atol=1e-13)
+    close(normal[met], ((point - centre) / radius)[met], 1e-13)
 
 
 def test_rays_meet_a_steep_dent_where_a_dense_search_does():
     """A dent of 1.3 mm, its walls 38 deg against the ray's 40: Newton's first steps stray."""
-    mirror = Dented(Flat(), Gaussian(1.3, 1.0, 40.0, 0.0))
+    mirror = Dented(Flat(), gaussian(1.3, 1.0, 40.0, 0.0))
     target = np.linspace(36.0, 46.0, 101)
     direction = unit(np.array([-0.766, 0.0, 0.643]))
     origin = np.stack([target, np.zeros(101), np.zeros(101)], axis=-1) - 40.0 * direction
     distance = distance_to(mirror, origin, direction + np.zeros_like(origin))
     point = origin + distance[:, None] * direction
-    np.testing.assert_allclose(mirror.height(point[:, 0], point[:, 1]), point[:, 2], rtol=0, atol=1e-12)
+    close(mirror.height(point[:, 0], point[:, 1]), point[:, 2], 1e-12)
     dense = np.linspace(30.0, 45.0, 15001)
     path = origin[:, None, :] + dense[:, None] * direction
     above = path[..., 2] > mirror.height(path[..., 0], path[..., 1])
     # 0.002 mm: twice the step of the dense search
-    np.testing.assert_allclose(distance, dense[above.argmax(axis=1)], rtol=0, atol=0.002)
+    close(distance, dense[above.argmax(axis=1)], 0.002)
 
 
 def test_rays_that_do_not_rise_or_know_nothing_are_nan():
@@ -95,9 +95,7 @@ def test_rays_that_do_not_rise_or_know_nothing_are_nan():
 def test_a_map_passes_its_points_and_converges_with_the_fourth_power():
     grid = wavy_map(1.0)
     points = wavy(np.arange(-5.0, 85.0), -20.0)
-    np.testing.assert_allclose(
-        grid.height(np.arange(-5.0, 85.0), np.full(90, -20.0)), points, rtol=0, atol=1e-14
-    )
+    close(grid.height(np.arange(-5.0, 85.0), np.full(90, -20.0)), points, 1e-14)
     coarse, fine = (np.abs(wavy_map(p).height(X, Y) - wavy(X, Y)).max() for p in (1.0, 0.5))
     assert coarse < 1e-5
     assert coarse / fine > 12  # 16 for h^4, less what the sampling of the maximum takes
@@ -106,9 +104,7 @@ def test_a_map_passes_its_points_and_converges_with_the_fourth_power():
 def test_a_map_goes_on_flat_beyond_its_border():
     grid = wavy_map(1.0)
     x, y = np.array([-9.0, 84.5, 20.0]), np.array([3.0, 90.0, -80.0])
-    np.testing.assert_allclose(
-        grid.height(x, y), wavy(np.clip(x, -5, 84), np.clip(y, -35, 34)), rtol=0, atol=1e-5
-    )
+    close(grid.height(x, y), wavy(np.clip(x, -5, 84), np.clip(y, -35, 34)), 1e-5)
     zx, zy = grid.gradient(x, y)
     assert zx[0] == zx[1] == zy[1] == zy[2] == 0.0
     assert zy[0] != 0.0

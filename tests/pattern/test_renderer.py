@@ -52,28 +52,29 @@ def _codes(light):
     return np.floor(RESPONSE.inverse(light) + 0.5)
 
 
-def _renderer(ctx, q_rest, target=TARGET):
-    return PatternRenderer(ctx, GRID, q_rest, SIZE, target, RESPONSE)
+def _image(ctx, q, q_rest=None, target=TARGET):
+    """Picture of warp q, drawn by a renderer whose warp at rest is `q_rest` (q itself where not given)."""
+    return PatternRenderer(ctx, GRID, q if q_rest is None else q_rest, SIZE, target, RESPONSE).image(q)
 
 
 @pytest.mark.parametrize("kind", ["cosines", "checker", "lattice", "noise"])
 def test_identity_warp_shows_the_target_bit_for_bit(gl_context, kind):
     target = Target(kind)
     q = np.stack([U + 40, V + 30], axis=-1)
-    picture = _renderer(gl_context, q, target).image(q).astype(float)
+    picture = _image(gl_context, q, target=target).astype(float)
     u, v = COL - 40, ROW - 30
     inside = (u > U[0, 1]) & (u < U[0, -2]) & (v > V[1, 0]) & (v < V[-2, 0])
     error = np.abs(picture - _codes(target.light(u, v, lcd_px=(16, 16))))[inside]
     assert (error == 0).mean() > 0.999
     assert error.max() <= 1
-    beside = (u < U[0, 1] - 1) | (u > U[0, -2] + 1) | (v < V[1, 0] - 1) | (v > V[-2, 0] + 1)
-    assert beside.sum() > 1000
-    assert np.array_equal(np.unique(picture[beside]), [MEAN])
+    outside = (u < U[0, 1] - 1) | (u > U[0, -2] + 1) | (v < V[1, 0] - 1) | (v > V[-2, 0] + 1)
+    assert outside.sum() > 1000
+    assert np.array_equal(np.unique(picture[outside]), [MEAN])
 
 
 def test_dent_is_drawn_within_two_thousandths_of_a_camera_px(gl_context):
     q = _dent(_rest(), 40.0)
-    picture = _renderer(gl_context, _rest()).image(q)
+    picture = _image(gl_context, q, _rest())
     u, v, period = _invert(q)
     clear = np.isfinite(u) & (period > 6.1)
     assert clear.sum() > 60000
@@ -92,8 +93,8 @@ def test_dent_is_drawn_within_two_thousandths_of_a_camera_px(gl_context):
 def test_mirrored_lcd_is_drawn_all_the_same(gl_context):
     q = _rest()
     q[..., 0] = SIZE[0] - 1 - q[..., 0]
-    picture = _renderer(gl_context, q).image(q)
-    straight = _renderer(gl_context, _rest()).image(_rest())
+    picture = _image(gl_context, q)
+    straight = _image(gl_context, _rest())
     # sums in 32 bits and pixels on the mesh's rim differ by one code at most
     assert (picture[:, ::-1] == straight).mean() > 0.99
 
@@ -101,11 +102,11 @@ def test_mirrored_lcd_is_drawn_all_the_same(gl_context):
 def test_what_is_folded_stays_grey_and_spares_the_rest(gl_context):
     folded = _rest()
     folded[:, 20:24] = folded[:, 24:19:-1][:, :4]  # four columns turned round
-    whole = _renderer(gl_context, _rest()).image(_rest())
-    picture = _renderer(gl_context, _rest()).image(folded)
+    whole = _image(gl_context, _rest())
+    picture = _image(gl_context, folded, _rest())
     turned = _rest()
     turned[..., 0] = 400 - turned[..., 0]
-    assert np.array_equal(np.unique(_renderer(gl_context, _rest()).image(turned)), [MEAN])
+    assert np.array_equal(np.unique(_image(gl_context, turned, _rest())), [MEAN])
     far = _rest()[0, 16, 0] > COL
     assert np.array_equal(picture[far], whole[far])
 
@@ -113,7 +114,7 @@ def test_what_is_folded_stays_grey_and_spares_the_rest(gl_context):
 def test_carriers_fade_where_they_would_alias(gl_context):
     for lcd_px, share in ((8.0, 1.0), (5.0, 0.5), (3.8, 0.0)):
         q = np.stack([60 + lcd_px / 16 * U, 40 + 0.8 * V], axis=-1)
-        picture = _renderer(gl_context, q).image(q)
+        picture = _image(gl_context, q)
         v = (ROW - 40) / 0.8
         u = (COL - 60) / (lcd_px / 16)
         inside = (u > 0) & (u < 320) & (v > 0) & (v < 250)
@@ -124,8 +125,8 @@ def test_carriers_fade_where_they_would_alias(gl_context):
 def test_nodes_without_a_warp_leave_their_cells_grey(gl_context):
     q = _rest()
     q[20, 15] = np.nan
-    picture = _renderer(gl_context, _rest()).image(q)
-    whole = _renderer(gl_context, _rest()).image(_rest())
+    picture = _image(gl_context, q, _rest())
+    whole = _image(gl_context, _rest())
     differs = picture != whole
     assert np.array_equal(np.unique(picture[differs]), [MEAN])
     at = _rest()[20, 15]
@@ -133,12 +134,12 @@ def test_nodes_without_a_warp_leave_their_cells_grey(gl_context):
     assert distance[differs].max() < 18  # two cells of 8 camera px around
     assert np.array_equal(np.unique(picture[distance < 7]), [MEAN])
     nothing = np.full_like(q, np.nan)
-    assert np.array_equal(np.unique(_renderer(gl_context, _rest()).image(nothing)), [MEAN])
+    assert np.array_equal(np.unique(_image(gl_context, nothing, _rest())), [MEAN])
 
 
 def test_first_row_of_the_picture_is_the_top_of_the_framebuffer(gl_context):
     q = _rest()
-    renderer = _renderer(gl_context, q)
+    renderer = PatternRenderer(gl_context, GRID, q, SIZE, TARGET, RESPONSE)
     framebuffer = gl_context.framebuffer([gl_context.texture(SIZE, 4)])
     renderer.render(framebuffer, q)
     pixels = np.frombuffer(framebuffer.read(components=3, alignment=1), np.uint8).reshape(SIZE[1], SIZE[0], 3)
@@ -158,5 +159,5 @@ def test_a_response_that_differs_over_the_panel_is_undone_place_by_place(gl_cont
     # single precision rounds a few codes the other way
     assert (error == 0).mean() > 0.99
     assert error.max() <= 1
-    plain = _renderer(gl_context, q).image(q).astype(float)
+    plain = _image(gl_context, q).astype(float)
     assert np.abs(picture - plain)[inside].max() > 5

@@ -17,8 +17,10 @@ RESPONSE = Response(2.2)
 TARGET = Target()
 
 
-def _strips(q: np.ndarray, no_ray: np.ndarray = NO_RAY, size: tuple[int, int] = SIZE) -> Strips | None:
-    return Strips.of(GRID, q, no_ray, size)
+def _strips(q: np.ndarray) -> Strips:
+    strips = Strips.of(GRID, q, NO_RAY, SIZE)
+    assert strips is not None
+    return strips
 
 
 def test_from_code_to_code_exactly_one_gray_bit_and_the_check_change() -> None:
@@ -29,43 +31,35 @@ def test_from_code_to_code_exactly_one_gray_bit_and_the_check_change() -> None:
     assert changes[:, 4].all()
 
 
-def test_strips_lie_where_the_panels_first_and_last_rows_are_seen() -> None:
+def test_strips_lie_where_the_panels_first_and_last_rows_are_visible() -> None:
     strips = _strips(PLAIN)
-    assert strips is not None
     assert strips.along_u
     assert (strips.first.edge_px, strips.last.edge_px) == (15.5, 175.5)
     # read in the middle of their image rows 1..10 and 181..190, and this rest warp adds 50
     np.testing.assert_allclose(strips.first.panel_rows, 55.5)
     np.testing.assert_allclose(strips.last.panel_rows, 235.5)
     turned = _strips(TURNED)
-    assert turned is not None
     assert not turned.along_u
     assert turned.first.edge_px == 15.5
     assert turned.last.panel_rows[0] == pytest.approx(10 + 0.9 * 313.5)
 
 
-def test_strip_moves_in_to_where_the_panel_is_seen_and_needs_room() -> None:
+def test_strip_moves_in_to_where_the_panel_is_visible_and_needs_room() -> None:
     beyond = PLAIN - np.array([0.0, 80.0])  # image rows up to 30 look past the panel
-    strips = _strips(beyond)
-    assert strips is not None
-    assert strips.first.edge_px == 32 + 15.5
+    assert _strips(beyond).first.edge_px == 32 + 15.5
     # only 120 camera px of the edge see the panel: cells of 6 px could not be read
-    assert _strips(PLAIN, no_ray=U > 120) is None
-    assert _strips(PLAIN - np.array([0.0, 160.0])) is None
+    assert Strips.of(GRID, PLAIN, U > 120, SIZE) is None
+    assert Strips.of(GRID, PLAIN - np.array([0.0, 160.0]), NO_RAY, SIZE) is None
 
 
 def test_nodes_whose_window_touches_a_strip_are_covered_and_no_others() -> None:
-    strips = _strips(PLAIN)
-    assert strips is not None
-    covered = strips.covered(GRID)
     # windows are 15 px to either side
-    np.testing.assert_array_equal(covered, (V - 15 <= 15) | (V + 15 >= 176))
+    np.testing.assert_array_equal(_strips(PLAIN).covered(GRID), (V - 15 <= 15) | (V + 15 >= 176))
 
 
 @pytest.mark.parametrize("q", [PLAIN, TURNED], ids=["top and bottom", "left and right"])
 def test_code_is_drawn_in_the_strips_and_nothing_else_changes(gl_context, q: np.ndarray) -> None:
     strips = _strips(q)
-    assert strips is not None
     renderer = PatternRenderer(gl_context, GRID, q, SIZE, TARGET, RESPONSE, strips)
     without = PatternRenderer(gl_context, GRID, q, SIZE, TARGET, RESPONSE)
     bare = renderer.image(q)

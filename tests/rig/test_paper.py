@@ -9,8 +9,8 @@ import pytest
 from zeromethod.rig.load import load_rig
 
 
-def test_every_ray_through_the_captured_face_lands_on_the_display() -> None:
-    # 45/45 degrees and a camera square to the captured face: a ray at distance w from R0 along that face
+def test_every_ray_through_the_camera_face_lands_on_the_display() -> None:
+    # 45/45 degrees and a camera square to the camera face: a ray at distance w from R0 along that face
     # leaves the pattern face square at the same distance from R0's mirror image, leg - w from P0.
     rig = load_rig("paper")
     leg, camera, display = rig.prism.pattern_length_mm, rig.camera, rig.display
@@ -24,8 +24,8 @@ def test_every_ray_through_the_captured_face_lands_on_the_display() -> None:
 
     along = [leg / 2 + (u - camera.centre_px[0]) * camera.pixel_mm for u in range(camera.columns)]
     across = [(v - camera.centre_px[1]) * camera.pixel_mm for v in range(camera.rows)]
-    beside = [a for a in along if not 0 <= a <= leg]
-    assert len(beside) == 24
+    outside = [a for a in along if not 0 <= a <= leg]
+    assert len(outside) == 24
     half_columns, half_rows = display.columns * display.pitch_mm / 2, display.rows * display.pitch_mm / 2
     assert all(abs(a - display.centre_mm[0]) < half_columns for a in along)
     assert all(abs(y - display.centre_mm[1]) < half_rows for y in across)

@@ -12,27 +12,16 @@ from zeromethod.rig.model import Rig
 MakeRig = Callable[..., Rig]
 
 
-def _changed(table: Any, **update: Any) -> Any:
-    return type(table).model_validate({**table.model_dump(), **update})
-
-
 @pytest.fixture(scope="session")
 def make_rig() -> MakeRig:
     """Rig with a 64 x 80 camera and a 480 x 270 LCD; keyword per table, a dict of its changes."""
-    base = binned(load_rig("simulated"), 16)
+    lcd = {"display.columns": 480, "display.rows": 270, "display.pitch_mm": 0.252}
+    base = binned(load_rig("simulated"), 16).replace(
+        lcd | {"camera.psf_px": 0.0, "simulation.renderer": "numpy"}
+    )
 
     def make(press: str = "none", faults: dict[str, Any] | None = None, **tables: dict[str, Any]) -> Rig:
-        display = {"columns": 480, "rows": 270, "pitch_mm": 0.252} | tables.get("display", {})
-        camera = {"psf_px": 0.0} | tables.get("camera", {})
-        simulation = {"renderer": "numpy"} | tables.get("simulation", {})
-        if faults:
-            simulation["faults"] = faults
-        update = {
-            "display": _changed(base.display, **display),
-            "camera": _changed(base.camera, **camera),
-            "simulation": _changed(base.simulation, **simulation),
-            "scenario": press,
-        }
-        return base.model_copy(update=update)
+        changes = {f"{table}.{key}": value for table, keys in tables.items() for key, value in keys.items()}
+        return base.replace(changes | {"scenario": press, "simulation.faults": faults or None})
 
     return make

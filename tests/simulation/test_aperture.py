@@ -111,26 +111,20 @@ def test_turned_footprints_are_close(light) -> None:
     assert np.sqrt(np.mean((got - expected) ** 2)) < 0.03
 
 
-def test_light_is_shared_out_without_loss_or_gain(light) -> None:
+@pytest.mark.parametrize(
+    ("psf_px", "beyond", "cells", "rel"),
+    [(0.0, 0, (37, 23), 1e-12), (0.9, 6, (40, 24), 5e-5)],  # with a lens, cut at 4 sigma, also around it
+)
+def test_light_is_shared_out_without_loss_or_gain(
+    light, psf_px: float, beyond: int, cells, rel: float
+) -> None:
     """Footprints that tile the panel gather all of its light, whatever the fill."""
-    step = np.array([30 / 37, 20 / 23])
-    u, v = np.meshgrid(np.arange(37), np.arange(23))
+    step = np.array([30, 20]) / cells
+    u, v = np.meshgrid(*(np.arange(-beyond, count + beyond) for count in cells))
     q = np.stack((u.ravel(), v.ravel()), axis=-1) * step + step / 2 - 0.5
-    by_u = np.tile([step[0], 0.0], (len(q), 1))
-    by_v = np.tile([0.0, step[1]], (len(q), 1))
-    got = gathered(light, q, by_u, by_v, (0.7, 0.9), 3)
-    assert got.sum() * step.prod() == pytest.approx(light.sum(), rel=1e-12)
-
-
-def test_lens_shares_out_light_without_loss_or_gain(light) -> None:
-    """Pixels on and 5 around a small panel gather all of its light."""
-    u, v = np.meshgrid(np.arange(-6, 47), np.arange(-6, 31))
-    step = np.array([30 / 40, 20 / 24])
-    q = np.stack((u.ravel(), v.ravel()), axis=-1) * step
-    by_u = np.tile([step[0], 0.0], (len(q), 1))
-    by_v = np.tile([0.0, step[1]], (len(q), 1))
-    got = gathered(light, q, by_u, by_v, (0.7, 0.9), 3, 0.9)
-    assert got.sum() * step.prod() == pytest.approx(light.sum(), rel=5e-5)  # cut at 4 sigma
+    by_u, by_v = np.tile([step[0], 0.0], (len(q), 1)), np.tile([0.0, step[1]], (len(q), 1))
+    got = gathered(light, q, by_u, by_v, (0.7, 0.9), 3, psf_px)
+    assert got.sum() * step.prod() == pytest.approx(light.sum(), rel=rel)
 
 
 def test_full_fill_on_a_pixel_grid_gives_the_pixels_back(light) -> None:

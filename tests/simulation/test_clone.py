@@ -3,7 +3,7 @@
 import pytest
 
 from zeromethod.devices.opening import open_devices
-from zeromethod.rig.model import CameraSpec, DisplaySpec, Noise, Rig
+from zeromethod.rig.model import CameraSpec, Noise, Rig
 from zeromethod.simulation.clone import simulated_clone
 
 DISPLAY = {"driver": "window", "monitor": 1, "latency_s": 0.02, "rise_s": 0.003, "scan": "up", "gamma": 1.9}
@@ -21,17 +21,10 @@ CAMERA = {
 
 def real(rig: Rig, **more: dict) -> Rig:
     """The rig with the devices of a lab."""
-    display, camera = (
-        {name: getattr(table, name) for name in table.model_fields_set} for table in (rig.display, rig.camera)
-    )
-    tables = {
-        "display": DisplaySpec.model_validate(display | DISPLAY | more.get("display", {})),
-        "camera": CameraSpec.model_validate(camera | CAMERA | more.get("camera", {})),
-    }
-    simulation = rig.simulation.model_dump(exclude_unset=True)
-    simulation.pop("camera_latency_s", None)
-    tables["simulation"] = type(rig.simulation).model_validate(simulation | more.get("simulation", {}))
-    return rig.model_copy(update=tables)
+    latency = {"simulation.camera_latency_s": None}
+    lab = {"display": rig.display.given() | DISPLAY, "camera": rig.camera.given() | CAMERA}
+    changes = {f"{table}.{key}": value for table, keys in more.items() for key, value in keys.items()}
+    return rig.replace(lab | latency | changes)
 
 
 def test_only_what_belongs_to_the_devices_goes(make_rig) -> None:
@@ -62,8 +55,8 @@ def test_what_the_rig_file_gave_is_still_what_is_given(make_rig) -> None:
 
 def test_the_cameras_latency_becomes_the_simulated_ones(make_rig) -> None:
     assert simulated_clone(real(make_rig())).simulation.camera_latency_s == 0.011
-    told = real(make_rig(), simulation={"camera_latency_s": 0.002})
-    assert simulated_clone(told).simulation.camera_latency_s == 0.002
+    given = real(make_rig(), simulation={"camera_latency_s": 0.002})
+    assert simulated_clone(given).simulation.camera_latency_s == 0.002
 
 
 @pytest.mark.parametrize(("display_s", "camera_s", "left_s"), [(-0.004, 0.011, 0.007), (-0.02, 0.011, 0.0)])

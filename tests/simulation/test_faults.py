@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from zeromethod.clock import SimulatedClock
-from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost
+from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost, Frame
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
 from zeromethod.simulation.faults import Delivery
@@ -28,11 +28,11 @@ class Bench:
         self.display.show(np.full((270, 480), 20 * self.shown % 256, np.uint8))
 
     def frames(self, count: int) -> list:
-        got = []
-        for _ in range(count):
-            self.show()
-            got.append(self.camera.read(1.0))
-        return got
+        return [self.shown_frame() for _ in range(count)]
+
+    def shown_frame(self) -> Frame:
+        self.show()
+        return self.camera.read(1.0)
 
 
 @pytest.fixture
@@ -66,13 +66,11 @@ def test_a_torn_frame_ends_with_the_frame_before_it(make_rig, healthy) -> None:
 def test_a_late_frame_has_the_right_time_and_the_newest_follows_it(make_rig, healthy) -> None:
     bench = Bench(make_rig, late_frames=(3,), late_s=0.05)
     frames = bench.frames(3)
-    bench.show()
-    late = bench.camera.read(1.0)
+    late = bench.shown_frame()
     assert (late.number, late.dropped) == (3, 0)
     assert late.time_ns == healthy[3].time_ns
     assert bench.clock.now_ns() - late.time_ns == 4 * MS + 4 * MS + 50 * MS
-    bench.show()
-    newest = bench.camera.read(1.0)
+    newest = bench.shown_frame()
     assert newest.number > 4
     assert newest.dropped == newest.number - 4
     assert bench.clock.now_ns() - newest.time_ns < 30 * MS
@@ -82,9 +80,8 @@ def test_a_late_frame_has_the_right_time_and_the_newest_follows_it(make_rig, hea
 def test_frames_behind_a_late_one_wait_for_it(make_rig) -> None:
     bench = Bench(make_rig, late_frames=(3,), late_s=0.05)
     bench.frames(3)
-    bench.clock.sleep_until_ns(
-        round((4.3 / 60 + 0.030) * 1e9)
-    )  # frame 4 would be there, 3 is still on its way
+    # frame 4 would be there, 3 is still on its way
+    bench.clock.sleep_until_ns(round((4.3 / 60 + 0.030) * 1e9))
     with pytest.raises(CameraTimeout):
         bench.camera.read(0.001)
     assert bench.camera.read(1.0).number == 3

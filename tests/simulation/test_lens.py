@@ -9,6 +9,7 @@ import pytest
 from numpy.polynomial.polynomial import polyval2d, polyvander2d
 from numpy.typing import NDArray
 from scipy.special import ndtr
+from small_rigs import with_tables
 
 from zeromethod.gl import create_context
 from zeromethod.optics import Optics
@@ -45,19 +46,13 @@ def test_no_lens_is_the_bare_pixel() -> None:
 
 def _crop(psf_px: float) -> Rig:
     """A window of the simulated rig at its own resolution, on a linear LCD."""
-    rig = load_rig("simulated")
     camera = {"columns": COLUMNS, "rows": ROWS, "centre_px": (130.0, 70.0), "psf_px": psf_px}
-    return rig.model_copy(
-        update={
-            "camera": rig.camera.model_copy(update=camera),
-            "display": rig.display.model_copy(update={"gamma": 1.0}),
-        }
-    )
+    return with_tables(load_rig("simulated"), camera=camera, display={"gamma": 1.0})
 
 
 @cache
 def _panel() -> NDArray[np.uint16]:
-    """16-bit codes of every LCD pixel that show the target at rest; 0 beside the view."""
+    """16-bit codes of every LCD pixel that show the target at rest; 0 outside the view."""
     rig = _crop(0.0)
     u, v = (
         a.ravel() for a in np.meshgrid(np.linspace(-12, COLUMNS + 12, 30), np.linspace(-12, ROWS + 12, 30))
@@ -70,10 +65,10 @@ def _panel() -> NDArray[np.uint16]:
     fits = [np.linalg.lstsq(polyvander2d(x, y, degree), side, rcond=None)[0].reshape(7, 7) for side in (u, v)]
     row, column = np.mgrid[0 : rig.display.rows, 0 : rig.display.columns]
     x, y = (column - middle[0]) / half[0], (row - middle[1]) / half[1]
-    seen = (np.abs(x) <= 1) & (np.abs(y) <= 1)
+    inside = (np.abs(x) <= 1) & (np.abs(y) <= 1)
     codes = np.zeros(row.shape, np.uint16)
-    at = [polyval2d(x[seen], y[seen], fit) for fit in fits]
-    codes[seen] = np.rint(65535 * Target.from_spec(rig.target).light(*at))
+    at = [polyval2d(x[inside], y[inside], fit) for fit in fits]
+    codes[inside] = np.rint(65535 * Target.from_spec(rig.target).light(*at))
     return codes
 
 

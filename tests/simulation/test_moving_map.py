@@ -97,8 +97,8 @@ def test_both_renderers_see_it_as_the_exact_rays_do(make_rig) -> None:
     by_gpu = gpu.ray_map(mirror)[0]
     gpu.close()
     by_numpy = NumpyRenderer(rig).ray_map(mirror)[0]
-    seen = np.isfinite(exact).all(axis=-1)
-    assert seen.mean() > 0.8
+    arrives = np.isfinite(exact).all(axis=-1)
+    assert arrives.mean() > 0.8
     # both trace in single precision at the end: as in the tests of the rays
-    assert np.abs(by_gpu - exact)[seen].max() < 0.005
-    assert np.abs(by_numpy - exact)[seen].max() < 0.005
+    assert np.abs(by_gpu - exact)[arrives].max() < 0.005
+    assert np.abs(by_numpy - exact)[arrives].max() < 0.005

@@ -1,11 +1,14 @@
 """Light at the camera's pixels, against what optics and photometry say."""
 
+import re
+
 import numpy as np
 import pytest
 
 from zeromethod.errors import InputError
 from zeromethod.optics import Dented, Lost, Optics
 from zeromethod.simulation.beams import Beams
+from zeromethod.simulation.gpu import GpuRenderer
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import BenchRenderer, Piece
@@ -35,9 +38,9 @@ def test_a_white_lcd_without_gaps_gives_light_one_wherever_rays_arrive(make_rig)
     light = exposed(rig, grey(rig, 255))
     assert light.dtype == np.float32
     assert light.shape == (rig.camera.rows, rig.camera.columns)
-    seen = arriving(rig)
-    assert seen.mean() > 0.9
-    np.testing.assert_allclose(light[seen], 1.0, atol=2e-6)
+    arrives = arriving(rig)
+    assert arrives.mean() > 0.9
+    np.testing.assert_allclose(light[arrives], 1.0, atol=2e-6)
 
 
 def test_apertures_are_normalised_by_their_fill(make_rig) -> None:
@@ -138,7 +141,7 @@ def test_gap_ghost_is_displaced_by_the_double_bounce(make_rig) -> None:
     main, ghost = Beams(rig).all(Mirror())
     v, u = np.mgrid[0 : rig.camera.rows, 0 : rig.camera.columns].astype(float)
     _, direction = optics.camera_rays(u, v)
-    normal = optics.prism.captured_face.normal
+    normal = optics.prism.camera_face.normal
     tangent = np.sqrt(1 / (direction @ normal) ** 2 - 1)
     known = ~np.isnan(main.q[..., 0])
     shift_px = np.linalg.norm(ghost.q - main.q, axis=-1)
@@ -159,8 +162,8 @@ def test_faces_ghost_follows_the_ray_unfolded_in_the_five_planes(make_rig) -> No
     v, u = np.mgrid[0 : rig.camera.rows, 0 : rig.camera.columns].astype(float)
     point, direction = optics.rubber_rays(u, v)
     mirror = (np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    pattern, captured = ((f.edge, f.normal) for f in (optics.prism.pattern_face, optics.prism.captured_face))
-    for on, n in (mirror, pattern, mirror, captured, mirror):
+    pattern, camera_face = ((f.edge, f.normal) for f in (optics.prism.pattern_face, optics.prism.camera_face))
+    for on, n in (mirror, pattern, mirror, camera_face, mirror):
         point = point - 2 * ((point - on) @ n)[..., None] * n
         direction = direction - 2 * (direction @ n)[..., None] * n
     known = ghost.gain > 0
@@ -177,11 +180,12 @@ def test_ghosts_add_their_light(make_rig) -> None:
     assert light[32, 40] == pytest.approx(1.05, abs=1e-5)
 
 
-def test_wrong_pictures_are_refused(make_rig) -> None:
-    rig = make_rig()
-    renderer = NumpyRenderer(rig)
-    for bad in (np.zeros((3, 3), np.uint8), np.zeros((270, 480), np.float32)):
-        with pytest.raises(InputError, match=r"\(270, 480\), uint8"):
+@pytest.mark.parametrize("kind", [NumpyRenderer, GpuRenderer])
+def test_wrong_pictures_are_refused_in_one_line(make_rig, kind) -> None:
+    renderer: BenchRenderer = kind(make_rig())
+    for bad in (np.zeros((3, 4), np.uint8), np.zeros((270, 480), np.float32)):
+        refusal = f"picture: {bad.shape} {bad.dtype}: allowed is (270, 480) uint8"
+        with pytest.raises(InputError, match=f"^{re.escape(refusal)}$"):
             renderer.upload(bad)
     renderer.close()
     renderer.close()

@@ -28,7 +28,7 @@ def test_slope_is_the_derivative_of_depth(dent: Dent) -> None:
     away = (np.abs(r - kink) > 0.05) & (r > 0.1)  # higher derivatives jump at the contact's rim and a tip
     x, y, h = x[away], y[away], 1e-4
     by_x, by_y = mirror.slope(x, y)
-    # central differences: error h^2 d''' / 6, d''' < 100 /mm^2 beside a rim, so < 2e-7
+    # central differences: error h^2 d''' / 6, d''' < 100 /mm^2 near a rim, so < 2e-7
     np.testing.assert_allclose(by_x, (mirror.depth(x + h, y) - mirror.depth(x - h, y)) / (2 * h), atol=2e-7)
     np.testing.assert_allclose(by_y, (mirror.depth(x, y + h) - mirror.depth(x, y - h)) / (2 * h), atol=2e-7)
 

@@ -23,11 +23,8 @@ def scattered() -> ScatteredMap:
 
 
 def mirror(scattered: ScatteredMap, coefficients: np.ndarray) -> Mirror:
-    x_mm, y_mm = scattered.centre_mm
-    dent = Dent(
-        Shape.MAP, x_mm, y_mm, 1.0, scattered.pitch_mm, map=coefficients, map_coefficients=coefficients
-    )
-    return Mirror((dent,))
+    place = *scattered.centre_mm, 1.0, scattered.pitch_mm
+    return Mirror((Dent(Shape.MAP, *place, map=coefficients, map_coefficients=coefficients),))
 
 
 def inside() -> tuple[np.ndarray, np.ndarray]:
@@ -64,8 +61,7 @@ def test_what_is_pressed_at_the_border_fades_to_rest_without_a_kink(scattered: S
 
 
 def test_no_depth_is_rest_everywhere(scattered: ScatteredMap) -> None:
-    x_mm, y_mm = nodes()
-    assert not scattered.fit(x_mm, y_mm, np.zeros(x_mm.shape)).any()
+    assert not scattered.fit(*nodes(), np.zeros(nodes()[0].shape)).any()
 
 
 def test_a_handful_of_points_is_no_mirror() -> None:

@@ -46,7 +46,7 @@ def test_default_comes_down_holds_slides_and_lifts() -> None:
     assert names == ["untouched", "press", "hold", "slide", "settle", "lift", "rest", None]
 
 
-def test_moving_tells_motion_from_rest_hold_and_jumps() -> None:
+def test_motion_is_neither_rest_nor_hold_nor_a_jump() -> None:
     default, step = load_scenario("default"), load_scenario("step")
     assert not default.moving(ns(0.0), ns(0.35))
     assert default.moving(ns(0.34), ns(0.36))
@@ -63,7 +63,7 @@ def test_a_jump_is_complete_at_its_own_time() -> None:
     assert step.mirror_at(ns(0.2)).dents[0].depth_mm == 0.2
 
 
-def test_a_held_mirror_is_the_same_mirror() -> None:
+def test_a_mirror_that_stands_still_is_the_same_mirror() -> None:
     default = load_scenario("default")
     assert default.mirror_at(ns(0.6)) == default.mirror_at(ns(0.9))
 
@@ -75,58 +75,49 @@ def test_a_touching_ball_covers_its_hertz_contact_at_every_depth() -> None:
         assert dent.contact_mm == pytest.approx(np.sqrt(150.0 * dent.depth_mm))
 
 
-def test_map_file_lies_beside_the_press_file(tmp_path: Path) -> None:
+def test_map_file_lies_next_to_the_press_file(tmp_path: Path) -> None:
     np.save(tmp_path / "h.npy", np.ones((4, 6)))
-    text = """
-    [[press]]
-    shape = "map"
-    file = "h.npy"
-    pitch_mm = 0.5
-    path = [{ time_s = 0.0, x_mm = 1.0, y_mm = 2.0, depth_mm = 0.3 }]
-    """
-    scenario = load_scenario(written(tmp_path, text))
+    scenario = load_scenario(written(tmp_path, MAP.replace("pitch_mm = 1", "pitch_mm = 0.5")))
     assert float(scenario.mirror_at(0).depth(1.25, 2.25)) == pytest.approx(0.3)
     assert scenario.mirror_at(0) == scenario.mirror_at(5)
 
 
-POINT = "path = [{ time_s = 0.0, x_mm = 1.0, y_mm = 2.0, depth_mm = 0.3 }]"
+POINT = "path = [{ time_s = 0.0, x_mm = 1.0, y_mm = 2.0, depth_mm = 0.3 }]\n"
+PAD = f"[[press]]\nshape = 'gaussian'\n{POINT}"
+MAP = f"[[press]]\nshape = 'map'\nfile = 'h.npy'\npitch_mm = 1\n{POINT}"
+BACK = "[[press]]\nshape = 'ball'\nradius_mm = 3\npath = [{time_s=1,x_mm=0,y_mm=0,depth_mm=0},"
 
 
 @pytest.mark.parametrize(
-    ("text", "word"),
+    ("text", "message"),
     [
-        ("[[press]]\nshape = 'gaussian'\n" + POINT, "sigma_mm"),
-        ("[[press]]\nshape = 'gaussian'\nsigma_mm = -1\n" + POINT, "greater than 0"),
-        ("[[press]]\nshape = 'pyramid'\n" + POINT, "gaussian"),
-        ("[[press]]\nshape = 'gaussian'\nsigma_mm = 1\nradius = 2\n" + POINT, "radius"),
-        ("[[press]]\nshape = 'gaussian'\nsigma_mm = nan\n" + POINT, "finite"),
-        ("[[press]]\nshape = 'ball'\nradius_mm = 3\npath = []", "path"),
-        (
-            "[[press]]\nshape = 'ball'\nradius_mm = 3\npath = [{time_s=1,x_mm=0,y_mm=0,depth_mm=0},"
-            "{time_s=0,x_mm=0,y_mm=0,depth_mm=0}]",
-            "time_s must not fall",
-        ),
-        ("[[press]]\nshape = 'map'\nfile = 'no.npy'\npitch_mm = 1\n" + POINT, "no.npy"),
-        ("[[phase]]\nname = 'hold'\nfrom_s = 2\nto_s = 1", "to_s must be greater"),
-        ("duration_s = 'long'", "duration_s"),
+        (PAD, "press[0].sigma_mm: missing: needed for shape 'gaussian'"),
+        (PAD + "sigma_mm = -1", "press[0].sigma_mm: -1: a number above 0"),
+        (PAD + "sigma_mm = nan", "press[0].sigma_mm: nan: a number above 0"),
+        (PAD + "sigma_mm = 1\nradius = 2", "press[0].radius: unknown key: did you mean radius_mm?"),
+        (PAD + "sigma_mm = 1\nradius_mm = 2", "press[0].radius_mm: 2.0: not for shape 'gaussian'"),
+        (PAD.replace("gaussian", "pyramid"), 'press[0].shape: "pyramid": one of "gaussian", "ball", "cone"'),
+        ("[[press]]\nshape = 'ball'\npath = []", "press[0].path: []: a list that is not empty"),
+        (BACK + "{time_s=0,x_mm=0,y_mm=0,depth_mm=0}]", "press[0].path: [1.0, 0.0]: time_s must not fall"),
+        ("[[phase]]\nname = 'hold'\nfrom_s = 2\nto_s = 1", "phase[0].to_s: 1.0: above from_s"),
+        ("duration_s = 'long'", 'duration_s: "long": a number above 0'),
         ("press = [", "not TOML"),
+        (MAP, "press[0].file: "),
     ],
 )
-def test_bad_press_files_are_refused_in_one_line(tmp_path: Path, text: str, word: str) -> None:
+def test_bad_press_files_are_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+    file = written(tmp_path, text)
     with pytest.raises(InputError) as caught:
-        load_scenario(written(tmp_path, text))
-    message = str(caught.value)
-    assert word in message
-    assert "mine.toml" in message or "no.npy" in message
-    assert "\n" not in message
+        load_scenario(file)
+    assert str(caught.value).startswith(f"{file}: {message}")
+    assert "\n" not in str(caught.value)
 
 
-def test_maps_that_are_no_maps_are_refused(tmp_path: Path) -> None:
-    text = "[[press]]\nshape = 'map'\nfile = 'h.npy'\npitch_mm = 1\n" + POINT
-    for bad in (np.ones(5), np.full((4, 4), np.nan), np.array([["a", "b"]])):
-        np.save(tmp_path / "h.npy", bad)
-        with pytest.raises(InputError, match=r"h\.npy"):
-            load_scenario(written(tmp_path, text))
+@pytest.mark.parametrize("bad", [np.ones(5), np.full((4, 4), np.nan), np.array([["a", "b"]])], ids=str)
+def test_maps_that_are_no_maps_are_refused(tmp_path: Path, bad: np.ndarray) -> None:
+    np.save(tmp_path / "h.npy", bad)
+    with pytest.raises(InputError, match=r"h\.npy"):
+        load_scenario(written(tmp_path, MAP))
 
 
 def test_unknown_name_lists_the_packaged_ones() -> None:

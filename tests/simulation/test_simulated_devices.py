@@ -1,22 +1,17 @@
-"""The simulated display and camera as devices: time, freshness, reproducibility."""
+"""The simulated display and camera as devices: time, freshness, reproducibility, exposures in pieces."""
 
 import numpy as np
 import pytest
 
 from zeromethod.clock import SimulatedClock
-from zeromethod.devices.protocols import (
-    Camera,
-    CameraLost,
-    CameraTimeout,
-    Display,
-    DisplayLost,
-    DrawingDisplay,
-)
+from zeromethod.devices import protocols
 from zeromethod.errors import InputError
 from zeromethod.gl.context import VARIABLE
-from zeromethod.simulation.camera import SimulatedCamera
+from zeromethod.pattern import Response
+from zeromethod.simulation.camera import SimulatedCamera, exposure_pieces
 from zeromethod.simulation.display import SimulatedDisplay
-from zeromethod.simulation.panel import code_of_light, light_of_codes
+from zeromethod.simulation.panel import Presentation, SimulatedPanel
+from zeromethod.simulation.scenario import load_scenario
 
 EXACT = {"camera_jitter_s": 0.0, "display_refresh_hz": 60.0, "camera_phase": 0.3}
 QUIET = {"noise": {"read_grey": 0.0, "black_grey": 0.0}}
@@ -35,9 +30,9 @@ def grey(rig, code: int) -> np.ndarray:
 
 def test_devices_meet_the_protocols(make_rig) -> None:
     _, display, camera = opened(make_rig())
-    assert isinstance(camera, Camera)
-    assert isinstance(display, Display)
-    assert not isinstance(display, DrawingDisplay)  # drawing needs the GPU renderer
+    assert isinstance(camera, protocols.Camera)
+    assert isinstance(display, protocols.Display)
+    assert not isinstance(display, protocols.DrawingDisplay)  # drawing needs the GPU renderer
     assert not hasattr(display, "draw")
     assert camera.shape == (64, 80)
     assert display.size == (480, 270)
@@ -50,7 +45,7 @@ def test_on_the_gpu_a_drawn_picture_is_seen_as_a_shown_one(make_rig, gl_backend,
     medians = []
     for drawn in (True, False):
         _, display, camera = opened(rig)
-        assert isinstance(display, DrawingDisplay)
+        assert isinstance(display, protocols.DrawingDisplay)
         for _ in range(4):
             if drawn:
                 display.draw(lambda framebuffer: framebuffer.clear(red=200 / 255))
@@ -99,7 +94,7 @@ def test_read_returns_the_newest_frame_once_and_counts_those_it_skipped(make_rig
 
 def test_a_timeout_moves_the_clock_by_the_time_waited_and_loses_nothing(make_rig) -> None:
     clock, _, camera = opened(make_rig(simulation=EXACT))
-    with pytest.raises(CameraTimeout):
+    with pytest.raises(protocols.CameraTimeout):
         camera.read(0.010)
     assert clock.now_ns() == 10_000_000
     frame = camera.read(0.010)
@@ -120,7 +115,8 @@ def test_a_camera_opened_later_starts_with_a_frame_exposed_after_that(make_rig, 
 def test_before_the_first_picture_the_panel_shows_the_targets_mean_light(make_rig) -> None:
     rig = make_rig(display={"fill_factor": (1.0, 1.0)}, camera=QUIET, simulation=EXACT)
     _, _, camera = opened(rig)
-    light = light_of_codes(rig.display)[code_of_light(rig.display, 0.5)]
+    response = Response.from_rig(rig.display)
+    light = float(response.light(response.code(0.5)))
     assert light == pytest.approx(0.5, abs=0.005)
     assert np.median(camera.read(1.0).image) == np.rint(light * 0.8 * 255)
 
@@ -193,9 +189,9 @@ def test_closing_twice_is_safe_and_closed_devices_are_lost(make_rig) -> None:
     _, display, camera = opened(rig)
     for device in (camera, camera, display, display):
         device.close()
-    with pytest.raises(CameraLost, match="closed"):
+    with pytest.raises(protocols.CameraLost, match="closed"):
         camera.read(1.0)
-    with pytest.raises(DisplayLost, match="closed"):
+    with pytest.raises(protocols.DisplayLost, match="closed"):
         display.show(grey(rig, 0))
 
 
@@ -208,3 +204,49 @@ def test_bad_input_is_refused(make_rig) -> None:
         display.show(np.zeros((3, 3), np.uint8))
     with pytest.raises(InputError, match="nope"):
         SimulatedCamera(make_rig(press="nope"), clock, display)
+
+
+MS = 1_000_000
+SHOWN = [Presentation(0, 1), Presentation(503 * MS, 2)]
+
+
+@pytest.fixture
+def panel(make_rig) -> SimulatedPanel:
+    return SimulatedPanel(make_rig().display, 60.0)
+
+
+def test_a_still_mirror_is_one_piece(panel) -> None:
+    (piece,) = exposure_pieces(load_scenario("default"), panel, SHOWN, 600 * MS, 608 * MS)
+    assert piece.weight == 1.0
+    assert piece.mirror == load_scenario("default").mirror_at(604 * MS)
+
+
+def test_a_moving_mirror_is_seen_at_the_two_gauss_legendre_instants(panel) -> None:
+    scenario = load_scenario("default")
+    pieces = exposure_pieces(scenario, panel, SHOWN, 1500 * MS, 1508 * MS)
+    x_mm = np.array([piece.mirror.dents[0].x_mm for piece in pieces])
+    weights = np.array([piece.weight for piece in pieces])
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights @ x_mm == pytest.approx(37.0 + 10 * 0.504)  # mean place, at 10 mm/s
+    half_mm = 10 * 0.004
+    assert weights @ (x_mm - weights @ x_mm) ** 2 == pytest.approx(half_mm**2 / 3, rel=1e-5)  # its variance
+
+
+def test_a_jump_inside_the_exposure_gives_each_side_its_share(panel) -> None:
+    before, after = exposure_pieces(load_scenario("step"), panel, SHOWN, 198 * MS, 206 * MS)
+    assert (before.weight, after.weight) == pytest.approx((0.25, 0.75))
+    assert before.mirror.dents == ()
+    assert after.mirror.dents[0].depth_mm == 0.2
+
+
+def test_the_panels_light_over_all_pieces_is_that_of_the_whole_exposure(panel) -> None:
+    pieces = exposure_pieces(load_scenario("default"), panel, SHOWN, 496 * MS, 511 * MS)
+    assert len(pieces) == 3  # moving until 500 ms, then still
+    whole = dict(panel.weights(SHOWN, 496 * MS, 511 * MS))
+    total = sum(piece.weight * dict(piece.pictures).get(2, 0.0) for piece in pieces)
+    np.testing.assert_allclose(total, whole[2], atol=2e-5)
+
+
+def test_light_off_leaves_the_pictures_without_light(panel) -> None:
+    (piece,) = exposure_pieces(load_scenario("none"), panel, SHOWN, 0, 8 * MS, lit=False)
+    assert not any(share.any() for _, share in piece.pictures)

@@ -29,9 +29,9 @@ class _OpenPrism(PrismGeometry):
         return _opened(PrismGeometry(self.spec).pattern_face)
 
     @cached_property
-    def captured_face(self) -> Face:
+    def camera_face(self) -> Face:
         """Face towards the camera, unbounded."""
-        return _opened(PrismGeometry(self.spec).captured_face)
+        return _opened(PrismGeometry(self.spec).camera_face)
 
     def on_mirror(self, x: Float, y: Float) -> Mask:
         """Whether there is a point at all."""

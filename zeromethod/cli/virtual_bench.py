@@ -73,8 +73,8 @@ def virtual_bench_command(
     check_geometry(rig)
     limit_threads()
 
-    from zeromethod.simulation.scenario import load_scenario  # noqa: PLC0415
-    from zeromethod.simulation.virtual_bench.bench import Bender, VirtualBench  # noqa: PLC0415 - loads slowly
+    from zeromethod.simulation.scenario import load_scenario  # noqa: PLC0415 - loads slowly
+    from zeromethod.simulation.virtual_bench.bench import Bender, Performance, VirtualBench  # noqa: PLC0415
     from zeromethod.simulation.virtual_bench.grab import MonitorGrabber, find_monitor  # noqa: PLC0415
     from zeromethod.simulation.virtual_bench.stream import FrameServer, stream_header  # noqa: PLC0415
     from zeromethod.simulation.virtual_bench.truth import TruthFile  # noqa: PLC0415
@@ -90,14 +90,11 @@ def virtual_bench_command(
         truth = stack.enter_context(TruthFile(truth_path, rig, rig.scenario)) if truth_path else None
         bench = VirtualBench(
             rig,
-            load_scenario(rig.scenario),
+            Performance(load_scenario(rig.scenario), math.inf if forever else repeats or 1, start_after_s),
             bender,
             server,
             lambda: MonitorGrabber(found),
-            camera.rate_hz,
             truth,
-            math.inf if forever else float(repeats or 1),
-            start_after_s,
         )
         stop = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):

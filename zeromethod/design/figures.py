@@ -1,4 +1,4 @@
-"""All figures of a bench as plain numbers: what the table prints and the summary holds."""
+"""All figures of a bench as plain numbers: what the table prints and the summary contains."""
 
 from __future__ import annotations
 
@@ -84,15 +84,12 @@ def headline(view: SampledView, pupil_mm: float) -> dict[str, float]:
 
 def _tir(view: SampledView) -> Figures:
     incidence, critical = incidence_deg(view.trace), critical_deg(view.rig)
-    camera = view.rig.camera
-    centre = view.optics.trace(
-        np.array([(camera.columns - 1) / 2]), np.array([(camera.rows - 1) / 2]), view.optics.rest
-    )
-    on_lcd = view.on_lcd
+    on_lcd, centre = view.on_lcd, view.optics.centre()
+    at_centre = float(incidence_deg(centre)[0])
     return {
         "critical_deg": critical,
-        "centre_incidence_deg": float(incidence_deg(centre)[0]),
-        "centre_margin_deg": float(incidence_deg(centre)[0]) - critical,
+        "centre_incidence_deg": at_centre,
+        "centre_margin_deg": at_centre - critical,
         "centre_reflectance": float(centre.reflectance[0]),
         "least_margin_deg": float(incidence[on_lcd].min()) - critical,
         "below_share": float(np.mean(incidence[on_lcd] < critical)),
@@ -122,15 +119,13 @@ def _regions(view: SampledView) -> list[Figures]:
 
 
 def _presses(view: SampledView, kinds: Sequence[PressKind], on_press: Callable[[], object]) -> list[Figures]:
-    found = []
-    for kind in kinds:
-        limits = []
-        for region in view.regions:
-            limit = press_limit(view, kind, region.x_mm, region.y_mm)
-            limits.append({"x_mm": region.x_mm, "y_mm": region.y_mm, **asdict(limit)})
-            on_press()
-        found.append({"press": str(kind), "limits": limits})
-    return found
+    def limit_at(kind: PressKind, x_mm: float, y_mm: float) -> Figures:
+        limit = press_limit(view, kind, x_mm, y_mm)
+        on_press()
+        return {"x_mm": x_mm, "y_mm": y_mm, **asdict(limit)}
+
+    places = [(region.x_mm, region.y_mm) for region in view.regions]
+    return [{"press": str(kind), "limits": [limit_at(kind, *at) for at in places]} for kind in kinds]
 
 
 def field_of_view(view: SampledView) -> dict[str, Any]:

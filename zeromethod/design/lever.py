@@ -48,7 +48,7 @@ def largest_curvature_per_mm(view: SampledView) -> Float:
     A mirror of curvature k along a unit vector e changes dq/dp by k (dq/dslope) e e', whose determinant
     vanishes at k = -1 / (e' (dq/dp)^-1 (dq/dslope) e). For a flat mirror that is
     cos(incidence) / (2 path) in the plane of incidence and 1 / (2 path cos(incidence)) across, the path
-    as long as if it were all in rubber. Curvature counts as positive where the mirror is concave seen from
+    as long as if it were all in rubber. Curvature counts as positive where the mirror is concave towards
     the rubber (the ring round a dent). Infinite where no such curvature folds.
     """
     by_point = view.lcd_per_camera @ inverse(view.mirror_per_camera)

@@ -156,7 +156,7 @@ def _reason(flags: int) -> str:
 
 
 def _around(view: SampledView, x_mm: float, y_mm: float, reach_mm: float) -> tuple[slice, slice]:
-    """Rows and columns of nodes that hold all mirror points within reach, two nodes more on every side."""
+    """Rows and columns of nodes that contain all mirror points within reach, two nodes more on every side."""
     spacing = view.grid.spacing_px * np.nan_to_num(mirror_mm_per_px(view))
     reach = np.maximum(spacing, reach_mm)
     with np.errstate(invalid="ignore"):
@@ -184,7 +184,7 @@ def _largest(good: Callable[[float], bool], start_mm: float) -> float:
 
 
 def _total_mm(view: SampledView, kind: PressKind, x_mm: float, y_mm: float, judged: Mask) -> float:
-    """Depth up to which every judged node is beyond the critical angle, its mirror point held."""
+    """Depth up to which every judged node is beyond the critical angle, its mirror point fixed."""
     critical = np.cos(np.radians(critical_deg(view.rig)))
 
     def total(depth_mm: float) -> bool:

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.optics import Lost, Optics, reflect
+from zeromethod.optics import Lost, Optics
 from zeromethod.optics.layers import through_slabs
-from zeromethod.optics.mirror import normal_of
 from zeromethod.optics.vectors import dot
 
 
@@ -37,25 +36,20 @@ def _path(optics: Optics, u: float, v: float) -> RayPath:
     mirror = trace.point[0]
     if np.isfinite(mirror).all():
         points.append(mirror)
-        gradient = optics.rest.gradient(mirror[:1], mirror[1:2])
-        outgoing = reflect(inside, normal_of(gradient)[0])
         if np.isfinite(trace.q[0]).all():
-            points += _to_display(optics, mirror, outgoing)
-            points.append(optics.lcd_to_world(trace.q)[0])
+            outgoing = optics.reflected(entry[None], inside[None], optics.rest)[1][0]
+            points += [*_to_display(optics, mirror, outgoing), optics.lcd_to_world(trace.q)[0]]
     return RayPath(np.array(points), Lost(int(trace.lost[0])))
 
 
 def _through_camera_layers(optics: Optics, entry: Float, air: Float) -> list[Float]:
     """Points on the layers' surfaces in the order met, from the outermost on; the face itself left out."""
-    face = optics.prism.captured_face
+    face = optics.prism.camera_face
     slabs = [(slab.index, slab.thickness_mm) for slab in reversed(optics.rig.camera_layers)]
     whole, _ = through_slabs(air, -face.normal, 1.0, slabs, optics.rig.prism.index)
     outermost = entry - whole
-    points = []
-    for count in range(len(slabs)):
-        shift, _ = through_slabs(air, -face.normal, 1.0, slabs[:count], slabs[count][0])
-        points.append(outermost + shift)
-    return points
+    stacks = [(slabs[:count], slabs[count][0]) for count in range(len(slabs))]
+    return [outermost + through_slabs(air, -face.normal, 1.0, *stack)[0] for stack in stacks]
 
 
 def _to_display(optics: Optics, mirror: Float, outgoing: Float) -> list[Float]:
@@ -63,8 +57,6 @@ def _to_display(optics: Optics, mirror: Float, outgoing: Float) -> list[Float]:
     face, rig = optics.prism.pattern_face, optics.rig
     leaves = mirror + float(face.depth_below(mirror)) / float(dot(outgoing, face.normal)) * outgoing
     slabs = [(slab.index, slab.thickness_mm) for slab in rig.pattern_layers]
-    points = [leaves]
-    for count in range(1, len(slabs)):
-        shift, _ = through_slabs(outgoing, face.normal, rig.prism.index, slabs[:count], slabs[count][0])
-        points.append(leaves + shift)
-    return points
+    stacks = [(slabs[:count], slabs[count][0]) for count in range(1, len(slabs))]
+    shifts = (through_slabs(outgoing, face.normal, rig.prism.index, *stack)[0] for stack in stacks)
+    return [leaves, *(leaves + shift for shift in shifts)]

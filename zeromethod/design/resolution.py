@@ -25,12 +25,12 @@ _STEP_MM = 0.5
 _HALF = 0.5
 
 
-def footprint_per_pupil(view: SampledView) -> Float:
-    """How the mirror point moves with the point of the pupil, the LCD point held: (rows, cols, 2, 2).
+def footprint_mm(view: SampledView, pupil_mm: float) -> Float:
+    """Extent along x, along y of the pupil's footprint on the mirror, (rows, cols, 2), mm.
 
-    mm of mirror (x, y) per mm of pupil along the image's u and v. A flat mirror at distance a from the
-    camera and b from the LCD, both divided by the index on the way, gives b / (a + b), and that over
-    cos(incidence) along x.
+    From how the mirror point moves with the point of the pupil along the image's u and v, the LCD point
+    fixed: a flat mirror at distance a from the camera and b from the LCD, both divided by the index on the
+    way, gives b / (a + b), and that over cos(incidence) along x.
     """
     moved_point, moved_q = [], []
     camera = view.optics.camera
@@ -45,13 +45,7 @@ def footprint_per_pupil(view: SampledView) -> Float:
     point, q = np.stack(moved_point, axis=-1), np.stack(moved_q, axis=-1)
     # the pixel that still sees the same LCD point, through the moved point of the pupil
     pixel = -inverse(view.lcd_per_camera) @ q
-    result: Float = point + view.mirror_per_camera @ pixel
-    return result
-
-
-def footprint_mm(view: SampledView, pupil_mm: float) -> Float:
-    """Extent along x, along y of the pupil's footprint on the mirror, (rows, cols, 2), mm."""
-    result: Float = pupil_mm * np.linalg.norm(footprint_per_pupil(view), axis=-1)
+    result: Float = pupil_mm * np.linalg.norm(point + view.mirror_per_camera @ pixel, axis=-1)
     return result
 
 

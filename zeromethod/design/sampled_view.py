@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -92,20 +93,17 @@ class SampledView:
     @cached_property
     def regions(self) -> list[Region]:
         """The image's thirds by thirds, by rising x and y; parts that see no LCD are left out."""
-        rows, cols = self.on_lcd.shape
         found = []
-        for i in range(_REGIONS):
-            for j in range(_REGIONS):
-                mask = np.zeros_like(self.on_lcd)
-                mask[
-                    j * rows // _REGIONS : (j + 1) * rows // _REGIONS,
-                    i * cols // _REGIONS : (i + 1) * cols // _REGIONS,
-                ] = True
-                mask &= self.on_lcd
-                if mask.any():
-                    found.append(
-                        Region(float(np.median(self.x_mm[mask])), float(np.median(self.y_mm[mask])), mask)
-                    )
+        thirds = [
+            [slice(k * n // _REGIONS, (k + 1) * n // _REGIONS) for k in range(_REGIONS)]
+            for n in self.on_lcd.shape
+        ]
+        for rows, columns in product(*thirds):
+            mask = np.zeros_like(self.on_lcd)
+            mask[rows, columns] = self.on_lcd[rows, columns]
+            if mask.any():
+                x_mm, y_mm = float(np.median(self.x_mm[mask])), float(np.median(self.y_mm[mask]))
+                found.append(Region(x_mm, y_mm, mask))
         return sorted(found, key=lambda region: (round(region.x_mm), round(region.y_mm)))
 
     @property

@@ -52,27 +52,24 @@ def margin_deg(view: SampledView, slope: tuple[float, float] = (0.0, 0.0)) -> Fl
 
     Below 0 the reflection is no longer total. NaN where the node does not see the LCD at rest.
     """
-    trace = view.trace if slope == (0.0, 0.0) else _tilted(view, slope)
+    tilted = Facets(view.optics.rest, slope)
+    trace = view.optics.trace(view.u_px, view.v_px, tilted) if any(slope) else view.trace
     return np.where(view.on_lcd, incidence_deg(trace) - critical_deg(view.rig), np.nan)
 
 
-def reflectance(view: SampledView, slope: tuple[float, float] = (0.0, 0.0)) -> Float:
-    """Power reflectance of the mirror for the LCD's light at a slope (rad), (rows, cols)."""
-    trace = view.trace if slope == (0.0, 0.0) else _tilted(view, slope)
-    return np.where(view.on_lcd, trace.reflectance, np.nan)
+def reflectance(view: SampledView) -> Float:
+    """Power reflectance of the mirror at rest for the LCD's light, (rows, cols); NaN off the LCD."""
+    return np.where(view.on_lcd, view.trace.reflectance, np.nan)
 
 
 def margins_by_slope_deg(view: SampledView) -> Float:
     """Least margin over slopes of +-x and +-y, (slopes, rows, cols), deg; slopes as in SLOPES_MRAD."""
-    found = []
-    for slope_mrad in SLOPES_MRAD:
-        size = 1e-3 * slope_mrad
-        found.append(
-            np.min(
-                [margin_deg(view, (a * size, b * size)) for a, b in _DIRECTIONS[: 4 if size else 1]], axis=0
-            )
-        )
-    return np.stack(found)
+    return np.stack(
+        [
+            np.min([margin_deg(view, (1e-3 * x * size, 1e-3 * y * size)) for x, y in _DIRECTIONS], axis=0)
+            for size in SLOPES_MRAD
+        ]
+    )
 
 
 def slope_to_loss_mrad(view: SampledView) -> Float:
@@ -83,7 +80,3 @@ def slope_to_loss_mrad(view: SampledView) -> Float:
     """
     result: Float = 1e3 * np.tan(np.radians(margin_deg(view)))
     return result
-
-
-def _tilted(view: SampledView, slope: tuple[float, float]) -> Trace:
-    return view.optics.trace(view.u_px, view.v_px, Facets(view.optics.rest, slope))

@@ -56,15 +56,7 @@ class Variation:
     @property
     def label(self) -> str:
         """Name with its unit, for an axis."""
-        return NAMES[self.key].label if self.key in NAMES else self.key
-
-
-@dataclass(frozen=True)
-class Named:
-    """A number of the bench that goes by a word: its label and how a rig is given another value."""
-
-    label: str
-    changed: Callable[[Rig, float], Rig]
+        return NAMES[self.key][0] if self.key in NAMES else self.key
 
 
 def varied(rig: Rig, key: str, value: float) -> Rig:
@@ -74,7 +66,7 @@ def varied(rig: Rig, key: str, value: float) -> Rig:
     that number alone, whatever follows from it in the lab; the words of NAMES say what goes along.
     """
     if key in NAMES:
-        return NAMES[key].changed(rig, value)
+        return NAMES[key][1](rig, value)
     if isinstance(value_at(rig.model_dump(), key), int):
         value = round(value)
     return rig.replace({key: value})
@@ -170,7 +162,7 @@ def _with_angle(rig: Rig, angle_deg: float) -> Rig:
 
 def _inside_mm(prism: PrismGeometry, look_at: np.ndarray, direction: np.ndarray) -> float:
     """Length, along the optical axis, from the point looked at to the camera face's plane."""
-    face = prism.captured_face
+    face = prism.camera_face
     return float(face.depth_below(look_at)) / float(direction @ face.normal)
 
 
@@ -197,12 +189,12 @@ def _with_focal(rig: Rig, focal_px: float) -> Rig:
     return rig.replace({"camera.focal_px[0]": focal_px, "camera.focal_px[1]": focal_px * ratio})
 
 
-NAMES: dict[str, Named] = {
-    "angle": Named("angle of both faces, deg", _with_angle),
-    "index": Named("index of the rubber", lambda rig, value: rig.replace({"prism.index": value})),
-    "gap": Named("gap before the LCD, mm", _with_gap),
-    "distance": Named("camera to the point looked at, mm", _with_distance),
-    "focal": Named("focal length, camera px", _with_focal),
+NAMES: dict[str, tuple[str, Callable[[Rig, float], Rig]]] = {
+    "angle": ("angle of both faces, deg", _with_angle),
+    "index": ("index of the rubber", lambda rig, value: rig.replace({"prism.index": value})),
+    "gap": ("gap before the LCD, mm", _with_gap),
+    "distance": ("camera to the point looked at, mm", _with_distance),
+    "focal": ("focal length, camera px", _with_focal),
 }
-"""Numbers that go by a word. angle: of both faces, the camera going along; gap: the last pattern layer;
-distance: of the camera along its axis; focal: both axes."""
+"""Numbers that go by a word: label, and how a rig is given another value. angle: of both faces, the camera
+going along; gap: the last pattern layer; distance: of the camera along its axis; focal: both axes."""

@@ -13,7 +13,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -44,7 +44,7 @@ LEAST_CLOSING_S = 0.1
 OPENING_S = 30.0
 """How long a camera may take to open in the host's time."""
 
-_SETTINGS = frozenset({"gain", "pixel_format", "region_px", "trigger"})
+_SETTINGS = ("gain", "pixel_format", "region_px", "trigger")
 """Keys that a device must be set to: one that the driver does not name would have no effect."""
 
 
@@ -259,29 +259,34 @@ def _open(kind: Kind, table: CameraSpec | DisplaySpec, factory: Factory, context
 def _options(
     kind: Kind, table: CameraSpec | DisplaySpec, factory: Factory, context: dict[str, Any]
 ) -> dict[str, Any]:
-    named = _names(factory)
-    extra = dict(table.model_extra or {})
-    schema = {name: getattr(table, name) for name in type(table).model_fields if name != "driver"}
-    options = {name: value for name, value in context.items() if name in named}
+    named, extra = _names(factory), dict(table.model_extra or {})
+    ours = {name: value for name, value in context.items() if name in named}
     if _takes_any(factory):
-        given = {name: value for name, value in schema.items() if name in table.model_fields_set}
-        return {"clock": context["clock"]} | given | extra | options
+        given = {name: value for name, value in table.given().items() if name != "driver"}
+        return {"clock": context["clock"]} | given | extra | ours
+    schema = {name: getattr(table, name) for name in type(table).model_fields if name != "driver"}
+    for complaint in _complaints(table, factory, context, schema):
+        raise InputError(f"{kind}.{complaint}")
+    return ours | {name: value for name, value in schema.items() if name in named} | extra
+
+
+def _complaints(
+    table: CameraSpec | DisplaySpec, factory: Factory, context: dict[str, Any], schema: dict[str, Any]
+) -> Iterator[str]:
+    """What a factory without `**options` cannot be given, or lacks: "key: reason"."""
+    named, extra = _names(factory), table.model_extra or {}
     allowed = [name for name in named if name not in context]
     for name, value in extra.items():
         if name not in allowed:
             listed = ", ".join(allowed) or "none"
-            raise InputError(
-                f"{kind}.{name}: {value!r}: unknown option of {table.driver!r}; allowed: {listed}"
-            )
-    if "rig" not in named:
-        for name, value in schema.items():
-            if name in _SETTINGS and name not in named and value != type(table).model_fields[name].default:
-                raise InputError(f"{kind}.{name}: {value!r}: driver {table.driver!r} cannot set it")
-    options |= {name: value for name, value in schema.items() if name in named} | extra
-    missing = [name for name in _required(factory) if name not in options]
-    if missing:
-        raise InputError(f"{kind}.{missing[0]}: missing; driver {table.driver!r} needs it")
-    return options
+            yield f"{name}: {value!r}: unknown option of {table.driver!r}; allowed: {listed}"
+    for name in _SETTINGS if "rig" not in named else ():
+        default = type(table).model_fields[name].default if name in schema else None
+        if name not in named and schema.get(name) != default:
+            yield f"{name}: {schema[name]!r}: driver {table.driver!r} cannot set it"
+    for name in _required(factory):
+        if name not in context | schema | extra:
+            yield f"{name}: missing; driver {table.driver!r} needs it"
 
 
 def _check_camera(camera: Camera, spec: CameraSpec) -> None:

@@ -1,6 +1,7 @@
-"""OpenGL without a screen: contexts and shader programs."""
+"""OpenGL without a screen: contexts, shader programs and what goes into them."""
 
-from zeromethod.gl.context import backend_of, collect, create_context, renderer_name
-from zeromethod.gl.shader import program, shader_source
+from zeromethod.gl.context import collect, create_context
+from zeromethod.gl.shader import program
+from zeromethod.gl.values import float_texture, set_uniforms, unfiltered
 
-__all__ = ["backend_of", "collect", "create_context", "program", "renderer_name", "shader_source"]
+__all__ = ["collect", "create_context", "float_texture", "program", "set_uniforms", "unfiltered"]

@@ -12,7 +12,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import glcontext
 import moderngl
@@ -27,8 +26,6 @@ VARIABLE = "ZEROMETHOD_GL"
 _PACKAGES = {"egl": "libegl1 libgl1 libgl1-mesa-dri libglx-mesa0", "osmesa": "libosmesa6"}
 _OPENGL = 330
 _MAX_DEVICES = 8
-
-_backends: WeakKeyDictionary[moderngl.Context, str] = WeakKeyDictionary()
 
 
 def _open_egl(device: int) -> Any:
@@ -78,11 +75,6 @@ BACKENDS: dict[str, Callable[[], NativeContext]] = {"egl": EGLContext, "osmesa":
 """In the order in which they are tried."""
 
 
-def _moderngl(create: Callable[[], NativeContext]) -> moderngl.Context:
-    settings: dict[str, Any] = {"context": ContextHandle(create)}
-    return moderngl.create_context(require=_OPENGL, standalone=True, **settings)
-
-
 def create_context() -> moderngl.Context:
     """Create a standalone OpenGL context, core profile 3.3 or newer, current in this thread.
 
@@ -102,12 +94,12 @@ def create_context() -> moderngl.Context:
     reasons = []
     for backend in tried:
         try:
-            context = _moderngl(BACKENDS[backend])
+            handle: Any = ContextHandle(BACKENDS[backend])
+            context = moderngl.create_context(require=_OPENGL, standalone=True, context=handle)
         except (RuntimeError, ValueError) as error:
             reasons.append(f"{backend}: {' '.join(str(error).split())}")
             continue
         context.gc_mode = "context_gc"
-        _backends[context] = backend
         return context
     packages = " / ".join(_PACKAGES[backend] for backend in tried)
     raise InputError(f"OpenGL: no context without a screen ({'; '.join(reasons)}): install {packages}")
@@ -126,14 +118,3 @@ def collect(ctx: moderngl.Context) -> int:
                 release()
                 freed += 1
     return freed
-
-
-def backend_of(ctx: moderngl.Context) -> str:
-    """Where a context comes from: "egl", "osmesa", or "window" when it was not made here."""
-    return _backends.get(ctx, "window")
-
-
-def renderer_name(ctx: moderngl.Context) -> str:
-    """Renderer and OpenGL version in words, for logs and summaries."""
-    info = ctx.info
-    return f"{info['GL_RENDERER']}, OpenGL {info['GL_VERSION']}"

@@ -39,7 +39,7 @@ def _from_wheel() -> ctypes.CDLL:
         for path in sorted(p for p in paths if p.name.startswith(f"lib{stem}")):
             library = ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
     if library is None or not hasattr(library, "OSMesaCreateContextAttribs"):
-        raise OSError(f"wheel {_WHEEL} holds no libOSMesa")
+        raise OSError(f"wheel {_WHEEL} contains no libOSMesa")
     return library
 
 

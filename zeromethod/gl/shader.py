@@ -32,9 +32,9 @@ def _read(name: str, asked_by: str) -> list[_Line]:
     return [_Line(line, name, number) for number, line in enumerate(text.splitlines(), start=1)]
 
 
-def _flatten(name: str, asked_by: str, open_files: tuple[str, ...], seen: set[str]) -> list[_Line]:
+def _flatten(name: str, asked_by: str, open_files: tuple[str, ...], included_before: set[str]) -> list[_Line]:
     """Lines of a file with its includes put in; a file that was put in before is left out."""
-    seen.add(name)
+    included_before.add(name)
     lines = []
     for line in _read(name, asked_by):
         match = _INCLUDE.match(line.text)
@@ -44,8 +44,8 @@ def _flatten(name: str, asked_by: str, open_files: tuple[str, ...], seen: set[st
         included, place = match.group(1), f"{line.file}:{line.number}"
         if included in (*open_files, name):
             raise RuntimeError(f"{place}: #include {included!r} goes round in a circle")
-        if included not in seen:
-            lines += _flatten(included, place, (*open_files, name), seen)
+        if included not in included_before:
+            lines += _flatten(included, place, (*open_files, name), included_before)
     return lines
 
 

@@ -4,8 +4,8 @@ from zeromethod.optics.bench import Optics
 from zeromethod.optics.check import check_geometry
 from zeromethod.optics.fresnel import critical_angle_rad, fresnel
 from zeromethod.optics.mirror import Dented, DepthField, Flat, GridHeight, HeightField, Sphere, rest_surface
-from zeromethod.optics.snell import reflect, refract
 from zeromethod.optics.trace import Lost, Trace
+from zeromethod.optics.vectors import reflect
 
 __all__ = [
     "Dented",
@@ -21,6 +21,5 @@ __all__ = [
     "critical_angle_rad",
     "fresnel",
     "reflect",
-    "refract",
     "rest_surface",
 ]

@@ -12,22 +12,15 @@ from zeromethod.optics.lever import lcd_per_slope
 from zeromethod.optics.mirror import HeightField, distance_to, normal_of, rest_surface
 from zeromethod.optics.panel import Panel
 from zeromethod.optics.prism import PrismGeometry
-from zeromethod.optics.snell import reflect
 from zeromethod.optics.trace import Lost, Trace
-from zeromethod.optics.vectors import dot, unit
+from zeromethod.optics.vectors import dot, reflect, unit
 from zeromethod.rig.model import Rig
 
 # a panel that touches the slab before it may be this far on its wrong side by rounding
 _TOUCHES_MM = 1e-9
 
 # in the order in which a ray meets them
-_REASONS = [
-    np.uint8(Lost.MISSES_CAPTURED_FACE),
-    np.uint8(Lost.MISSES_MIRROR),
-    np.uint8(Lost.MISSES_PATTERN_FACE),
-    np.uint8(Lost.NO_REFRACTION),
-    np.uint8(Lost.OFF_DISPLAY),
-]
+_REASONS = [np.uint8(reason) for reason in range(Lost.MISSES_CAMERA_FACE, Lost.BELOW_TIR)]
 
 
 class Optics:
@@ -48,7 +41,7 @@ class Optics:
 
     Notes
     -----
-    World in mm, origin on the edge P0, x along the mirror towards the captured face, z out of
+    World in mm, origin on the edge P0, x along the mirror towards the camera face, z out of
     the rubber, y = z cross x; rubber at z < 0. Camera pixels (u, v) = (column, row) and LCD positions
     q = (column, row) have centres at integers. Directions are unit vectors along the travel.
     """
@@ -84,21 +77,6 @@ class Optics:
         """
         return self.panel.lcd_to_world(q)
 
-    def world_to_lcd(self, point: Float) -> Float:
-        """LCD positions (..., 2) in px of world points (..., 3) in mm on the LCD's plane.
-
-        Parameters
-        ----------
-        point : (..., 3) array
-            World points on the LCD's plane, mm.
-
-        Returns
-        -------
-        (..., 2) array
-            LCD positions, px.
-        """
-        return self.panel.world_to_lcd(point)
-
     def camera_rays(self, u: Float, v: Float) -> tuple[Float, Float]:
         """Rays (origin, direction), each (..., 3), of camera pixels u, v (...), in air.
 
@@ -117,7 +95,7 @@ class Optics:
     def rubber_rays(self, u: Float, v: Float) -> tuple[Float, Float]:
         """Rays (origin, direction), each (..., 3), of camera pixels inside the rubber.
 
-        They start on the captured face, behind its layers, and do not depend on the mirror. NaN where the
+        They start on the camera face, behind its layers, and do not depend on the mirror. NaN where the
         pixel misses the face or looks at it from behind.
 
         Parameters
@@ -131,7 +109,7 @@ class Optics:
             Points, mm, and unit vectors along the travel.
         """
         origin, direction = self.camera.rays(u, v)
-        face = self.prism.captured_face
+        face = self.prism.camera_face
         slabs = [(s.index, s.thickness_mm) for s in reversed(self.rig.camera_layers)]
         outside = -face.depth_below(origin) - sum(t for _, t in slabs)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -173,14 +151,9 @@ class Optics:
         Trace
             LCD positions, mirror points, incidence, reflectance, paths, and why rays are lost.
         """
-        point = origin + distance_to(mirror, origin, direction)[..., None] * direction
-        with np.errstate(invalid="ignore"):
-            normal = normal_of(mirror.gradient(point[..., 0], point[..., 1]))
+        point, outgoing, cos_incidence, reflectance = self.reflected(origin, direction, mirror)
         on_mirror = self.prism.on_mirror(point[..., 0], point[..., 1])
-        cos_incidence = dot(direction, normal)
-        outgoing = reflect(direction, normal)
         q, path, exit_point = self._to_display(point, outgoing)
-        reflectance = self._reflectance(cos_incidence, outgoing, normal)
         on_face = self.prism.pattern_face.contains(exit_point)
         q[~(on_mirror & on_face)] = np.nan
         path[~(on_mirror & on_face)] = np.nan
@@ -190,6 +163,45 @@ class Optics:
             np.where(reflectance < 1.0, np.uint8(Lost.BELOW_TIR), np.uint8(Lost.NONE)),
         )
         return Trace(q, point, cos_incidence, reflectance, path, lost)
+
+    def reflected(
+        self, origin: Float, direction: Float, mirror: HeightField
+    ) -> tuple[Float, Float, Float, Float]:
+        """Rays in the rubber after the mirror, which is taken to go on beyond its borders.
+
+        Power reflectance, rubber to air, for the LCD's light: its field is projected across the ray in the
+        rubber; the small rotation by unequal s and p transmittances of oblique faces is ignored.
+
+        Parameters
+        ----------
+        origin, direction : (..., 3) array
+            Points, mm, and unit vectors along the travel.
+        mirror : HeightField
+            The mirror: `Optics.rest`, or any other height field.
+
+        Returns
+        -------
+        tuple of arrays
+            Point (..., 3) mm, outgoing direction (..., 3), cos(incidence) and reflectance (...).
+        """
+        point = origin + distance_to(mirror, origin, direction)[..., None] * direction
+        with np.errstate(invalid="ignore"):
+            normal = normal_of(mirror.gradient(point[..., 0], point[..., 1]))
+        cosine, outgoing = dot(direction, normal), reflect(direction, normal)
+        s, p = fresnel(cosine, self.rig.prism.index, 1.0)
+        share = 0.5 if self.panel.field is None else s_share(-outgoing, normal, self.panel.field)
+        return point, outgoing, cosine, share * s + (1.0 - share) * p
+
+    def centre(self) -> Trace:
+        """Ray of the image's centre by the undeformed mirror.
+
+        Returns
+        -------
+        Trace
+            Of one ray, (1,).
+        """
+        u, v = (np.array([(count - 1) / 2]) for count in (self.rig.camera.columns, self.rig.camera.rows))
+        return self.trace(u, v, self.rest)
 
     def rest_map(self, u: Float, v: Float) -> Float:
         """LCD positions (..., 2) in px that camera pixels u, v (...) look at by the undeformed mirror.
@@ -299,14 +311,3 @@ class Optics:
         path = in_rubber + in_slabs + gap
         q[gap < -_TOUCHES_MM] = np.nan
         return q, path, leaves
-
-    def _reflectance(self, cos_incidence: Float, outgoing: Float, normal: Float) -> Float:
-        """Power reflectance (...) of the mirror, rubber to air, for the LCD's light.
-
-        The LCD's field is projected across the ray in the rubber; its small rotation by the unequal s and p
-        transmittances of oblique faces is ignored.
-        """
-        s, p = fresnel(cos_incidence, self.rig.prism.index, 1.0)
-        share = 0.5 if self.panel.field is None else s_share(-outgoing, normal, self.panel.field)
-        result: Float = share * s + (1.0 - share) * p
-        return result

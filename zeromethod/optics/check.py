@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 import numpy as np
 
 from zeromethod.arrays import Float
@@ -16,42 +18,43 @@ _SAMPLES = 33
 _TOUCHING_MM = 1e-9
 """Rounding allowed before two touching surfaces count as intersecting."""
 
+_CENTRE_LOST = {
+    Lost.MISSES_CAMERA_FACE: ("camera.look_at_mm", "misses the camera face"),
+    Lost.MISSES_MIRROR: ("camera.look_at_mm", "misses the mirror"),
+    Lost.MISSES_PATTERN_FACE: ("camera.position_mm", "misses the pattern face after the mirror"),
+    Lost.NO_REFRACTION: ("pattern_layers", "is totally reflected at the pattern face or its layers"),
+}
+"""Key to blame, and what happened to the ray of the image's centre."""
+
 
 def check_geometry(rig: Rig) -> None:
     """Raise InputError, one line that names the rig's key, where the bench cannot work.
 
-    Refused: a camera inside the prism or behind its captured face, a panel tilted into the slabs in front
+    Refused: a camera inside the prism or behind its camera face, a panel tilted into the slabs in front
     of it, a view that misses that face or the mirror altogether, a centre ray that does not end on the LCD, a
     height map smaller than the view. A view that lies partly off the mirror or the LCD is legal.
     """
-    optics = Optics(rig)
-    camera = rig.camera
-    stack = sum(layer.thickness_mm for layer in rig.camera_layers)
-    if not np.isfinite(optics.camera.axis @ optics.camera.u_axis):
-        raise _error(
-            rig, "camera.look_at_mm", camera.look_at_mm, "must not lie straight along y from position_mm"
-        )
+    optics, camera = Optics(rig), rig.camera
     if camera.projection == "perspective":
-        outside = -float(optics.prism.captured_face.depth_below(optics.camera.position)) - stack
-        if outside <= 0.0:
-            allowed = "must lie outside the prism, in front of the captured face and its layers"
-            raise _error(rig, "camera.position_mm", camera.position_mm, allowed)
+        stack = sum(layer.thickness_mm for layer in rig.camera_layers)
+        if -float(optics.prism.camera_face.depth_below(optics.camera.position)) <= stack:
+            allowed = "must lie outside the prism, in front of the camera face and its layers"
+            raise _error(rig, "camera.position_mm", allowed)
 
     _check_gap(rig, optics)
     u, v = np.meshgrid(
         np.linspace(0, camera.columns - 1, _SAMPLES), np.linspace(0, camera.rows - 1, _SAMPLES)
     )
     view = optics.trace(u, v, optics.rest)
-    if (view.lost == Lost.MISSES_CAPTURED_FACE).all():
-        allowed = "no pixel sees the captured face; look at the mirror through it"
-        raise _error(rig, "camera.look_at_mm", camera.look_at_mm, allowed)
-    through = view.lost != Lost.MISSES_CAPTURED_FACE
-    if (view.lost[through] == Lost.MISSES_MIRROR).all():
-        allowed = (
-            f"no pixel sees the mirror (x 0 to {optics.length_mm:.6g}, |y| to {rig.prism.width_mm / 2:.6g})"
-        )
-        raise _error(rig, "camera.look_at_mm", camera.look_at_mm, allowed)
-    _check_map(rig, optics, view.point[through & (view.lost != Lost.MISSES_MIRROR)])
+    through = view.lost != Lost.MISSES_CAMERA_FACE
+    if not through.any():
+        allowed = "no pixel sees the camera face; look at the mirror through it"
+        raise _error(rig, "camera.look_at_mm", allowed)
+    met = through & (view.lost != Lost.MISSES_MIRROR)
+    if not met.any():
+        extent = f"x 0 to {optics.length_mm:.6g}, |y| to {rig.prism.width_mm / 2:.6g}"
+        raise _error(rig, "camera.look_at_mm", f"no pixel sees the mirror ({extent})")
+    _check_map(rig, optics, view.point[met])
     _check_centre(rig, optics)
 
 
@@ -67,7 +70,7 @@ def _check_gap(rig: Rig, optics: Optics) -> None:
     room_mm = -float(np.max(face.depth_below(before), initial=-np.inf)) - solid_mm
     if room_mm < -_TOUCHING_MM:
         allowed = f"the panel cuts {-room_mm:.3g} mm into the slabs before it; tilt less or widen the gap"
-        raise _error(rig, "display.tilt_deg", display.tilt_deg, allowed)
+        raise _error(rig, "display.tilt_deg", allowed)
 
 
 def _check_map(rig: Rig, optics: Optics, points: Float) -> None:
@@ -79,42 +82,21 @@ def _check_map(rig: Rig, optics: Optics, points: Float) -> None:
         if first < low or last > high:
             name = "xy"[axis]
             allowed = f"covers {name} {low:.6g} to {high:.6g} mm, the view needs {first:.6g} to {last:.6g}"
-            raise _error(rig, "prism.rest.file", rig.prism.rest.file, allowed)
+            raise _error(rig, "prism.rest.file", allowed)
 
 
 def _check_centre(rig: Rig, optics: Optics) -> None:
     """InputError for a bench whose image centre does not look at a pixel of the LCD."""
-    camera, display = rig.camera, rig.display
-    centre = optics.trace(
-        np.array([(camera.columns - 1) / 2]), np.array([(camera.rows - 1) / 2]), optics.rest
-    )
+    centre, display = optics.centre(), rig.display
     lost = Lost(int(centre.lost[0]))
-    if lost in (Lost.NONE, Lost.BELOW_TIR):
-        return
     if lost == Lost.OFF_DISPLAY:
         column, row = centre.q[0]
-        allowed = (
-            f"the centre ray ends at column {column:.0f}, row {row:.0f}, off the {display.columns} x "
-            f"{display.rows} pixels"
-        )
-        raise _error(rig, "display.centre_mm", display.centre_mm, allowed)
-    reasons = {
-        Lost.MISSES_CAPTURED_FACE: ("camera.look_at_mm", camera.look_at_mm, "misses the captured face"),
-        Lost.MISSES_MIRROR: ("camera.look_at_mm", camera.look_at_mm, "misses the mirror"),
-        Lost.MISSES_PATTERN_FACE: (
-            "camera.position_mm",
-            camera.position_mm,
-            "misses the pattern face after the mirror",
-        ),
-        Lost.NO_REFRACTION: (
-            "pattern_layers",
-            [layer.index for layer in rig.pattern_layers],
-            "is totally reflected at the pattern face or its layers",
-        ),
-    }
-    key, value, what = reasons[lost]
-    raise _error(rig, key, value, f"the centre ray {what}; it must reach the LCD")
+        end = f"the centre ray ends at column {column:.0f}, row {row:.0f}"
+        raise _error(rig, "display.centre_mm", f"{end}, off the {display.columns} x {display.rows} pixels")
+    if lost in _CENTRE_LOST:
+        key, what = _CENTRE_LOST[lost]
+        raise _error(rig, key, f"the centre ray {what}; it must reach the LCD")
 
 
-def _error(rig: Rig, key: str, value: object, allowed: str) -> InputError:
-    return InputError(f"{rig.name}: {key}: {value}: {allowed}")
+def _error(rig: Rig, key: str, allowed: str) -> InputError:
+    return InputError(f"{rig.name}: {key}: {attrgetter(key)(rig)}: {allowed}")

@@ -10,8 +10,7 @@ from zeromethod.arrays import Float
 from zeromethod.optics.mirror import normal_of
 from zeromethod.optics.panel import Panel
 from zeromethod.optics.prism import Face
-from zeromethod.optics.snell import reflect
-from zeromethod.optics.vectors import dot
+from zeromethod.optics.vectors import dot, reflect
 
 
 def lcd_per_slope(

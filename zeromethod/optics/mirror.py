@@ -10,7 +10,7 @@ from scipy.interpolate import RectBivariateSpline
 
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import RestSurface, Rig
 
 _ITERATIONS = 60
 _MISS_MM = 1e-9
@@ -89,17 +89,12 @@ class GridHeight:
     """
 
     def __init__(self, heights_mm: Float, pitch_mm: float, origin_mm: tuple[float, float]) -> None:
-        heights = np.asarray(heights_mm, dtype=np.float64)
-        if heights.ndim != 2 or min(heights.shape) < 4 or not np.isfinite(heights).all():
-            raise InputError(
-                f"height map: shape {heights.shape}: a map needs two axes, at least 4 x 4 finite heights"
-            )
-        rows, cols = heights.shape
+        rows, cols = heights_mm.shape
         x = origin_mm[0] + pitch_mm * np.arange(cols)
         y = origin_mm[1] + pitch_mm * np.arange(rows)
         self.x_range_mm = float(x[0]), float(x[-1])
         self.y_range_mm = float(y[0]), float(y[-1])
-        self._spline = RectBivariateSpline(y, x, heights, kx=3, ky=3, s=0)
+        self._spline = RectBivariateSpline(y, x, heights_mm, kx=3, ky=3, s=0)
 
     def _clamped(self, x: Float, y: Float) -> tuple[Float, Float]:
         return np.clip(x, *self.x_range_mm), np.clip(y, *self.y_range_mm)
@@ -145,14 +140,24 @@ def rest_surface(rig: Rig) -> HeightField:
         assert rest.radius_mm is not None
         return Sphere(rest.radius_mm, rest.centre_mm)
     if rest.shape == "map":
-        assert rest.file is not None
         assert rest.pitch_mm is not None
-        try:
-            return GridHeight(np.load(rest.file), rest.pitch_mm, rest.origin_mm)
-        except (OSError, ValueError) as error:
-            reason = str(error).replace("\n", " ")
-            raise InputError(f"{rig.name}: prism.rest.file: {rest.file}: {reason}") from error
+        return GridHeight(rest_heights(rest), rest.pitch_mm, rest.origin_mm)
     return Flat()
+
+
+def rest_heights(rest: RestSurface) -> Float:
+    """Heights (rows along y, cols along x) of a rest surface given as a map, mm.
+
+    Raises InputError where they cannot be used.
+    """
+    assert rest.file is not None
+    try:
+        heights = np.load(rest.file).astype(np.float64)
+        if heights.ndim != 2 or min(heights.shape) < 4 or not np.isfinite(heights).all():
+            raise ValueError(f"shape {heights.shape}: a map needs at least 4 x 4 finite heights")
+    except (OSError, ValueError) as error:
+        raise InputError(f"prism.rest.file: {rest.file}: {' '.join(str(error).split())}") from error
+    return np.asarray(heights)
 
 
 def normal_of(gradient: tuple[Float, Float]) -> Float:

@@ -52,8 +52,8 @@ class PrismGeometry:
         return float(np.radians(self.spec.pattern_angle_deg))
 
     @cached_property
-    def captured_angle_rad(self) -> float:
-        """Angle beta0 of the captured face, at R0."""
+    def camera_angle_rad(self) -> float:
+        """Angle beta0 of the camera face, at R0."""
         return float(np.radians(self.spec.camera_angle_deg))
 
     @cached_property
@@ -62,8 +62,8 @@ class PrismGeometry:
         if self.spec.pattern_length_mm is None:
             assert self.spec.mirror_length_mm is not None
             return self.spec.mirror_length_mm
-        apex = np.sin(self.pattern_angle_rad + self.captured_angle_rad)
-        return float(self.spec.pattern_length_mm * apex / np.sin(self.captured_angle_rad))
+        apex = np.sin(self.pattern_angle_rad + self.camera_angle_rad)
+        return float(self.spec.pattern_length_mm * apex / np.sin(self.camera_angle_rad))
 
     @property
     def half_width_mm(self) -> float:
@@ -73,24 +73,21 @@ class PrismGeometry:
     @cached_property
     def pattern_face(self) -> Face:
         """Face towards the LCD, from P0 to the apex."""
-        a, b = self.pattern_angle_rad, self.captured_angle_rad
-        return Face(
-            edge=np.zeros(3),
-            along=np.array([np.cos(a), 0.0, -np.sin(a)]),
-            normal=np.array([-np.sin(a), 0.0, -np.cos(a)]),
-            length_mm=float(self.length_mm * np.sin(b) / np.sin(a + b)),
-            half_width_mm=self.half_width_mm,
-        )
+        return self._face(0.0, 1.0, self.pattern_angle_rad, self.camera_angle_rad)
 
     @cached_property
-    def captured_face(self) -> Face:
+    def camera_face(self) -> Face:
         """Face towards the camera, from R0 to the apex."""
-        a, b = self.pattern_angle_rad, self.captured_angle_rad
+        return self._face(self.length_mm, -1.0, self.camera_angle_rad, self.pattern_angle_rad)
+
+    def _face(self, edge_x_mm: float, sense: float, angle: float, other: float) -> Face:
+        """Face from (edge_x_mm, 0, 0) on, at an angle (rad) to the mirror, the other face's being `other`."""
+        cosine, sine = np.cos(angle), np.sin(angle)
         return Face(
-            edge=np.array([self.length_mm, 0.0, 0.0]),
-            along=np.array([-np.cos(b), 0.0, -np.sin(b)]),
-            normal=np.array([np.sin(b), 0.0, -np.cos(b)]),
-            length_mm=float(self.length_mm * np.sin(a) / np.sin(a + b)),
+            edge=np.array([edge_x_mm, 0.0, 0.0]),
+            along=np.array([sense * cosine, 0.0, -sine]),
+            normal=np.array([-sense * sine, 0.0, -cosine]),
+            length_mm=float(self.length_mm * np.sin(other) / np.sin(angle + other)),
             half_width_mm=self.half_width_mm,
         )
 

@@ -18,7 +18,7 @@ class Lost(enum.IntEnum):
     """
 
     NONE = 0
-    MISSES_CAPTURED_FACE = 1
+    MISSES_CAMERA_FACE = 1
     MISSES_MIRROR = 2
     MISSES_PATTERN_FACE = 3
     NO_REFRACTION = 4  # totally reflected at the pattern face or in its layers

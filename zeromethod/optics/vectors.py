@@ -18,3 +18,12 @@ def unit(vector: Float) -> Float:
     length: Float = np.sqrt(dot(vector, vector))
     result: Float = vector / length[..., None]
     return result
+
+
+def reflect(direction: Float, normal: Float) -> Float:
+    """Direction (..., 3) after reflection at unit normals (..., 3) of either sense: d - 2 (d.n) n.
+
+    Convention: directions point along the travel, before and after.
+    """
+    result: Float = direction - 2.0 * dot(direction, normal)[..., None] * normal
+    return result

@@ -42,9 +42,9 @@ class LatticeView:
         """
         optics, camera = Optics(rig), rig.camera
         prism = optics.prism
-        if camera.pixel_mm is None or prism.pattern_angle_rad != prism.captured_angle_rad:
+        if camera.pixel_mm is None or prism.pattern_angle_rad != prism.camera_angle_rad:
             raise ValueError("the paper's sensor has equal angles and a camera at infinity")
-        column, row = (float(k) for k in optics.camera.project(prism.captured_face.edge))
+        column, row = (float(k) for k in optics.camera.project(prism.camera_face.edge))
         return cls(
             period_px=PITCH_MM / camera.pixel_mm,
             origin_px=(column - prism.pattern_face.length_mm / camera.pixel_mm, row),

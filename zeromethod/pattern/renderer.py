@@ -8,8 +8,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.arrays import Bytes, Float, Single
-from zeromethod.gl import program
+from zeromethod.arrays import Bytes, Float
+from zeromethod.gl import float_texture, program, set_uniforms
 from zeromethod.pattern.response import TABLE_SIZE, Response
 from zeromethod.pattern.strips import BITS, Strips, bits_of
 from zeromethod.pattern.target import Target
@@ -36,23 +36,6 @@ def _triangles(columns: int, rows: int, turned: bool) -> NDArray[np.int32]:
         else [corner, below, right, right, below, across]
     )
     return np.stack(order, axis=-1).astype(np.int32).ravel()
-
-
-def _set(shader: moderngl.Program, **uniforms: object) -> None:
-    """Set uniforms, but for those that the compiler dropped because this kind of target needs none."""
-    for name, value in uniforms.items():
-        if name in shader:
-            uniform = shader[name]
-            assert isinstance(uniform, moderngl.Uniform)
-            uniform.value = value
-
-
-def _texture(ctx: moderngl.Context, texels: Single) -> moderngl.Texture:
-    """Texture of (rows, cols, components) float32, read by texelFetch only."""
-    rows, cols, components = texels.shape
-    texture = ctx.texture((cols, rows), components, np.ascontiguousarray(texels).tobytes(), dtype="f4")
-    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return texture
 
 
 class PatternRenderer:
@@ -88,7 +71,7 @@ class PatternRenderer:
         rows, cols = grid.shape
         facing = float(np.sign(np.nanmedian(np.linalg.det(jacobian(q_rest, grid.spacing_px)))))
         mesh = program(ctx, "pattern_mesh.vert", "pattern_mesh.frag")
-        _set(mesh, nodes=_NODES, mesh_columns=cols - 2, display_px=size)
+        set_uniforms(mesh, {"nodes": _NODES, "mesh_columns": cols - 2, "display_px": size})
         indices = ctx.buffer(_triangles(cols - 2, rows - 2, turned=facing < 0).tobytes())
         self._mesh = ctx.vertex_array(mesh, [], index_buffer=indices)
         constants: dict[str, Any] = {
@@ -110,23 +93,23 @@ class PatternRenderer:
             self._coded = program(ctx, "pattern.vert", "pattern.frag", STRIPS=1, **constants)
             one, two = strips.first, strips.last
             places = (one.start_px, one.unit_px, two.start_px, two.unit_px)
-            _set(self._coded, strip_edges=(one.edge_px, two.edge_px), strip_places=places)
+            set_uniforms(self._coded, {"strip_edges": (one.edge_px, two.edge_px), "strip_places": places})
+        units = {"nodes": _NODES, "places": _PLACES, "codes": _CODES}
+        units |= {"texture_of_noise": _NOISE, "exponents": _EXPONENTS}
+        first_px = grid.u_px[0], grid.v_px[0]
         for box in (self._plain, self._coded):
-            _set(
-                box, nodes=_NODES, places=_PLACES, codes=_CODES, texture_of_noise=_NOISE, exponents=_EXPONENTS
-            )
-            _set(box, display_px=size, first_px=(grid.u_px[0], grid.v_px[0]), facing=facing)
+            set_uniforms(box, units | {"display_px": size, "first_px": first_px, "facing": facing})
         self._rectangles = {box: ctx.vertex_array(box, []) for box in {self._plain, self._coded}}
         self._pairs = np.zeros((rows, cols, 4), dtype=np.float32)
         noise = target.texture if target.kind == "noise" else np.zeros((1, 1), dtype=np.float32)
         self._textures = {
-            _NODES: _texture(ctx, self._pairs),
+            _NODES: float_texture(ctx, self._pairs),
             _PLACES: ctx.texture(size, 2, dtype="f4"),
-            _CODES: _texture(ctx, response.table[None, :, None]),
-            _NOISE: _texture(ctx, noise[..., None]),
+            _CODES: float_texture(ctx, response.table[None]),
+            _NOISE: float_texture(ctx, noise),
         }
         if response.exponent is not None:
-            self._textures[_EXPONENTS] = _texture(ctx, np.array(response.exponent, np.float32)[..., None])
+            self._textures[_EXPONENTS] = float_texture(ctx, np.array(response.exponent))
         self._places = ctx.framebuffer([self._textures[_PLACES]])
         self._own: moderngl.Framebuffer | None = None
 
@@ -154,7 +137,7 @@ class PatternRenderer:
         if bounds is not None:
             box = self._plain if code is None else self._coded
             bits = sum(bit << k for k, bit in enumerate(bits_of(code or 0)))
-            _set(box, bounds=bounds, strip_bits=bits)
+            set_uniforms(box, {"bounds": bounds, "strip_bits": bits})
             self._rectangles[box].render(moderngl.TRIANGLE_STRIP, vertices=4)
 
     def _clip_bounds(self) -> tuple[float, float, float, float] | None:

@@ -58,10 +58,10 @@ class Response:
         """Grey codes (rows, cols) of a picture's light over the whole panel, each by its place's inverse."""
         wanted = np.asarray(light, dtype=np.float64)
         if self.exponent is not None:
-            wanted = np.clip(wanted, 0, 1) ** (1 / self._exponents(wanted.shape))
+            wanted = np.clip(wanted, 0, 1) ** (1 / self.exponents(wanted.shape))
         return np.floor(self.inverse(wanted) + 0.5).astype(np.uint8)
 
-    def _exponents(self, shape: tuple[int, ...]) -> Float:
+    def exponents(self, shape: tuple[int, ...]) -> Float:
         """Exponent of every pixel of a panel of (rows, cols)."""
         given = np.asarray(self.exponent)
         down, across = (

@@ -331,23 +331,22 @@ def _check_simulated_options(data: dict[str, Any]) -> str | None:
 
 def _files(rig: Rig, folder: Path) -> dict[str, Any]:
     """Changes by which the files that a rig names are found from here; refuses missing files."""
+
+    def found(key: str, name: str | Path, allowed: str, suffixes: tuple[str, ...] = ()) -> Path:
+        file = folder / name
+        if not file.is_file() or (suffixes and file.suffix not in suffixes):
+            raise InputError(f"{key}: {shown(str(name))}: an existing {allowed}")
+        return file
+
     update: dict[str, Any] = {}
-    if rig.prism.rest.file is not None:
-        file = folder / rig.prism.rest.file
-        if not file.is_file():
-            raise InputError(f"prism.rest.file: {shown(str(rig.prism.rest.file))}: an existing .npy file")
-        update["prism"] = rig.prism.model_copy(
-            update={"rest": rig.prism.rest.model_copy(update={"file": file})}
-        )
-    if rig.camera.rest_map is not None:
-        file = folder / rig.camera.rest_map
-        if not (file.is_file() and file.suffix in REST_MAP_SUFFIXES):
-            allowed = f"an existing {' or '.join(REST_MAP_SUFFIXES)} file with a rest map"
-            raise InputError(f"camera.rest_map: {shown(str(rig.camera.rest_map))}: {allowed}")
+    rest, rest_map = rig.prism.rest, rig.camera.rest_map
+    if rest.file is not None:
+        file = found("prism.rest.file", rest.file, ".npy file")
+        update["prism"] = rig.prism.model_copy(update={"rest": rest.model_copy(update={"file": file})})
+    if rest_map is not None:
+        allowed = f"{' or '.join(REST_MAP_SUFFIXES)} file with a rest map"
+        file = found("camera.rest_map", rest_map, allowed, REST_MAP_SUFFIXES)
         update["camera"] = rig.camera.model_copy(update={"rest_map": file})
     if rig.scenario.endswith(".toml"):
-        file = folder / rig.scenario
-        if not file.is_file():
-            raise InputError(f"scenario: {shown(rig.scenario)}: an existing press file or a packaged name")
-        update["scenario"] = str(file)
+        update["scenario"] = str(found("scenario", rig.scenario, "press file or a packaged name"))
     return update

@@ -71,22 +71,8 @@ def _split(annotation: Any) -> tuple[Any, list[Any]]:
             return annotation, bounds
 
 
-def allowed(annotation: Any, more: list[Any] | None = None) -> str:
-    """What a field of this annotation takes, e.g. "a number above 0"."""
-    kind, bounds = _split(annotation)
-    bounds = bounds + (more or [])
-    if get_origin(kind) is Literal:
-        values = [shown(v) for v in get_args(kind)]
-        return values[0] if len(values) == 1 else "one of " + ", ".join(values)
-    if get_origin(kind) is tuple:
-        items = get_args(kind)
-        if items[-1] is Ellipsis:
-            return f"a list, each {allowed(items[0])}"
-        one = allowed(items[0])
-        each = "" if one == "a number" else f", each {one}"
-        return f"a list of {len(items)} numbers{each}"
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
-        return "a table"
+def _limits(bounds: list[Any]) -> str:
+    """Bounds in words, e.g. " above 0 and at most 1"."""
     words = []
     for bound in bounds:
         if type(bound) in _BOUNDS:
@@ -94,8 +80,26 @@ def allowed(annotation: Any, more: list[Any] | None = None) -> str:
             words.append(f"{word} {getattr(bound, attribute):g}")
         elif isinstance(bound, MinLen):
             words.append("that is not empty")
-    name = _NAMES.get(kind, "a value")
-    return f"{name} {' and '.join(words)}" if words else name
+    return f" {' and '.join(words)}" if words else ""
+
+
+def allowed(annotation: Any, more: list[Any] | None = None) -> str:
+    """What a field of this annotation takes, e.g. "a number above 0"."""
+    kind, bounds = _split(annotation)
+    limits = _limits(bounds + (more or []))
+    if get_origin(kind) is Literal:
+        values = [shown(v) for v in get_args(kind)]
+        return values[0] if len(values) == 1 else "one of " + ", ".join(values)
+    if get_origin(kind) is tuple:
+        items = get_args(kind)
+        one = allowed(items[0])
+        if items[-1] is Ellipsis:
+            return f"a list{limits}, each {one}"
+        each = "" if one == "a number" else f", each {one}"
+        return f"a list of {len(items)} numbers{each}"
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return "a table"
+    return f"{_NAMES.get(kind, 'a value')}{limits}"
 
 
 def _field(model: type[BaseModel], place: tuple[int | str, ...]) -> tuple[Any, list[Any]]:

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.optics import Dented, HeightField, Optics, fresnel, reflect
-from zeromethod.optics.fresnel import s_share
-from zeromethod.optics.mirror import distance_to, normal_of
+from zeromethod.optics import Dented, HeightField, Optics, reflect
 from zeromethod.optics.prism import Face
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Mirror
@@ -66,12 +64,12 @@ class Beams:
 
     def main(self, mirror: Mirror) -> tuple[Float, Float, Float]:
         """(q (rows, cols, 2), gain (rows, cols), mirror point (rows, cols, 3)); NaN where lost."""
-        seen = self._optics.trace_rays(self._origin, self._direction, self._surface(mirror))
-        factor = mirror.reflectance_factor(seen.point[..., 0], seen.point[..., 1])
-        return seen.q, seen.reflectance * factor, seen.point
+        traced = self._optics.trace_rays(self._origin, self._direction, self._surface(mirror))
+        factor = mirror.reflectance_factor(traced.point[..., 0], traced.point[..., 1])
+        return traced.q, traced.reflectance * factor, traced.point
 
     def all(self, mirror: Mirror) -> list[Beam]:
-        """Every beam asked for, the main one first; ghosts' gains hold their relative amplitude."""
+        """Every beam asked for, the main one first; ghosts' gains are their relative amplitude."""
         q, gain, point = self.main(mirror)
         beams = [Beam.of(q, gain)]
         if self._spec.ghost_gap > 0:
@@ -105,30 +103,21 @@ class Beams:
         surface, prism = self._surface(mirror), self._optics.prism
         at, direction = self._origin, self._direction
         gain = np.ones(at.shape[:-1])
-        for face in (prism.pattern_face, prism.captured_face):
+        for face in (prism.pattern_face, prism.camera_face):
             at, direction, kept = self._off_mirror(at, direction, surface, mirror)
             at = self._to_face(face, at, direction)
             direction, gain = reflect(direction, face.normal), gain * kept
-        seen = self._optics.trace_rays(at, direction, surface)
-        last = seen.reflectance * mirror.reflectance_factor(seen.point[..., 0], seen.point[..., 1])
-        return seen.q, gain * last
+        traced = self._optics.trace_rays(at, direction, surface)
+        last = traced.reflectance * mirror.reflectance_factor(traced.point[..., 0], traced.point[..., 1])
+        return traced.q, gain * last
 
     def _off_mirror(
         self, origin: Float, direction: Float, surface: HeightField, mirror: Mirror
     ) -> tuple[Float, Float, Float]:
         """(point, direction, share of light) after one reflection; NaN where the mirror is missed."""
-        point = origin + distance_to(surface, origin, direction)[..., None] * direction
-        x, y = point[..., 0], point[..., 1]
-        with np.errstate(invalid="ignore"):
-            normal = normal_of(surface.gradient(x, y))
-        outgoing = reflect(direction, normal)
-        cosine = np.einsum("...i,...i->...", direction, normal)
-        s, p = fresnel(cosine, self._index, 1.0)
-        field = self._optics.panel.field
-        share = 0.5 if field is None else s_share(-outgoing, normal, field)
-        kept = (share * s + (1 - share) * p) * mirror.reflectance_factor(x, y)
-        missed = ~self._optics.prism.on_mirror(x, y)
-        point[missed] = np.nan
+        point, outgoing, _, reflectance = self._optics.reflected(origin, direction, surface)
+        kept = reflectance * mirror.reflectance_factor(point[..., 0], point[..., 1])
+        point[~self._optics.prism.on_mirror(point[..., 0], point[..., 1])] = np.nan
         return point, outgoing, kept
 
     @staticmethod

@@ -10,9 +10,10 @@ import numpy as np
 from zeromethod.arrays import Bytes
 from zeromethod.clock import Clock
 from zeromethod.devices.protocols import DisplayLost
+from zeromethod.pattern.response import Response
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
-from zeromethod.simulation.panel import Presentation, SimulatedPanel, code_of_light
+from zeromethod.simulation.panel import Presentation, SimulatedPanel
 from zeromethod.simulation.renderer import BenchRenderer
 from zeromethod.simulation.timeline import Timeline
 
@@ -48,7 +49,9 @@ class SimulatedDisplay:
         refresh_hz = spec.display_refresh_hz or display.refresh_hz
         self._vsync = Timeline(refresh_hz, 0.0, spec.display_jitter_s, spec.seed, _STREAM)
         self.panel = SimulatedPanel(display, refresh_hz)
-        grey = np.full((display.rows, display.columns), code_of_light(display, rig.target.mean), np.uint8)
+        grey = np.full(
+            (display.rows, display.columns), Response.from_rig(display).code(rig.target.mean), np.uint8
+        )
         self.presentations = [Presentation(clock.now_ns(), self.renderer.upload(grey))]
         self._needed_from_ns: int | None = None
         self._shows = 0

@@ -9,14 +9,12 @@ import moderngl
 import numpy as np
 
 from zeromethod.arrays import Bytes, Single
-from zeromethod.errors import InputError
-from zeromethod.gl import create_context
+from zeromethod.gl import create_context, unfiltered
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_light import CameraLight, PanelLight
 from zeromethod.simulation.gpu_rays import RayTracer
-from zeromethod.simulation.gpu_target import unfiltered
 from zeromethod.simulation.press import Mirror
-from zeromethod.simulation.renderer import Handle, Piece
+from zeromethod.simulation.renderer import Handle, Piece, by_mirror, check_picture
 
 
 class GpuRenderer:
@@ -34,7 +32,7 @@ class GpuRenderer:
         """Compile and allocate. Raises InputError without a GL context or with an unusable rest map."""
         self._owned = context is None
         self.context = create_context() if context is None else context
-        self._lcd = rig.display.columns, rig.display.rows
+        self._display = rig.display
         self._names = count(1)
         self._pictures: dict[Handle, moderngl.Framebuffer] = {}
         self._spare: list[moderngl.Framebuffer] = []
@@ -53,7 +51,8 @@ class GpuRenderer:
             if self._spare:
                 framebuffer = self._spare.pop()
             else:
-                texture = unfiltered(self.context.texture(self._lcd, 1, dtype="f1"))
+                size = self._display.columns, self._display.rows
+                texture = unfiltered(self.context.texture(size, 1, dtype="f1"))
                 framebuffer = self.context.framebuffer(color_attachments=[texture])
         handle = next(self._names)
         self._pictures[handle] = framebuffer
@@ -61,9 +60,7 @@ class GpuRenderer:
 
     def upload(self, image: Bytes) -> Handle:
         """Take over LCD grey codes (rows, cols). Raises InputError on another shape or type."""
-        if image.shape != self._lcd[::-1] or image.dtype != np.uint8:
-            allowed = f"({self._lcd[1]}, {self._lcd[0]}) uint8"
-            raise InputError(f"picture: {image.shape} {image.dtype}: allowed is {allowed}")
+        check_picture(image, self._display)
         handle, framebuffer = self.new_picture()
         with self.context:
             self._texture(framebuffer).write(np.ascontiguousarray(image[::-1]))
@@ -77,7 +74,7 @@ class GpuRenderer:
         """(camera rows, cols) float32 light, see `BenchRenderer`; the next call uses the array again."""
         with self.context:
             self._camera.start()
-            for mirror, shares in _by_mirror(pieces).items():
+            for mirror, shares in by_mirror(pieces).items():
                 maps = self._tracer.maps(mirror)
                 region = maps[0].region
                 for ghost in maps[1:]:
@@ -117,14 +114,3 @@ class GpuRenderer:
         attachment = framebuffer.color_attachments[0]
         assert isinstance(attachment, moderngl.Texture)
         return attachment
-
-
-def _by_mirror(pieces: Sequence[Piece]) -> dict[Mirror, dict[Handle, Single]]:
-    """Mirror -> picture -> share of the light that each LCD row gives of it: one light pass per mirror."""
-    result: dict[Mirror, dict[Handle, Single]] = {}
-    for piece in pieces:
-        shares = result.setdefault(piece.mirror, {})
-        for handle, row_share in piece.pictures:
-            share = np.float32(piece.weight) * row_share
-            shares[handle] = shares[handle] + share if handle in shares else share
-    return result

@@ -42,34 +42,26 @@ class _Face:
     edge: Float
     along: Float
     normal: Float
-    length_mm: float
+    length: float
 
     def values(self, name: str) -> Values:
-        return {
-            f"{name}_edge": self.edge,
-            f"{name}_along": self.along,
-            f"{name}_normal": self.normal,
-            f"{name}_length": self.length_mm,
-        }
+        return {f"{name}_{key}": value for key, value in vars(self).items()}
 
 
 def _faces(prism: Prism) -> tuple[_Face, _Face]:
     """(pattern face, camera face)."""
     alpha, beta = np.radians([prism.pattern_angle_deg, prism.camera_angle_deg])
     half = mirror_length_mm(prism) / 2
-    pattern = _Face(
-        np.array([-half, 0.0, 0.0]),
-        np.array([np.cos(alpha), 0.0, -np.sin(alpha)]),
-        np.array([-np.sin(alpha), 0.0, -np.cos(alpha)]),
-        float(2 * half * np.sin(beta) / np.sin(alpha + beta)),
-    )
-    camera_face = _Face(
-        np.array([half, 0.0, 0.0]),
-        np.array([-np.cos(beta), 0.0, -np.sin(beta)]),
-        np.array([np.sin(beta), 0.0, -np.cos(beta)]),
-        float(2 * half * np.sin(alpha) / np.sin(alpha + beta)),
-    )
-    return pattern, camera_face
+
+    def face(sense: float, angle: float, other: float) -> _Face:
+        return _Face(
+            np.array([-sense * half, 0.0, 0.0]),
+            np.array([sense * np.cos(angle), 0.0, -np.sin(angle)]),
+            np.array([-sense * np.sin(angle), 0.0, -np.cos(angle)]),
+            float(2 * half * np.sin(other) / np.sin(angle + other)),
+        )
+
+    return face(1.0, alpha, beta), face(-1.0, beta, alpha)
 
 
 def _turned(vector: Float, axis: Float, angle_deg: float) -> Float:

@@ -7,16 +7,15 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
-from zeromethod.arrays import Single
-from zeromethod.gl import program
+from zeromethod.arrays import Float, Single
+from zeromethod.gl import float_texture, program
+from zeromethod.pattern.response import Response
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_lens import lens_defines
-from zeromethod.simulation.gpu_mirror import float_texture
 from zeromethod.simulation.gpu_rays import RayMap, Region
 from zeromethod.simulation.gpu_target import Pass, RenderTarget
-from zeromethod.simulation.panel import exponents, light_of_codes
 
-Lit = Sequence[tuple[moderngl.Texture, Single]]
+Lit = Sequence[tuple[moderngl.Texture, Float]]
 """Pictures (8-bit red, LCD size) and the share (lcd rows,) that each row gives of their light."""
 
 
@@ -28,15 +27,18 @@ class PanelLight:
         size = rig.display.columns, rig.display.rows
         self._sum = RenderTarget(context, size, 1)
         self._five = RenderTarget(context, size, 4, "u4")
-        regions = rig.display.response_exponent is not None
+        response = Response.from_rig(rig.display)
+        regions = response.exponent is not None
         shader = program(context, "bench_screen.vert", "bench_panel.frag", REGIONS=int(regions))
         self._pass = Pass(context, shader)
         self._packing = Pass(context, program(context, "bench_screen.vert", "bench_five.frag"))
-        self._fixed = {"response": float_texture(context, light_of_codes(rig.display)[None])}
+        self._fixed = {"response": float_texture(context, response.light(np.arange(256))[None])}
         if regions:
-            self._fixed["exponents"] = float_texture(context, exponents(rig.display))
+            self._fixed["exponents"] = float_texture(
+                context, response.exponents((rig.display.rows, rig.display.columns))
+            )
         self._shares = float_texture(context, np.zeros((rig.display.rows, 1)))
-        self._shown: list[tuple[int, Single]] = []
+        self._shown: list[tuple[int, Float]] = []
         self._region = Region(0, 0, 0, 0)
 
     def draw(self, names: Sequence[int], lit: Lit, region: Region) -> moderngl.Texture:

@@ -6,15 +6,15 @@ from math import erf
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import splu
 
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
+from zeromethod.gl import float_texture
+from zeromethod.optics.mirror import rest_heights
 from zeromethod.rig.model import RestSurface
 from zeromethod.simulation.gpu_bench import Values
-from zeromethod.simulation.gpu_target import unfiltered
 from zeromethod.simulation.press import Dent, Mirror, Shape
 
 _FIELD = {
@@ -92,13 +92,6 @@ def map_texture(context: moderngl.Context, dents: tuple[Dent, ...]) -> moderngl.
     return float_texture(context, stacked)
 
 
-def float_texture(context: moderngl.Context, values: NDArray[np.floating]) -> moderngl.Texture:
-    """(rows, cols) as one float32 channel, row 0 at texel row 0, not filtered."""
-    rows, cols = values.shape
-    data = np.ascontiguousarray(values, dtype=np.float32)
-    return unfiltered(context.texture((cols, rows), 1, data.tobytes(), dtype="f4"))
-
-
 def rest_code(rest: RestSurface) -> int:
     """REST of bench_mirror.glsl."""
     return ("flat", "sphere", "map").index(rest.shape)
@@ -118,17 +111,9 @@ def rest_values(rest: RestSurface, middle_mm: Float) -> Values:
 
 def rest_texture(context: moderngl.Context, rest: RestSurface) -> moderngl.Texture | None:
     """B-spline coefficients of the rest surface's map; None where it has none. InputError if unreadable."""
-    if rest.shape != "map" or rest.file is None:
+    if rest.shape != "map":
         return None
-    try:
-        heights = np.load(rest.file).astype(np.float64)
-    except (OSError, ValueError) as error:
-        raise InputError(f"prism.rest.file: {rest.file}: {' '.join(str(error).split())}") from error
-    if heights.ndim != 2 or min(heights.shape) < 4:
-        raise InputError(
-            f"prism.rest.file: {rest.file}: shape {heights.shape}: at least 4 x 4 heights allowed"
-        )
-    return float_texture(context, _not_a_knot(_not_a_knot(heights).T).T)
+    return float_texture(context, _not_a_knot(_not_a_knot(rest_heights(rest)).T).T)
 
 
 def _not_a_knot(samples: Float) -> Float:

@@ -41,7 +41,7 @@ class Region(NamedTuple):
     bottom: int
 
     def joined(self, other: Region) -> Region:
-        """Smallest region that holds both."""
+        """Smallest region that contains both."""
         return Region(
             min(self.left, other.left),
             min(self.top, other.top),

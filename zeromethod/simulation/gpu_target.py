@@ -9,15 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from zeromethod.arrays import Float, Single
+from zeromethod.gl import set_uniforms, unfiltered
 
 Box = tuple[int, int, int, int]
-
-
-def unfiltered(texture: moderngl.Texture) -> moderngl.Texture:
-    """`texture`, set to give single texels, those of its border beyond it."""
-    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    texture.repeat_x = texture.repeat_y = False
-    return texture
+Uniforms = Mapping[str, ArrayLike]
 
 
 class RenderTarget:
@@ -95,25 +90,6 @@ class Pass:
         """Free the program."""
         self._triangle.release()
         self._program.release()
-
-
-Uniforms = Mapping[str, ArrayLike]
-
-
-def set_uniforms(program: moderngl.Program, values: Uniforms) -> None:
-    """Set those of `values` (name -> number, vector or array of vectors) that the program uses.
-
-    An array may be longer than the program's; integers go to int uniforms and sampler units, all else as
-    float32.
-    """
-    for name, value in values.items():
-        uniform = program.get(name, None)
-        if not isinstance(uniform, moderngl.Uniform):
-            continue
-        numbers = np.asarray(value)
-        kind = np.int32 if np.issubdtype(numbers.dtype, np.integer) else np.float32
-        wanted = uniform.dimension * uniform.array_length
-        uniform.write(np.ascontiguousarray(numbers.ravel()[:wanted], dtype=kind).tobytes())
 
 
 def constants(values: Uniforms) -> str:

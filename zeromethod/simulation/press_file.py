@@ -12,15 +12,31 @@ from pydantic import Field, ValidationError, model_validator
 from zeromethod.arrays import Float
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
-from zeromethod.rig.refusal import shown
+from zeromethod.rig.refusal import first_refusal, refused
 from zeromethod.rig.tables import NotNegative, Positive, Share, Table
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 
-_SIZES = ("sigma_mm", "radius_mm", "contact_radius_mm", "pitch_mm")
-
 MAP_LIMIT = 4096
 """Most samples of a height map on a side."""
+
+_NEEDED = {
+    Shape.GAUSSIAN: ("sigma_mm",),
+    Shape.BALL: ("radius_mm",),
+    Shape.CONE: ("contact_radius_mm",),
+    Shape.EDGE: ("sigma_mm", "length_mm"),
+    Shape.MAP: ("pitch_mm", "file"),
+}
+"""Keys of each shape that must be given, its size first."""
+_CONTACT = ("contact_mm", "angle_deg")
+_ALLOWED = {
+    Shape.GAUSSIAN: _CONTACT[:1],
+    Shape.BALL: ("touches",),
+    Shape.CONE: ("touches",),
+    Shape.EDGE: _CONTACT,
+    Shape.MAP: _CONTACT,
+}
+"""Keys of each shape that may be given."""
 
 
 class PointTable(Table):
@@ -32,66 +48,53 @@ class PointTable(Table):
     depth_mm: float
 
 
-class PathTable(Table):
-    """What every press has: a path and how much light is left where it touches."""
+class PressTable(Table):
+    """A press: its shape, the path it takes, and how much light is left where it touches.
 
+    gaussian: soft pad; `contact_mm` > 0 makes it couple light out inside that radius. ball: of `radius_mm`;
+    cone: or needle, in contact out to `contact_radius_mm`; `touches` makes either couple light out over its
+    contact area. edge: straight, along `angle_deg` (from x towards y); couples out within `contact_mm` of
+    its line. map: a .npy next to the press file, (rows along y, cols along x), times depth_mm.
+    """
+
+    shape: Literal["gaussian", "ball", "cone", "edge", "map"]
     path: Annotated[tuple[PointTable, ...], Field(min_length=1)]
     touch_reflectance: Share = 0.05
+    sigma_mm: Positive | None = None
+    radius_mm: Positive | None = None
+    contact_radius_mm: Positive | None = None
+    pitch_mm: Positive | None = None
+    length_mm: Positive | None = None
+    file: Path | None = None
+    angle_deg: float = 0.0
+    contact_mm: NotNegative = 0.0
+    touches: bool = False
 
     @model_validator(mode="after")
-    def _times_rise(self) -> PathTable:
+    def _consistent(self) -> PressTable:
         times = [point.time_s for point in self.path]
         if times != sorted(times):
-            raise ValueError("time_s must not fall along the path")
+            raise refused("path", times, "time_s must not fall along it")
+        needed = _NEEDED[Shape(self.shape)]
+        for key in needed:
+            if getattr(self, key) is None:
+                raise refused(key, None, f"needed for shape '{self.shape}'")
+        known = {"shape", "path", "touch_reflectance", *needed, *_ALLOWED[Shape(self.shape)]}
+        for key in type(self).model_fields:
+            if key in self.model_fields_set - known:
+                raise refused(key, getattr(self, key), f"not for shape '{self.shape}'")
         return self
 
-    def points(self) -> tuple[PathPoint, ...]:
-        """Return the path with times in ns."""
-        return tuple(PathPoint(round(p.time_s * 1e9), p.x_mm, p.y_mm, p.depth_mm) for p in self.path)
-
-
-class GaussianTable(PathTable):
-    """Soft pad; `contact_mm` > 0 makes it couple light out inside that radius."""
-
-    shape: Literal["gaussian"]
-    sigma_mm: Positive
-    contact_mm: NotNegative = 0.0
-
-
-class BallTable(PathTable):
-    """Ball of `radius_mm`; `touches`: couples light out over its contact area."""
-
-    shape: Literal["ball"]
-    radius_mm: Positive
-    touches: bool = False
-
-
-class ConeTable(PathTable):
-    """Cone or needle in contact out to `contact_radius_mm`; `touches`: couples light out there."""
-
-    shape: Literal["cone"]
-    contact_radius_mm: Positive
-    touches: bool = False
-
-
-class EdgeTable(PathTable):
-    """Straight edge along `angle_deg` (from x towards y); couples out within `contact_mm` of its line."""
-
-    shape: Literal["edge"]
-    sigma_mm: Positive
-    length_mm: Positive
-    angle_deg: float = 0.0
-    contact_mm: NotNegative = 0.0
-
-
-class MapTable(PathTable):
-    """Height map from a .npy next to the press file: (rows along y, cols along x), times depth_mm."""
-
-    shape: Literal["map"]
-    file: Path
-    pitch_mm: Positive
-    angle_deg: float = 0.0
-    contact_mm: NotNegative = 0.0
+    def press(self, where: str, folder: Path) -> PressPath:
+        """Dent on its path; `folder`: where a map's file lies, `where` begins the message that refuses it."""
+        samples = None if self.file is None else _load_map(f"{where}.file", folder / self.file)
+        shape = Shape(self.shape)
+        dent = Dent(
+            shape, 0.0, 0.0, 0.0, getattr(self, _NEEDED[shape][0]), self.length_mm or 0.0, self.angle_deg,
+            self.contact_mm, self.touch_reflectance, samples,
+        )  # fmt: skip
+        points = (PathPoint(round(p.time_s * 1e9), p.x_mm, p.y_mm, p.depth_mm) for p in self.path)
+        return PressPath(dent, tuple(points), self.touches)
 
 
 class Phase(Table):
@@ -104,18 +107,15 @@ class Phase(Table):
     @model_validator(mode="after")
     def _forwards(self) -> Phase:
         if self.to_s <= self.from_s:
-            raise ValueError("to_s must be greater than from_s")
+            raise refused("to_s", self.to_s, "above from_s")
         return self
-
-
-AnyPress = GaussianTable | BallTable | ConeTable | EdgeTable | MapTable
 
 
 class PressFile(Table):
     """A whole press file; `duration_s` defaults to the last time in it."""
 
     duration_s: Positive | None = None
-    press: tuple[Annotated[AnyPress, Field(discriminator="shape")], ...] = ()
+    press: tuple[PressTable, ...] = ()
     phase: tuple[Phase, ...] = ()
 
     def duration(self) -> float:
@@ -131,40 +131,11 @@ def _load_map(where: str, file: Path) -> Float:
         samples = np.load(file, allow_pickle=False)
     except (OSError, ValueError) as error:
         raise InputError(f"{where}: {file}: a .npy of numbers is needed ({error})") from error
-    allowed = f"a (rows, cols) array of 2 to {MAP_LIMIT} finite numbers on a side"
-    if samples.ndim != 2 or samples.dtype.kind not in "iuf":
+    numbers = samples.ndim == 2 and samples.dtype.kind in "iuf" and np.isfinite(samples).all()
+    if not (numbers and 2 <= min(samples.shape) <= max(samples.shape) <= MAP_LIMIT):
+        allowed = f"a (rows, cols) array of 2 to {MAP_LIMIT} finite numbers on a side"
         raise InputError(f"{where}: {file}: shape {samples.shape}, {samples.dtype}: {allowed}")
-    if not 2 <= min(samples.shape) <= max(samples.shape) <= MAP_LIMIT or not np.isfinite(samples).all():
-        raise InputError(f"{where}: {file}: shape {samples.shape} or not finite: {allowed}")
     return np.asarray(samples, dtype=np.float64)
-
-
-def _path_of(where: str, folder: Path, table: AnyPress) -> PressPath:
-    given = table.model_dump()
-    samples = _load_map(f"{where}.file", folder / table.file) if isinstance(table, MapTable) else None
-    dent = Dent(
-        Shape(table.shape), 0.0, 0.0, 0.0,
-        size_mm=next(given[key] for key in _SIZES if key in given),
-        length_mm=given.get("length_mm", 0.0), angle_deg=given.get("angle_deg", 0.0),
-        contact_mm=given.get("contact_mm", 0.0), touch_reflectance=table.touch_reflectance, map=samples,
-    )  # fmt: skip
-    return PressPath(dent, table.points(), given.get("touches", False))
-
-
-def _complaint(error: ValidationError) -> str:
-    """`key: value: what is allowed` of the first thing that is wrong with a press file."""
-    first = error.errors(include_url=False)[0]
-    # The union's tag stands in the place as if it were a key.
-    key = ".".join(str(part) for part in first["loc"] if part not in set(Shape)) or "file"
-    if first["type"] == "missing":
-        return f"{key}: missing"
-    if first["type"].startswith("union_tag"):
-        return f"{key}.shape: {shown(first['input'].get('shape', 'missing'))}: one of {', '.join(Shape)}"
-    if first["type"] == "too_short":
-        return f"{key}: empty: at least one point"
-    message = first["msg"].removeprefix("Value error, ").removeprefix("Input ")
-    plain = isinstance(first["input"], str | int | float | bool)
-    return f"{key}: {shown(first['input'])}: {message}" if plain else f"{key}: {message}"
 
 
 def read_press_file(path: Path, asked: str) -> tuple[tuple[PressPath, ...], float, tuple[Phase, ...]]:
@@ -186,8 +157,8 @@ def read_press_file(path: Path, asked: str) -> tuple[tuple[PressPath, ...], floa
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not TOML: {error}") from error
     except ValidationError as error:
-        raise InputError(f"{path}: {_complaint(error)}") from error
+        raise InputError(f"{path}: {first_refusal(error, PressFile)}") from error
     presses = tuple(
-        _path_of(f"{path}: press.{index}", path.parent, table) for index, table in enumerate(file.press)
+        table.press(f"{path}: press[{index}]", path.parent) for index, table in enumerate(file.press)
     )
     return presses, file.duration(), file.phase

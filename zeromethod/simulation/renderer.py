@@ -6,11 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from zeromethod.arrays import Bytes, Single
+import numpy as np
+
+from zeromethod.arrays import Bytes, Float, Single
+from zeromethod.errors import InputError
+from zeromethod.rig.model import DisplaySpec
 from zeromethod.simulation.press import Mirror
 
 Handle = int
-"""Names a picture that the renderer holds."""
+"""Names a picture of the renderer."""
 
 
 @dataclass(slots=True)
@@ -54,3 +58,20 @@ class BenchRenderer(Protocol):
 
     def close(self) -> None:
         """Free everything; safe to call twice."""
+
+
+def by_mirror(pieces: Sequence[Piece]) -> dict[Mirror, dict[Handle, Float]]:
+    """Mirror -> picture -> share (lcd rows,) of the light that each LCD row gives of it in all pieces."""
+    result: dict[Mirror, dict[Handle, Float]] = {}
+    for piece in pieces:
+        shares = result.setdefault(piece.mirror, {})
+        for handle, row_share in piece.pictures:
+            shares[handle] = shares.get(handle, 0.0) + piece.weight * row_share.astype(np.float64)
+    return result
+
+
+def check_picture(image: Bytes, display: DisplaySpec) -> None:
+    """Raise InputError unless these are grey codes (rows, cols) of the whole LCD."""
+    if image.shape != (display.rows, display.columns) or image.dtype != np.uint8:
+        allowed = f"({display.rows}, {display.columns}) uint8"
+        raise InputError(f"picture: {image.shape} {image.dtype}: allowed is {allowed}")

@@ -114,9 +114,9 @@ def _panel_line(view: SampledView) -> Float:
 
 def _bench(axis: Axes, view: SampledView, rays: list[RayPath]) -> None:
     prism = view.optics.prism
-    triangle = np.array([prism.pattern_face.edge, prism.captured_face.edge, prism.apex_mm])[:, [0, 2]]
+    triangle = np.array([prism.pattern_face.edge, prism.camera_face.edge, prism.apex_mm])[:, [0, 2]]
     axis.add_patch(Polygon(triangle, closed=True, facecolor=_RUBBER, edgecolor="black", linewidth=0.8))
-    stacks = ((prism.pattern_face, view.rig.pattern_layers), (prism.captured_face, view.rig.camera_layers))
+    stacks = ((prism.pattern_face, view.rig.pattern_layers), (prism.camera_face, view.rig.camera_layers))
     for face, layers in stacks:
         depth = 0.0
         for layer in layers:
@@ -185,7 +185,7 @@ def _label_whole(axis: Axes, view: SampledView, rays: list[RayPath]) -> None:
 def _label_near(axis: Axes, view: SampledView, figures: dict[str, Any]) -> None:
     prism, rig = view.optics.prism, view.rig
     panel = _panel_line(view)
-    corners = np.array([prism.pattern_face.edge, prism.captured_face.edge, prism.apex_mm])[:, [0, 2]]
+    corners = np.array([prism.pattern_face.edge, prism.camera_face.edge, prism.apex_mm])[:, [0, 2]]
     points = np.vstack([corners, panel])
     low, high = points.min(axis=0) - _MARGIN_MM, points.max(axis=0) + _MARGIN_MM
     axis.set_xlim(low[0], high[0])

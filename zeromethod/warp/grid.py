@@ -71,7 +71,20 @@ class NodeGrid:
         return self.padded(np.ones([n - 2 * PADDING for n in self.shape], np.bool_), False)
 
     def padded(self, inner: NDArray[T], fill: float | bool) -> NDArray[T]:
-        """Array (rows, cols, ...) of the measurable nodes' values `inner`, `fill` in the padding."""
+        """Values of the measurable nodes, put into the whole lattice.
+
+        Parameters
+        ----------
+        inner : array
+            Values of the nodes inside the padding.
+        fill : float or bool
+            What stands in the padding.
+
+        Returns
+        -------
+        (rows, cols, ...) array
+            Values of all nodes.
+        """
         full = np.full((*self.shape, *inner.shape[2:]), fill, dtype=inner.dtype)
         full[self.inner] = inner
         return full

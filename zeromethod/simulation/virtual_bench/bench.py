@@ -4,44 +4,36 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from zeromethod.arrays import Image
 from zeromethod.clock import HostClock
 from zeromethod.rig.model import Rig
+from zeromethod.simulation.gpu import GpuRenderer
+from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Mirror
-from zeromethod.simulation.renderer import Piece
+from zeromethod.simulation.renderer import BenchRenderer, Piece
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.simulation.sensor import Sensor
 from zeromethod.simulation.virtual_bench.exposure import Exposer, Exposure, Grabber
-from zeromethod.simulation.virtual_bench.renderer import bending_renderer
 from zeromethod.simulation.virtual_bench.stream import POLL_S, FrameServer
-from zeromethod.simulation.virtual_bench.truth import TruthFile
-
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """A time of the scenario: seconds from its start (None: not begun), its phase, the mirror."""
-
-    scenario_s: float | None
-    phase: str | None
-    mirror: Mirror
+from zeromethod.simulation.virtual_bench.truth import Moment, TruthFile
 
 
 class Performance:
-    """A scenario played in the host's time, `loops` times; at rest before and after."""
+    """A scenario played in the host's time, `loops` times, `wait_s` after `start`; else at rest."""
 
-    def __init__(self, scenario: Scenario, loops: float = 1) -> None:
+    def __init__(self, scenario: Scenario, loops: float = 1, wait_s: float = 0.0) -> None:
+        self.wait_s = wait_s
         self._scenario = scenario
         self._length_ns = round(1e9 * scenario.duration_s)
         self._loops = loops
         self._start_ns: int | None = None
 
     def start(self, time_ns: int) -> None:
-        """Begin at `time_ns`."""
-        self._start_ns = time_ns
+        """Begin `wait_s` after `time_ns`."""
+        self._start_ns = time_ns + round(1e9 * self.wait_s)
 
     @property
     def begun(self) -> bool:
@@ -67,8 +59,12 @@ class Bender:
     """Camera images of exposures: optics, with the mirror of mid-exposure, then the sensor's noise."""
 
     def __init__(self, rig: Rig) -> None:
-        """Lay out the rays and compile. Raises InputError where the rig's rest surface cannot be used."""
-        self._renderer = bending_renderer(rig)
+        """Lay out the rays and compile, for this thread alone.
+
+        Raises InputError where the rig's rest surface cannot be used, or without OpenGL where it is needed.
+        """
+        numpy = rig.simulation.renderer == "numpy"
+        self._renderer: BenchRenderer = NumpyRenderer(rig) if numpy else GpuRenderer(rig)
         self._sensor = Sensor(rig)
         self._rows = np.ones(rig.display.rows, np.float32)
         dark = np.zeros((rig.display.rows, rig.display.columns), np.uint8)
@@ -93,33 +89,28 @@ class Bender:
 class VirtualBench:
     """Serves a monitor, bent by the rig's simulated optics, as a camera, and writes the truth.
 
-    Frames are exposed at `rate_hz` with or without a client, are bent only while a client is there, and are
-    sent `simulation.camera_latency_s` after their exposure, or as soon as they are ready; where bending takes
-    longer than a frame, only the newest exposure is bent. The scenario starts `start_after_s` after the
-    first client has connected. Exposures are global and instantaneous in the mirror, and know the monitor at
+    Frames are exposed at the camera's rate with or without a client, are bent only while a client is there,
+    and are sent `simulation.camera_latency_s` after their exposure, or as soon as they are ready; where
+    bending takes longer than a frame, only the newest exposure is bent. The performance starts when the first
+    client has connected. Exposures are global and instantaneous in the mirror, and know the monitor at
     `exposure.GRABS` instants; the monitor's own rise is left out.
     """
 
     def __init__(
         self,
         rig: Rig,
-        scenario: Scenario,
+        performance: Performance,
         bender: Bender,
         server: FrameServer,
         opened: Callable[[], Grabber],
-        rate_hz: float,
         truth: TruthFile | None = None,
-        loops: float = 1,
-        start_after_s: float = 0.0,
     ) -> None:
         self._camera = rig.camera
         self._bender = bender
         self._server = server
         self._opened = opened
-        self._rate_hz = rate_hz
         self._truth = truth
-        self._performance = Performance(scenario, loops)
-        self._start_after_ns = round(1e9 * start_after_s)
+        self._performance = performance
         self._clock = HostClock()
         self._latency_ns = round(1e9 * rig.simulation.camera_latency_s)
         self.frames = 0
@@ -131,7 +122,7 @@ class VirtualBench:
         say: called with what happens, in words. Raises MeasurementError when the monitor cannot be grabbed
         any more.
         """
-        exposer = Exposer(self._camera, self._rate_hz, self._opened)
+        exposer = Exposer(self._camera, self._opened)
         try:
             was_connected = False
             while not stop.is_set():
@@ -154,8 +145,8 @@ class VirtualBench:
         elif self._performance.begun:
             say("a new client has connected")
         else:
-            self._performance.start(self._clock.now_ns() + self._start_after_ns)
-            after_s = 1e-9 * self._start_after_ns
+            self._performance.start(self._clock.now_ns())
+            after_s = self._performance.wait_s
             say("a client has connected: the scenario starts" + (f" in {after_s:g} s" if after_s else ""))
 
     def _serve(self, exposure: Exposure) -> None:
@@ -165,8 +156,6 @@ class VirtualBench:
         self.late += self._clock.now_ns() > due_ns
         self._clock.sleep_until_ns(due_ns)
         if self._truth is not None:
-            self._truth.frame(
-                exposure.number, exposure.time_ns, moment.scenario_s, moment.phase, moment.mirror
-            )
+            self._truth.frame(exposure.number, exposure.time_ns, moment)
         self._server.put(image)
         self.frames += 1

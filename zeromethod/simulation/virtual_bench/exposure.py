@@ -45,11 +45,11 @@ class Exposure:
 class Exposer:
     """Exposes at the camera's own rate in a thread of its own; keeps the newest exposure."""
 
-    def __init__(self, camera: CameraSpec, rate_hz: float, opened: Callable[[], Grabber]) -> None:
+    def __init__(self, camera: CameraSpec, opened: Callable[[], Grabber]) -> None:
         """Begin at once. opened: makes the grabber, in the thread that uses it."""
         self._opened = opened
         self._clock = HostClock()
-        self._period_ns = 1e9 / rate_hz
+        self._period_ns = 1e9 / camera.rate_hz
         self._exposure_ns = round(1e9 * camera.exposure_s)
         self._start_ns = self._clock.now_ns()
         self._worker: Worker[None, Exposure] = Worker("exposer", self._grabber, kept=1, idle=(0.0, None))

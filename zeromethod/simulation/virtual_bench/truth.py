@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,29 +19,37 @@ CLOCK = "monotonic"
 """The host's CLOCK_MONOTONIC in ns, `time.monotonic_ns()`: the same in all processes of one machine."""
 
 
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A time of the scenario: seconds from its start (None: not begun), its phase, the mirror."""
+
+    scenario_s: float | None
+    phase: str | None
+    mirror: Mirror
+
+
 class Deepest(NamedTuple):
     """The deepest point of the rubber (or, under negative dents only, the highest): mm."""
 
     depth_mm: float
-    x_mm: float
-    y_mm: float
+    x_mm: float | None
+    y_mm: float | None
 
 
-def deepest(mirror: Mirror) -> Deepest | None:
-    """Largest |depth| of the whole mirror, to 1e-6 of itself and 1 µm; None at rest."""
-    best: Deepest | None = None
+def deepest(mirror: Mirror) -> Deepest:
+    """Largest |depth| of the whole mirror, to 1e-6 of itself and 1 µm; nowhere at rest."""
+    best = Deepest(0.0, None, None)
     for dent in mirror.dents:
-        found = Deepest(0.0, dent.x_mm, dent.y_mm)
-        half_mm = _reach_mm(dent)
+        depth_mm, x_mm, y_mm, half_mm = 0.0, dent.x_mm, dent.y_mm, _reach_mm(dent)
         while half_mm > 1e-4:
             step = np.linspace(-half_mm, half_mm, 41)
-            x, y = np.meshgrid(found.x_mm + step, found.y_mm + step)
+            x, y = np.meshgrid(x_mm + step, y_mm + step)
             depth = mirror.depth(x, y)
             at = np.unravel_index(np.argmax(np.abs(depth)), depth.shape)
-            found = Deepest(float(depth[at]), float(x[at]), float(y[at]))
+            depth_mm, x_mm, y_mm = float(depth[at]), float(x[at]), float(y[at])
             half_mm /= 10
-        if best is None or abs(found.depth_mm) > abs(best.depth_mm):
-            best = found
+        if best.x_mm is None or abs(depth_mm) > abs(best.depth_mm):
+            best = Deepest(depth_mm, x_mm, y_mm)
     return best
 
 
@@ -57,7 +66,7 @@ class TruthFile:
     def __init__(self, path: Path, rig: Rig, press: str) -> None:
         """Begin a new file; raises OSError where it cannot be written."""
         self._file = path.open("w", encoding="utf-8")
-        self._known: tuple[Mirror, Deepest | None] = Mirror(), None
+        self._known = Mirror(), deepest(Mirror())
         header = {
             "format": FORMAT,
             "rig": rig.name,
@@ -68,29 +77,16 @@ class TruthFile:
         }
         self._write(header)
 
-    def frame(
-        self, number: int, time_ns: int, scenario_s: float | None, phase: str | None, mirror: Mirror
-    ) -> None:
-        """Write the mirror of frame `number` at its mid-exposure `time_ns`; scenario_s None: not begun."""
-        if mirror != self._known[0]:
-            self._known = mirror, deepest(mirror)
+    def frame(self, number: int, time_ns: int, moment: Moment) -> None:
+        """Write the mirror of frame `number`, that of its mid-exposure `time_ns`."""
+        if moment.mirror != self._known[0]:
+            self._known = moment.mirror, deepest(moment.mirror)
         peak = self._known[1]
-        dents = [
-            {"shape": str(d.shape), "x_mm": d.x_mm, "y_mm": d.y_mm, "depth_mm": d.depth_mm}
-            for d in mirror.dents
-        ]
-        self._write(
-            {
-                "number": number,
-                "time_ns": time_ns,
-                "scenario_s": scenario_s,
-                "phase": phase,
-                "presses": dents,
-                "peak_depth_mm": peak.depth_mm if peak else 0.0,
-                "peak_x_mm": peak.x_mm if peak else None,
-                "peak_y_mm": peak.y_mm if peak else None,
-            }
-        )
+        keys = ("shape", "x_mm", "y_mm", "depth_mm")
+        times = {"number": number, "time_ns": time_ns, "scenario_s": moment.scenario_s, "phase": moment.phase}
+        presses = [{key: getattr(dent, key) for key in keys} for dent in moment.mirror.dents]
+        place = {f"peak_{key}": value for key, value in peak._asdict().items()}
+        self._write(times | {"presses": presses} | place)
 
     def close(self) -> None:
         """Close the file."""
