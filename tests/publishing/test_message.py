@@ -6,7 +6,7 @@ from zeromethod.publishing import ContactEvent
 from zeromethod.publishing.message import encode
 from zeromethod.surface import Peak
 
-from .readings import decoded, dent, turn
+from .readings import a_step, decoded, dent
 
 
 def message(step, contacts=()):
@@ -15,7 +15,7 @@ def message(step, contacts=()):
 
 def test_the_maps_come_back_with_their_values_and_holes() -> None:
     surface, deepest = dent(0.2, time_ns=2**60 + 1)
-    _, maps = message(turn(7, (surface, deepest)))
+    _, maps = message(a_step(7, (surface, deepest)))
     for name in ("depth_mm", "sigma_depth_mm", "slope", "x_mm", "y_mm"):
         assert maps[name].dtype == np.dtype("<f4")
         # Half a unit in the last place of a 32-bit float; NaN where nothing was read.
@@ -25,7 +25,7 @@ def test_the_maps_come_back_with_their_values_and_holes() -> None:
 
 
 def test_the_header_tells_time_state_peak_and_where_it_is() -> None:
-    step = turn(
+    step = a_step(
         7, dent(0.2), time_ns=2**60 + 1, frame_number=11, dropped=2, residual_rms_px=0.013, valid_share=0.9
     )
     header, _ = message(step)
@@ -45,7 +45,7 @@ def test_the_header_tells_time_state_peak_and_where_it_is() -> None:
 
 
 def test_a_turn_without_a_reading_tells_its_state_and_has_no_maps() -> None:
-    header, maps = message(turn(3, state=State.FAULT))
+    header, maps = message(a_step(3, state=State.FAULT))
     assert header["state"] == "fault"
     assert header["peak"] is None
     assert header["frame"] is None
@@ -57,7 +57,7 @@ def test_what_is_not_known_is_null() -> None:
     surface, _ = dent()
     nan = float("nan")
     dark = ContactEvent(4, "began", 17, 1.0, 2.0, nan)
-    header, _ = message(turn(1, (surface, Peak(nan, nan, nan, nan))), [dark])
+    header, _ = message(a_step(1, (surface, Peak(nan, nan, nan, nan))), [dark])
     assert set(header["peak"].values()) == {None}
     (told,) = header["contacts"]
     assert told == {
