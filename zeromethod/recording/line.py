@@ -75,7 +75,7 @@ class Ring:
 
 
 class Line:
-    """A process of its own that writes into a file, seen from the run's process."""
+    """A process of its own that writes into a file, as the run's process has it."""
 
     def __init__(self, path: Path, parts: Mapping[str, Part], largest: int) -> None:
         """Start it. parts: the file's datasets. largest: bytes of a message.
