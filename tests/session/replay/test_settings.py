@@ -42,8 +42,8 @@ def test_later_settings_win_and_none_leaves_the_rig_as_it_is() -> None:
         ("control.gian=1", "did you mean gain"),
         ("control.gain=2", "at most 1"),
         ("control.gain=much", "a number"),
-        ("pattern_layers[9].index=1.5", "no such key"),
-        ("name.first=1", "no such key"),
+        ("pattern_layers[9].index=1.5", "a dotted key of a rig file"),
+        ("name.first=1", "a dotted key of a rig file"),
     ],
 )
 def test_what_is_no_setting_is_refused_in_one_line(setting: str, word: str) -> None:
