@@ -37,9 +37,9 @@ def recorded(
     on_step: Callable[[Loop, Step], None] | None = None,
     on_reading: Callable[[Step, Surface, Peak], None] | None = None,
 ) -> Path:
-    """Record a simulated run in `path`; every measured turn is read. Returns `path`.
+    """Record a simulated run in `path`; every measured step is read. Returns `path`.
 
-    rig: `small_rig()` without. on_step: called after every turn, on_reading: after every reading.
+    rig: `small_rig()` without. on_step: called after every step, on_reading: after every reading.
     """
     rig = rig or small_rig()
     optics = Optics(rig)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +55,7 @@ HOLE = (slice(8, 11), slice(30, 34))
 
 
 def plant(path: Path, keep: tuple[str, ...] = ("frames", "residual", "warps", "surface")) -> Planted:
-    """Turn 1 without a frame, steps 2 to 9 a growing dent; between steps 6 and 7 three frames are missing."""
+    """Step 1 without a frame, steps 2 to 9 a growing dent; between steps 6 and 7 three frames are missing."""
     rig = small_rig()
     optics = Optics(rig)
     rest = Rest.of(rig, optics)
@@ -74,16 +76,10 @@ def plant(path: Path, keep: tuple[str, ...] = ("frames", "residual", "warps", "s
     with Recorder(path, rig, rest, keep=keep) as recorder:
         for number, tick in zip(planted.steps.tolist(), ticks, strict=True):
             time_ns = FIRST_NS + int(tick) * STEP_NS
-            commanded = Warp.drawn(rest.q, Role.COMMANDED, time_ns)
             filtered = Warp(rest.q, np.ones_like(rest.q), rest.flags, time_ns)
-            step = Step(
-                number=number,
-                time_ns=time_ns,
-                time_s=0.0,
-                state=State.STARTING,
-                commanded=commanded,
-                filtered=filtered,
-            )
+            commanded = Warp.drawn(rest.q, Role.COMMANDED, time_ns)
+            about = {"number": number, "time_ns": time_ns, "time_s": 0.0, "state": State.STARTING}
+            step = Step(**about, commanded=commanded, filtered=filtered)
             if number == 1:
                 recorder.add_step(step)
                 continue
@@ -133,15 +129,6 @@ def recording(planted: Planted):
 
 
 @pytest.fixture(scope="session")
-def without_frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return plant(tmp_path_factory.mktemp("no-frames") / "session.h5", ("surface",)).path
-
-
-@pytest.fixture(scope="session")
-def tables_alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return plant(tmp_path_factory.mktemp("tables") / "session.h5", ()).path
-
-
-@pytest.fixture(scope="session")
-def without_surface(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return plant(tmp_path_factory.mktemp("no-surface") / "session.h5", ("frames", "residual", "warps")).path
+def with_only(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Make a recording of the planted surfaces that kept these alone."""
+    return cache(lambda *keep: plant(tmp_path_factory.mktemp("part") / "session.h5", keep).path)

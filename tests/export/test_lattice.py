@@ -36,7 +36,7 @@ def test_a_dent_comes_out_where_it_is_and_as_deep(turned: int) -> None:
     assert inside.mean() > 0.7
 
 
-def test_nothing_is_told_beyond_the_nodes_or_beside_an_invalid_one() -> None:
+def test_nothing_is_given_beyond_the_nodes_or_next_to_an_invalid_one() -> None:
     x, y = view()
     known = np.ones(x.shape, bool)
     known[10, 20] = False

@@ -40,7 +40,7 @@ def test_the_deepest_time_is_a_mesh_in_mm(form: str, recording, tmp_path: Path) 
 def test_vertices_carry_depth_and_sigma_and_the_header_the_unit(planted, recording, tmp_path: Path) -> None:
     path = tmp_path / "a.ply"
     figures = prepare(recording, path, selection=Selection(at_s=0.041)).write()
-    # Turn 3, at 0.04 s, is the nearest.
+    # Step 3, at 0.04 s, is the nearest.
     assert figures["time_s"] == pytest.approx(0.04)
     header = path.read_bytes().split(b"end_header")[0].decode()
     assert header.startswith("ply\nformat binary_little_endian 1.0\ncomment zeromethod: mm;")

@@ -32,15 +32,15 @@ def test_maps_places_and_times_are_those_recorded(planted, recording, tmp_path: 
         assert data["slope"].shape == (8, rows, cols, 2)
 
 
-def test_every_array_tells_its_unit(recording, tmp_path: Path) -> None:
+def test_every_array_states_its_unit(recording, tmp_path: Path) -> None:
     prepare(recording, tmp_path / "a.npz").write()
     with np.load(tmp_path / "a.npz", allow_pickle=False) as data:
         about = json.loads(str(data["about"]))
         assert set(about["arrays"]) == set(data.files)
-        for name, told in about["arrays"].items():
+        for name, said in about["arrays"].items():
             for suffix in ("mm", "px", "ns", "s"):
                 if name.endswith(f"_{suffix}"):
-                    assert told["unit"] == suffix
+                    assert said["unit"] == suffix
                     break
     assert about["arrays"]["slope"]["unit"] == "rad"
     assert "name" in about["rig"]

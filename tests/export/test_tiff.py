@@ -15,7 +15,7 @@ WIDTH_MM = 6.0
 OME = {"ome": "http://www.openmicroscopy.org/Schemas/OME/2016-06"}
 
 
-def test_pages_are_maps_in_mm_on_the_lattice_told(planted, recording, tmp_path: Path) -> None:
+def test_pages_are_maps_in_mm_on_the_lattice_given(planted, recording, tmp_path: Path) -> None:
     figures = prepare(recording, tmp_path / "a.tif", pitch_mm=0.5).write()
     with tifffile.TiffFile(tmp_path / "a.tif") as file:
         assert file.series[0].axes == "TCYX"

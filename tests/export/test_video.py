@@ -33,7 +33,7 @@ def video(planted, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict
 
 def test_the_video_keeps_the_recordings_pace(video: tuple[Path, dict]) -> None:
     path, figures = video
-    # Turns 2 to 9 are 0.02 to 0.22 s: 11 frames of 20 ms, the 3 that are missing shown as the one before.
+    # Steps 2 to 9 are 0.02 to 0.22 s: 11 frames of 20 ms, the 3 that are missing shown as the one before.
     assert (figures["frames"], figures["rate_hz"]) == (11, pytest.approx(50.0))
     with av.open(str(path)) as file:
         stream = file.streams.video[0]
@@ -51,13 +51,13 @@ def test_the_video_keeps_the_recordings_pace(video: tuple[Path, dict]) -> None:
 @pytest.mark.skipif(shutil.which("ffprobe") is None, reason="ffprobe (package ffmpeg) is not installed")
 def test_ffprobe_reads_it(video: tuple[Path, dict]) -> None:
     path, figures = video
-    told = subprocess.run(
+    probe = subprocess.run(
         ["ffprobe", "-v", "error", "-count_frames", "-show_streams", "-of", "json", path],
         capture_output=True,
         check=True,
     )
-    assert told.stderr == b""
-    (stream,) = json.loads(told.stdout)["streams"]
+    assert probe.stderr == b""
+    (stream,) = json.loads(probe.stdout)["streams"]
     assert (stream["codec_type"], stream["pix_fmt"], stream["r_frame_rate"]) == ("video", "yuv420p", "50/1")
     assert int(stream["nb_read_frames"]) == figures["frames"]
     assert float(stream["duration"]) == pytest.approx(figures["length_s"], abs=1e-3)
@@ -83,8 +83,8 @@ def test_panels_show_the_frame_the_residual_and_the_dent_in_its_place(planted, r
     # Red where the rubber is pressed in, by far most of all at the dent's middle, white far from it.
     red = shown[depth][..., 0].astype(int) - shown[depth][..., 2]
     rows, cols = red.shape
-    seen = red > 0.9 * red.max()
-    j, i = (float(axis.mean()) for axis in np.nonzero(seen))
+    red_there = red > 0.9 * red.max()
+    j, i = (float(axis.mean()) for axis in np.nonzero(red_there))
     x = lattice.x0_mm + lattice.pitch_mm * ((i + 0.5) / cols * lattice.shape[1] - 0.5)
     # x grows to the right, y upwards
     y = lattice.y0_mm + lattice.pitch_mm * ((1.0 - (j + 0.5) / rows) * lattice.shape[0] - 0.5)

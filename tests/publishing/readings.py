@@ -48,7 +48,7 @@ def dent(
     return surface, peak(surface)
 
 
-def turn(
+def a_step(
     number: int,
     reading: tuple[Surface, Peak] | None = None,
     *,

@@ -76,7 +76,7 @@ def test_what_was_dark_from_the_start_is_no_touch() -> None:
     assert not watched([0.0] * 10, dark=np.s_[2:10, 2:10])
 
 
-def test_a_touch_seen_by_light_alone_tells_its_depth_once_it_has_one() -> None:
+def test_a_touch_found_by_light_alone_gets_its_depth_once_it_has_one() -> None:
     watch = ContactWatch()
     assert not watched([0.0], watch)
     dark = np.s_[4:8, 4:8]

@@ -13,7 +13,7 @@ import pytest
 from zeromethod.clock import HostClock
 from zeromethod.publishing import Publisher
 
-from .readings import decoded, dent, turn
+from .readings import a_step, decoded, dent
 
 pytest.importorskip("zmq")
 
@@ -46,7 +46,7 @@ def test_the_documented_reader_has_ten_lines_and_reads_state_peak_and_maps() -> 
             number = 0
             while not done.wait(0.01):
                 number += 1
-                publisher.publish(turn(number, (surface, deepest)))
+                publisher.publish(a_step(number, (surface, deepest)))
 
         thread = threading.Thread(target=publish)
         thread.start()
@@ -71,7 +71,7 @@ def test_every_key_and_map_is_documented_and_no_other() -> None:
     from zeromethod.publishing.message import encode
 
     contact = ContactEvent(1, "began", 0, 0.0, 0.0, 0.0)
-    message = encode(turn(1, dent()), session="", unix_time_ns=0, touching=False, contacts=[contact])
+    message = encode(a_step(1, dent()), session="", unix_time_ns=0, touching=False, contacts=[contact])
     header, maps = decoded(message)
     rows = re.findall(r"^\| (`.*?) \|", DOCUMENT.read_text(), flags=re.MULTILINE)
     documented = [name for row in rows for name in re.findall(r"`(\w+)`", row)]

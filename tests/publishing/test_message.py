@@ -6,7 +6,7 @@ from zeromethod.publishing import ContactEvent
 from zeromethod.publishing.message import encode
 from zeromethod.surface import Peak
 
-from .readings import decoded, dent, turn
+from .readings import a_step, decoded, dent
 
 
 def message(step, contacts=()):
@@ -15,7 +15,7 @@ def message(step, contacts=()):
 
 def test_the_maps_come_back_with_their_values_and_holes() -> None:
     surface, deepest = dent(0.2, time_ns=2**60 + 1)
-    _, maps = message(turn(7, (surface, deepest)))
+    _, maps = message(a_step(7, (surface, deepest)))
     for name in ("depth_mm", "sigma_depth_mm", "slope", "x_mm", "y_mm"):
         assert maps[name].dtype == np.dtype("<f4")
         # Half a unit in the last place of a 32-bit float; NaN where nothing was read.
@@ -24,13 +24,13 @@ def test_the_maps_come_back_with_their_values_and_holes() -> None:
     np.testing.assert_array_equal(maps["contact"], surface.contact)
 
 
-def test_the_header_tells_time_state_peak_and_where_it_is() -> None:
-    step = turn(
+def test_the_header_has_time_state_peak_and_where_it_is() -> None:
+    step = a_step(
         7, dent(0.2), time_ns=2**60 + 1, frame_number=11, dropped=2, residual_rms_px=0.013, valid_share=0.9
     )
     header, _ = message(step)
-    told = {name: header[name] for name in ("schema_version", "session", "step", "frame", "time_ns")}
-    assert told == {"schema_version": 2, "session": "s", "step": 7, "frame": 11, "time_ns": 2**60 + 1}
+    found = {name: header[name] for name in ("schema_version", "session", "step", "frame", "time_ns")}
+    assert found == {"schema_version": 2, "session": "s", "step": 7, "frame": 11, "time_ns": 2**60 + 1}
     assert header["unix_time_ns"] == 1234
     assert (header["state"], header["reason"]) == ("locked", "as planted")
     assert (header["events"], header["dropped"]) == (["frames dropped"], 2)
@@ -44,8 +44,8 @@ def test_the_header_tells_time_state_peak_and_where_it_is() -> None:
     assert header["pose"]["matrix"] == [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 
 
-def test_a_turn_without_a_reading_tells_its_state_and_has_no_maps() -> None:
-    header, maps = message(turn(3, state=State.FAULT))
+def test_a_step_without_a_reading_has_its_state_and_has_no_maps() -> None:
+    header, maps = message(a_step(3, state=State.FAULT))
     assert header["state"] == "fault"
     assert header["peak"] is None
     assert header["frame"] is None
@@ -57,14 +57,7 @@ def test_what_is_not_known_is_null() -> None:
     surface, _ = dent()
     nan = float("nan")
     dark = ContactEvent(4, "began", 17, 1.0, 2.0, nan)
-    header, _ = message(turn(1, (surface, Peak(nan, nan, nan, nan))), [dark])
+    header, _ = message(a_step(1, (surface, Peak(nan, nan, nan, nan))), [dark])
     assert set(header["peak"].values()) == {None}
-    (told,) = header["contacts"]
-    assert told == {
-        "number": 4,
-        "kind": "began",
-        "time_ns": 17,
-        "x_mm": 1.0,
-        "y_mm": 2.0,
-        "depth_mm": None,
-    }
+    place = {"x_mm": 1.0, "y_mm": 2.0, "depth_mm": None}
+    assert header["contacts"] == [{"number": 4, "kind": "began", "time_ns": 17} | place]

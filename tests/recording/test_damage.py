@@ -1,4 +1,4 @@
-"""A recording that a disk or a copy has damaged: told, soon, and never taken for what was measured."""
+"""Recordings that a disk or a copy has damaged: reported soon, and never taken for measurements."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from planted_turns import read, recorder, turn, wait_for
+from planted_steps import a_step, read, recorder, wait_for
 
 from zeromethod.errors import InputError
 from zeromethod.recording import DamagedWarning
 from zeromethod.recording.damage import KINDS, damaged_words
 from zeromethod.recording.recording import Recording
 
-TURNS = 8
+STEPS = 8
 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The same turns: ended in order, and as a killed writer leaves them."""
+    """The same steps: ended in order, and as a killed writer leaves them."""
     folder = tmp_path_factory.mktemp("damage")
     ended, cut = folder / "ended.h5", folder / "cut.h5"
     with recorder(ended) as recording:
-        for number in range(1, TURNS + 1):
-            recording.add_step(turn(number))
-            recording.add_reading(read(turn(number)))
+        for number in range(1, STEPS + 1):
+            recording.add_step(a_step(number))
+            recording.add_reading(read(a_step(number)))
         with Recording(ended) as along:
 
             def all_there() -> bool:
                 along.refresh()
-                return len(along.steps_with("surface")) == TURNS
+                return len(along.steps_with("surface")) == STEPS
 
             wait_for(all_there)
         shutil.copy(ended, cut)
@@ -78,16 +78,18 @@ def test_where_the_order_of_the_file_is_damaged_it_is_refused_and_not_waited_for
     paths = [damaged(files[how], tmp_path / f"at-{start}.h5", start, 100) for start in starts]
     # a process of its own: what hangs in the HDF5 library cannot be interrupted
     command = [sys.executable, "-c", OPEN, *map(str, paths)]
-    told = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout.splitlines()
-    assert [line.partition(": ")[0] for line in told] == [str(path) for path in paths]
-    assert all("cannot be read" in line for line in told)
+    reported = subprocess.run(
+        command, capture_output=True, text=True, timeout=60, check=True
+    ).stdout.splitlines()
+    assert [line.partition(": ")[0] for line in reported] == [str(path) for path in paths]
+    assert all("cannot be read" in line for line in reported)
 
 
 def test_a_file_that_a_killed_writer_left_reads_as_the_same(files: dict[str, Path]) -> None:
     with Recording(files["cut"]) as cut, Recording(files["ended"]) as ended:
         assert (cut.complete, ended.complete) == (False, True)
-        assert len(cut.steps) == TURNS
-        for number in range(1, TURNS + 1):
+        assert len(cut.steps) == STEPS
+        for number in range(1, STEPS + 1):
             np.testing.assert_array_equal(cut.image(number), ended.image(number))
 
 
@@ -103,7 +105,7 @@ def test_what_cannot_be_read_is_named(how: str, name: str, files: dict[str, Path
 
 
 @pytest.mark.parametrize("how", ["ended", "cut"])
-def test_a_damaged_array_is_left_out_and_its_dataset_told_once(
+def test_a_damaged_array_is_left_out_and_its_dataset_reported_once(
     how: str, files: dict[str, Path], tmp_path: Path
 ) -> None:
     path = files[how]
@@ -122,7 +124,7 @@ def test_a_damaged_array_is_left_out_and_its_dataset_told_once(
             warp = found.measured(5)
         # from now on in silence
         assert image is warp is found.frame(4) is found.measured(5) is None
-        np.testing.assert_array_equal(found.image(5), turn(5).image)
+        np.testing.assert_array_equal(found.image(5), a_step(5).image)
         assert found.measured(4) is not None
 
 
@@ -142,15 +144,15 @@ def test_all_that_is_damaged_is_counted_in_silence(how: str, files: dict[str, Pa
     # and a number, and a row of a table
     damaged(path, path, place(path, "warps/shown/step") + 8, 1)
     damaged(path, path, place(path, "surface/table"), 1)
-    told: list[None] = []
+    calls: list[None] = []
     with Recording(path) as found, warnings.catch_warnings():
         warnings.simplefilter("error")
-        counted = found.damaged(lambda: told.append(None))
+        counted = found.damaged(lambda: calls.append(None))
         assert found.is_damaged("frames", 4)
         assert not found.is_damaged("frames", 5)
         assert not found.is_damaged("frames", 1000)
     assert counted == {"frames": 2, "warps/shown": 1, "surface": 2, "pictures": 1}
-    assert len(told) == len(KINDS)
+    assert len(calls) == len(KINDS)
     words = "damaged: 2 frames, 1 shown warp, 2 surfaces, 1 picture's warp left out"
     assert damaged_words(counted) == words
 
@@ -162,11 +164,10 @@ def test_nothing_is_counted_where_nothing_is_damaged(files: dict[str, Path]) -> 
     assert damaged_words({}) == ""
 
 
-def test_of_a_recording_that_goes_on_what_is_complete_is_checked(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
+def test_of_a_recording_that_goes_on_what_is_complete_is_checked(path: Path) -> None:
     with recorder(path) as recording, Recording(path) as along:
         for number in range(1, 30):
-            recording.add_step(turn(number))
+            recording.add_step(a_step(number))
             along.refresh()
             assert along.damaged() == {}
         wait_for(lambda: recording.waiting_bytes == 0)
@@ -179,21 +180,21 @@ def test_a_damaged_surface_has_no_valid_node(files: dict[str, Path], tmp_path: P
         with pytest.warns(DamagedWarning, match="surface/slope"):
             surface = found.surface(3)
         assert surface is not None
-        assert surface.time_ns == turn(3).time_ns
+        assert surface.time_ns == a_step(3).time_ns
         assert not surface.valid.any()
         assert np.isnan(surface.depth_mm).all()
         assert found.surface(4) is not None
 
 
-def test_arrays_are_never_given_for_another_turn(files: dict[str, Path], tmp_path: Path) -> None:
+def test_arrays_are_never_given_for_another_step(files: dict[str, Path], tmp_path: Path) -> None:
     path = files["ended"]
     path = damaged(path, tmp_path / "damaged.h5", place(path, "frames/step") + 8, 1)
     with Recording(path) as found:
         with pytest.warns(DamagedWarning, match="frames/step"):
             kept = found.steps_with("frames")
-        assert list(kept) == [1, *range(3, TURNS + 1)]
+        assert list(kept) == [1, *range(3, STEPS + 1)]
         assert found.image(2) is None
-        np.testing.assert_array_equal(found.image(3), turn(3).image)
+        np.testing.assert_array_equal(found.image(3), a_step(3).image)
 
 
 def test_a_rest_that_is_damaged_is_refused(files: dict[str, Path], tmp_path: Path) -> None:
@@ -216,8 +217,8 @@ def test_where_warnings_are_errors_every_damaged_array_is_one(files: dict[str, P
 ADD = """
 import sys, h5py
 with h5py.File(sys.argv[1], "r+", libver="latest", locking=False) as file:
-    turns = file["steps/table"]
-    turns.resize(len(turns) + 3, axis=0)
+    steps = file["steps/table"]
+    steps.resize(len(steps) + 3, axis=0)
 """
 
 
@@ -227,7 +228,7 @@ def test_what_is_written_after_a_file_was_opened_whole_is_seen(
     path = tmp_path / "more.h5"
     shutil.copy(files["ended"], path)
     with Recording(path) as found:
-        assert len(found.steps) == TURNS
+        assert len(found.steps) == STEPS
         subprocess.run([sys.executable, "-c", ADD, str(path)], timeout=60, check=True)
         found.refresh()
-        assert len(found.steps) == TURNS + 3
+        assert len(found.steps) == STEPS + 3

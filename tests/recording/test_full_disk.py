@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from planted_turns import FRAME_NS, read, recorder, sizes, turn, wait_for
+from planted_steps import FRAME_NS, a_step, read, recorder, sizes, wait_for
 
 from zeromethod.recording.growing import TABLES_BYTES, DiskFull, GrowingFile
 from zeromethod.recording.message import Item, Message, Topic, Write
@@ -25,13 +25,12 @@ def fill_disk(recording: Recorder, size: int) -> None:
     resource.prlimit(recording.writer_id, resource.RLIMIT_FSIZE, (size, size))
 
 
-def test_a_full_disk_ends_the_arrays_and_not_the_tables(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
+def test_a_full_disk_ends_the_arrays_and_not_the_tables(path: Path) -> None:
     room = 8
     with recorder(path) as recording:
-        fill_disk(recording, TABLES_BYTES + room * sizes().turn)
+        fill_disk(recording, TABLES_BYTES + room * sizes().step)
         for number in range(1, 41):
-            recording.add_step(turn(number))
+            recording.add_step(a_step(number))
         wait_for(lambda: recording.waiting_bytes == 0 and recording.unkept > 0)
         said = str(recording.status)
     first = 1e-9 * FRAME_NS * (40 - recording.unkept)
@@ -51,21 +50,20 @@ def test_a_full_disk_ends_the_arrays_and_not_the_tables(tmp_path: Path) -> None:
             (b"recorder", b"the disk is full")
         }
         for number in kept:
-            np.testing.assert_array_equal(found.image(number), turn(int(number)).image)
+            np.testing.assert_array_equal(found.image(number), a_step(int(number)).image)
     assert path.stat().st_size < TABLES_BYTES
 
 
 @pytest.mark.parametrize("left", [0.3, 0.6, 0.9])
 def test_what_is_small_enough_for_a_full_disk_does_not_make_it_one_that_was_full(
-    tmp_path: Path, left: float
+    path: Path, left: float
 ) -> None:
-    path = tmp_path / "run.h5"
     with recorder(path) as recording:
-        # the arrays of a reading are smaller than those of a turn
-        fill_disk(recording, TABLES_BYTES + int((4 + left) * sizes().turn))
+        # the arrays of a reading are smaller than those of a step
+        fill_disk(recording, TABLES_BYTES + int((4 + left) * sizes().step))
         for number in range(1, 21):
-            recording.add_step(turn(number))
-            recording.add_reading(read(turn(number)))
+            recording.add_step(a_step(number))
+            recording.add_reading(read(a_step(number)))
             wait_for(lambda: recording.waiting_bytes == 0)
     with Recording(path) as found:
         noted = [found.text(row["text"]) for row in found.notes]
@@ -88,7 +86,7 @@ class Disk:
         pass
 
 
-def test_room_is_told_again_once_as_much_fits_as_did_not(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_room_is_reported_again_once_as_much_fits_as_did_not(monkeypatch: pytest.MonkeyPatch) -> None:
     disk = Disk(room=15)
     writing = Writing(disk, memoryview(bytes(100)), -1)  # type: ignore[arg-type]
     reported: list[Topic] = []
@@ -106,19 +104,18 @@ def test_room_is_told_again_once_as_much_fits_as_did_not(monkeypatch: pytest.Mon
     assert [take(5), take(5), take(20)] == [[], [Topic.ROOM], []]
 
 
-def test_where_even_tables_have_no_room_the_file_stays_readable(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
+def test_where_even_tables_have_no_room_the_file_stays_readable(path: Path) -> None:
     bare = {"image": None, "residual": None, "measured": None, "shown": None, "presented": ()}
     with recorder(path, keep=()) as recording:
         fill_disk(recording, 3 << 20)
         number = 0
         while recording.status.condition is Condition.ALL_KEPT and number < 10_000:
             number += 1
-            recording.add_step(turn(number, notes=("x" * 240,) * 40, **bare))
+            recording.add_step(a_step(number, notes=("x" * 240,) * 40, **bare))
             time.sleep(0.002)
         assert recording.status.condition is Condition.STOPPED
         assert recording.status.reason.startswith("the disk is full (")
-        recording.add_step(turn(number + 1))
+        recording.add_step(a_step(number + 1))
         unkept = recording.unkept
     with Recording(path) as found:
         assert unkept == number + 1 - len(found.steps) > 0
@@ -131,9 +128,8 @@ def test_where_even_tables_have_no_room_the_file_stays_readable(tmp_path: Path) 
     [(6, "less than 3 MB free"), (20, "less than 3 MB free"), (200, "less than 18 MB free")],
 )
 def test_the_room_left_for_tables_goes_with_that_of_the_disk(
-    disk_mb: int, least: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    disk_mb: int, least: str, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "run.h5"
     with recorder(path) as recording:
         parts = list(recording._parts)
     size = path.stat().st_size
@@ -156,14 +152,14 @@ def test_the_room_left_for_tables_goes_with_that_of_the_disk(
     def fill() -> None:
         nonlocal taken
         while True:
-            file.claim(sizes().turn, arrays=True)
-            taken += sizes().turn
+            file.claim(sizes().step, arrays=True)
+            taken += sizes().step
 
     with pytest.raises(DiskFull, match=least):
         fill()
     # an eighth, at most 16 MB, at least 2 MB
     left = min(16 << 20, max(2 << 20, (disk_mb << 20) // 8))
-    assert 0 <= (disk_mb << 20) - left - taken < sizes().turn
+    assert 0 <= (disk_mb << 20) - left - taken < sizes().step
     for _ in range(10):
         file.claim(1000, arrays=False)
     file.close(complete=True)

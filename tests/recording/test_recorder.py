@@ -1,4 +1,4 @@
-"""What becomes of a recording when the disk, the run or the one who writes does not go on."""
+"""Recordings when the disk, the run or the process that writes stops."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from planted_turns import bench, reading, recorder, sizes, turn, wait_for
+from planted_steps import a_step, bench, reading, recorder, sizes, wait_for
 from processes import has_ended
 
 from zeromethod.child_process import NICENESS
@@ -30,13 +30,13 @@ OLD_S = 0.5
 
 RUN = """
 import sys, time
-from planted_turns import bench, read, recorder, turn
+from planted_steps import bench, read, recorder, a_step
 from pathlib import Path
 bench()
 recorder = recorder(Path(sys.argv[1]))
 print(recorder.writer_id, flush=True)
 for number in range(1, 100_000):
-    step = turn(number)
+    step = a_step(number)
     recorder.add_step(step)
     recorder.add_reading(read(step))
     print(number, time.monotonic_ns(), flush=True)
@@ -47,10 +47,10 @@ for number in range(1, 100_000):
 
 
 @contextmanager
-def running(path: Path, turns: int, then: str = "time.sleep(1000)") -> Iterator[subprocess.Popen[str]]:
-    """A process that records so many turns, and then does something; it tells what it handed over."""
+def running(path: Path, steps: int, then: str = "time.sleep(1000)") -> Iterator[subprocess.Popen[str]]:
+    """A process that records so many steps, and then does something; it prints what it handed over."""
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent)}
-    command = [sys.executable, "-c", RUN.format(then=then), str(path), str(turns)]
+    command = [sys.executable, "-c", RUN.format(then=then), str(path), str(steps)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         try:
             yield process
@@ -58,8 +58,7 @@ def running(path: Path, turns: int, then: str = "time.sleep(1000)") -> Iterator[
             process.kill()
 
 
-def test_killed_in_the_middle_all_but_the_newest_is_there(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
+def test_killed_in_the_middle_all_but_the_newest_is_there(path: Path) -> None:
     with running(path, 10**9) as process:
         assert process.stdout is not None
         writer = int(process.stdout.readline())
@@ -73,7 +72,7 @@ def test_killed_in_the_middle_all_but_the_newest_is_there(tmp_path: Path) -> Non
         os.kill(writer, signal.SIGKILL)
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
-    # on a machine busy with other things, the process that writes gets its turn later
+    # on a machine busy with other things, the process that writes writes later
     old = [number for number, at_ns in handed.items() if killed_ns - at_ns > 4e9 * OLD_S]
     with Recording(path) as found:
         assert not found.complete
@@ -83,7 +82,7 @@ def test_killed_in_the_middle_all_but_the_newest_is_there(tmp_path: Path) -> Non
             image, warp = found.image(number), found.measured(number)
             assert image is not None
             assert warp is not None
-        step = turn(newest)
+        step = a_step(newest)
         np.testing.assert_array_equal(image, step.image)
         assert step.measured is not None
         assert warp.q.tobytes() == step.measured.q.tobytes()
@@ -91,8 +90,7 @@ def test_killed_in_the_middle_all_but_the_newest_is_there(tmp_path: Path) -> Non
         assert len(file["frames/image"]) >= newest
 
 
-def test_what_was_handed_over_is_soon_there_though_nothing_follows(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
+def test_what_was_handed_over_is_soon_there_though_nothing_follows(path: Path) -> None:
     with running(path, 20) as process:
         assert process.stdout is not None
         writer = int(process.stdout.readline())
@@ -108,12 +106,11 @@ def test_what_was_handed_over_is_soon_there_though_nothing_follows(tmp_path: Pat
         for number in (writer, process.pid):
             os.kill(number, signal.SIGKILL)
     with Recording(path) as found:
-        np.testing.assert_array_equal(found.image(20), turn(20).image)
+        np.testing.assert_array_equal(found.image(20), a_step(20).image)
 
 
 @pytest.mark.parametrize("then", ["raise SystemExit", "import os; os.kill(os.getpid(), 9)"])
-def test_without_an_end_the_recording_still_gets_one(tmp_path: Path, then: str) -> None:
-    path = tmp_path / "run.h5"
+def test_without_an_end_the_recording_still_gets_one(path: Path, then: str) -> None:
     with running(path, 10, f"time.sleep(0.5); {then}") as process:
         assert process.stdout is not None
         writer = int(process.stdout.readline())
@@ -128,41 +125,39 @@ def test_without_an_end_the_recording_still_gets_one(tmp_path: Path, then: str) 
 READER = """
 import sys, h5py, time
 with h5py.File(sys.argv[1], "r", swmr=True) as file:
-    frames, turns = file["frames/image"], file["steps/table"]
-    while len(turns) < int(sys.argv[2]):
+    frames, steps = file["frames/image"], file["steps/table"]
+    while len(steps) < int(sys.argv[2]):
         time.sleep(0.01)
-        turns.refresh()
+        steps.refresh()
     frames.refresh()
-    print(int(frames[-1].sum()), int(turns[-1]["number"]), bool(file["complete"][()]))
+    print(int(frames[-1].sum()), int(steps[-1]["number"]), bool(file["complete"][()]))
 """
 
 
-def test_another_process_reads_along_with_h5py_alone(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
+def test_another_process_reads_along_with_h5py_alone(path: Path) -> None:
     with recorder(path) as recording:
         for number in range(1, 6):
-            recording.add_step(turn(number))
+            recording.add_step(a_step(number))
         command = [sys.executable, "-c", READER, str(path), "5"]
-        told = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+        printed = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
         for number in range(6, 9):
-            recording.add_step(turn(number))
-    image = turn(5).image
+            recording.add_step(a_step(number))
+    image = a_step(5).image
     assert image is not None
-    assert told.stdout.split() == [str(int(image.sum())), "5", "False"]
+    assert printed.stdout.split() == [str(int(image.sum())), "5", "False"]
     with Recording(path) as found:
         assert found.complete
         assert len(found.steps) == 8
 
 
-def test_a_disk_that_takes_nothing_holds_nobody_up(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
+def test_a_disk_that_takes_nothing_holds_nobody_up(path: Path) -> None:
     room = 10
     # but for the numbers that go with the arrays
-    most = room * (sizes().turn + 100)
+    most = room * (sizes().step + 100)
     with recorder(path, waiting_bytes=most, live=True) as recording:
         # as a write that does not return
         os.kill(recording.writer_id, signal.SIGSTOP)
-        steps = [turn(number) for number in range(1, 61)]
+        steps = [a_step(number) for number in range(1, 61)]
         began_s = time.thread_time()
         for step in steps:
             recording.add_step(step)
@@ -184,33 +179,31 @@ def test_a_disk_that_takes_nothing_holds_nobody_up(tmp_path: Path) -> None:
         assert {found.text(row["reason"]) for row in found.drops} == {"the disk is too slow"}
         # pictures stand by their own rows
         for index in range(60):
-            q, shown = found.picture_q(index), turn(index + 1).presented[0].q
+            q, shown = found.picture_q(index), a_step(index + 1).presented[0].q
             assert (q is None) == (index + 1 in late)
             if q is not None:
                 np.testing.assert_array_equal(q, shown)
 
 
-def test_in_simulated_time_the_disk_is_waited_for(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
-    with recorder(path, waiting_bytes=2 * (sizes().turn + 100)) as recording:
+def test_in_simulated_time_the_disk_is_waited_for(path: Path) -> None:
+    with recorder(path, waiting_bytes=2 * (sizes().step + 100)) as recording:
         for number in range(1, 41):
-            recording.add_step(turn(number))
+            recording.add_step(a_step(number))
         assert recording.status == RecorderStatus()
     with Recording(path) as found:
         assert len(found.steps_with("frames")) == 40
 
 
 def test_when_what_writes_is_killed_the_run_goes_on_and_every_frame_is_accounted_for(
-    tmp_path: Path,
+    path: Path,
 ) -> None:
-    path = tmp_path / "run.h5"
     handed = 0
     with recorder(path) as recording:
 
         def hand_over() -> bool:
             nonlocal handed
             handed += 1
-            recording.add_step(turn(handed))
+            recording.add_step(a_step(handed))
             return recording.status != RecorderStatus()
 
         def some_kept() -> bool:
@@ -231,9 +224,9 @@ def test_when_what_writes_is_killed_the_run_goes_on_and_every_frame_is_accounted
     assert recording.status.unkept == handed - kept
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="niceness is told by Linux")
-def test_what_writes_hears_no_ctrl_c_and_leaves_the_cores_to_the_loop(tmp_path: Path) -> None:
-    with recorder(tmp_path / "run.h5") as recording:
+@pytest.mark.skipif(sys.platform != "linux", reason="niceness is asked of Linux")
+def test_what_writes_hears_no_ctrl_c_and_leaves_the_cores_to_the_loop(path: Path) -> None:
+    with recorder(path) as recording:
         writer = recording.writer_id
         assert os.getpgid(writer) != os.getpgid(0)
         # within one session, or niceness would not count against the loop where the system groups by sessions
@@ -241,8 +234,7 @@ def test_what_writes_hears_no_ctrl_c_and_leaves_the_cores_to_the_loop(tmp_path: 
         assert os.getpriority(os.PRIO_PROCESS, writer) == max(NICENESS, os.getpriority(os.PRIO_PROCESS, 0))
 
 
-def test_a_start_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "run.h5"
+def test_a_start_that_fails_leaves_nothing_behind(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     def no_memory(size: int) -> None:
         raise OSError(errno.EFBIG, "File too large")
@@ -253,19 +245,19 @@ def test_a_start_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: p
             recorder(path)
     assert not path.exists()
     with recorder(path) as recording:
-        recording.add_step(turn(1))
+        recording.add_step(a_step(1))
     with Recording(path) as found:
         assert len(found.steps) == 1
 
 
 def test_a_disk_that_takes_nothing_does_not_keep_the_run_from_ending(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("zeromethod.recording.recorder.CLOSING_S", 0.3)
-    recording = recorder(tmp_path / "run.h5")
+    recording = recorder(path)
     os.kill(recording.writer_id, signal.SIGSTOP)
     for number in range(1, 31):
-        recording.add_step(turn(number))
+        recording.add_step(a_step(number))
     began_s = time.monotonic()
     recording.close()
     assert time.monotonic() - began_s < 10.0
@@ -274,18 +266,17 @@ def test_a_disk_that_takes_nothing_does_not_keep_the_run_from_ending(
     os.kill(recording.writer_id, signal.SIGCONT)
     wait_for(lambda: has_ended(recording.writer_id))
     # what was handed over is written, should the disk come back
-    with Recording(tmp_path / "run.h5") as found:
+    with Recording(path) as found:
         assert len(found.steps) == 30
 
 
-def test_frames_that_the_camera_lost_are_records(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
+def test_frames_that_the_camera_lost_are_records(path: Path) -> None:
     wrong = np.zeros((4, 4), np.uint8)
     with recorder(path) as recording:
-        recording.add_step(turn(1))
-        recording.add_step(turn(2, dropped=3, events=(Event.FRAMES_DROPPED,)))
+        recording.add_step(a_step(1))
+        recording.add_step(a_step(2, dropped=3, events=(Event.FRAMES_DROPPED,)))
         recording.add_step(
-            turn(3, image=wrong, events=(Event.FRAME_WRONG,), reason="the frame is (4, 4) uint8")
+            a_step(3, image=wrong, events=(Event.FRAME_WRONG,), reason="the frame is (4, 4) uint8")
         )
     with Recording(path) as found:
         rows = [(row["step"], row["count"], row["lost_by"], found.text(row["reason"])) for row in found.drops]
@@ -297,22 +288,20 @@ def test_frames_that_the_camera_lost_are_records(tmp_path: Path) -> None:
         assert found.events_of(found.row(2)) == (Event.FRAMES_DROPPED,)
 
 
-def test_words_of_any_length_and_script_are_kept_as_far_as_they_fit(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
+def test_words_of_any_length_and_script_are_kept_as_far_as_they_fit(path: Path) -> None:
     with recorder(path, keep=()) as recording:
-        recording.add_step(turn(1, reason="µ" * 200, notes=("first", "zweite Ä")))
+        recording.add_step(a_step(1, reason="µ" * 200, notes=("first", "zweite Ä")))
     with Recording(path) as found:
         # a field of 160 bytes, characters of two
         assert found.text(found.steps[0]["reason"]) == "µ" * 80
         assert [found.text(row["text"]) for row in found.notes] == ["first", "zweite Ä"]
 
 
-def test_a_zero_is_kept_once_and_tells_from_when(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
+def test_a_zero_is_kept_once_with_its_first_step(path: Path) -> None:
     zero = np.full_like(bench()[1].q, 0.125)
     with recorder(path) as recording:
         for number in range(1, 6):
-            recording.add_step(turn(number, zero=zero if number > 2 else None))
+            recording.add_step(a_step(number, zero=zero if number > 2 else None))
     with Recording(path) as found:
         assert list(found.steps_with("zeros")) == [3]
         assert found.zero(2) is None
@@ -320,13 +309,12 @@ def test_a_zero_is_kept_once_and_tells_from_when(tmp_path: Path) -> None:
             np.testing.assert_array_equal(found.zero(number), zero)
 
 
-def test_readings_are_kept_with_their_turns(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
+def test_readings_are_kept_with_their_steps(path: Path) -> None:
     with recorder(path) as recording:
         for number in range(1, 4):
-            recording.add_step(turn(number))
+            recording.add_step(a_step(number))
         surface, peak = reading(2)
-        recording.add_reading(replace(turn(2), surface=surface, peak=peak, read_ms=3.5))
+        recording.add_reading(replace(a_step(2), surface=surface, peak=peak, read_ms=3.5))
     with Recording(path) as found:
         assert list(found.steps_with("surface")) == [2]
         back = found.surface(2)

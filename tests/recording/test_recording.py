@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 import subprocess
@@ -108,8 +107,8 @@ def test_the_rest_is_as_single_precision_has_it(truth: Truth, opened: Recording)
         np.testing.assert_array_equal(residual.mean, step.residual.mean)
         np.testing.assert_array_equal(opened.shown(step.number), step.shown.q.astype(np.float32))
         np.testing.assert_array_equal(opened.commanded(step.number), step.commanded.q.astype(np.float32))
-    for turn, (surface, _) in truth.readings.items():
-        found = opened.surface(turn)
+    for number, (surface, _) in truth.readings.items():
+        found = opened.surface(number)
         assert found is not None
         for name in ("depth_mm", "slope", "points_mm", "sigma_depth_mm", "sigma_slope"):
             np.testing.assert_array_equal(getattr(found, name), getattr(surface, name).astype(np.float32))
@@ -118,7 +117,7 @@ def test_the_rest_is_as_single_precision_has_it(truth: Truth, opened: Recording)
         assert (found.anchor.mode, found.time_ns) == (surface.anchor.mode, surface.time_ns)
 
 
-def test_turns_keep_figures_states_and_words(truth: Truth, opened: Recording) -> None:
+def test_steps_keep_figures_states_and_words(truth: Truth, opened: Recording) -> None:
     assert opened.complete
     # and how it ended
     assert len(opened.steps) == len(truth.steps) + 1
@@ -152,18 +151,19 @@ def test_rig_and_rest_are_those_of_the_run(opened: Recording) -> None:
     assert opened.rig == rig
     assert opened.live is False
     assert opened.seed == rig.simulation.seed
-    assert opened.versions.keys() >= {"python", "numpy", "h5py", "hdf5"}
+    assert opened.versions.keys() >= {"python", "numpy", "hdf5"}
+    assert opened.versions["h5py"] == h5py.version.version
     reader = SurfaceReader(opened.rig, Optics(opened.rig), opened.grid)
-    turn = int(opened.steps_with("surface")[-1])
-    warp = opened.measured(turn)
+    number = int(opened.steps_with("surface")[-1])
+    warp = opened.measured(number)
     assert warp is not None
-    again, then = reader.read(warp), opened.surface(turn)
+    again, then = reader.read(warp), opened.surface(number)
     assert then is not None
     # a reader of its own: the same but for the noise's weighting, which earlier frames settle
     np.testing.assert_allclose(again.depth_mm, then.depth_mm, atol=1e-5)
 
 
-def test_every_dataset_tells_its_units_and_meaning(truth: Truth) -> None:
+def test_every_dataset_states_its_units_and_meaning(truth: Truth) -> None:
     silent: list[str] = []
     tables: list[str] = []
 
@@ -173,8 +173,8 @@ def test_every_dataset_tells_its_units_and_meaning(truth: Truth) -> None:
                 silent.append(name)
             if one.dtype.names:
                 tables.append(name)
-                told = [words.split(" ")[0] for words in one.attrs["fields"]]
-                assert told == list(one.dtype.names)
+                fields = [words.split(" ")[0] for words in one.attrs["fields"]]
+                assert fields == list(one.dtype.names)
             if name.endswith(("/q", "_mm")):
                 assert one.attrs["units"] in {"LCD px", "mm"}
 
@@ -194,19 +194,19 @@ def test_a_frame_is_one_chunk(truth: Truth) -> None:
 
 
 @pytest.mark.parametrize("keep", [("frames",), ("surface",), ()])
-def test_only_what_is_asked_for_is_kept(tmp_path: Path, keep: tuple[str, ...]) -> None:
-    path = recorded(tmp_path / "run.h5", 0.15, keep=keep)
+def test_only_what_is_asked_for_is_kept(path: Path, keep: tuple[str, ...]) -> None:
+    path = recorded(path, 0.15, keep=keep)
     with Recording(path) as found:
         assert found.kept == set(keep)
-        turn = int(found.peaks["step"][-1])
-        kept = (found.image(turn), found.surface(turn), found.residual(turn), found.measured(turn))
+        number = int(found.peaks["step"][-1])
+        kept = (found.image(number), found.surface(number), found.residual(number), found.measured(number))
         assert [array is not None for array in kept] == ["frames" in keep, "surface" in keep, False, False]
         assert len(found.steps) > 5
         assert found.picture_q(0) is None
 
 
-def test_arrays_of_every_third_turn(tmp_path: Path) -> None:
-    path = recorded(tmp_path / "run.h5", 0.25, every=3)
+def test_arrays_of_every_third_step(path: Path) -> None:
+    path = recorded(path, 0.25, every=3)
     with Recording(path) as found:
         assert list(np.diff(found.steps["number"])) == [1] * (len(found.steps) - 1)
         for group in ("frames", "surface"):
@@ -217,15 +217,15 @@ def test_arrays_of_every_third_turn(tmp_path: Path) -> None:
         assert found.picture_q(0) is None
 
 
-def test_compressed_it_is_the_same(tmp_path: Path, truth: Truth) -> None:
-    path = recorded(tmp_path / "run.h5", 0.15, compress=True)
+def test_compressed_it_is_the_same(path: Path, truth: Truth) -> None:
+    path = recorded(path, 0.15, compress=True)
     with Recording(path) as found, Recording(truth.path) as plain:
-        for turn in found.steps_with("warps/measured"):
-            one, other = found.measured(turn), plain.measured(turn)
+        for number in found.steps_with("warps/measured"):
+            one, other = found.measured(number), plain.measured(number)
             assert one is not None
             assert other is not None
             assert one.q.tobytes() == other.q.tobytes()
-            np.testing.assert_array_equal(found.image(turn), plain.image(turn))
+            np.testing.assert_array_equal(found.image(number), plain.image(number))
         count = len(found.steps_with("frames"))
     with h5py.File(path, "r", swmr=True) as file:
         frames = file["frames/image"]
@@ -293,15 +293,10 @@ def test_an_existing_file_is_never_replaced(truth: Truth) -> None:
     assert truth.path.read_bytes() == before
 
 
-def test_keep_names_are_checked(tmp_path: Path) -> None:
+def test_keep_names_are_checked(path: Path) -> None:
     with pytest.raises(InputError, match=f"'warp': of {', '.join(KEEP)}"):
-        recorded(tmp_path / "run.h5", 0.1, keep=("warp",))
-    assert not (tmp_path / "run.h5").exists()
-
-
-def test_versions_are_json(truth: Truth) -> None:
-    with h5py.File(truth.path, "r", swmr=True) as file:
-        assert json.loads(file.attrs["versions"])["h5py"] == h5py.version.version
+        recorded(path, 0.1, keep=("warp",))
+    assert not (path).exists()
 
 
 def test_the_documented_examples_read_a_recording(truth: Truth, tmp_path: Path) -> None:
@@ -309,7 +304,7 @@ def test_the_documented_examples_read_a_recording(truth: Truth, tmp_path: Path) 
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     assert len(blocks) == 2
     shutil.copy(truth.path, tmp_path / "session.h5")
-    told = [
+    printed = [
         subprocess.run(
             [sys.executable, "-c", block],
             cwd=tmp_path,
@@ -320,6 +315,6 @@ def test_the_documented_examples_read_a_recording(truth: Truth, tmp_path: Path) 
         ).stdout
         for block in blocks
     ]
-    assert "simulated" in told[0]
-    assert "of (256, 320) grey levels" in told[1]
-    assert "first: starting" in told[1]
+    assert "simulated" in printed[0]
+    assert "of (256, 320) grey levels" in printed[1]
+    assert "first: starting" in printed[1]

@@ -1,5 +1,6 @@
 """Worker processes that die, hang or do not start, and studies that are stopped."""
 
+import itertools
 import os
 import signal
 import threading
@@ -13,7 +14,7 @@ import psutil
 import pytest
 
 from zeromethod.errors import MeasurementError
-from zeromethod.study import Study, Workers, run_study
+from zeromethod.study import Study, Workers, run_study, workers
 from zeromethod.study.tasks import tasks
 
 distributed = pytest.importorskip("distributed")
@@ -26,6 +27,29 @@ def test_a_run_that_kills_its_worker_fails_alone(squares: Squares, tmp_path: Pat
     assert results.failures[0]["failure"] == "ended its process 3 times: signal 9"
     assert results.failures[0]["seed"] > 0
     assert [row["square"] for row in results.rows if row["run"] != 3] == [0, 1, 4, 16, 25, 36, 49]
+
+
+def test_a_scheduler_that_is_slow_or_forgets_its_workers_fails_no_run(
+    squares: Squares, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known, result, calls = distributed.Client.nthreads, distributed.Future.result, itertools.count()
+
+    def nthreads(client: Any) -> Any:
+        if (call := next(calls)) % 3 == 0:
+            raise TimeoutError
+        return known(client) if call % 3 == 1 else {}
+
+    def late(future: Any, timeout: float) -> Any:
+        if next(calls) % 2:
+            raise TimeoutError
+        return result(future, timeout)
+
+    monkeypatch.setattr(distributed.Client, "nthreads", nthreads)
+    monkeypatch.setattr(distributed.Future, "result", late)
+    monkeypatch.setattr(workers, "_POLL_S", 0.01)
+    results = run_study(squares(20), tmp_path, Workers(2))
+    assert results.failures == []
+    assert [row["square"] for row in results.rows] == [x * x for x in range(20)]
 
 
 def test_a_run_that_hangs_is_given_up_and_the_others_go_on(squares: Squares, tmp_path: Path) -> None:
@@ -57,7 +81,7 @@ def test_workers_listen_on_loopback_alone_and_end_at_once_when_the_study_does(
         ]
         assert set(ports) == {"127.0.0.1"}
         # the fourth run is handed over when the next outcome is asked for, and takes a minute
-        with pytest.raises(TimeoutError), _within(20.0, mark):
+        with pytest.raises(KeyboardInterrupt), _within(20.0, mark):
             next(outcomes)
         started = time.monotonic()
     assert time.monotonic() - started < 5.0
@@ -118,7 +142,7 @@ class _within:  # noqa: N801 - reads as words
 
     def _look(self, number: int, frame: object) -> None:
         if self._mark.exists() or time.monotonic() > self._until:
-            raise TimeoutError
+            raise KeyboardInterrupt
 
     def __enter__(self) -> None:
         self._before = signal.signal(signal.SIGALRM, self._look)

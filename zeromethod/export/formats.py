@@ -19,7 +19,41 @@ from zeromethod.export.track import export_track
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.source import DamagedWarning
 
-Advance = Callable[[], None]
+
+@dataclass(frozen=True, slots=True)
+class _Format:
+    """How a format is written, and what of.
+
+    library: of the extra `export`. groups: whose steps it has. parts: that must have been kept.
+    """
+
+    write: Callable[..., dict[str, Any]]
+    suffixes: tuple[str, ...]
+    library: str = ""
+    groups: tuple[str, ...] = ("surface",)
+    parts: tuple[str, ...] = ("surface",)
+    purpose: str = ""
+
+
+def _export_video(*common: Any) -> dict[str, Any]:
+    from zeromethod.export.video import export_video  # noqa: PLC0415 - matplotlib loads slowly
+
+    return export_video(*common)
+
+
+_FORMATS = {
+    "npz": _Format(export_npz, (".npz",)),
+    "tiff": _Format(export_tiff, (".tif", ".tiff"), "tifffile"),
+    "ply": _Format(partial(export_mesh, form="ply"), (".ply",), "trimesh"),
+    "stl": _Format(partial(export_mesh, form="stl"), (".stl",), "trimesh"),
+    "csv": _Format(export_track, (".csv",), groups=(), parts=()),
+    "mcap": _Format(export_mcap, (".mcap",), "mcap_ros2.writer", ("frames", "surface"), (), "an MCAP file"),
+    "mp4": _Format(_export_video, (".mp4",), "av", ("frames",), ("frames", "residual", "surface"), "a video"),
+}
+FORMATS = tuple(_FORMATS)
+MESHES = ("ply", "stl")
+SUFFIXES = {suffix: form for form, one in _FORMATS.items() for suffix in one.suffixes}
+"""Format by suffix."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,58 +66,19 @@ class Export:
     selected: SelectedSteps
     pitch_mm: float | None = None
 
-    def write(self, advance: Advance = lambda: None) -> dict[str, Any]:
+    def write(self, advance: Callable[[], None] = lambda: None) -> dict[str, Any]:
         """Write the file, whole or not at all. Returns its figures, which depend on the format.
 
         advance: called once for every selected step. Raises MeasurementError where nothing was read that the
         file could hold, InputError where the recording is damaged.
         """
-        writers: dict[str, Callable[..., dict[str, Any]]] = {
-            "npz": export_npz,
-            "tiff": partial(export_tiff, pitch_mm=self.pitch_mm),
-            "ply": partial(export_mesh, form="ply"),
-            "stl": partial(export_mesh, form="stl"),
-            "csv": export_track,
-            "mcap": export_mcap,
-            "mp4": _export_video,
-        }
+        own = {"pitch_mm": self.pitch_mm} if self.form == "tiff" else {}
         with warnings.catch_warnings():
             warnings.simplefilter("error", DamagedWarning)
             try:
-                return writers[self.form](self.recording, self.selected, self.path, advance)
+                return _FORMATS[self.form].write(self.recording, self.selected, self.path, advance, **own)
             except DamagedWarning as warning:
                 raise InputError(str(warning)) from None
-
-
-def _export_video(*common: Any) -> dict[str, Any]:
-    from zeromethod.export.video import export_video  # noqa: PLC0415 - matplotlib loads slowly
-
-    return export_video(*common)
-
-
-SUFFIXES = {
-    ".npz": "npz",
-    ".tif": "tiff",
-    ".tiff": "tiff",
-    ".ply": "ply",
-    ".stl": "stl",
-    ".csv": "csv",
-    ".mcap": "mcap",
-    ".mp4": "mp4",
-}
-"""Format by suffix."""
-
-FORMATS = tuple(dict.fromkeys(SUFFIXES.values()))
-MESHES = ("ply", "stl")
-
-_LIBRARIES = {
-    "tiff": "tifffile",
-    "ply": "trimesh",
-    "stl": "trimesh",
-    "mcap": "mcap_ros2.writer",
-    "mp4": "av",
-}
-"""What a format needs of the extra `export`."""
 
 
 def form_of(path: Path) -> str:
@@ -107,22 +102,13 @@ def prepare(
     has not, or has nothing in the time selected, and where a library of the extra `export` is missing.
     """
     form = form or form_of(path)
-    if form in _LIBRARIES:
-        needed(_LIBRARIES[form])
-    selection = selection or Selection()
-    if form == "csv":
-        selected = selection.several(recording)
-    elif form == "mcap":
-        groups = [part for part in ("frames", "surface") if part in recording.kept]
-        if not groups:
-            require(recording, ("frames", "surface"), "an MCAP file")
-        selected = selection.several(recording, groups)
-    elif form == "mp4":
-        require(recording, ("frames", "residual", "surface"), "a video")
-        selected = selection.several(recording, ("frames",))
-    else:
-        require(recording, ("surface",), f"a .{form} file")
-        selected = selection.one(recording) if form in MESHES else selection.several(recording, ("surface",))
+    chosen, selection = _FORMATS[form], selection or Selection()
+    if chosen.library:
+        needed(chosen.library)
+    groups = [part for part in chosen.groups if part in recording.kept]
+    parts = chosen.parts or (() if groups else chosen.groups)
+    require(recording, parts, chosen.purpose or f"a .{form} file")
+    selected = selection.one(recording) if form in MESHES else selection.several(recording, groups)
     return Export(recording, form, path, selected, pitch_mm)
 
 

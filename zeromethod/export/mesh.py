@@ -66,7 +66,7 @@ def surface_points(surface: Surface, rest: HeightField) -> Float:
 
 
 def _triangles(recording: Recording, surface: Surface) -> tuple[Float, Ints, Mask]:
-    """Vertices (n, 3), faces (m, 3) that turn left seen from outside, and the mask of the vertices' nodes."""
+    """Vertices (n, 3), faces (m, 3) counter-clockwise from outside, and the mask of the vertices' nodes."""
     points = surface_points(surface, rest_surface(recording.rig))
     known = np.asarray(np.isfinite(points).all(axis=-1))
     number = np.cumsum(known).reshape(known.shape) - 1
@@ -94,6 +94,6 @@ def _triangles(recording: Recording, surface: Surface) -> tuple[Float, Ints, Mas
 
 
 def _area(first: Float, second: Float, third: Float) -> Float:
-    """Twice the area of triangles in (x, y), positive where they turn left."""
+    """Twice the area of triangles in (x, y), positive where counter-clockwise."""
     p, q = second - first, third - first
     return np.asarray(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])

@@ -34,15 +34,14 @@ def export_tiff(
     Returns what was written: times, rows, columns, pitch and the first point, mm.
     """
     tifffile = needed("tifffile")
-    lattice = _lattice(recording, selected, pitch_mm)
+    surface = recording.surface(selected.steps[0])
+    assert surface is not None
+    points_mm = surface.points_mm[recording.grid.inner]
+    lattice = MapLattice.covering(points_mm[..., 0], points_mm[..., 1], pitch_mm)
     rows, cols = lattice.shape
     shape = (len(selected.steps), len(CHANNELS), rows, cols)
-    with (
-        atomic_write(path) as part,
-        tifffile.TiffWriter(
-            part, ome=True, bigtiff=4 * np.prod(shape, dtype=float) > _LARGEST_CLASSIC
-        ) as file,
-    ):
+    large = 4 * np.prod(shape, dtype=float) > _LARGEST_CLASSIC
+    with atomic_write(path) as part, tifffile.TiffWriter(part, ome=True, bigtiff=large) as file:
         file.write(
             _pages(recording, selected, lattice, advance),
             shape=shape,
@@ -52,22 +51,8 @@ def export_tiff(
             resolutionunit="CENTIMETER",
             metadata=_metadata(selected, lattice),
         )
-    return {
-        "times": shape[0],
-        "rows": rows,
-        "columns": cols,
-        "pitch_mm": lattice.pitch_mm,
-        "x0_mm": lattice.x0_mm,
-        "y0_mm": lattice.y0_mm,
-    }
-
-
-def _lattice(recording: Recording, selected: SelectedSteps, pitch_mm: float | None) -> MapLattice:
-    surface = recording.surface(selected.steps[0])
-    assert surface is not None
-    inner = recording.grid.inner
-    x_mm, y_mm = np.moveaxis(surface.points_mm[inner], -1, 0)
-    return MapLattice.covering(x_mm, y_mm, pitch_mm)
+    place = {"pitch_mm": lattice.pitch_mm, "x0_mm": lattice.x0_mm, "y0_mm": lattice.y0_mm}
+    return {"times": shape[0], "rows": rows, "columns": cols, **place}
 
 
 def _pages(
@@ -87,22 +72,10 @@ def _pages(
 def _metadata(selected: SelectedSteps, lattice: MapLattice) -> dict[str, Any]:
     """What OME-XML can say: spacing, the first point's place, names and units, times."""
     planes = len(selected.steps) * len(CHANNELS)
-    return {
-        "axes": "TCYX",
-        "PhysicalSizeX": lattice.pitch_mm,
-        "PhysicalSizeXUnit": "mm",
-        "PhysicalSizeY": lattice.pitch_mm,
-        "PhysicalSizeYUnit": "mm",
-        "TimeIncrement": selected.interval_s,
-        "TimeIncrementUnit": "s",
-        "Channel": {"Name": list(CHANNELS)},
-        "Plane": {
-            "DeltaT": np.repeat(selected.time_s, len(CHANNELS)).tolist(),
-            "DeltaTUnit": ["s"] * planes,
-            "PositionX": [lattice.x0_mm] * planes,
-            "PositionXUnit": ["mm"] * planes,
-            "PositionY": [lattice.y0_mm] * planes,
-            "PositionYUnit": ["mm"] * planes,
-        },
-        "Description": "zeromethod: depth positive into the rubber, mm; x along the mirror from the edge P0",
-    }
+    plane = {"DeltaT": np.repeat(selected.time_s, len(CHANNELS)).tolist(), "DeltaTUnit": ["s"] * planes}
+    found: dict[str, Any] = {"axes": "TCYX", "Channel": {"Name": list(CHANNELS)}, "Plane": plane}
+    for axis, start_mm in (("X", lattice.x0_mm), ("Y", lattice.y0_mm)):
+        plane |= {f"Position{axis}": [start_mm] * planes, f"Position{axis}Unit": ["mm"] * planes}
+        found |= {f"PhysicalSize{axis}": lattice.pitch_mm, f"PhysicalSize{axis}Unit": "mm"}
+    about = "zeromethod: depth positive into the rubber, mm; x along the mirror from the edge P0"
+    return found | {"TimeIncrement": selected.interval_s, "TimeIncrementUnit": "s", "Description": about}

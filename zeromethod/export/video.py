@@ -121,14 +121,14 @@ def _pictures(
             step = int(selected.steps[done])
             surface = recording.surface(step) or surface
             if step in peaks and np.isfinite(peaks[step]["depth_mm"]):
-                peak_words = f"   peak {1e3 * float(peaks[step]['depth_mm']):8.3f} um"
+                peak_words = f"   peak {1e3 * float(peaks[step]['depth_mm']):8.3f} µm"
             if done == index:
-                seen = recording.image(step)
-                if seen is None:
+                frame = recording.image(step)
+                if frame is None:
                     raise InputError(f"{recording.path}: step {step}: its frame is damaged")
                 words = f"{selected.time_s[done]:8.3f} s   {selected.states[done]:<9}"
                 words += f"   residual rms {rms_px[step]:7.4f} px{peak_words}"
-                image = picture.draw(seen, recording.residual(step), surface, words)
+                image = picture.draw(frame, recording.residual(step), surface, words)
             advance()
             done += 1
         yield image

@@ -16,7 +16,7 @@ import numpy as np
 from zeromethod.arrays import Image
 from zeromethod.loop.step import Step
 from zeromethod.publishing.events import ContactEvent
-from zeromethod.surface import Peak, Surface
+from zeromethod.surface import Peak
 
 SCHEMA_VERSION = 2
 TOPIC = f"zeromethod.v{SCHEMA_VERSION}\n".encode()
@@ -33,6 +33,17 @@ WORLD_FRAME = {
 }
 """Pose of the maps; `matrix` takes their x, y, z to `frame_id`."""
 
+MAPS = (
+    ("depth_mm", "<f4", "mm"),
+    ("sigma_depth_mm", "<f4", "mm"),
+    ("slope", "<f4", "1"),
+    ("x_mm", "<f4", "mm"),
+    ("y_mm", "<f4", "mm"),
+    ("valid", "|u1", ""),
+    ("contact", "|u1", ""),
+)
+"""Name, little-endian type and unit of every map, in the order in which they lie one after the other."""
+
 
 def encode(
     step: Step,
@@ -43,19 +54,13 @@ def encode(
     contacts: Iterable[ContactEvent],
 ) -> bytes:
     """Message of one step of the loop; without a surface it has no maps."""
-    maps = [] if step.surface is None else _maps(step.surface)
-    offsets = np.cumsum([0, *(values.nbytes for _, values, _ in maps)]).tolist()
-    described = [
-        {
-            "name": name,
-            "dtype": values.dtype.str,
-            "shape": values.shape,
-            "order": "C",
-            "unit": unit,
-            "offset": offset,
-        }
-        for (name, values, unit), offset in zip(maps, offsets, strict=False)
-    ]
+    maps: list[Image] = []
+    described: list[dict[str, Any]] = []
+    for name, dtype, unit in () if step.surface is None else MAPS:
+        offset = sum(values.nbytes for values in maps)
+        maps.append(np.ascontiguousarray(getattr(step.surface, name), dtype))
+        about = {"name": name, "dtype": dtype, "shape": maps[-1].shape, "order": "C"}
+        described.append(about | {"unit": unit, "offset": offset})
     header = {
         "schema_version": SCHEMA_VERSION,
         "session": session,
@@ -75,25 +80,8 @@ def encode(
         "contacts": [_contact(event) for event in contacts],
         "arrays": described,
     }
-    return b"".join(
-        (TOPIC, json.dumps(header, allow_nan=False).encode(), b"\n", *(values.data for _, values, _ in maps))
-    )
-
-
-def _maps(surface: Surface) -> list[tuple[str, Image, str]]:
-    """Name, contiguous little-endian values and unit of every map."""
-    lengths = (
-        ("depth_mm", surface.depth_mm, "mm"),
-        ("sigma_depth_mm", surface.sigma_depth_mm, "mm"),
-        ("slope", surface.slope, "1"),
-        ("x_mm", surface.x_mm, "mm"),
-        ("y_mm", surface.y_mm, "mm"),
-    )
-    masks = (("valid", surface.valid), ("contact", surface.contact))
-    return [
-        *((name, np.ascontiguousarray(values, "<f4"), unit) for name, values, unit in lengths),
-        *((name, np.ascontiguousarray(values, "|u1"), "") for name, values in masks),
-    ]
+    text = json.dumps(header, allow_nan=False).encode()
+    return b"".join((TOPIC, text, b"\n", *(values.data for values in maps)))
 
 
 def _number(value: float) -> float | None:

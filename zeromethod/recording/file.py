@@ -66,17 +66,12 @@ def create(
 
         filters = hdf5plugin.Bitshuffle(cname="lz4")
     try:
-        file = h5py.File(path, "x", libver="latest")
-    except FileExistsError:
-        raise InputError(f"{path}: is there already: another program has just created it") from None
-    except OSError as error:
-        discard(path)
-        raise InputError(f"{path}: a recording cannot be created here: {_words(error)}") from None
-    try:
-        with file:
+        with h5py.File(path, "x", libver="latest") as file:
             for part in parts.values():
                 _create(file, part, filters)
             _describe(file, about, rest, files)
+    except FileExistsError:
+        raise InputError(f"{path}: is there already: another program has just created it") from None
     except BaseException as error:
         discard(path)
         if isinstance(error, OSError | RuntimeError):
@@ -110,10 +105,9 @@ def _create(file: h5py.File, part: Part, filters: Mapping[str, Any]) -> None:
     if part.fields is not None:
         fields = [f"{name} ({units or 'none'}): {what}" for name, (_, units, what) in part.fields.items()]
         dataset.attrs["fields"] = fields
-        if "state" in part.fields:
-            dataset.attrs["states"] = [state.value for state in STATES]
-        if "events" in part.fields:
-            dataset.attrs["events"] = [event.value for event in EVENTS]
+        for field, name, words in (("state", "states", STATES), ("events", "events", EVENTS)):
+            if field in part.fields:
+                dataset.attrs[name] = [one.value for one in words]
         if "anchor" in part.fields:
             dataset.attrs["anchors"] = list(ANCHORS)
     if part.name.endswith("/flags"):
@@ -182,19 +176,14 @@ def rig_text(rig: Rig) -> tuple[str, dict[str, bytes]]:
 
 def rest_arrays(rest: Rest) -> dict[str, tuple[Image, str, str]]:
     """The warp at rest with its units and meaning."""
+    why = "why a node is not measurable at rest: bits named in the attribute `flags`"
+    nodes = "(u, v) of every node; where rest was measured, those of the ideal camera that has its ray"
+    grid = rest.grid
     return {
         "q": (rest.q, "LCD px", "warp of the untouched mirror: (column, row) on the LCD per camera node"),
-        "flags": (
-            rest.flags,
-            "",
-            "why a node is not measurable at rest: bits named in the attribute `flags`",
-        ),
+        "flags": (rest.flags, "", why),
         "mask": (rest.visible, "", "rest mask: nodes that are measurable at rest"),
-        "node_pixels": (
-            np.stack(rest.grid.mesh(), axis=-1),
-            "camera px",
-            "(u, v) of every node; where rest was measured, those of the ideal camera that has its ray",
-        ),
-        "nodes_u": (rest.grid.u_px, "camera px", "column of every node in the image"),
-        "nodes_v": (rest.grid.v_px, "camera px", "row of every node in the image"),
+        "node_pixels": (np.stack(grid.mesh(), axis=-1), "camera px", nodes),
+        "nodes_u": (grid.u_px, "camera px", "column of every node in the image"),
+        "nodes_v": (grid.v_px, "camera px", "row of every node in the image"),
     }

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import mmap
 import os
 import select
 import subprocess
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from zeromethod.arrays import Image
 from zeromethod.child_process import start_process
 from zeromethod.errors import InputError
-from zeromethod.recording.message import Item, News, Topic, Write, send
+from zeromethod.recording.message import Item, News, Topic, send
+from zeromethod.recording.rows import Added
+from zeromethod.recording.schema import Part
 
 OPENING_S = 30.0
 """How long the process may take to start."""
@@ -75,26 +74,21 @@ class Ring:
         self._used.popleft()
 
 
-class Content(NamedTuple):
-    """An array for a dataset of that index, which has items of that type and shape."""
-
-    dataset: int
-    write: Write
-    dtype: np.dtype[Any]
-    shape: tuple[int, ...]
-    array: Image
-
-
 class Line:
-    """A process of its own that writes into a file, seen from the run's process."""
+    """A process of its own that writes into a file, as the run's process has it."""
 
-    def __init__(self, path: Path, names: Sequence[str], largest: int) -> None:
-        """Start it. largest: bytes of a message. Raises InputError where it cannot write into the file."""
+    def __init__(self, path: Path, parts: Mapping[str, Part], largest: int) -> None:
+        """Start it. parts: the file's datasets. largest: bytes of a message.
+
+        Raises InputError where it cannot write into the file.
+        """
         size = max(RING_BYTES, 4 * largest)
         try:
             self._ring = Ring(size)
         except OSError as error:
             raise InputError(f"{path}: no {size >> 20} MB of memory to record by: {error.strerror}") from None
+        self._parts = list(parts.values())
+        self._index = {name: index for index, name in enumerate(parts)}
         self._costs: deque[int] = deque()
         self._freed = 0
         theirs_in, self._messages = os.pipe()
@@ -103,7 +97,7 @@ class Line:
         self._received = b""
         self._unread: list[News] = []
         handles = theirs_in, theirs_out, self._ring.handle
-        arguments = str(path), json.dumps(list(names)), *map(str, handles)
+        arguments = str(path), json.dumps(list(parts)), *map(str, handles)
         try:
             self._process = start_process(
                 "zeromethod.recording.writing",
@@ -143,19 +137,23 @@ class Line:
         """Its number in the system."""
         return self._process.pid
 
-    def send(self, time_ns: int, contents: Sequence[Content], cost: int) -> None:
+    def send(self, time_ns: int, added: Sequence[Added], cost: int) -> None:
         """Hand over a message; waits while the memory is full.
 
-        cost: added to `freed` once it is written. Raises OSError when the process has ended.
+        cost: added to `freed` once it is written. Raises OSError when the process has ended, ValueError for
+        an array of another shape than its dataset's.
         """
-        sizes = [content.dtype.itemsize * math.prod(content.shape) for content in contents]
-        start = self._room(sum(aligned(size) for size in sizes))
+        indices = [self._index[name] for _, name, _ in added]
+        start = self._room(sum(aligned(self._parts[index].bytes) for index in indices))
         items = []
-        for content, size in zip(contents, sizes, strict=True):
-            place = np.frombuffer(self._ring.memory, content.dtype, math.prod(content.shape), start)
-            np.copyto(place.reshape(content.shape), content.array, casting="same_kind")
-            items.append(Item(content.dataset, content.write, start, size))
-            start += aligned(size)
+        for index, (write, name, array) in zip(indices, added, strict=True):
+            part = self._parts[index]
+            if array.shape != part.shape:
+                raise ValueError(f"{name}: an array of {array.shape}, not {part.shape}")
+            place = np.ndarray(part.shape, part.dtype, self._ring.memory, start)
+            np.copyto(place, array, casting="same_kind")
+            items.append(Item(index, write, start, part.bytes))
+            start += aligned(part.bytes)
         self._costs.append(cost)
         send(self._messages, time_ns, items)
 

@@ -15,9 +15,9 @@ from zeromethod.errors import InputError
 from zeromethod.loop.step import Step
 from zeromethod.recording.checksums import CHECKSUMS
 from zeromethod.recording.file import about, create, discard, rest_arrays, rig_text
-from zeromethod.recording.line import Content, Line
+from zeromethod.recording.line import Line
 from zeromethod.recording.message import Topic, Write
-from zeromethod.recording.rows import Added, Rows, WaitingReading, WaitingStep, without_arrays
+from zeromethod.recording.rows import Rows, WaitingReading, WaitingStep, without_arrays
 from zeromethod.recording.schema import KEEP, number_name, parts
 from zeromethod.recording.source import RecordingFile
 from zeromethod.recording.status import Condition, RecorderStatus
@@ -90,7 +90,6 @@ class Recorder(AbstractContextManager["Recorder"]):
             "compressed": compress,
         }
         create(Path(path), self._parts, described, rest_arrays(rest), rig_text(rig)[1], compress)
-        self._index = {name: index for index, name in enumerate(self._parts)}
         self._rows = Rows(self._parts)
         self._every = every
         self._live = live
@@ -100,7 +99,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._reading_bytes = sum(part.bytes for part in arrays if part.kept == "surface")
         self._step_bytes = sum(part.bytes for part in arrays if part.kept != "surface")
         try:
-            self._line = Line(Path(path), list(self._parts), 2 * self._step_bytes + self._reading_bytes)
+            self._line = Line(Path(path), self._parts, 2 * self._step_bytes + self._reading_bytes)
         except BaseException:
             discard(Path(path))
             raise
@@ -239,7 +238,7 @@ class Recorder(AbstractContextManager["Recorder"]):
                     added = self._rows.of_reading(one)
                 else:
                     added = self._rows.of_step(one, self._status_note())
-                self._send(added, one.step.time_ns, one.bytes)
+                self._line.send(one.step.time_ns, added, one.bytes)
             self._send_last_words()
             self._line.end()
             while not self._line.wait(0.2):
@@ -266,7 +265,7 @@ class Recorder(AbstractContextManager["Recorder"]):
             self._listen()
         self._listen()
         if self.status not in {RecorderStatus(), self._noted}:
-            self._send([(Write.ALWAYS, *self._rows.note(self.status.note))], 0, 0)
+            self._line.send(0, [(Write.ALWAYS, *self._rows.note(self.status.note))], 0)
 
     def _next(self) -> WaitingStep | WaitingReading | None:
         """The next in the queue; None at the end."""
@@ -301,15 +300,6 @@ class Recorder(AbstractContextManager["Recorder"]):
                     self._failing = news.text
                 elif news.topic is Topic.CLOSED:
                     self._closed = True
-
-    def _send(self, added: list[Added], time_ns: int, cost: int) -> None:
-        contents = []
-        for write, name, array in added:
-            part = self._parts[name]
-            if array.shape != part.shape:
-                raise ValueError(f"{name}: an array of {array.shape}, not {part.shape}")
-            contents.append(Content(self._index[name], write, part.dtype, part.shape, array))
-        self._line.send(time_ns, contents, cost)
 
     def _status_note(self) -> str | None:
         """What to note of the recording itself; None while its condition stays the same."""

@@ -103,18 +103,9 @@ class Rows:
         step, surface, peak = waiting.step, waiting.step.surface, waiting.step.peak
         arrays = self._surface(step.number, surface) if surface is not None and waiting.bytes else []
         assert peak is not None
-        row = self._row(
-            "peaks/table",
-            step.number,
-            step.time_ns,
-            _STATE[step.state],
-            peak.depth_mm,
-            peak.sigma_mm,
-            peak.deeper_mm,
-            peak.x_mm,
-            peak.y_mm,
-            step.read_ms,
-        )
+        own: dict[str, Any] = {"step": step.number, "state": _STATE[step.state]}
+        own |= {"depth_sigma_mm": peak.sigma_mm, "possibly_deeper_mm": peak.deeper_mm}
+        row = self._row("peaks/table", *self._fields("peaks/table", own, peak, step))
         return [*((Write.WITH_ROOM, *item) for item in arrays), (Write.ALWAYS, *row)]
 
     def note(self, words: str) -> Item:
@@ -130,28 +121,22 @@ class Rows:
         )
         return name, np.array(tuple(row), part.dtype)
 
+    def _fields(self, name: str, own: Mapping[str, Any], *sources: object) -> list[Any]:
+        """Values of a table's fields: `own`, else the attribute of that name of the first that has it."""
+        return [
+            own[field]
+            if field in own
+            else next(getattr(one, field) for one in sources if hasattr(one, field))
+            for field in self._parts[name].dtype.names or ()
+        ]
+
     def _step(self, step: Step) -> Item:
-        events = sum(1 << _EVENT[event] for event in set(step.events))
-        frame = -1 if step.frame_number is None else step.frame_number
-        return self._row(
-            "steps/table",
-            step.number,
-            step.time_ns,
-            step.exposure_ns,
-            frame,
-            step.dropped,
-            _STATE[step.state],
-            step.frozen,
-            step.sensed,
-            step.residual_rms_px,
-            step.valid_share,
-            step.loop_ms,
-            step.draw_ms,
-            step.delay_ms,
-            events,
-            step.phase,
-            step.reason,
-        )
+        own = {
+            "frame_number": -1 if step.frame_number is None else step.frame_number,
+            "state": _STATE[step.state],
+            "events": sum(1 << _EVENT[event] for event in set(step.events)),
+        }
+        return self._row("steps/table", *self._fields("steps/table", own, step))
 
     def _drops(self, waiting: WaitingStep) -> list[Item]:
         """Rows of the frames that are not in the file."""

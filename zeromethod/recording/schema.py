@@ -30,9 +30,6 @@ ANCHORS: tuple[Literal["none", "known", "quiet"], ...] = ("none", "known", "quie
 Fields = Mapping[str, tuple[str, str, str]]
 """Type, units and meaning of every field of a table."""
 
-Arrays = dict[str, tuple[str, tuple[int, ...], str, str]]
-"""Type, shape of an item, units and meaning of every array of a group."""
-
 
 @dataclass(frozen=True)
 class Part:
@@ -98,11 +95,7 @@ DROPS: Fields = {
     "step": ("i8", "", "step in which frames were found missing, or whose arrays were not kept"),
     "time_ns": ("i8", "ns", "time of that step"),
     "count": ("i4", "frames", "how many"),
-    "lost_by": (
-        "S16",
-        "",
-        "camera: never reached the loop; recorder: processed by the loop, arrays not kept",
-    ),
+    "lost_by": ("S16", "", "camera: never reached the loop; recorder: processed, but arrays not kept"),
     "reason": ("S120", "", "why"),
 }
 
@@ -119,6 +112,45 @@ READINGS: Fields = {
     "anchor_sigma_mm": ("f8", "mm", "standard deviation that depth owes to the anchor"),
     "anchor_tail_mm": ("f8", "mm", "depth that the anchor's nodes still have, over the reader's scale"),
 }
+
+TABLES: Mapping[str, tuple[Fields, str]] = {
+    "steps": (STEPS, "one row per step of the loop"),
+    "presentation_log": (PRESENTATION_LOG, "one row per picture given to the panel"),
+    "peaks": (PEAKS, "point of largest |depth| of every surface that was read"),
+    "drops": (DROPS, "frames that are not in this file"),
+    "notes": (NOTES, "messages to the operator"),
+}
+
+_WHY = "why a node is not to be trusted: bits named in the attribute `flags`; 0 = valid"
+_LCD = "(column, row) on the LCD per camera node; pixel centres at integers"
+
+ARRAYS = (
+    ("zeros/q", "f8", "pairs", "LCD px", "zero less the warp at rest: warp from rest = measured + zero"),
+    ("frames/image", "u1", "image", "grey levels", "frame as the camera gave it"),
+    ("residual/d", "f4", "pairs", "camera px", "(u, v): what is observed at a node is shown at node + d"),
+    ("residual/sigma", "f4", "pairs", "camera px", "standard deviation of d"),
+    ("residual/flags", "u2", "nodes", "", _WHY),
+    ("residual/mean", "f4", "nodes", "grey levels", "mean grey around the node, black level included"),
+    ("warps/measured/q", "f8", "pairs", "LCD px", f"warp by this frame alone, from the last zero: {_LCD}"),
+    ("warps/measured/sigma", "f8", "pairs", "LCD px", "standard deviation of q"),
+    ("warps/measured/flags", "u2", "nodes", "", _WHY),
+    ("warps/commanded/q", "f4", "pairs", "LCD px", f"warp to be shown next: {_LCD}"),
+    ("warps/shown/q", "f4", "pairs", "LCD px", f"mix of warps lit in the exposure: {_LCD}"),
+    ("surface/depth_mm", "f4", "nodes", "mm", "depth at the node's mirror point, positive into the rubber"),
+    ("surface/slope", "f4", "pairs", "rad", "(d depth/dx, d depth/dy)"),
+    ("surface/x_mm", "f4", "nodes", "mm", "mirror point, world x"),
+    ("surface/y_mm", "f4", "nodes", "mm", "mirror point, world y"),
+    ("surface/sigma_depth_mm", "f4", "nodes", "mm", "standard deviation of depth"),
+    ("surface/sigma_slope", "f4", "pairs", "rad", "standard deviation of slope"),
+    ("surface/valid", "?", "nodes", "", "nodes with a depth"),
+    ("surface/contact", "?", "nodes", "", "light lost: total reflection fails, or contact"),
+    ("surface/anchor", "?", "nodes", "", "nodes where depth was taken as known"),
+    ("pictures/q", "f8", "pairs", "LCD px", f"warp that was drawn: {_LCD}"),
+)
+"""Every array: group/name, type, shape of an item, units, meaning."""
+
+_KEPT = {"zeros": "", "pictures": "warps"}
+"""Of `KEEP` what a group goes with, where that is not how its name begins."""
 
 CHECKSUM_MEANING = (
     "finds damage: of item i of each dataset here its size in bytes plus its bytes as little-endian 64-bit "
@@ -137,65 +169,20 @@ def parts(
 
     The warps of all pictures are kept only where every frame is: only then can frames be processed again.
     """
-    nodes, pair = grid_shape, (*grid_shape, 2)
-    why = "why a node is not to be trusted: bits named in the attribute `flags`; 0 = valid"
-    lcd = "(column, row) on the LCD per camera node; pixel centres at integers"
-    image = "u1" if bits == 8 else "u2"
-    found = [
-        _table("steps", STEPS, "one row per step of the loop"),
-        _table("presentation_log", PRESENTATION_LOG, "one row per picture given to the panel"),
-        _table("peaks", PEAKS, "point of largest |depth| of every surface that was read"),
-        _table("drops", DROPS, "frames that are not in this file"),
-        _table("notes", NOTES, "messages to the operator"),
-    ]
-    groups: dict[str, tuple[str, Arrays]] = {
-        "zeros": (
-            "",
-            {"q": ("f8", pair, "LCD px", "zero less the warp at rest: warp from rest = measured + zero")},
-        ),
-        "frames": ("frames", {"image": (image, image_shape, "grey levels", "frame as the camera gave it")}),
-        "residual": (
-            "residual",
-            {
-                "d": ("f4", pair, "camera px", "(u, v): what is observed at a node is shown at node + d"),
-                "sigma": ("f4", pair, "camera px", "standard deviation of d"),
-                "flags": ("u2", nodes, "", why),
-                "mean": ("f4", nodes, "grey levels", "mean grey around the node, black level included"),
-            },
-        ),
-        "warps/measured": (
-            "warps",
-            {
-                "q": ("f8", pair, "LCD px", f"warp by this frame alone, from the last zero taken: {lcd}"),
-                "sigma": ("f8", pair, "LCD px", "standard deviation of q"),
-                "flags": ("u2", nodes, "", why),
-            },
-        ),
-        "warps/commanded": ("warps", {"q": ("f4", pair, "LCD px", f"warp to be shown next: {lcd}")}),
-        "warps/shown": ("warps", {"q": ("f4", pair, "LCD px", f"mix of warps lit in the exposure: {lcd}")}),
-        "surface": (
-            "surface",
-            {
-                "depth_mm": ("f4", nodes, "mm", "depth at the node's mirror point, positive into the rubber"),
-                "slope": ("f4", pair, "rad", "(d depth/dx, d depth/dy)"),
-                "x_mm": ("f4", nodes, "mm", "mirror point, world x"),
-                "y_mm": ("f4", nodes, "mm", "mirror point, world y"),
-                "sigma_depth_mm": ("f4", nodes, "mm", "standard deviation of depth"),
-                "sigma_slope": ("f4", pair, "rad", "standard deviation of slope"),
-                "valid": ("?", nodes, "", "nodes with a depth"),
-                "contact": ("?", nodes, "", "light lost: total reflection fails, or contact"),
-                "anchor": ("?", nodes, "", "nodes where depth was taken as known"),
-            },
-        ),
-    }
-    if every == 1:
-        groups["pictures"] = "warps", {"q": ("f8", pair, "LCD px", f"warp that was drawn: {lcd}")}
-    for group, (kept, arrays) in groups.items():
-        if kept and kept not in keep:
+    shapes = {"image": image_shape, "nodes": grid_shape, "pairs": (*grid_shape, 2)}
+    groups: dict[str, list[Part]] = {}
+    for name, kind, shape, units, meaning in ARRAYS:
+        group = name.rpartition("/")[0]
+        kept = _KEPT.get(group, group.partition("/")[0])
+        if (kept and kept not in keep) or (group == "pictures" and every != 1):
             continue
-        own = [Part(number_name(group), np.dtype("i8"), (), "", _NUMBERS.get(group, _OF_STEP), kept)]
-        for name, (kind, shape, units, meaning) in arrays.items():
-            own.append(Part(f"{group}/{name}", np.dtype(kind), shape, units, meaning, kept))
+        number = Part(number_name(group), np.dtype("i8"), (), "", _NUMBERS.get(group, _OF_STEP), kept)
+        dtype = np.dtype("u2" if shape == "image" and bits > 8 else kind)
+        own = groups.setdefault(group, [number])
+        own.append(Part(name, dtype, shapes[shape], units, meaning, kept))
+    found = [_table(name, fields, meaning) for name, (fields, meaning) in TABLES.items()]
+    for group, own in groups.items():
+        kept = own[0].kept
         if group == "surface":
             own.append(_table(group, READINGS, "what a reading is anchored to", kept))
         fields = {part.name.rpartition("/")[2]: ("u8", "", f"checksum of {part.name}") for part in own}

@@ -21,7 +21,14 @@ from zeromethod.errors import InputError, MeasurementError
 from zeromethod.study.runs import ONE_THREAD, Outcome, carry_out, failed
 from zeromethod.study.task import Task
 
-_NO_PAGES: dict[str, Any] = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+_LOCAL: dict[str, Any] = {
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+    # no worker of this machine is dropped for being slow, and none is sampled 100 times a second
+    "distributed.scheduler.worker-ttl": None,
+    "distributed.comm.timeouts.connect": "5 minutes",
+    "distributed.worker.profile.enabled": False,
+}
 
 ATTEMPTS = 3
 """How often a run may end its worker process before it is given up."""
@@ -61,10 +68,10 @@ class Workers:
     def outcomes(self, tasks: Sequence[Task]) -> Generator[Outcome, None, None]:
         """Outcome of every task, as they come.
 
-        A run whose worker dies is done again, ATTEMPTS times in all; one that takes longer than its
-        `limit_s` is given up, and its worker process restarted. Closing the iterator ends the processes of
-        this machine. Raises InputError where the cluster cannot be reached or has another version of
-        zeromethod, MeasurementError where it is lost, or where processes do not start.
+        A run whose worker process ends (of a cluster: leaves it) is done again, ATTEMPTS times in all; one
+        that takes longer than its `limit_s` is given up, and its worker process restarted. Closing the
+        iterator ends the processes of this machine. Raises InputError where the cluster cannot be reached or
+        has another version of zeromethod, MeasurementError where it is lost, or processes do not start.
         """
         exits = _Exits()
         with ExitStack() as stack:
@@ -131,7 +138,7 @@ def _local_cluster(count: int, exits: _Exits) -> Iterator[str]:
             {
                 "distributed.nanny.pre-spawn-environ": before_start,
                 "distributed.nanny.environ": in_worker,
-                **_NO_PAGES,
+                **_LOCAL,
             }
         ):
             cluster = distributed.LocalCluster(
@@ -171,10 +178,11 @@ def _local_cluster(count: int, exits: _Exits) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class _Attempt:
-    """A run that a worker is at. worker: address. since_s: when it was given, monotonic time."""
+    """A run that a worker is at. worker: address. pid: of its process. since_s: start, monotonic time."""
 
     task: Task
     worker: str
+    pid: int
     since_s: float
 
 
@@ -189,91 +197,103 @@ class _Assignment:
         self._ending: set[str] = set()
         self._deaths: Counter[int] = Counter()
         self._waiting: deque[Task] = deque()
+        self._under_way: dict[Any, _Attempt] = {}
         self._alone_since_s: float | None = None
         self._reported = False
 
     def outcomes(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
         """Outcome of every task, as they come."""
         self._waiting.extend(tasks)
-        under_way: dict[Any, _Attempt] = {}
+        look_s = 0.0
         try:
-            while self._waiting or under_way:
-                before = dict(self._pids)
-                present = self._present()
-                for future, attempt in list(under_way.items()):
-                    if attempt.worker not in present:
-                        del under_way[future]
-                        future.cancel()
-                        yield from self._died(attempt.task, before[attempt.worker])
-                busy = {attempt.worker for attempt in under_way.values()}
-                for worker in sorted(present - busy - self._ending)[: len(self._waiting)]:
-                    task = self._waiting.popleft()
-                    future = self._client.submit(carry_out, task, workers=[worker], pure=False)
-                    under_way[future] = _Attempt(task, worker, time.monotonic())
-                for future in self._finished(list(under_way)):
-                    try:
-                        found = list(self._outcome(under_way[future], future))
-                    except TimeoutError:
-                        continue  # a slow machine: asked for again, unless its worker turns out to be dead
-                    del under_way[future]
-                    yield from found
-                for future, attempt in list(under_way.items()):
-                    if time.monotonic() - attempt.since_s > attempt.task.limit_s:
-                        del under_way[future]
-                        future.cancel()
-                        self._end(attempt.worker)
-                        limit = f"{attempt.task.limit_s:g} s"
-                        yield failed(attempt.task, f"took longer than limit_s = {limit}, and was ended")
+            while self._waiting or self._under_way:
+                if time.monotonic() >= look_s:
+                    self._look()
+                    yield from self._given_up()
+                    look_s = time.monotonic() + _POLL_S
+                self._give()
+                for future in self._finished():
+                    yield from self._outcome(future)
         finally:
-            for future in under_way:
+            for future in self._under_way:
                 future.cancel()
 
-    def _finished(self, futures: list[Any]) -> set[Any]:
+    def _give(self) -> None:
+        """Give a task to every worker that has none."""
+        busy = {attempt.worker for attempt in self._under_way.values()} | self._ending
+        free = [one for one in self._pids.items() if one[0] not in busy and one[1] not in self._exits.by_pid]
+        for (worker, pid), _ in zip(free, list(self._waiting), strict=False):
+            task = self._waiting.popleft()
+            future = self._client.submit(carry_out, task, workers=[worker], pure=False)
+            self._under_way[future] = _Attempt(task, worker, pid, time.monotonic())
+
+    def _finished(self) -> set[Any]:
         """Futures that are done, after a short wait for the first."""
-        if not futures:
+        if not self._under_way:
             time.sleep(_POLL_S)
             return set()
         wait: Any = _distributed().wait
         try:
             with self._client.as_current():
-                done: set[Any] = wait(futures, timeout=_POLL_S, return_when="FIRST_COMPLETED").done
+                done: set[Any] = wait(
+                    list(self._under_way), timeout=_POLL_S, return_when="FIRST_COMPLETED"
+                ).done
         except TimeoutError:
             return set()
         return done
 
-    def _outcome(self, attempt: _Attempt, future: Any) -> Iterator[Outcome]:
-        """Outcome of a finished future; none where the run is done again. Raises TimeoutError."""
+    def _outcome(self, future: Any) -> Iterator[Outcome]:
+        """Outcome of a finished future; none yet where its worker is slow to hand it over."""
         if future.status == "cancelled":
             raise MeasurementError("the cluster is lost")
+        task = self._under_way[future].task
         try:
-            yield future.result(timeout=_RESULT_S)
+            outcome = future.result(timeout=_RESULT_S)
         except TimeoutError:
-            raise
-        except _distributed().KilledWorker:
-            yield from self._died(attempt.task, self._pids.get(attempt.worker, 0))
+            return
         except Exception as error:  # whatever keeps a worker from it: the other runs go on
-            yield failed(attempt.task, f"{type(error).__name__}: {error}")
+            outcome = failed(task, f"{type(error).__name__}: {error}")
+        del self._under_way[future]
+        yield outcome
 
-    def _died(self, task: Task, pid: int) -> Iterator[Outcome]:
-        """Take the run of a dead worker back, or give it up."""
-        self._deaths[task.run] += 1
-        if self._deaths[task.run] < ATTEMPTS:
-            self._waiting.appendleft(task)
-        else:
-            reason = self._exits.by_pid.get(pid)
-            yield failed(task, f"ended its process {ATTEMPTS} times" + (f": {reason}" if reason else ""))
+    def _given_up(self) -> Iterator[Outcome]:
+        """Outcomes of runs that took too long, or have lost their worker ATTEMPTS times."""
+        for future, attempt in list(self._under_way.items()):
+            task, exited = attempt.task, self._exits.by_pid.get(attempt.pid)
+            gone = self._pids.get(attempt.worker) != attempt.pid
+            # a process of this machine has died only when it is not there any more
+            lost = exited or (gone and not (self._address is None and _exists(attempt.pid)))
+            overdue = time.monotonic() - attempt.since_s > task.limit_s and not future.done()
+            if not (lost or overdue):
+                continue
+            del self._under_way[future]
+            future.cancel()
+            if not lost:
+                self._end(attempt)
+                yield failed(task, f"took longer than limit_s = {task.limit_s:g} s, and was ended")
+                continue
+            self._deaths[task.run] += 1
+            if self._deaths[task.run] < ATTEMPTS:
+                self._waiting.appendleft(task)
+            else:
+                what = "ended its process" if self._address is None else "lost its worker"
+                yield failed(task, f"{what} {ATTEMPTS} times" + (f": {exited}" if exited else ""))
 
-    def _end(self, worker: str) -> None:
+    def _end(self, attempt: _Attempt) -> None:
         """End a worker process, which its nanny restarts; without a nanny it stays, and is given nothing."""
-        self._ending.add(worker)
+        self._ending.add(attempt.worker)
         with contextlib.suppress(Exception):
-            self._client.run(os.kill, self._pids[worker], signal.SIGKILL, workers=[worker], nanny=True)
+            self._client.run(os.kill, attempt.pid, signal.SIGKILL, workers=[attempt.worker], nanny=True)
 
-    def _present(self) -> set[str]:
-        """Addresses of the workers, new ones checked; that there is none is reported."""
+    def _look(self) -> None:
+        """Look which workers there are, check new ones, and report that there is none."""
         if self._client.status not in {"running", "connecting"}:
             raise MeasurementError("the cluster is lost")
-        present = set(self._client.scheduler_info(n_workers=-1)["workers"])
+        try:
+            # not scheduler_info: the client replaces that by one without workers every two seconds
+            present = set(self._client.nthreads())
+        except OSError:
+            return  # a slow scheduler: asked again
         self._pids = {worker: pid for worker, pid in self._pids.items() if worker in present}
         self._ending &= present
         if new := present - self._pids.keys():
@@ -284,7 +304,6 @@ class _Assignment:
             self._alone_since_s = time.monotonic()
         else:
             self._report_none(time.monotonic() - self._alone_since_s)
-        return set(self._pids)
 
     def _report_none(self, seconds: float) -> None:
         """Report once that there has been no worker for so long."""
@@ -306,6 +325,16 @@ class _Assignment:
             if theirs != ours:
                 raise InputError(f"--cluster: worker {worker} has zeromethod {theirs}: {ours}, as here")
             self._pids[worker] = pid
+            self._exits.by_pid.pop(pid, None)
+
+
+def _exists(pid: int) -> bool:
+    """Whether a process of this machine is there."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def _identity() -> tuple[str, int]:

@@ -36,7 +36,7 @@ def test_lag_is_the_delay_of_what_was_shown(delay_s: float) -> None:
     assert lag_ms(made_up(swing, delay_s)) == pytest.approx(1e3 * delay_s, abs=1.0)
 
 
-def test_at_rest_there_is_no_lag_and_no_rejection_to_tell() -> None:
+def test_at_rest_there_is_no_lag_and_no_rejection() -> None:
     track = made_up(lambda time_s: 0.0, 0.033)
     assert lag_ms(track) is None
     assert not np.isfinite(rejection(track)[1]).any()
@@ -87,7 +87,7 @@ def test_bands_are_octaves_with_none_where_nothing_moves() -> None:
     assert found["16-32"] is None
 
 
-def test_figures_tell_nulled_frames_and_the_deep_ones_apart() -> None:
+def test_figures_separate_nulled_frames_and_the_deep_ones() -> None:
     nothing = np.full((NODES, 2), np.nan)
     track = Track(
         "truth known",

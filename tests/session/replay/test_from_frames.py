@@ -110,7 +110,9 @@ def test_a_part_is_sensed_as_within_the_whole(recording) -> None:
         (("frames", "warps"), 2, "only every 2th frame"),
     ],
 )
-def test_what_is_missing_is_told_in_one_line(session, tmp_path: Path, keep, every: int, word: str) -> None:
+def test_what_is_missing_is_reported_in_one_line(
+    session, tmp_path: Path, keep, every: int, word: str
+) -> None:
     path = recorded(tmp_path / "r.h5", 0.15, rig=session.rig, keep=keep, every=every)
     with Recording(path) as opened, pytest.raises(InputError, match=word) as caught:
         replay_from_frames(opened, opened.rig, Window.of(opened))

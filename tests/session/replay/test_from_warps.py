@@ -46,7 +46,7 @@ def deeper_by(depth_mm: float, session, recording) -> tuple[int, DepthDifference
     return step, again
 
 
-def test_a_reading_that_differs_is_told(session, recording) -> None:
+def test_a_reading_that_differs_is_reported(session, recording) -> None:
     step, again = deeper_by(1e-6, session, recording)
     assert again.different == [step]
     assert again.depth.largest == pytest.approx(1e-6, rel=1e-3)
@@ -62,18 +62,18 @@ def test_other_surface_settings_read_as_a_reader_with_them_does(recording) -> No
     assert again.replayed_mm == expected
 
 
-def test_a_part_is_read_as_within_the_whole_and_told_of_alone(recording, whole: DepthDifferences) -> None:
-    told: list[float] = []
-    part = replay_from_warps(recording, recording.rig, Window.of(recording, 0.3, 0.6), on_step=told.append)
+def test_a_part_is_read_as_within_the_whole_and_reported_alone(recording, whole: DepthDifferences) -> None:
+    times: list[float] = []
+    part = replay_from_warps(recording, recording.rig, Window.of(recording, 0.3, 0.6), on_step=times.append)
     assert 15 < part.steps < 20
     assert min(part.time_s) >= 0.3
     assert max(part.time_s) <= 0.6
     assert part.different == []
     assert set(part.replayed_mm) <= set(whole.replayed_mm)
     # what comes before is read as well: a reader remembers
-    assert told[-part.steps :] == pytest.approx(part.time_s)
-    assert told == sorted(told)
-    assert told[0] < 0.1
+    assert times[-part.steps :] == pytest.approx(part.time_s)
+    assert times == sorted(times)
+    assert times[0] < 0.1
 
 
 def test_without_warps_there_is_nothing_to_read(session, tmp_path: Path) -> None:
@@ -127,21 +127,21 @@ def test_what_is_damaged_is_counted_and_kept_out_of_the_shares(
     assert figures["readings"] == undamaged["readings"] - 2
     assert again.different == []
     assert figures["read_share"]["recorded"] == figures["read_share"]["replayed"] > 0.9
-    # a part tells of its own
+    # a part counts its own
     assert (early.readings_damaged, early.surfaces_damaged) == (0, 3)
-    told = cells(figures)
-    assert told["left out as damaged: readings"][0] == "2"
-    assert told["left out as damaged: surfaces"][0] == "3"
+    table = cells(figures)
+    assert table["left out as damaged: readings"][0] == "2"
+    assert table["left out as damaged: surfaces"][0] == "3"
     assert not any("damaged" in label for label in cells(undamaged))
 
 
-def test_where_all_warps_are_damaged_it_is_told(session, damaged: Callable[..., Path]) -> None:
+def test_where_all_warps_are_damaged_it_is_reported(session, damaged: Callable[..., Path]) -> None:
     path = damaged("warps/measured/sigma", *session.readings)
-    told = f"all {len(session.readings)} warps are damaged"
+    found = f"all {len(session.readings)} warps are damaged"
     with (
         Recording(path) as opened,
         pytest.warns(DamagedWarning),
-        pytest.raises(InputError, match=told),
+        pytest.raises(InputError, match=found),
     ):
         replay_from_warps(opened, opened.rig, Window.of(opened))
 

@@ -34,7 +34,7 @@ def test_times_outside_the_recording_are_refused(recording, from_s, to_s, word: 
         Window.of(recording, from_s, to_s)
 
 
-def test_where_a_recording_ends_is_told_as_everywhere(recording) -> None:
+def test_where_a_recording_ends_is_reported_as_everywhere(recording) -> None:
     steps = recording.steps
     # the step that ended it has no frame
     assert steps["frame_number"][-1] < 0

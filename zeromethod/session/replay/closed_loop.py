@@ -7,11 +7,12 @@ The bench is the recorded rig's, simulated: same geometry, timing and noise; its
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from zeromethod.devices.opening import Devices, open_devices
+from zeromethod.devices.opening import open_devices
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
@@ -25,6 +26,7 @@ from zeromethod.session.replay.window import Pace, Window
 from zeromethod.simulation.clone import SIMULATED, simulated_clone
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.surface.comparison import compare
+from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest import Rest
 
 
@@ -41,101 +43,90 @@ def simulated_bench(rig: Rig) -> Rig:
     return clone.model_copy(update={"scenario": "none", "simulation": simulation, "camera": camera})
 
 
+@dataclass
 class ClosedLoopReplay:
-    """One session on a simulated bench whose mirror moves as recorded; `track` is what the loop did."""
+    """One session on a simulated bench whose mirror moves as recorded; `track` is what the loop did.
 
-    def __init__(
-        self,
-        name: str,
-        rig: Rig,
-        mirror: RecordedMirror,
-        *,
-        record: Path | None = None,
-        command_line: str = "",
-        speed: float | None = None,
-    ) -> None:
-        """rig: of the bench (`simulated_bench`) and of the loop. record: write a recording of it there."""
-        self.track = Track(name)
-        self.rig = rig
-        self.gl_renderer = ""
-        self.recorder_state = ""
-        """What was not kept of the new recording; "" while all is kept."""
-        self._mirror = mirror
-        self._record = record
-        self._command_line = command_line
-        self._pace = Pace(speed)
+    rig: of the bench (`simulated_bench`) and of the loop. record: write a recording of it there.
+    recorder_state: what was not kept of that recording; "" while all is kept.
+    """
+
+    name: str
+    rig: Rig
+    mirror: RecordedMirror
+    record: Path | None = None
+    command_line: str = ""
+    speed: float | None = None
+    gl_renderer: str = field(default="", init=False)
+    recorder_state: str = field(default="", init=False)
+
+    def __post_init__(self) -> None:
+        """Begin an empty track."""
+        self.track = Track(self.name)
 
     def run(self, on_step: Callable[[float], None] | None = None) -> Track:
         """Run it; on_step gets the seconds of the bench's time so far.
 
         Raises InputError for settings with which no loop can run.
         """
-        with open_devices(self.rig) as devices:
+        optics, pace = Optics(self.rig), Pace(self.speed)
+        with ExitStack() as opened:
+            devices = opened.enter_context(open_devices(self.rig))
             camera: Any = devices.camera
-            camera.scenario = self._mirror.scenario(self.track.name)
-            self._run(devices, camera, on_step)
-        return self.track
-
-    def _run(self, devices: Devices, camera: Any, on_step: Callable[[float], None] | None) -> None:
-        optics = Optics(self.rig)
-        with Loop(self.rig, camera, devices.display, devices.clock, optics=optics) as loop:
+            camera.scenario = self.mirror.scenario(self.name)
+            loop = opened.enter_context(Loop(self.rig, camera, devices.display, devices.clock, optics=optics))
             self.gl_renderer = loop.gl_renderer
             reader = SurfaceReader(self.rig, optics, loop.grid)
-            nodes = Nodes(loop.rest, round(self._mirror.duration_s * self.rig.camera.rate_hz))
-            recorder = self._recorder(loop.rest)
-            try:
-                for step in loop.run(seconds=self._mirror.duration_s):
-                    self._pace.wait_for(step.time_ns)
-                    read = None if step.measured is None else _read(reader, step)
-                    if recorder is not None:
-                        recorder.add_step(step)
-                        if read is not None:
-                            recorder.add_reading(
-                                replace(step, surface=read[0], peak=read[1], read_ms=read[2])
-                            )
-                    if self._mirror.settled_ns <= step.time_ns <= self._mirror.end_ns:
-                        self.track.points.append(self._moment(step, read, camera, optics, loop, nodes))
-                    if on_step is not None:
-                        on_step(1e-9 * step.time_ns)
-                if recorder is not None and loop.ended is not None:
-                    recorder.add_step(loop.ended)
-            finally:
+            nodes = Nodes(loop.rest, round(self.mirror.duration_s * self.rig.camera.rate_hz))
+            recorder = self._recorder(loop.rest, opened)
+            for step in loop.run(seconds=self.mirror.duration_s):
+                pace.wait_for(step.time_ns)
+                if step.measured is not None:
+                    step = _read(reader, step)  # noqa: PLW2901 - the same step, with its reading
                 if recorder is not None:
-                    recorder.close()
-                    self.recorder_state = str(recorder.status)
+                    recorder.add_step(step)
+                    if step.surface is not None:
+                        recorder.add_reading(step)
+                if self.mirror.settled_ns <= step.time_ns <= self.mirror.end_ns:
+                    self.track.points.append(self._point(step, camera, optics, nodes, loop.grid))
+                if on_step is not None:
+                    on_step(1e-9 * step.time_ns)
+            if recorder is not None and loop.ended is not None:
+                recorder.add_step(loop.ended)
+        return self.track
 
-    def _recorder(self, rest: Rest) -> Recorder | None:
-        if self._record is None:
+    def _recorder(self, rest: Rest, opened: ExitStack) -> Recorder | None:
+        """What records it; its state is asked for once it is closed."""
+        if self.record is None:
             return None
-        command, renderer = self._command_line, self.gl_renderer
-        return Recorder(self._record, self.rig, rest, command_line=command, gl_renderer=renderer)
+        command, renderer = self.command_line, self.gl_renderer
+        recorder = Recorder(self.record, self.rig, rest, command_line=command, gl_renderer=renderer)
 
-    def _moment(
-        self,
-        step: Step,
-        read: tuple[Surface, Peak, float] | None,
-        camera: Any,
-        optics: Optics,
-        loop: Loop,
-        nodes: Nodes,
-    ) -> TrackPoint:
-        time_s = 1e-9 * (step.time_ns - self._mirror.settled_ns)
-        shown_q = None if step.shown is None else step.shown.q
-        followed = nodes.pick(step.measured, shown_q, step.zero)
+        def close() -> None:
+            recorder.close()
+            self.recorder_state = str(recorder.status)
+
+        opened.callback(close)
+        return recorder
+
+    def _point(self, step: Step, camera: Any, optics: Optics, nodes: Nodes, grid: NodeGrid) -> TrackPoint:
+        time_s = 1e-9 * (step.time_ns - self.mirror.settled_ns)
+        followed = nodes.pick(step.measured, None if step.shown is None else step.shown.q, step.zero)
         point = TrackPoint(time_s, step.state, step.residual_rms_px, *followed)
-        if read is None:
+        if step.surface is None or step.peak is None:
             return point
-        truth = compare(read[0], camera.truth(step.time_ns), optics, loop.grid)
+        truth = compare(step.surface, camera.truth(step.time_ns), optics, grid)
         return replace(
             point,
-            depth_peak_mm=read[1].depth_mm,
+            depth_peak_mm=step.peak.depth_mm,
             depth_error_um=truth.depth_rms_error_um,
             peak_error_percent=truth.depth_peak_error_percent,
             true_peak_mm=truth.depth_peak_mm,
         )
 
 
-def _read(reader: SurfaceReader, step: Step) -> tuple[Surface, Peak, float]:
+def _read(reader: SurfaceReader, step: Step) -> Step:
+    """The step with its reading."""
     measured = step.measured
     assert measured is not None
 
@@ -143,7 +134,8 @@ def _read(reader: SurfaceReader, step: Step) -> tuple[Surface, Peak, float]:
         surface = reader.read(measured)
         return surface, peak(surface)
 
-    return timed(read)
+    surface, deepest, read_ms = timed(read)
+    return replace(step, surface=surface, peak=deepest, read_ms=read_ms)
 
 
 def recorded_track(recording: Recording, window: Window) -> Track:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -37,10 +38,8 @@ class WarpDifferences:
     warp: Spread = field(default_factory=Spread)
     commanded: Spread = field(default_factory=Spread)
     residual: Spread = field(default_factory=Spread)
-    sigma: list[tuple[float, float]] = field(default_factory=list)
-    rms: list[tuple[float, float]] = field(default_factory=list)
-    valid: list[tuple[float, float]] = field(default_factory=list)
     warps_damaged: int = 0
+    _pairs: defaultdict[str, list[tuple[float, float]]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, row: Any, taken: FrameResult, measured: Warp | None, circle: Circle) -> None:
         """Take in one step. measured: from the session's zero; None where the frame is not believed."""
@@ -51,10 +50,10 @@ class WarpDifferences:
             equal &= same(commanded, circle.controller.commanded)
             self.commanded.add(circle.controller.commanded.astype(np.float32) - commanded)
         equal &= self._same_seen(step, taken)
-        numbers = np.array([taken.residual_rms_px, taken.valid_share])
-        equal &= same(np.array([row["residual_rms_px"], row["valid_share"]]), numbers)
-        self.rms.append((float(row["residual_rms_px"]), taken.residual_rms_px))
-        self.valid.append((float(row["valid_share"]), taken.valid_share))
+        for name in ("residual_rms_px", "valid_share"):
+            pair = float(row[name]), float(getattr(taken, name))
+            equal &= same(np.array(pair[0]), np.array(pair[1]))
+            self._pairs[name].append(pair)
         self.steps += 1
         if not equal:
             self.different.append(step)
@@ -69,8 +68,8 @@ class WarpDifferences:
         both = recorded.valid & replayed.valid
         self.warp.add((replayed.q - recorded.q)[both])
         if both.any():
-            sigmas = (float(np.median(warp.sigma[both])) for warp in (recorded, replayed))
-            self.sigma.append((next(sigmas), next(sigmas)))
+            pair = float(np.median(recorded.sigma[both])), float(np.median(replayed.sigma[both]))
+            self._pairs["sigma_lcd_px"].append(pair)
         names = ("q", "sigma", "flags")
         return all(same(getattr(recorded, name), getattr(replayed, name)) for name in names)
 
@@ -100,10 +99,7 @@ class WarpDifferences:
             "measured_difference_lcd_px": self.warp.figures,
             "commanded_difference_lcd_px": self.commanded.figures,
             "residual_difference_px": self.residual.figures,
-            "sigma_lcd_px": _medians(self.sigma),
-            "residual_rms_px": _medians(self.rms),
-            "valid_share": _medians(self.valid),
-        }
+        } | {name: _medians(self._pairs[name]) for name in ("sigma_lcd_px", "residual_rms_px", "valid_share")}
 
 
 def _medians(pairs: list[tuple[float, float]]) -> Figures:
@@ -205,12 +201,8 @@ def _present(recording: Recording, window: Window, index: int, circle: Circle) -
         step = int(row["after_step"]) + 1
         raise InputError(_ends_at(recording, window, step, f"what was shown before step {step} {why}"))
     code, source_ns = int(row["strip_code"]), int(row["newest_frame_ns"])
-    circle.presented(
-        int(row["time_ns"]),
-        q,
-        None if code < 0 else code,
-        source_ns=None if source_ns < 0 else source_ns,
-    )
+    source = None if source_ns < 0 else source_ns
+    circle.presented(int(row["time_ns"]), q, None if code < 0 else code, source_ns=source)
 
 
 def _ends_at(recording: Recording, window: Window, step: int, why: str) -> str:

@@ -1,4 +1,4 @@
-"""Turns of a loop that are made up: noise everywhere, so that nothing is mistaken for anything else."""
+"""Made-up steps of a loop: noise everywhere, so that nothing is mistaken for anything else."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def recorder(path: Path, **more: Any) -> Recorder:
     return Recorder(path, rig, rest, **more)
 
 
-def turn(number: int, **more: Any) -> Step:
-    """Turn `number`, all of whose arrays are its own."""
+def a_step(number: int, **more: Any) -> Step:
+    """Step `number`, all of whose arrays are its own."""
     rig, rest = bench()
     rng = np.random.default_rng(number)
     nodes = rest.grid.shape
@@ -76,7 +76,7 @@ def turn(number: int, **more: Any) -> Step:
 
 
 def reading(number: int) -> tuple[Surface, Peak]:
-    """A surface read from turn `number`."""
+    """A surface read from step `number`."""
     _, rest = bench()
     rng = np.random.default_rng(number)
     one = [rng.standard_normal(rest.grid.shape) for _ in range(4)]
@@ -99,7 +99,7 @@ def read(step: Step) -> Step:
 class Bytes:
     """Sizes, for tests that fill memory or disks."""
 
-    turn: int
+    step: int
     image: int
 
 
