@@ -15,6 +15,7 @@ from rich.console import Console
 
 from zeromethod.errors import InputError
 from zeromethod.loop.loop import Loop
+from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.recording.recording import Recording
 from zeromethod.view.follow import PERIOD_S, FollowDisplay, Glance, Tail, follow
@@ -23,8 +24,8 @@ PATIENCE_S = 60.0
 
 
 def glance(**values: object) -> Glance:
-    told = {"time_s": 1.0, "state": "locked", "reason": "nulled", "rate_hz": 60.0, "residual_rms_px": 0.012}
-    return Glance(**(told | {"peak_mm": 0.2, "peak_sigma_mm": 5e-5, "dropped": 0} | values))  # type: ignore[arg-type]
+    known = {"time_s": 1.0, "state": State.LOCKED, "reason": "nulled", "rate_hz": 60.0, "residual_rms_px": 0.012}
+    return Glance(**(known | {"peak_mm": 0.2, "peak_sigma_mm": 5e-5, "dropped": 0} | values))  # type: ignore[arg-type]
 
 
 def wait_for(there: Callable[[], bool]) -> None:
@@ -93,7 +94,7 @@ def test_a_terminal_has_one_line_that_says_how_long_nothing_came() -> None:
 
 
 def test_a_fault_tells_its_reason_in_place_of_figures() -> None:
-    assert glance(state="fault", reason="the camera is lost").words() == "the camera is lost"
+    assert glance(state=State.FAULT, reason="the camera is lost").words() == "the camera is lost"
     nan = float("nan")
     assert glance(rate_hz=nan, residual_rms_px=nan, peak_mm=nan).words() == ""
 

@@ -17,7 +17,7 @@ import tomlkit
 from report_page import HOSTILE, Page, add_row
 
 from zeromethod.recording.recording import Recording
-from zeromethod.view.report import STEPS, key_turns, write_report
+from zeromethod.view.report import STEPS, key_steps, write_report
 from zeromethod.view.report_summary import summarise_recording
 from zeromethod.view.report_words import peak_words
 
@@ -70,31 +70,31 @@ def test_every_text_from_the_recording_is_escaped(edited: Edited) -> None:
 def test_figures_are_those_of_the_tables_and_of_the_planted_press(recording_path: Path) -> None:
     with Recording(recording_path) as recording:
         figures = summarise_recording(recording)
-        turns, peaks = recording.steps, recording.peaks
-        names = [str(recording.state_of(row)) for row in turns]
+        steps, peaks = recording.steps, recording.peaks
+        names = [str(recording.state_of(row)) for row in steps]
     assert figures["complete"]
-    assert figures["frames"] == np.count_nonzero(turns["frame_number"] >= 0)
+    assert figures["frames"] == np.count_nonzero(steps["frame_number"] >= 0)
     # a steady 60 per second, but for the jitter of a simulated clock
     assert figures["rate_hz"] == pytest.approx(60.0, rel=0.01)
     nulled = np.isin(names, ["locked", "resting"])
-    held_s = 1e-9 * np.diff(turns["time_ns"])
+    held_s = 1e-9 * np.diff(steps["time_ns"])
     assert figures["locked_share"] == pytest.approx(held_s[nulled[:-1]].sum() / held_s.sum())
     assert sum(figures["shares"].values()) == pytest.approx(1.0)
-    assert figures["residual_px_rms"]["median"] == np.median(turns["residual_rms_px"][nulled])
+    assert figures["residual_px_rms"]["median"] == np.median(steps["residual_rms_px"][nulled])
     # the press is 0.2 mm deep; nodes four times as far apart as in full resolution cost up to 1 %
     largest = figures["largest"]
     assert largest["depth_mm"] == pytest.approx(0.2, rel=0.01)
     assert largest["state"] == "locked"
-    assert largest["depth_mm"] == peaks["depth_mm"][np.isin(peaks["step"], turns["number"][nulled])].max()
+    assert largest["depth_mm"] == peaks["depth_mm"][np.isin(peaks["step"], steps["number"][nulled])].max()
 
 
 def test_depth_is_shown_when_first_locked_at_its_largest_and_at_the_end(recording_path: Path) -> None:
     with Recording(recording_path) as recording:
-        shown = key_turns(recording)
+        shown = key_steps(recording)
         locked = [int(row["number"]) for row in recording.steps if str(recording.state_of(row)) == "locked"]
-        names = {name: turn for turn, names in shown.items() for name in names}
+        names = {name: step for step, names in shown.items() for name in names}
         assert names["first locked"] == locked[0]
-        assert names["largest |depth|"] == summarise_recording(recording)["largest"]["turn"]
+        assert names["largest |depth|"] == summarise_recording(recording)["largest"]["step"]
         assert names["last"] == recording.steps_with("surface")[-1]
 
 
@@ -132,23 +132,23 @@ def test_recording_that_was_not_closed_says_so(edited: Edited) -> None:
     assert "was cut off" in page_of(path).text
 
 
-def test_recording_without_a_single_turn_still_makes_a_page(edited: Edited) -> None:
+def test_recording_without_a_single_step_still_makes_a_page(edited: Edited) -> None:
     def empty(file: h5py.File) -> None:
         for name in ("steps", "peaks", "notes", "drops", "presentation_log"):
             file[f"{name}/table"].resize(0, axis=0)
 
     page = page_of(edited(empty))
-    assert "No turn of the loop is in this recording." in page.text
+    assert "No step of the loop is in this recording." in page.text
     assert "No depth maps: no surface was read." in page.text
 
 
-def test_peaks_and_surfaces_of_turns_that_were_not_flushed_do_no_harm(edited: Edited) -> None:
+def test_peaks_and_surfaces_of_steps_that_were_not_flushed_do_no_harm(edited: Edited) -> None:
     path = edited(lambda file: file["steps/table"].resize(20, axis=0))
     page = page_of(path)
     with Recording(path) as recording:
-        assert max(key_turns(recording)) <= recording.steps["number"][-1]
-        assert summarise_recording(recording)["last"]["turn"] <= recording.steps["number"][-1]
-    assert "20 turns of the loop" in page.text
+        assert max(key_steps(recording)) <= recording.steps["number"][-1]
+        assert summarise_recording(recording)["last"]["step"] <= recording.steps["number"][-1]
+    assert "20 steps of the loop" in page.text
 
 
 def document(made: datetime) -> str:
@@ -248,20 +248,20 @@ def test_coordinates_that_are_partly_unknown_make_a_map(edited: Edited) -> None:
 
 def test_tables_without_a_number_make_a_page(edited: Edited) -> None:
     def strike(file: h5py.File) -> None:
-        peaks, turns = file["peaks/table"][()], file["steps/table"][()]
+        peaks, steps = file["peaks/table"][()], file["steps/table"][()]
         for name in ("depth_mm", "depth_sigma_mm", "x_mm", "y_mm"):
             peaks[name] = np.nan
-        turns["residual_rms_px"] = np.nan
-        file["peaks/table"][...], file["steps/table"][...] = peaks, turns
+        steps["residual_rms_px"] = np.nan
+        file["peaks/table"][...], file["steps/table"][...] = peaks, steps
 
     page = page_of(edited(strike))
     assert "nothing was measured" in page.source
     assert "depth was never read" in page.source
 
 
-@pytest.mark.parametrize("turns", [1, 2, 9, 10])
-def test_a_short_recording_has_no_empty_curve(edited: Edited, turns: int) -> None:
-    path = edited(lambda file: file["steps/table"].resize(turns, axis=0))
+@pytest.mark.parametrize("steps", [1, 2, 9, 10])
+def test_a_short_recording_has_no_empty_curve(edited: Edited, steps: int) -> None:
+    path = edited(lambda file: file["steps/table"].resize(steps, axis=0))
     with Recording(path) as recording:
         frames = np.count_nonzero(recording.steps["frame_number"] >= 0)
     page = page_of(path)
@@ -290,9 +290,9 @@ def test_frames_that_are_not_read_are_not_called_drops(recording_path: Path, edi
 
 def test_a_curve_within_a_decade_has_plain_numbers(edited: Edited) -> None:
     def narrow(file: h5py.File) -> None:
-        turns = file["steps/table"][()]
-        turns["residual_rms_px"] = np.linspace(0.0102, 0.0118, len(turns))
-        file["steps/table"][...] = turns
+        steps = file["steps/table"][()]
+        steps["residual_rms_px"] = np.linspace(0.0102, 0.0118, len(steps))
+        file["steps/table"][...] = steps
 
     svg = page_of(edited(narrow)).source.split("</svg>")[0]
     assert "mathdefault" not in svg
@@ -304,8 +304,8 @@ def test_all_that_is_damaged_is_counted_though_no_map_shows_it(
 ) -> None:
     def strike(file: h5py.File) -> None:
         with Recording(recording_path) as whole:
-            shown = key_turns(whole)
-        hidden = [i for i, turn in enumerate(file["surface/step"]) if turn not in shown]
+            shown = key_steps(whole)
+        hidden = [i for i, step in enumerate(file["surface/step"]) if step not in shown]
         # one surface in two of its arrays, one in a row; two frames
         file["surface/depth_mm"][hidden[0], 5, 5] = 7.0
         file["surface/slope"][hidden[0], 5, 5, 0] = 7.0

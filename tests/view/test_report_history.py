@@ -32,26 +32,26 @@ def test_equal_events_close_in_time_make_one_line() -> None:
     ]
 
 
-def test_shares_are_of_time_not_of_turns() -> None:
-    told = [Episode(0.0, 1.0, "fault", ""), Episode(1.0, 4.0, "locked", ""), Episode(4.0, 4.0, "stopped", "")]
-    assert shares(told) == {"locked": 0.75, "fault": 0.25}
-    assert shares(told[2:]) == {"stopped": 1.0}
+def test_shares_are_of_time_not_of_steps() -> None:
+    spent = [Episode(0.0, 1.0, "fault", ""), Episode(1.0, 4.0, "locked", ""), Episode(4.0, 4.0, "stopped", "")]
+    assert shares(spent) == {"locked": 0.75, "fault": 0.25}
+    assert shares(spent[2:]) == {"stopped": 1.0}
     assert shares([]) == {}
 
 
 def test_a_fault_and_drops_are_told_with_time_count_and_reason(edited: Edited) -> None:
     def plant(file: h5py.File) -> None:
         table = file["steps/table"]
-        turns = table[()]
-        turns["state"][10:13] = STATES.index("fault")
-        turns["reason"][10:13] = "the camera is lost: unplugged"
-        turns["events"][10] |= 1 << EVENTS.index("camera lost")
-        table[...] = turns
+        steps = table[()]
+        steps["state"][10:13] = STATES.index("fault")
+        steps["reason"][10:13] = "the camera is lost: unplugged"
+        steps["events"][10] |= 1 << EVENTS.index("camera lost")
+        table[...] = steps
         add_row(
-            file, "drops", step=16, time_ns=turns["time_ns"][15], count=4, lost_by=b"camera", reason=b"late"
+            file, "drops", step=16, time_ns=steps["time_ns"][15], count=4, lost_by=b"camera", reason=b"late"
         )
         add_row(
-            file, "drops", step=17, time_ns=turns["time_ns"][16], count=2, lost_by=b"recorder", reason=b"slow"
+            file, "drops", step=17, time_ns=steps["time_ns"][16], count=2, lost_by=b"recorder", reason=b"slow"
         )
 
     with Recording(edited(plant)) as recording:

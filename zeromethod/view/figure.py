@@ -12,8 +12,8 @@ from zeromethod.arrays import Float, Image
 from zeromethod.loop.step import Step
 from zeromethod.session.result import RunResult
 from zeromethod.surface import Surface
-from zeromethod.view.axes import centred, colour_bar, colours, labelled, picture
-from zeromethod.warp.grid import PADDING, NodeGrid
+from zeromethod.view.axes import centred, colour_bar, colours, labelled, over_mirror, picture
+from zeromethod.warp.grid import NodeGrid
 
 CROP_PX = (480, 360)
 """Columns and rows of the camera image that are shown, round the press: the pattern stays visible."""
@@ -85,11 +85,8 @@ def _deepest_node(surface: Surface) -> tuple[int, int]:
 
 def _map(axis: Axes, surface: Surface, values: Float, title: str, unit: str, *, signed: bool = True) -> None:
     """Map of the valid nodes over the mirror in mm; colours symmetric round zero, or from zero up."""
-    inner = (slice(PADDING, -PADDING),) * 2
-    shown = np.where(surface.valid, values, np.nan)[inner]
-    x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
-    mesh = axis.pcolormesh(x_mm, y_mm, shown, shading="nearest", **colours(shown, 99.8, signed=signed))
-    axis.set_aspect("equal")
+    shown = np.where(surface.valid, values, np.nan)
+    mesh = over_mirror(axis, surface, shown, **colours(shown, 99.8, signed=signed))
     labelled(axis, title, "x, mm", "y, mm")
     colour_bar(axis, mesh, unit)
 
