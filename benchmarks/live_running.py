@@ -30,7 +30,7 @@ from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
 from zeromethod.loop.step import Step
 from zeromethod.publishing import Publisher
-from zeromethod.session.reading import Reading, StepReader, timed, warm_up_warp
+from zeromethod.session.reading import StepReader, timed, warm_up_warp
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.warp import Warp
@@ -189,11 +189,12 @@ class Running:
         return found[LEFT_OUT:]
 
 
-def _reading(surfaces: Surfaces) -> Callable[[Step], Reading]:
-    def read(step: Step) -> Reading:
+def _reading(surfaces: Surfaces) -> Callable[[Step], Step]:
+    def read(step: Step) -> Step:
         measured = step.measured
         assert measured is not None
-        return Reading(step, *timed(lambda: surfaces.read(measured)))
+        surface, deepest, read_ms = timed(lambda: surfaces.read(measured))
+        return replace(step, surface=surface, peak=deepest, read_ms=read_ms)
 
     return read
 

@@ -50,7 +50,7 @@ from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.reading import Reading, StepReader, timed, warm_up_warp
+from zeromethod.session.reading import StepReader, timed, warm_up_warp
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.view.progress import progress
 
@@ -117,13 +117,14 @@ class Bench:
         self._stack.enter_context(surfaces.in_own_process(warm_up_warp(self.loop.rest)))
         self.recorder: Recorder | None = None
 
-        def read(step: Step) -> Reading:
+        def read(step: Step) -> Step:
             measured = step.measured
             assert measured is not None
             surface, deepest, read_ms = timed(lambda: surfaces.read(measured))
+            step = replace(step, surface=surface, peak=deepest, read_ms=read_ms)
             if self.recorder is not None:
-                self.recorder.add_reading(replace(step, surface=surface, peak=deepest, read_ms=read_ms))
-            return Reading(step, surface, deepest, read_ms)
+                self.recorder.add_reading(step)
+            return step
 
         self._reading = StepReader(read, None, live=True)
         self._stack.callback(self._reading.close)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import shlex
 from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
 from typing import NamedTuple
 
 import click
@@ -18,12 +20,15 @@ class Outcome(NamedTuple):
     err: str
 
 
-def run(*arguments: object, command: click.Command = commands) -> Outcome:
-    """Run `zeromethod` with these arguments, or another command."""
+def run(*words: str | Path | float, command: click.Command = commands, name: str = "zeromethod") -> Outcome:
+    """Run `zeromethod`, or another command; strings are split as a shell does, paths are not."""
+    arguments = [
+        one for word in words for one in (shlex.split(word) if isinstance(word, str) else [str(word)])
+    ]
     with (
         redirect_stdout(io.StringIO()) as out,
         redirect_stderr(io.StringIO()) as err,
         pytest.raises(SystemExit) as end,
     ):
-        main([str(argument) for argument in arguments], command)
+        main(arguments, command, name)
     return Outcome(int(end.value.code or 0), out.getvalue(), err.getvalue())

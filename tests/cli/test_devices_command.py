@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import run
 from small_rigs import BENCH_160, small_rig_file
 from two_monitors import TwoMonitors, missing, start
 
-from zeromethod.cli.main import main
 from zeromethod.drivers.listing import Found, Listing, Missing
 from zeromethod.drivers.monitors import Monitor
 from zeromethod.rig.load import load_rig
@@ -50,19 +50,12 @@ def rig_file(tmp_path: Path) -> Path:
     return small_rig_file(tmp_path / "my.toml", BENCH_160)
 
 
-def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as end:
-        main(["devices", *map(str, arguments)])
-    printed = capsys.readouterr()
-    return int(end.value.code or 0), printed.out, printed.err
-
-
 def test_monitors_and_cameras_are_listed_as_run_takes_them_and_what_is_missing_for_more(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("zeromethod.drivers.monitors.monitors", lambda: MONITORS)
     monkeypatch.setattr("zeromethod.drivers.listing.cameras", lambda: LISTING)
-    code, out, err = outcome("--summary", tmp_path / "found.json", capsys=capsys)
+    code, out, err = run("devices", "--summary", tmp_path / "found.json")
     assert (code, err) == (0, "")
     lines = [line.split() for line in out.splitlines()]
     assert ["0", "eDP-1", "2560", "x", "1440", "144.00", "Hz", "0,", "0", "primary"] in lines
@@ -81,44 +74,16 @@ def test_monitors_and_cameras_are_listed_as_run_takes_them_and_what_is_missing_f
 
 
 def test_without_a_screen_the_cameras_are_listed_all_the_same(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr("zeromethod.drivers.listing.cameras", lambda: LISTING)
-    code, out, err = outcome("--summary", tmp_path / "found.json", capsys=capsys)
+    code, out, err = run("devices", "--summary", tmp_path / "found.json")
     assert (code, err) == (0, "")
     assert out.splitlines()[0] == "no monitors: no screen: DISPLAY is not set"
     assert "USB camera" in out
     assert json.loads((tmp_path / "found.json").read_text())["monitors"] == []
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--focus", "--delay"], "--delay and --focus: give one of them"),
-        (["--identify", "1", "--focus"], "--identify and --focus: give one of them"),
-        (["--identify", "x"], "--identify: 'x': allowed: the index of a monitor, or nothing for all"),
-        (["--write"], "--write: only with --delay"),
-        (["--focus", "--write"], "--write: only with --delay"),
-        (["--camera", "0"], "--camera: only with --delay or --focus"),
-        (["--identify", "--exposure", "0.1"], "--exposure: only with --delay or --focus"),
-        (["--rig", "paper"], "--rig: only with --identify, --delay, --focus or --speed"),
-        (["--seconds", "3"], "--seconds: only with --identify, --delay or --focus"),
-        (["--delay", "--seconds", "0"], "--seconds: 0: a number above 0"),
-        (["--delay", "--seconds", "nan"], "--seconds: nan: a number above 0"),
-        (["--delay", "--write"], "--write: 'simulated': with --rig and a rig file of your own"),
-        (["--delay", "--write", "--rig", "paper"], "--write: 'paper': with --rig and a rig file of your own"),
-        (["--speed", "--seconds", "3"], "--seconds: only with --identify, --delay or --focus"),
-        (["--speed", "--display", "0"], "--display: only with --delay or --focus"),
-        (["--speed", "--focus"], "--focus and --speed: give one of them"),
-        (["--focus", "--summary", "focus.txt"], "--summary: focus.txt: the file name must end in .json"),
-    ],
-)  # fmt: skip
-def test_bad_input_is_one_line_and_exit_code_2(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert outcome(*arguments, capsys=capsys) == (2, "", f"zeromethod: {message}\n")
 
 
 @pytest.mark.parametrize(("drawing_per_s", "code"), [(90.0, 0), (21.0, 1)])
@@ -126,7 +91,6 @@ def test_speed_says_whether_this_computer_is_fast_enough_and_which_part_is_slowe
     drawing_per_s: float,
     code: int,
     rig_file: Path,
-    capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -146,7 +110,7 @@ def test_speed_says_whether_this_computer_is_fast_enough_and_which_part_is_slowe
 
     monkeypatch.setattr("zeromethod.session.speed.measure_speed", measured)
     summary = tmp_path / "speed.json"
-    ended, out, err = outcome("--speed", "--rig", rig_file, "--summary", summary, capsys=capsys)
+    ended, out, err = run("devices", "--speed", "--rig", rig_file, "--summary", summary)
     assert (ended, err) == (code, "")
     assert "160x128 px, 60 frames/s, 16.7 ms each; 4 cores, drawn by a card" in out
     lines = [line.split() for line in out.splitlines()]
@@ -162,11 +126,11 @@ def test_speed_says_whether_this_computer_is_fast_enough_and_which_part_is_slowe
 
 
 def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(
-    rig_file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    rig_file: Path, tmp_path: Path
 ) -> None:
     save_values(rig_file, {"display.latency_s": 0.0213})
     arguments = ("--delay", "--rig", rig_file, "--seconds", 0.5)
-    code, out, err = outcome(*arguments, capsys=capsys)
+    code, out, err = run("devices", *arguments)
     assert (code, err) == (0, "")
     told, *lines = out.splitlines()
     assert told == "rig 'simulated' is simulated: real devices are named by --display and --camera"
@@ -179,7 +143,7 @@ def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(
 
     before = rig_file.read_text()
     assert "# " in before
-    code, out, _ = outcome(*arguments, "--write", "--summary", tmp_path / "delay.json", capsys=capsys)
+    code, out, _ = run("devices", *arguments, "--write", "--summary", tmp_path / "delay.json")
     assert code == 0
     keys = "display.latency_s, display.scanout_s, display.scan, display.rise_s"
     assert out.splitlines()[-1] == f"stored as {keys} in {rig_file}"
@@ -203,13 +167,11 @@ def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(
     ]
 
 
-def test_a_delay_that_cannot_be_measured_is_exit_code_1_and_nothing_is_stored(
-    rig_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_delay_that_cannot_be_measured_is_exit_code_1_and_nothing_is_stored(rig_file: Path) -> None:
     save_values(rig_file, {"simulation.peak_grey_share": 0.02})
     before = rig_file.read_text()
-    code, out, err = outcome(
-        "--delay", "--write", "--rig", rig_file, "--seconds", 0.3, capsys=capsys
+    code, out, err = run("devices",
+        "--delay", "--write", "--rig", rig_file, "--seconds", 0.3
     )  # fmt: skip
     assert code == 1
     assert "delay" not in out
@@ -217,12 +179,10 @@ def test_a_delay_that_cannot_be_measured_is_exit_code_1_and_nothing_is_stored(
     assert rig_file.read_text() == before
 
 
-def test_focus_tells_the_figures_and_what_to_do(
-    rig_file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_focus_tells_the_figures_and_what_to_do(rig_file: Path, tmp_path: Path) -> None:
     save_values(rig_file, {"simulation.ambient": 0.2})
-    code, out, err = outcome(
-        "--focus", "--rig", rig_file, "--seconds", 0.3, "--summary", tmp_path / "focus.json", capsys=capsys
+    code, out, err = run(
+        "devices", "--focus", "--rig", rig_file, "--seconds", 0.3, "--summary", tmp_path / "focus.json"
     )
     assert (code, err) == (0, "")
     for words in ("focus score", "by region", "grey levels", "saturated", "usable of that", "flicker"):

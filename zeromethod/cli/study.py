@@ -103,24 +103,23 @@ def _finish(study: Study, results: Results, folder: Path, summary: Path | None, 
 
     failures = results.failures
     draw_study(study, results.rows, folder / FIGURE)
-    if summary is not None:
-        write_summary(
-            summary,
-            {
-                "study": study.name,
-                "title": study.table.title,
-                "procedure": study.table.procedure,
-                "seed": study.table.seed,
-                "runs": len(results.rows),
-                "runs_from_before": results.before,
-                "failed": len(failures),
-                "failures": failures,
-                "seconds": seconds,
-                "cores": cores(),
-                "table": str(folder / TABLE),
-                "figure": str(folder / FIGURE),
-            },
-        )
+    write_summary(
+        summary,
+        {
+            "study": study.name,
+            "title": study.table.title,
+            "procedure": study.table.procedure,
+            "seed": study.table.seed,
+            "runs": len(results.rows),
+            "runs_from_before": results.before,
+            "failed": len(failures),
+            "failures": failures,
+            "seconds": seconds,
+            "cores": cores(),
+            "table": str(folder / TABLE),
+            "figure": str(folder / FIGURE),
+        },
+    )
     before = f", {results.before} of them from before" if results.before else ""
     click.echo(f"{study.table.title}: {len(results.rows)} runs{before}, {len(failures)} failed")
     click.echo(f"wrote {folder / TABLE} and {folder / FIGURE}")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from zeromethod.cli.device_options import scenario_option, with_scenario
+from zeromethod.cli.device_options import rig_option, scenario_options, with_scenario
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import OutputFile
 from zeromethod.errors import InputError
@@ -21,8 +21,8 @@ from zeromethod.thread_limits import limit_threads
 
 
 @click.command("virtual-bench", epilog="Example: zeromethod virtual-bench --monitor 1 --truth truth.jsonl")
-@click.option("--rig", "rig_name", default="virtual", show_default=True, help="Rig file, or a packaged name.")
-@scenario_option
+@rig_option("virtual")
+@scenario_options
 @click.option(
     "--monitor",
     type=Whole(min=0),
@@ -39,7 +39,6 @@ from zeromethod.thread_limits import limit_threads
 )
 @click.option("--rate", "rate_hz", type=float, help="Frames per second. [default: the rig's]")
 @click.option("--truth", "truth_path", type=OutputFile(".jsonl"), help="Write the truth (.jsonl).")
-@click.option("--seed", type=Whole(min=0), help="Seed of the sensor's noise.")
 @click.option("--repeat", "repeats", type=Whole(min=1), help="Play the scenario this often. [default: 1]")
 @click.option("--forever", is_flag=True, help="Play the scenario again and again.")
 @click.option(

@@ -59,7 +59,8 @@ def summarise_recording(recording: Recording) -> Figures:
 def read_peaks(recording: Recording) -> Image:
     """Rows of `Recording.peaks` with a depth, and with a step: a killed writer may have lost some."""
     peaks = recording.peaks
-    return peaks[np.isfinite(peaks["depth_mm"]) & np.isin(peaks["step"], recording.steps["number"])]
+    found: Image = peaks[np.isfinite(peaks["depth_mm"]) & np.isin(peaks["step"], recording.steps["number"])]
+    return found
 
 
 def largest_peak(peaks: Image) -> Image:

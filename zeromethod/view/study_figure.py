@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from zeromethod.arrays import Float
 from zeromethod.study.plan import FigureTable, Study
@@ -31,14 +32,7 @@ def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
                 name = ", ".join(_named(*one) for one in zip(table.hue, line, strict=True))
                 axis.plot(places, middle, "o", linestyle=style, color=colour, markersize=4, label=name)
                 axis.fill_between(places, low, high, color=colour, alpha=0.2, linewidth=0)
-        if words:
-            axis.set_xticks(range(len(xs)), [str(x) for x in xs], rotation=30, ha="right")
-        if table.scale != "linear":
-            axis.set_yscale("log")
-            plain_log_ticks(axis.yaxis)
-        if table.scale == "loglog" and not words:
-            axis.set_xscale("log")
-            plain_log_ticks(axis.xaxis)
+        _scale(axis, table, xs, words=words)
         axis.set(xlabel=table.x, ylabel=table.y)
         axis.grid(alpha=0.3, which="both")
         if table.hue and axis.lines:
@@ -46,6 +40,17 @@ def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
         failed = sum(row["failure"] is not None for row in rows)
         counted = f"{len(rows)} runs" + (f", {failed} of them failed" if failed else "")
         figure.supxlabel(counted, fontsize=8, color="0.3")
+
+
+def _scale(axis: Axes, table: FigureTable, xs: Sequence[Any], *, words: bool) -> None:
+    if words:
+        axis.set_xticks(range(len(xs)), [str(x) for x in xs], rotation=30, ha="right")
+    if table.scale != "linear":
+        axis.set_yscale("log")
+        plain_log_ticks(axis.yaxis)
+    if table.scale == "loglog" and not words:
+        axis.set_xscale("log")
+        plain_log_ticks(axis.xaxis)
 
 
 def _looks(rows: Sequence[Row], hues: Sequence[str]) -> dict[tuple[Any, ...], tuple[str, str]]:
