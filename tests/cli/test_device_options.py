@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from zeromethod.cli.device_options import BenchOptions, with_asked_strips, with_devices, with_latency
+from zeromethod.cli.device_options import BenchOptions, with_asked_strips, with_devices, with_given
 from zeromethod.drivers.monitors import Monitor
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
@@ -48,7 +48,7 @@ GIVEN = {"exposure_s": 0.004, "gain": 6.0, "pixel_format": "Mono8", "region_px":
         (OPENCV, {"camera_alone": True}, {}),
         # a camera of one's own may see the simulated display
         ({}, {"address": "my_lab:Camera"}, {"camera.driver": "my_lab:Camera"}),
-        ({}, {"monitor": 1, "address": "a.y4m"}, ON_1 | {"camera.driver": "opencv", "camera.source": "a.y4m"}),
+        ({}, {"monitor": 1, "address": "a.y4m"}, ON_1 | OPENCV | {"camera.source": "a.y4m"}),
     ],
 )  # fmt: skip
 def test_options_take_the_place_of_what_the_rig_says_and_of_nothing_else(
@@ -96,6 +96,7 @@ def test_strips_are_as_asked_else_as_the_rig_says_else_with_devices(
     assert with_asked_strips(RIG.replace(own), asked, named).control.strips == strips
 
 
-def test_the_delay_of_the_command_line_stands_above_the_rigs() -> None:
-    assert with_latency(RIG, None) is RIG
-    assert with_latency(RIG, -0.012).display.latency_s == -0.012
+def test_options_that_were_given_take_the_place_of_the_rigs_values() -> None:
+    assert with_given(RIG, None, display={"latency_s": None}, control={"gain": None}) == RIG
+    rig = with_given(RIG, "step", display={"latency_s": -0.012}, simulation={"seed": 7})
+    assert rig == RIG.replace({"scenario": "step", "display.latency_s": -0.012, "simulation.seed": 7})

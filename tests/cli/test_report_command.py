@@ -1,16 +1,14 @@
-"""`zeromethod report` as a person meets it: a page beside the recording, refusals, the tail."""
+"""`zeromethod report` as a person meets it: a page next to the recording, the tail."""
 
 from __future__ import annotations
 
 import json
 import shutil
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from command_line import run
+from command_line import run, start
 from recorded_run import recorded
 
 
@@ -19,7 +17,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(tmp_path_factory.mktemp("recorded") / "press é.h5", 0.2)
 
 
-def test_the_page_lies_beside_the_recording(recording: Path, tmp_path: Path) -> None:
+def test_the_page_lies_next_to_the_recording(recording: Path, tmp_path: Path) -> None:
     path = Path(shutil.copy(recording, tmp_path))
     summary = tmp_path / "figures.json"
     code, out, err = run("report", path, "--summary", summary)
@@ -41,7 +39,7 @@ def test_the_page_goes_where_it_is_asked_to(recording: Path, tmp_path: Path) -> 
     assert not recording.with_suffix(".html").exists()
 
 
-def test_following_a_finished_recording_tells_how_it_ended(recording: Path) -> None:
+def test_following_a_finished_recording_shows_how_it_ended(recording: Path) -> None:
     code, out, _ = run("report", "--follow", recording)
     assert code == 0
     assert "peak" in out
@@ -50,19 +48,13 @@ def test_following_a_finished_recording_tells_how_it_ended(recording: Path) -> N
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_the_wait_for_a_recording(number: signal.Signals, tmp_path: Path) -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "zeromethod", "report", "--follow", "later.h5"],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = start("report --follow later.h5", cwd=tmp_path)
     try:
         assert process.stdout is not None
         assert process.stdout.readline() == "waiting for later.h5\n"
         process.send_signal(number)
-        _, told = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=60)
     finally:
         process.kill()
     assert process.returncode == 130
-    assert told.strip() == ""
+    assert err.strip() == ""

@@ -2,13 +2,12 @@
 
 import json
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
-from command_line import run
+from command_line import run, start
+from planted_turns import wait_for
 from small_rigs import small_rig_file
 
 
@@ -19,10 +18,8 @@ def small_rig(folder: Path) -> Path:
 
 def test_a_press_is_nulled_and_read_with_figure_and_summary(tmp_path: Path) -> None:
     figure, summary = tmp_path / "run.png", tmp_path / "run.json"
-    code, out, err = run(
-        "run", "--rig", small_rig(tmp_path), "--scenario", "step", "--seconds", 0.6, "--figure", figure,
-        "--summary", summary,
-    )  # fmt: skip
+    line = "run --scenario step --seconds 0.6 --rig"
+    code, out, err = run(line, small_rig(tmp_path), "--figure", figure, "--summary", summary)
     assert (code, err) == (0, "")
     assert "peak depth read" in out
     figures = json.loads(summary.read_text())
@@ -51,15 +48,9 @@ def test_ctrl_c_keeps_what_was_measured_and_exits_130(tmp_path: Path) -> None:
         rig.read_text().replace('[camera]\ndriver = "simulated"', '[camera]\ndriver = "lab:Camera"')
     )
     (tmp_path / "lab.py").write_text(ANNOUNCING_CAMERA)
-    command = [sys.executable, "-m", "zeromethod", "run", "--rig", rig.name, "--scenario", "hold"]
-    process = subprocess.Popen(
-        [*command, "--seconds", "1000", "--summary", "run.json"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
-    )  # fmt: skip
-    deadline = time.monotonic() + 120
-    while not (tmp_path / "frame.txt").exists() and process.poll() is None:
-        assert time.monotonic() < deadline, "the loop never read a frame"
-        time.sleep(0.1)
+    line = "run --scenario hold --seconds 1000 --summary run.json --rig"
+    process = start(line, rig.name, cwd=tmp_path)
+    wait_for(lambda: (tmp_path / "frame.txt").exists() or process.poll() is not None, 120)
     time.sleep(1.0)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
@@ -77,6 +68,6 @@ def test_without_arguments_the_commands_are_listed() -> None:
 
 
 def test_help_shows_an_example() -> None:
-    code, out, _ = run("run", "--help")
+    code, out, _ = run("run --help")
     assert code == 0
     assert "Example: zeromethod run" in out

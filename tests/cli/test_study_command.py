@@ -4,13 +4,12 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pyarrow.parquet
 import pytest
-from command_line import run
+from command_line import run, start
 from planted_turns import wait_for
 from processes import has_ended
 
@@ -114,10 +113,7 @@ def test_a_killed_study_leaves_no_worker_and_goes_on() -> None:
 def started(settings: str) -> subprocess.Popen[str]:
     """The study in a process of its own, once it waits."""
     study(settings, "mark = 'waiting'")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "zeromethod", "study", "mine.toml", "--workers", "1"],
-        stderr=subprocess.PIPE, text=True, start_new_session=True,
-    )  # fmt: skip
+    process = start("study mine.toml --workers 1", start_new_session=True)
     try:
         wait_for(Path("waiting").exists, 60)
     except BaseException:

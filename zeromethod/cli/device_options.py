@@ -161,24 +161,21 @@ def without_display(rig: Rig) -> Rig:
     return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})
 
 
-def tell_simulated(rig: Rig) -> None:
+def say_simulated(rig: Rig) -> None:
     """Say so where the bench is simulated."""
     if rig.camera.driver == SIMULATED:
         click.echo(f"rig {rig.name!r} is simulated: real devices are named by --display and --camera")
 
 
-def with_latency(rig: Rig, latency_s: float | None) -> Rig:
-    """Rig with the delay of `--latency`, where given."""
-    if latency_s is None:
-        return rig
-    return rig.model_copy(update={"display": rig.display.model_copy(update={"latency_s": latency_s})})
+def with_given(rig: Rig, scenario: str | None, **tables: Mapping[str, Any]) -> Rig:
+    """Rig with the values of options in place of its own, None for those that were not given.
 
-
-def with_scenario(rig: Rig, scenario: str | None, seed: int | None) -> Rig:
-    """Rig with the simulated press of `--scenario` and the seed of `--seed`, where given."""
+    scenario: of `--scenario`. tables: `display={"latency_s": 0.02}`, checked by their options.
+    """
     update: dict[str, Any] = {} if scenario is None else {"scenario": scenario}
-    if seed is not None:
-        update["simulation"] = rig.simulation.model_copy(update={"seed": seed})
+    for table, values in tables.items():
+        given = {key: value for key, value in values.items() if value is not None}
+        update[table] = getattr(rig, table).model_copy(update=given)
     return rig.model_copy(update=update)
 
 

@@ -21,8 +21,7 @@ from zeromethod.cli.device_options import (
     scenario_options,
     with_asked_strips,
     with_devices,
-    with_latency,
-    with_scenario,
+    with_given,
 )
 from zeromethod.cli.keys import HELP, Keys
 from zeromethod.cli.numbers import Real, Whole
@@ -106,11 +105,13 @@ def run_command(
         if options.given:
             raise InputError(f"--simulate and {options.given[0]}: give one of them, not both")
         rig = simulated_clone(rig)
-    rig = with_latency(with_devices(rig, options), latency_s)
-    given = (("gain", loop_gain), ("controller", controller))
-    control = {key: value for key, value in given if value is not None}
-    rig = with_scenario(rig, scenario, seed)
-    rig = rig.model_copy(update={"control": rig.control.model_copy(update=control)})
+    rig = with_given(
+        with_devices(rig, options),
+        scenario,
+        display={"latency_s": latency_s},
+        simulation={"seed": seed},
+        control={"gain": loop_gain, "controller": controller},
+    )
     rig = with_asked_strips(rig, strips, options.named)
     check_geometry(rig)
     limit_threads()

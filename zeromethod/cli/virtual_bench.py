@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import signal
 import threading
+from contextlib import closing, nullcontext
 from pathlib import Path
 
 import click
 
-from zeromethod.cli.device_options import rig_option, scenario_options, with_scenario
+from zeromethod.cli.device_options import rig_option, scenario_options, with_given
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import OutputFile
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 from zeromethod.thread_limits import limit_threads
 
 
@@ -68,7 +67,11 @@ def virtual_bench_command(
     """
     if repeats is not None and forever:
         raise InputError("--repeat and --forever: give one of them, not both")
-    rig = _with_rate(with_scenario(load_rig(rig_name), scenario, seed), rate_hz)
+    rig = load_rig(rig_name)
+    most_hz = 1 / rig.camera.exposure_s
+    if rate_hz is not None and not 0 < rate_hz <= most_hz:
+        raise InputError(f"--rate: {rate_hz:g}: above 0 and at most 1 / camera.exposure_s = {most_hz:g} Hz")
+    rig = with_given(rig, scenario, simulation={"seed": seed}, camera={"rate_hz": rate_hz})
     check_geometry(rig)
     limit_threads()
 
@@ -81,12 +84,11 @@ def virtual_bench_command(
     found = find_monitor(monitor, (rig.display.columns, rig.display.rows))
     camera = rig.camera
     header = stream_header(camera.columns, camera.rows, camera.rate_hz, camera.bits)
-    bender = Bender(rig)
-    with contextlib.ExitStack() as stack:
-        stack.callback(bender.close)
-        server = FrameServer(port, header)
-        stack.callback(server.close)
-        truth = stack.enter_context(TruthFile(truth_path, rig, rig.scenario)) if truth_path else None
+    with (
+        closing(Bender(rig)) as bender,
+        closing(FrameServer(port, header)) as server,
+        TruthFile(truth_path, rig, rig.scenario) if truth_path else nullcontext() as truth,
+    ):
         bench = VirtualBench(
             rig,
             load_scenario(rig.scenario),
@@ -107,12 +109,3 @@ def virtual_bench_command(
         click.echo(f"  zeromethod run --rig {rig_name} --display {monitor} --camera {address}")
         bench.run(stop, click.echo)
         click.echo(f"{bench.frames} frames, {bench.late} of them later than the rig's camera_latency_s")
-
-
-def _with_rate(rig: Rig, rate_hz: float | None) -> Rig:
-    if rate_hz is None:
-        return rig
-    most_hz = 1 / rig.camera.exposure_s
-    if not 0 < rate_hz <= most_hz:
-        raise InputError(f"--rate: {rate_hz:g}: above 0 and at most 1 / camera.exposure_s = {most_hz:g} Hz")
-    return rig.model_copy(update={"camera": rig.camera.model_copy(update={"rate_hz": rate_hz})})

@@ -14,7 +14,6 @@ from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
 
 from zeromethod.arrays import Float
-from zeromethod.design.figures import HEADLINE_SIGMA_MM
 from zeromethod.design.lever import camera_px_per_mrad, depth_nm_per_px
 from zeromethod.design.press_limits import nulled_mm
 from zeromethod.design.ray_paths import RayPath, ray_paths
@@ -24,6 +23,7 @@ from zeromethod.optics import Lost
 from zeromethod.optics.prism import Face
 from zeromethod.rig.model import Layer
 from zeromethod.view.axes import colour_bar, labelled, picture
+from zeromethod.view.design_table import CURVES
 
 _RAYS = 9
 _MARGIN_MM = 7.0
@@ -32,22 +32,6 @@ _EVEN = 0.01
 _LONGEST = 4.0
 """Triangles with a side this many times as long as others' bridge gaps in the view."""
 _RUBBER, _PLATE, _GAP = "#dcebf7", "#c9d8c2", "#f5f5f5"
-_PANELS: tuple[tuple[str, str, tuple[tuple[str, str], ...]], ...] = (
-    (
-        "margin to the critical angle", "deg",
-        (("tir_margin_deg", "middle of the view"), ("tir_least_margin_deg", "least of the view")),
-    ),
-    (
-        "lever, slope along x", "px per mrad",
-        (("lcd_px_per_mrad", "LCD px"), ("camera_px_per_mrad", "camera px")),
-    ),
-    ("depth, along x", "nm per camera px", (("depth_nm_per_px", ""),)),
-    (f"Gaussian press, sigma {HEADLINE_SIGMA_MM:g} mm: folds at", "mm", (("gaussian_fold_mm", ""),)),
-    ("footprint of the lens's pupil, along x", "mm", (("footprint_mm", ""),)),
-    ("slope noise of one frame, along x", "µrad", (("slope_sigma_urad", ""),)),
-    ("mirror in view, along x", "mm", (("mirror_seen_mm", ""),)),
-    ("view that sees the LCD", "share", (("sees_lcd_share", ""),)),
-)  # fmt: skip
 
 
 def draw_design(view: SampledView, figures: dict[str, Any], path: Path) -> None:
@@ -258,8 +242,8 @@ def draw_curves(found: dict[str, Any], label: str, rig: str, path: Path) -> None
     """Write the curves of `zeromethod.design.curves` as PNG; a red line where total reflection begins."""
     values = np.array(found["values"])
     with picture(path, (14, 6.5), f"zeromethod design  rig {rig}, {label}") as figure:
-        for axis, (title, unit, lines) in zip(figure.subplots(2, 4).flat, _PANELS, strict=True):
-            for key, name in lines:
+        for axis, (title, unit, lines) in zip(figure.subplots(2, 4).flat, CURVES, strict=True):
+            for key, _, _, name in lines:
                 axis.plot(
                     values, np.array(found[key], dtype=np.float64), ".-", markersize=4, label=name or None
                 )

@@ -53,24 +53,9 @@ def write_report(
     advance("depth maps")
     maps, damaged = _maps(recording)
     advance("page")
-    with atomic_write(output) as part:
-        part.write_text(_render(recording, path, silent_s, figures, curves, maps, damaged), encoding="utf-8")
-    advance("")
-    return figures
-
-
-def _render(
-    recording: Recording,
-    path: Path,
-    silent_s: float,
-    figures: Figures,
-    curves: str,
-    maps: list[dict[str, str]],
-    damaged: list[str],
-) -> str:
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
     happened = happenings(recording)
-    return environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    page = environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
         title=f"{recording.rig.name}: {path.name}",
         subtitle=words.subtitle(recording, figures),
         warnings=words.warnings(silent_s, figures),
@@ -92,6 +77,10 @@ def _render(
         rig_text=recording.rig_text,
         versions=words.version_rows(recording),
     )
+    with atomic_write(output) as part:
+        part.write_text(page, encoding="utf-8")
+    advance("")
+    return figures
 
 
 def _maps(recording: Recording) -> tuple[list[dict[str, str]], list[str]]:

@@ -31,14 +31,11 @@ Rows = list[tuple[str, ...]]
 def subtitle(recording: Recording, figures: Figures) -> str:
     """When, how long, on what, and when the page was made."""
     bench = "real devices" if recording.live else f"simulated, seed {recording.seed}"
+    started = datetime.fromisoformat(recording.started_utc).astimezone(UTC)
     return (
-        f"started {_started(recording):%Y-%m-%d %H:%M:%S} UTC, {figures['seconds']:.1f} s, {bench}; "
+        f"started {started:%Y-%m-%d %H:%M:%S} UTC, {figures['seconds']:.1f} s, {bench}; "
         f"page made {datetime.now(UTC):%Y-%m-%d %H:%M} UTC"
     )
-
-
-def _started(recording: Recording) -> datetime:
-    return datetime.fromisoformat(recording.started_utc).astimezone(UTC)
 
 
 def warnings(silent_s: float, figures: Figures) -> Iterator[str]:
@@ -164,7 +161,7 @@ def calibration_parts(recording: Recording) -> dict[str, Any]:
 
 def _calibrated(recording: Recording) -> dict[str, Any]:
     stored = Stored(Path(), tomllib.loads(recording.calibration))
-    days = stored.age_days(_started(recording))
+    days = stored.age_days(datetime.fromisoformat(recording.started_utc).astimezone(UTC))
     old = f", more than {OLD_DAYS:.0f}" if days > OLD_DAYS else ""
     parameters = calibration_table.parameter_table(stored)
     return {
