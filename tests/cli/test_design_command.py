@@ -50,7 +50,7 @@ def test_45_degrees_with_silicone_is_warned_of() -> None:
     assert "with both faces at 45.2 deg the whole view is beyond it" in words
 
 
-def test_a_real_bench_is_told_of_like_a_simulated_one(rig_file: Path, tmp_path: Path) -> None:
+def test_a_real_bench_is_described_like_a_simulated_one(rig_file: Path, tmp_path: Path) -> None:
     real = tmp_path / "real.toml"
     values = {"display.driver": "window", "display.monitor": 1, "camera.driver": "pylon", "camera.gain": 2.0}
     save_values(rig_file, values, real)
@@ -59,7 +59,7 @@ def test_a_real_bench_is_told_of_like_a_simulated_one(rig_file: Path, tmp_path: 
     assert "8 mm (as given)" in out
 
 
-def test_values_that_cannot_work_are_told_with_their_reason(rig_file: Path) -> None:
+def test_values_that_cannot_work_are_listed_with_their_reason(rig_file: Path) -> None:
     code, out, _ = run("design", rig_file, "--vary", "distance=20:300:2", *QUICK)
     assert code == 0
     assert "distance 20: simulated: camera.position_mm" in " ".join(out.split())

@@ -26,12 +26,12 @@ def test_every_format_at_once_with_a_line_and_figures_of_each(session: Path, tmp
     code, out, err = run("export", session, *outputs, "--summary", summary)
     assert (code, err) == (0, "")
     files = json.loads(summary.read_text())["files"]
-    for path, line, told in zip(outputs, out.splitlines(), files, strict=True):
+    for path, line, found in zip(outputs, out.splitlines(), files, strict=True):
         assert line.startswith(f"{path}: ")
-        assert told["file"] == str(path)
-        assert told["bytes"] == path.stat().st_size > 100
+        assert found["file"] == str(path)
+        assert found["bytes"] == path.stat().st_size > 100
     assert " px of " in out.splitlines()[1]
-    # Every file tells of the same press.
+    # Every file holds the same press.
     with (tmp_path / "a.csv").open(newline="") as file:
         peaks = {line["time_s"]: line["depth_mm"] for line in csv.DictReader(file) if line["depth_mm"]}
     deepest_mm = float(list(peaks.values())[-1])

@@ -1,4 +1,4 @@
-"""`zeromethod measure` as a person meets it: files, table, refusals, and depth with a rig."""
+"""`zeromethod measure` as a person meets it: files, table, and depth with a rig."""
 
 import json
 from pathlib import Path
@@ -35,7 +35,7 @@ def shifted(tmp_path: Path) -> tuple[Path, Path]:
     )
 
 
-def test_files_table_and_summary_tell_the_planted_shift(shifted: tuple[Path, Path], tmp_path: Path) -> None:
+def test_files_table_and_summary_give_the_planted_shift(shifted: tuple[Path, Path], tmp_path: Path) -> None:
     folder, summary = tmp_path / "results", tmp_path / "summary.json"
     code, out, err = run("measure", *shifted, "--output", folder, "--summary", summary)
     assert (code, err) == (0, "")

@@ -41,7 +41,7 @@ def test_all_figures_of_the_paper_are_drawn_where_it_says(done):
     assert f"pictures: {done.folder}" in done.out
     names = {path.name for path in done.folder.glob("*.png")}
     assert {f"figure-{number}.png" for number in (13, 14, 15)} <= names
-    assert len(names) == 8, "5 to 9 besides"
+    assert len(names) == 8, "and 5 to 9"
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in done.folder.glob("*.png"))
 
 

@@ -73,7 +73,7 @@ def devices_command(
 ) -> None:
     """List monitors and cameras as `run` takes them, and what would have to be installed for more.
 
-    With --identify, --focus or --delay: tell monitors apart, set up by eye, measure the delay. With --speed:
+    With --identify, --focus or --delay: name the monitors, set up by eye, measure the delay. With --speed:
     time the loop, drawing, reading and recording on the rig's simulated bench; no device is needed, and the
     exit code is 1 if this computer is too slow.
     """
