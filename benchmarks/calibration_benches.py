@@ -1,7 +1,7 @@
 """Ten unknown benches calibrated by their own pictures, and what their loops then read: no exact warps.
 
 Benches are drawn as in calibration_study.py, with a panel gamma of 1.8 to 2.4, refreshes of 59.8 to 60.2 Hz
-beside a camera of 60.0 Hz, a panel latency that makes 1 to 3 frames of delay, and two grey levels of noise in
+with a camera of 60.0 Hz, a panel latency that makes 1 to 3 frames of delay, and two grey levels of noise in
 8 bits. The lens is shortened to 5600 px, so that both edges of the mirror are in view. To be quick, camera
 pixels are binned by 4, carriers are 8 of them long (nodes lie 1.2 mm apart on the mirror), and the LCD has
 half its columns and rows.
@@ -179,7 +179,7 @@ class Hand:
 
 @dataclass
 class Followed:
-    """What a run publishes: measured warps of nulled turns, and their peaks."""
+    """What a run publishes: measured warps of nulled steps, and their peaks."""
 
     warps: list[Warp] = field(default_factory=list)
     peaks: list[Peak] = field(default_factory=list)
@@ -244,8 +244,8 @@ def study_bench(number: int, tests: int = TESTS, cases: Sequence[str] = CASES) -
         Dent(Shape.GAUSSIAN, *view.place(share, rng.uniform(0.4, 0.6)), KNOWN_MM, KNOWN_SIGMA_MM)
         for share in KNOWN_SHARES
     ]
-    told = tuple(dent.depth_mm + rng.uniform(-GAUGE_MM, GAUGE_MM) for dent in known)
-    plan = Plan(told, GAUGE_MM / np.sqrt(3), delay_s=1.5, patience_s=6.0)
+    given_mm = tuple(dent.depth_mm + rng.uniform(-GAUGE_MM, GAUGE_MM) for dent in known)
+    plan = Plan(given_mm, GAUGE_MM / np.sqrt(3), delay_s=1.5, patience_s=6.0)
     with open_devices(bench) as devices:
         hand = Hand(devices, known)
         recorded, found = record(given, devices, plan, hand)

@@ -121,9 +121,10 @@ class Bench:
             measured = step.measured
             assert measured is not None
             surface, deepest, read_ms = timed(lambda: surfaces.read(measured))
+            step = replace(step, surface=surface, peak=deepest, read_ms=read_ms)
             if self.recorder is not None:
-                self.recorder.add_reading(replace(step, surface=surface, peak=deepest, read_ms=read_ms))
-            return replace(step, surface=surface, peak=deepest, read_ms=read_ms)
+                self.recorder.add_reading(step)
+            return step
 
         self._reading = StepReader(read, None, live=True)
         self._stack.callback(self._reading.close)

@@ -3,9 +3,13 @@
 import re
 from pathlib import Path
 
+import click
 import pytest
 
-README = Path(__file__).parent.parent / "README.md"
+from zeromethod.cli.main import commands
+
+ROOT = Path(__file__).parent.parent
+README = ROOT / "README.md"
 
 
 def test_the_python_example_runs_and_reads_the_press(capsys: pytest.CaptureFixture[str]) -> None:
@@ -22,3 +26,15 @@ def test_every_file_that_the_readme_links_to_exists() -> None:
     assert links
     for link in links:
         assert (README.parent / link).exists(), link
+
+
+@pytest.mark.parametrize("document", [README, *sorted(ROOT.glob("docs/*.md"))], ids=lambda path: path.name)
+def test_every_option_of_a_command_in_a_document_exists(document: Path) -> None:
+    context = click.Context(commands)
+    for name, rest in re.findall(r"zeromethod ([a-z][a-z-]+)\b([^`\n#]*)", document.read_text()):
+        command, first = commands.get_command(context, name), rest.split()[:1]
+        if isinstance(command, click.Group) and first:
+            command = command.get_command(context, first[0]) or command
+        if command is not None:
+            known = {option for one in command.params for option in (*one.opts, *one.secondary_opts)}
+            assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", rest)) <= known | {"--help"}, f"{name}{rest}"

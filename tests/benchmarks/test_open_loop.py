@@ -26,13 +26,13 @@ PERCENT = 100 * ERROR
 
 
 @pytest.fixture(scope="module")
-def told() -> list[str]:
+def steps_done() -> list[str]:
     return []
 
 
 @pytest.fixture(scope="module")
-def figures(told: list[str]) -> dict[str, Any]:
-    return compare_open_loop(told.append, quick=True)
+def figures(steps_done: list[str]) -> dict[str, Any]:
+    return compare_open_loop(steps_done.append, quick=True)
 
 
 def peak(figures: dict[str, Any], kind: str, method: str, level: int = DEEP) -> float:
@@ -78,9 +78,9 @@ def test_a_distortion_needs_the_rays_of_the_measured_rest(figures: dict[str, Any
     assert zeros["difference"]["null"][DEEP]["rms_error_nm"] > 3 * zeros["rays"]["null"][DEEP]["rms_error_nm"]
 
 
-def test_every_step_is_told(figures: dict[str, Any], told: list[str]) -> None:
-    assert len(told) == steps(quick=True)
-    assert told[-1] == ""
+def test_every_step_is_reported(figures: dict[str, Any], steps_done: list[str]) -> None:
+    assert len(steps_done) == steps(quick=True)
+    assert steps_done[-1] == ""
 
 
 def test_figures_are_written(figures: dict[str, Any], tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_figures_are_written(figures: dict[str, Any], tmp_path: Path) -> None:
     assert path.stat().st_size > 10_000
 
 
-def test_a_press_that_was_never_nulled_is_told(figures: dict[str, Any], tmp_path: Path) -> None:
+def test_a_press_that_was_never_nulled_is_marked(figures: dict[str, Any], tmp_path: Path) -> None:
     lost = copy.deepcopy(figures)
     row = lost["errors"]["sensor"]["null"][DEEP]
     lost["errors"]["sensor"]["null"][DEEP] = dict.fromkeys(row) | {"depth_mm": row["depth_mm"], "frames": 0}

@@ -5,19 +5,12 @@ from pathlib import Path
 
 import cv2
 import pytest
+from command_line import run
 from small_rigs import small_rig_file
 
-from zeromethod.cli.main import main
 from zeromethod.rig.save import save_values
 
 QUICK = ("--press", "gaussian:3")
-
-
-def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as end:
-        main([str(argument) for argument in arguments])
-    printed = capsys.readouterr()
-    return int(end.value.code or 0), printed.out, printed.err
 
 
 @pytest.fixture
@@ -26,13 +19,11 @@ def rig_file(tmp_path: Path) -> Path:
     return small_rig_file(tmp_path / "bench.toml")
 
 
-def test_tables_pictures_and_summary(
-    rig_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tables_pictures_and_summary(rig_file: Path, tmp_path: Path) -> None:
     figure, summary = tmp_path / "design.png", tmp_path / "design.json"
-    code, out, err = outcome(
+    code, out, err = run(
         "design", rig_file, "--figure", figure, "--summary", summary, "--vary", "angle=45:55:3",
-        "--vary", "pattern_layers[0].thickness_mm=0.5:1:2", *QUICK, capsys=capsys,
+        "--vary", "pattern_layers[0].thickness_mm=0.5:1:2", *QUICK,
     )  # fmt: skip
     assert (code, err) == (0, "")
     for words in ("Margin to the critical angle", "Lever", "Deepest press", "largest stable gain", "assumed"):
@@ -50,8 +41,8 @@ def test_tables_pictures_and_summary(
     assert figures["vary"][0]["tir_least_margin_deg"][0] < 0 < figures["vary"][0]["tir_least_margin_deg"][2]
 
 
-def test_45_degrees_with_silicone_is_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = outcome("design", "paper", *QUICK, capsys=capsys)
+def test_45_degrees_with_silicone_is_warned_of() -> None:
+    code, out, _ = run("design", "paper", *QUICK)
     assert code == 0
     words = " ".join(out.split())
     assert "warning: a prism of 45 deg with index 1.41 is below the critical angle" in words
@@ -59,54 +50,16 @@ def test_45_degrees_with_silicone_is_warned_of(capsys: pytest.CaptureFixture[str
     assert "with both faces at 45.2 deg the whole view is beyond it" in words
 
 
-def test_a_real_bench_is_told_of_like_a_simulated_one(
-    rig_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_real_bench_is_described_like_a_simulated_one(rig_file: Path, tmp_path: Path) -> None:
     real = tmp_path / "real.toml"
     values = {"display.driver": "window", "display.monitor": 1, "camera.driver": "pylon", "camera.gain": 2.0}
     save_values(rig_file, values, real)
-    code, out, err = outcome("design", real, *QUICK, "--pupil", 8, capsys=capsys)
+    code, out, err = run("design", real, *QUICK, "--pupil", 8)
     assert (code, err) == (0, "")
     assert "8 mm (as given)" in out
 
 
-def test_values_that_cannot_work_are_told_with_their_reason(
-    rig_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code, out, _ = outcome("design", rig_file, "--vary", "distance=20:300:2", *QUICK, capsys=capsys)
+def test_values_that_cannot_work_are_listed_with_their_reason(rig_file: Path) -> None:
+    code, out, _ = run("design", rig_file, "--vary", "distance=20:300:2", *QUICK)
     assert code == 0
     assert "distance 20: simulated: camera.position_mm" in " ".join(out.split())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("nowhere",), "rig: "),
-        (("RIG", "--vary", "angle=45"), "--vary: 'angle=45'"),
-        (("RIG", "--vary", "angel=45:60"), "--vary: 'angel'"),
-        (("RIG", "--press", "needle:1"), "--press: 'needle:1'"),
-        (("RIG", "--pupil", "0"), "--pupil: 0: a number above 0"),
-        (("RIG", "--pupil", "nan"), "--pupil: nan"),
-        (("RIG", "--computing", "-1"), "--computing: -1: a number from 0"),
-        (("RIG", "--figure", "design.jpg"), "--figure: design.jpg"),
-        (("RIG", "--summary", "nowhere/design.json"), "--summary: nowhere/design.json"),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_code_2(
-    arguments: tuple[str, ...], words: str, rig_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    named = [str(rig_file) if argument == "RIG" else argument for argument in arguments]
-    code, out, err = outcome("design", *named, capsys=capsys)
-    assert (code, out) == (2, "")
-    assert words in err
-    assert len(err.splitlines()) == 1
-
-
-def test_a_bench_that_cannot_work_is_refused(
-    rig_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    broken = tmp_path / "broken.toml"
-    save_values(rig_file, {"display.centre_mm": [900.0, 0.0]}, broken)
-    code, _, err = outcome("design", broken, capsys=capsys)
-    assert code == 2
-    assert len(err.splitlines()) == 1

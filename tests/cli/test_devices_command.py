@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import pty
+import re
 import select
 import signal
-import subprocess
-import sys
+import termios
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import Outcome, run, start
 from small_rigs import BENCH_160, small_rig_file
-from two_monitors import TwoMonitors, missing, start
+from two_monitors import TwoMonitors, missing
+from two_monitors import start as start_desktop
 
-from zeromethod.cli.main import main
 from zeromethod.drivers.listing import Found, Listing, Missing
 from zeromethod.drivers.monitors import Monitor
 from zeromethod.rig.load import load_rig
@@ -50,19 +52,12 @@ def rig_file(tmp_path: Path) -> Path:
     return small_rig_file(tmp_path / "my.toml", BENCH_160)
 
 
-def outcome(*arguments: object, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as end:
-        main(["devices", *map(str, arguments)])
-    printed = capsys.readouterr()
-    return int(end.value.code or 0), printed.out, printed.err
-
-
 def test_monitors_and_cameras_are_listed_as_run_takes_them_and_what_is_missing_for_more(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("zeromethod.drivers.monitors.monitors", lambda: MONITORS)
     monkeypatch.setattr("zeromethod.drivers.listing.cameras", lambda: LISTING)
-    code, out, err = outcome("--summary", tmp_path / "found.json", capsys=capsys)
+    code, out, err = run("devices", "--summary", tmp_path / "found.json")
     assert (code, err) == (0, "")
     lines = [line.split() for line in out.splitlines()]
     assert ["0", "eDP-1", "2560", "x", "1440", "144.00", "Hz", "0,", "0", "primary"] in lines
@@ -81,44 +76,16 @@ def test_monitors_and_cameras_are_listed_as_run_takes_them_and_what_is_missing_f
 
 
 def test_without_a_screen_the_cameras_are_listed_all_the_same(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr("zeromethod.drivers.listing.cameras", lambda: LISTING)
-    code, out, err = outcome("--summary", tmp_path / "found.json", capsys=capsys)
+    code, out, err = run("devices", "--summary", tmp_path / "found.json")
     assert (code, err) == (0, "")
     assert out.splitlines()[0] == "no monitors: no screen: DISPLAY is not set"
     assert "USB camera" in out
     assert json.loads((tmp_path / "found.json").read_text())["monitors"] == []
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--focus", "--delay"], "--delay and --focus: give one of them"),
-        (["--identify", "1", "--focus"], "--identify and --focus: give one of them"),
-        (["--identify", "x"], "--identify: 'x': allowed: the index of a monitor, or nothing for all"),
-        (["--write"], "--write: only with --delay"),
-        (["--focus", "--write"], "--write: only with --delay"),
-        (["--camera", "0"], "--camera: only with --delay or --focus"),
-        (["--identify", "--exposure", "0.1"], "--exposure: only with --delay or --focus"),
-        (["--rig", "paper"], "--rig: only with --identify, --delay, --focus or --speed"),
-        (["--seconds", "3"], "--seconds: only with --identify, --delay or --focus"),
-        (["--delay", "--seconds", "0"], "--seconds: 0: a number above 0"),
-        (["--delay", "--seconds", "nan"], "--seconds: nan: a number above 0"),
-        (["--delay", "--write"], "--write: 'simulated': with --rig and a rig file of your own"),
-        (["--delay", "--write", "--rig", "paper"], "--write: 'paper': with --rig and a rig file of your own"),
-        (["--speed", "--seconds", "3"], "--seconds: only with --identify, --delay or --focus"),
-        (["--speed", "--display", "0"], "--display: only with --delay or --focus"),
-        (["--speed", "--focus"], "--focus and --speed: give one of them"),
-        (["--focus", "--summary", "focus.txt"], "--summary: focus.txt: the file name must end in .json"),
-    ],
-)  # fmt: skip
-def test_bad_input_is_one_line_and_exit_code_2(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert outcome(*arguments, capsys=capsys) == (2, "", f"zeromethod: {message}\n")
 
 
 @pytest.mark.parametrize(("drawing_per_s", "code"), [(90.0, 0), (21.0, 1)])
@@ -126,7 +93,6 @@ def test_speed_says_whether_this_computer_is_fast_enough_and_which_part_is_slowe
     drawing_per_s: float,
     code: int,
     rig_file: Path,
-    capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -146,7 +112,7 @@ def test_speed_says_whether_this_computer_is_fast_enough_and_which_part_is_slowe
 
     monkeypatch.setattr("zeromethod.session.speed.measure_speed", measured)
     summary = tmp_path / "speed.json"
-    ended, out, err = outcome("--speed", "--rig", rig_file, "--summary", summary, capsys=capsys)
+    ended, out, err = run("devices", "--speed", "--rig", rig_file, "--summary", summary)
     assert (ended, err) == (code, "")
     assert "160x128 px, 60 frames/s, 16.7 ms each; 4 cores, drawn by a card" in out
     lines = [line.split() for line in out.splitlines()]
@@ -162,14 +128,14 @@ def test_speed_says_whether_this_computer_is_fast_enough_and_which_part_is_slowe
 
 
 def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(
-    rig_file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    rig_file: Path, tmp_path: Path
 ) -> None:
     save_values(rig_file, {"display.latency_s": 0.0213})
-    arguments = ("--delay", "--rig", rig_file, "--seconds", 0.5)
-    code, out, err = outcome(*arguments, capsys=capsys)
+    arguments = ("devices --delay --seconds 0.5 --rig", rig_file)
+    code, out, err = run(*arguments)
     assert (code, err) == (0, "")
-    told, *lines = out.splitlines()
-    assert told == "rig 'simulated' is simulated: real devices are named by --display and --camera"
+    first, *lines = out.splitlines()
+    assert first == "rig 'simulated' is simulated: real devices are named by --display and --camera"
     assert lines[0].startswith("delay 21.3")
     assert lines[0].endswith("(1.28 camera frames; the rig says 21.30 ms)")
     assert "the panel's first row begins to change so long after the presentation time" in lines[1]
@@ -179,7 +145,7 @@ def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(
 
     before = rig_file.read_text()
     assert "# " in before
-    code, out, _ = outcome(*arguments, "--write", "--summary", tmp_path / "delay.json", capsys=capsys)
+    code, out, _ = run(*arguments, "--write", "--summary", tmp_path / "delay.json")
     assert code == 0
     keys = "display.latency_s, display.scanout_s, display.scan, display.rise_s"
     assert out.splitlines()[-1] == f"stored as {keys} in {rig_file}"
@@ -197,38 +163,29 @@ def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(
     assert display.scan == "down"
     # the rest of the file stays, comments and all
     after = rig_file.read_text()
-    left = [line for line in after.splitlines() if not line.startswith(("latency_s", "scan", "rise_s"))]
-    assert left == [
-        line for line in before.splitlines() if not line.startswith(("latency_s", "scan", "rise_s"))
-    ]
+    measured = re.compile("^(latency_s|scan|rise_s).*\n", re.MULTILINE)
+    assert measured.sub("", after) == measured.sub("", before)
 
 
-def test_a_delay_that_cannot_be_measured_is_exit_code_1_and_nothing_is_stored(
-    rig_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_delay_that_cannot_be_measured_is_exit_code_1_and_nothing_is_stored(rig_file: Path) -> None:
     save_values(rig_file, {"simulation.peak_grey_share": 0.02})
     before = rig_file.read_text()
-    code, out, err = outcome(
-        "--delay", "--write", "--rig", rig_file, "--seconds", 0.3, capsys=capsys
-    )  # fmt: skip
+    code, out, err = run("devices --delay --write --seconds 0.3 --rig", rig_file)
     assert code == 1
     assert "delay" not in out
     assert err.startswith("zeromethod: measurement failed: delay: the codes of 0 of ")
     assert rig_file.read_text() == before
 
 
-def test_focus_tells_the_figures_and_what_to_do(
-    rig_file: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_focus_shows_the_figures_and_what_to_do(rig_file: Path, tmp_path: Path) -> None:
     save_values(rig_file, {"simulation.ambient": 0.2})
-    code, out, err = outcome(
-        "--focus", "--rig", rig_file, "--seconds", 0.3, "--summary", tmp_path / "focus.json", capsys=capsys
-    )
+    summary = tmp_path / "focus.json"
+    code, out, err = run("devices --focus --seconds 0.3 --rig", rig_file, "--summary", summary)
     assert (code, err) == (0, "")
     for words in ("focus score", "by region", "grey levels", "saturated", "usable of that", "flicker"):
         assert words in out
     assert "-> stray light, 20% of the LCD's: darken the room, shade the prism" in out
-    figures = json.loads((tmp_path / "focus.json").read_text())
+    figures = json.loads(summary.read_text())
     assert figures["focus_score"] > 0.9
     assert figures["lcd"]["stray_share"] == pytest.approx(0.2, abs=0.01)
     assert figures["picture"]["wider"] == pytest.approx(0, abs=1e-3)
@@ -238,10 +195,10 @@ def test_focus_tells_the_figures_and_what_to_do(
 def test_focus_ends_on_q_with_the_terminal_as_before(rig_file: Path, tmp_path: Path) -> None:
     """In a terminal of its own, where the table renews itself in place."""
     leader, follower = pty.openpty()
-    arguments = ["devices", "--focus", "--rig", rig_file.name, "--seconds", "1000", "--summary", "focus.json"]
-    process = subprocess.Popen(
-        ["setsid", "--ctty", sys.executable, "-m", "zeromethod", *arguments],
-        stdin=follower, stdout=follower, stderr=follower, cwd=tmp_path,
+    process = start(
+        "devices --focus --seconds 1000 --summary focus.json --rig", rig_file, cwd=tmp_path,
+        stdin=follower, stdout=follower, stderr=follower, start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
         env=os.environ | {"TERM": "xterm", "COLUMNS": "120", "LINES": "40"},
     )  # fmt: skip
     os.close(follower)
@@ -268,11 +225,7 @@ def test_focus_ends_on_q_with_the_terminal_as_before(rig_file: Path, tmp_path: P
 
 
 def test_focus_keeps_the_last_figures_on_sigterm(rig_file: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "zeromethod", "devices", "--focus", "--rig", rig_file.name]
-    process = subprocess.Popen(
-        [*command, "--seconds", "1000", "--summary", "focus.json"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
-    )  # fmt: skip
+    process = start("devices --focus --seconds 1000 --summary focus.json --rig", rig_file, cwd=tmp_path)
     assert process.stdout is not None
     assert "is simulated" in process.stdout.readline()
     assert "focus" in process.stdout.readline()  # the first frame's line
@@ -286,39 +239,28 @@ def test_focus_keeps_the_last_figures_on_sigterm(rig_file: Path, tmp_path: Path)
 
 @pytest.fixture(scope="module")
 def desktop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoMonitors]:
-    with start(tmp_path_factory.mktemp("desktop"), ((640, 480), (1280, 800))) as monitors:
+    with start_desktop(tmp_path_factory.mktemp("desktop"), ((640, 480), (1280, 800))) as monitors:
         yield monitors
 
 
-def on(desktop: TwoMonitors, *arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+def on(desktop: TwoMonitors, line: str, **options: Any) -> Outcome:
     """A command in a process of its own on that desktop."""
-    command = [sys.executable, "-m", "zeromethod", *arguments]
-    return subprocess.run(
-        command, env=desktop.environment, capture_output=True, text=True, check=False, timeout=60, **options
-    )
+    with start(line, env=desktop.environment, **options) as process:
+        out, err = process.communicate(timeout=60)
+    return Outcome(process.returncode, out, err)
 
 
 @needs_two_monitors
 def test_the_monitors_of_a_desktop_are_listed_and_identified(desktop: TwoMonitors) -> None:
-    listed = on(desktop, "devices").stdout.splitlines()
+    listed = on(desktop, "devices").out.splitlines()
     assert listed[1].split() == ["0", "DUMMY0", "640", "x", "480", "60.00", "Hz", "0,", "0", "primary"]
     assert listed[2].split() == ["1", "DUMMY1", "1280", "x", "800", "60.00", "Hz", "640,", "0"]
-    shown = on(desktop, "devices", "--identify", "--seconds", "0.2")
-    assert (shown.returncode, shown.stderr) == (0, "")
-    assert [line for line in shown.stdout.splitlines() if line.startswith("monitor ")] == [
+    shown = on(desktop, "devices --identify --seconds 0.2")
+    assert (shown.code, shown.err) == (0, "")
+    assert [line for line in shown.out.splitlines() if line.startswith("monitor ")] == [
         "monitor 0 (DUMMY0, 640 x 480, 60.00 Hz, at 0, 0)",
         "monitor 1 (DUMMY1, 1280 x 800, 60.00 Hz, at 640, 0)",
     ]
-
-
-@needs_two_monitors
-def test_a_monitor_that_is_not_there_is_answered_with_the_list(desktop: TwoMonitors) -> None:
-    done = on(desktop, "run", "--rig", "virtual", "--display", "5", "--camera", "0")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == (
-        "zeromethod: --display: 5: no such monitor; allowed: 0 (DUMMY0, 640 x 480, 60.00 Hz, at 0, 0), "
-        "1 (DUMMY1, 1280 x 800, 60.00 Hz, at 640, 0)\n"
-    )
 
 
 @needs_two_monitors
@@ -326,22 +268,17 @@ def test_focus_on_a_real_monitor_sees_the_lcd_through_the_virtual_bench(
     desktop: TwoMonitors, tmp_path: Path
 ) -> None:
     pytest.importorskip("mss")
-    bench = subprocess.Popen(
-        [sys.executable, "-m", "zeromethod", "virtual-bench", "--port", "0", "--scenario", "none",
-         "--forever"],
-        env=desktop.environment, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    line = "virtual-bench --port 0 --scenario none --forever"
+    bench = start(line, env=desktop.environment, stderr=None)
     assert bench.stdout is not None
     try:
         camera = next(line.split()[-1] for line in bench.stdout if "tcp://" in line)
-        devices = ("--rig", "virtual", "--display", "1", "--camera", camera)
-        done = on(
-            desktop, "devices", "--focus", *devices, "--seconds", "0.5", "--summary", "f.json", cwd=tmp_path
-        )
+        line = f"devices --focus --rig virtual --display 1 --camera {camera} --seconds 0.5 --summary f.json"
+        done = on(desktop, line, cwd=tmp_path)
     finally:
         bench.send_signal(signal.SIGINT)
         bench.communicate(timeout=20)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.code, done.err) == (0, "")
     figures = json.loads((tmp_path / "f.json").read_text())
     assert figures["focus_score"] > 0.9
     assert figures["lcd"]["seen_share"] > 0.99

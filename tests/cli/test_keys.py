@@ -10,25 +10,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from io import StringIO
 from typing import TextIO
+from unittest.mock import Mock, call
 
 import pytest
 
-from zeromethod.cli.keys import Keys, act
-
-
-class FakeLoop:
-    def __init__(self) -> None:
-        self.paused = False
-        self.done: list[str] = []
-
-    def pause(self, on: bool) -> None:
-        self.paused = on
-
-    def rezero(self) -> None:
-        self.done.append("rezero")
-
-    def stop(self) -> None:
-        self.done.append("stop")
+from zeromethod.cli.keys import Keys
+from zeromethod.loop.loop import Loop
 
 
 @dataclass
@@ -57,7 +44,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
     os.close(keyboard)
 
 
-def test_keys_come_at_once_unseen_and_the_terminal_is_put_back(terminal: Terminal) -> None:
+def test_keys_come_at_once_without_echo_and_the_terminal_is_put_back(terminal: Terminal) -> None:
     assert terminal.modes == (True, True, True)
     with Keys(terminal.stream) as keys:
         assert keys.active
@@ -86,27 +73,18 @@ def test_the_terminal_is_put_back_when_a_run_fails_and_what_was_typed_is_forgott
         os.read(terminal.stream.fileno(), 10)
 
 
-def test_keys_steer_the_loop(terminal: Terminal) -> None:
-    loop = FakeLoop()
+def test_keys_steer_the_loop_and_unknown_ones_do_nothing(terminal: Terminal) -> None:
+    loop = Mock(Loop, paused=False)
     with Keys(terminal.stream) as keys:
-        on_wait = keys.for_loop(loop)  # type: ignore[arg-type]
+        on_wait = keys.for_loop(loop)
         terminal.type(b"p")
         on_wait()
-        assert loop.paused
+        loop.paused = True
         terminal.type(b"P\xc3\xa4?")
         on_wait()
-        assert not loop.paused
-        terminal.type(b"zq")
+        terminal.type(b"zxy\x1b q")
         on_wait()
-    assert loop.done == ["rezero", "stop"]
-
-
-def test_unknown_keys_do_nothing() -> None:
-    loop = FakeLoop()
-    for key in "xyz\x1b ":
-        act(key, loop)  # type: ignore[arg-type]
-    assert loop.done == ["rezero"]
-    assert not loop.paused
+    assert loop.method_calls == [call.pause(True), call.pause(False), call.rezero(), call.stop()]
 
 
 def test_a_program_in_the_background_leaves_the_terminal_alone(

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import click
 import pytest
 
-from zeromethod.cli.main import commands, main
+from zeromethod.cli.main import commands
 from zeromethod.cli.numbers import Real, Whole
 
 
@@ -52,21 +52,3 @@ def all_commands(group: click.Group, before: str = "") -> Iterator[tuple[str, cl
 def test_no_option_takes_the_place_of_another(name: str, command: click.Command) -> None:
     twice = [key for key, count in Counter(one.name for one in command.params).items() if count > 1]
     assert not twice, name
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ("calibrate --rig simulated --patience nan", "--patience: nan: a number above 0"),
-        ("calibrate intrinsics --patience 0", "--patience: 0: a number above 0"),
-        ("calibrate board --dpi nan", "--dpi: nan: a number from 10 to 10000"),
-        ("run --scenario none --frames 1.5", "--frames: 1.5: a whole number from 1"),
-        ("run --trigger none", "--trigger: 'none' is not one of 'free', 'software', 'hardware'."),
-    ],
-)
-def test_a_command_refuses_it_as_it_does_anything_else(
-    arguments: str, said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(arguments.split())
-    assert (end.value.code, *capsys.readouterr()) == (2, "", f"zeromethod: {said}\n")

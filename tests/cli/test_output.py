@@ -7,8 +7,8 @@ import warnings
 from pathlib import Path
 
 import pytest
+from command_line import run
 
-from zeromethod.cli.main import main
 from zeromethod.cli.output import write_summary, writing
 from zeromethod.errors import InputError
 
@@ -29,8 +29,7 @@ def test_a_summary_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 
 def test_a_warning_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     with warnings.catch_warnings():
-        with pytest.raises(SystemExit):
-            main(["--version"])
+        run("--version")
         warnings.simplefilter("always")
         warnings.warn("a.h5: frames/image:\n damaged", UserWarning, stacklevel=1)
     assert capsys.readouterr().err == "! a.h5: frames/image: damaged\n"

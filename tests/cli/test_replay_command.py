@@ -1,19 +1,16 @@
 """`zeromethod replay` as a person meets it."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import run
 from recorded_run import recorded
 
 from benchmarks.against_peers.open_loop import coarser
-from zeromethod.cli.main import main
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.load import load_rig
-
-Outcome = tuple[int, str, str]
 
 
 @pytest.fixture(scope="module")
@@ -23,20 +20,9 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(tmp_path_factory.mktemp("replay") / "session.h5", 0.45, rig=rig)
 
 
-@pytest.fixture
-def replay(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
-    def run(*arguments: object) -> Outcome:
-        with pytest.raises(SystemExit) as end:
-            main(["replay", *(str(argument) for argument in arguments)])
-        printed = capsys.readouterr()
-        return int(end.value.code or 0), printed.out, printed.err
-
-    return run
-
-
-def test_replay_from_warps_reports_no_difference(session: Path, tmp_path: Path, replay) -> None:
+def test_replay_from_warps_reports_no_difference(session: Path, tmp_path: Path) -> None:
     summary, figure = tmp_path / "s.json", tmp_path / "f.png"
-    code, out, err = replay(session, "--summary", summary, "--figure", figure)
+    code, out, err = run("replay", session, "--summary", summary, "--figure", figure)
     assert (code, err) == (0, "")
     assert "equal bit for bit" in out
     figures = json.loads(summary.read_text())
@@ -49,11 +35,11 @@ def test_replay_from_warps_reports_no_difference(session: Path, tmp_path: Path, 
 
 
 def test_replay_from_frames_with_another_setting_reports_what_it_changes(
-    session: Path, tmp_path: Path, replay
+    session: Path, tmp_path: Path
 ) -> None:
     summary = tmp_path / "s.json"
-    arguments = ("--mode", "from-frames", "--set", "camera.noise.read_grey=9", "--from", "0.1", "--to", "0.2")
-    code, out, err = replay(session, *arguments, "--summary", summary)
+    line = "--mode from-frames --set camera.noise.read_grey=9 --from 0.1 --to 0.2"
+    code, out, err = run("replay", session, line, "--summary", summary)
     assert (code, err) == (0, "")
     assert "sigma of a warp" in out
     figures = json.loads(summary.read_text())
@@ -63,12 +49,11 @@ def test_replay_from_frames_with_another_setting_reports_what_it_changes(
     assert figures["sigma_lcd_px"]["replayed"] > figures["sigma_lcd_px"]["recorded"]
 
 
-def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp_path: Path, replay) -> None:
+def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp_path: Path) -> None:
     summary, figure, record = (tmp_path / name for name in ("s.json", "f.png", "again.h5"))
     files = ("--summary", summary, "--figure", figure, "--record", record)
-    code, out, _ = replay(
-        session, "--mode", "closed-loop", "--controller", "integrator", "--gain", "0.2", *files
-    )
+    line = "--mode closed-loop --controller integrator --gain 0.2"
+    code, out, _ = run("replay", session, line, *files)
     assert code == 0
     assert all(name in out for name in ("recorded", "simulated", "changed", "picture behind the mirror"))
     figures = json.loads(summary.read_text())
@@ -82,49 +67,10 @@ def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp
     with Recording(record) as again:
         assert again.rig.control.controller == "integrator"
         assert np.count_nonzero(again.steps["sensed"]) >= sessions["changed"]["frames"]
-    code, _, err = replay(session, "--mode", "closed-loop", "--record", record)
-    assert code == 2
-    assert "not overwritten" in err
 
 
-def test_an_unchanged_loop_is_compared_with_the_recorded_session_alone(session: Path, replay) -> None:
-    code, out, _ = replay(session, "--mode", "closed-loop", "--to", "0.15")
+def test_an_unchanged_loop_is_compared_with_the_recorded_session_alone(session: Path) -> None:
+    code, out, _ = run("replay", session, "--mode", "closed-loop", "--to", "0.15")
     assert code == 0
     assert "simulated" in out
     assert "changed" not in out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        (("nowhere.h5",), "not there"),
-        ((__file__,), "cannot be read as a recording"),
-        (("SESSION", "--gain", "0.5"), "only with --mode closed-loop"),
-        (("SESSION", "--record", "x.h5"), "only with --mode closed-loop"),
-        (("SESSION", "--set", "surface.rest=1"), "surface.rest: unknown key"),
-        (("SESSION", "--set", "target.period_px=20"), "cannot be changed"),
-        (("SESSION", "--from", "9"), "nothing is there"),
-        (("SESSION", "--rig", "nobench"), "rig: "),
-        (("SESSION", "--figure", "x.pdf"), "must end in .png"),
-        (("SESSION", "--speed", "inf"), "inf: a number above 0"),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_2(
-    session: Path, replay, arguments: tuple[str, ...], word: str
-) -> None:
-    code, out, err = replay(*(session if one == "SESSION" else one for one in arguments))
-    assert (code, out) == (2, "")
-    assert word in err
-    assert err.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("mode", "word"), [("from-warps", "warps"), ("from-frames", "frames"), ("closed-loop", "surfaces")]
-)
-def test_a_recording_that_lacks_what_is_needed_says_so(tmp_path: Path, replay, mode: str, word: str) -> None:
-    rig = coarser(load_rig("simulated"), 8)
-    path = recorded(tmp_path / "r.h5", 0.1, rig=rig, keep=("residual",))
-    code, _, err = replay(path, "--mode", mode)
-    assert code == 2
-    assert f"recorded without {word}" in err
-    assert err.count("\n") == 1

@@ -7,15 +7,17 @@ import os
 import pty
 import signal
 import subprocess
-import sys
 import termios
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import live_devices
 import pytest
+from command_line import start
+from planted_turns import wait_for
 from small_rigs import BENCH_160, small_rig_file
 
 from zeromethod.cli.stopping import accept_ctrl_c, stopped_by_signals
@@ -73,13 +75,8 @@ class Window(RealScreen):
 def folder(tmp_path: Path) -> Path:
     """A working directory with a lab's module and its rig file; frames may take 30 s."""
     (tmp_path / "our_lab.py").write_text(HUNG_LAB)
-    values = {
-        **BENCH_160,
-        "camera.exposure_s": 0.004,
-        "display.scanout_s": 0.0,
-        "display.rise_s": 0.0,
-        "control.timeout_s": 30.0,
-    }
+    panel = {"display.scanout_s": 0.0, "display.rise_s": 0.0}
+    values = {**BENCH_160, **panel, "camera.exposure_s": 0.004, "control.timeout_s": 30.0}
     for display in ("Window", "HungScreen"):
         given = values | {"display.driver": f"our_lab:{display}"}
         small_rig_file(tmp_path / f"{display}.toml", given)
@@ -96,23 +93,15 @@ def running(
         os.setsid()
         fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 
-    command = "from zeromethod.cli.main import main; main()"
-    arguments = ["--rig", f"{display}.toml", "--camera", f"our_lab:{camera}"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", command, "run", *arguments],
+    process = start(
+        f"run --rig {display}.toml --camera our_lab:{camera}",
         cwd=folder,
         stdin=subprocess.DEVNULL if terminal is None else terminal,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=None if terminal is None else take_terminal,  # noqa: PLW1509 - two system calls
+        preexec_fn=None if terminal is None else take_terminal,
     )
     try:
-        end_s = time.monotonic() + PATIENCE_S
-        while not (folder / "hung").exists():
-            assert process.poll() is None, process.communicate()[1]
-            assert time.monotonic() < end_s
-            time.sleep(0.02)
+        wait_for(lambda: (folder / "hung").exists() or process.poll() is not None, PATIENCE_S)
+        assert process.poll() is None, process.communicate()[1]
         time.sleep(0.1)
         yield process
     finally:
@@ -123,8 +112,8 @@ def running(
 def ended(process: subprocess.Popen[str]) -> tuple[int, float, str]:
     """(exit code, seconds until then, what it wrote on standard error)."""
     started = time.monotonic()
-    _, told = process.communicate(timeout=PATIENCE_S)
-    return process.returncode, time.monotonic() - started, told
+    _, err = process.communicate(timeout=PATIENCE_S)
+    return process.returncode, time.monotonic() - started, err
 
 
 @pytest.mark.parametrize(
@@ -141,44 +130,53 @@ def test_signals_end_a_run_within_a_second_whatever_hangs(
 ) -> None:
     with running(folder, camera, display) as process:
         process.send_signal(number)
-        code, seconds, told = ended(process)
-    assert code == 130, told
-    assert seconds < 1, told
-    assert "Traceback" not in told
+        code, seconds, err = ended(process)
+    assert code == 130, err
+    assert seconds < 1, err
+    assert "Traceback" not in err
 
 
 def test_a_closed_window_ends_a_run_with_its_reason_though_the_camera_hangs(folder: Path) -> None:
     with running(folder, "HungEye") as process:
         (folder / "closed").touch()
-        code, seconds, told = ended(process)
+        code, seconds, err = ended(process)
     assert code == 1
     assert seconds < 1
-    assert "zeromethod: measurement failed: fault: the display is lost: its window was closed" in told
-    assert "Traceback" not in told
+    assert "zeromethod: measurement failed: fault: the display is lost: its window was closed" in err
+    assert "Traceback" not in err
 
 
 def test_q_in_the_terminal_ends_a_run(folder: Path) -> None:
     keyboard, side = pty.openpty()
     with running(folder, "Steady", terminal=side) as process:
         os.write(keyboard, b"q")
-        code, seconds, told = ended(process)
+        code, seconds, err = ended(process)
         left = termios.tcgetattr(side)[3]
     os.close(keyboard)
     os.close(side)
-    assert code == 0, told
+    assert code == 0, err
     assert seconds < 1
     assert left & termios.ICANON
     assert left & termios.ECHO
 
 
-def test_the_first_signal_asks_and_the_second_insists() -> None:
+@pytest.fixture
+def ctrl_c() -> Iterator[Callable[[], object]]:
+    """The handler of Ctrl-C; what a test sets is put back."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield lambda: signal.getsignal(signal.SIGINT)
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_the_first_signal_asks_and_the_second_insists(ctrl_c: Callable[[], object]) -> None:
     asked: list[int] = []
 
     def interrupt() -> None:
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(1)
 
-    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    before = ctrl_c(), signal.getsignal(signal.SIGTERM)
     with stopped_by_signals(lambda: asked.append(1)):
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(0.01)
@@ -186,30 +184,22 @@ def test_the_first_signal_asks_and_the_second_insists() -> None:
         with pytest.raises(KeyboardInterrupt):
             interrupt()
         assert asked == [1]
-    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
-
-
-def test_handlers_are_put_back_when_a_run_fails() -> None:
-    before = signal.getsignal(signal.SIGTERM)
+    assert (ctrl_c(), signal.getsignal(signal.SIGTERM)) == before
     with pytest.raises(ZeroDivisionError), stopped_by_signals(lambda: None):
         raise ZeroDivisionError
-    assert signal.getsignal(signal.SIGTERM) is before
+    assert (ctrl_c(), signal.getsignal(signal.SIGTERM)) == before
 
 
-def test_ctrl_c_is_heard_where_a_script_has_it_ignored() -> None:
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        accept_ctrl_c()
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    finally:
-        signal.signal(signal.SIGINT, before)
+def own(*_: object) -> None:
+    """A handler."""
 
 
-def test_a_handler_of_ones_own_stays() -> None:
-    before = signal.signal(signal.SIGINT, lambda *_: None)
-    try:
-        own = signal.getsignal(signal.SIGINT)
-        accept_ctrl_c()
-        assert signal.getsignal(signal.SIGINT) is own
-    finally:
-        signal.signal(signal.SIGINT, before)
+@pytest.mark.parametrize(
+    ("before", "after"), [(signal.SIG_IGN, signal.default_int_handler), (own, own)], ids=["ignored", "own"]
+)
+def test_ctrl_c_is_accepted_where_a_script_has_it_ignored(
+    ctrl_c: Callable[[], object], before: Any, after: Any
+) -> None:
+    signal.signal(signal.SIGINT, before)
+    accept_ctrl_c()
+    assert ctrl_c() is after

@@ -6,15 +6,17 @@ import io
 import os
 import threading
 import time
-from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from planted_turns import wait_for
 from recorded_run import recorded
 from rich.console import Console
 
 from zeromethod.errors import InputError
 from zeromethod.loop.loop import Loop
+from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.recording.recording import Recording
 from zeromethod.view.follow import PERIOD_S, FollowDisplay, Glance, Tail, follow
@@ -22,28 +24,19 @@ from zeromethod.view.follow import PERIOD_S, FollowDisplay, Glance, Tail, follow
 PATIENCE_S = 60.0
 
 
-def glance(**values: object) -> Glance:
-    told = {"time_s": 1.0, "state": "locked", "reason": "nulled", "rate_hz": 60.0, "residual_rms_px": 0.012}
-    return Glance(**(told | {"peak_mm": 0.2, "peak_sigma_mm": 5e-5, "dropped": 0} | values))  # type: ignore[arg-type]
+KNOWN = Glance(1.0, State.LOCKED, "nulled", 60.0, 0.012, 0.2, 5e-5)
 
 
-def wait_for(there: Callable[[], bool]) -> None:
-    end_s = time.monotonic() + PATIENCE_S
-    while not there():
-        assert time.monotonic() < end_s
-        time.sleep(0.02)
-
-
-def test_a_run_is_told_from_before_its_start_through_a_silence_to_its_end(tmp_path: Path) -> None:
+def test_a_run_is_followed_from_before_its_start_through_a_silence_to_its_end(tmp_path: Path) -> None:
     path, out = tmp_path / "run.h5", io.StringIO()
 
     def fall_silent(loop: Loop, step: Step) -> None:
         if step.number == 12:
-            wait_for(lambda: "no new data for 3 s" in out.getvalue())
+            wait_for(lambda: "no new data for 3 s" in out.getvalue(), PATIENCE_S)
 
     follower = threading.Thread(target=follow, args=(path, Console(file=out, width=200)), daemon=True)
     follower.start()
-    wait_for(lambda: "waiting for" in out.getvalue())
+    wait_for(lambda: "waiting for" in out.getvalue(), PATIENCE_S)
     recorded(path, 0.3, on_step=fall_silent)
     follower.join(PATIENCE_S)
     lines = out.getvalue().splitlines()
@@ -63,9 +56,9 @@ def test_rate_is_that_of_the_frames_of_the_last_seconds(recording_path: Path) ->
         tail = Tail(recording)
         assert tail.grown()
         assert not tail.grown()
-        told = tail.glance()
+        glance = tail.glance()
     # a steady 60 per second, but for the jitter of a simulated clock
-    assert told.rate_hz == pytest.approx(60.0, rel=0.01)
+    assert glance.rate_hz == pytest.approx(60.0, rel=0.01)
 
 
 def test_without_a_terminal_there_is_a_line_per_second_and_one_word_of_silence() -> None:
@@ -73,10 +66,10 @@ def test_without_a_terminal_there_is_a_line_per_second_and_one_word_of_silence()
     with FollowDisplay(Console(file=out, width=200), now=lambda: clock[0]) as display:
         for tick in range(30):
             clock[0] = tick * PERIOD_S
-            display.show(glance(time_s=clock[0]))
+            display.show(replace(KNOWN, time_s=clock[0]))
         for tick in range(30):
             clock[0] += PERIOD_S
-            display.show(glance(), silent_s=tick * PERIOD_S)
+            display.show(KNOWN, silent_s=tick * PERIOD_S)
     lines = out.getvalue().splitlines()
     assert [line.split()[0] for line in lines[:6]] == ["0.0", "1.0", "2.0", "3.0", "4.0", "5.0"]
     assert lines.count("no new data for 3 s") == 1
@@ -87,15 +80,14 @@ def test_without_a_terminal_there_is_a_line_per_second_and_one_word_of_silence()
 def test_a_terminal_has_one_line_that_says_how_long_nothing_came() -> None:
     out = io.StringIO()
     with FollowDisplay(Console(file=out, width=120, force_terminal=True)) as display:
-        display.show(glance(dropped=3), silent_s=7.4)
+        display.show(replace(KNOWN, dropped=3), silent_s=7.4)
     assert "no new data for 7 s" in out.getvalue()
     assert "dropped 3" in out.getvalue()
 
 
-def test_a_fault_tells_its_reason_in_place_of_figures() -> None:
-    assert glance(state="fault", reason="the camera is lost").words() == "the camera is lost"
-    nan = float("nan")
-    assert glance(rate_hz=nan, residual_rms_px=nan, peak_mm=nan).words() == ""
+def test_a_fault_shows_its_reason_in_place_of_figures() -> None:
+    assert replace(KNOWN, state=State.FAULT, reason="the camera is lost").words() == "the camera is lost"
+    assert Glance().words() == ""
 
 
 def test_a_file_that_is_no_recording_is_refused_at_once(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import time
 import warnings
 from collections.abc import Callable
@@ -17,7 +18,7 @@ import tomlkit
 from report_page import HOSTILE, Page, add_row
 
 from zeromethod.recording.recording import Recording
-from zeromethod.view.report import STEPS, key_turns, write_report
+from zeromethod.view.report import STEPS, key_steps, write_report
 from zeromethod.view.report_summary import summarise_recording
 from zeromethod.view.report_words import peak_words
 
@@ -31,12 +32,13 @@ def page_of(path: Path) -> Page:
     return Page(output.read_text(encoding="utf-8"))
 
 
-def copy_of(edited: Edited) -> Path:
-    return edited(lambda file: None)
+@pytest.fixture(scope="module")
+def page(recording_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    """Of the recording as it was made."""
+    return page_of(Path(shutil.copy(recording_path, tmp_path_factory.mktemp("page") / "press.h5")))
 
 
-def test_page_is_whole_in_itself(edited: Edited) -> None:
-    page = page_of(copy_of(edited))
+def test_page_is_whole_in_itself(page: Page) -> None:
     assert {"h1", "table", "svg", "details"} <= set(page.tags)
     assert not {"script", "link", "iframe", "object", "embed"} & set(page.tags)
     assert page.refers
@@ -45,21 +47,24 @@ def test_page_is_whole_in_itself(edited: Edited) -> None:
     assert len(page.ids) == len(set(page.ids))
 
 
+def test_frames_that_are_not_read_are_not_called_drops(recording_path: Path, page: Page) -> None:
+    with Recording(recording_path) as recording:
+        figures = summarise_recording(recording)
+    # the loop starts on a panel that is not lit yet
+    assert figures["without_reading"]["picture not lit yet"] > 0
+    assert figures["dropped"] == {}
+    assert "no new reading: picture not lit yet" in page.text
+    assert "frames dropped none" in page.text
+    assert "arrays damaged none" in page.text
+
+
 def test_every_text_from_the_recording_is_escaped(edited: Edited) -> None:
     def fill(file: h5py.File) -> None:
         file.attrs["command_line"] = f"zeromethod run {HOSTILE}"
         file.attrs["gl_renderer"] = HOSTILE
-        time_ns = file["steps/table"]["time_ns"][5]
-        add_row(file, "notes", step=6, time_ns=time_ns, text=f"note {HOSTILE}".encode())
-        add_row(
-            file,
-            "drops",
-            step=6,
-            time_ns=time_ns,
-            count=2,
-            lost_by=b"camera",
-            reason=f"why {HOSTILE}".encode(),
-        )
+        row = {"step": 6, "time_ns": file["steps/table"]["time_ns"][5]}
+        add_row(file, "notes", **row, text=f"note {HOSTILE}".encode())
+        add_row(file, "drops", **row, count=2, lost_by=b"camera", reason=f"why {HOSTILE}".encode())
 
     page = page_of(edited(fill))
     assert "script" not in page.tags
@@ -70,58 +75,92 @@ def test_every_text_from_the_recording_is_escaped(edited: Edited) -> None:
 def test_figures_are_those_of_the_tables_and_of_the_planted_press(recording_path: Path) -> None:
     with Recording(recording_path) as recording:
         figures = summarise_recording(recording)
-        turns, peaks = recording.steps, recording.peaks
-        names = [str(recording.state_of(row)) for row in turns]
+        steps, peaks = recording.steps, recording.peaks
+        names = [str(recording.state_of(row)) for row in steps]
     assert figures["complete"]
-    assert figures["frames"] == np.count_nonzero(turns["frame_number"] >= 0)
+    assert figures["frames"] == np.count_nonzero(steps["frame_number"] >= 0)
     # a steady 60 per second, but for the jitter of a simulated clock
     assert figures["rate_hz"] == pytest.approx(60.0, rel=0.01)
     nulled = np.isin(names, ["locked", "resting"])
-    held_s = 1e-9 * np.diff(turns["time_ns"])
+    held_s = 1e-9 * np.diff(steps["time_ns"])
     assert figures["locked_share"] == pytest.approx(held_s[nulled[:-1]].sum() / held_s.sum())
     assert sum(figures["shares"].values()) == pytest.approx(1.0)
-    assert figures["residual_px_rms"]["median"] == np.median(turns["residual_rms_px"][nulled])
+    assert figures["residual_px_rms"]["median"] == np.median(steps["residual_rms_px"][nulled])
     # the press is 0.2 mm deep; nodes four times as far apart as in full resolution cost up to 1 %
     largest = figures["largest"]
     assert largest["depth_mm"] == pytest.approx(0.2, rel=0.01)
     assert largest["state"] == "locked"
-    assert largest["depth_mm"] == peaks["depth_mm"][np.isin(peaks["step"], turns["number"][nulled])].max()
+    assert largest["depth_mm"] == peaks["depth_mm"][np.isin(peaks["step"], steps["number"][nulled])].max()
 
 
 def test_depth_is_shown_when_first_locked_at_its_largest_and_at_the_end(recording_path: Path) -> None:
     with Recording(recording_path) as recording:
-        shown = key_turns(recording)
+        shown = key_steps(recording)
         locked = [int(row["number"]) for row in recording.steps if str(recording.state_of(row)) == "locked"]
-        names = {name: turn for turn, names in shown.items() for name in names}
+        names = {name: step for step, names in shown.items() for name in names}
         assert names["first locked"] == locked[0]
-        assert names["largest |depth|"] == summarise_recording(recording)["largest"]["turn"]
+        assert names["largest |depth|"] == summarise_recording(recording)["largest"]["step"]
         assert names["last"] == recording.steps_with("surface")[-1]
 
 
-def test_peak_is_told_to_two_digits_of_its_sigma() -> None:
-    peak = {
-        "depth_mm": 0.2012345,
-        "sigma_mm": 0.000051,
-        "x_mm": 30.0,
-        "y_mm": -1e-9,
-        "time_s": 1.0,
-        "state": "locked",
-    }
+def test_peak_is_given_to_two_digits_of_its_sigma() -> None:
+    peak = {"depth_mm": 0.2012345, "sigma_mm": 5.1e-5, "x_mm": 30.0, "y_mm": -1e-9, "time_s": 1.0}
+    peak["state"] = "locked"
     assert peak_words(peak) == "201.234 ± 0.051 µm at x = 30.00, y = 0.00 mm, 1.00 s, locked"
     assert peak_words(peak | {"depth_mm": 1.5, "sigma_mm": 0.02}).startswith("1.500 ± 0.020 mm")
     assert peak_words(peak | {"sigma_mm": float("nan")}).startswith("201.234 ± nan µm")
 
 
-def test_parts_that_were_not_kept_are_told(edited: Edited) -> None:
-    def strip(file: h5py.File) -> None:
-        for name in ("surface", "frames", "residual"):
-            del file[name]
-        file.attrs["keep"] = ["warps"]
+def without_arrays(file: h5py.File) -> None:
+    for name in ("surface", "frames", "residual"):
+        del file[name]
+    file.attrs["keep"] = ["warps"]
 
-    page = page_of(edited(strip))
-    assert "No depth maps: the surface was not kept" in page.text
-    assert "not kept frames, residual, surface" in page.text
-    assert page.tags.count("svg") == 1
+
+def without_rows(file: h5py.File) -> None:
+    for name in ("steps", "peaks", "notes", "drops", "presentation_log"):
+        file[f"{name}/table"].resize(0, axis=0)
+
+
+def without_numbers(file: h5py.File) -> None:
+    peaks, steps = file["peaks/table"][()], file["steps/table"][()]
+    for name in ("depth_mm", "depth_sigma_mm", "x_mm", "y_mm"):
+        peaks[name] = np.nan
+    steps["residual_rms_px"] = np.nan
+    file["peaks/table"][...], file["steps/table"][...] = peaks, steps
+
+
+def damaged_surface(file: h5py.File) -> None:
+    file["surface/depth_mm"][-1, 5, 5] = 7.0
+
+
+def with_calibration(text: str) -> Callable[[h5py.File], None]:
+    return lambda file: file.attrs.__setitem__("calibration", text)
+
+
+UNREADABLE = ["The calibration in this recording cannot be read.", "peak of largest |depth|"]
+MISSING = [
+    (
+        without_arrays,
+        ["No depth maps: the surface was not kept", "not kept frames, residual, surface"],
+        1,
+    ),
+    (without_rows, ["No step of the loop is in this recording.", "No depth maps: no surface was read."], 0),
+    (without_numbers, ["nothing was measured", "depth was never read"], 3),
+    (damaged_surface, ["last: no depth map: ", "surface/depth_mm: damaged", "first locked, "], 2),
+    (with_calibration("verdict = "), UNREADABLE, 3),
+    (with_calibration("schema_version = 9\n[parameters]\n"), UNREADABLE, 3),
+]
+
+
+@pytest.mark.parametrize(("change", "words", "pictures"), MISSING)
+def test_what_is_missing_is_said_and_leaves_the_rest_of_the_page(
+    edited: Edited, change: Callable[[h5py.File], None], words: list[str], pictures: int
+) -> None:
+    page = page_of(edited(change))
+    for said in words:
+        assert said in page.text
+    assert page.tags.count("svg") == pictures
 
 
 def test_recording_that_was_not_closed_says_so(edited: Edited) -> None:
@@ -132,23 +171,13 @@ def test_recording_that_was_not_closed_says_so(edited: Edited) -> None:
     assert "was cut off" in page_of(path).text
 
 
-def test_recording_without_a_single_turn_still_makes_a_page(edited: Edited) -> None:
-    def empty(file: h5py.File) -> None:
-        for name in ("steps", "peaks", "notes", "drops", "presentation_log"):
-            file[f"{name}/table"].resize(0, axis=0)
-
-    page = page_of(edited(empty))
-    assert "No turn of the loop is in this recording." in page.text
-    assert "No depth maps: no surface was read." in page.text
-
-
-def test_peaks_and_surfaces_of_turns_that_were_not_flushed_do_no_harm(edited: Edited) -> None:
+def test_peaks_and_surfaces_of_steps_that_were_not_flushed_do_no_harm(edited: Edited) -> None:
     path = edited(lambda file: file["steps/table"].resize(20, axis=0))
     page = page_of(path)
     with Recording(path) as recording:
-        assert max(key_turns(recording)) <= recording.steps["number"][-1]
-        assert summarise_recording(recording)["last"]["turn"] <= recording.steps["number"][-1]
-    assert "20 turns of the loop" in page.text
+        assert max(key_steps(recording)) <= recording.steps["number"][-1]
+        assert summarise_recording(recording)["last"]["step"] <= recording.steps["number"][-1]
+    assert "20 steps of the loop" in page.text
 
 
 def document(made: datetime) -> str:
@@ -173,7 +202,7 @@ def document(made: datetime) -> str:
     )
 
 
-def test_calibration_is_told_with_sigma_verdict_and_age(edited: Edited) -> None:
+def test_calibration_is_shown_with_sigma_verdict_and_age(edited: Edited) -> None:
     def calibrate(file: h5py.File) -> None:
         started = datetime.fromisoformat(file.attrs["started_utc"]).astimezone(UTC)
         file.attrs["calibration"] = document((started - timedelta(days=40)).replace(microsecond=0))
@@ -184,13 +213,6 @@ def test_calibration_is_told_with_sigma_verdict_and_age(edited: Edited) -> None:
     assert "1.54 % (1 sigma, by geometry), 2.14 % at worst (near P0)" in page.text
     assert "the LCD's turn in its plane 0.000 0.457 0.042 deg" in page.text
     assert "also the lamp ages" in page.text
-
-
-@pytest.mark.parametrize("text", ["verdict = ", "schema_version = 9\n[parameters]\n"])
-def test_calibration_that_cannot_be_read_leaves_the_rest_of_the_page(edited: Edited, text: str) -> None:
-    page = page_of(edited(lambda file: file.attrs.__setitem__("calibration", text)))
-    assert "The calibration in this recording cannot be read." in page.text
-    assert "peak of largest |depth|" in page.text
 
 
 def test_an_interrupted_page_leaves_the_old_one(
@@ -227,72 +249,34 @@ def test_surfaces_without_a_number_make_a_page(edited: Edited, rows: slice) -> N
     assert page.source.count(">nothing was read<") == (1 if rows.start else page.tags.count("svg") - 1)
 
 
-def test_a_surface_of_which_nothing_was_read_keeps_its_map(edited: Edited) -> None:
+def test_surfaces_of_which_nothing_was_read_or_half_has_no_place_keep_their_maps(edited: Edited) -> None:
     def strike(file: h5py.File) -> None:
         file["surface/valid"][-1] = False
-        without_sums(file)
-
-    page = page_of(edited(strike))
-    assert page.source.count(">nothing was read<") == 1
-
-
-def test_coordinates_that_are_partly_unknown_make_a_map(edited: Edited) -> None:
-    def strike(file: h5py.File) -> None:
         for name in ("x_mm", "y_mm", "depth_mm"):
             values = file[f"surface/{name}"]
             values[-1, :, : values.shape[2] // 2] = np.nan
         without_sums(file)
 
-    assert page_of(edited(strike)).tags.count("svg") >= 3
-
-
-def test_tables_without_a_number_make_a_page(edited: Edited) -> None:
-    def strike(file: h5py.File) -> None:
-        peaks, turns = file["peaks/table"][()], file["steps/table"][()]
-        for name in ("depth_mm", "depth_sigma_mm", "x_mm", "y_mm"):
-            peaks[name] = np.nan
-        turns["residual_rms_px"] = np.nan
-        file["peaks/table"][...], file["steps/table"][...] = peaks, turns
-
     page = page_of(edited(strike))
-    assert "nothing was measured" in page.source
-    assert "depth was never read" in page.source
+    assert page.source.count(">nothing was read<") == 1
+    assert page.tags.count("svg") >= 3
 
 
-@pytest.mark.parametrize("turns", [1, 2, 9, 10])
-def test_a_short_recording_has_no_empty_curve(edited: Edited, turns: int) -> None:
-    path = edited(lambda file: file["steps/table"].resize(turns, axis=0))
+@pytest.mark.parametrize("steps", [1, 2, 9, 10])
+def test_a_short_recording_has_no_empty_curve(edited: Edited, steps: int) -> None:
+    path = edited(lambda file: file["steps/table"].resize(steps, axis=0))
     with Recording(path) as recording:
         frames = np.count_nonzero(recording.steps["frame_number"] >= 0)
     page = page_of(path)
-    told = f"No curve of frames per second: {frames} frames are too few for one (10 make it)."
-    assert (told in page.text) == ("frames per second" not in page.source.split("</svg>")[0]) == (frames < 10)
-
-
-def test_a_damaged_surface_leaves_the_rest_of_the_page(edited: Edited) -> None:
-    page = page_of(edited(lambda file: file["surface/depth_mm"].__setitem__((-1, 5, 5), 7.0)))
-    assert "last: no depth map: " in page.text
-    assert "surface/depth_mm: damaged" in page.text
-    assert "first locked, " in page.text
-    assert page.tags.count("svg") >= 2
-
-
-def test_frames_that_are_not_read_are_not_called_drops(recording_path: Path, edited: Edited) -> None:
-    with Recording(recording_path) as recording:
-        figures = summarise_recording(recording)
-    # the loop starts on a panel that is not lit yet
-    assert figures["without_reading"]["picture not lit yet"] > 0
-    assert figures["dropped"] == {}
-    page = page_of(copy_of(edited))
-    assert "no new reading: picture not lit yet" in page.text
-    assert "frames dropped none" in page.text
+    said = f"No curve of frames per second: {frames} frames are too few for one (10 make it)."
+    assert (said in page.text) == ("frames per second" not in page.source.split("</svg>")[0]) == (frames < 10)
 
 
 def test_a_curve_within_a_decade_has_plain_numbers(edited: Edited) -> None:
     def narrow(file: h5py.File) -> None:
-        turns = file["steps/table"][()]
-        turns["residual_rms_px"] = np.linspace(0.0102, 0.0118, len(turns))
-        file["steps/table"][...] = turns
+        steps = file["steps/table"][()]
+        steps["residual_rms_px"] = np.linspace(0.0102, 0.0118, len(steps))
+        file["steps/table"][...] = steps
 
     svg = page_of(edited(narrow)).source.split("</svg>")[0]
     assert "mathdefault" not in svg
@@ -304,8 +288,8 @@ def test_all_that_is_damaged_is_counted_though_no_map_shows_it(
 ) -> None:
     def strike(file: h5py.File) -> None:
         with Recording(recording_path) as whole:
-            shown = key_turns(whole)
-        hidden = [i for i, turn in enumerate(file["surface/step"]) if turn not in shown]
+            shown = key_steps(whole)
+        hidden = [i for i, step in enumerate(file["surface/step"]) if step not in shown]
         # one surface in two of its arrays, one in a row; two frames
         file["surface/depth_mm"][hidden[0], 5, 5] = 7.0
         file["surface/slope"][hidden[0], 5, 5, 0] = 7.0
@@ -315,21 +299,14 @@ def test_all_that_is_damaged_is_counted_though_no_map_shows_it(
         for index in (3, 8):
             file["frames/image"][index, 0, 0] ^= 1
 
-    path, told = edited(strike), []
+    path, steps = edited(strike), []
     with Recording(path) as recording, warnings.catch_warnings():
         warnings.simplefilter("error")
-        figures = write_report(recording, path, tmp_path / "page.html", told.append)
+        figures = write_report(recording, path, tmp_path / "page.html", steps.append)
     assert figures["damaged"] == {"frames": 2, "surface": 2}
-    assert told == [*STEPS[1:], ""]
+    assert steps == [*STEPS[1:], ""]
     page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
     assert "damaged: 2 frames, 2 surfaces left out: these are not what was written." in page.text
     assert "arrays damaged 2 frames, 2 surfaces left out" in page.text
     assert "damaged: surfaces 2 not what was written: left out" in page.text
     assert "no depth map" not in page.text
-
-
-def test_a_whole_recording_has_nothing_damaged(recording_path: Path, tmp_path: Path) -> None:
-    output = tmp_path / "page.html"
-    with Recording(recording_path) as recording:
-        assert write_report(recording, recording_path, output)["damaged"] == {}
-    assert "arrays damaged none" in Page(output.read_text(encoding="utf-8")).text

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from report_page import add_row
 
+from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import EVENTS, STATES
 from zeromethod.view.report_figures import thinned
@@ -32,44 +33,42 @@ def test_equal_events_close_in_time_make_one_line() -> None:
     ]
 
 
-def test_shares_are_of_time_not_of_turns() -> None:
-    told = [Episode(0.0, 1.0, "fault", ""), Episode(1.0, 4.0, "locked", ""), Episode(4.0, 4.0, "stopped", "")]
-    assert shares(told) == {"locked": 0.75, "fault": 0.25}
-    assert shares(told[2:]) == {"stopped": 1.0}
+def test_shares_are_of_time_not_of_steps() -> None:
+    times = ((0.0, 1.0, State.FAULT), (1.0, 4.0, State.LOCKED), (4.0, 4.0, State.STOPPED))
+    spent = [Episode(*one, "") for one in times]
+    assert shares(spent) == {"locked": 0.75, "fault": 0.25}
+    assert shares(spent[2:]) == {"stopped": 1.0}
     assert shares([]) == {}
 
 
-def test_a_fault_and_drops_are_told_with_time_count_and_reason(edited: Edited) -> None:
+def test_a_fault_and_drops_are_listed_with_time_count_and_reason(edited: Edited) -> None:
     def plant(file: h5py.File) -> None:
         table = file["steps/table"]
-        turns = table[()]
-        turns["state"][10:13] = STATES.index("fault")
-        turns["reason"][10:13] = "the camera is lost: unplugged"
-        turns["events"][10] |= 1 << EVENTS.index("camera lost")
-        table[...] = turns
-        add_row(
-            file, "drops", step=16, time_ns=turns["time_ns"][15], count=4, lost_by=b"camera", reason=b"late"
-        )
-        add_row(
-            file, "drops", step=17, time_ns=turns["time_ns"][16], count=2, lost_by=b"recorder", reason=b"slow"
-        )
+        steps = table[()]
+        steps["state"][10:13] = STATES.index("fault")
+        steps["reason"][10:13] = "the camera is lost: unplugged"
+        steps["events"][10] |= 1 << EVENTS.index("camera lost")
+        table[...] = steps
+        for step, count, lost_by, reason in ((16, 4, b"camera", b"late"), (17, 2, b"recorder", b"slow")):
+            time_ns = steps["time_ns"][step - 1]
+            add_row(file, "drops", step=step, time_ns=time_ns, count=count, lost_by=lost_by, reason=reason)
 
     with Recording(edited(plant)) as recording:
         at = 1e-9 * (recording.steps["time_ns"] - recording.steps["time_ns"][0])
-        told = {one.what: one for one in happenings(recording)}
+        found = {one.what: one for one in happenings(recording)}
         (fault,) = [one for one in episodes(recording) if one.state == "fault"]
-    assert told["fault"] == Happening(at[10], at[13], "fault", 1, "the camera is lost: unplugged")
-    assert told["camera lost"].start_s == pytest.approx(at[10])
-    assert (told["dropped: camera"].count, told["dropped: camera"].why) == (4, "late")
-    assert told["dropped: recorder"].start_s == pytest.approx(at[16])
+    assert found["fault"] == Happening(at[10], at[13], "fault", 1, "the camera is lost: unplugged")
+    assert found["camera lost"].start_s == pytest.approx(at[10])
+    assert (found["dropped: camera"].count, found["dropped: camera"].why) == (4, "late")
+    assert found["dropped: recorder"].start_s == pytest.approx(at[16])
     assert (fault.start_s, fault.end_s) == (at[10], at[13])
 
 
 def test_episodes_follow_each_other_without_gaps(recording_path: Path) -> None:
     with Recording(recording_path) as recording:
-        told, seconds = episodes(recording), recording.seconds
-    assert [one.end_s for one in told[:-1]] == [one.start_s for one in told[1:]]
-    assert (told[0].start_s, told[-1].end_s) == (0.0, pytest.approx(seconds))
+        found, seconds = episodes(recording), recording.seconds
+    assert [one.end_s for one in found[:-1]] == [one.start_s for one in found[1:]]
+    assert (found[0].start_s, found[-1].end_s) == (0.0, pytest.approx(seconds))
 
 
 def test_a_long_curve_keeps_its_spikes_and_its_gaps() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from zeromethod.calibration.panel_timing import StepTiming
-from zeromethod.cli.device_options import BenchOptions, opened_devices, tell_simulated, with_devices
+from zeromethod.cli.device_options import BenchOptions, opened_devices, say_simulated, with_devices
 from zeromethod.commissioning.delay import DEFAULT_SECONDS, DelayResult, measure_delay
 from zeromethod.commissioning.panel_timing import measure_panel_timing
 from zeromethod.control.stability_margin import Margin, margin_words, stability_margin
@@ -35,7 +35,7 @@ def report_delay(rig_name: str, options: BenchOptions, seconds: float | None, wr
     loaded = load_rig(rig_name)
     rig = with_devices(loaded, options).model_copy(update={"scenario": "none"})
     check_geometry(rig)
-    tell_simulated(rig)
+    say_simulated(rig)
     try:
         with opened_devices(rig, err=False) as devices:
             seconds = seconds or DEFAULT_SECONDS

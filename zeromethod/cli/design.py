@@ -107,8 +107,7 @@ def _report(
         console.print(curves_table(curve))
         for value, reason in curve["refused"].items():
             console.print(f"{curve['key']} {value}: {reason}")
-    if summary is not None:
-        write_summary(summary, figures)
+    write_summary(summary, figures)
     if figure is not None:
         from zeromethod.view.design_figure import draw_curves, draw_design  # noqa: PLC0415 - matplotlib loads slowly
 

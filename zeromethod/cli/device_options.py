@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
-from zeromethod.cli.numbers import Whole
+from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import several
 from zeromethod.commissioning.delay import with_strips
 from zeromethod.devices.abilities import warnings_of
@@ -26,8 +26,6 @@ REAL_CAMERAS = frozenset({"opencv", "pylon", "aravis"})
 WINDOW = "display window: "
 """How messages about the screen begin; left out where only monitors are listed."""
 
-_LATENCY_S = (-1.0, 10.0)
-
 bench_options = several(
     click.option(
         "--display", "monitor", type=Whole(min=0), help="The LCD is this monitor: see `devices`."
@@ -36,8 +34,12 @@ bench_options = several(
         "--camera", "address", metavar="ADDRESS",
         help="0, a URL, a video file, pylon[:serial], aravis[:address] or package.module:Name.",
     ),
-    click.option("--exposure", "exposure_s", type=float, metavar="S", help="Exposure of the camera, s."),
-    click.option("--camera-gain", "gain", type=float, metavar="G", help="Gain of the camera, its own units."),
+    click.option(
+        "--exposure", "exposure_s", type=Real(min=0, min_open=True), metavar="S", help="Exposure time, s."
+    ),
+    click.option(
+        "--camera-gain", "gain", type=Real(min=0), metavar="G", help="Gain of the camera, its own units."
+    ),
     click.option("--pixel-format", metavar="F", help="Pixel format of the camera: Mono8, Mono12, ..."),
     click.option(
         "--region", "region_px", type=Whole(min=0), nargs=4, metavar="X Y W H",
@@ -60,10 +62,27 @@ _NAMES = {
 }
 BENCH_OPTIONS = frozenset(_NAMES.values())
 
-scenario_option = click.option(
-    "--scenario",
-    help="What presses the simulated mirror: a packaged scenario (step, hold, ...) or a .toml file.",
+scenario_options = several(
+    click.option(
+        "--scenario",
+        help="What presses the simulated mirror: a packaged scenario (step, hold, ...) or a .toml file.",
+    ),
+    click.option("--seed", type=Whole(min=0), help="Seed of the simulated bench."),
 )
+control_options = several(
+    click.option(
+        "--gain", "loop_gain", type=Real(0, 1, min_open=True), help="Share of each correction applied."
+    ),
+    click.option(
+        "--controller", type=click.Choice(["composition", "integrator"]), help="How corrections are applied."
+    ),
+)
+
+
+def rig_option(default: str = "simulated") -> Callable[[Any], Any]:
+    """The option `--rig`, a packaged rig without it."""
+    words = "Rig file, or a packaged name."
+    return click.option("--rig", "rig_name", default=default, show_default=True, help=words)
 
 
 @dataclass(frozen=True)
@@ -93,6 +112,12 @@ class BenchOptions:
         """Keys of `[camera]` that were given."""
         keys = (field.name for field in fields(self) if field.name not in {"monitor", "address"})
         return {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
+
+
+def given_options(context: click.Context) -> list[str]:
+    """Options that were typed, in their long form, in the order of the help."""
+    typed = ((option, context.get_parameter_source(option.name or "")) for option in context.command.params)
+    return [max(option.opts, key=len) for option, source in typed if source is ParameterSource.COMMANDLINE]
 
 
 def with_devices(rig: Rig, options: BenchOptions, camera_alone: bool = False) -> Rig:
@@ -148,26 +173,21 @@ def without_display(rig: Rig) -> Rig:
     return rig.model_copy(update={"display": DisplaySpec.model_validate(values)})
 
 
-def tell_simulated(rig: Rig) -> None:
+def say_simulated(rig: Rig) -> None:
     """Say so where the bench is simulated."""
     if rig.camera.driver == SIMULATED:
         click.echo(f"rig {rig.name!r} is simulated: real devices are named by --display and --camera")
 
 
-def with_latency(rig: Rig, latency_s: float | None) -> Rig:
-    """Rig with the delay of `--latency`; raises InputError outside its range."""
-    if latency_s is None:
-        return rig
-    if not _LATENCY_S[0] <= latency_s <= _LATENCY_S[1]:
-        raise InputError(f"--latency: {latency_s}: from {_LATENCY_S[0]:g} to {_LATENCY_S[1]:g} s")
-    return rig.model_copy(update={"display": rig.display.model_copy(update={"latency_s": latency_s})})
+def with_given(rig: Rig, scenario: str | None, **tables: Mapping[str, Any]) -> Rig:
+    """Rig with the values of options in place of its own, None for those that were not given.
 
-
-def with_scenario(rig: Rig, scenario: str | None, seed: int | None) -> Rig:
-    """Rig with the simulated press of `--scenario` and the seed of `--seed`, where given."""
+    scenario: of `--scenario`. tables: `display={"latency_s": 0.02}`, checked by their options.
+    """
     update: dict[str, Any] = {} if scenario is None else {"scenario": scenario}
-    if seed is not None:
-        update["simulation"] = rig.simulation.model_copy(update={"seed": seed})
+    for table, values in tables.items():
+        given = {key: value for key, value in values.items() if value is not None}
+        update[table] = getattr(rig, table).model_copy(update=given)
     return rig.model_copy(update=update)
 
 
@@ -185,11 +205,7 @@ def with_asked_strips(rig: Rig, strips: bool | None, named: bool) -> Rig:
 
 
 def _with_camera(rig: Rig, options: BenchOptions) -> Rig:
-    exposure_s, gain, given = options.exposure_s, options.gain, options.settings
-    if exposure_s is not None and not (math.isfinite(exposure_s) and exposure_s > 0):
-        raise InputError(f"--exposure: {exposure_s}: a number of seconds above 0")
-    if gain is not None and not (math.isfinite(gain) and gain >= 0):
-        raise InputError(f"--camera-gain: {gain}: a number from 0 on")
+    given = options.settings
     try:
         if options.address is not None:
             rig = with_camera(rig, options.address, given)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
@@ -15,6 +15,8 @@ from zeromethod.cli.device_options import (
     WINDOW,
     BenchOptions,
     bench_options,
+    given_options,
+    rig_option,
     with_asked_strips,
 )
 from zeromethod.cli.numbers import Real
@@ -24,6 +26,9 @@ from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
 from zeromethod.view.table import cell, text_table
 
+if TYPE_CHECKING:
+    from zeromethod.drivers.monitors import Monitor
+
 _ALL = "all"
 _IDENTIFY_S = 10.0
 _TASKS = {
@@ -32,7 +37,7 @@ _TASKS = {
     "--focus": frozenset({"--rig", "--seconds"}) | BENCH_OPTIONS,
     "--speed": frozenset({"--rig"}),
 }
-"""Every task, and the options that go with it, besides --summary."""
+"""Every task, and the options that go with it, in addition to --summary."""
 
 
 @click.command("devices", epilog="Example: zeromethod devices --focus --rig my.toml --display 1 --camera 0")
@@ -50,7 +55,7 @@ _TASKS = {
 @click.option(
     "--speed", is_flag=True, help="Measure whether this computer is fast enough for the rig's camera."
 )
-@click.option("--rig", "rig_name", help="Rig file, or a packaged name.  [default: simulated]")
+@rig_option()
 @bench_options
 @click.option("--seconds", type=Real(min=0, min_open=True), help="How long to measure, look or show.")
 @click.option("--write", is_flag=True, help="Store the measured delay in the rig file.")
@@ -60,7 +65,7 @@ def devices_command(
     delay: bool,
     focus: bool,
     speed: bool,
-    rig_name: str | None,
+    rig_name: str,
     seconds: float | None,
     write: bool,
     summary: Path | None,
@@ -68,43 +73,38 @@ def devices_command(
 ) -> None:
     """List monitors and cameras as `run` takes them, and what would have to be installed for more.
 
-    With --identify, --focus or --delay: tell monitors apart, set up by eye, measure the delay. With --speed:
+    With --identify, --focus or --delay: name the monitors, set up by eye, measure the delay. With --speed:
     time the loop, drawing, reading and recording on the rig's simulated bench; no device is needed, and the
     exit code is 1 if this computer is too slow.
     """
-    tasks = {"--identify": identify is not None, "--delay": delay, "--focus": focus, "--speed": speed}
-    options = BenchOptions(**others)
-    given = {"--write": write, "--rig": rig_name is not None, "--seconds": seconds is not None}
-    _check_options(
-        [name for name, asked in tasks.items() if asked],
-        [*(name for name, is_given in given.items() if is_given), *options.given],
-    )
+    _check_options(given_options(click.get_current_context()))
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     limit_threads()
+    options = BenchOptions(**others)
+    if focus:
+        from zeromethod.cli.focus import watch_focus  # noqa: PLC0415 - the bench's libraries load slowly
+
+        watch_focus(rig_name, options, seconds, summary)
+        return
     if identify is not None:
         figures = _identify(identify, rig_name, seconds or _IDENTIFY_S)
     elif delay:
-        from zeromethod.cli.delay import report_delay  # noqa: PLC0415 - the bench's libraries load slowly
+        from zeromethod.cli.delay import report_delay  # noqa: PLC0415 - as above
 
-        figures = report_delay(rig_name or "simulated", options, seconds, write)
-    elif focus:
-        from zeromethod.cli.focus import watch_focus  # noqa: PLC0415
-
-        watch_focus(rig_name or "simulated", options, seconds, summary)
-        return
+        figures = report_delay(rig_name, options, seconds, write)
     else:
-        figures = _speed(rig_name or "simulated") if speed else _list()
-    if summary is not None:
-        write_summary(summary, figures)
+        figures = _speed(rig_name) if speed else _list()
+    write_summary(summary, figures)
     if speed and not figures["fast_enough"]:
         click.get_current_context().exit(1)
 
 
-def _check_options(tasks: list[str], given: list[str]) -> None:
+def _check_options(given: list[str]) -> None:
     """Refuse two tasks, and options that the task does not use."""
+    tasks = [option for option in given if option in _TASKS]
     if len(tasks) > 1:
         raise InputError(f"{' and '.join(tasks)}: give one of them")
-    for option in given:
+    for option in (one for one in given if one not in {"--summary", *tasks}):
         allowed = [name for name, options in _TASKS.items() if option in options]
         if not set(tasks) & set(allowed):
             *first, last = allowed
@@ -114,26 +114,21 @@ def _check_options(tasks: list[str], given: list[str]) -> None:
 def _list() -> dict[str, Any]:
     """Print monitors and cameras; the same as figures."""
     from zeromethod.drivers.listing import cameras  # noqa: PLC0415
-    from zeromethod.drivers.monitors import monitors  # noqa: PLC0415
 
     console = Console()
-    problem = ""
-    try:
-        known = monitors()
-    except InputError as error:
-        known, problem = (), str(error).removeprefix(WINDOW)
-    if known:
-        rows = (
-            (
-                str(one.index),
-                one.name,
-                f"{one.columns} x {one.rows}",
-                f"{one.refresh_hz:.2f} Hz" if one.refresh_hz else "not known",
-                f"{one.x}, {one.y}",
-                "primary" if one.primary else "",
-            )
-            for one in known
+    known, problem = _monitors()
+    rows = (
+        (
+            str(one.index),
+            one.name,
+            f"{one.columns} x {one.rows}",
+            f"{one.refresh_hz:.2f} Hz" if one.refresh_hz else "not known",
+            f"{one.x}, {one.y}",
+            "primary" if one.primary else "",
         )
+        for one in known
+    )
+    if known:
         console.print(text_table(("--display", "monitor", "size", "refresh", "at", ""), rows, left=range(6)))
     else:
         _say(console, f"no monitors: {problem or 'none is connected'}")
@@ -153,30 +148,36 @@ def _list() -> dict[str, Any]:
     return {
         "monitors": [asdict(monitor) for monitor in known],
         "monitors_problem": problem,
-        "cameras": [asdict(camera) for camera in listing.cameras],
-        "missing": [asdict(missing) for missing in listing.missing],
-        "problems": listing.problems,
+        **asdict(listing),
     }
+
+
+def _monitors() -> tuple[tuple[Monitor, ...], str]:
+    """The monitors, and what is in the way of listing them."""
+    from zeromethod.drivers.monitors import monitors  # noqa: PLC0415
+
+    try:
+        return monitors(), ""
+    except InputError as error:
+        return (), str(error).removeprefix(WINDOW)
 
 
 def _say(console: Console, text: str) -> None:
     console.print(text, soft_wrap=True, highlight=False, markup=False)
 
 
-def _identify(which: str, rig_name: str | None, seconds: float) -> dict[str, Any]:
+def _identify(which: str, rig_name: str, seconds: float) -> dict[str, Any]:
     """Show the identify pictures; which monitors showed them."""
     from zeromethod.drivers.identify import identify  # noqa: PLC0415
     from zeromethod.rig.load import load_rig  # noqa: PLC0415
 
     if which != _ALL and not which.isdecimal():
         raise InputError(f"--identify: {which!r}: allowed: the index of a monitor, or nothing for all")
-    turn_deg, mirrored = 0.0, False
-    if rig_name is not None:
-        display = load_rig(rig_name).display
-        turn_deg, mirrored = display.turn_deg, display.mirrored
+    display = load_rig(rig_name).display
     console = Console()
     _say(console, f"each monitor shows its index for {seconds:g} s, or until a key is pressed there")
-    shown = identify(seconds, None if which == _ALL else int(which), turn_deg, mirrored)
+    number = None if which == _ALL else int(which)
+    shown = identify(seconds, number, display.turn_deg, display.mirrored)
     for one in shown:
         _say(console, f"monitor {one.monitor}")
         for warning in one.warnings:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +9,10 @@ import click
 
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import check_file, summary_option, write_summary, writing
+from zeromethod.cli.recording_options import open_recording, recording_argument, time_options
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.export import FORMATS, MESHES, Export, Selection, form_of, prepare
-from zeromethod.recording.recording import Recording
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
 
@@ -21,7 +20,7 @@ from zeromethod.view.progress import progress
 @click.command(
     "export", epilog="Example: zeromethod export session.h5 depth.tif peak.csv session.mp4 --from 1 --to 3"
 )
-@click.argument("file", type=click.Path(path_type=Path))
+@recording_argument
 @click.argument(
     "outputs", metavar="OUT...", nargs=-1, required=True, type=click.Path(path_type=Path, dir_okay=False)
 )
@@ -31,8 +30,7 @@ from zeromethod.view.progress import progress
     type=click.Choice(FORMATS),
     help="Format of OUT, whatever its name; by its suffix when left out.",
 )
-@click.option("--from", "from_s", type=float, metavar="S", help="Start at this time of the recording.")
-@click.option("--to", "to_s", type=float, metavar="S", help="End at this time.")
+@time_options
 @click.option(
     "--every", type=Whole(min=1), default=1, show_default=True, help="Export every n-th frame only."
 )
@@ -72,10 +70,8 @@ def export_command(
     .mcap        camera, depth image, point cloud, peak, state for robots (ROS 2 types)
     .mp4         a video of camera, residual and depth
 
-    Times are seconds since the recording's first turn.
+    Times are seconds since the recording's first step.
     """  # noqa: D301, D400 - click's own mark for lines that stay as they are
-    if file.is_dir():
-        raise InputError(f"{file}: is a folder; give a recording (HDF5)")
     forms = _forms(outputs, form)
     _check_options(forms, every, at_s, pitch_mm)
     for path in outputs:
@@ -84,19 +80,13 @@ def export_command(
             raise InputError(f"OUT: {path}: is the recording itself")
     limit_threads()
     selection = Selection(from_s, to_s, every, at_s)
-    with stopped_by_signals(), Recording(file) as recording:
+    with stopped_by_signals(), open_recording(file) as recording:
         exports = [
             prepare(recording, path, one, selection, pitch_mm)
             for path, one in zip(outputs, forms, strict=True)
         ]
-        if not recording.complete:
-            click.echo(
-                f"! {file}: is still being written, or was cut off: exported up to {recording.seconds:.3f} s",
-                err=True,
-            )
         found = [_write(export) for export in exports]
-    if summary is not None:
-        write_summary(summary, {"recording": str(file), "files": found})
+    write_summary(summary, {"recording": str(file), "files": found})
 
 
 def _forms(outputs: tuple[Path, ...], form: str | None) -> list[str]:
@@ -119,32 +109,31 @@ def _check_options(forms: list[str], every: int, at_s: float | None, pitch_mm: f
 
 def _write(export: Export) -> dict[str, Any]:
     """Write one file and say what is in it."""
-    with ExitStack() as opened:
-        advance = opened.enter_context(progress(len(export.selected.steps), first=export.path.name))
-        opened.enter_context(writing("OUT", export.path))
-        figures = export.write(lambda: advance(export.path.name))
+    steps, name = len(export.selected.steps), export.path.name
+    with progress(steps, first=name) as advance, writing("OUT", export.path):
+        figures = export.write(lambda: advance(name))
     figures = {"file": str(export.path), "format": export.form, **figures}
     figures["bytes"] = export.path.stat().st_size
     click.echo(_line(export, figures))
     return figures
 
 
+_MESH = "{vertices} vertices, largest depth {depth_largest_mm:.5f} mm, in mm"
+_ABOUT = {
+    "npz": "",
+    "tiff": "{columns} x {rows} px of {pitch_mm:g} mm",
+    "csv": "{peaks} peaks",
+    "mp4": "{rate_hz:.3f} frames/s, {length_s:.2f} s, {codec}",
+    **dict.fromkeys(MESHES, _MESH),
+}
+
+
 def _line(export: Export, figures: dict[str, Any]) -> str:
     times = export.selected.time_s
-    when = (
-        f"{times[0]:.3f} s" if len(times) == 1 else f"{len(times)} times, {times[0]:.3f} to {times[-1]:.3f} s"
-    )
-    parts = [f"{export.path}: {when}"]
-    if export.form == "tiff":
-        parts.append(f"{figures['columns']} x {figures['rows']} px of {figures['pitch_mm']:g} mm")
-    elif export.form in MESHES:
-        depth = f"largest depth {figures['depth_largest_mm']:.5f} mm"
-        parts.append(f"{figures['vertices']} vertices, {depth}, in mm")
-    elif export.form == "csv":
-        parts.append(f"{figures['peaks']} peaks")
-    elif export.form == "mcap":
+    several = f"{len(times)} times, {times[0]:.3f} to {times[-1]:.3f} s"
+    parts = [f"{export.path}: {f'{times[0]:.3f} s' if len(times) == 1 else several}"]
+    if export.form == "mcap":
         parts += [f"{topic} {count}" for topic, count in figures["messages"].items()]
-    elif export.form == "mp4":
-        parts.append(f"{figures['rate_hz']:.3f} frames/s, {figures['length_s']:.2f} s, {figures['codec']}")
-    parts.append(f"{figures['bytes'] / 1e6:.2f} MB")
-    return "; ".join(parts)
+    elif about := _ABOUT[export.form].format(**figures):
+        parts.append(about)
+    return "; ".join([*parts, f"{figures['bytes'] / 1e6:.2f} MB"])

@@ -10,7 +10,7 @@ from zeromethod.cli.device_options import (
     REAL_CAMERAS,
     BenchOptions,
     opened_devices,
-    tell_simulated,
+    say_simulated,
     with_devices,
     without_display,
 )
@@ -36,7 +36,7 @@ def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, sum
     if not with_lcd:
         rig = without_display(rig)
     check_geometry(rig)
-    tell_simulated(rig)
+    say_simulated(rig)
     console = Console()
     last: Sight | None = None
     try:

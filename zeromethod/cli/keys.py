@@ -5,16 +5,12 @@ from __future__ import annotations
 import os
 import select
 import sys
+import termios
+import tty
 from collections.abc import Callable
 from typing import Any, TextIO
 
 from zeromethod.loop.loop import Loop
-
-try:
-    import termios
-    import tty
-except ImportError:  # not a POSIX system: there are no keys
-    termios = None  # type: ignore[assignment]
 
 HELP = "p pause  z zero  q stop"
 
@@ -50,7 +46,7 @@ class Keys:
 
     def __enter__(self) -> Keys:
         fd = self._foreground()
-        if fd is not None and termios is not None:
+        if fd is not None:
             self._before = termios.tcgetattr(fd)
             self._fd = fd
             tty.setcbreak(fd, termios.TCSADRAIN)
@@ -78,13 +74,13 @@ class Keys:
         return typed.decode("ascii", "ignore")
 
     def for_loop(self, loop: Loop) -> Callable[[], None]:
-        """What `Loop.every_turn` is to call."""
+        """What `Loop.on_wait` is to call."""
 
-        def every_turn() -> None:
+        def on_wait() -> None:
             for key in self.pressed():
                 act(key, loop)
 
-        return every_turn
+        return on_wait
 
     def _foreground(self) -> int | None:
         """File descriptor of the terminal, if this program is in its foreground."""

@@ -10,7 +10,6 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import TextIO
 
 import click
 
@@ -61,23 +60,16 @@ def commands() -> None:
     """Close the loop in deflectometry: null a deforming mirror's reflection, read its shape off the warp."""
 
 
-def _show_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,  # noqa: ARG001 - the signature of warnings.showwarning
-    lineno: int,  # noqa: ARG001
-    file: TextIO | None = None,  # noqa: ARG001
-    line: str | None = None,  # noqa: ARG001
-) -> None:
+def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
     """Print a warning in one line, as the commands do."""
-    words = " ".join(str(message).split())
-    click.echo(
-        f"! {words}" if issubclass(category, UserWarning) else f"! {category.__name__}: {words}", err=True
-    )
+    kind = "" if issubclass(category, UserWarning) else f"{category.__name__}: "
+    click.echo(f"! {kind}{' '.join(str(message).split())}", err=True)
 
 
-def _one_line(error: click.UsageError) -> str:
-    """Message of click in the form of this program's own: the option first, then what is wrong with it."""
+def _one_line(error: click.UsageError | InputError) -> str:
+    """Message, click's own in the form of this program's: the option first, then what is wrong with it."""
+    if isinstance(error, InputError):
+        return str(error)
     if type(error) is click.BadParameter and error.param is not None:
         return f"{max(error.param.opts, key=len)}: {error.message}"
     return " ".join(error.format_message().split())
@@ -92,22 +84,17 @@ def main(
     warnings.showwarning = _show_warning
     try:
         code = command.main(args=arguments, prog_name=name, standalone_mode=False)
-    except click.exceptions.Abort:
+    except (click.exceptions.Abort, KeyboardInterrupt):
         code = 130
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         code = 0
-    except click.UsageError as error:
+    except (click.UsageError, InputError) as error:
         click.echo(f"zeromethod: {_one_line(error)}", err=True)
-        code = 2
-    except InputError as error:
-        click.echo(f"zeromethod: {error}", err=True)
         code = 2
     except MeasurementError as error:
         click.echo(f"zeromethod: measurement failed: {error}", err=True)
         code = 1
-    except KeyboardInterrupt:
-        code = 130
     except BrokenPipeError:
         # the reader of the output has closed it; nothing may be written on the way out either
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -88,10 +88,7 @@ def measure_command(
     columns = [column for column in _COLUMNS if any(column[1] in one for one in found)]
     rows = ((one["name"], *(cell(one[key], pattern) for _, key, pattern in columns)) for one in found)
     Console().print(text_table(("image", *(title for title, _, _ in columns)), rows))
-    if summary is not None:
-        write_summary(
-            summary, {"reference": str(reference), "rig": rig.name if rig else None, "images": found}
-        )
+    write_summary(summary, {"reference": str(reference), "rig": rig.name if rig else None, "images": found})
     _refuse_empty(found)
 
 

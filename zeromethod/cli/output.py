@@ -89,11 +89,13 @@ def writing(option: str, path: Path) -> Iterator[None]:
         raise InputError(f"{option}: {path}: cannot be written: {why}") from None
 
 
-def write_summary(path: Path, figures: dict[str, Any]) -> None:
+def write_summary(path: Path | None, figures: dict[str, Any]) -> None:
     """Write figures as JSON, in one move, so that a reader never sees half of it; what is no number: null.
 
-    Raises InputError where the disk does not take it.
+    None: not asked for. Raises InputError where the disk does not take it.
     """
+    if path is None:
+        return
     with writing("--summary", path), atomic_write(path) as part:
         part.write_text(json.dumps(_plain(figures), indent=2) + "\n")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,10 @@ import click
 import numpy as np
 from rich.console import Console
 
+from zeromethod.cli.device_options import control_options
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import OutputFile, figure_option, summary_option, write_summary
+from zeromethod.cli.recording_options import open_recording, recording_argument, time_options
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
@@ -37,22 +39,34 @@ FROM_WARPS, FROM_FRAMES, CLOSED_LOOP = "from-warps", "from-frames", "closed-loop
 
 
 @dataclass(frozen=True)
-class _Replay:
-    """What was asked for; `figures` are those of `--summary`, which every mode adds to."""
+class _Asked:
+    """What was asked for, by the names of the options."""
 
-    recording: Recording
-    window: Window
-    rig: Rig
+    file: Path
+    mode: str
     settings: tuple[str, ...]
+    rig_name: str | None
+    loop_gain: float | None
+    controller: str | None
+    renderer: str | None
+    from_s: float | None
+    to_s: float | None
     speed: float | None
+    record: Path | None
     figure: Path | None
-    figures: dict[str, Any] = field(default_factory=dict)
+    summary: Path | None
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """Settings of the rig, KEY=VALUE; the last of one key holds."""
+        control = {"control.gain": self.loop_gain, "control.controller": self.controller}
+        return (*self.settings, *(f"{key}={value}" for key, value in control.items() if value is not None))
 
 
 @click.command(
     "replay", epilog="Example: zeromethod replay session.h5 --mode closed-loop --gain 0.5 --figure replay.png"
 )
-@click.argument("file", type=click.Path(path_type=Path))
+@recording_argument
 @click.option(
     "--mode",
     type=click.Choice([FROM_WARPS, FROM_FRAMES, CLOSED_LOOP]),
@@ -64,17 +78,11 @@ class _Replay:
     "--set", "settings", metavar="KEY=VALUE", multiple=True, help="Another value for a key of the rig."
 )
 @click.option("--rig", "rig_name", help="Another rig file, or a packaged name, in place of the recorded one.")
-@click.option("--gain", type=Real(0, 1, min_open=True), help="closed-loop: share of each correction applied.")
-@click.option(
-    "--controller",
-    type=click.Choice(["composition", "integrator"]),
-    help="closed-loop: how corrections are applied.",
-)
+@control_options
 @click.option(
     "--renderer", type=click.Choice(["gpu", "numpy"]), help="closed-loop: what draws the simulated bench."
 )
-@click.option("--from", "from_s", type=float, metavar="S", help="Seconds from the start of the recording.")
-@click.option("--to", "to_s", type=float, metavar="S", help="Seconds from the start of the recording.")
+@time_options
 @click.option(
     "--speed",
     type=Real(min=0, min_open=True),
@@ -85,21 +93,7 @@ class _Replay:
 )
 @figure_option
 @summary_option
-def replay_command(
-    file: Path,
-    mode: str,
-    settings: tuple[str, ...],
-    rig_name: str | None,
-    gain: float | None,
-    controller: str | None,
-    renderer: str | None,
-    from_s: float | None,
-    to_s: float | None,
-    speed: float | None,
-    record: Path | None,
-    figure: Path | None,
-    summary: Path | None,
-) -> None:
+def replay_command(**options: Any) -> None:
     """Replay a recording: FILE is what `run --record` wrote. No display or camera is needed.
 
     Without settings it says whether this machine and version come to the recorded numbers. From warps and
@@ -107,87 +101,75 @@ def replay_command(
     surface, and the statistics are the same. With --set, --gain, ... the same is done with
     other settings, for comparison.
     """
-    if mode != CLOSED_LOOP:
-        alone = {"--gain": gain, "--controller": controller, "--renderer": renderer, "--record": record}
-        for option, value in alone.items():
-            if value is not None:
-                raise InputError(f"{option}: {value}: only with --mode {CLOSED_LOOP}")
-    control = {"control.gain": gain, "control.controller": controller}
-    # these win over `--set`
-    settings = (*settings, *(f"{key}={value}" for key, value in control.items() if value is not None))
+    asked = _Asked(**options)
+    if asked.mode != CLOSED_LOOP:
+        for option in ("loop_gain", "controller", "renderer", "record"):
+            if (value := getattr(asked, option)) is not None:
+                name = option.removeprefix("loop_")
+                raise InputError(f"--{name}: {value}: only with --mode {CLOSED_LOOP}")
     limit_threads()
-    with stopped_by_signals(), Recording(file) as recording:
-        window = Window.of(recording, from_s, to_s)
-        if not recording.complete:
-            click.echo(
-                f"! {file}: is still being written, or was cut off: {recording.seconds:.3f} s are in it",
-                err=True,
-            )
-        rig = recording.rig if rig_name is None else load_rig(rig_name)
-        figures: dict[str, Any] = {
-            "recording": str(file),
-            "mode": mode,
-            "settings": list(settings),
+    with stopped_by_signals(), open_recording(asked.file) as recording:
+        window = Window.of(recording, asked.from_s, asked.to_s)
+        rig = recording.rig if asked.rig_name is None else load_rig(asked.rig_name)
+        replay = _close_loop if asked.mode == CLOSED_LOOP else _evaluate
+        figures = {
+            "recording": str(asked.file),
+            "mode": asked.mode,
+            "settings": list(asked.changes),
             "rig": rig.name,
             "from_s": 1e-9 * (window.from_ns - window.start_ns),
             "to_s": 1e-9 * (window.to_ns - window.start_ns),
+            **replay(asked, recording, window, rig),
         }
-        asked = _Replay(recording, window, rig, settings, speed, figure, figures)
-        if mode == CLOSED_LOOP:
-            _close_loop(asked, renderer, record)
-        else:
-            _evaluate(asked, mode)
-        if summary is not None:
-            write_summary(summary, figures)
+        write_summary(asked.summary, figures)
 
 
-def _evaluate(asked: _Replay, mode: str) -> None:
-    """Evaluate the warps or the frames again, and print how far the numbers differ."""
-    recording, window = asked.recording, asked.window
-    rig = with_settings(asked.rig, asked.settings)
+def _evaluate(asked: _Asked, recording: Recording, window: Window, rig: Rig) -> dict[str, Any]:
+    """Evaluate the warps or the frames again, and print how far the numbers differ; the figures."""
+    rig = with_settings(rig, asked.changes)
     check_geometry(rig)
-    turns = recording.steps
-    upto = turns["number"][turns["time_ns"] <= window.to_ns]
-    if mode == FROM_WARPS:
-        with progress(int(np.isin(recording.peaks["step"], upto).sum()), "reading") as advance:
-            depths = replay_from_warps(
-                recording, rig, window, speed=asked.speed, on_step=lambda at_s: advance(f"{at_s:.2f} s")
+    steps = recording.steps[recording.steps["time_ns"] <= window.to_ns]
+    from_warps = asked.mode == FROM_WARPS
+    count = np.isin(recording.peaks["step"], steps["number"]) if from_warps else steps["sensed"]
+    with progress(int(count.sum()), "reading" if from_warps else "sensing") as advance:
+
+        def on_step(at_s: float) -> None:
+            advance(f"{at_s:.2f} s")
+
+        if from_warps:
+            warps, depths = (
+                None,
+                replay_from_warps(recording, rig, window, speed=asked.speed, on_step=on_step),
             )
-        figures = depths.figures
-        equal = not depths.different
-    else:
-        with progress(int(turns["sensed"][: len(upto)].sum()), "sensing") as advance:
-            warps, depths = replay_from_frames(
-                recording, rig, window, speed=asked.speed, on_step=lambda at_s: advance(f"{at_s:.2f} s")
-            )
-        figures = depths.figures | warps.figures
-        equal = not (depths.different or warps.different)
-    asked.figures.update(changed=rig != recording.rig, equal=equal, **figures)
+        else:
+            warps, depths = replay_from_frames(recording, rig, window, speed=asked.speed, on_step=on_step)
+    figures = depths.figures | ({} if warps is None else warps.figures)
+    equal = not (depths.different or (warps is not None and warps.different))
     Console().print(differences_table(figures))
     if asked.figure is not None:
         from zeromethod.view.replay_figure import draw_differences  # noqa: PLC0415 - matplotlib loads slowly
 
-        title = f"zeromethod  {recording.path.name} again {mode.replace('-', ' ')}"
+        title = f"zeromethod  {recording.path.name} again {asked.mode.replace('-', ' ')}"
         draw_differences(figures, title, asked.figure)
+    return {"changed": rig != recording.rig, "equal": equal, **figures}
 
 
-def _close_loop(asked: _Replay, renderer: str | None, record: Path | None) -> None:
-    """Repeat the session on a simulated bench, and with other settings if there are any."""
-    recording, window = asked.recording, asked.window
-    drawn_by = () if renderer is None else (f"simulation.renderer={renderer}",)
-    benches = {"simulated": with_settings(simulated_bench(recording.rig), drawn_by)}
-    changed = with_settings(simulated_bench(asked.rig), (*drawn_by, *asked.settings))
-    if changed != benches["simulated"]:
-        benches["changed"] = changed
+def _close_loop(asked: _Asked, recording: Recording, window: Window, rig: Rig) -> dict[str, Any]:
+    """Repeat the session on a simulated bench, and with other settings if there are any; the figures."""
+    drawn_by = () if asked.renderer is None else (f"simulation.renderer={asked.renderer}",)
+    rigs = {"simulated": with_settings(simulated_bench(recording.rig), drawn_by)}
+    changed = with_settings(simulated_bench(rig), (*drawn_by, *asked.changes))
+    if changed != rigs["simulated"]:
+        rigs["changed"] = changed
     tracks = [recorded_track(recording, window)]
-    for name, bench in benches.items():
+    for name, bench in rigs.items():
         check_geometry(bench)
         mirror = RecordedMirror(recording, window)
         session = ClosedLoopReplay(
             name,
             bench,
             mirror,
-            record=record if name == list(benches)[-1] else None,
+            record=asked.record if name == list(rigs)[-1] else None,
             command_line=shlex.join(["zeromethod", *sys.argv[1:]]),
             speed=asked.speed,
         )
@@ -195,20 +177,21 @@ def _close_loop(asked: _Replay, renderer: str | None, record: Path | None) -> No
             try:
                 tracks.append(session.run(lambda at_s, name=name: advance(f"{name}, {at_s:.2f} s")))  # type: ignore[misc]
             except KeyboardInterrupt:
+                record = asked.record
                 kept = f"{record} has" if record is not None and record.exists() else "nothing is kept of"
                 click.echo(f"interrupted: {kept} the last session up to here", err=True)
                 raise
-        asked.figures["gl_renderer"] = session.gl_renderer
         if session.recorder_state:
             click.echo(f"! {session.recorder_state}", err=True)
     sessions = {track.name: figures_of(track) for track in tracks}
     curves = {track.name: _curves(track) for track in tracks}
-    asked.figures.update(changed="changed" in benches, sessions=sessions, curves=curves)
     Console().print(sessions_table(sessions))
     if asked.figure is not None:
         from zeromethod.view.replay_figure import draw_sessions  # noqa: PLC0415 - matplotlib loads slowly
 
         draw_sessions(curves, f"zeromethod  {recording.path.name}, loop closed again", asked.figure)
+    about = {"gl_renderer": session.gl_renderer, "changed": "changed" in rigs}
+    return {**about, "sessions": sessions, "curves": curves}
 
 
 def _curves(track: Track) -> dict[str, Any]:

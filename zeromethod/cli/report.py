@@ -8,13 +8,14 @@ import click
 from rich.console import Console
 
 from zeromethod.cli.output import OutputFile, check_file, summary_option, write_summary, writing
+from zeromethod.cli.recording_options import recording_argument
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.view.progress import progress
 
 
 @click.command("report", epilog="Example: zeromethod report press.h5 --output press.html")
-@click.argument("file", metavar="FILE", type=click.Path(path_type=Path))
+@recording_argument
 @click.option(
     "--output",
     type=OutputFile(".html"),
@@ -28,8 +29,6 @@ def report_command(file: Path, output: Path | None, following: bool, summary: Pa
     FILE may still be written, or have been cut off. --follow shows state, rate, residual and peak depth in
     the terminal instead, until the recording ends or Ctrl-C; a FILE that is not there yet is waited for.
     """
-    if file.is_dir():
-        raise InputError(f"{file}: is a folder; give a recording (HDF5)")
     with stopped_by_signals():
         if following:
             for option, value in (("--output", output), ("--summary", summary)):
@@ -62,8 +61,7 @@ def _write(file: Path, output: Path, summary: Path | None) -> None:
         writing("--output", output),
     ):
         figures = write_report(recording, file, output, advance)
-    if summary is not None:
-        write_summary(summary, {"recording": str(file), "report": str(output), **figures})
+    write_summary(summary, {"recording": str(file), "report": str(output), **figures})
     if words := damaged_words(figures["damaged"]):
         click.echo(f"! {file}: {words}", err=True)
     click.echo(f"written: {output}")

@@ -46,8 +46,7 @@ def reproduce_command(output: Path, summary: Path | None, quick: bool) -> None:
     for note in press_notes(figures):
         console.print(note, soft_wrap=True, highlight=False)
     console.print(f"pictures: {output} ({', '.join(path.name for path in pictures)})", soft_wrap=True)
-    if summary is not None:
-        write_summary(summary, figures)
+    write_summary(summary, figures)
     for name in ("whole_image", "zero_method"):
         reason = figures["press"][name]["reason"]
         if reason:

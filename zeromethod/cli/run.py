@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +14,14 @@ from zeromethod.calibration.folder import DOCUMENT, Stored, calibration_of, lack
 from zeromethod.cli.device_options import (
     BenchOptions,
     bench_options,
+    control_options,
+    given_options,
     other_devices,
-    scenario_option,
+    rig_option,
+    scenario_options,
     with_asked_strips,
     with_devices,
-    with_latency,
-    with_scenario,
+    with_given,
 )
 from zeromethod.cli.keys import HELP, Keys
 from zeromethod.cli.numbers import Real, Whole
@@ -46,9 +47,7 @@ from zeromethod.view.table import summary_table
 @click.command(
     "run", epilog="Example: zeromethod run --scenario step --seconds 1 --figure run.png --summary run.json"
 )
-@click.option(
-    "--rig", "rig_name", default="simulated", show_default=True, help="Rig file, or a packaged name."
-)
+@rig_option()
 @bench_options
 @click.option(
     "--strips/--no-strips",
@@ -58,7 +57,7 @@ from zeromethod.view.table import summary_table
 @click.option(
     "--latency",
     "latency_s",
-    type=float,
+    type=Real(-1, 10),
     metavar="S",
     help="Delay of display and camera, as `devices --delay` measures it.",
 )
@@ -66,14 +65,10 @@ from zeromethod.view.table import summary_table
 @recording_options
 @click.option("--force", is_flag=True, help="Run with a calibration that belongs to another bench.")
 @click.option("--simulate", is_flag=True, help="Simulate the rig's bench instead of opening its devices.")
-@scenario_option
+@scenario_options
 @click.option("--frames", type=Whole(min=1), help="Stop after this many frames.")
 @click.option("--seconds", type=Real(min=0, min_open=True), help="Stop after this time.")
-@click.option("--seed", type=Whole(min=0), help="Seed of the simulated bench.")
-@click.option("--gain", "loop_gain", type=Real(0, 1, min_open=True), help="Share of each correction applied.")
-@click.option(
-    "--controller", type=click.Choice(["composition", "integrator"]), help="How corrections are applied."
-)
+@control_options
 @figure_option
 @summary_option
 def run_command(
@@ -101,7 +96,7 @@ def run_command(
     """
     names = ("recording", "keep", "every", "compress")
     recording = RecordingOptions(**{name: others.pop(name) for name in names})
-    recording.check()
+    recording.check(given_options(click.get_current_context()))
     if frames is not None and seconds is not None:
         raise InputError("--frames and --seconds: give one of them, not both")
     options = BenchOptions(**others)
@@ -110,15 +105,23 @@ def run_command(
         if options.given:
             raise InputError(f"--simulate and {options.given[0]}: give one of them, not both")
         rig = simulated_clone(rig)
-    rig = with_latency(with_devices(rig, options), latency_s)
-    given = (("gain", loop_gain), ("controller", controller))
-    control = {key: value for key, value in given if value is not None}
-    rig = with_scenario(rig, scenario, seed)
-    rig = rig.model_copy(update={"control": rig.control.model_copy(update=control)})
+    rig = with_given(
+        with_devices(rig, options),
+        scenario,
+        display={"latency_s": latency_s},
+        simulation={"seed": seed},
+        control={"gain": loop_gain, "controller": controller},
+    )
     rig = with_asked_strips(rig, strips, options.named)
     check_geometry(rig)
     limit_threads()
-    with stopped_by_signals(), open_devices(rig) as opened, _publishing(publish, opened) as publisher:
+    with (
+        stopped_by_signals(),
+        open_devices(rig) as opened,
+        nullcontext() if publish is None else Publisher(publish, opened.clock) as publisher,
+    ):
+        if publisher is not None:
+            click.echo(f"publishing at {publisher.address}", err=True)
         stored = calibration_of(rig_name)
         if stored is not None and not simulate:
             _check_calibration(stored, rig_name, rig, opened, force)
@@ -150,17 +153,6 @@ def _check_calibration(stored: Stored, rig_name: str, rig: Rig, devices: Devices
         click.echo(f"! {warning}", err=True)
 
 
-@contextmanager
-def _publishing(address: str | None, devices: Devices) -> Iterator[Publisher | None]:
-    """Publish at `address` in the run's time; None: not asked for."""
-    if address is None:
-        yield None
-        return
-    with Publisher(address, devices.clock) as socket:
-        click.echo(f"publishing at {socket.address}", err=True)
-        yield socket
-
-
 def _follow(session: Session, frames: int | None, seconds: float | None) -> None:
     """Run to the end, with the state in the terminal, and its keys."""
     total, unit = session.length(frames, seconds)
@@ -174,8 +166,7 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
     """Print the table, write what was asked for, and turn the outcome into an exit code."""
     figures = summarise(result)
     Console().print(summary_table(figures))
-    if summary is not None:
-        write_summary(summary, figures)
+    write_summary(summary, figures)
     if figure is not None and result.records:
         from zeromethod.view.figure import plot_run  # noqa: PLC0415 - matplotlib loads slowly
 

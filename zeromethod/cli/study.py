@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from zeromethod.cli.numbers import Whole
-from zeromethod.cli.output import check_file, check_folder, write_summary
+from zeromethod.cli.output import check_folder, summary_option, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.study import Progress, Results, Study, Workers, load_study, packaged_studies, run_study
@@ -36,7 +36,7 @@ _LISTED = 10
 @click.option("--cluster", metavar="ADDRESS", help="Run on a Dask cluster: its scheduler's tcp://host:8786.")
 @click.option("--retry-failed", is_flag=True, help="Do the runs again that failed.")
 @click.option("--restart", is_flag=True, help="Begin again: forget the runs in the folder.")
-@click.option("--summary", type=click.Path(path_type=Path, dir_okay=False), help="Write the figures (.json).")
+@summary_option
 def study_command(
     file: str | None,
     output: Path | None,
@@ -55,7 +55,6 @@ def study_command(
         for name in packaged_studies():
             click.echo(f"{name:16} {load_study(name).table.title}")
         return
-    check_file("--summary", summary, suffix=".json")
     if cluster is not None and workers is not None:
         raise InputError(f"--workers: {workers}: not with --cluster, which has its own")
     if retry_failed and restart:
@@ -103,24 +102,23 @@ def _finish(study: Study, results: Results, folder: Path, summary: Path | None, 
 
     failures = results.failures
     draw_study(study, results.rows, folder / FIGURE)
-    if summary is not None:
-        write_summary(
-            summary,
-            {
-                "study": study.name,
-                "title": study.table.title,
-                "procedure": study.table.procedure,
-                "seed": study.table.seed,
-                "runs": len(results.rows),
-                "runs_from_before": results.before,
-                "failed": len(failures),
-                "failures": failures,
-                "seconds": seconds,
-                "cores": cores(),
-                "table": str(folder / TABLE),
-                "figure": str(folder / FIGURE),
-            },
-        )
+    write_summary(
+        summary,
+        {
+            "study": study.name,
+            "title": study.table.title,
+            "procedure": study.table.procedure,
+            "seed": study.table.seed,
+            "runs": len(results.rows),
+            "runs_from_before": results.before,
+            "failed": len(failures),
+            "failures": failures,
+            "seconds": seconds,
+            "cores": cores(),
+            "table": str(folder / TABLE),
+            "figure": str(folder / FIGURE),
+        },
+    )
     before = f", {results.before} of them from before" if results.before else ""
     click.echo(f"{study.table.title}: {len(results.rows)} runs{before}, {len(failures)} failed")
     click.echo(f"wrote {folder / TABLE} and {folder / FIGURE}")

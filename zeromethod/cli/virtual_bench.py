@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import signal
 import threading
+from contextlib import closing, nullcontext
 from pathlib import Path
 
 import click
 
-from zeromethod.cli.device_options import scenario_option, with_scenario
+from zeromethod.cli.device_options import rig_option, scenario_options, with_given
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import OutputFile
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 from zeromethod.thread_limits import limit_threads
 
 
 @click.command("virtual-bench", epilog="Example: zeromethod virtual-bench --monitor 1 --truth truth.jsonl")
-@click.option("--rig", "rig_name", default="virtual", show_default=True, help="Rig file, or a packaged name.")
-@scenario_option
+@rig_option("virtual")
+@scenario_options
 @click.option(
     "--monitor",
     type=Whole(min=0),
@@ -39,7 +38,6 @@ from zeromethod.thread_limits import limit_threads
 )
 @click.option("--rate", "rate_hz", type=float, help="Frames per second. [default: the rig's]")
 @click.option("--truth", "truth_path", type=OutputFile(".jsonl"), help="Write the truth (.jsonl).")
-@click.option("--seed", type=Whole(min=0), help="Seed of the sensor's noise.")
 @click.option("--repeat", "repeats", type=Whole(min=1), help="Play the scenario this often. [default: 1]")
 @click.option("--forever", is_flag=True, help="Play the scenario again and again.")
 @click.option(
@@ -69,7 +67,11 @@ def virtual_bench_command(
     """
     if repeats is not None and forever:
         raise InputError("--repeat and --forever: give one of them, not both")
-    rig = _with_rate(with_scenario(load_rig(rig_name), scenario, seed), rate_hz)
+    rig = load_rig(rig_name)
+    most_hz = 1 / rig.camera.exposure_s
+    if rate_hz is not None and not 0 < rate_hz <= most_hz:
+        raise InputError(f"--rate: {rate_hz:g}: above 0 and at most 1 / camera.exposure_s = {most_hz:g} Hz")
+    rig = with_given(rig, scenario, simulation={"seed": seed}, camera={"rate_hz": rate_hz})
     check_geometry(rig)
     limit_threads()
 
@@ -82,12 +84,11 @@ def virtual_bench_command(
     found = find_monitor(monitor, (rig.display.columns, rig.display.rows))
     camera = rig.camera
     header = stream_header(camera.columns, camera.rows, camera.rate_hz, camera.bits)
-    bender = Bender(rig)
-    with contextlib.ExitStack() as stack:
-        stack.callback(bender.close)
-        server = FrameServer(port, header)
-        stack.callback(server.close)
-        truth = stack.enter_context(TruthFile(truth_path, rig, rig.scenario)) if truth_path else None
+    with (
+        closing(Bender(rig)) as bender,
+        closing(FrameServer(port, header)) as server,
+        TruthFile(truth_path, rig, rig.scenario) if truth_path else nullcontext() as truth,
+    ):
         bench = VirtualBench(
             rig,
             Performance(load_scenario(rig.scenario), math.inf if forever else repeats or 1, start_after_s),
@@ -105,12 +106,3 @@ def virtual_bench_command(
         click.echo(f"  zeromethod run --rig {rig_name} --display {monitor} --camera {address}")
         bench.run(stop, click.echo)
         click.echo(f"{bench.frames} frames, {bench.late} of them later than the rig's camera_latency_s")
-
-
-def _with_rate(rig: Rig, rate_hz: float | None) -> Rig:
-    if rate_hz is None:
-        return rig
-    most_hz = 1 / rig.camera.exposure_s
-    if not 0 < rate_hz <= most_hz:
-        raise InputError(f"--rate: {rate_hz:g}: above 0 and at most 1 / camera.exposure_s = {most_hz:g} Hz")
-    return rig.model_copy(update={"camera": rig.camera.model_copy(update={"rate_hz": rate_hz})})

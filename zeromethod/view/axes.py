@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,10 +13,13 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from zeromethod.arrays import Float
+from zeromethod.surface import Surface
+from zeromethod.warp.grid import PADDING
 
 _FEW_DECADES = 3.0
 
@@ -49,8 +53,8 @@ def centred(axis: Axes, words: str) -> None:
 def colours(values: Float, percentile: float, *, signed: bool) -> dict[str, Any]:
     """Colour map and its ends: symmetric round zero, or from zero up, to a percentile of |values|."""
     finite = np.abs(values[np.isfinite(values)])
-    high = float(np.percentile(finite, percentile)) if finite.size else 1.0
-    return {"cmap": "RdBu_r" if signed else "viridis", "vmin": -high if signed else 0.0, "vmax": high or 1.0}
+    high = (float(np.percentile(finite, percentile)) if finite.size else 0.0) or 1.0
+    return {"cmap": "RdBu_r" if signed else "viridis", "vmin": -high if signed else 0.0, "vmax": high}
 
 
 def colour_bar(axis: Axes, shown: Any, unit: str, **more: Any) -> None:
@@ -59,15 +63,15 @@ def colour_bar(axis: Axes, shown: Any, unit: str, **more: Any) -> None:
     axis.figure.colorbar(shown, ax=axis, label=unit, **({"shrink": 0.8} | more))
 
 
-def filled(values: Float) -> Float:
-    """Coordinates (rows, cols) with the plane through the known ones where a ray misses the mirror."""
-    known = np.isfinite(values)
-    if known.all() or not known.any():
-        return values
-    rows, columns = np.indices(values.shape)
-    terms = np.stack([rows, columns, np.ones(values.shape)], axis=-1)
-    plane = np.linalg.lstsq(terms[known], values[known], rcond=None)[0]
-    return np.where(known, values, terms @ plane)
+def over_mirror(axis: Axes, surface: Surface, values: Float, **look: Any) -> QuadMesh:
+    """Values (rows, cols) as cells at their nodes' places on the mirror, mm; NaN and padding are left out."""
+    inner = (slice(PADDING, -PADDING),) * 2
+    axis.set_aspect("equal")
+    with warnings.catch_warnings():
+        # cells that are not drawn may lie across their neighbours
+        warnings.filterwarnings("ignore", message="The input coordinates to pcolormesh")
+        x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
+        return axis.pcolormesh(x_mm, y_mm, values[inner], shading="nearest", **look)
 
 
 def plain_log_ticks(axis: Axis) -> None:

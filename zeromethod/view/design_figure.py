@@ -14,7 +14,6 @@ from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
 
 from zeromethod.arrays import Float
-from zeromethod.design.figures import HEADLINE_SIGMA_MM
 from zeromethod.design.lever import camera_px_per_mrad, depth_nm_per_px
 from zeromethod.design.press_limits import nulled_mm
 from zeromethod.design.ray_paths import RayPath, ray_paths
@@ -24,6 +23,7 @@ from zeromethod.optics import Lost
 from zeromethod.optics.prism import Face
 from zeromethod.rig.model import Layer
 from zeromethod.view.axes import colour_bar, labelled, picture
+from zeromethod.view.design_table import CURVES
 
 _RAYS = 9
 _MARGIN_MM = 7.0
@@ -31,24 +31,7 @@ _PANEL_MM = 1.5
 _EVEN = 0.01
 _LONGEST = 4.0
 """Triangles with a side this many times as long as others' bridge gaps in the view."""
-_TOTAL, _BELOW, _LOST = "#2a7fbf", "#e08a1e", "#a0a0a0"
 _RUBBER, _PLATE, _GAP = "#dcebf7", "#c9d8c2", "#f5f5f5"
-_PANELS: tuple[tuple[str, str, tuple[tuple[str, str], ...]], ...] = (
-    (
-        "margin to the critical angle", "deg",
-        (("tir_margin_deg", "middle of the view"), ("tir_least_margin_deg", "least of the view")),
-    ),
-    (
-        "lever, slope along x", "px per mrad",
-        (("lcd_px_per_mrad", "LCD px"), ("camera_px_per_mrad", "camera px")),
-    ),
-    ("depth, along x", "nm per camera px", (("depth_nm_per_px", ""),)),
-    (f"Gaussian press, sigma {HEADLINE_SIGMA_MM:g} mm: folds at", "mm", (("gaussian_fold_mm", ""),)),
-    ("footprint of the lens's pupil, along x", "mm", (("footprint_mm", ""),)),
-    ("slope noise of one frame, along x", "µrad", (("slope_sigma_urad", ""),)),
-    ("mirror in view, along x", "mm", (("mirror_seen_mm", ""),)),
-    ("view that sees the LCD", "share", (("sees_lcd_share", ""),)),
-)  # fmt: skip
 
 
 def draw_design(view: SampledView, figures: dict[str, Any], path: Path) -> None:
@@ -131,18 +114,23 @@ def _bench(axis: Axes, view: SampledView, rays: list[RayPath]) -> None:
     x = np.linspace(0.0, view.optics.length_mm, 200)
     axis.plot(x, view.optics.rest.height(x, np.zeros_like(x)), color="#b03060", linewidth=2.0, zorder=4)
     for ray in rays:
-        axis.plot(ray.points[:, 0], ray.points[:, 2], **_style(ray.lost), zorder=3)
+        axis.plot(ray.points[:, 0], ray.points[:, 2], **_traced(ray.lost)[1], zorder=3)
     axis.set_aspect("equal")
     axis.set_xlabel("x, mm")
     axis.set_ylabel("z, mm")
 
 
-def _style(lost: Lost) -> dict[str, Any]:
-    if lost is Lost.NONE:
-        return {"color": _TOTAL, "linewidth": 0.9}
-    if lost is Lost.BELOW_TIR:
-        return {"color": _BELOW, "linewidth": 0.9, "linestyle": "--"}
-    return {"color": _LOST, "linewidth": 0.9, "linestyle": ":"}
+_TRACED: dict[Lost, tuple[str, dict[str, Any]]] = {
+    Lost.NONE: ("totally reflected", {"color": "#2a7fbf"}),
+    Lost.BELOW_TIR: ("below the critical angle", {"color": "#e08a1e", "linestyle": "--"}),
+}
+
+
+def _traced(lost: Lost) -> tuple[str, dict[str, Any]]:
+    """Name and look of a ray."""
+    name = f"lost: {lost.name.lower().replace('_', ' ')}"
+    name, look = _TRACED.get(lost, (name, {"color": "#a0a0a0", "linestyle": ":"}))
+    return name, {"linewidth": 0.9, **look}
 
 
 def _say(axis: Axes, text: str, at: Float, offset: tuple[float, float], **more: Any) -> None:
@@ -168,15 +156,8 @@ def _label_whole(axis: Axes, view: SampledView, rays: list[RayPath]) -> None:
     _say(axis, f"{name}\n{distance:.0f} mm from the mirror", at, (-62, -4))
     axis.set_title("the bench, true to scale, in the plane y = 0")
     axis.margins(0.08)
-    found = {ray.lost for ray in rays}
-    lines = []
-    for label, lost in (("totally reflected", Lost.NONE), ("below the critical angle", Lost.BELOW_TIR)):
-        if lost in found:
-            lines.append(Line2D([], [], **_style(lost), label=label))
-    lines += [
-        Line2D([], [], **_style(lost), label="lost: " + lost.name.lower().replace("_", " "))
-        for lost in sorted(found - {Lost.NONE, Lost.BELOW_TIR})
-    ]
+    found = sorted({ray.lost for ray in rays}, key=lambda lost: (lost not in _TRACED, lost))
+    lines = [Line2D([], [], label=name, **look) for name, look in map(_traced, found)]
     lines.append(Line2D([], [], color="#b03060", linewidth=2.0, label="mirror"))
     lines.append(Line2D([], [], color="black", linewidth=3.5, label="LCD"))
     axis.legend(handles=lines, loc="lower left", framealpha=0.9)
@@ -261,8 +242,8 @@ def draw_curves(found: dict[str, Any], label: str, rig: str, path: Path) -> None
     """Write the curves of `zeromethod.design.curves` as PNG; a red line where total reflection begins."""
     values = np.array(found["values"])
     with picture(path, (14, 6.5), f"zeromethod design  rig {rig}, {label}") as figure:
-        for axis, (title, unit, lines) in zip(figure.subplots(2, 4).flat, _PANELS, strict=True):
-            for key, name in lines:
+        for axis, (title, unit, lines) in zip(figure.subplots(2, 4).flat, CURVES, strict=True):
+            for key, _, _, name in lines:
                 axis.plot(
                     values, np.array(found[key], dtype=np.float64), ".-", markersize=4, label=name or None
                 )

@@ -6,20 +6,36 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from zeromethod.design.figures import HEADLINE_SIGMA_MM
 from zeromethod.view.table import Figures, cell, pair_table, text_table, titled
 
-_CURVES = (
-    ("margin\ndeg", "tir_margin_deg", "{:.2f}"),
-    ("least margin\ndeg", "tir_least_margin_deg", "{:.2f}"),
-    ("LCD px\nper mrad", "lcd_px_per_mrad", "{:.3f}"),
-    ("camera px\nper mrad", "camera_px_per_mrad", "{:.3f}"),
-    ("nm per\ncamera px", "depth_nm_per_px", "{:.1f}"),
-    ("folds at\nmm", "gaussian_fold_mm", "{:.3f}"),
-    ("footprint\nmm", "footprint_mm", "{:.3f}"),
-    ("slope noise\nµrad", "slope_sigma_urad", "{:.2f}"),
-    ("mirror in view\nmm", "mirror_seen_mm", "{:.1f}"),
-    ("sees LCD", "sees_lcd_share", "{:.0%}"),
-)
+CURVES: tuple[tuple[str, str, tuple[tuple[str, str, str, str], ...]], ...] = (
+    (
+        "margin to the critical angle", "deg",
+        (
+            ("tir_margin_deg", "margin\ndeg", "{:.2f}", "middle of the view"),
+            ("tir_least_margin_deg", "least margin\ndeg", "{:.2f}", "least of the view"),
+        ),
+    ),
+    (
+        "lever, slope along x", "px per mrad",
+        (
+            ("lcd_px_per_mrad", "LCD px\nper mrad", "{:.3f}", "LCD px"),
+            ("camera_px_per_mrad", "camera px\nper mrad", "{:.3f}", "camera px"),
+        ),
+    ),
+    ("depth, along x", "nm per camera px", (("depth_nm_per_px", "nm per\ncamera px", "{:.1f}", ""),)),
+    (
+        f"Gaussian press, sigma {HEADLINE_SIGMA_MM:g} mm: folds at", "mm",
+        (("gaussian_fold_mm", "folds at\nmm", "{:.3f}", ""),),
+    ),
+    ("footprint of the lens's pupil, along x", "mm", (("footprint_mm", "footprint\nmm", "{:.3f}", ""),)),
+    ("slope noise of one frame, along x", "µrad", (("slope_sigma_urad", "slope noise\nµrad", "{:.2f}", ""),)),
+    ("mirror in view, along x", "mm", (("mirror_seen_mm", "mirror in view\nmm", "{:.1f}", ""),)),
+    ("view that sees the LCD", "share", (("sees_lcd_share", "sees LCD", "{:.0%}", ""),)),
+)  # fmt: skip
+"""Every curve: the picture's title, unit; key, column head and pattern in the table, name in the legend."""
+
 _PAIRS = (("lcd_px_per_mrad", "{:.3f}"), ("camera_px_per_mrad", "{:.3f}"), ("depth_nm_per_px", "{:.1f}"))
 
 
@@ -39,11 +55,12 @@ def design_table(figures: Figures, warnings: list[str]) -> Group:
 
 def curves_table(found: Figures) -> Table:
     """One row per value; a dash where the bench cannot work."""
+    columns = [column for _, _, lines in CURVES for column in lines]
     rows = (
-        (f"{value:.6g}", *(cell(found[key][index], pattern) for _, key, pattern in _CURVES))
+        (f"{value:.6g}", *(cell(found[key][index], pattern) for key, _, pattern, _ in columns))
         for index, value in enumerate(found["values"])
     )
-    return text_table((found["key"], *(title for title, _, _ in _CURVES)), rows, left=())
+    return text_table((found["key"], *(head for _, head, _, _ in columns)), rows, left=())
 
 
 def _place(region: Figures) -> tuple[str, str]:

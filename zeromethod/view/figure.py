@@ -15,8 +15,8 @@ from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
 from zeromethod.surface import Surface
-from zeromethod.view.axes import centred, colour_bar, colours, labelled, picture
-from zeromethod.warp.grid import PADDING, NodeGrid
+from zeromethod.view.axes import centred, colour_bar, colours, labelled, over_mirror, picture
+from zeromethod.warp.grid import NodeGrid
 
 CROP_PX = (480, 360)
 """Columns and rows of the camera image that are shown, round the press: the pattern stays visible."""
@@ -105,11 +105,8 @@ def draw_map(
     axis: Axes, surface: Surface, values: Float, title: str, unit: str, *, signed: bool = True
 ) -> None:
     """Map of the valid nodes over the mirror in mm; colours symmetric round zero, or from zero up."""
-    inner = (slice(PADDING, -PADDING),) * 2
-    shown = np.where(surface.valid, values, np.nan)[inner]
-    x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
-    mesh = axis.pcolormesh(x_mm, y_mm, shown, shading="nearest", **colours(shown, 99.8, signed=signed))
-    axis.set_aspect("equal")
+    shown = np.where(surface.valid, values, np.nan)
+    mesh = over_mirror(axis, surface, shown, **colours(shown, 99.8, signed=signed))
     labelled(axis, title, "x, mm", "y, mm")
     colour_bar(axis, mesh, unit)
 

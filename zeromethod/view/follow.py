@@ -14,9 +14,9 @@ from rich.text import Text
 
 from zeromethod.errors import InputError
 from zeromethod.loop.state import State
+from zeromethod.loop.step import NAN
 from zeromethod.recording.recording import Recording
 from zeromethod.view.live import EXPLAINED, STATE_COLOURS
-from zeromethod.view.report_history import words
 
 PERIOD_S = 0.2
 """How often the file is looked at."""
@@ -38,14 +38,14 @@ _RECENT_NS = 2_000_000_000
 class Glance:
     """State of a growing recording. time_s from its start; rate_hz: frames per second lately; NaN unknown."""
 
-    time_s: float
-    state: str
-    reason: str
-    rate_hz: float
-    residual_rms_px: float
-    peak_mm: float
-    peak_sigma_mm: float
-    dropped: int
+    time_s: float = 0.0
+    state: State = State.STARTING
+    reason: str = ""
+    rate_hz: float = NAN
+    residual_rms_px: float = NAN
+    peak_mm: float = NAN
+    peak_sigma_mm: float = NAN
+    dropped: int = 0
 
     def words(self) -> str:
         """One line, without the state."""
@@ -62,43 +62,43 @@ class Glance:
 
 
 class Tail:
-    """The end of a recording that is still being written; notes: (time in s, text) not yet returned."""
+    """The end of a recording that is still being written."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        self._turns = 0
+        self._steps = 0
         self._notes = 0
 
     @property
     def complete(self) -> bool:
         """Whether the writer has closed the file."""
-        return bool(self._recording.complete)
+        return self._recording.complete
 
     def grown(self) -> bool:
-        """Look again; whether there are new turns."""
+        """Look again; whether there are new steps."""
         self._recording.refresh()
-        before, self._turns = self._turns, len(self._recording.steps)
-        return self._turns > before
+        before, self._steps = self._steps, len(self._recording.steps)
+        return self._steps > before
 
     def glance(self) -> Glance:
         """Its newest state and figures."""
-        recording, nan = self._recording, float("nan")
-        turns, peaks = recording.steps, recording.peaks
-        if not len(turns):
-            return Glance(0.0, str(State.STARTING), "", nan, nan, nan, nan, 0)
-        last = turns[-1]
-        known = turns["residual_rms_px"][np.isfinite(turns["residual_rms_px"])]
-        times = turns["time_ns"][turns["frame_number"] >= 0]
+        recording = self._recording
+        steps, peaks = recording.steps, recording.peaks
+        if not len(steps):
+            return Glance()
+        last = steps[-1]
+        known = steps["residual_rms_px"][np.isfinite(steps["residual_rms_px"])]
+        times = steps["time_ns"][steps["frame_number"] >= 0]
         recent = times[times > last["time_ns"] - _RECENT_NS]
         span_ns = int(recent[-1] - recent[0]) if len(recent) > 1 else 0
         return Glance(
-            time_s=1e-9 * int(last["time_ns"] - turns["time_ns"][0]),
-            state=str(recording.state_of(last)),
-            reason=words(last["reason"]),
-            rate_hz=1e9 * (len(recent) - 1) / span_ns if span_ns else nan,
-            residual_rms_px=float(known[-1]) if len(known) else nan,
-            peak_mm=float(peaks["depth_mm"][-1]) if len(peaks) else nan,
-            peak_sigma_mm=float(peaks["depth_sigma_mm"][-1]) if len(peaks) else nan,
+            time_s=recording.seconds,
+            state=recording.state_of(last),
+            reason=recording.text(last["reason"]),
+            rate_hz=1e9 * (len(recent) - 1) / span_ns if span_ns else NAN,
+            residual_rms_px=float(known[-1]) if len(known) else NAN,
+            peak_mm=float(peaks["depth_mm"][-1]) if len(peaks) else NAN,
+            peak_sigma_mm=float(peaks["depth_sigma_mm"][-1]) if len(peaks) else NAN,
             dropped=int(np.sum(recording.drops["count"])),
         )
 
@@ -106,7 +106,7 @@ class Tail:
         """Notes since the last call."""
         notes = self._recording.notes
         new, self._notes = notes[self._notes :], len(notes)
-        return [words(note["text"]) for note in new]
+        return [self._recording.text(note["text"]) for note in new]
 
 
 class FollowDisplay:
@@ -134,11 +134,10 @@ class FollowDisplay:
 
     def show(self, glance: Glance, silent_s: float = 0.0, *, last: bool = False) -> None:
         """Show the newest state; silent_s: time since new data came."""
-        line = Text(no_wrap=True, overflow="ellipsis")
-        line.append(f"{glance.time_s:8.1f} s  ").append(
-            glance.state, style=STATE_COLOURS.get(glance.state, "")
+        state = (glance.state, STATE_COLOURS[glance.state])
+        line = Text.assemble(
+            f"{glance.time_s:8.1f} s  ", state, f"  {glance.words()}", no_wrap=True, overflow="ellipsis"
         )
-        line.append(f"  {glance.words()}")
         stalled, before = silent_s >= STALLED_S, self._stalled
         self._stalled = stalled
         if self._live is not None:
@@ -151,50 +150,37 @@ class FollowDisplay:
             self.say(line.plain)
 
 
-def follow(
-    path: Path,
-    console: Console,
-    *,
-    sleep: Callable[[float], None] = time.sleep,
-    now: Callable[[], float] = time.monotonic,
-) -> None:
+def follow(path: Path, console: Console, *, sleep: Callable[[float], None] = time.sleep) -> None:
     """Show how a recording grows until its writer closes it. A file that is not there yet is waited for.
 
     Raises InputError for a file that is not a recording.
     """
-    with FollowDisplay(console, now) as display:
-        _await(path, display, sleep)
+    with FollowDisplay(console) as display:
+        if not path.exists():
+            display.say(f"waiting for {path}")
+        while not path.exists():
+            sleep(PERIOD_S)
         with _open(path, sleep) as recording:
-            _watch(Tail(recording), display, sleep, now)
+            _watch(Tail(recording), display, sleep)
         display.say("recording ended")
 
 
-def _watch(
-    tail: Tail, display: FollowDisplay, sleep: Callable[[float], None], now: Callable[[], float]
-) -> None:
-    new_at = now()
+def _watch(tail: Tail, display: FollowDisplay, sleep: Callable[[float], None]) -> None:
+    new_at = time.monotonic()
     ended = False
     while not ended:
-        looked_at = now()
+        looked_at = time.monotonic()
         if tail.grown():
-            new_at = now()
+            new_at = time.monotonic()
         ended = tail.complete
         if ended:
             tail.grown()  # what came between the look and the end
         for note in tail.notes():
             display.say(f"note: {note}", "yellow")
-        display.show(tail.glance(), 0.0 if ended else now() - new_at, last=ended)
+        display.show(tail.glance(), 0.0 if ended else time.monotonic() - new_at, last=ended)
         if not ended:
             # tables grow: leave most of the time to the process that records
-            sleep(max(PERIOD_S, _REST * (now() - looked_at)))
-
-
-def _await(path: Path, display: FollowDisplay, sleep: Callable[[float], None]) -> None:
-    """Wait until the file is there."""
-    if not path.exists():
-        display.say(f"waiting for {path}")
-    while not path.exists():
-        sleep(PERIOD_S)
+            sleep(max(PERIOD_S, _REST * (time.monotonic() - looked_at)))
 
 
 def _open(path: Path, sleep: Callable[[float], None]) -> Recording:

@@ -7,20 +7,21 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Column
 
+from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 
 STATE_COLOURS = {
-    "locked": "#2e9e5b",
-    "resting": "#7cc7a0",
-    "nulling": "#e0b100",
-    "starting": "#c9b26b",
-    "holding": "#e07b00",
-    "paused": "#4fa3d1",
-    "lost": "#b5179e",
-    "fault": "#d62828",
-    "stopped": "#808080",
+    State.LOCKED: "#2e9e5b",
+    State.RESTING: "#7cc7a0",
+    State.NULLING: "#e0b100",
+    State.STARTING: "#c9b26b",
+    State.HOLDING: "#e07b00",
+    State.PAUSED: "#4fa3d1",
+    State.LOST: "#b5179e",
+    State.FAULT: "#d62828",
+    State.STOPPED: "#808080",
 }
-EXPLAINED = frozenset({"holding", "lost", "fault", "paused"})
+EXPLAINED = frozenset({State.HOLDING, State.LOST, State.FAULT, State.PAUSED})
 """States whose reason is shown in place of the figures."""
 
 
@@ -66,8 +67,6 @@ class LiveStatus:
             )
         if step.peak is not None:
             self._peak_mm = step.peak.depth_mm
-        state = str(step.state)
-        colour = STATE_COLOURS.get(state, "red")
         figures = (
             f"peak {1e3 * self._peak_mm:.2f} µm  residual {step.residual_rms_px:.3f} px  "
             f"valid {100 * step.valid_share:.1f} %  loop {step.loop_ms:.1f} ms"
@@ -75,6 +74,6 @@ class LiveStatus:
         self._progress.update(
             self._task,
             completed=done_frames if self._unit == "frames" else step.time_s,
-            state=f"[{colour}]{state}[/]",
-            figures=escape(step.reason if state in EXPLAINED else f"{step.phase}  {figures}".strip()),
+            state=f"[{STATE_COLOURS[step.state]}]{step.state}[/]",
+            figures=escape(step.reason if step.state in EXPLAINED else f"{step.phase}  {figures}".strip()),
         )

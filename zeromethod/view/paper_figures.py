@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,47 +28,45 @@ def draw_needle_figures(result: NeedleResult, folder: Path) -> list[Path]:
     6 to 9 show the first column (equation 17 on the gamma = 0 model) with the paper's marks; 8 and 9 also the
     own reading of the same surface (dashed), one averaging window away from the tip.
     """
-    points, series, needle = result.printed.l, result.printed.series, result.needle
+    points, series, needle, own = result.printed.l, result.printed.series, result.needle, result.zero_method
     theta, depth = needle.theta(points), needle.depth(points)
-    own = result.zero_method
     thetas = series.theta_rises, series.theta_drops, series.theta
     depths = series.depth_rises, series.depth_drops, series.depth
-    theta_errors = tuple(part - theta for part in thetas)
-    depth_errors = tuple(part - depth for part in depths)
-    own_theta, own_depth = own.theta - needle.theta(own.l), own.depth - needle.depth(own.l)
-
-    def surface(axis: Axes) -> None:
+    paths = [folder / f"figure-{number:02d}.png" for number in range(5, 10)]
+    with _needle_axis(paths[0], "Figure 5: needle-shaped surface", "d, px (into the rubber = down)") as axis:
         _surface(axis, result)
-
-    def against_truth(axis: Axes, parts: tuple[Float, ...], truth: Float) -> None:
-        axis.plot(points, truth, "k", linewidth=1, label="truth")
-        _series(axis, points, parts)
-
-    def errors(axis: Axes, parts: tuple[Float, ...], error: Float, bound: float, unit: str) -> None:
-        _series(axis, points, parts)
-        _own(axis, result, error)
-        _bound(axis, bound, unit)
-
-    drawings: dict[int, tuple[str, str, Any, tuple[Any, ...]]] = {
-        5: ("needle-shaped surface", "d, px (into the rubber = down)", surface, ()),
-        6: ("slope angle", "theta, rad", against_truth, (thetas, theta)),
-        7: ("depth", "d, px", against_truth, (depths, depth)),
-        8: ("error of theta", "error of theta, rad", errors,
-            (theta_errors, own_theta, PAPER_THETA_ERROR_RAD, "rad")),
-        9: ("error of depth", "error of d, px", errors,
-            (depth_errors, own_depth, PAPER_DEPTH_ERROR_PX, "px")),
-    }  # fmt: skip
-    paths = []
-    for number, (title, y, draw, values) in drawings.items():
-        paths.append(folder / f"figure-{number:02d}.png")
-        with picture(paths[-1], (8, 4.5), font=9) as figure:
-            axis = figure.subplots()
-            axis.grid(alpha=0.3)
-            draw(axis, *values)
-            labelled(axis, f"Figure {number}: {title}", "l, px from P0", y)
-            if number != 5:
-                axis.legend(loc="best", fontsize=8)
+    for path, title, y, truth, parts in (
+        (paths[1], "Figure 6: slope angle", "theta, rad", theta, thetas),
+        (paths[2], "Figure 7: depth", "d, px", depth, depths),
+    ):
+        with _needle_axis(path, title, y) as axis:
+            axis.plot(points, truth, "k", linewidth=1, label="truth")
+            _series(axis, points, parts)
+            axis.legend(loc="best", fontsize=8)
+    away = np.abs(own.l - needle.tip_px) > own.window_px
+    for path, name, unit, bound, truth, parts, error in (
+        (paths[3], "theta", "rad", PAPER_THETA_ERROR_RAD, theta, thetas, own.theta - needle.theta(own.l)),
+        (paths[4], "d", "px", PAPER_DEPTH_ERROR_PX, depth, depths, own.depth - needle.depth(own.l)),
+    ):
+        words = "depth" if name == "d" else name
+        title = f"Figure {path.stem[-1]}: error of {words}"
+        with _needle_axis(path, title, f"error of {name}, {unit}") as axis:
+            _series(axis, points, tuple(part - truth for part in parts))
+            dashed = np.where(away, own.l, np.nan), np.where(away, error, np.nan)
+            axis.plot(*dashed, "k--", linewidth=1, label="zero method")
+            for sign, label in ((1, f"the paper's bound, {bound:g} {unit}"), (-1, None)):
+                axis.axhline(sign * bound, color="0.5", linestyle=":", label=label)
+            axis.legend(loc="best", fontsize=8)
     return paths
+
+
+@contextmanager
+def _needle_axis(path: Path, title: str, y: str) -> Iterator[Axes]:
+    with picture(path, (8, 4.5), font=9) as figure:
+        axis = figure.subplots()
+        axis.grid(alpha=0.3)
+        yield axis
+        labelled(axis, title, "l, px from P0", y)
 
 
 def _surface(axis: Axes, result: NeedleResult) -> None:
@@ -87,19 +87,6 @@ def _series(axis: Axes, points: Float, series: tuple[Float, ...]) -> None:
         axis.plot(
             points[some], values[some], mark, color=colour, label=name, markersize=5, markerfacecolor="none"
         )
-
-
-def _own(axis: Axes, result: NeedleResult, error: Float) -> None:
-    own = result.zero_method
-    away = np.abs(own.l - result.needle.tip_px) > own.window_px
-    axis.plot(
-        np.where(away, own.l, np.nan), np.where(away, error, np.nan), "k--", linewidth=1, label="zero method"
-    )
-
-
-def _bound(axis: Axes, bound: float, unit: str) -> None:
-    for sign, label in ((1, f"the paper's bound, {bound:g} {unit}"), (-1, None)):
-        axis.axhline(sign * bound, color="0.5", linestyle=":", label=label)
 
 
 def draw_press_figures(

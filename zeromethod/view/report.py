@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings as raised
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,24 +16,16 @@ from zeromethod.loop.state import State
 from zeromethod.recording.damage import KINDS
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.source import DamagedWarning
-from zeromethod.surface import Peak
+from zeromethod.view import report_words as words
+from zeromethod.view.live import STATE_COLOURS
 from zeromethod.view.report_figures import LEAST_RATED, depth_map, timeline
-from zeromethod.view.report_history import at_turns, happenings, states
-from zeromethod.view.report_summary import Figures, largest_peak, peak_figures, summarise_recording
-from zeromethod.view.report_words import (
-    calibration_parts,
-    commands,
-    damage_rows,
-    happening_row,
-    note_rows,
-    peak_words,
-    rig_rows,
-    settings_rows,
-    state_shares,
-    subtitle,
-    summary_rows,
-    version_rows,
-    warnings,
+from zeromethod.view.report_history import happenings
+from zeromethod.view.report_summary import (
+    Figures,
+    largest_peak,
+    peak_figures,
+    read_peaks,
+    summarise_recording,
 )
 
 MOST_HAPPENINGS = 300
@@ -52,16 +45,40 @@ def write_report(
     written, those that are complete.
     advance: called after each of the `STEPS` with the name of the next one.
     """
-    following = iter(STEPS[1:])
+    following, silent_s = iter(STEPS[1:]), time.time() - path.stat().st_mtime
     figures = summarise_recording(recording)
     advance(next(following))
     figures["damaged"] = recording.damaged(lambda: advance(next(following)))
-    curves = timeline(recording) if figures["turns"] else ""
+    curves = timeline(recording) if figures["steps"] else ""
     advance("depth maps")
     maps, damaged = _maps(recording)
     advance("page")
+    happened = happenings(recording)
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    page = environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
+        title=f"{recording.rig.name}: {path.name}",
+        subtitle=words.subtitle(recording, figures),
+        warnings=words.warnings(silent_s, figures),
+        shares=figures["shares"],
+        colours=STATE_COLOURS,
+        summary=words.summary_rows(figures, recording.rig),
+        timeline=curves,
+        too_few=figures["frames"] if curves and figures["frames"] < LEAST_RATED else 0,
+        least_rated=LEAST_RATED,
+        maps=maps,
+        without_maps=damaged or _without_maps(recording, maps),
+        happenings=list(words.happening_rows(figures, happened[:MOST_HAPPENINGS])),
+        more_happenings=max(len(happened) - MOST_HAPPENINGS, 0),
+        notes=words.note_rows(recording),
+        rig=words.rig_rows(recording.rig),
+        **words.calibration_parts(recording),
+        reproduce=words.commands(recording, path),
+        settings=words.settings_rows(recording),
+        rig_text=recording.rig_text,
+        versions=words.version_rows(recording),
+    )
     with atomic_write(output) as part:
-        part.write_text(_render(recording, path, figures, curves, maps, damaged), encoding="utf-8")
+        part.write_text(page, encoding="utf-8")
     advance("")
     return figures
 
@@ -93,76 +110,39 @@ def report(recording: Recording | str | Path, path: str | Path | None = None) ->
     return write_report(recording, recording.path, output)
 
 
-def _render(
-    recording: Recording,
-    path: Path,
-    figures: Figures,
-    curves: str,
-    maps: list[dict[str, str]],
-    damaged: list[str],
-) -> str:
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
-    happened = happenings(recording)
-    return environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
-        title=f"{recording.rig.name}: {path.name}",
-        subtitle=subtitle(recording, figures),
-        warnings=list(warnings(path, figures)),
-        shares=state_shares(figures),
-        summary=list(summary_rows(figures, recording.rig)),
-        timeline=curves,
-        too_few=figures["frames"] if curves and figures["frames"] < LEAST_RATED else 0,
-        least_rated=LEAST_RATED,
-        maps=maps,
-        without_maps=damaged or list(_without_maps(recording, maps)),
-        happenings=[*damage_rows(figures), *(happening_row(one) for one in happened[:MOST_HAPPENINGS])],
-        more_happenings=max(len(happened) - MOST_HAPPENINGS, 0),
-        notes=note_rows(recording),
-        rig=list(rig_rows(recording.rig)),
-        **calibration_parts(recording),
-        reproduce=list(commands(recording, path)),
-        settings=list(settings_rows(recording)),
-        rig_text=recording.rig_text,
-        versions=list(version_rows(recording)),
-    )
-
-
 def _maps(recording: Recording) -> tuple[list[dict[str, str]], list[str]]:
     """Depth when first locked, at its largest and at the end, where surfaces were kept; what is damaged."""
-    maps, damaged = [], []
-    for turn, names in key_turns(recording).items():
+    maps, damaged, peaks = [], [], read_peaks(recording)
+    for step, names in key_steps(recording).items():
         try:
             with raised.catch_warnings():
                 raised.simplefilter("error", DamagedWarning)
-                surface = recording.surface(turn)
+                surface = recording.surface(step)
         except (InputError, DamagedWarning) as error:
             damaged.append(f"{', '.join(names)}: no depth map: {error}")
             continue
         assert surface is not None
-        rows = np.flatnonzero((recording.peaks["step"] == turn) & np.isfinite(recording.peaks["depth_mm"]))
-        figures = peak_figures(recording, int(rows[0]) if len(rows) else None)
-        point = [figures[name] if figures else np.nan for name in ("depth_mm", "x_mm", "y_mm", "sigma_mm")]
-        words = f"turn {turn}" if figures is None else f"turn {turn}: {peak_words(figures)}"
-        maps.append({"name": ", ".join(names), "svg": depth_map(surface, Peak(*point)), "words": words})
+        peak = peak_figures(peaks[peaks["step"] == step])
+        said = f"step {step}" if peak is None else f"step {step}: {words.peak_words(peak)}"
+        point = (np.nan, np.nan) if peak is None else (peak["x_mm"], peak["y_mm"])
+        maps.append({"name": ", ".join(names), "svg": depth_map(surface, point), "words": said})
     return maps, damaged
 
 
-def key_turns(recording: Recording) -> dict[int, list[str]]:
-    """Turns whose depth is shown, and what each is: only those whose surface was kept."""
-    kept = recording.steps_with("surface")
-    index, there = at_turns(recording, kept)
-    kept, names = kept[there], states(recording)[index[there]]
-    if not len(kept):
-        return {}
-    found: dict[int, list[str]] = {}
-    for state in (State.LOCKED, State.RESTING):
-        if (names == state).any():
-            found.setdefault(int(kept[np.argmax(names == state)]), []).append(f"first {state}")
-            break
-    row = largest_peak(recording, np.isin(recording.peaks["step"], kept))
-    if row is not None:
-        found.setdefault(int(recording.peaks["step"][row]), []).append("largest |depth|")
-    found.setdefault(int(kept[-1]), []).append("last")
-    return found
+def key_steps(recording: Recording) -> dict[int, list[str]]:
+    """Steps whose depth is shown, and what each is: only those whose surface was kept."""
+    steps, peaks = recording.steps, read_peaks(recording)
+    kept = steps[np.isin(steps["number"], recording.steps_with("surface"))]
+    states = [recording.state_of(step) for step in kept]
+    shown = [
+        (f"first {state}", kept["number"][states.index(state)])
+        for state in (State.LOCKED, State.RESTING)
+        if state in states
+    ][:1]
+    largest = largest_peak(peaks[np.isin(peaks["step"], kept["number"])])
+    shown += [("largest |depth|", number) for number in largest["step"]]
+    shown += [("last", number) for number in kept["number"][-1:]]
+    return {int(one): [name for name, number in shown if number == one] for _, one in shown}
 
 
 def _without_maps(recording: Recording, maps: list[dict[str, str]]) -> Iterator[str]:

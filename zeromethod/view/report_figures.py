@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import re
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -19,12 +18,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from zeromethod.arrays import Float
+from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
-from zeromethod.surface import Peak, Surface
-from zeromethod.view.axes import centred, filled, plain_log_ticks
+from zeromethod.surface import Surface
+from zeromethod.view.axes import centred, colours, labelled, over_mirror, plain_log_ticks
 from zeromethod.view.live import STATE_COLOURS
-from zeromethod.view.report_history import Episode, at_turns, episodes, seconds, start_ns
-from zeromethod.warp.grid import PADDING
+from zeromethod.view.report_history import Episode, episodes, seconds
 
 MOST_POINTS = 2000
 """Points of a curve; of longer ones the least and the largest of each stretch are drawn."""
@@ -74,40 +73,31 @@ def _svg(figure: Figure, words: str) -> str:
     return text.replace("<svg", f'<svg role="img" aria-label="{words}"', 1)
 
 
-def depth_map(surface: Surface, marked: Peak) -> str:
-    """Map of depth over the mirror in mm, with its peak marked; white is the depth at rest.
+def depth_map(surface: Surface, peak_mm: tuple[float, float]) -> str:
+    """Map of depth over the mirror in mm, with its peak marked at (x, y); white is the depth at rest.
 
     Where the nodes have no place on the mirror, the picture says so.
     """
     with _page_style(f"depth {surface.time_ns}"):
-        inner = (slice(PADDING, -PADDING),) * 2
-        x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
-        shape = _shape(x_mm, y_mm)
+        shape = _shape(surface.points_mm)
         figure = Figure(figsize=(_MAP_INCH, 1.3 + 0.85 * _MAP_INCH * (shape or 0.5)), layout="constrained")
         axis = figure.subplots()
-        axis.set_xlabel("x, mm")
-        axis.set_ylabel("y, mm")
+        labelled(axis, "", "x, mm", "y, mm")
         if shape is None:
             centred(axis, "nothing was read")
             return _svg(figure, "depth over the mirror: nothing")
-        depth = np.where(surface.valid, surface.depth_mm, np.nan)[inner]
+        depth = np.where(surface.valid, surface.depth_mm, np.nan)
         high = float(np.nanmax(np.abs(depth), initial=0.0))
         factor, unit = (1.0, "mm") if high >= 1.0 else (1e3, "µm") if high >= 1e-3 else (1e6, "nm")
-        _cells(axis, surface, np.where(surface.contact, 1.0, np.nan)[inner], cmap="Greys", vmin=0.0, vmax=2.0)
-        mesh = _cells(
-            axis,
-            surface,
-            factor * depth,
-            cmap="RdBu_r",
-            vmin=-(factor * high or 1.0),
-            vmax=factor * high or 1.0,
+        contact = np.where(surface.contact, 1.0, np.nan)
+        over_mirror(axis, surface, contact, cmap="Greys", vmin=0.0, vmax=2.0, rasterized=True)
+        mesh = over_mirror(
+            axis, surface, factor * depth, rasterized=True, **colours(factor * depth, 100, signed=True)
         )
         if not surface.valid.any():
             centred(axis, "nothing was read")
-        if np.isfinite(marked.x_mm) and np.isfinite(marked.y_mm):
-            for colour, width in (("white", 2.4), ("black", 0.8)):
-                axis.plot(marked.x_mm, marked.y_mm, "+", color=colour, markersize=10, markeredgewidth=width)
-        axis.set_aspect("equal")
+        for colour, width in (("white", 2.4), ("black", 0.8)):
+            axis.plot(*peak_mm, "+", color=colour, markersize=10, markeredgewidth=width)
         bar = figure.colorbar(mesh, ax=axis, label=f"depth, {unit}", location="bottom", aspect=30)
         assert bar.solids is not None
         bar.solids.set_rasterized(True)
@@ -115,22 +105,11 @@ def depth_map(surface: Surface, marked: Peak) -> str:
         return _svg(figure, "depth over the mirror")
 
 
-def _cells(axis: Axes, surface: Surface, values: Float, **colours: Any) -> Any:
-    """One cell per node at its place on the mirror."""
-    inner = (slice(PADDING, -PADDING),) * 2
-    x_mm, y_mm = filled(surface.x_mm[inner]), filled(surface.y_mm[inner])
-    with warnings.catch_warnings():
-        # cells that are not drawn may lie across their neighbours
-        warnings.filterwarnings("ignore", message="The input coordinates to pcolormesh")
-        return axis.pcolormesh(x_mm, y_mm, values, shading="nearest", rasterized=True, **colours)
-
-
-def _shape(x_mm: Float, y_mm: Float) -> float | None:
+def _shape(points_mm: Float) -> float | None:
     """Height over width of the picture that holds the nodes; None where they span nothing."""
-    known = np.isfinite(x_mm) & np.isfinite(y_mm)
-    if known.sum() < 3 or not np.ptp(x_mm[known]) > 0.0 or not np.ptp(y_mm[known]) > 0.0:
-        return None
-    return float(np.clip(np.ptp(y_mm[known]) / np.ptp(x_mm[known]), 0.1, 3.0))
+    known = points_mm[np.isfinite(points_mm).all(axis=-1)]
+    width, height = np.ptp(known, axis=0) if len(known) > 2 else (0.0, 0.0)
+    return float(np.clip(height / width, 0.1, 3.0)) if width > 0.0 and height > 0.0 else None
 
 
 def timeline(recording: Recording) -> str:
@@ -138,11 +117,10 @@ def timeline(recording: Recording) -> str:
 
     Of fewer than `LEAST_RATED` frames there is no rate.
     """
-    turns, peaks, drops = recording.steps, recording.peaks, recording.drops
-    start = start_ns(recording)
-    time_s = seconds(turns["time_ns"], start)
+    steps, peaks, drops = recording.steps, recording.peaks, recording.drops
+    time_s = seconds(recording, steps)
     with _page_style("timeline"):
-        arrived_s = time_s[turns["frame_number"] >= 0]
+        arrived_s = time_s[steps["frame_number"] >= 0]
         panels = 2 + (len(arrived_s) >= LEAST_RATED)
         figure = Figure(figsize=(9.6, 0.5 + 1.9 * panels), layout="constrained")
         axes = figure.subplots(panels, 1, sharex=True)
@@ -150,28 +128,23 @@ def timeline(recording: Recording) -> str:
         states = episodes(recording)
         for axis in axes:
             _shade(axis, states)
-        _curve(residual, time_s, np.where(turns["residual_rms_px"] > 0, turns["residual_rms_px"], np.nan))
-        if (turns["residual_rms_px"] > 0).any():
+        _curve(residual, time_s, np.where(steps["residual_rms_px"] > 0, steps["residual_rms_px"], np.nan))
+        if (steps["residual_rms_px"] > 0).any():
             residual.set_yscale("log")
             plain_log_ticks(residual.yaxis)
         residual.set_ylabel("residual rms, camera px")
-        index, there = at_turns(recording, peaks["step"])
-        _depth(depth, time_s[index[there]], peaks["depth_mm"][there], peaks["depth_sigma_mm"][there])
+        _depth(depth, peaks["time_s"], peaks["depth_mm"], peaks["depth_sigma_mm"])
         if panels == 3:
             _rate(last, arrived_s)
-        for at in np.unique(np.round(seconds(drops["time_ns"], start), 2)):
-            last.axvline(at, ymax=0.08, color=STATE_COLOURS["fault"], linewidth=1)
+        for at in np.unique(np.round(seconds(recording, drops), 2)):
+            last.axvline(at, ymax=0.08, color=STATE_COLOURS[State.FAULT], linewidth=1)
         last.set_xlabel("time, s" + ("  (red ticks: frames dropped)" if len(drops) else ""))
         if time_s[-1] > time_s[0]:
             last.set_xlim(time_s[0], time_s[-1])
         found = dict.fromkeys(one.state for one in states if one.end_s > one.start_s)
-        handles = [Patch(color=_colour(state), alpha=0.4, label=state) for state in found]
+        handles = [Patch(color=STATE_COLOURS[state], alpha=0.4, label=state) for state in found]
         figure.legend(handles=handles, loc="outside upper left", ncols=max(len(handles), 1))
         return _svg(figure, "residual, peak depth" + (" and rate" if panels == 3 else "") + " over time")
-
-
-def _colour(state: str) -> str:
-    return STATE_COLOURS.get(state, "#808080")
 
 
 def _shade(axis: Axes, states: list[Episode]) -> None:
@@ -182,7 +155,7 @@ def _shade(axis: Axes, states: list[Episode]) -> None:
             spans,
             (0, 1),
             transform=axis.get_xaxis_transform(),
-            color=_colour(state),
+            color=STATE_COLOURS[state],
             alpha=0.25,
             linewidth=0,
             rasterized=len(spans) > _MANY,

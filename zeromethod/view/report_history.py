@@ -1,15 +1,15 @@
-"""What happened in a recording, and when: states in turn, drops, faults, events."""
+"""What happened in a recording, and when: its states one after the other, drops, faults, events."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from zeromethod.arrays import Float, Ints, Mask
+from zeromethod.arrays import Float
 from zeromethod.loop.events import Event
+from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
 from zeromethod.view.live import EXPLAINED
 
@@ -22,17 +22,17 @@ TOGETHER_S = 1.0
 
 @dataclass(frozen=True)
 class Episode:
-    """A time in one state, from `start_s` until the turn that ended it, at `end_s`: s from the first turn."""
+    """A time in one state, from `start_s` until the step that ended it, at `end_s`: s from the first step."""
 
     start_s: float
     end_s: float
-    state: str
+    state: State
     reason: str
 
 
 @dataclass(frozen=True)
 class Happening:
-    """What happened `count` times between `start_s` and `end_s` (s from the first turn), and why."""
+    """What happened `count` times between `start_s` and `end_s` (s from the first step), and why."""
 
     start_s: float
     end_s: float
@@ -41,111 +41,70 @@ class Happening:
     why: str
 
 
-def words(value: Any) -> str:
-    """Text of a fixed-length field."""
-    return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
-
-
-def seconds(times_ns: Any, start_ns: int) -> Float:
-    """Times as s from `start_ns`."""
-    return np.asarray(1e-9 * (np.asarray(times_ns, dtype=np.int64) - start_ns), dtype=np.float64)
-
-
-def start_ns(recording: Recording) -> int:
-    """Time of the first turn; 0 without any."""
-    turns = recording.steps
-    return int(turns["time_ns"][0]) if len(turns) else 0
-
-
-def at_turns(recording: Recording, numbers: Ints) -> tuple[NDArray[np.intp], Mask]:
-    """Rows of the steps with these numbers, and which of them there are (a killed writer may lose some)."""
-    known = recording.steps["number"]
-    if not len(known):
-        return np.zeros(len(numbers), dtype=np.intp), np.zeros(len(numbers), dtype=bool)
-    index = np.minimum(np.searchsorted(known, numbers), len(known) - 1)
-    return index, known[index] == numbers
-
-
-def states(recording: Recording) -> NDArray[np.str_]:
-    """(turns,) names of the states."""
-    turns = recording.steps
-    codes, first, index = np.unique(turns["state"], return_index=True, return_inverse=True)
-    if not len(codes):
-        return np.zeros(0, dtype=str)
-    return np.array([str(recording.state_of(turns[i])) for i in first])[index]
+def seconds(recording: Recording, rows: Any) -> Float:
+    """Times of rows of a table, s from the first step."""
+    steps = recording.steps
+    found: Float = 1e-9 * (rows["time_ns"] - (steps["time_ns"][0] if len(steps) else 0))
+    return found
 
 
 def episodes(recording: Recording) -> list[Episode]:
-    """The states in turn, without gaps."""
-    turns, names = recording.steps, states(recording)
-    if not len(turns):
-        return []
-    time_s = seconds(turns["time_ns"], start_ns(recording))
-    starts = np.concatenate([[0], 1 + np.flatnonzero(names[1:] != names[:-1])])
-    ends = np.append(time_s[starts[1:]], time_s[-1])
+    """The states one after the other, without gaps."""
+    steps = recording.steps
+    rows = zip(
+        seconds(recording, steps).tolist(), map(recording.state_of, steps), steps["reason"], strict=True
+    )
+    starts = [next(group) for _, group in groupby(rows, key=lambda row: row[1])]
+    ends = [start_s for start_s, _, _ in starts[1:]] + [recording.seconds]
     return [
-        Episode(float(time_s[i]), float(end), str(names[i]), words(turns["reason"][i]))
-        for i, end in zip(starts, ends, strict=True)
+        Episode(start_s, end_s, state, recording.text(reason))
+        for (start_s, state, reason), end_s in zip(starts, ends, strict=False)
     ]
 
 
-def shares(states_in_turn: list[Episode]) -> dict[str, float]:
+def shares(states: Sequence[Episode]) -> dict[State, float]:
     """Share of the time in each state, the largest first; of the episodes, where no time has passed."""
-    spent: dict[str, float] = {}
-    for one in states_in_turn:
+    spent: dict[State, float] = {}
+    for one in states:
         spent[one.state] = spent.get(one.state, 0.0) + max(one.end_s - one.start_s, 0.0)
     whole = sum(spent.values())
     if not whole:
         return {state: 1.0 / len(spent) for state in spent}
-    there = sorted((state for state in spent if spent[state]), key=lambda state: -spent[state])
-    return {state: spent[state] / whole for state in there}
+    return {
+        state: spent[state] / whole for state in sorted(spent, key=lambda one: -spent[one]) if spent[state]
+    }
 
 
 def happenings(recording: Recording) -> list[Happening]:
-    """Drops, events of the turns and the states that need a reason, by time."""
-    drops = [one for one in merged(_dropped(recording)) if one.count]
+    """Drops, events of the steps and the states that need a reason, by time."""
     explained = [
         Happening(one.start_s, one.end_s, one.state, 1, one.reason)
         for one in episodes(recording)
         if one.state in EXPLAINED
     ]
-    found = drops + merged(_events(recording)) + explained
-    return sorted(found, key=lambda one: (one.start_s, one.what))
+    found = [one for one in merged([*_dropped(recording), *_events(recording)]) if one.count]
+    return sorted(found + explained, key=lambda one: (one.start_s, one.what))
 
 
-def _dropped(recording: Recording) -> list[Happening]:
-    drops = recording.drops
-    time_s = seconds(drops["time_ns"], start_ns(recording))
-    return [
-        Happening(
-            float(at),
-            float(at),
-            f"dropped: {words(drop['lost_by'])}",
-            int(drop["count"]),
-            words(drop["reason"]),
-        )
-        for at, drop in zip(time_s, drops, strict=True)
-    ]
+def _dropped(recording: Recording) -> Iterator[Happening]:
+    drops, text = recording.drops, recording.text
+    for at_s, drop in zip(seconds(recording, drops).tolist(), drops, strict=True):
+        what = f"dropped: {text(drop['lost_by'])}"
+        yield Happening(at_s, at_s, what, int(drop["count"]), text(drop["reason"]))
 
 
-def _events(recording: Recording) -> list[Happening]:
-    """Events of the turns, but for dropped frames, which are records of their own."""
-    turns = recording.steps
-    found = []
-    time_s = seconds(turns["time_ns"], start_ns(recording))
-    for index in np.flatnonzero(turns["events"]):
-        at = float(time_s[index])
-        why = words(turns["reason"][index])
-        found += [
-            Happening(at, at, f"no new reading: {name}" if name in WITHOUT_READING else str(name), 1, why)
-            for name in recording.events_of(turns[index])
-            if str(name) != Event.FRAMES_DROPPED
-        ]
-    return found
+def _events(recording: Recording) -> Iterator[Happening]:
+    """Events of the steps, but for dropped frames, which are records of their own."""
+    steps = recording.steps[recording.steps["events"] != 0]
+    for at_s, step in zip(seconds(recording, steps).tolist(), steps, strict=True):
+        for event in recording.events_of(step):
+            if event != Event.FRAMES_DROPPED:
+                what = f"no new reading: {event}" if event in WITHOUT_READING else str(event)
+                yield Happening(at_s, at_s, what, 1, recording.text(step["reason"]))
 
 
-def merged(single: list[Happening]) -> list[Happening]:
-    """The same, by time, with equal ones close together made into one."""
+def merged(single: Sequence[Happening]) -> list[Happening]:
+    """The same, with equal ones close together made into one; those of one kind are given by time."""
     groups: list[list[Happening]] = []
     newest: dict[str, list[Happening]] = {}
     for one in single:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import shlex
-import time
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -20,8 +19,7 @@ from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
 from zeromethod.rig.model import Rig
 from zeromethod.view import calibration_table
-from zeromethod.view.live import STATE_COLOURS
-from zeromethod.view.report_history import Happening, seconds, start_ns, words
+from zeromethod.view.report_history import Happening, seconds
 from zeromethod.view.report_summary import Figures
 
 _GROWING_S = 3.0
@@ -33,21 +31,18 @@ Rows = list[tuple[str, ...]]
 def subtitle(recording: Recording, figures: Figures) -> str:
     """When, how long, on what, and when the page was made."""
     bench = "real devices" if recording.live else f"simulated, seed {recording.seed}"
+    started = datetime.fromisoformat(recording.started_utc).astimezone(UTC)
     return (
-        f"started {_started(recording):%Y-%m-%d %H:%M:%S} UTC, {figures['seconds']:.1f} s, {bench}; "
+        f"started {started:%Y-%m-%d %H:%M:%S} UTC, {figures['seconds']:.1f} s, {bench}; "
         f"page made {datetime.now(UTC):%Y-%m-%d %H:%M} UTC"
     )
 
 
-def _started(recording: Recording) -> datetime:
-    return datetime.fromisoformat(recording.started_utc).astimezone(UTC)
-
-
-def warnings(path: Path, figures: Figures) -> Iterator[str]:
-    """Warnings, the first lines of the page."""
-    if not figures["turns"]:
-        yield "No turn of the loop is in this recording."
-    if not figures["complete"] and time.time() - path.stat().st_mtime < _GROWING_S:
+def warnings(silent_s: float, figures: Figures) -> Iterator[str]:
+    """Warnings, the first lines of the page; silent_s: since something was written to the recording."""
+    if not figures["steps"]:
+        yield "No step of the loop is in this recording."
+    if not figures["complete"] and silent_s < _GROWING_S:
         yield "The recording was still being written when this page was made: it shows the beginning."
     elif not figures["complete"]:
         yield "The recording was cut off: its writer did not close it. What was written until then is here."
@@ -57,19 +52,6 @@ def warnings(path: Path, figures: Figures) -> Iterator[str]:
         yield f"{lost} frames were taken by the loop, but their arrays are not in the recording."
     if damaged := damaged_words(figures["damaged"]):
         yield f"{damaged}: these are not what was written."
-
-
-def state_shares(figures: Figures) -> list[dict[str, str]]:
-    """The states with their share of the time and their colour."""
-    return [
-        {
-            "name": name,
-            "percent": f"{100 * share:.3f}",
-            "words": f"{share:.1%}",
-            "colour": STATE_COLOURS.get(name, "#808080"),
-        }
-        for name, share in figures["shares"].items()
-    ]
 
 
 def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
@@ -100,7 +82,7 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     ):
         if figures[key]["median"] is not None:
             yield label, f"{figures[key]['median']:.2f} ms (99 %: {figures[key]['p99']:.2f})"
-    yield "duration", f"{figures['seconds']:.2f} s, {figures['turns']} turns of the loop"
+    yield "duration", f"{figures['seconds']:.2f} s, {figures['steps']} steps of the loop"
 
 
 def peak_words(peak: Figures) -> str:
@@ -117,23 +99,20 @@ def peak_words(peak: Figures) -> str:
     return f"{length} at {place}, {peak['time_s']:.2f} s, {peak['state']}{noise}"
 
 
-def damage_rows(figures: Figures) -> Iterator[tuple[str, str, str, str, str]]:
-    """As `happening_row`, what is damaged in the file: at no time of the run."""
+def happening_rows(figures: Figures, happened: Sequence[Happening]) -> Iterator[tuple[str, ...]]:
+    """Time, how long, what, how often, why; first what is damaged in the file, at no time of the run."""
     for group, count in figures["damaged"].items():
         yield "", "", f"damaged: {KINDS[group][1]}", f"{count}", "not what was written: left out"
-
-
-def happening_row(one: Happening) -> tuple[str, str, str, str, str]:
-    """Time, how long, what, how often, why."""
-    lasted = one.end_s - one.start_s
-    return f"{one.start_s:.3f}", f"{lasted:.3f}" if lasted else "", one.what, f"{one.count}", one.why
+    for one in happened:
+        lasted = one.end_s - one.start_s
+        yield f"{one.start_s:.3f}", f"{lasted:.3f}" if lasted else "", one.what, f"{one.count}", one.why
 
 
 def note_rows(recording: Recording) -> Rows:
     """Time and text of the notes to the operator."""
     notes = recording.notes
-    time_s = seconds(notes["time_ns"], start_ns(recording))
-    return [(f"{at:.3f}", words(text)) for at, text in zip(time_s, notes["text"], strict=True)]
+    times = zip(seconds(recording, notes), notes["text"], strict=True)
+    return [(f"{at_s:.3f}", recording.text(text)) for at_s, text in times]
 
 
 def rig_rows(rig: Rig) -> Iterator[tuple[str, str]]:
@@ -182,7 +161,7 @@ def calibration_parts(recording: Recording) -> dict[str, Any]:
 
 def _calibrated(recording: Recording) -> dict[str, Any]:
     stored = Stored(Path(), tomllib.loads(recording.calibration))
-    days = stored.age_days(_started(recording))
+    days = stored.age_days(datetime.fromisoformat(recording.started_utc).astimezone(UTC))
     old = f", more than {OLD_DAYS:.0f}" if days > OLD_DAYS else ""
     parameters = calibration_table.parameter_table(stored)
     return {
@@ -231,7 +210,7 @@ def settings_rows(recording: Recording) -> Iterator[tuple[str, str]]:
     if missing:
         yield "not kept", ", ".join(missing)
     if recording.every > 1:
-        yield "kept of", f"every {recording.every}. turn"
+        yield "kept of", f"every {recording.every}. step"
 
 
 def version_rows(recording: Recording) -> Iterator[tuple[str, str]]:

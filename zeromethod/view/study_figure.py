@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
 from zeromethod.arrays import Float
 from zeromethod.study.plan import FigureTable, Study
 from zeromethod.study.results import Row
-from zeromethod.view.axes import plain_log_ticks
+from zeromethod.view.axes import picture, plain_log_ticks
 
 _STYLES = ("-", "--", ":", "-.")
 _MOST_LINES = 40
@@ -22,44 +21,53 @@ _MOST_LINES = 40
 def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
     """Write the figure that the study file asks for (a fitting one where it asks for none) as PNG."""
     table = study.table.figure or default_figure(study, rows)
-    # one style for each value of the first hue, one colour for each combination of the others
-    lines = list(dict.fromkeys(tuple(row[hue] for hue in table.hue) for row in rows))[:_MOST_LINES]
-    styled = list(dict.fromkeys(line[0] for line in lines)) if len(table.hue) > 1 else []
-    colours = list(dict.fromkeys(line[1:] if styled else line for line in lines))
     xs = _values(rows, table.x)
     words = any(isinstance(x, str) for x in xs)
-    with mpl.rc_context({"font.size": 9, "axes.titlesize": 10}):
-        figure = Figure(figsize=(9.4 if table.hue else 7.0, 5.5), layout="constrained")
+    with picture(path, (9.4 if table.hue else 7.0, 5.5), study.table.title, font=9) as figure:
         axis = figure.subplots()
-        for line in lines:
+        for line, (style, colour) in _looks(rows, table.hue).items():
             of_line = [row for row in rows if tuple(row[hue] for hue in table.hue) == line]
             places, (low, middle, high) = _spread(of_line, table, xs, words=words)
-            if not places.size:
-                continue
-            style = _STYLES[styled.index(line[0]) % len(_STYLES)] if styled else "-"
-            colour = f"C{colours.index(line[1:] if styled else line) % 10}"
-            name = ", ".join(_named(*one) for one in zip(table.hue, line, strict=True))
-            axis.plot(places, middle, "o", linestyle=style, color=colour, markersize=4, label=name)
-            if np.any(high > low):
+            if places.size:
+                name = ", ".join(_named(*one) for one in zip(table.hue, line, strict=True))
+                axis.plot(places, middle, "o", linestyle=style, color=colour, markersize=4, label=name)
                 axis.fill_between(places, low, high, color=colour, alpha=0.2, linewidth=0)
-        if words:
-            axis.set_xticks(range(len(xs)), [str(x) for x in xs], rotation=30, ha="right")
-        if table.scale != "linear":
-            axis.set_yscale("log")
-            plain_log_ticks(axis.yaxis)
-        if table.scale == "loglog" and not words:
-            axis.set_xscale("log")
-            plain_log_ticks(axis.xaxis)
+        _scale(axis, table, xs, words=words)
         axis.set(xlabel=table.x, ylabel=table.y)
         axis.grid(alpha=0.3, which="both")
         if table.hue and axis.lines:
             figure.legend(loc="outside right center", fontsize=8)
         failed = sum(row["failure"] is not None for row in rows)
-        figure.suptitle(study.table.title, fontsize=12)
-        figure.supxlabel(
-            f"{len(rows)} runs" + (f", {failed} of them failed" if failed else ""), fontsize=8, color="0.3"
+        counted = f"{len(rows)} runs" + (f", {failed} of them failed" if failed else "")
+        figure.supxlabel(counted, fontsize=8, color="0.3")
+
+
+def _scale(axis: Axes, table: FigureTable, xs: Sequence[Any], *, words: bool) -> None:
+    if words:
+        axis.set_xticks(range(len(xs)), [str(x) for x in xs], rotation=30, ha="right")
+    if table.scale != "linear":
+        axis.set_yscale("log")
+        plain_log_ticks(axis.yaxis)
+    if table.scale == "loglog" and not words:
+        axis.set_xscale("log")
+        plain_log_ticks(axis.xaxis)
+
+
+def _looks(rows: Sequence[Row], hues: Sequence[str]) -> dict[tuple[Any, ...], tuple[str, str]]:
+    """Style and colour of each line, by the values of its hues.
+
+    One style for each value of the first hue where there are several, one colour for each of the others.
+    """
+    lines = list(dict.fromkeys(tuple(row[hue] for hue in hues) for row in rows))[:_MOST_LINES]
+    split = int(len(hues) > 1)
+    styles, colours = ({line[part]: None for line in lines} for part in (slice(split), slice(split, None)))
+    return {
+        line: (
+            _STYLES[list(styles).index(line[:split]) % len(_STYLES)],
+            f"C{list(colours).index(line[split:]) % 10}",
         )
-        figure.savefig(path, dpi=120)
+        for line in lines
+    }
 
 
 def default_figure(study: Study, rows: Sequence[Row]) -> FigureTable:

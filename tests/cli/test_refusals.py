@@ -1,0 +1,244 @@
+"""Bad input to any command: one line that says where and what, exit code 2, and nothing is written."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import shutil
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from command_line import run
+from recorded_run import recorded
+from small_rigs import BENCH_160, small_rig_file
+
+import benchmarks
+from benchmarks.against_peers.open_loop import coarser
+from zeromethod.drivers.monitors import Monitor
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.save import save_values
+
+MONITORS = (
+    Monitor(0, "eDP-1", 2560, 1440, 144.0, 0, 0, 1.0, primary=True),
+    Monitor(1, "HDMI-1", 1920, 1080, 59.94, 2560, 0, 1.0, primary=False),
+    Monitor(2, "DP-2", 1920, 1080, 75.0, 4480, 0, 1.0, primary=False),
+)
+LISTED = (
+    "0 (eDP-1, 2560 x 1440, 144.00 Hz, at 0, 0), 1 (HDMI-1, 1920 x 1080, 59.94 Hz, at 2560, 0), "
+    "2 (DP-2, 1920 x 1080, 75.00 Hz, at 4480, 0)"
+)
+MODE = "(1920 x 1080 px at 60 Hz): set the monitor or the rig file; monitors: " + LISTED
+UNSEEN = "the simulated camera cannot observe a monitor; allowed: with --camera, or a rig file with a camera"
+NO_SETTING = "the simulated camera has none; allowed: with --camera"
+PYLON = "run --camera pylon --display 1"
+LOOP_ONLY = "only with --mode closed-loop"
+HELPERS = {"__init__", "report", "rigs", "live_running", "memory_devices", "against_peers"}
+BENCHMARKS = sorted({path.stem for path in Path(str(benchmarks.__file__)).parent.glob("*.py")} - HELPERS)
+
+REFUSALS = [
+    ("walk", "No such command 'walk'"),
+    ("run --colour red", "--colour"),
+    ("run --rig nowhere.toml", "nowhere.toml"),
+    ("run --rig nothing", "rig: \"nothing\": a file, or one of the packaged paper, simulated, virtual"),
+    ("run --scenario nothing", "nothing: "),
+    ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
+    ("run --gain 0", "--gain: 0: a number above 0, at most 1"),
+    ("run --frames 0", "--frames: 0: a whole number from 1"),
+    ("run --frames 1.5", "--frames: 1.5: a whole number from 1"),
+    ("run --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
+    ("run --controller magic", "--controller: 'magic' is not one of 'composition', 'integrator'."),
+    ("run --figure run.jpeg", "--figure: run.jpeg: the file name must end in .png"),
+    ("run --summary no/such/folder/run.json", "--summary: no/such/folder/run.json: the folder "),
+    ("run --latency -1.1", "--latency: -1.1: a number from -1 to 10\n"),
+    ("run --latency 11", "--latency: 11: a number from -1 to 10\n"),
+    ("run --latency nan", "--latency: nan: a number from -1 to 10\n"),
+    # recordings
+    ("run --keep frames", "--keep: only with --record FILE.h5"),
+    ("run --every 2", "--every: only with --record FILE.h5"),
+    ("run --compress", "--compress: only with --record FILE.h5"),
+    ("run --record run.h5 --keep ''", "--keep: '': of frames, "),
+    ("run --record run.h5 --keep frames,depth", "--keep: 'depth': of frames, "),
+    ("run --record run.mp4", "run.mp4: a recording's name ends in .h5 or .hdf5"),
+    ("run --record none/run.h5", "does not exist"),
+    ("run --record notes.h5", "is there already"),
+    # devices
+    ("run --display 5 --camera 0", f"--display: 5: no such monitor; allowed: {LISTED}\n"),
+    ("run --display 0 --camera 0", f"--display: 0: set to another mode than the rig's display {MODE}\n"),
+    ("run --display 2 --camera 0", f"--display: 2: set to another mode than the rig's display {MODE}\n"),
+    ("run --display 1", f"--display: 1: {UNSEEN} of its own\n"),
+    ("run --display 1 --camera simulated", f"--display: 1: {UNSEEN} of its own\n"),
+    (
+        "run --camera 0",
+        "--camera: '0': a camera cannot observe the simulated display; allowed: with --display, or a rig "
+        "file with a display of its own\n",
+    ),
+    (
+        "run --rig opencv.toml",
+        "camera.driver: 'opencv': a camera cannot observe the simulated display; allowed: with --display",
+    ),
+    (
+        "run --display 1 --camera film.mp4",
+        "--camera: 'film.mp4': allowed: an index (0), a URL (tcp://, http://, rtsp://), a video file, "
+        "pylon[:serial], aravis[:address], package.module:Name, or an installed driver\n",
+    ),
+    ("run --exposure 0", "--exposure: 0: a number above 0\n"),
+    ("run --exposure nan", "--exposure: nan: a number above 0\n"),
+    ("run --exposure 0.02", "--exposure: 0.02: at most the frame time, 0.0166667\n"),
+    ("run --camera-gain -1 --camera 0 --display 1", "--camera-gain: -1: a number from 0\n"),
+    ("run --camera-gain 3", f"--camera-gain: {NO_SETTING}\n"),
+    ("run --pixel-format Mono8", f"--pixel-format: {NO_SETTING}\n"),
+    (f"{PYLON} --pixel-format ''", '--pixel-format: "": text that is not empty\n'),
+    ("run --trigger free", f"--trigger: {NO_SETTING}\n"),
+    ("run --trigger none", "--trigger: 'none' is not one of 'free', 'software', 'hardware'.\n"),
+    ("run --region 0 0 1280 1024 --camera simulated", f"--region: {NO_SETTING}\n"),
+    (f"{PYLON} --region 0 0 640 512", "--region: [0, 0, 640, 512]: 1280, 1024 (columns, rows) at its end\n"),
+    ("devices --focus --delay", "--delay and --focus: give one of them\n"),
+    ("devices --identify 1 --focus", "--identify and --focus: give one of them\n"),
+    ("devices --speed --focus", "--focus and --speed: give one of them\n"),
+    ("devices --identify x", "--identify: 'x': allowed: the index of a monitor, or nothing for all\n"),
+    ("devices --write", "--write: only with --delay\n"),
+    ("devices --focus --write", "--write: only with --delay\n"),
+    ("devices --camera 0", "--camera: only with --delay or --focus\n"),
+    ("devices --speed --display 0", "--display: only with --delay or --focus\n"),
+    ("devices --identify --exposure 0.1", "--exposure: only with --delay or --focus\n"),
+    ("devices --rig paper", "--rig: only with --identify, --delay, --focus or --speed\n"),
+    ("devices --seconds 3", "--seconds: only with --identify, --delay or --focus\n"),
+    ("devices --speed --seconds 3", "--seconds: only with --identify, --delay or --focus\n"),
+    ("devices --delay --seconds 0", "--seconds: 0: a number above 0\n"),
+    ("devices --delay --seconds nan", "--seconds: nan: a number above 0\n"),
+    ("devices --delay --write", "--write: 'simulated': with --rig and a rig file of your own\n"),
+    ("devices --delay --write --rig paper", "--write: 'paper': with --rig and a rig file of your own\n"),
+    ("devices --focus --summary focus.txt", "--summary: focus.txt: the file name must end in .json\n"),
+    # from a recording
+    ("report missing.h5", "missing.h5: not there"),
+    ("report folder.h5", "folder.h5: is a folder; give a recording (HDF5)"),
+    ("report folder.h5 --follow", "folder.h5: is a folder; give a recording (HDF5)"),
+    ("report notes.h5", "notes.h5: cannot be read as a recording"),
+    ("report notes.h5 --follow", "notes.h5: cannot be read as a recording"),
+    ("report notes.h5 --output page.pdf", "--output: page.pdf: the file name must end in .html"),
+    ("report notes.h5 --follow --output a.html", "--follow and --output"),
+    ("report nowhere/run.h5 --follow", "does not exist"),
+    ("export run.h5 a.obj", "OUT: a.obj: the file name must end in .npz, .tif"),
+    ("export run.h5 a.npz a.csv --format csv", "--format: csv: for one OUT only"),
+    ("export run.h5 a.npz a.npz", "OUT: the same file is named twice"),
+    ("export run.h5 a.csv --at 1", "--at: 1: only with a mesh (.ply, .stl)"),
+    ("export run.h5 a.npz --pitch 0.1", "--pitch: 0.1: for a .tif only"),
+    ("export run.h5 a.stl --every 2", "--every: 2: a mesh is of one time"),
+    ("export run.h5 no/a.csv", "OUT: no/a.csv: the folder "),
+    ("export run.h5 a.npz --from 5", "no surface recorded from 5 to "),
+    ("export run.h5 a.npz --from 0.3 --to 0.2", "--from: 0.3: must not be after --to (0.2)"),
+    ("export run.h5 a.npz --from nan", "--from: nan: seconds"),
+    ("export run.h5 a.npz --to inf", "--to: inf: seconds"),
+    ("export run.h5 a.ply --at nan", "--at: nan: seconds"),
+    ("export run.h5 a.tif --pitch 100", "--pitch: 100 mm: gives "),
+    ("export run.h5 a.tif --pitch nan", "--pitch: nan: a number above 0"),
+    ("export run.h5 a.tif --pitch inf", "--pitch: inf: a number above 0"),
+    ("export run.h5 run.h5 --format npz", "zeromethod: OUT: run.h5: is the recording itself\n"),
+    ("export folder.h5 a.csv", "zeromethod: folder.h5: is a folder; give a recording (HDF5)\n"),
+    ("export notes.h5 a.csv", "notes.h5: "),
+    ("replay nowhere.h5", "not there"),
+    ("replay notes.h5", "cannot be read as a recording"),
+    ("replay run.h5 --gain 0.5", LOOP_ONLY),
+    ("replay run.h5 --record x.h5", LOOP_ONLY),
+    ("replay run.h5 --mode closed-loop --record notes.h5", "not overwritten"),
+    ("replay run.h5 --set surface.rest=1", "surface.rest: unknown key"),
+    ("replay run.h5 --set target.period_px=20", "cannot be changed"),
+    ("replay run.h5 --from 9", "nothing is there"),
+    ("replay run.h5 --rig nobench", "rig: "),
+    ("replay run.h5 --figure x.pdf", "--figure: x.pdf: the file name must end in .png"),
+    ("replay run.h5 --speed inf", "--speed: inf: a number above 0"),
+    ("replay bare.h5", "recorded without warps"),
+    ("replay bare.h5 --mode from-frames", "recorded without frames"),
+    ("replay bare.h5 --mode closed-loop", "recorded without surfaces"),
+    # all else
+    ("study none.toml", "none.toml: cannot be read: No such file or directory: a study file (TOML)"),
+    (
+        "study nothing",
+        "zeromethod: FILE: nothing: a study file (.toml), or one of the packaged calibration-budget, "
+        "fold-limit, gain-delay, noise-floor",
+    ),
+    ("study gain-delay --retry-failed --restart", "--retry-failed: not with --restart, which does every run"),
+    ("study gain-delay --cluster tcp://127.0.0.1:9 --workers 2", "--workers: 2: not with --cluster"),
+    ("study gain-delay --output notes.h5", "--output"),
+    ("study gain-delay --summary a.txt", "--summary: a.txt: the file name must end in .json"),
+    ("design nowhere", "rig: "),
+    ("design small.toml --vary angle=45", "--vary: 'angle=45'"),
+    ("design small.toml --vary angel=45:60", "--vary: 'angel'"),
+    ("design small.toml --press needle:1", "--press: 'needle:1'"),
+    ("design small.toml --pupil 0", "--pupil: 0: a number above 0"),
+    ("design small.toml --pupil nan", "--pupil: nan"),
+    ("design small.toml --computing -1", "--computing: -1: a number from 0"),
+    ("design small.toml --figure design.jpg", "--figure: design.jpg"),
+    ("design small.toml --summary nowhere/design.json", "--summary: nowhere/design.json"),
+    ("design off.toml", "simulated: display.centre_mm: (900.0, 0.0): the centre ray ends at column"),
+    ("measure rest.png nowhere.tif", "nowhere.tif: cannot be read"),
+    ("measure rest.png notes.tif", "notes.tif: not an image"),
+    ("measure rest.png small.png", "the reference has 140 x 120 px"),
+    ("measure rest.png rest.png folder.h5/rest.png", "would overwrite"),
+    ("measure rest.png rest.png --rig simulated", "140 x 120 px: the rig's camera has 1280 x 1024 px"),
+    ("measure rest.png rest.png --window 1", "--window: 1: a number from "),
+    ("reproduce --summary figures.txt", "--summary: figures.txt: the file name must end in .json"),
+    ("reproduce --output notes.h5", "--output: notes.h5: must be a folder that can be made"),
+    ("virtual-bench --repeat 2 --forever", "--repeat and --forever: give one of them, not both"),
+    ("calibrate --rig simulated --patience nan", "zeromethod: --patience: nan: a number above 0\n"),
+    ("calibrate intrinsics --patience 0", "zeromethod: --patience: 0: a number above 0\n"),
+    ("calibrate board --dpi nan", "zeromethod: --dpi: nan: a number from 10 to 10000\n"),
+    *((f"benchmarks.{name} --colour", "--colour") for name in BENCHMARKS),
+    ("benchmarks.sigma --summary sigma.txt", "--summary: sigma.txt: the file name must end in .json"),
+    ("benchmarks.sigma --summary no/such/folder/s.json", "does not exist"),
+    ("benchmarks.calibration_benches --benches 0", "--benches: 0: a whole number from 1"),
+    ("benchmarks.recording_cost --keep sound", "--keep: 'sound'"),
+    ("benchmarks.recording_cost --folder no/such/folder", "--folder"),
+    ("benchmarks.window_speed --pictures many", "--pictures: many: a whole number from 2"),
+    ("benchmarks.against_peers.__main__ --part everything", "--part: 'everything' is not one of 'displ"),
+    ("benchmarks.against_peers.__main__ --figure bench.jpeg", "--figure: bench.jpeg: the file name must"),
+    ("benchmarks.against_peers.__main__ --summary no/such/b.json", "does not exist"),
+    ("benchmarks.against_peers.__main__ --fast", "--fast"),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the commands are given: recordings, rig files, images, and files that are none of these."""
+    folder = tmp_path_factory.mktemp("given")
+    (folder / "folder.h5").mkdir()
+    for name in ("notes.h5", "notes.tif"):
+        (folder / name).write_text("no recording, no image")
+    os.utime(folder / "notes.h5", (time.time() - 60,) * 2)
+    rig = coarser(load_rig("simulated"), 8)
+    recorded(folder / "run.h5", 0.4, rig=rig)
+    recorded(folder / "bare.h5", 0.1, rig=rig, keep=("residual",))
+    small = small_rig_file(folder / "small.toml", BENCH_160)
+    save_values(small, {"display.centre_mm": [900.0, 0.0]}, folder / "off.toml")
+    save_values(small, {"camera.driver": "opencv", "camera.source": 0}, folder / "opencv.toml")
+    grey = np.random.default_rng(0).integers(0, 256, (120, 140), dtype=np.uint8)
+    for name, image in (("rest", grey), ("small", grey[:60, :60])):
+        cv2.imwrite(str(folder / f"{name}.png"), image)
+    shutil.copy(folder / "rest.png", folder / "folder.h5")
+    return folder
+
+
+def state_of(folder: Path) -> dict[Path, int]:
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+
+
+@pytest.mark.parametrize(("line", "words"), REFUSALS, ids=[line for line, _ in REFUSALS])
+def test_bad_input_is_refused_in_one_line(
+    line: str, words: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("zeromethod.drivers.monitors.monitors", lambda: MONITORS)
+    monkeypatch.chdir(folder)
+    before = state_of(folder)
+    if line.startswith("benchmarks."):
+        module, _, line = line.partition(" ")
+        outcome = run(line, command=importlib.import_module(module).command)
+    else:
+        outcome = run(line)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith("zeromethod: ")
+    assert outcome.err.count("\n") == 1
+    assert words in outcome.err
+    assert state_of(folder) == before
