@@ -46,7 +46,7 @@ _LARGE = 4096
 
 @dataclass(frozen=True)
 class Stored:
-    """A calibration as its folder tells it.
+    """A calibration as it stands in its folder.
 
     Attributes
     ----------

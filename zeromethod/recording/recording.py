@@ -20,6 +20,7 @@ from zeromethod.loop.state import State
 from zeromethod.recording.checksums import checksum_of
 from zeromethod.recording.damage import damaged_items, unknown_surface
 from zeromethod.recording.opening import Refusal, RefusedRecording
+from zeromethod.recording.peaks import peak_table
 from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, number_name
 from zeromethod.recording.source import RecordingFile
 from zeromethod.rig.load import parse_rig
@@ -31,26 +32,17 @@ from zeromethod.warp.rest import Rest
 from zeromethod.warp.rest_pixels import RestGrid
 from zeromethod.warp.warp import Warp
 
-PEAKS = np.dtype(
-    [("step", "i8"), ("time_s", "f8"), ("state", "U16")]
-    + [
-        (name, "f8")
-        for name in ("depth_mm", "depth_sigma_mm", "possibly_deeper_mm", "x_mm", "y_mm", "read_ms")
-    ]
-    + [("time_ns", "i8")]
-)
-"""Columns of `Recording.peaks`."""
-
 
 class Recording(AbstractContextManager["Recording"]):
     """One recording, open for reading; it may still be written by another process: `refresh`.
 
     Tables are structured arrays, one row per step, picture, reading or drop, with the fields of
     `zeromethod.recording.schema`. Arrays are asked for by the number of their step; None: there are none.
-
-    Whatever is read may raise InputError, one line: the file is damaged there. Arrays that are not what was
-    written are left out (None; a surface without a valid node), which each dataset warns of once:
-    DamagedWarning.
+    live: whether it ran in real time. kept: what was kept, of `schema.KEEP`. every: arrays were kept of every
+    so many-th frame. seed: of the simulated bench. started_utc: ISO 8601. calibration: text of its document;
+    "" without. rig_text: the rig as TOML, with all its values.
+    Every read may raise InputError, one line: the file is damaged there. Damaged arrays are left out (None; a
+    surface without a valid node), with one DamagedWarning per dataset.
 
     Parameters
     ----------
@@ -101,7 +93,6 @@ class Recording(AbstractContextManager["Recording"]):
         self._measure()
 
     def __repr__(self) -> str:
-        """One line: file, length, frames, rig, whether it is complete."""
         frames = int(np.count_nonzero(self.steps["frame_number"] >= 0))
         end = "complete" if self.complete else "cut off, or still being written"
         rig = tomllib.loads(self.rig_text).get("name", "")
@@ -112,16 +103,13 @@ class Recording(AbstractContextManager["Recording"]):
         self._source.close()
         if self._folder is not None:
             self._folder.cleanup()
-            self._folder = None
+        self._folder = None
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
     def refresh(self) -> None:
-        """See what was written since the file was opened, or since the last call.
-
-        Raises InputError: it cannot be read any more.
-        """
+        """See what was written since the last call; raises InputError where it cannot be read any more."""
         self._source.refresh()
         self._measure()
 
@@ -203,8 +191,6 @@ class Recording(AbstractContextManager["Recording"]):
         display = self.rig.display
         return Rest(self.grid, q, flags, mask, (display.columns, display.rows))
 
-    # Tables
-
     @property
     def steps(self) -> Image:
         """One row per step of the loop."""
@@ -223,14 +209,7 @@ class Recording(AbstractContextManager["Recording"]):
         x_mm, y_mm, read_ms, time_ns (on the run's clock); `pandas.DataFrame(recording.peaks)` works.
         """
         if self._peaks is None:
-            rows = self._source.table("peaks/table")
-            peaks = np.empty(len(rows), PEAKS)
-            for name in set(PEAKS.names or ()) - {"time_s", "state"}:
-                peaks[name] = rows[name]
-            if len(rows):
-                peaks["time_s"] = 1e-9 * (rows["time_ns"] - self.steps["time_ns"][0])
-                peaks["state"] = np.array([state.value for state in STATES])[rows["state"]]
-            self._peaks = peaks
+            self._peaks = peak_table(self._source.table("peaks/table"), self.steps["time_ns"][:1])
         return self._peaks
 
     @property
@@ -264,8 +243,6 @@ class Recording(AbstractContextManager["Recording"]):
     def text(field: bytes) -> str:
         """Text of a field: a reason, a note, why frames are missing."""
         return bytes(field).decode("utf-8", "replace")
-
-    # Arrays of a step
 
     def row(self, step: int) -> Any:
         """Row of `steps`; None where there is none of that number."""

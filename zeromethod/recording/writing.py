@@ -35,7 +35,7 @@ class Writing:
         self._lacking = 0
 
     def report(self, topic: Topic, text: str = "", time_ns: int = 0, frames: int = 0) -> None:
-        """Tell the run's process; it may have ended."""
+        """Send news to the run's process, which may have ended."""
         with contextlib.suppress(OSError):
             os.write(self._news, News(topic, text, time_ns, frames).encode())
 

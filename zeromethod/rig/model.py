@@ -234,12 +234,8 @@ class Rig(Table):
 
         Parameters
         ----------
-        data : dict
-            The values, as TOML has them.
-        where : str or Path
-            What messages begin with.
-        folder : Path
-            Where the files that it names lie.
+        data, where, folder : dict, str or Path, Path
+            The values, as TOML has them; what messages begin with; where the files that it names lie.
         measured : bool
             With `camera.rest_map`.
 
