@@ -1,4 +1,4 @@
-"""The table of peaks: the deepest point of every surface that was read, with its time and the loop's state."""
+"""The table of peaks: the deepest point of every surface that was read, with its time and state."""
 
 from __future__ import annotations
 
