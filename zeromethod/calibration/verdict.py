@@ -12,6 +12,7 @@ from zeromethod.calibration.depth_error import DepthError
 from zeromethod.calibration.fit import Fit
 from zeromethod.calibration.measurements import RestPositions
 from zeromethod.calibration.parameters import PARAMETERS
+from zeromethod.calibration.presses import Presses
 from zeromethod.calibration.uncertainty import Gain, strongest
 from zeromethod.optics import Optics, critical_angle_rad
 
@@ -108,8 +109,7 @@ def _misfits(fitted: Fit) -> list[str]:
             continue
         worst = int(np.argmax(np.abs(term.residual)))
         size = float(np.abs(term.residual[worst]))
-        which = getattr(data, "presses", None)
-        name = f"press {which[worst].name}" if which is not None else data.name
+        name = f"press {data.presses[worst].name}" if isinstance(data, Presses) else data.name
         if size > OFF_SIGMA:
             off.append((size, f"{name} contradicts everything else by {size:.1f} sigma"))
     return found + [text for _, text in sorted(off, reverse=True)]

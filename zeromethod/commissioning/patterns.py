@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from zeromethod.arrays import Bytes, Image, Single
+from zeromethod.devices.abilities import poll_of
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraTimeout, Frame
 from zeromethod.errors import MeasurementError
@@ -107,7 +108,7 @@ class TimedPatterns:
 
     def read(self) -> Frame:
         """Newest frame. Raises MeasurementError for a silent camera; CameraLost passes."""
-        poll = getattr(self._devices.display, "poll", lambda: None)
+        poll = poll_of(self._devices.display) or (lambda: None)
         for _ in range(TIMEOUTS_TO_FAIL):
             poll()
             try:
