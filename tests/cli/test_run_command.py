@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from command_line import run, start
-from planted_turns import wait_for
+from planted_steps import wait_for
 from small_rigs import small_rig_file
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import live_devices
 import pytest
 from command_line import start
-from planted_turns import wait_for
+from planted_steps import wait_for
 from small_rigs import BENCH_160, small_rig_file
 
 from zeromethod.cli.stopping import accept_ctrl_c, stopped_by_signals

@@ -10,7 +10,7 @@ from pathlib import Path
 import pyarrow.parquet
 import pytest
 from command_line import run, start
-from planted_turns import wait_for
+from planted_steps import wait_for
 from processes import has_ended
 
 from zeromethod.study import workers

@@ -260,7 +260,8 @@ def test_live_an_error_in_reading_ends_the_run_and_the_next_one_reads(
             patch.setattr(session, "_read", broken)
             with pytest.raises(FloatingPointError, match="surface"):
                 list(session.run(frames=200))
-        assert any(step.surface is not None for step in session.run(frames=40))
+        # until the first one: how long that takes on a busy machine is not looked at here
+        assert any(step.surface is not None for step in session.run(seconds=30))
 
 
 def test_live_a_caller_that_is_slow_gets_the_newest_frames() -> None:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from planted_turns import wait_for
+from planted_steps import wait_for
 from recorded_run import recorded
 from rich.console import Console
 

@@ -112,7 +112,7 @@ def run_study(
     """
     study = study if isinstance(study, Study) else load_study(study)
     folder = Path(f"study-{study.name}" if folder is None else folder)
-    workers = workers if isinstance(workers, Workers) else Workers(workers)
+    workers = Workers(workers) if workers is None or isinstance(workers, int) else workers
     _pyarrow()
     planned = tasks(study)
     if not planned:
