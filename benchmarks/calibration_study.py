@@ -203,7 +203,7 @@ class Outcome:
     @property
     def normalised(self) -> Float:
         """Errors over stated sigmas."""
-        return np.array(self.errors) / np.array(self.sigmas)
+        return np.asarray(np.array(self.errors) / np.array(self.sigmas))
 
 
 def study_bench(number: int, nominal: Rig, tests: int = TESTS, cases: Sequence[str] = CASES) -> list[Outcome]:

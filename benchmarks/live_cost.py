@@ -91,7 +91,7 @@ Turns = dict[str, list[list[Timed]]]
 def column(rounds: list[list[Timed]], name: str) -> Float:
     """One figure of all turns, those without it left out."""
     values = np.array([getattr(turn, name) for turns in rounds for turn in turns], dtype=float)
-    return values[np.isfinite(values)]
+    return np.asarray(values[np.isfinite(values)])
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,8 @@ class Prepared:
         shot = signal / noise.electrons_per_grey if noise.electrons_per_grey else 0.0
         spread = np.sqrt(noise.read_grey**2 + shot)
         values = np.rint(noise.black_grey + signal + sign * spread * self._normal[rows])
-        return np.clip(values, 0, full).astype(np.uint8 if camera.bits == 8 else np.uint16)
+        grey: NDArray[Any] = np.clip(values, 0, full).astype(np.uint8 if camera.bits == 8 else np.uint16)
+        return grey
 
     def _warp(self, rest: Rest, state: int) -> Float:
         q = self.optics.trace(*rest.grid.mesh(), Dented(self.optics.rest, _mirror(state))).q
@@ -255,7 +256,8 @@ class MemoryDisplay:
     @cached_property
     def framebuffer(self) -> moderngl.Framebuffer:
         """What is drawn into."""
-        return self.context.framebuffer([self.context.texture(self.size, 4)])
+        framebuffer: moderngl.Framebuffer = self.context.framebuffer([self.context.texture(self.size, 4)])
+        return framebuffer
 
     def draw(self, render: Callable[[Any], None]) -> int:
         """Take a picture; its presentation is now."""

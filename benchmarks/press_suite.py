@@ -19,7 +19,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from benchmarks.report import Figure, Report, benchmark, start
-from benchmarks.rigs import VIEW_MIDDLE_MM, Float
+from benchmarks.rigs import VIEW_MIDDLE_MM
+from zeromethod.arrays import Float
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.load import load_rig
 from zeromethod.simulation.press import Dent, Mirror, Shape

@@ -313,7 +313,9 @@ def measure(rig: Rig, folder: Path, keep: Sequence[str], seconds: float) -> Repo
         Figure("written", f"{size_mb:.0f} MB, {size_mb / (seconds + LEFT_OUT_S):.0f} MB/s"),
         Figure("waiting for the disk at the end", f"{waiting_mb:.0f} MB"),
     ]
-    rows = [("", "s", "frames/s", "given/s", "dropped", "turn ms: median", "99 %", "cpu ms: loop", "process")]
+    rows: list[tuple[str, ...]] = [
+        ("", "s", "frames/s", "given/s", "dropped", "turn ms: median", "99 %", "cpu ms: loop", "process")
+    ]
     for part in (before, during, after):
         values = (part.seconds, part.rate_hz, part.given_hz)
         rows.append(

@@ -112,7 +112,7 @@ def usable_residual_px(step: Step, usable: Mask) -> tuple[float, float]:
     if step.residual is None:
         return float("nan"), 0.0
     good = usable & (step.residual.flags == 0)
-    share = np.count_nonzero(good) / max(np.count_nonzero(usable), 1)
+    share = np.count_nonzero(good) / max(int(np.count_nonzero(usable)), 1)
     if not good.any():
         return float("nan"), 0.0
     return float(np.sqrt(np.mean(np.sum(step.residual.d[good] ** 2, axis=-1)))), share

@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import VIEW_MIDDLE_MM, changed, small_rig
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Single
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import Observation, PanelTiming, pair
 from zeromethod.exposure.presentation_log import PresentationLog
@@ -64,7 +64,11 @@ class Case:
 
 LEVELS = (("low", 0.7, 600.0), ("packaged", 2.0, 150.0), ("high", 5.0, 20.0))
 CASES = (
-    *(Case(f"{name} noise, exposure {e:g}", *level, e) for name, *level in LEVELS for e in (1.0, 0.25)),
+    *(
+        Case(f"{name} noise, exposure {e:g}", grey, electrons, e)
+        for name, grey, electrons in LEVELS
+        for e in (1.0, 0.25)
+    ),
     Case("packaged noise, at rest", 2.0, 150.0, 1.0, press_mm=0.0),
     Case("packaged noise, two pictures", 2.0, 150.0, 1.0, two_pictures=True),
 )
@@ -164,7 +168,7 @@ class Bench:
         q = self.optics.trace(*self.rest.grid.mesh(), mirror).q
         return np.where(np.isfinite(q), q, self.rest.q)
 
-    def exposed(self, case: Case) -> tuple[Float, Observation]:
+    def exposed(self, case: Case) -> tuple[Single, Observation]:
         """Light at the pixels, and what was shown, of one frame."""
         # 2 um short of the press, so that the residual is small but not nothing.
         pictures = [self.warp(max(case.press_mm - 0.002, 0.0))]
@@ -188,7 +192,7 @@ class Bench:
         shown = pair(log, frame, timing, self.warp(case.press_mm), self.rest.grid, kind)
         assert shown is not None
         assert (len(shown.entries) == 2) == case.two_pictures
-        return light * np.float32(case.exposure), shown
+        return np.float32(case.exposure) * light, shown
 
     def draws(self, case: Case, count: int = DRAWS) -> Draws:
         """Draw the noise `count` times."""

@@ -31,7 +31,7 @@ def _phase(frames: NDArray[np.uint8], unturned: NDArray[np.complex64]) -> NDArra
     signal = np.zeros(frames.shape[1:], np.complex64)
     for frame, weight in zip(frames, np.exp(-1j * delta).astype(np.complex64), strict=True):
         signal += frame * weight
-    phase = np.angle(signal * unturned)
+    phase: NDArray[np.float32] = np.angle(signal * unturned)
     if np.abs(phase).max() > np.pi / 2:
         rows = np.unwrap(phase, axis=1)
         phase = rows + (np.unwrap(rows[:, :1], axis=0) - rows[:, :1])

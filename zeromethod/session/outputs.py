@@ -7,15 +7,23 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from zeromethod.clock import Clock
 from zeromethod.loop.loop import Loop
-from zeromethod.publishing.publisher import Publisher
+from zeromethod.loop.step import Step
 from zeromethod.rig.model import Rig
 
 if TYPE_CHECKING:
     from zeromethod.recording.recorder import Recorder
+
+
+class StepPublisher(Protocol):
+    """Anything that takes the steps of a session, as `zeromethod.publishing.Publisher` does."""
+
+    def publish(self, step: Step) -> None:
+        """Take one step of the loop, with its surface and peak where it was read."""
+
 
 Record: TypeAlias = "Callable[[Loop], Recorder] | str | Path | None"
 
@@ -37,7 +45,7 @@ def recorder_of(record: Record, rig: Rig, loop: Loop) -> Recorder | None:
 
 
 @contextmanager
-def publishing(publisher: Publisher | str | None, clock: Clock) -> Iterator[Publisher | None]:
+def publishing(publisher: StepPublisher | str | None, clock: Clock) -> Iterator[StepPublisher | None]:
     """Publisher that was asked for, at an address where only that is given."""
     if not isinstance(publisher, str):
         yield publisher

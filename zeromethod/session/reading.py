@@ -11,7 +11,7 @@ from operator import or_
 import numpy as np
 
 from zeromethod.loop.step import Step
-from zeromethod.publishing.publisher import Publisher
+from zeromethod.session.outputs import StepPublisher
 from zeromethod.surface import Peak, Surface
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.warp import Warp
@@ -36,7 +36,7 @@ class StepReader:
     queues. Measured steps and others wait apart, one of each.
     """
 
-    def __init__(self, read: Callable[[Step], Step], publisher: Publisher | None, live: bool) -> None:
+    def __init__(self, read: Callable[[Step], Step], publisher: StepPublisher | None, live: bool) -> None:
         self._read = read
         self._publisher = publisher
         self._worker: Worker[dict[bool, Step], list[Step]] | SameThread[dict[bool, Step], list[Step]]

@@ -23,11 +23,10 @@ from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
-from zeromethod.publishing.publisher import Publisher
 from zeromethod.recording.status import Condition
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.outputs import Record, publishing, recorder_of
+from zeromethod.session.outputs import Record, StepPublisher, publishing, recorder_of
 from zeromethod.session.reading import StepReader, rms_nm, timed, warm_up_warp, with_reading
 from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
@@ -77,7 +76,7 @@ class Session:
         rig: Rig | str | Path = "simulated",
         *,
         devices: Devices | None = None,
-        publisher: Publisher | str | None = None,
+        publisher: StepPublisher | str | None = None,
         record: Record = None,
     ) -> None:
         self.rig = rig if isinstance(rig, Rig) else load_rig(rig)
@@ -312,7 +311,7 @@ def run(
     frames: int | None = None,
     seconds: float | None = None,
     on_step: Callable[[Step], None] | None = None,
-    publisher: Publisher | str | None = None,
+    publisher: StepPublisher | str | None = None,
     record: Record = None,
 ) -> RunResult:
     """Open a rig's devices, close the loop for a while, read every frame, close the devices.

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-Advance = Callable[[str], None]
-"""Called after each finished step, with the name of the next one ("" at the end)."""
+
+class Advance(Protocol):
+    """Called after each finished step."""
+
+    def __call__(self, following: str = ..., /) -> None:
+        """Name the next step; "" at the end, the same name as before without."""
 
 
 @contextmanager
@@ -26,7 +31,7 @@ def progress(total: int, first: str = "") -> Iterator[Advance]:
     )
     task = bar.add_task(first, total=total)
 
-    def advance(following: str = first) -> None:
+    def advance(following: str = first, /) -> None:
         bar.update(task, advance=1, description=following)
 
     with bar:
