@@ -107,7 +107,7 @@ class Truth:
     def __init__(self, rig: Rig, rng: np.random.Generator) -> None:
         self.rig, self._rng = rig, rng
         self.optics = Optics(rig)
-        self.grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+        self.grid = NodeGrid.of_rig(rig)
         self._rest_q = self.optics.rest_map(*self.grid.mesh())
         point = self.optics.trace(*self.grid.mesh(), self.optics.rest).point[self.grid.inner]
         self._low = np.nanmin(point[..., :2], axis=(0, 1))

@@ -116,7 +116,7 @@ class Bench:
     def __init__(self) -> None:
         rig = load_rig("simulated")
         self.optics = Optics(rig)
-        self.grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+        self.grid = NodeGrid.of_rig(rig)
         self.reader = SurfaceReader(rig, self.optics, self.grid)
         self._size = (rig.display.columns, rig.display.rows)
         self._rest_q = self.optics.trace(*self.grid.mesh(), self.optics.rest).q

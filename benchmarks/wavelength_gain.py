@@ -61,7 +61,7 @@ class Bench:
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
         self.optics = Optics(rig)
-        self.grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+        self.grid = NodeGrid.of_rig(rig)
         self.reader = SurfaceReader(rig, self.optics, self.grid)
         self.rest = self.optics.trace(*self.grid.mesh(), self.optics.rest)
         x = self.rest.point[self.grid.shape[0] // 2, :, 0]

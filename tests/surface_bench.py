@@ -109,7 +109,7 @@ class Bench:
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
         self.optics = Optics(rig)
-        self.grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+        self.grid = NodeGrid.of_rig(rig)
         self.reader = SurfaceReader(rig, self.optics, self.grid)
         self.centre_mm = self.optics.length_mm / 2
         u, v = self.grid.mesh()

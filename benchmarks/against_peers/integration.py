@@ -71,7 +71,7 @@ def measure(figures: Figures, on_step: OnStep, quick: bool) -> None:
     rng = np.random.default_rng(1)
     rig = binned(load_rig("simulated"), 2 if quick else 1)
     optics = Optics(rig)
-    grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+    grid = NodeGrid.of_rig(rig)
     reader = SurfaceReader(rig, optics, grid)
     tasks = dict(zip(CASES, _tasks(optics, grid), strict=True))
     figures.update(

@@ -222,11 +222,10 @@ class _Staircase:
         self.kind, self.method, self.believed, self.levels = kind, method, believed, levels
         self.truth = Optics(true_rig(believed, kind))
         self.optics = Optics(believed)
-        camera = believed.camera
-        self.grid = NodeGrid((camera.rows, camera.columns), believed.target.period_px)
+        self.grid = NodeGrid.of_rig(believed)
         frames = np.full(len(levels), _HELD_FRAMES[method])
         frames[0] = _ZERO_FRAMES
-        self._ends_ns = [round(1e9 * n / camera.rate_hz) for n in np.cumsum(frames)]
+        self._ends_ns = [round(1e9 * n / believed.camera.rate_hz) for n in np.cumsum(frames)]
 
     def _scenario(self) -> Scenario:
         points = []
@@ -266,9 +265,8 @@ class _Staircase:
             display.close()
 
     def _misreading(self) -> _MisreadingSensor:
-        camera, target = self.believed.camera, self.believed.target
-        grid = NodeGrid((camera.rows, camera.columns), target.period_px)
-        light = Target.from_spec(target).light
+        grid = NodeGrid.of_rig(self.believed)
+        light = Target.from_spec(self.believed.target).light
         return _MisreadingSensor(ResidualSensor.from_rig(self.believed, grid, light), 1 + ERROR)
 
     def _reading(self, taken: list[Step], depth_mm: float, mirror: Mirror, most: int) -> _Reading:

@@ -20,13 +20,13 @@ from two_monitors import TwoMonitors, missing, start
 from zeromethod.calibration import KnownPress, Presses, RestReading, describe
 from zeromethod.calibration.folder import Stored, newest
 from zeromethod.commissioning.calibration.evaluation import geometry_values
-from zeromethod.commissioning.calibration.first_fit import grid_of
 from zeromethod.optics import Dented, Optics
 from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.rig.save import save_values
 from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
@@ -134,7 +134,7 @@ def test_other_presses_are_read_in_millimetres(
 ) -> None:
     """By exact rays through the true bench; 1 % is the bar for three known presses."""
     rig, found = true_rig[0], load_rig(calibrated[0].rig_file)
-    grid, optics = grid_of(rig), Optics(rig)
+    grid, optics = NodeGrid.of_rig(rig), Optics(rig)
     flags = np.full(grid.shape, int(Flag.OUTSIDE), np.uint16)
     flags[grid.inner] = 0
 

@@ -102,7 +102,7 @@ def test_what_touches_is_marked_and_the_dim_flank_beside_it_is_not(tmp_path: Pat
 
 def test_usable_nodes_are_those_with_light() -> None:
     rig = load_rig("paper")
-    grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+    grid = NodeGrid.of_rig(rig)
     optics = Optics(rig)
     assert usable_nodes(optics, grid, AT_REST)[grid.inner].mean() > 0.9
     simulated = load_rig("simulated")

@@ -31,7 +31,7 @@ def true(believed: Rig) -> Optics:
 
 @pytest.fixture(scope="module")
 def grid(believed: Rig) -> NodeGrid:
-    return NodeGrid((believed.camera.rows, believed.camera.columns), believed.target.period_px)
+    return NodeGrid.of_rig(believed)
 
 
 def test_pixels_of_the_measured_rest_have_the_true_rays(believed: Rig, true: Optics, grid: NodeGrid) -> None:

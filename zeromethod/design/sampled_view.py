@@ -39,8 +39,7 @@ class SampledView:
         """Trace every node. Raises InputError (one line) where no node sees the LCD by the mirror."""
         self.rig = rig
         self.optics = Optics(rig)
-        camera = rig.camera
-        self.grid = NodeGrid((camera.rows, camera.columns), rig.target.period_px)
+        self.grid = NodeGrid.of_rig(rig)
         u, v = self.grid.mesh()
         self.u_px: Float = u[self.grid.inner]
         self.v_px: Float = v[self.grid.inner]

@@ -82,7 +82,7 @@ def read_whole_image(
     displacement = correlate(before, after, window_px=None if own_window else WINDOW_PITCHES * pitch_px)
     if not displacement.valid.any():
         return SurfaceReading(reason="the two images do not match anywhere")
-    optics, grid = Optics(rig), NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+    optics, grid = Optics(rig), NodeGrid.of_rig(rig)
     warp = measured_warp(displacement, optics, grid)
     if not warp.valid.any():
         return SurfaceReading(reason="no node of the warp was measured")
@@ -100,7 +100,7 @@ def read_zero(rig: Rig, truth: TrueMirror, seconds: float) -> SurfaceReading:
     if not held or nulled is None or nulled.surface is None:
         last = result.records[-1].reason if result.records else "no frame"
         return SurfaceReading(reason=f"never nulled while held: {last}")
-    grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+    grid = NodeGrid.of_rig(rig)
     one = against_truth(nulled.surface, truth, Optics(rig), grid)
     truths = [record.truth for record in held if record.truth is not None]
     return replace(

@@ -113,7 +113,7 @@ class Measurement:
             if self.reference.shape != expected:
                 raise InputError(f"{name}: {_size(self.reference)}: the rig's camera has {_size(expected)}")
             self._optics = Optics(rig)
-            self._grid = NodeGrid(expected, rig.target.period_px)
+            self._grid = NodeGrid.of_rig(rig)
             self._reader = SurfaceReader(rig, self._optics, self._grid)
 
     def load(self, image: Path | Image) -> Image:

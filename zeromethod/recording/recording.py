@@ -177,8 +177,7 @@ class Recording(AbstractContextManager["Recording"]):
     @cached_property
     def grid(self) -> NodeGrid:
         """The nodes, on the rays that they had."""
-        camera = self.rig.camera
-        grid = NodeGrid((camera.rows, camera.columns), self.rig.target.period_px)
+        grid = NodeGrid.of_rig(self.rig)
         pixels = self._source.whole("rest/node_pixels")
         if np.array_equal(pixels, np.stack(grid.mesh(), axis=-1)):
             return grid

@@ -49,7 +49,7 @@ def budget(task: Task) -> Figures:
     if evidence not in EVIDENCE:
         raise InputError(f"evidence: {shown(evidence)}: one of {', '.join(EVIDENCE)}")
     priors = Priors.of(rig, dict.fromkeys(_exact(rig, settings["exact"]), 0.0))
-    grid = NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+    grid = NodeGrid.of_rig(rig)
     measurements: list[Measurement] = []
     if evidence.startswith("rest map"):
         measurements.append(RestPositions.of(grid, _rest(rig, grid, float(settings["rest_sigma_px"]))))

@@ -38,8 +38,7 @@ def plot_run(run: Session | RunResult, path: str | Path | None = None) -> Figure
         Twelve panels; those without data say so.
     """
     result = run.result if isinstance(run, Session) else run
-    camera = result.rig.camera
-    grid = NodeGrid((camera.rows, camera.columns), result.rig.target.period_px)
+    grid = NodeGrid.of_rig(result.rig)
     with picture(path, (16, 9.5), _title(summarise(result))) as figure:
         axes = figure.subplots(3, 4)
         _camera_row(axes[0, :3], result, grid)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.rig.model import Rig
 
 T = TypeVar("T", bound=np.generic)
 
@@ -34,6 +35,22 @@ class NodeGrid:
 
     image_shape: tuple[int, int]
     period_px: int = 16
+
+    @staticmethod
+    def of_rig(rig: Rig) -> NodeGrid:
+        """Nodes of a rig's camera and target.
+
+        Parameters
+        ----------
+        rig : Rig
+            The rig.
+
+        Returns
+        -------
+        NodeGrid
+            Its nodes.
+        """
+        return NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
 
     @property
     def spacing_px(self) -> int:

@@ -75,11 +75,10 @@ class Rest:
         With a rest map the grid is a `RestGrid`, and nodes without a valid part of the map are not visible.
         Raises InputError when no node sees the panel, or the map is not one of this camera.
         """
-        camera, target = rig.camera, rig.target
-        grid = NodeGrid((camera.rows, camera.columns), target.period_px)
+        grid = NodeGrid.of_rig(rig)
         q = optics.trace(*grid.mesh(), optics.rest).q
-        if camera.rest_map is not None:
-            grid, q = _measured(grid, q, camera.rest_map, optics)
+        if rig.camera.rest_map is not None:
+            grid, q = _measured(grid, q, rig.camera.rest_map, optics)
         return cls.from_map(grid, q, (rig.display.columns, rig.display.rows))
 
     @classmethod

@@ -30,7 +30,6 @@ from zeromethod.calibration.edges import EdgeSearch, find_edges
 from zeromethod.calibration.verdict import Level
 from zeromethod.commissioning.calibration.first_fit import (
     first_fit,
-    grid_of,
     rest_measurements,
     with_intrinsics,
 )
@@ -135,7 +134,7 @@ def evaluate(
     findings: list[str] = []
     with prompts.part("geometry", PARTS) as advance:
         found = found or decode(rig, recorded.rest)
-        grid = grid_of(rig)
+        grid = NodeGrid.of_rig(rig)
         rest_warp = found.rest_map.warp(grid)
         advance()
         first = first_fit(rig, found, plan.known)

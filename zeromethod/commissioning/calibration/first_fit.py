@@ -18,7 +18,7 @@ _WIDE = 10.0
 
 def rest_measurements(rig: Rig, found: RestMeasurement, known: tuple[Known, ...]) -> list[Measurement]:
     """The rest map and what was measured by hand, as a fit takes them."""
-    grid = grid_of(rig)
+    grid = NodeGrid.of_rig(rig)
     return [RestPositions.of(grid, found.rest_map.warp(grid)), *known]
 
 
@@ -26,11 +26,6 @@ def first_fit(rig: Rig, found: RestMeasurement, known: tuple[Known, ...]) -> Fit
     """Fit without presses: good enough to close the loop, and to know where to look for edges."""
     rig, priors = with_intrinsics(rig, known)
     return fit(priors, rest_measurements(rig, found, known))
-
-
-def grid_of(rig: Rig) -> NodeGrid:
-    """The nodes of a rig's warps."""
-    return NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
 
 
 def with_intrinsics(rig: Rig, known: Sequence[Any]) -> tuple[Rig, Priors]:

@@ -51,7 +51,7 @@ def grid_for(recording: Recording, rig: Rig) -> NodeGrid:
         raise InputError(_other("target", "another", "the one that was shown"))
     if same_geometry(rig, recorded):
         return recording.grid
-    return NodeGrid((rig.camera.rows, rig.camera.columns), rig.target.period_px)
+    return NodeGrid.of_rig(rig)
 
 
 def same_geometry(rig: Rig, recorded: Rig) -> bool:
