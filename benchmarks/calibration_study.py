@@ -2,7 +2,7 @@
 
 Ten benches drawn at random around the packaged one (binned by 2): LCD shifted by up to 2 mm and turned by up
 to 1 degree, camera off by 5 mm and 1 degree, focal length by 2 %, distortion k1 by 0.5, index by 0.01, prism
-angle by 0.5 degrees, captured face 0.3 degrees off the pattern face's, LCD wedge up to 0.3 degrees, gap by
+angle by 0.5 degrees, camera face 0.3 degrees off the pattern face's, LCD wedge up to 0.3 degrees, gap by
 0.3 mm, leg by 0.05 mm. Warps are exact ray traces of the drawn bench with 0.02 LCD px of noise at every node;
 the calibration starts from the packaged rig with caliper-grade priors and sees nothing else of the truth.
 

@@ -56,7 +56,7 @@ def test_the_press_of_the_paper_is_nulled_and_read_whole() -> None:
     assert last is not None
     # both flanks: the dim one (0.54 of its light) and the one beyond the critical angle
     assert last.usable_share > 0.9
-    # what is left are the columns at either end, whose windows reach past the captured face
+    # what is left are the columns at either end, whose windows reach past the camera face
     assert last.valid_share > 0.96
     assert last.depth_rms_error_um < 0.2
     quiet = [r.untouched_rms_nm[0] for r in result.records if r.untouched_rms_nm is not None]

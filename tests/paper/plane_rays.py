@@ -30,7 +30,7 @@ Depth = Callable[[float], float]
 def traced(
     w: float, depth: Depth, slope: Depth, *, alpha0: float, beta0: float, length: float
 ) -> tuple[float, float, float]:
-    """(l, m, alpha) of the camera ray that enters the captured face at w from R0, normal to it at beta0."""
+    """(l, m, alpha) of the camera ray that enters the camera face at w from R0, normal to it at beta0."""
     entry = np.array([length - w * np.cos(beta0), -w * np.sin(beta0)])
     travel = np.array([-np.sin(beta0), np.cos(beta0)])
 

@@ -3,7 +3,7 @@
 Convention: one length unit throughout, angles in rad, everything in the plane of incidence. l runs along the
 mirror from P0, l' = L0 - l from R0; depth d is positive into the rubber and tan(theta) = dd/dl. alpha and
 beta lie between a ray and the normal of the *undeformed* mirror: alpha towards the pattern, beta towards the
-camera. m = |P0 P1| on the pattern face, w = |R0 R1| on the captured face. All arguments broadcast.
+camera. m = |P0 P1| on the pattern face, w = |R0 R1| on the camera face. All arguments broadcast.
 
 The paper counts theta twice. In equation 4 it is the slope of d; in equation 6 it is the mirror normal's
 lean towards the camera. Where d points into the rubber, as gamma's sign in equations 11 and 14 needs it,

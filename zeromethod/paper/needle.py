@@ -2,7 +2,7 @@
 
 The paper shows the shape only as a drawing. A tent is taken: straight flanks from d = 0 at both ends to a
 peak in the middle. "Approximately 1 percent" of error and "under 0.4 pixel" make the peak 40 px. Its points
-are picked as by a camera at infinity, normal to the captured face; (x, z) with x along the mirror from P0,
+are picked as by a camera at infinity, normal to the camera face; (x, z) with x along the mirror from P0,
 z out of the rubber, else as in `zeromethod.paper.equations`.
 """
 

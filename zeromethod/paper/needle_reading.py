@@ -166,7 +166,7 @@ def read_needle(needle: Needle, pixel_mm: float, period_px: int = PERIOD_PX) -> 
     """Read the needle off its exact warp, averaged as the sensor at the null averages it.
 
     The bench has the paper's geometry: faces at alpha0 and beta0 to a mirror from P0 over L0 and, at
-    rest, 20 mm beyond; an orthographic camera normal to the captured face; no layers; an LCD as large as
+    rest, 20 mm beyond; an orthographic camera normal to the camera face; no layers; an LCD as large as
     needed. Each camera pixel takes the mean of the exact rays over its area, each node the triangle window
     of +-(period - 1) px; then `SurfaceReader` reads slope and depth, with the rim beyond R0 known at rest.
 

@@ -21,7 +21,7 @@ class LatticeView:
     """Where the lattice lies in the image of the mirror at rest, and what a pixel means.
 
     period_px: px between lines. origin_px: (u, v) of the crossing at P0 and y = 0; it need not be in view.
-    captured_px: column in which R0 is seen. pixel_mm: mm on the captured face per px. angle_rad: alpha0 =
+    captured_px: column in which R0 is seen. pixel_mm: mm on the camera face per px. angle_rad: alpha0 =
     beta0. length_mm: L0.
 
     Convention: columns grow from P0 to R0.
@@ -36,7 +36,7 @@ class LatticeView:
 
     @classmethod
     def of(cls, rig: Rig) -> LatticeView:
-        """View of the paper's sensor: equal angles, camera at infinity, perpendicular to the captured face.
+        """View of the paper's sensor: equal angles, camera at infinity, perpendicular to the camera face.
 
         Raises ValueError for another kind of rig.
         """

@@ -85,9 +85,9 @@ def reconstruct(
     rim: Rim = "straight",
     keep_gamma: bool = True,
 ) -> Series:
-    """Profile of the mirror from picked points: camera at infinity, normal to the captured face.
+    """Profile of the mirror from picked points: camera at infinity, normal to the camera face.
 
-    m, w: (n,) distances of each point's image from P0 on the pattern and from R0 on the captured face,
+    m, w: (n,) distances of each point's image from P0 on the pattern and from R0 on the camera face,
     ordered from P0 on, any spacing, n >= 2. alpha0, beta0: angles of both faces to the mirror, rad.
     length: L0; d = 0 is assumed at l = 0 and l = L0.
 

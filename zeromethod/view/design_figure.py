@@ -185,7 +185,7 @@ def _label_near(axis: Axes, view: SampledView, figures: dict[str, Any]) -> None:
     _say(axis, name, middle, tuple(18 * normal), rotation=upright, rotation_mode="anchor")
     words = [
         _layer_words("pattern face to LCD", rig.pattern_layers),
-        _layer_words("captured face to air", reversed(rig.camera_layers)),
+        _layer_words("camera face to air", reversed(rig.camera_layers)),
         f"camera px per mrad of slope along x: {_range(figures, 'camera_px_per_mrad')}",
         f"nm of depth per camera px along x: {_range(figures, 'depth_nm_per_px')}",
     ]
