@@ -1,6 +1,8 @@
+from dataclasses import replace
+
 import pytest
 
-from zeromethod.loop.state import LOCK_FRAMES, Outcome, State, Status, StepOutcome, next_status
+from zeromethod.loop.state import LOCK_FRAMES, Doubt, Outcome, State, Status, StepOutcome, next_status
 
 QUIET = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0)
 AT_REST = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0, at_rest=True)
@@ -39,6 +41,15 @@ def test_some_steps_mean_the_same_in_any_state(
     state: State, step: StepOutcome, after: State, reason: str
 ) -> None:
     assert next_status(Status(state, "", LOCK_FRAMES), step) == Status(after, reason, 0)
+
+
+@pytest.mark.parametrize("state", [State.MOVED, State.UNCALIBRATED])
+@pytest.mark.parametrize("at_rest", [False, True])
+def test_a_doubt_takes_the_place_of_locked_and_resting_until_it_is_gone(state: State, at_rest: bool) -> None:
+    doubted = replace(AT_REST if at_rest else QUIET, doubt=Doubt(state, "why"))
+    assert follow(NULLING, 0, doubted, doubted, doubted, QUIET) == [NULLING, NULLING, state, LOCKED]
+    assert next_status(Status(LOCKED, "", LOCK_FRAMES), doubted).reason == "why"
+    assert follow(LOCKED, LOCK_FRAMES, replace(LOUD, doubt=doubted.doubt)) == [NULLING]
 
 
 @pytest.mark.parametrize("step", [QUIET, LOUD, BLIND, HELD, FAILED, STOP])

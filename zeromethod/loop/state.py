@@ -4,11 +4,12 @@
                                   ^                                       |                     |
                                   +--------------- residual large --------+---------------------+
 
-    any of these five --no usable new information--> HOLDING (STARTING keeps its name; the warp stays)
-    any of these six  --few nodes still valid--> LOST
-    any of these seven  --asked to pause--> PAUSED (frames are measured, the warp stays) until resumed
+    LOCKED, RESTING --nulled, but its readings must not be trusted--> UNCALIBRATED, MOVED, and back
+    any of these seven --no usable new information--> HOLDING (STARTING keeps its name; the warp stays)
+    any of these eight  --few nodes still valid--> LOST
+    any of these nine  --asked to pause--> PAUSED (frames are measured, the warp stays) until resumed
     any              --device lost, wrong frame, stalled--> FAULT
-    HOLDING, LOST, FAULT --usable frame--> NULLING, LOCKED, RESTING or LOST by its figures
+    HOLDING, LOST, FAULT --usable frame--> NULLING, LOCKED, RESTING, UNCALIBRATED, MOVED or LOST by its figures
     any              --asked to stop--> STOPPED --run again--> STARTING
 
 A refused frame neither counts as small nor breaks the row of small ones. FAULT and LOST are not left by
@@ -19,6 +20,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import NamedTuple
 
 LOCK_RESIDUAL_PX = 0.05
 """Residual rms over valid nodes, camera px, under which a frame counts as nulled."""
@@ -37,6 +39,8 @@ class State(enum.StrEnum):
     RESTING = "resting"
     NULLING = "nulling"
     LOCKED = "locked"
+    UNCALIBRATED = "not calibrated"
+    MOVED = "bench moved"
     LOST = "lost"
     HOLDING = "holding"
     PAUSED = "paused"
@@ -46,6 +50,14 @@ class State(enum.StrEnum):
 
 NULLED = frozenset({State.LOCKED, State.RESTING})
 """States in which the camera sees the target: a reading of a held press counts."""
+
+
+class Doubt(NamedTuple):
+    """Why readings must not be trusted though the camera sees the target."""
+
+    state: State
+    """UNCALIBRATED or MOVED."""
+    reason: str
 
 
 class Outcome(enum.Enum):
@@ -67,6 +79,7 @@ class StepOutcome:
     residual_rms_px: float = float("nan")
     valid_share: float = 0.0
     at_rest: bool = False
+    doubt: Doubt | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +118,8 @@ def _measured(previous: Status, step: StepOutcome) -> Status:
     nulled = previous.nulled_frames + 1
     if nulled < LOCK_FRAMES:
         return Status(State.NULLING, f"nulled for {nulled} of {LOCK_FRAMES} frames", nulled)
+    if step.doubt is not None:
+        return Status(*step.doubt, nulled)
     if step.at_rest:
         return Status(State.RESTING, "nulled, no displacement seen", nulled)
     return Status(State.LOCKED, "nulled", nulled)

@@ -17,11 +17,15 @@ STATE_COLOURS = {
     State.STARTING: "#c9b26b",
     State.HOLDING: "#e07b00",
     State.PAUSED: "#4fa3d1",
+    State.UNCALIBRATED: "#a98467",
+    State.MOVED: "#ff5d8f",
     State.LOST: "#b5179e",
     State.FAULT: "#d62828",
     State.STOPPED: "#808080",
 }
-EXPLAINED = frozenset({State.HOLDING, State.LOST, State.FAULT, State.PAUSED})
+EXPLAINED = frozenset(
+    {State.HOLDING, State.UNCALIBRATED, State.MOVED, State.LOST, State.FAULT, State.PAUSED}
+)
 """States whose reason is shown in place of the figures."""
 
 
