@@ -9,7 +9,7 @@
     any of these eight  --few nodes still valid--> LOST
     any of these nine  --asked to pause--> PAUSED (frames are measured, the warp stays) until resumed
     any              --device lost, wrong frame, stalled--> FAULT
-    HOLDING, LOST, FAULT --usable frame--> NULLING, LOCKED, RESTING, UNCALIBRATED, MOVED or LOST by its figures
+    HOLDING, LOST, FAULT --usable frame--> any of NULLING ... MOVED, or LOST, by its figures
     any              --asked to stop--> STOPPED --run again--> STARTING
 
 A refused frame neither counts as small nor breaks the row of small ones. FAULT and LOST are not left by
