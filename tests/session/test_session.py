@@ -22,7 +22,10 @@ LIVE = ("read surface", "present", "capture", "draw")
 
 
 def live_rig(window: bool = False) -> zm.Rig:
-    return small_rig("live_devices:RealEye", f"live_devices:{'Window' if window else 'RealScreen'}")
+    rig = small_rig("live_devices:RealEye", f"live_devices:{'Window' if window else 'RealScreen'}")
+    # pictures are drawn without a GPU here: on a busy computer one may take longer than that rig's 0.2 s, and
+    # the display then counts as lost for good
+    return rig.replace({"control.timeout_s": 5.0})
 
 
 @pytest.fixture
@@ -256,7 +259,6 @@ def test_live_an_error_in_reading_ends_the_run(monkeypatch: pytest.MonkeyPatch) 
         assert not session.loop.over
 
 
-@pytest.mark.long  # seen to read nothing at the end of a run of all tests, though not by itself
 def test_live_the_run_after_an_error_in_reading_reads(monkeypatch: pytest.MonkeyPatch) -> None:
     with zm.Session(live_rig()) as session:
         reads_once_broken(session, monkeypatch)
