@@ -3,6 +3,8 @@ from .commissioning.calibration.calibrate import calibrate
 from .commissioning.calibration.evaluation import Calibration
 from .commissioning.calibration.new_rig import Calipers, rig_text
 from .commissioning.calibration.storing import store_calibration
+from .commissioning.daily_check.check import check_bench
+from .commissioning.daily_check.findings import DailyCheck
 from .commissioning.decode import decode
 from .commissioning.delay import DelayResult, measure_delay
 from .commissioning.setting_up import SettingUp
@@ -45,6 +47,7 @@ __version__: str
 __all__ = [
     "Calibration",
     "Calipers",
+    "DailyCheck",
     "DelayResult",
     "Devices",
     "Event",
@@ -75,6 +78,7 @@ __all__ = [
     "binned",
     "calibrate",
     "cameras",
+    "check_bench",
     "decode",
     "export_recording",
     "identify",

@@ -55,6 +55,11 @@ REFUSALS = [
     ("run --latency -1.1", "--latency: -1.1: a number from -1 to 10\n"),
     ("run --latency 11", "--latency: 11: a number from -1 to 10\n"),
     ("run --latency nan", "--latency: nan: a number from -1 to 10\n"),
+    ("check --press-depth 0", "--press-depth: 0: a number above 0"),
+    ("check --press-depth 7", "--press-depth: 7: depths in mm, at most 6 (a tenth of the prism's"),
+    ("check --depth-sigma nan", "--depth-sigma: nan: a number above 0"),
+    ("check --rig nowhere.toml", "nowhere.toml"),
+    ("check --display 1", UNSEEN),
     # recordings
     ("run --keep frames", "--keep: only with --record FILE.h5"),
     ("run --every 2", "--every: only with --record FILE.h5"),

@@ -89,7 +89,7 @@ def check_known(rig: Rig, known: Sequence[Known], lens: CameraFile | None) -> No
             _check_direct(rig, one)
 
 
-def check_depths(rig: Rig, depths_mm: Sequence[float]) -> None:
+def check_depths(rig: Rig, depths_mm: Sequence[float], option: str = "--press-depths") -> None:
     """Refuse, with InputError, presses deeper than a rubber of this size takes."""
     prism = rig.prism
     name = "leg" if prism.pattern_length_mm is not None else "mirror"
@@ -99,7 +99,7 @@ def check_depths(rig: Rig, depths_mm: Sequence[float]) -> None:
     for depth_mm in depths_mm:
         if depth_mm > deepest_mm:
             raise InputError(
-                f"--press-depths: {depth_mm:g}: depths in mm, at most {deepest_mm:g} "
+                f"{option}: {depth_mm:g}: depths in mm, at most {deepest_mm:g} "
                 f"(a tenth of the prism's {name} of {length_mm:g} mm)"
             )
 

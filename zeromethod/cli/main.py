@@ -26,6 +26,7 @@ _COMMANDS = {
     "devices": "Monitors and cameras; identify, focus, delay, speed.",
     "init": "A commented rig file from what calipers give.",
     "calibrate": "From an unknown bench to millimetres.",
+    "check": "Is the bench still as calibrated? Two minutes a day.",
     "design": "What a bench can do, from its rig file; curves, a drawing.",
     "measure": "Still images: displacement, and with --rig slope and depth.",
     "reproduce": "The paper's figures and tables, next to this system's.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -148,11 +148,12 @@ def record_presses(
     prompts: Prompts | None = None,
     *,
     ball_radius_mm: float | None = None,
+    on_step: Callable[[Step], object] = lambda _step: None,
 ) -> PressWarps:
     """Close the loop over a rig that fits the bench, and take presses in the order of their depths.
 
-    patience_s: of the run's clock, for each change that is waited for. ball_radius_mm: of a ball that is
-    asked for last.
+    depths_mm: empty to take the mirror at rest alone. patience_s: of the run's clock, for each change that
+    is waited for. ball_radius_mm: of a ball that is asked for last. on_step: called with every step.
 
     Raises
     ------
@@ -164,7 +165,7 @@ def record_presses(
     if ball_radius_mm is not None:
         asked.append(f"press the ball of {ball_radius_mm:g} mm radius in")
     try:
-        rest = _follow(rig, devices, asked, patience_s, prompts or Silent(), watch)
+        rest = _follow(rig, devices, asked, patience_s, prompts or Silent(), watch, on_step)
     except (KeyboardInterrupt, PressesEndedError) as error:
         ended = (
             error if isinstance(error, PressesEndedError) else PressesEndedError("presses: interrupted", True)
@@ -176,7 +177,13 @@ def record_presses(
 
 
 def _follow(
-    rig: Rig, devices: Devices, asked: Sequence[str], patience_s: float, prompts: Prompts, watch: PressWatch
+    rig: Rig,
+    devices: Devices,
+    asked: Sequence[str],
+    patience_s: float,
+    prompts: Prompts,
+    watch: PressWatch,
+    on_step: Callable[[Step], object],
 ) -> Warp:
     """Run the loop until all presses were taken; the mean warp at rest. Raises PressesEndedError."""
     last_ns = devices.clock.now_ns()
@@ -187,6 +194,7 @@ def _follow(
         prompts.part("rest and presses, by the loop", 1 + len(asked)) as advance,
     ):
         for step in steps:
+            on_step(step)
             if watch.take(step.measured if step.state in NULLED else None):
                 last_ns = devices.clock.now_ns()
                 if watch.phase is Phase.LIFTING or (watch.phase is Phase.COMING and not watch.pressed):

@@ -1,0 +1,117 @@
+"""`zeromethod check`: two minutes at the start of a day."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+
+from zeromethod.calibration.folder import calibration_of
+from zeromethod.cli.calibrate_known import check_depths
+from zeromethod.cli.device_options import (
+    BenchOptions,
+    bench_options,
+    opened_devices,
+    rig_option,
+    say_simulated,
+    scenario_options,
+    with_devices,
+    with_given,
+)
+from zeromethod.cli.numbers import Real
+from zeromethod.cli.output import TerminalPrompts, check_folder, summary_option, write_summary, writing
+from zeromethod.cli.stopping import stopped_by_signals
+from zeromethod.commissioning.daily_check.check import check_bench
+from zeromethod.commissioning.daily_check.findings import DailyCheck, Fitness
+from zeromethod.commissioning.daily_check.log import append_check, log_of
+from zeromethod.errors import MeasurementError
+from zeromethod.optics import check_geometry
+from zeromethod.rig.load import load_rig
+from zeromethod.thread_limits import limit_threads
+from zeromethod.view.table import text_table
+
+
+@click.command(
+    "check", epilog="Example: zeromethod check --rig my.toml --display 1 --camera 0 --press-depth 0.2"
+)
+@rig_option()
+@bench_options
+@click.option(
+    "--press-depth",
+    "press_depth_mm",
+    type=Real(min=0, min_open=True),
+    metavar="MM",
+    help="Ask for one press of this depth, and compare.",
+)
+@click.option(
+    "--depth-sigma",
+    "press_sigma_mm",
+    type=Real(min=0, min_open=True),
+    default=1e-3,
+    show_default=True,
+    metavar="MM",
+    help="How well that depth is known.",
+)
+@scenario_options
+@summary_option
+def check_command(
+    rig_name: str,
+    press_depth_mm: float | None,
+    press_sigma_mm: float,
+    scenario: str | None,
+    seed: int | None,
+    summary: Path | None,
+    **others: Any,
+) -> None:
+    """Check that the bench is still the one that was calibrated: light, delay, rest, frames, a known press.
+
+    The verdict is good, drifted (by how much, what that means for depth), not fit to measure, or calibrate
+    again; anything but good ends with exit code 1. A dated line is added to checks.csv next to the
+    calibration.
+    """
+    rig = with_devices(load_rig(rig_name), BenchOptions(**others))
+    rig = with_given(rig, scenario or ("none" if press_depth_mm is None else None), simulation={"seed": seed})
+    check_geometry(rig)
+    if press_depth_mm is not None:
+        check_depths(rig, (press_depth_mm,), "--press-depth")
+    say_simulated(rig)
+    log = log_of(rig_name)
+    check_folder("--rig", log.parent)
+    stored = calibration_of(rig_name)
+    limit_threads()
+    with stopped_by_signals(), opened_devices(rig) as devices:
+        found = check_bench(
+            rig,
+            devices,
+            press_depth_mm=press_depth_mm,
+            press_sigma_mm=press_sigma_mm,
+            warning=None if stored is None else stored.age_warning(),
+            prompts=TerminalPrompts(),
+        )
+    _report(found, log, summary)
+
+
+def _report(found: DailyCheck, log: Path, summary: Path | None) -> None:
+    """Print, keep, and turn the verdict into an exit code."""
+    console = Console(highlight=False)
+    rows = [(one.subject.value, one.fitness.value, one.words) for one in found.findings]
+    console.print(text_table(("what", "verdict", "measured"), rows, left=(0, 1, 2)))
+    with writing("--rig", log):
+        append_check(log, found)
+    console.print(f"kept in {log}", soft_wrap=True)
+    write_summary(
+        summary,
+        {
+            "rig": found.rig,
+            "time": found.time.isoformat(),
+            "fitness": found.fitness.value,
+            "verdict": found.verdict,
+            "findings": {one.subject.value: [one.fitness.value, one.words] for one in found.findings},
+            **found.figures,
+        },
+    )
+    if found.fitness is not Fitness.GOOD:
+        raise MeasurementError(f"check: {found.verdict}")
+    console.print(found.verdict)
