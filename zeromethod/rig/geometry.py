@@ -37,6 +37,11 @@ class GeometrySpec(Table):
     def __repr__(self) -> str:
         return f"GeometrySpec({self.known!r}, {len(self.depth)} modes)"
 
+    @property
+    def relative(self) -> bool:
+        """Whether depth is relative only: what the geometry leaves open is stated, but from no calibration."""
+        return self.known == "nominal" and bool(self.depth)
+
     @model_validator(mode="after")
     def _complete(self) -> GeometrySpec:
         for key in ("x_mm", "y_mm"):
