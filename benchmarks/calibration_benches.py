@@ -308,11 +308,9 @@ def _outcome(
     kinds, depths = tuple(kinds[k] for k in nulled), depths[nulled]
     peaks = [_together(readings[k]) for k in nulled]
     read = np.array([one.depth_mm for one in peaks])
-    geometry = calibration.error.percent_at(
-        np.array([one.x_mm for one in peaks]), np.array([one.y_mm for one in peaks])
-    )
-    own = 100.0 * np.array([one.sigma_mm for one in peaks]) / read
-    sigmas = np.sqrt(geometry**2 + own**2 + 0.05**2)
+    places = (np.array([getattr(one, name) for one in peaks]) for name in ("x_mm", "y_mm"))
+    geometry = 100.0 * calibration.rig.geometry.sigmas(*places)[0]
+    sigmas = np.hypot(100.0 * np.array([one.sigma_mm for one in peaks]) / read, 0.05)
     errors = 100.0 * (read / depths - 1.0)
     chi2, settled = calibration.fitted.chi2_per_freedom, calibration.fitted.settled
     return Outcome(number, case, kinds, tuple(errors), tuple(sigmas), tuple(geometry), chi2, settled)

@@ -19,7 +19,7 @@ twice that.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import click
 import numpy as np
@@ -28,7 +28,6 @@ from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import changed
 from zeromethod.arrays import Float
 from zeromethod.calibration import (
-    DepthError,
     Direct,
     KnownPress,
     Measurement,
@@ -229,15 +228,14 @@ def study_bench(number: int, nominal: Rig, tests: int = TESTS, cases: Sequence[s
     for case in cases:
         fitted = fit(priors, data[case])
         derivatives = depth_error(fitted, grid, reading) if error is None else error
-        error = DepthError(
-            derivatives.names, derivatives.x_mm, derivatives.y_mm, derivatives.sensitivity, fitted.covariance
-        )
-        outcomes.append(_read(number, case, kinds, others, depths, fitted.rig, error))
+        error = replace(derivatives, covariance=fitted.covariance)
+        calibrated = fitted.rig.replace({"geometry": {"known": "calibrated", **error.modes}})
+        outcomes.append(_read(number, case, kinds, others, depths, calibrated))
         outcomes[-1] = Outcome(
             **{**asdict(outcomes[-1]), "chi2": fitted.chi2_per_freedom, "settled": fitted.settled}
         )
     if tuple(cases) == CASES:
-        outcomes.append(_read(number, "(the true rig)", kinds, others, depths, truth.rig, None))
+        outcomes.append(_read(number, "(the true rig)", kinds, others, depths, truth.rig))
     return outcomes
 
 
@@ -248,15 +246,13 @@ def _read(
     others: Presses,
     depths: Float,
     rig: Rig,
-    error: DepthError | None,
 ) -> Outcome:
     peaks = Presses.of(others.reading.prepared(rig), others.presses).peaks(rig)
     found = np.array([peak.depth_mm for peak in peaks])
     x, y = np.array([peak.x_mm for peak in peaks]), np.array([peak.y_mm for peak in peaks])
-    geometry = np.zeros(len(found)) if error is None else error.percent_at(x, y)
-    reading = 100.0 * np.array([peak.sigma_mm for peak in peaks]) / found
+    geometry = 100.0 * rig.geometry.sigmas(x, y)[0]
     errors = 100.0 * (found / depths - 1.0)
-    sigmas = np.sqrt(geometry**2 + reading**2 + 0.05**2)
+    sigmas = np.hypot(100.0 * np.array([peak.sigma_mm for peak in peaks]) / found, 0.05)
     return Outcome(number, case, kinds, tuple(errors), tuple(sigmas), tuple(geometry), 1.0, True)
 
 

@@ -19,6 +19,7 @@ from zeromethod.devices.protocols import Frame
 from zeromethod.gl import create_context
 from zeromethod.optics import Optics
 from zeromethod.rig.binning import binned
+from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import DisplaySpec, Rig
 
@@ -175,4 +176,5 @@ def small_rig(camera: str = "live_devices:RealEye", display: str = "live_devices
     panel = DisplaySpec.model_validate(values | coarse | {"rise_s": 0.0, "fill_factor": (1.0, 1.0)})
     eye = rig.camera.model_copy(update={"driver": camera, "exposure_s": 0.004})
     control = rig.control.model_copy(update={"timeout_s": 0.2})
-    return rig.model_copy(update={"display": panel, "camera": eye, "control": control})
+    known = GeometrySpec(known="exact")
+    return rig.model_copy(update={"display": panel, "camera": eye, "control": control, "geometry": known})

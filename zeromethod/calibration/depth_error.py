@@ -1,13 +1,15 @@
-"""What the unknown part of the geometry does to depth: in percent, region by region.
+"""What the unknown part of the geometry does to depth and to places on the mirror, region by region.
 
 A reference press in each region is read through rigs a little off the fitted one, as any measured press
-would be; the posterior of the fit, carried through these derivatives, is the standard deviation that depth
-owes to geometry alone. Noise, the anchor and the far field come on top, in `Surface.sigma_depth_mm`.
+would be; the posterior of the fit, carried through these derivatives, is the standard deviation that the
+peak's depth and place owe to geometry alone. As modes over the view it goes into the rig file, from where every
+reading states it (`Surface.sigma_depth_mm`), with noise, the anchor and the far field on top.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,6 +19,8 @@ from zeromethod.calibration.presses import KnownPress, Presses, RestReading
 from zeromethod.calibration.rays import UnboundedOptics
 from zeromethod.errors import MeasurementError
 from zeromethod.optics import Dented
+from zeromethod.rig.geometry import powers
+from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_pixels import rest_pixels
@@ -30,6 +34,8 @@ _WIDTH_SHARE = 0.1
 _MOST_SLOPE = 0.012
 _SIGMA_PX = 0.02
 _LEAST_NODES = 64
+_LEFT_OUT = 1e-3
+"""Share of the variance, of depth and place alike, that the modes left out may have together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +44,7 @@ class DepthError:
 
     names: (regions,). x_mm, y_mm: (regions,) middles on the mirror. sensitivity: (regions, parameters)
     relative change of a press's depth per prior sigma of a parameter. covariance: the fit's, in these units.
+    place: (2, regions, parameters) change of the peak's x and y, mm, likewise.
     """
 
     names: tuple[str, ...]
@@ -45,6 +52,7 @@ class DepthError:
     y_mm: Float
     sensitivity: Float
     covariance: Float = field(repr=False)
+    place: Float = field(repr=False)
 
     @property
     def percent(self) -> Float:
@@ -53,25 +61,79 @@ class DepthError:
 
     def percent_with(self, covariance: Float) -> Float:
         """(regions,) the same for another covariance (parameters, parameters) of z."""
-        return _percent(self.sensitivity, covariance)
+        return 100.0 * _spread(self.sensitivity, covariance)
 
-    def percent_at(self, x_mm: Float, y_mm: Float) -> Float:
-        """(...) standard deviation of depth, percent, at mirror points: a quadratic fit of the regions."""
-        coefficients = np.linalg.lstsq(_powers(self.x_mm, self.y_mm), self.sensitivity, rcond=None)[0]
-        return _percent(_powers(x_mm, y_mm) @ coefficients, self.covariance)
+    @property
+    def place_mm(self) -> Float:
+        """(2, regions) standard deviation of the peak's x and y, mm."""
+        return _spread(self.place, self.covariance)
+
+    @property
+    def modes(self) -> dict[str, Any]:
+        """The same over the whole view, as keys of a rig's `GeometrySpec`.
+
+        Derivatives are continued between the regions by a quadratic in x and y; the covariance is resolved into
+        as few independent modes as hold nearly all of what depth and place have of it.
+        """
+        centre, reach = ([f(a) for a in (self.x_mm, self.y_mm)] for f in (np.mean, lambda a: 0.5 * np.ptp(a)))
+        one_each = np.concatenate([self.sensitivity[None], self.place])
+        values, vectors = np.linalg.eigh(0.5 * (self.covariance + self.covariance.T))
+        root = vectors * np.sqrt(np.maximum(values, 0.0))  # below 0 by rounding only
+        terms = powers(self.x_mm, self.y_mm, (centre[0], centre[1]), (reach[0], reach[1]))
+        carried = one_each @ root
+        size = np.sqrt((carried**2).sum(axis=(1, 2), keepdims=True))
+        _, spread, ways = np.linalg.svd((carried / np.where(size > 0.0, size, 1.0)).reshape(-1, len(root)))
+        left = np.cumsum((spread**2)[::-1])[::-1] / max(float((spread**2).sum()), 1e-300)
+        kept = ways[: int(np.count_nonzero(left > _LEFT_OUT / 3.0))]
+        coefficients = np.linalg.lstsq(terms, np.moveaxis(carried @ kept.T, 1, 0).reshape(len(terms), -1))[0]
+        depth, x, y = np.moveaxis(coefficients.reshape(6, 3, -1), 0, -1)
+        places = {"centre_mm": np.array(centre), "reach_mm": np.array(reach)}
+        return {key: _digits(one) for key, one in (places | {"depth": depth, "x_mm": x, "y_mm": y}).items()}
 
 
-def _percent(sensitivity: Float, covariance: Float) -> Float:
-    return np.asarray(100.0 * np.sqrt(np.einsum("...i,ij,...j->...", sensitivity, covariance, sensitivity)))
+def _spread(sensitivity: Float, covariance: Float) -> Float:
+    return np.sqrt(np.einsum("...i,ij,...j->...", sensitivity, covariance, sensitivity))
 
 
-def _powers(x: Float, y: Float) -> Float:
-    x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+def _digits(values: Float) -> Any:
+    """Nested lists, to six digits."""
+    return [_digits(one) for one in values] if np.ndim(values) else float(f"{values:.6g}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Peaks:
+    """Depth over what it truly is, x and y (mm) of presses as read through a rig, one kind after the other."""
+
+    presses: Presses
+    sigma: Float
+    costly: ClassVar[bool] = True
+    step: ClassVar[float] = Presses.step
+    group: ClassVar[int] = 1
+    name: ClassVar[str] = "peaks"
+
+    @property
+    def measured(self) -> Float:
+        """(3 n,) as any measurement has it; only derivatives are asked for."""
+        return np.zeros(len(self.sigma))
+
+    @property
+    def blind_to(self) -> frozenset[str]:
+        """As the presses."""
+        return self.presses.blind_to
+
+    def prepared(self, rig: Rig) -> _Peaks:
+        """With the presses prepared."""
+        return _Peaks(self.presses.prepared(rig), self.sigma)
+
+    def predict(self, rig: Rig) -> Float:
+        """(3 n,) as read through `rig`."""
+        peaks = self.presses.peaks(rig)
+        depth = np.array([peak.depth_mm for peak in peaks]) / self.presses.measured
+        return np.concatenate([depth, [peak.x_mm for peak in peaks], [peak.y_mm for peak in peaks]])
 
 
 def depth_error(fitted: Fit, grid: NodeGrid, reading: RestReading | None = None) -> DepthError:
-    """Carry a fit's posterior to depth.
+    """Carry a fit's posterior to depth and place.
 
     reading: the measured rest that presses will be read on; without one the fitted rig's own rest is taken.
 
@@ -106,10 +168,10 @@ def depth_error(fitted: Fit, grid: NodeGrid, reading: RestReading | None = None)
             warp = Warp(seen.q, np.full(seen.q.shape, _SIGMA_PX), flags, 0)
             names.append(f"{x_name}, {y_name}")
             presses.append(KnownPress(names[-1], warp, depth_mm, depth_mm))
-    data = Presses.of(chosen, presses).prepared(rig)
-    relative = jacobian(fitted.priors, fitted.z, data) * data.sigma[:, None] / depth_mm
+    data = _Peaks(Presses.of(chosen, presses), np.ones(3 * len(presses))).prepared(rig)
+    depth, *place = np.split(jacobian(fitted.priors, fitted.z, data), 3)
     x_all, y_all = np.repeat(x, len(y)), np.tile(y, len(x))
-    return DepthError(tuple(names), x_all, y_all, relative, fitted.covariance)
+    return DepthError(tuple(names), x_all, y_all, depth, fitted.covariance, np.stack(place))
 
 
 def _between(values: Float, shares: tuple[float, ...]) -> Float:

@@ -23,6 +23,7 @@ from zeromethod.cli.device_options import (
     with_devices,
     with_given,
 )
+from zeromethod.cli.first_rest import with_first_rest
 from zeromethod.cli.keys import HELP, Keys
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import figure_option, summary_option, write_summary
@@ -38,6 +39,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
+from zeromethod.session.trust import DOUBT
 from zeromethod.simulation.clone import SIMULATED, simulated_clone
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.live import LiveStatus
@@ -129,9 +131,11 @@ def run_command(
             click.echo(
                 f"! {rig_name}: no {DOCUMENT} next to it: whether it fits this bench is not checked", err=True
             )
-        maker = recording.maker(rig, stored)
         with (
-            Session(rig, devices=opened, publisher=publisher, record=maker) as session,
+            with_first_rest(rig, rig_name, opened) as stated,
+            Session(
+                stated, devices=opened, publisher=publisher, record=recording.maker(stated, stored)
+            ) as session,
             stopped_by_signals(session.interrupt),
         ):
             _follow(session, frames, seconds)
@@ -175,6 +179,8 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
         raise KeyboardInterrupt
     if result.state in {State.FAULT, State.LOST}:
         raise MeasurementError(f"{result.state}: {figures['reason']}")
+    if not figures["calibrated"]:
+        raise MeasurementError(f"not calibrated: {DOUBT.reason}")
     if not figures["nulled_frames"]:
         when = " during the hold" if any(record.phase == "hold" for record in result.records) else ""
         raise MeasurementError(f"the null was never held{when}: {figures['reason']}")

@@ -21,10 +21,12 @@ _BLOCK = 1 << 22
 _MAPS = {
     "depth_mm": ("<f4", "mm", "depth, positive into the rubber; NaN where not read"),
     "slope": ("<f4", "rad", "(d depth / dx, d depth / dy) along the last axis"),
-    "sigma_depth_mm": ("<f4", "mm", "standard deviation of depth"),
+    "sigma_depth_mm": ("<f4", "mm", "standard deviation of depth, what the geometry leaves open included"),
     "sigma_slope": ("<f4", "rad", "standard deviation of slope"),
     "x_mm": ("<f4", "mm", "mirror point of the node, along the mirror from the edge P0"),
     "y_mm": ("<f4", "mm", "mirror point of the node, along the prism"),
+    "sigma_x_mm": ("<f4", "mm", "standard deviation of x_mm by what the geometry leaves open"),
+    "sigma_y_mm": ("<f4", "mm", "standard deviation of y_mm, likewise"),
     "valid": ("|b1", "1", "whether depth was read at the node"),
     "contact": ("|b1", "1", "whether light was lost at the node"),
 }

@@ -14,7 +14,7 @@ from zeromethod.atomic_write import atomic_write
 from zeromethod.export.selection import SelectedSteps
 from zeromethod.recording.recording import Recording
 
-COLUMNS = ("time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "state")
+COLUMNS = ("time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm", "state")
 
 
 def export_track(

@@ -21,7 +21,7 @@ from zeromethod.loop.light_quality import LightQuality
 from zeromethod.loop.pattern_dwell import PatternDwell
 from zeromethod.loop.paused_gc import PausedGC
 from zeromethod.loop.screen import Screen
-from zeromethod.loop.state import LOCK_FRAMES, NULLED, Outcome, State, Status, StepOutcome, next_status
+from zeromethod.loop.state import LOCK_FRAMES, READ, Doubt, Outcome, State, Status, StepOutcome, next_status
 from zeromethod.loop.step import Step
 from zeromethod.loop.zero import Zero
 from zeromethod.optics import Optics
@@ -83,6 +83,8 @@ class Loop:
         """Whether corrections are paused; see `pause`."""
         self.status = Status()
         self.over = False
+        self.doubt: Doubt | None = None
+        """Why readings must not be trusted though the camera sees the target; for who knows to set."""
         self.on_wait: Callable[[], None] | None = None
         """Called in the loop's thread once per step, and while one waits: for keys, buttons, windows."""
         self.ended: Step | None = None
@@ -270,7 +272,7 @@ class Loop:
 
     def _take_reference(self, result: FrameResult) -> None:
         """Compare later light with that of the first nulled frame."""
-        if not self._referenced and self.status.state in NULLED:
+        if not self._referenced and self.status.state in READ:
             self._circle.take_reference(result)
             self._referenced = True
 
@@ -301,7 +303,8 @@ class Loop:
         locked = self.status.nulled_frames + 1 >= LOCK_FRAMES
         at_rest = locked and self._circle.at_rest(result.measured, self._zero.rest_q)
         blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
-        return StepOutcome(Outcome.MEASURED, blinded, result.residual_rms_px, result.valid_share, at_rest)
+        seen = result.residual_rms_px, result.valid_share
+        return StepOutcome(Outcome.MEASURED, blinded, *seen, at_rest, self.doubt)
 
     def _show(self, result: FrameResult, refusal: Notice | None, frozen: bool, now_ns: int) -> Trouble | None:
         """Have the command drawn; what went wrong, where something did."""
@@ -337,6 +340,7 @@ class Loop:
             reason=self.status.reason,
             events=events,
             notes=self._notices.take(),
+            calibrated=self.doubt is None or self.doubt.state is not State.UNCALIBRATED,
             commanded=self._circle.commanded,
             filtered=self._circle.controller.filtered(time_ns).less(self._zero.q),
             presented=tuple(self._screen.presented),

@@ -51,6 +51,9 @@ class State(enum.StrEnum):
 NULLED = frozenset({State.LOCKED, State.RESTING})
 """States in which the camera sees the target: a reading of a held press counts."""
 
+READ = NULLED | {State.UNCALIBRATED}
+"""States in which the camera sees the target, so that depth can be read, if only as relative."""
+
 
 class Doubt(NamedTuple):
     """Why readings must not be trusted though the camera sees the target."""

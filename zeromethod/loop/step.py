@@ -26,6 +26,7 @@ class StepFigures:
     notes: what the operator should know, one line each, when it begins.
     frame_number, dropped, exposure_ns: the frame as the camera gave it; None, 0 and 0 for none.
     frozen: the command was kept on request, or paused. sensed: the frame was fit to be looked at.
+    calibrated: the rig's geometry is known; without, depth is relative.
     residual_rms_px: over valid nodes, camera px. valid_share: of the nodes visible at rest.
     loop_ms: frame in hand to command. draw_ms: to draw and present a command. delay_ms: from mid-exposure
     until the panel's middle row is half-way to the new picture; both NaN when none was presented. In real
@@ -48,6 +49,7 @@ class StepFigures:
     exposure_ns: int = 0
     frozen: bool = False
     sensed: bool = False
+    calibrated: bool = True
     residual_rms_px: float = NAN
     valid_share: float = 0.0
     loop_ms: float = NAN

@@ -39,6 +39,8 @@ MAPS = (
     ("slope", "<f4", "1"),
     ("x_mm", "<f4", "mm"),
     ("y_mm", "<f4", "mm"),
+    ("sigma_x_mm", "<f4", "mm"),
+    ("sigma_y_mm", "<f4", "mm"),
     ("valid", "|u1", ""),
     ("contact", "|u1", ""),
 )
@@ -71,6 +73,7 @@ def encode(
         "state": step.state.value,
         "reason": step.reason,
         "events": [event.value for event in step.events],
+        "calibrated": step.calibrated,
         "dropped": step.dropped,
         "residual_rms_px": _number(step.residual_rms_px),
         "valid_share": _number(step.valid_share),
@@ -90,7 +93,8 @@ def _number(value: float) -> float | None:
 
 def _peak(peak: Peak) -> dict[str, float | None]:
     numbers = {name: _number(getattr(peak, name)) for name in ("depth_mm", "x_mm", "y_mm")}
-    return numbers | {"depth_sigma_mm": _number(peak.sigma_mm)}
+    sigmas = {"depth": peak.sigma_mm, "x": peak.sigma_x_mm, "y": peak.sigma_y_mm}
+    return numbers | {f"{name}_sigma_mm": _number(sigma) for name, sigma in sigmas.items()}
 
 
 def _contact(event: ContactEvent) -> dict[str, Any]:

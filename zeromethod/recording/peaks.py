@@ -7,7 +7,10 @@ import numpy as np
 from zeromethod.arrays import Image, Ints
 from zeromethod.recording.schema import STATES
 
-_FIGURES = ("depth_mm", "depth_sigma_mm", "possibly_deeper_mm", "x_mm", "y_mm", "read_ms")
+_FIGURES = (
+    *("depth_mm", "depth_sigma_mm", "possibly_deeper_mm"),
+    *("x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm", "read_ms"),
+)
 
 PEAKS = np.dtype(
     [

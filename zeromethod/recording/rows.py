@@ -105,6 +105,7 @@ class Rows:
         assert peak is not None
         own: dict[str, Any] = {"step": step.number, "state": _STATE[step.state]}
         own |= {"depth_sigma_mm": peak.sigma_mm, "possibly_deeper_mm": peak.deeper_mm}
+        own |= {"x_sigma_mm": peak.sigma_x_mm, "y_sigma_mm": peak.sigma_y_mm}
         row = self._row("peaks/table", *self._fields("peaks/table", own, peak, step))
         return [*((Write.WITH_ROOM, *item) for item in arrays), (Write.ALWAYS, *row)]
 

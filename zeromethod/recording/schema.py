@@ -88,6 +88,8 @@ PEAKS: Fields = {
     "possibly_deeper_mm": ("f8", "mm", "one-sided part of depth_sigma_mm: how much deeper holes may be"),
     "x_mm": ("f8", "mm", "world x of the point"),
     "y_mm": ("f8", "mm", "world y of the point"),
+    "x_sigma_mm": ("f8", "mm", "standard deviation of x_mm"),
+    "y_sigma_mm": ("f8", "mm", "standard deviation of y_mm"),
     "read_ms": ("f8", "ms", "how long reading the surface took"),
 }
 

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from zeromethod.errors import InputError
+from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.keys import plain, set_value, value_at
 from zeromethod.rig.refusal import RENAMED, first_refusal, refused, shown, unknown_key
 from zeromethod.rig.tables import (
@@ -41,7 +42,7 @@ from zeromethod.rig.tables import (
 )
 
 __all__ = [
-    "CameraSpec", "ControlSpec", "DisplaySpec", "Faults", "KnownRest", "Layer", "Noise", "Prism",
+    "CameraSpec", "ControlSpec", "DisplaySpec", "Faults", "GeometrySpec", "KnownRest", "Layer", "Noise", "Prism",
     "RestSurface", "Rig", "SimulationSpec", "SurfaceSpec", "Table", "TargetSpec",
 ]  # fmt: skip
 
@@ -209,6 +210,7 @@ class Rig(Table):
     target: TargetSpec = TargetSpec()
     control: ControlSpec = ControlSpec()
     surface: SurfaceSpec = SurfaceSpec()
+    geometry: GeometrySpec = GeometrySpec()
     simulation: SimulationSpec = SimulationSpec()
     scenario: Text = "default"
 

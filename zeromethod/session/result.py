@@ -6,7 +6,7 @@ from bisect import bisect_left
 from dataclasses import dataclass, field, replace
 
 from zeromethod.control.stability_margin import Margin
-from zeromethod.loop.state import NULLED, State
+from zeromethod.loop.state import READ, State
 from zeromethod.loop.step import Step, StepFigures
 from zeromethod.rig.model import Rig
 from zeromethod.surface.comparison import TruthSource
@@ -105,7 +105,7 @@ class RunResult:
         """
         assert step.image is not None
         kept = replace(step, image=step.image.copy())
-        settled = step.state in NULLED
+        settled = step.state in READ
         if settled and (step.phase == "untouched" if phases else self.before is None):
             self.before = kept
         # After the hold comes the lift, whose residual may be larger still; the figure shows the press.

@@ -31,6 +31,7 @@ from zeromethod.session.reading import StepReader, rms_nm, timed, warm_up_warp, 
 from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
+from zeromethod.session.trust import with_stated_geometry
 from zeromethod.surface import SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.warp.grid import NodeGrid
@@ -83,6 +84,7 @@ class Session:
         check_geometry(self.rig)
         with ExitStack() as stack:
             self._devices = devices or stack.enter_context(open_devices(self.rig))
+            self.rig, doubt = with_stated_geometry(self.rig, self._devices.camera)
             self._optics = Optics(self.rig)
             self.loop = Loop(
                 self.rig,
@@ -92,6 +94,7 @@ class Session:
                 reopen_camera=self._devices.reopen_camera,
                 optics=self._optics,
             )
+            self.loop.doubt = doubt
             stack.callback(self.loop.close)
             self._recorder = recorder_of(record, self.rig, self.loop)
             stack.callback(self._end_recording)

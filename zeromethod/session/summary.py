@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.loop.state import LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, State
+from zeromethod.loop.state import LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, READ, State
 from zeromethod.loop.step import StepFigures
 from zeromethod.session.result import RunResult
 
@@ -83,16 +83,22 @@ def _untouched(records: list[StepFigures]) -> Figures | None:
     return {"frames": len(values), "depth_rms_nm": float(single), "depth_filtered_rms_nm": float(filtered)}
 
 
-def _depth_peak_mm(nulled: list[StepFigures]) -> tuple[float | None, float | None]:
-    """Peak and its sigma: median over the hold; without a scenario, the deepest one that was read."""
-    read = [record for record in nulled if np.isfinite(record.depth_peak_mm)]
+_PEAK = tuple(f"{of}_{what}mm" for of in ("depth_peak", "peak_x", "peak_y") for what in ("", "sigma_"))
+
+
+def _peak(among: list[StepFigures]) -> Figures:
+    """Peak and its sigmas: median over the hold; without a scenario, the deepest one that was read."""
+    read = [record for record in among if np.isfinite(record.depth_peak_mm)]
     if not read:
-        return None, None
+        return dict.fromkeys(_PEAK)
+    figures = [
+        (one.depth_mm, one.sigma_mm, one.x_mm, one.sigma_x_mm, one.y_mm, one.sigma_y_mm)
+        for one in (record.peak for record in read)
+        if one is not None
+    ]
     if read[0].phase == "hold":
-        median = float(np.median([record.depth_peak_mm for record in read]))
-        return median, float(np.median([record.depth_peak_sigma_mm for record in read]))
-    deepest = max(read, key=lambda record: abs(record.depth_peak_mm))
-    return deepest.depth_peak_mm, deepest.depth_peak_sigma_mm
+        return dict(zip(_PEAK, np.median(figures, axis=0).tolist(), strict=True))
+    return dict(zip(_PEAK, max(figures, key=lambda one: abs(one[0])), strict=True))
 
 
 def _finite(value: Any) -> Any:
@@ -119,6 +125,7 @@ def summarise(result: RunResult) -> Figures:
     # The figures of a hold are those of its nulled frames; a hold that was never nulled says so by None.
     held = [record for record in records if record.phase == "hold"] or records
     nulled = [record for record in held if record.state in NULLED]
+    read = [record for record in held if record.state in READ]
     last = result.last
     figures = {
         "rig": result.rig.name,
@@ -140,8 +147,9 @@ def summarise(result: RunResult) -> Figures:
         "nulled_frames": len(nulled),
         "events": result.events,
         "lock_frames": lock_frames(records),
-        "residual_px_rms": _median_residual_px(nulled or held),
-        **_depth_figures(result, nulled),
+        "residual_px_rms": _median_residual_px(read or held),
+        "calibrated": all(record.calibrated for record in records),
+        **_depth_figures(result, read),
         "loop_ms": _percentiles(record.loop_ms for record in records),
         "draw_ms": _percentiles(record.draw_ms for record in records),
         "read_ms": _percentiles(record.read_ms for record in records),
@@ -157,18 +165,16 @@ def _median_residual_px(records: list[StepFigures]) -> float | None:
     return float(np.median(values)) if values else None
 
 
-def _depth_figures(result: RunResult, nulled: list[StepFigures]) -> Figures:
+def _depth_figures(result: RunResult, read: list[StepFigures]) -> Figures:
     """Depth, how much of the view it covers, and its errors where the truth is known."""
     records = result.records
-    peak_mm, sigma_mm = _depth_peak_mm(nulled)
     # without a scenario, every nulled frame was compared
     truth = _against_truth(records, "hold" if any(record.phase for record in records) else "", NULLED)
     valid = (record.valid_share for record in reversed(records) if np.isfinite(record.residual_rms_px))
     return {
         "usable_share": truth["usable_share"] if truth else result.usable_share_at_rest,
         "valid_share": truth["valid_share"] if truth else next(valid, None),
-        "depth_peak_mm": peak_mm,
-        "depth_peak_sigma_mm": sigma_mm,
+        **_peak(read),
         "truth": truth,
         "truth_slide": _against_truth(records, "slide", _FOLLOWING),
         "untouched": _untouched(records),

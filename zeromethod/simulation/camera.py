@@ -59,6 +59,10 @@ class SimulatedCamera:
         """Significant bits per pixel."""
         return self._rig.camera.bits
 
+    def simulates(self, rig: Rig) -> bool:
+        """Whether the light follows the geometry of `rig`."""
+        return _geometry(self._rig) == _geometry(rig)
+
     def truth(self, time_ns: int) -> Mirror:
         """Return the mirror as it truly is at `time_ns`."""
         return self.scenario.mirror_at(time_ns)
@@ -166,3 +170,13 @@ def exposure_pieces(
             weight = (part_to - part_from) / (to_ns - from_ns)
             pieces.append(Piece(weight, scenario.mirror_at(at), pictures))
     return pieces
+
+
+def _geometry(rig: Rig) -> tuple[object, ...]:
+    """What decides where the rays go."""
+    display, camera = rig.display, rig.camera
+    panel = display.columns, display.rows, display.pitch_mm, display.centre_mm
+    pose = camera.position_mm, camera.look_at_mm, camera.roll_deg
+    lens = camera.projection, camera.focal_px, camera.pixel_mm, camera.centre_px, camera.distortion
+    laid = display.turn_deg, display.mirrored, display.tilt_deg
+    return (rig.prism, rig.pattern_layers, rig.camera_layers, *panel, *laid, *pose, *lens)

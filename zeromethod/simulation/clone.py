@@ -13,11 +13,12 @@ _OF_THE_DEVICE = frozenset({"driver", "gain", "pixel_format", "region_px", "trig
 def simulated_clone(rig: Rig) -> Rig:
     """Rig with simulated display and camera in place of its own. A simulated rig comes back as it is.
 
-    Everything about geometry, panel, response, noise, target, control and surface stays. The drivers' own
-    options and what only a device can be set to go. The delay that was measured is kept whole: the display's
-    latency stays, and the camera's becomes that of the simulated one unless `[simulation]` gives it. A
-    display latency below zero (stamps that come too early) no panel can have: it becomes 0 and is taken off
-    the camera's, which leaves the time from presentation to frame in hand what it was.
+    Everything about geometry, panel, response, noise, target, control and surface stays; what is not known of
+    the geometry goes, as the clone's is exact. The drivers' own options and what only a device can be set to
+    go. The delay that was measured is kept whole: the display's latency stays, and the camera's becomes that
+    of the simulated one unless `[simulation]` gives it. A display latency below zero (stamps that come too
+    early) no panel can have: it becomes 0 and is taken off the camera's, which leaves the time from
+    presentation to frame in hand what it was.
 
     The clone's light is `[simulation]`'s: exposure and gain of the real camera are taken to be set so that
     white comes to its `peak_grey_share`.
@@ -30,7 +31,9 @@ def simulated_clone(rig: Rig) -> Rig:
     if early_s < 0.0:
         display["latency_s"] = 0.0
         camera["latency_s"] = max(rig.camera.latency_s + early_s, 0.0)
-    clone = rig.replace(display=display | {"driver": SIMULATED}, camera=camera | {"driver": SIMULATED})
+    clone = rig.replace(
+        display=display | {"driver": SIMULATED}, camera=camera | {"driver": SIMULATED}, geometry=None
+    )
     if "camera_latency_s" in rig.simulation.model_fields_set:
         return clone
     return clone.replace({"simulation.camera_latency_s": clone.camera.latency_s})

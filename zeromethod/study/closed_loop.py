@@ -18,6 +18,7 @@ from zeromethod.errors import MeasurementError
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
 from zeromethod.optics import Optics, check_geometry
+from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
@@ -75,7 +76,9 @@ def opened(task: Task) -> Iterator[Devices]:
 def close_loop(task: Task) -> Figures:
     """Figures of one run."""
     with opened(task) as devices:
-        session = Session(task.rig, devices=devices)
+        # what a wrong geometry does is what is studied: the loop runs as if it were right
+        exact = task.rig.model_copy(update={"geometry": GeometrySpec(known="exact")})
+        session = Session(exact, devices=devices)
         frames, seconds = task.frames, task.seconds
         if frames is None and seconds is None and task.press is not None:
             seconds = DEFAULT_SECONDS

@@ -35,16 +35,18 @@ class Variance:
 
     noise: of this one frame; another frame's is independent. anchor: what is not known about the depth of the
     nodes taken as known; much the same in every frame with that anchor (the noise of a far field that is
-    followed counts here too).
+    followed counts here too). geometry: what the rig's geometry leaves open (`GeometrySpec`), the same in every
+    frame.
     """
 
     noise: float
     anchor: float
+    geometry: float = 0.0
 
     @property
     def total(self) -> float:
-        """Noise and anchor together; they are independent."""
-        return self.noise + self.anchor
+        """All together; they are independent."""
+        return self.noise + self.anchor + self.geometry
 
     @property
     def sigma(self) -> float:
@@ -58,11 +60,12 @@ class Covariances:
 
     noise: Float
     anchor: Float
+    geometry: Float
 
     @property
     def total(self) -> Float:
-        """Noise and anchor together."""
-        return self.noise + self.anchor
+        """All together."""
+        return self.noise + self.anchor + self.geometry
 
 
 class DepthCovariance:
@@ -81,9 +84,13 @@ class DepthCovariance:
         scale: Float,
         anchor: Float,
         anchor_sigma_mm: float,
+        modes_mm: Float,
     ) -> None:
-        """Scale h, anchor's weights: (rows, cols) of the measurable nodes; anchor_sigma_mm: of depth / h."""
-        self._grid, self._linear, self._noise = grid, linear, noise
+        """Scale h, anchor's weights: (rows, cols) of the measurable nodes; anchor_sigma_mm: of depth / h.
+
+        modes_mm: (modes, rows, cols) errors of depth by the geometry, each times one standard normal number.
+        """
+        self._grid, self._linear, self._noise, self._modes = grid, linear, noise, modes_mm
         self._scale, self._anchor, self._anchor_sigma = scale, anchor, anchor_sigma_mm
 
     def variance_of(self, weights: Float) -> Variance:
@@ -93,7 +100,8 @@ class DepthCovariance:
         """
         inner = self._checked(weights)
         systematic = self._anchor_sigma * float((inner * self._scale).sum())
-        return Variance(float(self._noise.variance_of(self._slope_weights(inner))), systematic**2)
+        geometry = float((self._of_modes(inner) ** 2).sum())
+        return Variance(float(self._noise.variance_of(self._slope_weights(inner))), systematic**2, geometry)
 
     def with_mean(self, weights: Float) -> Covariances:
         """Covariance of every depth with sum(weights * depth), weights (rows, cols)."""
@@ -101,7 +109,12 @@ class DepthCovariance:
         row = self._linear.depth(self._noise.covariance(self._slope_weights(inner)))
         row -= float((self._anchor * row).sum())
         systematic = self._anchor_sigma**2 * float((inner * self._scale).sum()) * self._scale
-        return Covariances(self._padded(self._scale * row), self._padded(systematic))
+        geometry = np.tensordot(self._of_modes(inner), self._modes, 1)
+        return Covariances(*(self._padded(one) for one in (self._scale * row, systematic, geometry)))
+
+    def _of_modes(self, inner: Float) -> Float:
+        """(modes,) what each mode makes of the weighted sum."""
+        return np.asarray(np.tensordot(self._modes, inner, 2))
 
     def _slope_weights(self, inner: Float) -> Float:
         in_units_of_h = inner * self._scale

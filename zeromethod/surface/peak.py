@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.gaps import gaps_between
+from zeromethod.surface.peak_place import place_sigma_mm
 from zeromethod.surface.surface import Surface
 
 _REACH = 2
@@ -38,9 +39,11 @@ class Peak:
     x_mm, y_mm : float
         Place on the mirror.
     sigma_mm : float
-        Standard deviation of the depth, holes included.
+        Standard deviation of the depth, holes and what the geometry leaves open included.
     deeper_mm : float
         One-sided part of sigma_mm: how much deeper the mirror may be inside holes.
+    sigma_x_mm, sigma_y_mm : float
+        Standard deviation of the place; NaN where too few nodes are valid around it.
     """
 
     depth_mm: float
@@ -48,6 +51,8 @@ class Peak:
     y_mm: float
     sigma_mm: float
     deeper_mm: float = 0.0
+    sigma_x_mm: float = math.nan
+    sigma_y_mm: float = math.nan
 
     @property
     def sigma_local_mm(self) -> float:
@@ -108,6 +113,8 @@ def _deepest(surface: Surface) -> tuple[Peak, Mask]:
         float(surface.x_mm[row, col]),
         float(surface.y_mm[row, col]),
         float(surface.sigma_depth_mm[row, col]),
+        0.0,
+        *place_sigma_mm(surface, row, col),
     )
     window = np.zeros(depth.shape, bool)
     for _ in range(_MOVES):
@@ -120,7 +127,7 @@ def _deepest(surface: Surface) -> tuple[Peak, Mask]:
         row, col = row + round(float(offset[1])), col + round(float(offset[0]))
     window[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1] = True
     depth_mm, x_mm, y_mm = (float(part) for part in value)
-    return Peak(depth_mm, x_mm, y_mm, at_node.sigma_mm), window
+    return Peak(depth_mm, x_mm, y_mm, at_node.sigma_mm, 0.0, *place_sigma_mm(surface, row, col)), window
 
 
 def _summit(surface: Surface, row: int, col: int) -> tuple[Float, Float, int] | None:

@@ -106,6 +106,11 @@ class SurfaceReader:
         slope, point = self._rays.slope(rest, self._rays.rest_q)
         self._rest_point = point
         self._rest_xy = continued_points(self._grid.padded(point[..., :2], np.nan))
+        # at the rest's points, as they bend over centimetres, and depth moves a point by less than one of mm
+        modes = rig.geometry.fields(self._rest_xy[..., 0], self._rest_xy[..., 1])
+        self._depth_modes = modes[:, 0][(slice(None), *grid.inner)]
+        self._depth_share = np.sqrt((self._depth_modes**2).sum(axis=0))
+        self._sigma_place = np.sqrt((modes[:, 1:] ** 2).sum(axis=0))
         sensitivity = optics.sensitivity(u, v)
         regular = island & (
             np.abs(np.linalg.det(np.where(island[..., None, None], sensitivity, np.eye(2)))) > 0
@@ -196,7 +201,8 @@ class SurfaceReader:
         if last is None or last.surface is not surface:
             raise InputError("surface: not the one last read, or without depth; read it first")
         scale, fit = self._scale, last.fit
-        return DepthCovariance(self._grid, last.linear, last.noise, scale, fit.weights, fit.sigma_mm)
+        modes = self._depth_modes * np.where(last.linear.island, surface.depth_mm[self._grid.inner], 0.0)
+        return DepthCovariance(self._grid, last.linear, last.noise, scale, fit.weights, fit.sigma_mm, modes)
 
     def _settle(self, q: Float, variance: Float, usable: Mask, depth: Float, far_field_mm: float) -> _Reading:
         integrator, scale = self._integrator, self._scale
@@ -277,6 +283,7 @@ class SurfaceReader:
         if fit is not None:
             of_frame = self._noise.sigma(noise, x, y, fit.weights)
             sigma_depth = self._scale * np.hypot(of_frame, fit.sigma_mm)
+            sigma_depth = np.hypot(sigma_depth, self._depth_share * reading.depth)
             typical = fit.sigma_mm * float(np.sqrt(np.mean(self._scale[island] ** 2)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
         contact = (warp.flags & Flag.LIGHT_LOST != 0) & (warp.flags & (Flag.OUTSIDE | Flag.NO_RAY) == 0)
@@ -314,6 +321,8 @@ class SurfaceReader:
             "sigma_depth_mm": full[2],
             "sigma_slope": full[3],
             "on_mirror": on_mirror,
+            "sigma_x_mm": self._sigma_place[0],
+            "sigma_y_mm": self._sigma_place[1],
         }
 
     def _with_cut_off(
@@ -327,9 +336,11 @@ class SurfaceReader:
         found = bridge(self._rays, q, variance, self._scale, island, others, read) if others else None
         if found is None:
             return surface
-        # noise over a gap adds little to that of the nodes before it
-        sigma_depth = np.hypot(float(np.nanmax(surface.sigma_depth_mm)), found.sigma_mm)
         depth, slope, point = found.read.depth, found.read.slope, found.read.point
+        # noise over a gap adds little to that of the nodes before it
+        noise = surface.sigma_depth_mm[self._grid.inner] ** 2 - (self._depth_share * reading.depth) ** 2
+        sigma_depth = np.hypot(float(np.sqrt(np.nanmax(noise))), found.sigma_mm)
+        sigma_depth = np.hypot(sigma_depth, self._depth_share * depth)
         arrays = self._arrays(found.nodes, depth, slope, point, sigma_depth, variance)
         cut_off = replace(surface, **arrays, valid=self._grid.padded(found.nodes, False))
         whole = replace(surface, cut_off=cut_off)

@@ -53,8 +53,8 @@ class Surface:
         The mirror point. Finite everywhere, for plots: continued smoothly where the pixel's ray misses the
         mirror, given as NaN there.
     sigma_depth_mm : (rows, cols)
-        Standard deviation of depth: noise of this one warp and the anchor's. It is correlated between nodes:
-        `SurfaceReader.covariance`.
+        Standard deviation of depth: noise of this one warp, the anchor's, and what the rig's geometry leaves
+        open (`GeometrySpec`). It is correlated between nodes: `SurfaceReader.covariance`.
     sigma_slope : (rows, cols, 2)
         Standard deviation of slope, rad, at a fixed mirror point (within 1 mm of the LCD, by P0, depth's own
         noise moves the point and takes up to 14 % off).
@@ -74,6 +74,9 @@ class Surface:
         the gap's.
     on_mirror : (rows, cols) bool, optional
         Nodes whose ray meets the mirror; by default those with finite x_mm and y_mm.
+    sigma_x_mm, sigma_y_mm : (rows, cols), optional
+        Standard deviation of the mirror point by what the geometry leaves open, the same in every frame; 0
+        where the geometry is exact.
 
     Notes
     -----
@@ -93,9 +96,14 @@ class Surface:
     iterations: int
     cut_off: Surface | None = None
     on_mirror: Mask = field(default_factory=lambda: np.zeros((0, 0), bool))
+    sigma_x_mm: Float = field(default_factory=lambda: np.zeros((0, 0)))
+    sigma_y_mm: Float = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
         """Continue the mirror points where no ray meets the mirror."""
+        if not self.sigma_x_mm.size:
+            object.__setattr__(self, "sigma_x_mm", np.zeros(self.depth_mm.shape))
+            object.__setattr__(self, "sigma_y_mm", np.zeros(self.depth_mm.shape))
         if not self.on_mirror.size:
             points = np.stack([self.x_mm, self.y_mm], axis=-1)
             object.__setattr__(self, "on_mirror", np.isfinite(points).all(axis=-1))

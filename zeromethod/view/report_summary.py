@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Mask
-from zeromethod.loop.state import NULLED, State
+from zeromethod.loop.state import NULLED, READ, State
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import STATES
 from zeromethod.view.report_history import WITHOUT_READING, episodes, shares
@@ -18,7 +18,7 @@ Figures = dict[str, Any]
 def summarise_recording(recording: Recording) -> Figures:
     """All figures; keys ending in a unit carry it, times are s from the first step, None: unknown.
 
-    Figures "while nulled" are of the steps locked or resting; of all steps, where there is none.
+    Figures "while nulled" are of the steps whose picture was right; of all steps, where there is none.
     """
     steps, peaks, drops = recording.steps, read_peaks(recording), recording.drops
     spent = episodes(recording)
@@ -26,7 +26,7 @@ def summarise_recording(recording: Recording) -> Figures:
     ends = [one for one in spent if one.state != State.STOPPED] or spent
     frames = steps["time_ns"][steps["frame_number"] >= 0]
     span_s = 1e-9 * float(frames[-1] - frames[0]) if len(frames) > 1 else 0.0
-    nulled = np.isin(steps["state"], [STATES.index(state) for state in NULLED])
+    nulled = np.isin(steps["state"], [STATES.index(state) for state in READ])
     events = [event for step in steps[steps["events"] != 0] for event in recording.events_of(step)]
     return {
         "complete": recording.complete,
@@ -36,6 +36,7 @@ def summarise_recording(recording: Recording) -> Figures:
         "frames": len(frames),
         "rate_hz": (len(frames) - 1) / span_s if span_s > 0 else None,
         "state": ends[-1].state if ends else None,
+        "calibrated": not recording.rig.geometry.relative,
         "reason": ends[-1].reason if ends else "",
         "shares": share_of,
         "locked_share": sum(share_of.get(state, 0.0) for state in NULLED),
@@ -68,7 +69,7 @@ def largest_peak(peaks: Image) -> Image:
 
     Those of nulled steps come before all others.
     """
-    nulled = peaks[np.isin(peaks["state"], [state.value for state in NULLED])]
+    nulled = peaks[np.isin(peaks["state"], [state.value for state in READ])]
     among = nulled if len(nulled) else peaks
     return np.asarray(among[np.argsort(-np.abs(among["depth_mm"]), kind="stable")[:1]])
 
@@ -78,7 +79,7 @@ def peak_figures(peaks: Image) -> Figures | None:
     if not len(peaks):
         return None
     peak = peaks[0]
-    lengths = {name: float(peak[name]) for name in ("depth_mm", "x_mm", "y_mm")}
+    lengths = {name: float(peak[name]) for name in ("depth_mm", "x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm")}
     about = {"step": int(peak["step"]), "time_s": float(peak["time_s"]), "state": str(peak["state"])}
     return about | {"sigma_mm": float(peak["depth_sigma_mm"])} | lengths
 

@@ -48,6 +48,8 @@ def warnings(silent_s: float, figures: Figures) -> Iterator[str]:
         yield "The recording was cut off: its writer did not close it. What was written until then is here."
     if figures["state"] in {State.FAULT, State.LOST}:
         yield f"The run ended in {figures['state']}: {figures['reason']}"
+    if not figures["calibrated"]:
+        yield "The bench was not calibrated: depth is relative, within its sigma at best (zeromethod calibrate)."
     if lost := figures["dropped"].get("recorder"):
         yield f"{lost} frames were taken by the loop, but their arrays are not in the recording."
     if damaged := damaged_words(figures["damaged"]):
@@ -93,7 +95,8 @@ def peak_words(peak: Figures) -> str:
     digits = 3
     if np.isfinite(sigma) and sigma > 0:
         digits = int(np.clip(1 - np.floor(np.log10(sigma)), 0, 6))
-    place = f"x = {peak['x_mm']:z.2f}, y = {peak['y_mm']:z.2f} mm"
+    x, y = (f"{name} = {peak[f'{name}_mm']:z.2f} ± {peak[f'{name}_sigma_mm']:.2f}" for name in "xy")
+    place = f"{x}, {y} mm"
     length = f"{depth:z.{digits}f} ± {sigma:.{digits}f} {unit}"
     noise = " (nothing presses: noise)" if peak["state"] == State.RESTING else ""
     return f"{length} at {place}, {peak['time_s']:.2f} s, {peak['state']}{noise}"

@@ -91,6 +91,8 @@ def summary_table(figures: Figures) -> Table:
         values = [_look_up(figures, key) for key in keys]
         if all(value is not None for value in values):
             rows.append((label, pattern.format(*values)))
+    if not figures["calibrated"]:
+        rows.append(("not calibrated", "depth is relative: zeromethod calibrate"))
     if figures["recording"]:
         rows.append(("recording", figures["recording"]))
     return pair_table([*rows, *(("event", f"{name} x {count}") for name, count in figures["events"].items())])

@@ -39,6 +39,7 @@ from zeromethod.commissioning.calibration.prompts import Prompts, Silent
 from zeromethod.commissioning.calibration.rest import decode
 from zeromethod.decoding.measuring import RestMeasurement
 from zeromethod.errors import MeasurementError
+from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak
 from zeromethod.warp.grid import NodeGrid
@@ -102,8 +103,10 @@ class Calibration:
 
     @property
     def rig(self) -> Rig:
-        """The calibrated rig."""
-        return self.fitted.rig
+        """The calibrated rig, with what its geometry leaves open; "nominal" where something contradicts it."""
+        known = "nominal" if self.verdict.level is Level.BAD else "calibrated"
+        stated = GeometrySpec(known=known, **self.error.modes)
+        return self.fitted.rig.model_copy(update={"geometry": stated})
 
     @property
     def depth_percent(self) -> float:
@@ -129,7 +132,8 @@ def evaluate(
 
     Raises MeasurementError where the data contradict the rig file beyond use.
     """
-    rig, plan = recorded.rig.replace(recorded.values), recorded.plan
+    # what an earlier calibration left open has no part in this one
+    rig, plan = recorded.rig.replace({**recorded.values, "geometry": None}), recorded.plan
     prompts = prompts or Silent()
     findings: list[str] = []
     with prompts.part("geometry", PARTS) as advance:
@@ -247,7 +251,7 @@ def rest_residuals(calibration: Calibration) -> tuple[np.ndarray[Any, Any], np.n
 
 
 def geometry_values(rig: Rig) -> dict[str, Any]:
-    """Keys and values of a rig file that hold its fitted geometry."""
+    """Keys and values of a rig file that hold its fitted geometry, and how well that is known."""
     camera, display, prism = rig.camera, rig.display, rig.prism
     values: dict[str, Any] = {
         "prism.pattern_angle_deg": prism.pattern_angle_deg,
@@ -270,6 +274,7 @@ def geometry_values(rig: Rig) -> dict[str, Any]:
     if rig.pattern_layers and rig.pattern_layers[-1].index == 1.0:
         last = len(rig.pattern_layers) - 1
         values[f"pattern_layers[{last}].thickness_mm"] = rig.pattern_layers[-1].thickness_mm
+    values |= {f"geometry.{key}": value for key, value in rig.geometry.given().items()}
     return {key: _rounded(value) for key, value in values.items()}
 
 
@@ -277,4 +282,4 @@ def _rounded(value: Any) -> Any:
     """To ten digits: far below any sigma, and legible."""
     if isinstance(value, tuple):
         return [_rounded(one) for one in value]
-    return float(f"{value:.10g}")
+    return value if isinstance(value, str) else float(f"{value:.10g}")

@@ -43,6 +43,7 @@ _ARRAYS = (
     "fit/z=fitted.z",
     "fit/covariance=fitted.covariance",
     "depth_error/sensitivity=error.sensitivity",
+    "depth_error/place=error.place",
 )
 _LIGHT_ARRAYS = (
     "light/codes=response.codes",
@@ -101,9 +102,8 @@ def store_calibration(
     if again is not None:
         kept = {key: again.document[key] for key in _KEPT if key in again.document}
         document |= {**kept, "redone_from": again.folder.name}
-    return store(
-        name, document, found.values, arrays_of(found), settings=settings, pictures=pictures, home=home
-    )
+    values = found.values | {"geometry.date": document["time"].isoformat()}
+    return store(name, document, values, arrays_of(found), settings=settings, pictures=pictures, home=home)
 
 
 def recall(folder: Path) -> tuple[Recorded, Stored]:
@@ -171,7 +171,9 @@ def arrays_of(found: Calibration) -> dict[str, Any]:
 def document_of(found: Calibration) -> dict[str, Any]:
     """calibration.toml of a calibration, as plain values."""
     recorded, fitted, error, plan = found.recorded, found.fitted, found.error, found.recorded.plan
-    regions = zip(error.names, error.x_mm, error.y_mm, error.percent, strict=True)
+    numbers = error.x_mm, error.y_mm, error.percent, *error.place_mm
+    regions = zip(error.names, *numbers, strict=True)
+    columns = ("name", "x_mm", "y_mm", "percent", "sigma_x_mm", "sigma_y_mm")
     document: dict[str, Any] = {
         "time": datetime.now(UTC).replace(microsecond=0),
         "rig": recorded.rig.name,
@@ -180,7 +182,7 @@ def document_of(found: Calibration) -> dict[str, Any]:
         "depth_error": {
             "percent": found.depth_percent,
             "worst_percent": error.percent.max(),
-            "region": [dict(zip(("name", "x_mm", "y_mm", "percent"), one, strict=True)) for one in regions],
+            "region": [dict(zip(columns, one, strict=True)) for one in regions],
         },
         "parameters": _parameters(fitted),
         "fit": _table(fitted, "chi2_per_freedom", "rest_map_sigma_factor=inflation", "settled")

@@ -15,7 +15,7 @@ from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.circle import Circle, FrameResult
 from zeromethod.loop.events import Event
 from zeromethod.loop.frame_check import own
-from zeromethod.loop.state import NULLED
+from zeromethod.loop.state import READ
 from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
 from zeromethod.rig.model import Rig
@@ -185,7 +185,7 @@ def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tup
                 damage = f"the frame of step {step} ({at_s:.3f} s) {why}"
                 raise InputError(_ends_at(recording, window, step, damage))
             taken = circle.take(own(frame), bool(row["frozen"]))
-        if not referenced and recording.state_of(row) in NULLED:
+        if not referenced and recording.state_of(row) in READ:
             referenced = True
             if taken is not None:
                 circle.take_reference(taken)
