@@ -29,6 +29,8 @@ class Event(enum.StrEnum):
     FROZEN = "frozen by request"
     ZERO_TAKEN = "zero taken"
     ZERO_REFUSED = "zero refused"
+    BENCH_MOVED = "bench moved"
+    BENCH_FOLLOWED = "bench followed"
     CAMERA_TIMEOUT = "camera timeout"
     CAMERA_STALLED = "camera stalled"
     CAMERA_LOST = "camera lost"

@@ -133,6 +133,10 @@ class Zero:
         """(rows, cols, 2) LCD px, the warp of the untouched mirror."""
         return self._rest.q if self.q is None else self._rest.q + self.q
 
+    def shift(self, q: Float) -> None:
+        """Shift the warp of the untouched mirror by (rows, cols, 2) LCD px."""
+        self.q = q if self.q is None else self.q + q
+
     def request(self) -> None:
         """Take the mean warp of the next nulled frames."""
         self._taking = ZeroTaking(self._rest)

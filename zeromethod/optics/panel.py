@@ -8,15 +8,8 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.optics.prism import Face
-from zeromethod.optics.vectors import dot
+from zeromethod.optics.vectors import dot, rotation
 from zeromethod.rig.model import DisplaySpec
-
-
-def _rotation(axis: Float, angle_rad: float) -> Float:
-    """(3, 3) right-handed rotation about a unit axis (Rodrigues' formula)."""
-    cross: Float = np.cross(axis, np.eye(3)).T
-    result: Float = np.eye(3) + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * (cross @ cross)
-    return result
 
 
 @dataclass(frozen=True)
@@ -49,7 +42,7 @@ class Panel:
         """
         tilt_along, tilt_y = np.radians(spec.tilt_deg)
         y = np.array([0.0, 1.0, 0.0])
-        tilt = _rotation(y, float(tilt_y)) @ _rotation(face.along, float(tilt_along))
+        tilt = rotation(y, float(tilt_y)) @ rotation(face.along, float(tilt_along))
         first = -face.along if spec.mirrored else face.along
         turn = np.radians(spec.turn_deg)
         column = np.cos(turn) * first + np.sin(turn) * y

@@ -27,3 +27,10 @@ def reflect(direction: Float, normal: Float) -> Float:
     """
     result: Float = direction - 2.0 * dot(direction, normal)[..., None] * normal
     return result
+
+
+def rotation(axis: Float, angle_rad: float) -> Float:
+    """(3, 3) right-handed rotation about a unit axis (Rodrigues' formula)."""
+    cross: Float = np.cross(axis, np.eye(3)).T
+    result: Float = np.eye(3) + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * (cross @ cross)
+    return result

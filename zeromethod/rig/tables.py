@@ -152,7 +152,8 @@ class ControlSpec(Table):
 
     `gain` 0..1: share of each correction applied at once (composition: filter's upper limit;
     integrator: its gain); `leak` is the integrator's alone, per frame. `strips` "edges": coded strips at two
-    edges of the view identify the pictures that a frame was exposed to.
+    edges of the view identify the pictures that a frame was exposed to. `follow_bench`: motion of camera,
+    LCD or prism is corrected where it shows whole, while nothing presses or by two places known to rest.
     """
 
     controller: Literal["composition", "integrator"] = "composition"
@@ -160,6 +161,7 @@ class ControlSpec(Table):
     leak: Annotated[float, Field(ge=0, lt=1)] = 0.01
     timeout_s: Positive = 1.0
     strips: Literal["none", "edges"] = "none"
+    follow_bench: bool = False
 
 
 class KnownRest(Table):
@@ -183,7 +185,12 @@ class SurfaceSpec(Table):
 
 
 class Faults(Table):
-    """Planted faults of the simulated devices; frame numbers count from 0, None = never."""
+    """Planted faults of the simulated devices; frame numbers count from 0, None = never.
+
+    From frame `moved_at_frame` on, or evenly over `moved_over_frames` from there, the camera is turned by
+    `camera_turned_deg` (about its v axis, about its u axis, about its line of sight) and the LCD slid by
+    `display_slid_mm` (away from P0, along y), which the rig file's geometry then no longer has.
+    """
 
     drop_frames: tuple[Count, ...] = ()
     repeat_frames: tuple[Count, ...] = ()
@@ -195,6 +202,10 @@ class Faults(Table):
     camera_lost_at_frame: Count | None = None
     camera_back_after_s: NotNegative | None = None
     display_lost_at_show: Count | None = None
+    moved_at_frame: Count | None = None
+    moved_over_frames: Count = 0
+    camera_turned_deg: Vector3 = (0.0, 0.0, 0.0)
+    display_slid_mm: Vector2 = (0.0, 0.0)
     light_off_frames: tuple[Count, Count] | None = None
 
 

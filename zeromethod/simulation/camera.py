@@ -12,6 +12,7 @@ from zeromethod.clock import Clock
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
 from zeromethod.errors import InputError
 from zeromethod.rig.model import Rig
+from zeromethod.simulation.bump import moved_rig, moved_share
 from zeromethod.simulation.display import SimulatedDisplay
 from zeromethod.simulation.faults import Delivery
 from zeromethod.simulation.panel import Presentation, SimulatedPanel
@@ -40,6 +41,7 @@ class SimulatedCamera:
         self.scenario: Scenario = load_scenario(rig.scenario)
         self._delivery = Delivery(rig)
         self._sensor = Sensor(rig)
+        self._moved = 0.0
         self._closed = False
         opened_ns = clock.now_ns()
         if self._delivery.gone(opened_ns):
@@ -124,6 +126,10 @@ class SimulatedCamera:
 
     def _exposed(self, number: int) -> Image:
         """Image of what frame `number` was truly exposed to."""
+        share = moved_share(self._rig, number)
+        if share != self._moved:
+            self._display.renderer.move(moved_rig(self._rig, share))
+            self._moved = share
         start_ns = self._delivery.start_ns(number)
         pieces = exposure_pieces(
             self.scenario,

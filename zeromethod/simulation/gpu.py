@@ -42,6 +42,12 @@ class GpuRenderer:
             self._panel = PanelLight(self.context, rig)
             self._camera = CameraLight(self.context, rig)
 
+    def move(self, rig: Rig) -> None:
+        """Have camera and LCD where `rig` has them; compiles the rays' shaders again."""
+        with self.context:
+            self._tracer.release()
+            self._tracer = RayTracer(self.context, rig)
+
     def new_picture(self) -> tuple[Handle, moderngl.Framebuffer]:
         """Empty picture: LCD size, one 8-bit channel of grey codes; content undefined until drawn.
 

@@ -26,10 +26,14 @@ class NumpyRenderer:
     def __init__(self, rig: Rig) -> None:
         """Lay out the rays. Raises InputError where the rig's rest surface cannot be used."""
         self._rig = rig
-        self._beams = Beams(rig)
         self._response = Response.from_rig(rig.display)
         self._pictures: dict[Handle, Float] = {}
         self._names = count(1)
+        self.move(rig)
+
+    def move(self, rig: Rig) -> None:
+        """Have camera and LCD where `rig` has them."""
+        self._beams = Beams(rig)
         self._beams_of = lru_cache(_KEPT_MIRRORS)(self._beams.all)
 
     def upload(self, image: Bytes) -> Handle:

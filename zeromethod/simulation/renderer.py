@@ -10,7 +10,7 @@ import numpy as np
 
 from zeromethod.arrays import Bytes, Float, Single
 from zeromethod.errors import InputError
-from zeromethod.rig.model import DisplaySpec
+from zeromethod.rig.model import DisplaySpec, Rig
 from zeromethod.simulation.press import Mirror
 
 Handle = int
@@ -49,6 +49,9 @@ class BenchRenderer(Protocol):
         Reflectance is taken at a pixel's centre: it alone is not blurred. The array may be reused by the next
         call.
         """
+
+    def move(self, rig: Rig) -> None:
+        """Have camera and LCD where `rig` has them."""
 
     def ray_map(self, mirror: Mirror) -> tuple[Single, Single]:
         """(q (rows, cols, 2) LCD px, NaN where no ray arrives; reflectance (rows, cols)) per camera pixel.

@@ -187,7 +187,14 @@ def _follow(
 ) -> Warp:
     """Run the loop until all presses were taken; the mean warp at rest. Raises PressesEndedError."""
     last_ns = devices.clock.now_ns()
-    loop = Loop(rig, devices.camera, devices.display, devices.clock, reopen_camera=devices.reopen_camera)
+    loop = Loop(
+        rig,
+        devices.camera,
+        devices.display,
+        devices.clock,
+        reopen_camera=devices.reopen_camera,
+        watches_bench=False,
+    )
     with (
         loop,
         closing(loop.run()) as steps,
