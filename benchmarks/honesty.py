@@ -1,0 +1,311 @@
+"""Whether a wrong number is ever called good: planted faults next to honest presses, on simulated benches.
+
+The packaged bench with four times larger pixels, its camera driven as a stranger's would be: rig file and bench
+may differ. Honest runs press pads of sigma 1.5 to 40 mm, balls and cones, on a bench that is as its rig
+file says and on one calibrated by this program, at places all over the view and beyond its border. Faulty ones turn
+the camera or slide the LCD in mid-run, at rest and under a press, at once or slowly, or believe a geometry that
+is off by 0.1 to 5 sigma of calipers.
+
+A run is judged frame by frame from the fault on. What a fault does is the error of the peak over its stated
+sigma; a fault whose effect exceeds 3 must be named: within 10 frames of it the state is neither locked nor
+resting. No honest run may be named. Nodes are counted in every frame that is called good.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from benchmarks.calibration_benches import (
+    KNOWN_SHARES,
+    KNOWN_SIGMA_MM,
+    Hand,
+    View,
+    drawn,
+    nominal,
+)
+from benchmarks.calibration_study import GAUGE_MM, KNOWN_MM
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import changed, small_rig
+from zeromethod.calibration import build, describe
+from zeromethod.calibration.parameters import Priors
+from zeromethod.cli.numbers import Whole
+from zeromethod.commissioning.calibration import Plan, evaluate, record
+from zeromethod.devices.opening import open_devices
+from zeromethod.devices.protocols import TrueMirror
+from zeromethod.errors import InputError
+from zeromethod.loop.state import NULLED, State
+from zeromethod.optics import check_geometry
+from zeromethod.rig.model import Rig
+from zeromethod.session.session import Session
+from zeromethod.simulation.camera import SimulatedCamera
+from zeromethod.simulation.path import PathPoint, PressPath
+from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.scenario import Scenario
+from zeromethod.surface import Surface
+from zeromethod.view.progress import progress
+
+SIGMAS, FAR_SIGMAS = 3.0, 5.0
+FRAMES_TO_NAME = 10
+PRESS_AT, FAULT_AT, LAST = 12, 24, 48
+"""Frames at which the press and the fault come, and the last one."""
+
+SETTLED = 6
+"""Frames after the press from which peaks are counted: the null has caught up."""
+
+HONEST, HONEST_QUICK = 200, 12
+MOST_SLOPE, DEEPEST_MM = 0.012, 0.3
+CALIPERS = (0.1, 0.5, 1.0, 2.0, 5.0)
+"""Sigmas of the priors by which an uncalibrated bench is off."""
+SEED = 14
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run on a bench that truly stands as `bench`. fault_at: frame, None for an honest run."""
+
+    kind: str
+    bench: Rig
+    believed: Rig
+    dents: tuple[Dent, ...]
+    fault_at: int | None = None
+
+
+@dataclass
+class Outcome:
+    """What came of a run.
+
+    named: a frame from the fault on had a state that names one. effect: largest error of the peak over its
+    sigma from the fault on, in frames called good or named. unnamed: the same of frames called good more than
+    `FRAMES_TO_NAME` after the effect first passed `SIGMAS`. good: whether the last frame was called good.
+    errors, sigmas: of peaks called good, mm. nodes, beyond: called good, and those off by more than `SIGMAS`.
+    """
+
+    kind: str
+    named: bool = False
+    effect: float = 0.0
+    unnamed: float = 0.0
+    good: bool = False
+    errors: list[float] = field(default_factory=list)
+    sigmas: list[float] = field(default_factory=list)
+    nodes: int = 0
+    beyond: int = 0
+
+
+def pressed(rig: Rig, dents: Sequence[Dent]) -> Scenario:
+    """Presses that all come at once, at frame `PRESS_AT`, and stay."""
+    at_ns = round(1e9 * PRESS_AT / rig.camera.rate_hz)
+    paths = [
+        PressPath(d, tuple(PathPoint(at_ns, d.x_mm, d.y_mm, depth) for depth in (0.0, d.depth_mm)))
+        for d in dents
+    ]
+    return Scenario("pressed", tuple(paths), 1e9)
+
+
+def any_press(view: View, draw: np.random.Generator) -> tuple[Dent, ...]:
+    """A press as hands make them: narrow or far wider than the view, its middle out of view, too."""
+    x, y = view.place(float(draw.uniform(-0.15, 1.15)), float(draw.uniform(-0.15, 1.15)))
+    size_mm = float(np.exp(draw.uniform(np.log(1.5), np.log(40.0))))
+    depth_mm = min(MOST_SLOPE * draw.uniform(0.1, 1.0) * size_mm * np.exp(0.5), DEEPEST_MM)
+    if draw.uniform() < 0.2:
+        contact_mm = float(draw.uniform(4.0, 8.0))
+        depth_mm = min(depth_mm, 0.1)
+        return (Dent(Shape.BALL, x, y, depth_mm, contact_mm**2 / depth_mm),)
+    return (Dent(Shape.GAUSSIAN, x, y, depth_mm, size_mm),)
+
+
+def honest(rigs: Sequence[tuple[Rig, Rig]], count: int) -> Iterator[Case]:
+    """Honest presses, by turns on every (bench, believed rig)."""
+    draw = np.random.default_rng([SEED, 0])
+    views = [View(bench) for bench, _ in rigs]
+    for number in range(count):
+        bench, believed = rigs[number % len(rigs)]
+        name = "honest, calibrated" if bench is not believed else "honest, known geometry"
+        seeded = changed(bench, simulation={"seed": number})
+        yield Case(name, seeded, believed, any_press(views[number % len(rigs)], draw))
+
+
+def bumps(bench: Rig, believed: Rig) -> Iterator[Case]:
+    """Camera and LCD moved in mid-run, at rest and under a press, at once and slowly."""
+    assert bench.camera.focal_px is not None
+    pixel_deg = float(np.degrees(1.0 / bench.camera.focal_px[0]))
+    middle = Dent(Shape.GAUSSIAN, *View(bench).place(0.5, 0.5), 0.15, 5.0)
+    motions: list[tuple[str, Callable[[float], dict[str, Any]]]] = [
+        ("pan", lambda px: {"camera_turned_deg": (px * pixel_deg, 0.0, 0.0)}),
+        ("tilt", lambda px: {"camera_turned_deg": (0.0, px * pixel_deg, 0.0)}),
+        ("roll", lambda px: {"camera_turned_deg": (0.0, 0.0, 400.0 * px * pixel_deg / bench.camera.columns)}),
+        ("LCD slid along", lambda px: {"display_slid_mm": (0.6 * px * bench.display.pitch_mm, 0.0)}),
+        ("LCD slid across", lambda px: {"display_slid_mm": (0.0, 0.6 * px * bench.display.pitch_mm)}),
+    ]
+    for name, motion in motions:
+        for px in (0.1, 0.5, 2.0):
+            for dents in ((), (middle,)):
+                where = "under a press" if dents else "at rest"
+                for over, how in ((0, "bump"), (18, "drift")):
+                    faults = {"moved_at_frame": FAULT_AT, "moved_over_frames": over, **motion(px)}
+                    moved = bench.replace(
+                        {f"simulation.faults.{key}": value for key, value in faults.items()}
+                    )
+                    yield Case(f"{how}: {name} {px:g} px, {where}", moved, believed, dents, FAULT_AT)
+
+
+def uncalibrated(believed: Rig) -> Iterator[Case]:
+    """Benches off by some sigma of calipers in every parameter, by one who never calibrated."""
+    priors, middle = Priors.of(believed), describe(believed)
+    draw = np.random.default_rng([SEED, 1])
+    dent = Dent(Shape.GAUSSIAN, *View(believed).place(0.5, 0.5), 0.15, 5.0)
+    for sigmas in CALIPERS:
+        for _ in range(20):
+            away = sigmas * priors.sigma * draw.choice([-1.0, 1.0], len(priors.names))
+            bench = build(believed, {n: middle[n] + a for n, a in zip(priors.names, away, strict=True)})
+            try:
+                check_geometry(bench)
+                View(bench)
+            except (InputError, ValueError):
+                continue
+            yield Case(f"never calibrated, {sigmas:g} sigma off", bench, believed, (dent,), 0)
+            break
+
+
+def calibrated(folder: Path) -> tuple[Rig, Rig]:
+    """A drawn bench, and the rig that a calibration with three known presses makes of it."""
+    draw = np.random.default_rng([SEED, 2])
+    given = nominal()
+    bench = drawn(given, draw, SEED)
+    view = View(bench)
+    known = [
+        Dent(Shape.GAUSSIAN, *view.place(share, 0.5), KNOWN_MM, KNOWN_SIGMA_MM) for share in KNOWN_SHARES
+    ]
+    plan = Plan((KNOWN_MM,) * len(known), GAUGE_MM / np.sqrt(3), delay_s=1.5, patience_s=6.0)
+    with open_devices(bench) as devices:
+        recorded, found = record(given, devices, plan, Hand(devices, known))
+    made = evaluate(recorded, found)
+    rest_map = folder / "rest.npz"
+    found.rest_map.save(rest_map)
+    return bench, made.rig.replace({"camera.rest_map": str(rest_map)})
+
+
+def judged(case: Case) -> Outcome:
+    """Run a case and hold every reading against the truth at its own place."""
+    out = Outcome(case.kind)
+    passed: int | None = None
+    with open_devices(case.bench) as devices:
+        camera = devices.camera
+        assert isinstance(camera, SimulatedCamera)
+        camera.scenario = pressed(case.bench, case.dents)
+        with Session(case.believed, devices=devices) as session:
+            for step in session.run(frames=LAST):
+                frame, peak = step.frame_number, step.peak
+                if frame is None or peak is None or step.surface is None:
+                    continue
+                good, named = step.state in NULLED, step.state in {State.MOVED, State.UNCALIBRATED}
+                mirror = camera.truth(step.time_ns)
+                error_mm = peak.depth_mm - float(mirror.depth(peak.x_mm, peak.y_mm))
+                ratio = abs(error_mm) / peak.sigma_mm
+                if good:
+                    count_nodes(out, step.surface, mirror)
+                    if frame > PRESS_AT + SETTLED:
+                        out.errors.append(error_mm)
+                        out.sigmas.append(peak.sigma_mm)
+                out.good = good
+                if case.fault_at is None or frame >= case.fault_at:
+                    out.named |= named
+                    out.effect = max(out.effect, ratio if good or named else 0.0)
+                    passed = frame if passed is None and good and ratio > SIGMAS else passed
+                    late = passed is not None and frame > passed + FRAMES_TO_NAME
+                    out.unnamed = max(out.unnamed, ratio if good and late else 0.0)
+    return out
+
+
+def count_nodes(out: Outcome, surface: Surface, mirror: TrueMirror) -> None:
+    """Add a frame's nodes, and those that are off by more than stated."""
+    valid = surface.valid & np.isfinite(surface.sigma_depth_mm)
+    true_mm = mirror.depth(surface.x_mm[valid], surface.y_mm[valid])
+    away = np.abs(surface.depth_mm[valid] - true_mm)
+    out.nodes += int(np.count_nonzero(valid))
+    out.beyond += int(np.count_nonzero(away > SIGMAS * surface.sigma_depth_mm[valid]))
+
+
+def report(count: int, *, faults: bool) -> Report:
+    """Run `count` honest presses, and all faults."""
+    known = small_rig().model_copy(update={"scenario": "none"})
+    with tempfile.TemporaryDirectory() as folder:
+        rigs = [(known, known), calibrated(Path(folder))]
+        cases = list(honest(rigs, count))
+        if faults:
+            cases += [*bumps(known, known), *uncalibrated(known)]
+        outcomes = []
+        with progress(len(cases), "runs") as advance:
+            for case in cases:
+                outcomes.append(judged(case))
+                advance(case.kind)
+    return summarise(outcomes)
+
+
+def summarise(outcomes: Sequence[Outcome]) -> Report:
+    """Bars over all runs, and a line for each kind."""
+    fair = [one for one in outcomes if one.kind.startswith("honest")]
+    faulty = [one for one in outcomes if not one.kind.startswith("honest")]
+    errors = np.array([abs(one.errors[-1]) for one in fair if one.errors])
+    sigmas = np.array([one.sigmas[-1] for one in fair if one.sigmas])
+    z = errors / sigmas
+    missed = [one for one in faulty if one.unnamed > SIGMAS]
+    named = [one for one in fair if one.named]
+    good = float(np.mean([one.good for one in fair])) if fair else float("nan")
+    share = sum(one.beyond for one in outcomes) / max(sum(one.nodes for one in outcomes), 1)
+    rms_mm, median_mm = float(np.sqrt(np.mean(errors**2))), float(np.median(sigmas))
+    beyond, far = int(np.sum(z > SIGMAS)), int(np.sum(z > FAR_SIGMAS))
+    most = max(round(0.015 * len(z)), 1)
+    figures = [
+        Figure("faults of effect over 3 sigma, called good 10 frames on", f"{len(missed)}", "0", not missed),
+        Figure("honest runs named", f"{len(named)} of {len(fair)}", "0", not named),
+        Figure("honest runs called good at the end", f"{good:.1%}", ">= 95 %", good >= 0.95),
+        Figure("honest peaks beyond 3 sigma", f"{beyond} of {len(z)}", f"<= {most}", beyond <= most),
+        Figure("honest peaks beyond 5 sigma", f"{far}", "0", far == 0),
+        Figure("nodes called good beyond 3 sigma, all runs", f"{share:.2%}", "<= 1 %", share <= 0.01),
+        Figure(
+            "median stated sigma over rms error",
+            f"{median_mm / rms_mm:.2f}",
+            "<= 1.25",
+            median_mm <= 1.25 * rms_mm,
+        ),
+        Figure("z of honest peaks, rms", f"{np.sqrt(np.mean(z**2)):.2f}", "", None),
+    ]
+    details = [["run", "runs", "named", "good at the end", "effect, sigma", "unnamed, sigma", "nodes beyond"]]
+    for kind in dict.fromkeys(one.kind for one in outcomes):
+        mine = [one for one in outcomes if one.kind == kind]
+        nodes = sum(one.nodes for one in mine)
+        details.append(
+            [
+                kind,
+                f"{len(mine)}",
+                f"{sum(one.named for one in mine)}",
+                f"{sum(one.good for one in mine)}",
+                f"{max(one.effect for one in mine):.1f}",
+                f"{max(one.unnamed for one in mine):.1f}",
+                f"{sum(one.beyond for one in mine) / nodes:.2%}" if nodes else "",
+            ]
+        )
+    data = {"runs": [asdict(one) for one in outcomes]}
+    return Report("Whether a wrong number is called good", figures, details, data)
+
+
+@benchmark(
+    "honesty",
+    __doc__,
+    click.option("--presses", type=Whole(min=2), default=HONEST, show_default=True, help="Honest presses."),
+    click.option("--faults/--no-faults", default=True, help="Plant the faults, too."),
+)
+def honesty(quick: bool, presses: int, faults: bool) -> Report:
+    """Run everything."""
+    return report(HONEST_QUICK if quick else presses, faults=faults)
+
+
+if __name__ == "__main__":
+    start(honesty)
