@@ -1,4 +1,4 @@
-"""Make examples/rest.png, examples/pressed.png and examples/still.toml: a speckle seen in the simulated mirror.
+"""Make the example images and their rig file: a speckle seen in the simulated mirror.
 
 python tools/example_images.py
 """
