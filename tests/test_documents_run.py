@@ -1,4 +1,4 @@
-"""Every command of README and docs that needs no hardware runs, and gives the figures that stand next to it."""
+"""Commands of README and docs that need no hardware run, and give the figures that stand next to them."""
 
 from __future__ import annotations
 
