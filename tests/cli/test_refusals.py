@@ -55,6 +55,7 @@ REFUSALS = [
     ("run --latency -1.1", "--latency: -1.1: a number from -1 to 10\n"),
     ("run --latency 11", "--latency: 11: a number from -1 to 10\n"),
     ("run --latency nan", "--latency: nan: a number from -1 to 10\n"),
+    ("run --exposure 1e-300", "--exposure: 1e-300: a number at least 1e-07 and at most 60"),
     ("check --press-depth 0", "--press-depth: 0: a number above 0"),
     ("check --press-depth 7", "--press-depth: 7: depths in mm, at most 6 (a tenth of the prism's"),
     ("check --depth-sigma nan", "--depth-sigma: nan: a number above 0"),

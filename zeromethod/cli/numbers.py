@@ -35,6 +35,10 @@ class Real(click.FloatRange):
             pass
         raise click.BadParameter(f"{value}: {_range(self, 'a number')}", ctx, param)
 
+    def _describe_range(self) -> str:
+        """For --help; click writes "x<=None" where there are no bounds."""
+        return "" if self.min is None and self.max is None else super()._describe_range()
+
 
 class Whole(click.IntRange):
     """A whole number, between bounds where there are any."""

@@ -54,6 +54,7 @@ REST_MAP_SUFFIXES = (".npz", ".h5")
 Exponent = Annotated[float, Field(ge=0.2, le=5)]
 Tilt = Annotated[float, Field(ge=-45, le=45)]
 Focal = Annotated[float, Field(ge=1, le=1e7)]
+Exposure = Annotated[float, Field(ge=1e-7, le=60)]
 Delay = Annotated[float, Field(ge=-1, le=10)]
 
 
@@ -161,7 +162,7 @@ class CameraSpec(Table):
     look_at_mm: Vector3
     roll_deg: Angle = 0.0
     rate_hz: Rate
-    exposure_s: Positive
+    exposure_s: Exposure
     latency_s: Lag = 0.0
     gain: NotNegative | None = None
     pixel_format: Text | None = None
