@@ -4,6 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks import calibration_study as study
 from zeromethod.calibration import (
     DepthError,
     Direct,
@@ -25,6 +26,8 @@ from zeromethod.errors import MeasurementError
 from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.simulation.press import Dent, Mirror, Shape
+from zeromethod.surface import peak
 
 
 @pytest.fixture(scope="module")
@@ -163,3 +166,30 @@ def test_without_a_rest_map_the_rig_files_own_rest_is_taken(nominal: Rig, truth:
     planned = depth_error(fitted, truth.grid)
     # calipers alone: the LCD's place (1.2 mm at 4 to 5 %) and the gap
     assert 4.0 < planned.percent[4] < 9.0
+
+
+def test_readings_of_benches_drawn_from_the_posterior_err_as_stated(rest_fit: Fit, error: DepthError) -> None:
+    """Depth and place of a press on benches that the data allow, read through the fitted rig.
+
+    Of 16 draws the rms over sigma lies within 1 +- 3 / sqrt(32).
+    """
+    stated = GeometrySpec(known="calibrated", **error.modes)
+    fitted = rest_fit.rig.model_copy(update={"geometry": stated})
+    rng = np.random.default_rng(11)
+    off = []
+    for _ in range(16):
+        z = rng.multivariate_normal(rest_fit.z, rest_fit.covariance, method="eigh", check_valid="ignore")
+        drawn = rest_fit.priors.at(rest_fit.priors.within(z))
+        bench = study.Truth(drawn, rng)
+        x_mm, y_mm = bench.place(rng.uniform(0.3, 0.7), rng.uniform(0.3, 0.7))
+        warp = bench.warp(Mirror((Dent(Shape.GAUSSIAN, x_mm, y_mm, 0.2, 5.0),)))
+        reading = RestReading.of(bench.grid, bench.warp(Mirror())).prepared(fitted)
+        found = peak(reading.reader(fitted).read(warp))
+        off.append(
+            [
+                (found.depth_mm - 0.2) / found.sigma_mm,
+                (found.x_mm - x_mm) / found.sigma_x_mm,
+                (found.y_mm - y_mm) / found.sigma_y_mm,
+            ]
+        )
+    assert np.abs(np.sqrt(np.mean(np.square(off), axis=0)) - 1.0).max() < 3.0 / np.sqrt(2 * len(off))

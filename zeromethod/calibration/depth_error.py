@@ -2,8 +2,8 @@
 
 A reference press in each region is read through rigs a little off the fitted one, as any measured press
 would be; the posterior of the fit, carried through these derivatives, is the standard deviation that the
-peak's depth and place owe to geometry alone. As modes over the view it goes into the rig file, from where every
-reading states it (`Surface.sigma_depth_mm`), with noise, the anchor and the far field on top.
+peak's depth and place owe to geometry alone. As modes over the view it goes into the rig file, from where
+every reading states it (`Surface.sigma_depth_mm`), with noise, the anchor and the far field on top.
 """
 
 from __future__ import annotations
@@ -72,14 +72,16 @@ class DepthError:
     def modes(self) -> dict[str, Any]:
         """The same over the whole view, as keys of a rig's `GeometrySpec`.
 
-        Derivatives are continued between the regions by a quadratic in x and y; the covariance is resolved into
-        as few independent modes as hold nearly all of what depth and place have of it.
+        Derivatives are continued between the regions by a quadratic in x and y; the covariance is resolved
+        into as few independent modes as hold nearly all of what depth and place have of it.
         """
-        centre, reach = ([f(a) for a in (self.x_mm, self.y_mm)] for f in (np.mean, lambda a: 0.5 * np.ptp(a)))
+        x_mm, y_mm = self.x_mm, self.y_mm
+        centre_mm = float(np.mean(x_mm)), float(np.mean(y_mm))
+        reach_mm = 0.5 * float(np.ptp(x_mm)), 0.5 * float(np.ptp(y_mm))
         one_each = np.concatenate([self.sensitivity[None], self.place])
         values, vectors = np.linalg.eigh(0.5 * (self.covariance + self.covariance.T))
         root = vectors * np.sqrt(np.maximum(values, 0.0))  # below 0 by rounding only
-        terms = powers(self.x_mm, self.y_mm, (centre[0], centre[1]), (reach[0], reach[1]))
+        terms = powers(x_mm, y_mm, centre_mm, reach_mm)
         carried = one_each @ root
         size = np.sqrt((carried**2).sum(axis=(1, 2), keepdims=True))
         _, spread, ways = np.linalg.svd((carried / np.where(size > 0.0, size, 1.0)).reshape(-1, len(root)))
@@ -87,22 +89,22 @@ class DepthError:
         kept = ways[: int(np.count_nonzero(left > _LEFT_OUT / 3.0))]
         coefficients = np.linalg.lstsq(terms, np.moveaxis(carried @ kept.T, 1, 0).reshape(len(terms), -1))[0]
         depth, x, y = np.moveaxis(coefficients.reshape(6, 3, -1), 0, -1)
-        places = {"centre_mm": np.array(centre), "reach_mm": np.array(reach)}
-        return {key: _digits(one) for key, one in (places | {"depth": depth, "x_mm": x, "y_mm": y}).items()}
+        found = {"centre_mm": centre_mm, "reach_mm": reach_mm, "depth": depth, "x_mm": x, "y_mm": y}
+        return {key: _digits(one) for key, one in found.items()}
 
 
 def _spread(sensitivity: Float, covariance: Float) -> Float:
-    return np.sqrt(np.einsum("...i,ij,...j->...", sensitivity, covariance, sensitivity))
+    return np.asarray(np.sqrt(np.einsum("...i,ij,...j->...", sensitivity, covariance, sensitivity)))
 
 
-def _digits(values: Float) -> Any:
+def _digits(values: Any) -> Any:
     """Nested lists, to six digits."""
     return [_digits(one) for one in values] if np.ndim(values) else float(f"{values:.6g}")
 
 
 @dataclass(frozen=True, eq=False)
 class _Peaks:
-    """Depth over what it truly is, x and y (mm) of presses as read through a rig, one kind after the other."""
+    """Depth over the true one, x and y (mm) of presses as read through a rig, one kind after the other."""
 
     presses: Presses
     sigma: Float

@@ -21,7 +21,7 @@ WHOLE = 1.0
 
 
 def nominal_geometry(rig: Rig) -> GeometrySpec:
-    """What the priors make of depth and place, with the rest as measured (`camera.rest_map`) or else not at all.
+    """What the priors make of depth and place; without a measured rest (`camera.rest_map`) depth is unknown.
 
     Raises MeasurementError where too little of the mirror is seen.
     """

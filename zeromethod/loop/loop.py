@@ -98,8 +98,7 @@ class Loop:
         """Whether corrections are paused; see `pause`."""
         self.status = Status()
         self.over = False
-        self.doubt: Doubt | None = None
-        """Why readings must not be trusted though the camera sees the target; for who knows to set."""
+        self.doubt: Doubt | None = None  # set by who knows why readings must not be trusted
         self.on_wait: Callable[[], None] | None = None
         """Called in the loop's thread once per step, and while one waits: for keys, buttons, windows."""
         self.ended: Step | None = None
@@ -126,9 +125,7 @@ class Loop:
         self._garbage: PausedGC | None = None
         self._steps = 0
         self._start_ns: int | None = None
-        self._frozen = self._stop = False
-        self._waiting = False
-        self._referenced = False
+        self._frozen = self._stop = self._waiting = self._referenced = False
 
     @property
     def horizon_s(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,8 +79,9 @@ def damaged_words(damaged: Mapping[str, int]) -> str:
     return f"damaged: {', '.join(counts)} left out" if counts else ""
 
 
-def unknown_surface(shape: tuple[int, int], time_ns: int) -> Surface:
-    """Surface without a valid node, in place of a damaged one. shape: (rows, cols) nodes."""
+def unknown_surface(shape: tuple[int, int], row: Any) -> Surface:
+    """Surface without a valid node, in place of a damaged one. shape: (rows, cols) nodes. row: its step's."""
     one, two, none = np.full(shape, np.nan), np.full((*shape, 2), np.nan), np.zeros(shape, np.bool_)
     anchor = Anchor("none", none, np.nan, np.nan)
+    time_ns = 0 if row is None else int(row["time_ns"])
     return Surface(one, two, one, one, one, two, none, none, anchor, time_ns, 0)

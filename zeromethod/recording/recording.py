@@ -205,7 +205,7 @@ class Recording(AbstractContextManager["Recording"]):
         """Point of largest |depth| of every surface that was read: a structured array of named columns.
 
         step, time_s (since the first step), state (a word), depth_mm, depth_sigma_mm, possibly_deeper_mm,
-        x_mm, y_mm, x_sigma_mm, y_sigma_mm, read_ms, time_ns (on the run's clock); `pandas.DataFrame(recording.peaks)` works.
+        x_mm, y_mm, x_sigma_mm, y_sigma_mm, read_ms, time_ns (of the run's clock), as pandas takes it.
         """
         if self._peaks is None:
             self._peaks = peak_table(self._source.table("peaks/table"), self.steps["time_ns"][:1])
@@ -307,15 +307,14 @@ class Recording(AbstractContextManager["Recording"]):
         if found is None:
             if self._at("surface", step) is None:
                 return None
-            row = self.row(step)
-            return unknown_surface(self.grid.shape, 0 if row is None else int(row["time_ns"]))
+            return unknown_surface(self.grid.shape, self.row(step))
         *floats, valid, contact, mask, about = found
         values = {name: array.astype(np.float64) for name, array in zip(names, floats, strict=True)}
         sigma_mm, tail_mm = float(about["anchor_sigma_mm"]), float(about["anchor_tail_mm"])
         anchor = Anchor(ANCHORS[int(about["anchor"])], mask, sigma_mm, tail_mm)
         at_ns, count = int(about["time_ns"]), int(about["iterations"])
-        _, *place = self.rig.geometry.sigmas(values["x_mm"], values["y_mm"])
-        values |= dict(zip(("sigma_x_mm", "sigma_y_mm"), place, strict=True))
+        place = values["x_mm"], values["y_mm"]
+        _, values["sigma_x_mm"], values["sigma_y_mm"] = self.rig.geometry.sigmas(*place)
         return Surface(**values, valid=valid, contact=contact, anchor=anchor, time_ns=at_ns, iterations=count)
 
     def zero(self, step: int) -> Float | None:

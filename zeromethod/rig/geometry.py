@@ -39,7 +39,7 @@ class GeometrySpec(Table):
 
     @property
     def relative(self) -> bool:
-        """Whether depth is relative only: what the geometry leaves open is stated, but from no calibration."""
+        """Whether depth is relative only: what is left open is stated, but by no calibration."""
         return self.known == "nominal" and bool(self.depth)
 
     @model_validator(mode="after")
@@ -58,7 +58,6 @@ class GeometrySpec(Table):
         table = np.array([self.depth, self.x_mm, self.y_mm], dtype=np.float64).reshape(3, -1, 6)
         terms = powers(x_mm, y_mm, self.centre_mm, self.reach_mm)
         return np.asarray(np.einsum("fmk,...k->mf...", table, terms))
-
 
     def sigmas(self, x_mm: Float, y_mm: Float) -> Float:
         """Standard deviations (3, ...) at mirror points: of depth, relative; of x and y, mm."""

@@ -42,8 +42,8 @@ from zeromethod.rig.tables import (
 )
 
 __all__ = [
-    "CameraSpec", "ControlSpec", "DisplaySpec", "Faults", "GeometrySpec", "KnownRest", "Layer", "Noise", "Prism",
-    "RestSurface", "Rig", "SimulationSpec", "SurfaceSpec", "Table", "TargetSpec",
+    "CameraSpec", "ControlSpec", "DisplaySpec", "Faults", "GeometrySpec", "KnownRest", "Layer", "Noise",
+    "Prism", "RestSurface", "Rig", "SimulationSpec", "SurfaceSpec", "Table", "TargetSpec",
 ]  # fmt: skip
 
 SCHEMA_VERSION = 2

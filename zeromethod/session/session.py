@@ -31,7 +31,7 @@ from zeromethod.session.reading import StepReader, rms_nm, timed, warm_up_warp, 
 from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
-from zeromethod.session.trust import with_stated_geometry
+from zeromethod.session.trust import to_read, with_stated_geometry
 from zeromethod.surface import SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.warp.grid import NodeGrid
@@ -103,8 +103,7 @@ class Session:
             self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
             self._truth: TruthSource | None = truth_of(self._devices.camera)
             self._scenario = script_of(self._devices.camera)
-            parts = () if self._scenario is None else self._scenario.phases
-            self._phases = frozenset(part.name for part in parts)
+            self._phases = frozenset(one.name for one in (self._scenario.phases if self._scenario else ()))
             self._recording = Condition.ALL_KEPT
             self._steps: Generator[Step] | None = None
             self._reads_apart = self._closed = False
@@ -219,7 +218,7 @@ class Session:
             try:
                 for each in steps:
                     step = replace(each, phase=self._phase(each.time_ns))
-                    reading.post(step)
+                    reading.post(to_read(step))
                     if self._recorder is not None:
                         self._recorder.add_step(step)
                     step = replace(step, notes=step.notes + self._notes())

@@ -91,14 +91,11 @@ def _peak(among: list[StepFigures]) -> Figures:
     read = [record for record in among if np.isfinite(record.depth_peak_mm)]
     if not read:
         return dict.fromkeys(_PEAK)
-    figures = [
-        (one.depth_mm, one.sigma_mm, one.x_mm, one.sigma_x_mm, one.y_mm, one.sigma_y_mm)
-        for one in (record.peak for record in read)
-        if one is not None
-    ]
+    peaks = [record.peak for record in read if record.peak is not None]
+    figures = np.array([(p.depth_mm, p.sigma_mm, p.x_mm, p.sigma_x_mm, p.y_mm, p.sigma_y_mm) for p in peaks])
     if read[0].phase == "hold":
         return dict(zip(_PEAK, np.median(figures, axis=0).tolist(), strict=True))
-    return dict(zip(_PEAK, max(figures, key=lambda one: abs(one[0])), strict=True))
+    return dict(zip(_PEAK, figures[np.argmax(np.abs(figures[:, 0]))].tolist(), strict=True))
 
 
 def _finite(value: Any) -> Any:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from zeromethod.calibration.nominal import nominal_geometry
-from zeromethod.loop.state import Doubt, State
+from zeromethod.loop.state import READ, Doubt, State
+from zeromethod.loop.step import Step
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.camera import SimulatedCamera
 
@@ -18,6 +21,14 @@ def is_known(rig: Rig, camera: object) -> bool:
     if rig.geometry.known != "nominal":
         return True
     return isinstance(camera, SimulatedCamera) and camera.simulates(rig)
+
+
+def to_read(step: Step) -> Step:
+    """The step as it is to be read: not at all where an uncalibrated bench is on its way to the null.
+
+    There its delay is not known either, and a picture that came late may read as millimetres.
+    """
+    return step if step.calibrated or step.state in READ else replace(step, measured=None)
 
 
 def with_stated_geometry(rig: Rig, camera: object) -> tuple[Rig, Doubt | None]:

@@ -18,8 +18,9 @@ noise on dents of sigma 4 to 10 mm scatter by 0.6 to 1.2 of what is stated so)."
 def place_sigma_mm(surface: Surface, row: int, col: int) -> tuple[float, float]:
     """Standard deviation of x and y, mm, of a summit near a node.
 
-    Slopes around a summit are H (p - p0); their noise, averaged over the window, moves p0 by H^-1 times as much:
-    far along a ridge, and without end where nothing is pressed. What the geometry leaves open comes on top.
+    Slopes around a summit are H (p - p0); their noise, averaged over the window, moves p0 by H^-1 times as
+    much: far along a ridge, and without end where nothing is pressed. What the geometry leaves open comes on
+    top.
     """
     rows = slice(max(row - _REACH, 0), row + _REACH + 1)
     cols = slice(max(col - _REACH, 0), col + _REACH + 1)

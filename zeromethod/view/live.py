@@ -69,8 +69,9 @@ class LiveStatus:
             )
         if step.peak is not None:
             self._peak_mm = step.peak.depth_mm
+        relative = "" if step.calibrated else " (relative)"
         figures = (
-            f"peak {1e3 * self._peak_mm:.2f} µm{'' if step.calibrated else ' (relative)'}  residual {step.residual_rms_px:.3f} px  "
+            f"peak {1e3 * self._peak_mm:.2f} µm{relative}  residual {step.residual_rms_px:.3f} px  "
             f"valid {100 * step.valid_share:.1f} %  loop {step.loop_ms:.1f} ms"
         )
         self._progress.update(

@@ -49,7 +49,7 @@ def warnings(silent_s: float, figures: Figures) -> Iterator[str]:
     if figures["state"] in {State.FAULT, State.LOST}:
         yield f"The run ended in {figures['state']}: {figures['reason']}"
     if not figures["calibrated"]:
-        yield "The bench was not calibrated: depth is relative, within its sigma at best (zeromethod calibrate)."
+        yield "The bench was not calibrated: depth is relative, within its sigma at best."
     if lost := figures["dropped"].get("recorder"):
         yield f"{lost} frames were taken by the loop, but their arrays are not in the recording."
     if damaged := damaged_words(figures["damaged"]):

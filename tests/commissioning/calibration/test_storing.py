@@ -21,6 +21,8 @@ from zeromethod.commissioning.calibration import (
 )
 from zeromethod.errors import MeasurementError
 from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.surface import Peak
 from zeromethod.view.calibration_figure import draw_calibration
 
 from . import planted
@@ -54,6 +56,17 @@ def test_calibrated_rig_file_is_the_fitted_rig(stored: Stored, calibration: Cali
     assert load_rig(stored.rig_file).display.latency_s == calibration.recorded.values["display.latency_s"]
     assert "# silicone rubber" in stored.rig_file.read_text()
     assert describe(load_rig(stored.folder / "given.toml")) == pytest.approx(describe(nominal()))
+
+
+def test_calibrated_rig_file_states_what_is_left_open(stored: Stored, calibration: Calibration) -> None:
+    stated = load_rig(stored.rig_file).geometry
+    assert stated.known == "calibrated"
+    assert stated.date == stored.document["time"].isoformat()
+    error = calibration.error
+    depth, *place = stated.sigmas(error.x_mm, error.y_mm)
+    # a quadratic through nine regions
+    np.testing.assert_allclose(100.0 * depth, error.percent, rtol=0.1)
+    np.testing.assert_allclose(place, error.place_mm, rtol=0.1)
 
 
 def test_document_states_parameters_presses_and_verdict(stored: Stored, calibration: Calibration) -> None:
@@ -118,8 +131,12 @@ def test_what_was_recorded_evaluates_to_the_same_again(stored: Stored, calibrati
 def test_recording_outlives_an_evaluation_that_fails(
     calibration: Calibration, rig_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def unseen(*_: object) -> None:
-        raise MeasurementError("press 1: not seen")
+    def unseen(presses: Presses, rig: Rig) -> list[Peak]:
+        if presses.presses[0].depth_mm in DEPTHS_MM:
+            raise MeasurementError("press 1: not seen")
+        return peaks(presses, rig)  # made-up ones, of depth's error
+
+    peaks = Presses.peaks
 
     monkeypatch.setattr(Presses, "peaks", unseen)
     kept = evaluate_or_keep(calibration.recorded, calibration.rest)

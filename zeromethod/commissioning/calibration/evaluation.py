@@ -103,7 +103,7 @@ class Calibration:
 
     @property
     def rig(self) -> Rig:
-        """The calibrated rig, with what its geometry leaves open; "nominal" where something contradicts it."""
+        """The calibrated rig, with what is left open; "nominal" where something contradicts something."""
         known = "nominal" if self.verdict.level is Level.BAD else "calibrated"
         stated = GeometrySpec(known=known, **self.error.modes)
         return self.fitted.rig.model_copy(update={"geometry": stated})
