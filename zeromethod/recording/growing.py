@@ -26,6 +26,10 @@ SHARE = 8
 """Neither is more than the disk's free room over this; but tables always get twice the least."""
 
 
+COMPLETE = 255
+"""What the dataset `complete` holds after an end in order: no flipped bit makes it of 0."""
+
+
 class DiskFull(Exception):
     """There is no room; the message says how much would have been needed."""
 
@@ -134,7 +138,7 @@ class GrowingFile:
         """Flush, note whether the run ended in order, and give back unused room."""
         self.flush()
         if complete:
-            self._file["complete"][...] = True
+            self._file["complete"][...] = COMPLETE
         self._file.flush()
         end = int(self._file.id.get_filesize())
         self._file.close()
