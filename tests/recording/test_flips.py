@@ -18,9 +18,9 @@ from zeromethod.recording import DamagedWarning
 from zeromethod.recording.recording import Recording
 
 STEPS = 3
-PER_DATASET = 3
+PER_DATASET = 2
 """Flips in the data of each dataset; the largest are hit no more often than the smallest."""
-ELSEWHERE = 150
+ELSEWHERE = 100
 """Flips in all that is not a dataset's data: what HDF5 keeps about it, attributes, gaps."""
 
 ARRAYS: dict[str, Callable[[Recording, int], Any]] = {
@@ -61,13 +61,11 @@ def contents(path: Path) -> tuple[dict[Any, Any], dict[str, int]]:
         damaged = recording.damaged()
         found["about"] = (recording.rig_text, recording.calibration, recording.seed, recording.complete)
         found["rest"] = plain(recording.rest.q), plain(recording.rest.flags)
-        start_ns = recording.steps["time_ns"][0] if len(recording.steps) else 0
         for name in ("steps", "presentation_log", "peaks", "drops", "notes"):
             for row in getattr(recording, name):
                 values = dict(zip(row.dtype.names, row.tolist(), strict=True))
-                if "time_s" in values:
-                    # counted from the first step that is left
-                    del values["time_s"]
+                # counted from the first step that is left
+                values.pop("time_s", None)
                 found[name, values.get("step", values.get("number", values.get("after_step")))] = repr(values)
         for row in recording.steps:
             found["words", int(row["number"])] = recording.state_of(row), recording.events_of(row)
@@ -125,7 +123,7 @@ def test_no_flipped_bit_changes_a_figure_in_silence(whole: Path, tmp_path: Path)
     assert nothing == {}
     assert len(expected) > 30
     path = tmp_path / "flipped.h5"
-    refused = reported = 0
+    said, reported = [], 0
     for where, byte, bit in flips(whole):
         flipped = bytearray(content)
         flipped[byte] ^= 1 << bit
@@ -133,9 +131,7 @@ def test_no_flipped_bit_changes_a_figure_in_silence(whole: Path, tmp_path: Path)
         try:
             found, damaged = contents(path)
         except InputError as error:
-            assert str(error).startswith(str(path)), where
-            assert "\n" not in str(error), where
-            refused += 1
+            said.append(str(error))
             continue
         changed = [key for key, value in found.items() if expected.get(key) != value]
         assert not changed, (where, byte, bit)
@@ -143,4 +139,5 @@ def test_no_flipped_bit_changes_a_figure_in_silence(whole: Path, tmp_path: Path)
         reported += bool(damaged)
     # every array and every table is told, and most of what HDF5 keeps about them is refused
     assert reported > 100
-    assert refused > 50
+    assert len(said) > 50
+    assert all(words.startswith(str(path)) and "\n" not in words for words in said)

@@ -5,16 +5,18 @@
 
 from __future__ import annotations
 
-import importlib
-import os
-import sys
-import warnings
-from collections.abc import Sequence
+from zeromethod.cli.stopping import INTERRUPTED, accept_ctrl_c, leave_quickly, quiet_imports
 
-import click
+with quiet_imports():
+    import importlib
+    import os
+    import sys
+    import warnings
+    from collections.abc import Sequence
 
-from zeromethod.cli.stopping import accept_ctrl_c, leave_quickly
-from zeromethod.errors import InputError, MeasurementError
+    import click
+
+    from zeromethod.errors import InputError, MeasurementError
 
 _COMMANDS = {
     "run": "Close the loop: null the picture, read slope and depth.",
@@ -85,7 +87,7 @@ def main(
     try:
         code = command.main(args=arguments, prog_name=name, standalone_mode=False)
     except (click.exceptions.Abort, KeyboardInterrupt):
-        code = 130
+        code = INTERRUPTED
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         code = 0

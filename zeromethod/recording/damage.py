@@ -87,7 +87,7 @@ def contrary_peaks(recording: Recording, among: Ints | None = None) -> set[int]:
     found = set()
     for peak in peaks[np.isin(peaks["step"], asked)]:
         step = int(peak["step"])
-        surface = None if recording.is_damaged("surface", step) else recording.surface(step)
+        surface = recording.surface(step)
         if surface is not None and not fits_surface(peak, surface):
             found.add(step)
     return found
@@ -100,10 +100,11 @@ def fits_surface(peak: Any, surface: Surface) -> bool:
     goes deeper than all where a fold cuts nodes off; it is never much shallower than the deepest of them.
     """
     depth_mm, margin_mm = abs(float(peak["depth_mm"])), _SIGMAS * float(peak["depth_sigma_mm"])
+    if not surface.valid.any():
+        # damaged, or nothing was read
+        return True
     if int(peak["time_ns"]) != surface.time_ns:
         return False
-    if not surface.valid.any():
-        return True
     deepest_mm = float(np.max(np.abs(surface.depth_mm), where=surface.valid, initial=0.0))
     if not np.isfinite(depth_mm) or depth_mm + margin_mm < (1.0 - _ROUGH) * deepest_mm:
         return False

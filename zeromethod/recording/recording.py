@@ -42,6 +42,7 @@ class Recording(AbstractContextManager["Recording"]):
     live: whether it ran in real time. kept: what was kept, of `schema.KEEP`. every: arrays were kept of every
     so many-th frame. seed: of the simulated bench. started_utc: ISO 8601. calibration: text of its document;
     "" without. rig_text: the rig as TOML, with all its values.
+    tables: what is left out of them.
     Every read may raise InputError, one line: the file is damaged there. Damaged arrays are left out (None; a
     surface without a valid node), and damaged rows of tables, with one DamagedWarning per dataset.
 
@@ -102,7 +103,7 @@ class Recording(AbstractContextManager["Recording"]):
 
     def _measure(self) -> None:
         self._rows: dict[str, dict[int, int]] = {}
-        self._tables = Tables(self._source)
+        self.tables = Tables(self._source)
         self._lengths = {name: self._length(name) for name in self._groups}
 
     @cached_property
@@ -142,10 +143,7 @@ class Recording(AbstractContextManager["Recording"]):
         return index is not None and self._source.is_damaged(group, index)
 
     def damaged(self, advance: Callable[[], None] = lambda: None) -> dict[str, int]:
-        """Number of damaged items by group, as `damaged_items` gives it; reads the whole file.
-
-        Peaks that contradict their surfaces count, and are left out of `peaks` from then on.
-        """
+        """Number of damaged items by group, and of peaks that contradict theirs; reads the whole file."""
         found = damaged_items(self._source, self._lengths, advance)
         if contrary := self.leave_out_contrary_peaks():
             found["peaks"] = found.get("peaks", 0) + contrary
@@ -154,7 +152,7 @@ class Recording(AbstractContextManager["Recording"]):
     def leave_out_contrary_peaks(self, among: Ints | None = None) -> int:
         """Leave peaks (of these steps, or all) that contradict their surfaces out of `peaks`; how many."""
         with self._source.silence():
-            return self._tables.leave_out(contrary_peaks(self, among))
+            return self.tables.leave_out(contrary_peaks(self, among))
 
     # About the recording
 
@@ -192,16 +190,12 @@ class Recording(AbstractContextManager["Recording"]):
     @property
     def steps(self) -> Image:
         """One row per step of the loop."""
-        return self._tables.rows("steps")
+        return self.tables.rows("steps")
 
     @property
     def presentation_log(self) -> Image:
         """One row per picture given to the panel, up to the first damaged one: `pictures` counts rows."""
-        return self._tables.presentation_log()
-
-    def damaged_rows(self, table: str) -> Image:
-        """Rows of a table ("steps", ...) that are not what was written, as they are in the file."""
-        return self._source.damaged_rows(table)
+        return self.tables.presentation_log()
 
     @property
     def peaks(self) -> Image:
@@ -210,17 +204,17 @@ class Recording(AbstractContextManager["Recording"]):
         step, time_s (since the first step), state (a word), depth_mm, depth_sigma_mm, possibly_deeper_mm,
         x_mm, y_mm, read_ms, time_ns (on the run's clock); `pandas.DataFrame(recording.peaks)` works.
         """
-        return self._tables.peaks()
+        return self.tables.peaks()
 
     @property
     def drops(self) -> Image:
         """Frames that are not in the file, and why."""
-        return self._tables.rows("drops")
+        return self.tables.rows("drops")
 
     @property
     def notes(self) -> Image:
         """Messages to the operator."""
-        return self._tables.rows("notes")
+        return self.tables.rows("notes")
 
     @property
     def seconds(self) -> float:
@@ -313,7 +307,7 @@ class Recording(AbstractContextManager["Recording"]):
         *floats, valid, contact, mask, about = found
         values = {name: array.astype(np.float64) for name, array in zip(names, floats, strict=True)}
         sigma_mm, tail_mm = float(about["anchor_sigma_mm"]), float(about["anchor_tail_mm"])
-        anchor = Anchor(self._tables.anchor(int(about["anchor"])), mask, sigma_mm, tail_mm)
+        anchor = Anchor(self.tables.anchor(int(about["anchor"])), mask, sigma_mm, tail_mm)
         at_ns, count = int(about["time_ns"]), int(about["iterations"])
         return Surface(**values, valid=valid, contact=contact, anchor=anchor, time_ns=at_ns, iterations=count)
 

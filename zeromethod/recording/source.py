@@ -33,6 +33,7 @@ class RecordingFile:
         self.path = path
         self._warned: set[str] = set()
         self._silent = False
+        self.left_out: dict[str, set[int]] = {}
         self._open()
 
     def _open(self) -> None:
@@ -79,7 +80,7 @@ class RecordingFile:
 
     @contextmanager
     def silence(self) -> Iterator[None]:
-        """Warn of nothing meanwhile."""
+        """Neither warn nor count what is left out meanwhile."""
         self._silent = True
         try:
             yield
@@ -162,6 +163,7 @@ class RecordingFile:
         rows = self.table(f"{group}/table")[: len(sound)]
         if sound.all():
             return rows
+        self._leave_out(group, np.flatnonzero(~sound).tolist())
         self._warn(group, "table")
         return np.asarray(rows[sound])
 
@@ -177,6 +179,7 @@ class RecordingFile:
         for name in names:
             item = self._sound(group, name, index, checksums)
             if item is None:
+                self._leave_out(group, [index])
                 self._warn(group, name)
             else:
                 found[name] = item
@@ -226,12 +229,17 @@ class RecordingFile:
         # the checksum of one word: its size plus itself
         sound = checksums[name][:length] == values.astype(np.uint64) + np.uint64(8)
         if not sound.all():
+            self._leave_out(group, np.flatnonzero(~sound).tolist())
             self._warn(group, name)
         return np.where(sound, values, -1)
 
     def group(self, name: str) -> list[str]:
         """Names of the datasets right in a group."""
         return sorted(one for one in self.names if one.rpartition("/")[0] == name)
+
+    def _leave_out(self, group: str, indices: Sequence[int]) -> None:
+        if not self._silent:
+            self.left_out.setdefault(group, set()).update(indices)
 
     def _warn(self, group: str, name: str) -> None:
         dataset = f"{group}/{name}"

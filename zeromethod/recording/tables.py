@@ -36,6 +36,13 @@ class Tables:
         rows, sound = self.rows("presentation_log"), self._source.sound_rows("presentation_log")
         return rows if sound.all() else rows[: int(np.argmin(sound))]
 
+    def first_unknown_picture(self) -> int | None:
+        """Step after which the first damaged one of them may have been shown; None: none is."""
+        if self._source.sound_rows("presentation_log").all():
+            return None
+        known = self.presentation_log()["after_step"]
+        return int(known[-1]) if len(known) else 0
+
     def peaks(self) -> Image:
         """Table of peaks as `peak_table` makes it."""
         if self._peaks is None:
@@ -44,9 +51,23 @@ class Tables:
             self._peaks = peak_table(rows, self.rows("steps")["time_ns"][:1])
         return self._peaks
 
+    def damaged_steps(self, name: str) -> set[int]:
+        """Steps whose row of "steps" or "peaks" is left out, as far as it still says which step it is of."""
+        field = "number" if name == "steps" else "step"
+        found = set(self._source.damaged_rows(name)[field].tolist())
+        return found | self._left_out if name == "peaks" else found
+
+    def left_out(self) -> dict[str, int]:
+        """Number of damaged items by group among those that were asked for by now."""
+        found = {group: len(items) for group, items in self._source.left_out.items()}
+        peaks = found.get("peaks", 0) + len(self._left_out)
+        return found | ({"peaks": peaks} if peaks else {})
+
     def leave_out(self, steps: set[int]) -> int:
         """Leave the peaks of these steps out, too; number of steps that are left out by now."""
         self._left_out |= steps
+        # and read again: what was read in silence is warned of then
+        self._rows.clear()
         self._peaks = None
         return len(self._left_out)
 
