@@ -17,6 +17,7 @@ import numpy as np
 import tomlkit
 
 from zeromethod.arrays import Image
+from zeromethod.atomic_write import check_writable
 from zeromethod.errors import InputError
 from zeromethod.recording.checksums import canonical, checksum_of
 from zeromethod.recording.growing import COMPLETE
@@ -43,8 +44,10 @@ def check_new(path: Path) -> None:
     folder = path.absolute().parent
     if not folder.is_dir():
         raise InputError(f"{path}: the folder {folder} does not exist")
-    if not os.access(folder, os.W_OK):
-        raise InputError(f"{path}: the folder {folder} is not writable")
+    try:
+        check_writable(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def create(

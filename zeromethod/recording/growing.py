@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 
 from zeromethod.recording.checksums import CHECKSUMS, ChecksumRows
+from zeromethod.recording.size_limit import size_limit
 
 AHEAD_BYTES = 64 << 20
 """Room claimed ahead on the disk. Nothing is begun that may not fit: a write that fails in the middle could
@@ -150,4 +151,6 @@ def _why(error: OSError, least: int) -> str:
     """Why there is no room, in words."""
     if error.errno == errno.ENOSPC:
         return f"less than {-(-least // 1_000_000)} MB free"
+    if error.errno == errno.EFBIG:
+        return size_limit()
     return error.strerror or str(error)
