@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from zeromethod.recording.checksums import CHECKSUMS, ChecksumRows
+from zeromethod.recording.checksums import CHECKSUMS, ChecksumRows, checksums_of
 from zeromethod.recording.size_limit import size_limit
 
 AHEAD_BYTES = 64 << 20
@@ -59,7 +59,12 @@ class GrowingFile:
         if any(self._filtered):
             import hdf5plugin  # noqa: F401, PLC0415 - knows the filters
         kinds = zip(names, (one.dtype.names for one in self._sets), strict=True)
-        self._rows = ChecksumRows(names, {one: kind for one, kind in kinds if one.endswith(f"/{CHECKSUMS}")})
+        checksums = {one: kind for one, kind in kinds if one.endswith(f"/{CHECKSUMS}")}
+        # rows of tables are summed all at once when they are written
+        tables = [name for name, fields in checksums.items() if fields == ("table",)]
+        where = {name: index for index, name in enumerate(names)}
+        self._sums = {where[name.replace(CHECKSUMS, "table")]: where[name] for name in tables}
+        self._rows = ChecksumRows(names, {one: kind for one, kind in checksums.items() if one not in tables})
         self._file.swmr_mode = True
 
     def claim(self, wanted: int, arrays: bool) -> None:
@@ -118,6 +123,9 @@ class GrowingFile:
             if items:
                 dataset, length = self._sets[index], self._lengths[index]
                 values = np.frombuffer(b"".join(items), dataset.dtype)
+                if index in self._sums:
+                    # they come after their table
+                    self._gathered[self._sums[index]].append(checksums_of(values).tobytes())
                 dataset.id.set_extent((length + len(values),))
                 dataset[length:] = values
                 dataset.id.flush()

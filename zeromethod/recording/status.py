@@ -17,7 +17,7 @@ class Condition(Enum):
 
 
 LOST = frozenset({Condition.DISK_FULL, Condition.DISK_WAS_FULL, Condition.STOPPED})
-"""Not what was asked for: a command ends with an error. (Frames that a slow disk did not take are only noted.)"""
+"""Not what was asked for: a command ends with an error. (Frames lost to a slow disk are only noted.)"""
 
 
 @dataclass(frozen=True, slots=True)
