@@ -17,7 +17,7 @@ from zeromethod.view.figure import _title, plot_run
 @pytest.mark.parametrize("frames", [1, 5, 30])
 def test_a_run_on_the_papers_bench_that_ended_early_is_drawn(frames: int, tmp_path: Path) -> None:
     """Whole columns of its nodes never have a reading."""
-    rig = binned(load_rig("paper"), 4).model_copy(update={"scenario": "step"})
+    rig = load_rig("paper").model_copy(update={"scenario": "step"})
     with zm.Session(rig) as session:
         for step in session.run(frames=100):
             if step.number == frames:
