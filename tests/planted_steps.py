@@ -86,7 +86,8 @@ def reading(number: int) -> tuple[Surface, Peak]:
     surface = Surface(
         one[0], two[0], one[1], one[2], one[3], two[1], masks[1], masks[2], anchor, number * FRAME_NS, 5
     )
-    return surface, Peak(0.2, 42.0, -1.0, 1e-4)
+    j, i = np.unravel_index(np.argmax(np.where(masks[1], np.abs(one[0]), 0.0)), masks[1].shape)
+    return surface, Peak(float(one[0][j, i]), float(one[1][j, i]), float(one[2][j, i]), 1e-4)
 
 
 def read(step: Step) -> Step:

@@ -6,14 +6,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
+import numpy as np
+
 from benchmarks.against_peers.open_loop import coarser
 from zeromethod.devices.abilities import script_of
 from zeromethod.devices.opening import open_devices
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
+from zeromethod.recording.checksums import canonical, checksum_of, checksums_of
 from zeromethod.recording.recorder import Recorder
-from zeromethod.recording.schema import KEEP
+from zeromethod.recording.schema import KEEP, TABLES
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
@@ -24,6 +28,16 @@ def small_rig(press: str = "step", seed: int = 0) -> Rig:
     rig = coarser(load_rig("simulated"), 4)
     simulation = rig.simulation.model_copy(update={"seed": seed})
     return rig.model_copy(update={"scenario": press, "simulation": simulation})
+
+
+def sum_again(file: h5py.File) -> None:
+    """Let changed tables and attributes pass for what was written; arrays keep their checksums."""
+    for name in TABLES:
+        if f"{name}/checksums" in file:
+            rows, sums = file[f"{name}/table"][()], file[f"{name}/checksums"]
+            sums.resize(len(rows), axis=0)
+            sums[...] = checksums_of(rows).astype(sums.dtype)
+    file.attrs["checksum"] = np.uint64(checksum_of(canonical(file.attrs)))
 
 
 def recorded(

@@ -192,6 +192,24 @@ REFUSALS = [
     ("calibrate --rig simulated --patience nan", "zeromethod: --patience: nan: a number above 0\n"),
     ("calibrate intrinsics --patience 0", "zeromethod: --patience: 0: a number above 0\n"),
     ("calibrate board --dpi nan", "zeromethod: --dpi: nan: a number from 10 to 10000\n"),
+    # output paths that cannot be written
+    ("run --figure taken.png", "--figure: taken.png: cannot be written: Is a directory\n"),
+    ("run --summary taken.json", "--summary: taken.json: cannot be written: Is a directory\n"),
+    ("run --figure nul.png", "--figure: nul.png: cannot be written: not a file\n"),
+    ("run --record /proc/run.h5", "/proc/run.h5: cannot be written: No such file or directory\n"),
+    ("report run.h5 --output taken.html", "--output: taken.html: cannot be written: Is a directory\n"),
+    ("export run.h5 /proc/a.csv", "OUT: /proc/a.csv: cannot be written: No such file or directory\n"),
+    ("replay run.h5 --figure taken.png", "--figure: taken.png: cannot be written: Is a directory\n"),
+    ("replay run.h5 --mode closed-loop --record /proc/x.h5", "--record: /proc/x.h5: cannot be written"),
+    ("design small.toml --figure taken.png", "--figure: taken.png: cannot be written: Is a directory\n"),
+    ("init /proc/a.toml", "FILE: /proc/a.toml: cannot be written"),
+    ("calibrate board --output taken.png", "--output: taken.png: cannot be written: Is a directory\n"),
+    ("calibrate intrinsics --output /proc/a.toml", "--output: /proc/a.toml: cannot be written"),
+    ("calibrate decode a.png --output /proc/a.npz", "--output: /proc/a.npz: cannot be written"),
+    ("virtual-bench --truth /proc/a.jsonl", "--truth: /proc/a.jsonl: cannot be written"),
+    ("measure rest.png rest.png --output /proc", "--output: /proc: cannot be written"),
+    ("study gain-delay --output /proc", "--output: /proc: cannot be written"),
+    ("reproduce --output /proc", "--output: /proc: cannot be written"),
     *((f"benchmarks.{name} --colour", "--colour") for name in BENCHMARKS),
     ("benchmarks.sigma --summary sigma.txt", "--summary: sigma.txt: the file name must end in .json"),
     ("benchmarks.sigma --summary no/such/folder/s.json", "does not exist"),
@@ -210,7 +228,9 @@ REFUSALS = [
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the commands are given: recordings, rig files, images, and files that are none of these."""
     folder = tmp_path_factory.mktemp("given")
-    (folder / "folder.h5").mkdir()
+    for name in ("folder.h5", "taken.png", "taken.json", "taken.html"):
+        (folder / name).mkdir()
+    (folder / "nul.png").symlink_to(os.devnull)
     for name in ("notes.h5", "notes.tif"):
         (folder / name).write_text("no recording, no image")
     os.utime(folder / "notes.h5", (time.time() - 60,) * 2)

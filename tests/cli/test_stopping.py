@@ -121,6 +121,7 @@ def ended(process: subprocess.Popen[str]) -> tuple[int, float, str]:
     [
         ("HungEye", "Window", signal.SIGINT),
         ("HungEye", "Window", signal.SIGTERM),
+        ("Steady", "Window", signal.SIGHUP),
         ("NeverOpen", "Window", signal.SIGTERM),
         ("Steady", "HungScreen", signal.SIGINT),
     ],
@@ -160,10 +161,35 @@ def test_q_in_the_terminal_ends_a_run(folder: Path) -> None:
     assert left & termios.ECHO
 
 
+def test_a_terminal_that_is_closed_ends_a_run_in_order(folder: Path) -> None:
+    keyboard, side = pty.openpty()
+    with running(folder, "Steady", terminal=side) as process:
+        os.close(side)
+        os.close(keyboard)
+        code, seconds, err = ended(process)
+    assert code == 130, err
+    assert seconds < 2
+    assert "Traceback" not in err
+
+
+INTERRUPTED_IMPORT = """
+import os, signal, time
+os.kill(os.getpid(), signal.SIGINT)
+time.sleep(30)
+"""
+
+
+def test_ctrl_c_while_the_program_is_still_loading_is_quiet(tmp_path: Path) -> None:
+    (tmp_path / "click.py").write_text(INTERRUPTED_IMPORT)
+    with start("run", env=os.environ | {"PYTHONPATH": str(tmp_path)}) as process:
+        out, err = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, out, err) == (130, "", "")
+
+
 @pytest.fixture
 def ctrl_c() -> Iterator[Callable[[], object]]:
     """The handler of Ctrl-C; what a test sets is put back."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     yield lambda: signal.getsignal(signal.SIGINT)
     for number, handler in before.items():
         signal.signal(number, handler)
@@ -188,6 +214,14 @@ def test_the_first_signal_asks_and_the_second_insists(ctrl_c: Callable[[], objec
     with pytest.raises(ZeroDivisionError), stopped_by_signals(lambda: None):
         raise ZeroDivisionError
     assert (ctrl_c(), signal.getsignal(signal.SIGTERM)) == before
+
+
+def test_what_nohup_has_ignored_stays_ignored(ctrl_c: Callable[[], object]) -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with stopped_by_signals():
+        os.kill(os.getpid(), signal.SIGHUP)
+        time.sleep(0.01)
+    assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
 
 
 def own(*_: object) -> None:

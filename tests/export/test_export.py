@@ -6,10 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 
 from zeromethod.errors import InputError
-from zeromethod.export import SUFFIXES, Selection, prepare
+from zeromethod.export import MESHES, SUFFIXES, Selection, prepare
+from zeromethod.recording import DamagedWarning
 from zeromethod.recording.recording import Recording
 
 STREAMED = [suffix for suffix, form in SUFFIXES.items() if form in {"npz", "tiff", "mcap", "mp4"}]
@@ -77,24 +79,57 @@ def test_no_format_leaves_half_a_file(suffix: str, recording: Recording, tmp_pat
     )
 
 
-DAMAGED = [(suffix, "surface/depth_mm") for suffix, form in SUFFIXES.items() if form != "csv"]
-
-
-@pytest.mark.parametrize(("suffix", "name"), [*DAMAGED, (".mp4", "frames/image")])
-def test_a_damaged_array_ends_the_export_in_one_line_without_half_a_file(
-    suffix: str, name: str, planted, tmp_path: Path
-) -> None:
-    path = tmp_path / "damaged.h5"
+def damaged_copy(planted, path: Path, name: str, *at: int) -> Path:
+    """The planted recording with one value changed on its disk."""
     shutil.copy(planted.path, path)
     with h5py.File(path, "r+", libver="latest") as file:
-        # in the reading that a mesh is made of
-        file[name][-1, 20, 20] += 1
+        if name == "peaks/table":
+            row = file[name][at[0]]
+            row["depth_mm"] += 0.2
+            file[name][at[0]] = row
+        else:
+            file[name][at] += 1
+    return path
+
+
+@pytest.mark.parametrize(
+    ("suffix", "name"), [*((suffix, "surface/depth_mm") for suffix in STREAMED), (".mp4", "frames/image")]
+)
+def test_what_is_damaged_is_left_out_and_the_rest_written(
+    suffix: str, name: str, planted, tmp_path: Path
+) -> None:
+    # of the first reading: that which places a lattice
+    path = damaged_copy(planted, tmp_path / "damaged.h5", name, 0, 20, 20)
+    output = tmp_path / f"a{suffix}"
     with Recording(path) as recording:
-        for _ in range(2):
-            with pytest.raises(InputError, match="damaged") as caught:
-                prepare(recording, tmp_path / f"a{suffix}").write()
-            assert "\n" not in str(caught.value)
-    assert list(tmp_path.iterdir()) == [path]
+        with pytest.warns(DamagedWarning, match=name):
+            figures = prepare(recording, output).write()
+        assert recording.tables.left_out() == {name.partition("/")[0]: 1}
+    assert output.stat().st_size > 1000
+    if suffix == ".npz":
+        with np.load(output) as data:
+            assert [bool(valid.any()) for valid in data["valid"]] == [False] + 7 * [True]
+            assert np.isnan(data["depth_mm"][0]).all()
+            assert figures["times"] == 8
+
+
+@pytest.mark.parametrize("suffix", [suffix for suffix, form in SUFFIXES.items() if form in MESHES])
+def test_a_mesh_of_a_damaged_surface_is_refused(suffix: str, planted, tmp_path: Path) -> None:
+    path = damaged_copy(planted, tmp_path / "damaged.h5", "surface/depth_mm", -1, 20, 20)
+    with Recording(path) as recording:
+        with pytest.raises(InputError, match=r"the surface at 0\.220 s is damaged: give another time"):
+            prepare(recording, tmp_path / f"a{suffix}").write()
+        prepare(recording, tmp_path / f"b{suffix}", selection=Selection(at_s=0.2)).write()
+    assert not (tmp_path / f"a{suffix}").exists()
+
+
+def test_a_track_says_which_peak_is_damaged(planted, tmp_path: Path) -> None:
+    path = damaged_copy(planted, tmp_path / "damaged.h5", "peaks/table", 3)
+    with Recording(path) as recording, pytest.warns(DamagedWarning, match="peaks/table"):
+        assert prepare(recording, tmp_path / "a.csv").write() == {"times": 9, "peaks": 7}
+    lines = (tmp_path / "a.csv").read_text().splitlines()[1:]
+    assert [line.endswith(",peak") for line in lines] == [step == 5 for step in planted.steps]
+    assert lines[4].split(",")[1:] == ["", "", "", "", "locked", "peak"]
 
 
 @pytest.mark.parametrize("pitch_mm", [float("nan"), float("inf"), 0.0, -1.0])

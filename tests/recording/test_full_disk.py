@@ -34,7 +34,7 @@ def test_a_full_disk_ends_the_arrays_and_not_the_tables(path: Path) -> None:
         wait_for(lambda: recording.waiting_bytes == 0 and recording.unkept > 0)
         said = str(recording.status)
     first = 1e-9 * FRAME_NS * (40 - recording.unkept)
-    assert said.startswith(f"disk full: recording stopped at {first:.1f} s (File too large), ")
+    assert said.startswith(f"disk full: recording stopped at {first:.1f} s (the limit of a file's size, ")
     with Recording(path) as found:
         assert found.complete
         # when it was noticed, and with the count at the end

@@ -241,7 +241,7 @@ def test_a_start_that_fails_leaves_nothing_behind(path: Path, monkeypatch: pytes
 
     with monkeypatch.context() as short:
         short.setattr("zeromethod.recording.line.Ring", no_memory)
-        with pytest.raises(InputError, match="no 64 MB of memory to record by"):
+        with pytest.raises(InputError, match="no 64 MB of shared memory to record by: the limit of a file's"):
             recorder(path)
     assert not path.exists()
     with recorder(path) as recording:

@@ -183,7 +183,7 @@ def test_every_dataset_states_its_units_and_meaning(truth: Truth) -> None:
         assert list(file["steps/table"].attrs["states"])[:2] == ["starting", "resting"]
     assert not silent
     assert sum(name.endswith("/table") for name in tables) == 6
-    assert sum(name.endswith("/checksums") for name in tables) == 8
+    assert sum(name.endswith("/checksums") for name in tables) == 13
 
 
 def test_a_frame_is_one_chunk(truth: Truth) -> None:
@@ -256,7 +256,7 @@ def test_another_schema_is_refused_with_a_clear_word(truth: Truth, tmp_path: Pat
         Recording(path)
     assert refused.value.refusal is Refusal.OTHER_FORMAT
     assert str(refused.value) == (
-        f"{path}: recorded in format 1 by zeromethod 0.1.0; this version reads format 2: "
+        f"{path}: recorded in format 1 by zeromethod 0.1.0; this version reads format 3: "
         "open it with zeromethod 0.1.0"
     )
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import h5py
 import pytest
-from recorded_run import recorded, small_rig
+from recorded_run import recorded, small_rig, sum_again
 from report_page import HOSTILE
 
 
@@ -28,6 +28,7 @@ def edited(recording_path: Path, tmp_path: Path) -> Callable[[Callable[[h5py.Fil
         shutil.copy(recording_path, path)
         with h5py.File(path, "r+", libver="latest") as file:
             change(file)
+            sum_again(file)
         return path
 
     return edit

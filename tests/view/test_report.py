@@ -55,7 +55,7 @@ def test_frames_that_are_not_read_are_not_called_drops(recording_path: Path, pag
     assert figures["dropped"] == {}
     assert "no new reading: picture not lit yet" in page.text
     assert "frames dropped none" in page.text
-    assert "arrays damaged none" in page.text
+    assert "items damaged none" in page.text
 
 
 def test_every_text_from_the_recording_is_escaped(edited: Edited) -> None:
@@ -164,7 +164,7 @@ def test_what_is_missing_is_said_and_leaves_the_rest_of_the_page(
 
 
 def test_recording_that_was_not_closed_says_so(edited: Edited) -> None:
-    path = edited(lambda file: file["complete"].write_direct(np.array(False)))
+    path = edited(lambda file: file["complete"].write_direct(np.array(0, np.uint8)))
     os.utime(path)
     assert "still being written" in page_of(path).text
     os.utime(path, (time.time() - 60,) * 2)
@@ -307,6 +307,6 @@ def test_all_that_is_damaged_is_counted_though_no_map_shows_it(
     assert steps == [*STEPS[1:], ""]
     page = Page((tmp_path / "page.html").read_text(encoding="utf-8"))
     assert "damaged: 2 frames, 2 surfaces left out: these are not what was written." in page.text
-    assert "arrays damaged 2 frames, 2 surfaces left out" in page.text
+    assert "items damaged 2 frames, 2 surfaces left out" in page.text
     assert "damaged: surfaces 2 not what was written: left out" in page.text
     assert "no depth map" not in page.text

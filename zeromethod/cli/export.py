@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from zeromethod.cli.recording_options import open_recording, recording_argument,
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.export import FORMATS, MESHES, Export, Selection, form_of, prepare
+from zeromethod.recording import DamagedWarning
+from zeromethod.recording.damage import damaged_words
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
 
@@ -80,13 +83,18 @@ def export_command(
             raise InputError(f"OUT: {path}: is the recording itself")
     limit_threads()
     selection = Selection(from_s, to_s, every, at_s)
-    with stopped_by_signals(), open_recording(file) as recording:
+    with stopped_by_signals(), open_recording(file) as recording, warnings.catch_warnings():
+        # one line at the end says how much it was
+        warnings.simplefilter("ignore", DamagedWarning)
         exports = [
             prepare(recording, path, one, selection, pitch_mm)
             for path, one in zip(outputs, forms, strict=True)
         ]
         found = [_write(export) for export in exports]
-    write_summary(summary, {"recording": str(file), "files": found})
+        left_out = recording.tables.left_out()
+    write_summary(summary, {"recording": str(file), "files": found, "damaged": left_out})
+    if words := damaged_words(left_out):
+        click.echo(f"! {file}: {words}", err=True)
 
 
 def _forms(outputs: tuple[Path, ...], form: str | None) -> list[str]:

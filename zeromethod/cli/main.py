@@ -5,16 +5,18 @@
 
 from __future__ import annotations
 
-import importlib
-import os
-import sys
-import warnings
-from collections.abc import Sequence
+from zeromethod.cli.stopping import INTERRUPTED, accept_ctrl_c, leave_quickly, quiet_imports
 
-import click
+with quiet_imports():
+    import importlib
+    import os
+    import sys
+    import warnings
+    from collections.abc import Sequence
 
-from zeromethod.cli.stopping import accept_ctrl_c, leave_quickly
-from zeromethod.errors import InputError, MeasurementError
+    import click
+
+    from zeromethod.errors import InputError, MeasurementError
 
 _COMMANDS = {
     "run": "Close the loop: null the picture, read slope and depth.",
@@ -67,6 +69,14 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: object, *
     click.echo(f"! {kind}{' '.join(str(message).split())}", err=True)
 
 
+def _drop_output() -> None:
+    """Write what is left of the output, or nothing where it takes none, so that leaving does not fail."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def _one_line(error: click.UsageError | InputError) -> str:
     """Message, click's own in the form of this program's: the option first, then what is wrong with it."""
     if isinstance(error, InputError):
@@ -85,8 +95,9 @@ def main(
     warnings.showwarning = _show_warning
     try:
         code = command.main(args=arguments, prog_name=name, standalone_mode=False)
+        sys.stdout.flush()
     except (click.exceptions.Abort, KeyboardInterrupt):
-        code = 130
+        code = INTERRUPTED
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         code = 0
@@ -97,10 +108,11 @@ def main(
         click.echo(f"zeromethod: measurement failed: {error}", err=True)
         code = 1
     except BrokenPipeError:
-        # the reader of the output has closed it; nothing may be written on the way out either
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # the reader of the output has closed it
+        _drop_output()
         code = 0
     except OSError as error:
         click.echo(f"zeromethod: cannot write: {error}", err=True)
+        _drop_output()
         code = 1
     sys.exit(code or 0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,7 +13,7 @@ import click
 import numpy as np
 from rich.console import Console
 
-from zeromethod.atomic_write import atomic_write
+from zeromethod.atomic_write import atomic_write, check_writable
 from zeromethod.errors import InputError
 from zeromethod.view.progress import progress
 
@@ -63,8 +62,8 @@ def check_file(option: str, path: Path | None, suffix: str) -> None:
     folder = path.absolute().parent
     if not folder.is_dir():
         raise InputError(f"{option}: {path}: the folder {folder} does not exist")
-    if not os.access(path if path.exists() else folder, os.W_OK):
-        raise InputError(f"{option}: {path}: not writable")
+    with writing(option, path):
+        check_writable(path)
 
 
 def check_folder(option: str, path: Path | None) -> None:
@@ -75,8 +74,8 @@ def check_folder(option: str, path: Path | None) -> None:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{option}: {path}: must be a folder that can be made ({error.strerror})") from error
-    if not os.access(path, os.W_OK):
-        raise InputError(f"{option}: {path}: not writable")
+    with writing(option, path):
+        check_writable(path / "x")
 
 
 @contextmanager

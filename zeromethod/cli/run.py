@@ -26,7 +26,7 @@ from zeromethod.cli.device_options import (
 from zeromethod.cli.first_rest import with_first_rest
 from zeromethod.cli.keys import HELP, Keys
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import figure_option, summary_option, write_summary
+from zeromethod.cli.output import figure_option, summary_option, write_summary, writing
 from zeromethod.cli.recording_options import RecordingOptions, recording_options
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.devices.opening import Devices, open_devices
@@ -170,11 +170,16 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
     """Print the table, write what was asked for, and turn the outcome into an exit code."""
     figures = summarise(result)
     Console().print(summary_table(figures))
-    write_summary(summary, figures)
-    if figure is not None and result.records:
-        from zeromethod.view.figure import plot_run  # noqa: PLC0415 - matplotlib loads slowly
+    try:
+        write_summary(summary, figures)
+    finally:
+        if figure is not None and result.records:
+            from zeromethod.view.figure import plot_run  # noqa: PLC0415 - matplotlib loads slowly
 
-        plot_run(result, figure)
+            with writing("--figure", figure):
+                plot_run(result, figure)
+    if result.recording_lost:
+        raise OSError(f"--record: {result.recording}")
     if result.interrupted:
         raise KeyboardInterrupt
     if result.state in {State.FAULT, State.LOST}:

@@ -1,16 +1,33 @@
-"""Ctrl-C and SIGTERM: the first ends a run in order, with all that was measured; a second one at once."""
+"""Ctrl-C, SIGTERM, SIGHUP: the first ends a run in order, with all that was measured; a second at once."""
 
 from __future__ import annotations
 
 import atexit
 import gc
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+INTERRUPTED = 130
+"""Exit code of Ctrl-C and of the other signals that end a program in order."""
+
+
+@contextmanager
+def quiet_imports() -> Iterator[None]:
+    """Let Ctrl-C end the program at once, without a word: nothing was begun yet."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def leave_quickly() -> None:
@@ -31,22 +48,35 @@ def accept_ctrl_c() -> None:
 def stopped_by_signals(stop: Callable[[], None] | None = None) -> Iterator[None]:
     """Call `stop` at the first signal, which must not take long; raise KeyboardInterrupt at the next.
 
-    Without `stop`, KeyboardInterrupt at the first: SIGTERM ends the program in order, as Ctrl-C does.
+    Without `stop`, KeyboardInterrupt at the first: SIGTERM ends the program in order, as Ctrl-C does, and so
+    does SIGHUP unless it is ignored (`nohup`). What is written to a terminal that hung up is lost.
 
     The handlers from before are back in place at the end. To be used in the main thread.
     """
     asked = False
+    terminals = [handle for handle in (1, 2) if os.isatty(handle)]
 
     def handle(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the signature of a handler
         nonlocal asked
+        if number == signal.SIGHUP:
+            _write_nowhere(terminals)
         if asked or stop is None:
             raise KeyboardInterrupt
         asked = True
         stop()
 
-    before = {number: signal.signal(number, handle) for number in _SIGNALS}
+    wanted = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, handle) for number in wanted}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _write_nowhere(handles: list[int]) -> None:
+    """Let what is written there go nowhere: a terminal that is gone refuses it."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for handle in handles:
+        os.dup2(nowhere, handle)
+    os.close(nowhere)

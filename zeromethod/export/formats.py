@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -17,7 +16,6 @@ from zeromethod.export.selection import SelectedSteps, Selection, needed, requir
 from zeromethod.export.tiff import export_tiff
 from zeromethod.export.track import export_track
 from zeromethod.recording.recording import Recording
-from zeromethod.recording.source import DamagedWarning
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,16 +67,12 @@ class Export:
     def write(self, advance: Callable[[], None] = lambda: None) -> dict[str, Any]:
         """Write the file, whole or not at all. Returns its figures, which depend on the format.
 
-        advance: called once for every selected step. Raises MeasurementError where nothing was read that the
-        file could hold, InputError where the recording is damaged.
+        What is damaged in the recording is left out. advance: called once for every selected step. Raises
+        MeasurementError where nothing was read that the file could hold, InputError where it is all damaged.
         """
         own = {"pitch_mm": self.pitch_mm} if self.form == "tiff" else {}
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DamagedWarning)
-            try:
-                return _FORMATS[self.form].write(self.recording, self.selected, self.path, advance, **own)
-            except DamagedWarning as warning:
-                raise InputError(str(warning)) from None
+        self.recording.leave_out_contrary_peaks(self.selected.steps)
+        return _FORMATS[self.form].write(self.recording, self.selected, self.path, advance, **own)
 
 
 def form_of(path: Path) -> str:

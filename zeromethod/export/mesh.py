@@ -10,7 +10,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Ints, Mask
 from zeromethod.atomic_write import atomic_write
-from zeromethod.errors import MeasurementError
+from zeromethod.errors import InputError, MeasurementError
 from zeromethod.export.selection import SelectedSteps, needed
 from zeromethod.optics.mirror import HeightField, rest_surface
 from zeromethod.recording.recording import Recording
@@ -28,6 +28,9 @@ def export_mesh(
     MeasurementError where no three neighbouring nodes were read.
     """
     trimesh = needed("trimesh")
+    if recording.is_damaged("surface", int(selected.steps[0])):
+        at_s = f"{selected.time_s[0]:.3f} s"
+        raise InputError(f"{recording.path}: the surface at {at_s} is damaged: give another time (--at)")
     surface = recording.surface(selected.steps[0])
     assert surface is not None
     vertices, faces, nodes = _triangles(recording, surface)

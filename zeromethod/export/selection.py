@@ -16,6 +16,7 @@ from zeromethod.arrays import Float, Ints
 from zeromethod.errors import InputError
 from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
+from zeromethod.surface import Surface
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +110,14 @@ def require(recording: Recording, parts: Sequence[str], purpose: str) -> None:
             f"{recording.path}: {purpose} needs {', '.join(parts)}: {', '.join(missing)} not kept "
             f"by the run's --keep (kept: {kept})"
         )
+
+
+def first_surface(recording: Recording, selected: SelectedSteps) -> Surface:
+    """The first of the steps' surfaces that is there and whole. Raises InputError where there is none."""
+    for step in selected.steps.tolist():
+        if not recording.is_damaged("surface", step) and (found := recording.surface(step)) is not None:
+            return found
+    raise InputError(f"{recording.path}: no surface was read in this time, or all are damaged")
 
 
 def needed(module: str) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from zeromethod.arrays import Single
 from zeromethod.atomic_write import atomic_write
 from zeromethod.export.lattice import MapLattice, Resampler
-from zeromethod.export.selection import SelectedSteps, needed
+from zeromethod.export.selection import SelectedSteps, first_surface, needed
 from zeromethod.recording.recording import Recording
 
 CHANNELS = ("depth, mm", "slope d depth / dx, rad", "slope d depth / dy, rad")
@@ -30,13 +30,11 @@ def export_tiff(
 ) -> dict[str, Any]:
     """Write float32 pages (times, channels, rows, columns), one time after the other.
 
-    Row j grows with y, column i with x; NaN where not read. The lattice is that of the first moment.
+    Row j grows with y, column i with x; NaN where not read. The lattice is that of the first surface.
     Returns what was written: times, rows, columns, pitch and the first point, mm.
     """
     tifffile = needed("tifffile")
-    surface = recording.surface(selected.steps[0])
-    assert surface is not None
-    points_mm = surface.points_mm[recording.grid.inner]
+    points_mm = first_surface(recording, selected).points_mm[recording.grid.inner]
     lattice = MapLattice.covering(points_mm[..., 0], points_mm[..., 1], pitch_mm)
     rows, cols = lattice.shape
     shape = (len(selected.steps), len(CHANNELS), rows, cols)

@@ -14,25 +14,29 @@ from zeromethod.atomic_write import atomic_write
 from zeromethod.export.selection import SelectedSteps
 from zeromethod.recording.recording import Recording
 
-COLUMNS = ("time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm", "state")
+COLUMNS = (
+    *("time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm"),
+    *("state", "damaged"),
+)
 
 
 def export_track(
     recording: Recording, selected: SelectedSteps, path: Path, advance: Callable[[], None]
 ) -> dict[str, Any]:
-    """Write the peak of every moment, empty where nothing was read.
+    """Write the peak of every moment, empty where nothing was read; "peak" under `damaged`: it is not whole.
 
     Returns what was written: lines, and those with a peak.
     """
+    damaged = recording.tables.damaged_steps("peaks")
     peaks = {int(row["step"]): row for row in recording.peaks if np.isfinite(row["depth_mm"])}
     with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file, lineterminator="\n")
         lines.writerow(COLUMNS)
         for step, time_s, state in zip(selected.steps, selected.time_s, selected.states, strict=True):
-            row = peaks.get(int(step))
-            values = [math.nan if row is None else float(row[name]) for name in COLUMNS[1:-1]]
+            row = None if int(step) in damaged else peaks.get(int(step))
+            values = [math.nan if row is None else float(row[name]) for name in COLUMNS[1:5]]
             # shortest text that gives the same number back
             numbers = [repr(value) if math.isfinite(value) else "" for value in values]
-            lines.writerow([f"{time_s:.9f}", *numbers, state])
+            lines.writerow([f"{time_s:.9f}", *numbers, state, "peak" if int(step) in damaged else ""])
             advance()
     return {"times": len(selected.steps), "peaks": len(peaks.keys() & set(selected.steps.tolist()))}

@@ -11,10 +11,9 @@ import numpy as np
 
 from zeromethod.arrays import Bytes, Ints
 from zeromethod.atomic_write import atomic_write
-from zeromethod.errors import InputError
 from zeromethod.export.lattice import MapLattice
 from zeromethod.export.picture import Picture, Scales
-from zeromethod.export.selection import SelectedSteps, needed
+from zeromethod.export.selection import SelectedSteps, first_surface, needed
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
 
@@ -91,11 +90,7 @@ def _picture(recording: Recording, selected: SelectedSteps) -> Picture:
     peaks = recording.peaks[np.isin(recording.peaks["step"], selected.steps)]
     some = selected.steps[np.linspace(0, len(selected.steps) - 1, _LOOKED_AT).astype(int)]
     images = [image for image in map(recording.image, some) if image is not None]
-    surface = next((found for found in map(recording.surface, selected.steps) if found is not None), None)
-    if surface is None:
-        raise InputError(f"{recording.path}: no surface was read in this time: a video needs one")
-    inner = recording.grid.inner
-    x_mm, y_mm = np.moveaxis(surface.points_mm[inner], -1, 0)
+    x_mm, y_mm = np.moveaxis(first_surface(recording, selected).points_mm[recording.grid.inner], -1, 0)
     scales = Scales.of(images, recording.steps["residual_rms_px"][within], peaks["depth_mm"])
     return Picture(recording.grid, MapLattice.covering(x_mm, y_mm), scales)
 
@@ -119,13 +114,13 @@ def _pictures(
     for index in shown:
         while done <= index:
             step = int(selected.steps[done])
-            surface = recording.surface(step) or surface
+            found = recording.surface(step)
+            if found is not None and (found.valid.any() or not recording.is_damaged("surface", step)):
+                surface = found
             if step in peaks and np.isfinite(peaks[step]["depth_mm"]):
                 peak_words = f"   peak {1e3 * float(peaks[step]['depth_mm']):8.3f} µm"
-            if done == index:
-                frame = recording.image(step)
-                if frame is None:
-                    raise InputError(f"{recording.path}: step {step}: its frame is damaged")
+            # of a damaged frame the picture before stays
+            if done == index and (frame := recording.image(step)) is not None:
                 words = f"{selected.time_s[done]:8.3f} s   {selected.states[done]:<9}"
                 words += f"   residual rms {rms_px[step]:7.4f} px{peak_words}"
                 image = picture.draw(frame, recording.residual(step), surface, words)

@@ -17,8 +17,10 @@ import numpy as np
 import tomlkit
 
 from zeromethod.arrays import Image
+from zeromethod.atomic_write import check_writable
 from zeromethod.errors import InputError
-from zeromethod.recording.checksums import checksum_of
+from zeromethod.recording.checksums import canonical, checksum_of
+from zeromethod.recording.growing import COMPLETE
 from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, Part
 from zeromethod.rig.model import Rig
 from zeromethod.warp.rest import Rest
@@ -42,8 +44,10 @@ def check_new(path: Path) -> None:
     folder = path.absolute().parent
     if not folder.is_dir():
         raise InputError(f"{path}: the folder {folder} does not exist")
-    if not os.access(folder, os.W_OK):
-        raise InputError(f"{path}: the folder {folder} is not writable")
+    try:
+        check_writable(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def create(
@@ -126,7 +130,7 @@ def _describe(
 ) -> None:
     for name, value in about.items():
         file.attrs[name] = value
-    file.attrs["rig_checksum"] = np.uint64(checksum_of(str(about["rig"]).encode()))
+    file.attrs["checksum"] = np.uint64(checksum_of(canonical(file.attrs)))
     file.create_group("files")
     fixed = {f"rest/{name}": entry for name, entry in rest.items()}
     meaning = "file that the rig names, byte for byte"
@@ -136,9 +140,9 @@ def _describe(
         dataset.attrs["units"], dataset.attrs["meaning"] = units, meaning
         dataset.attrs["checksum"] = np.uint64(checksum_of(values))
     file["rest/flags"].attrs["flags"] = _flags()
-    dataset = file.create_dataset("complete", data=np.False_)
+    dataset = file.create_dataset("complete", data=np.uint8(0))
     dataset.attrs["units"] = ""
-    dataset.attrs["meaning"] = "whether the recording was ended in order"
+    dataset.attrs["meaning"] = f"{COMPLETE} where the recording was ended in order, 0 where it was not"
     # last: a file that is cut off before is no recording yet
     file.attrs["schema"], file.attrs["schema_version"] = SCHEMA, SCHEMA_VERSION
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from zeromethod.recording.checksums import CHECKSUMS, ChecksumRows
+from zeromethod.recording.checksums import CHECKSUMS, ChecksumRows, checksums_of
+from zeromethod.recording.size_limit import size_limit
 
 AHEAD_BYTES = 64 << 20
 """Room claimed ahead on the disk. Nothing is begun that may not fit: a write that fails in the middle could
@@ -24,6 +25,10 @@ LEAST_BYTES = 1 << 20
 
 SHARE = 8
 """Neither is more than the disk's free room over this; but tables always get twice the least."""
+
+
+COMPLETE = 255
+"""What the dataset `complete` holds after an end in order: no flipped bit makes it of 0."""
 
 
 class DiskFull(Exception):
@@ -54,7 +59,12 @@ class GrowingFile:
         if any(self._filtered):
             import hdf5plugin  # noqa: F401, PLC0415 - knows the filters
         kinds = zip(names, (one.dtype.names for one in self._sets), strict=True)
-        self._rows = ChecksumRows(names, {one: kind for one, kind in kinds if one.endswith(f"/{CHECKSUMS}")})
+        checksums = {one: kind for one, kind in kinds if one.endswith(f"/{CHECKSUMS}")}
+        # rows of tables are summed all at once when they are written
+        tables = [name for name, fields in checksums.items() if fields == ("table",)]
+        where = {name: index for index, name in enumerate(names)}
+        self._sums = {where[name.replace(CHECKSUMS, "table")]: where[name] for name in tables}
+        self._rows = ChecksumRows(names, {one: kind for one, kind in checksums.items() if one not in tables})
         self._file.swmr_mode = True
 
     def claim(self, wanted: int, arrays: bool) -> None:
@@ -113,6 +123,9 @@ class GrowingFile:
             if items:
                 dataset, length = self._sets[index], self._lengths[index]
                 values = np.frombuffer(b"".join(items), dataset.dtype)
+                if index in self._sums:
+                    # they come after their table
+                    self._gathered[self._sums[index]].append(checksums_of(values).tobytes())
                 dataset.id.set_extent((length + len(values),))
                 dataset[length:] = values
                 dataset.id.flush()
@@ -134,7 +147,7 @@ class GrowingFile:
         """Flush, note whether the run ended in order, and give back unused room."""
         self.flush()
         if complete:
-            self._file["complete"][...] = True
+            self._file["complete"][...] = COMPLETE
         self._file.flush()
         end = int(self._file.id.get_filesize())
         self._file.close()
@@ -146,4 +159,6 @@ def _why(error: OSError, least: int) -> str:
     """Why there is no room, in words."""
     if error.errno == errno.ENOSPC:
         return f"less than {-(-least // 1_000_000)} MB free"
+    if error.errno == errno.EFBIG:
+        return size_limit()
     return error.strerror or str(error)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import mmap
 import os
@@ -20,6 +21,7 @@ from zeromethod.errors import InputError
 from zeromethod.recording.message import Item, News, Topic, send
 from zeromethod.recording.rows import Added
 from zeromethod.recording.schema import Part
+from zeromethod.recording.size_limit import size_limit
 
 OPENING_S = 30.0
 """How long the process may take to start."""
@@ -86,7 +88,9 @@ class Line:
         try:
             self._ring = Ring(size)
         except OSError as error:
-            raise InputError(f"{path}: no {size >> 20} MB of memory to record by: {error.strerror}") from None
+            # the limit of a file's size holds for shared memory, too
+            why = size_limit() if error.errno == errno.EFBIG else error.strerror
+            raise InputError(f"{path}: no {size >> 20} MB of shared memory to record by: {why}") from None
         self._parts = list(parts.values())
         self._index = {name: index for index, name in enumerate(parts)}
         self._costs: deque[int] = deque()

@@ -45,6 +45,7 @@ class Refusal(Enum):
     EMPTY = "cut off while it was being created: it holds nothing"
     DAMAGED = "{part}: cannot be read: damaged"
     CHANGED = "{part}: damaged: not what was written"
+    WORDS = "{part}: {word!r} is not known: damaged, or recorded by a later zeromethod"
 
 
 class RefusedRecording(InputError):

@@ -17,12 +17,13 @@ from zeromethod.arrays import Float, Image, Ints, Single
 from zeromethod.devices.protocols import Frame
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
-from zeromethod.recording.checksums import checksum_of
-from zeromethod.recording.damage import damaged_items, unknown_surface
+from zeromethod.recording.attributes import checked_attributes
+from zeromethod.recording.damage import contrary_peaks, damaged_items, unknown_surface
+from zeromethod.recording.growing import COMPLETE
 from zeromethod.recording.opening import Refusal, RefusedRecording
-from zeromethod.recording.peaks import peak_table
-from zeromethod.recording.schema import ANCHORS, EVENTS, SCHEMA, SCHEMA_VERSION, STATES, number_name
+from zeromethod.recording.schema import EVENTS, STATES, TABLES, number_name
 from zeromethod.recording.source import RecordingFile
+from zeromethod.recording.tables import Tables
 from zeromethod.rig.load import parse_rig
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -41,8 +42,9 @@ class Recording(AbstractContextManager["Recording"]):
     live: whether it ran in real time. kept: what was kept, of `schema.KEEP`. every: arrays were kept of every
     so many-th frame. seed: of the simulated bench. started_utc: ISO 8601. calibration: text of its document;
     "" without. rig_text: the rig as TOML, with all its values.
+    tables: what is left out of them.
     Every read may raise InputError, one line: the file is damaged there. Damaged arrays are left out (None; a
-    surface without a valid node), with one DamagedWarning per dataset.
+    surface without a valid node), and damaged rows of tables, with one DamagedWarning per dataset.
 
     Parameters
     ----------
@@ -66,29 +68,15 @@ class Recording(AbstractContextManager["Recording"]):
             raise
 
     def _open(self) -> None:
-        found = self._source.attributes()
-        if found.get("schema") != SCHEMA:
-            raise RefusedRecording(self.path, Refusal.NO_RECORDING)
-        if (version := found.get("schema_version")) != SCHEMA_VERSION:
-            by = found.get("zeromethod_version", "of an unknown version")
-            details = {"found": version, "reads": SCHEMA_VERSION, "by": by}
-            raise RefusedRecording(self.path, Refusal.OTHER_FORMAT, **details)
-        try:
-            self.live = bool(found["live"])
-            self.kept = frozenset(str(name) for name in found["keep"])
-            self.every, self.seed = int(found["every"]), int(found["seed"])
-            self.command_line, self.started_utc = str(found["command_line"]), str(found["started_utc"])
-            self.gl_renderer, self.calibration = str(found["gl_renderer"]), str(found["calibration"])
-            self.zeromethod_version = str(found["zeromethod_version"])
-            self.versions: dict[str, str] = json.loads(found["versions"])
-            self.rig_text, compressed = str(found["rig"]), bool(found["compressed"])
-        except KeyError:
-            raise RefusedRecording(self.path, Refusal.EMPTY) from None
-        if not {"rest", "steps/table"} <= self._source.names:
-            raise RefusedRecording(self.path, Refusal.EMPTY)
-        if int(found.get("rig_checksum", 0)) != checksum_of(self.rig_text.encode()):
-            raise RefusedRecording(self.path, Refusal.CHANGED, part="rig")
-        if compressed:
+        found = checked_attributes(self._source)
+        self.live = bool(found["live"])
+        self.kept = frozenset(str(name) for name in found["keep"])
+        self.every, self.seed = int(found["every"]), int(found["seed"])
+        self.command_line, self.started_utc = str(found["command_line"]), str(found["started_utc"])
+        self.gl_renderer, self.calibration = str(found["gl_renderer"]), str(found["calibration"])
+        self.versions: dict[str, str] = json.loads(found["versions"])
+        self.zeromethod_version, self.rig_text = str(found["zeromethod_version"]), str(found["rig"])
+        if found["compressed"]:
             import hdf5plugin  # noqa: F401, PLC0415 - knows the filters
         self._measure()
 
@@ -115,15 +103,15 @@ class Recording(AbstractContextManager["Recording"]):
 
     def _measure(self) -> None:
         self._rows: dict[str, dict[int, int]] = {}
-        self._peaks: Image | None = None
+        self.tables = Tables(self._source)
         self._lengths = {name: self._length(name) for name in self._groups}
 
     @cached_property
     def _groups(self) -> list[str]:
-        """Names of the groups whose items belong to steps, or pictures to rows of presentation_log."""
+        """Names of the tables, and of the groups whose items belong to steps, pictures to rows of a table."""
         names = self._source.names
         groups = {name.rpartition("/")[0] for name in names}
-        return sorted(group for group in groups if group and number_name(group) in names)
+        return sorted(group for group in groups if group and (group in TABLES or number_name(group) in names))
 
     def _length(self, group: str) -> int:
         """Items that all datasets of a group have."""
@@ -155,15 +143,24 @@ class Recording(AbstractContextManager["Recording"]):
         return index is not None and self._source.is_damaged(group, index)
 
     def damaged(self, advance: Callable[[], None] = lambda: None) -> dict[str, int]:
-        """Number of damaged items by group, as `damaged_items` gives it; reads the whole file."""
-        return damaged_items(self._source, self._lengths, advance)
+        """Number of damaged items by group, and of peaks that contradict theirs; reads the whole file."""
+        found = damaged_items(self._source, self._lengths, advance)
+        if contrary := self.leave_out_contrary_peaks():
+            found["peaks"] = found.get("peaks", 0) + contrary
+        return found
+
+    def leave_out_contrary_peaks(self, among: Ints | None = None) -> int:
+        """Leave peaks (of these steps, or all) that contradict their surfaces out of `peaks`; how many."""
+        with self._source.silence():
+            return self.tables.leave_out(contrary_peaks(self, among))
 
     # About the recording
 
     @property
     def complete(self) -> bool:
         """Whether it was ended in order; false while it is being written, or where it was cut off."""
-        return bool(self._source.read("complete"))
+        # the nearer of 0 and 255, whatever bit may have changed
+        return int(self._source.read("complete")).bit_count() > COMPLETE.bit_count() // 2
 
     @cached_property
     def rig(self) -> Rig:
@@ -193,12 +190,12 @@ class Recording(AbstractContextManager["Recording"]):
     @property
     def steps(self) -> Image:
         """One row per step of the loop."""
-        return self._source.table("steps/table")
+        return self.tables.rows("steps")
 
     @property
     def presentation_log(self) -> Image:
-        """One row per picture given to the panel."""
-        return self._source.table("presentation_log/table")
+        """One row per picture given to the panel, up to the first damaged one: `pictures` counts rows."""
+        return self.tables.presentation_log()
 
     @property
     def peaks(self) -> Image:
@@ -207,19 +204,17 @@ class Recording(AbstractContextManager["Recording"]):
         step, time_s (since the first step), state (a word), depth_mm, depth_sigma_mm, possibly_deeper_mm,
         x_mm, y_mm, x_sigma_mm, y_sigma_mm, read_ms, time_ns (of the run's clock), as pandas takes it.
         """
-        if self._peaks is None:
-            self._peaks = peak_table(self._source.table("peaks/table"), self.steps["time_ns"][:1])
-        return self._peaks
+        return self.tables.peaks()
 
     @property
     def drops(self) -> Image:
         """Frames that are not in the file, and why."""
-        return self._source.table("drops/table")
+        return self.tables.rows("drops")
 
     @property
     def notes(self) -> Image:
         """Messages to the operator."""
-        return self._source.table("notes/table")
+        return self.tables.rows("notes")
 
     @property
     def seconds(self) -> float:
@@ -311,7 +306,7 @@ class Recording(AbstractContextManager["Recording"]):
         *floats, valid, contact, mask, about = found
         values = {name: array.astype(np.float64) for name, array in zip(names, floats, strict=True)}
         sigma_mm, tail_mm = float(about["anchor_sigma_mm"]), float(about["anchor_tail_mm"])
-        anchor = Anchor(ANCHORS[int(about["anchor"])], mask, sigma_mm, tail_mm)
+        anchor = Anchor(self.tables.anchor(int(about["anchor"])), mask, sigma_mm, tail_mm)
         at_ns, count = int(about["time_ns"]), int(about["iterations"])
         place = values["x_mm"], values["y_mm"]
         _, values["sigma_x_mm"], values["sigma_y_mm"] = self.rig.geometry.sigmas(*place)

@@ -18,14 +18,15 @@ from zeromethod.loop.state import State
 from zeromethod.recording.checksums import CHECKSUMS
 
 SCHEMA = "zeromethod recording"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 KEEP = ("frames", "residual", "warps", "surface")
 """What may be kept or left out; tables are always kept."""
 
 STATES = tuple(State)
 EVENTS = tuple(Event)
-ANCHORS: tuple[Literal["none", "known", "quiet"], ...] = ("none", "known", "quiet")
+AnchorMode = Literal["none", "known", "quiet"]
+ANCHORS: tuple[AnchorMode, ...] = ("none", "known", "quiet")
 
 Fields = Mapping[str, tuple[str, str, str]]
 """Type, units and meaning of every field of a table."""
@@ -182,13 +183,15 @@ def parts(
         dtype = np.dtype("u2" if shape == "image" and bits > 8 else kind)
         own = groups.setdefault(group, [number])
         own.append(Part(name, dtype, shapes[shape], units, meaning, kept))
-    found = [_table(name, fields, meaning) for name, (fields, meaning) in TABLES.items()]
+    found: list[Part] = []
+    for name, (fields, meaning) in TABLES.items():
+        table = _table(name, fields, meaning)
+        found += [table, _checksums(name, [table])]
     for group, own in groups.items():
         kept = own[0].kept
         if group == "surface":
             own.append(_table(group, READINGS, "what a reading is anchored to", kept))
-        fields = {part.name.rpartition("/")[2]: ("u8", "", f"checksum of {part.name}") for part in own}
-        found += [*own, _table(group, fields, CHECKSUM_MEANING, kept, CHECKSUMS)]
+        found += [*own, _checksums(group, own, kept)]
     return {part.name: part for part in found}
 
 
@@ -202,6 +205,12 @@ _NUMBERS = {
 def _table(group: str, fields: Fields, meaning: str, kept: str = "", name: str = "table") -> Part:
     kind = np.dtype([(field, kind) for field, (kind, _, _) in fields.items()])
     return Part(f"{group}/{name}", kind, (), "see the attribute `fields`", meaning, kept, fields)
+
+
+def _checksums(group: str, own: Collection[Part], kept: str = "") -> Part:
+    """Dataset with the checksums of a group's others."""
+    fields = {part.name.rpartition("/")[2]: ("u8", "", f"checksum of {part.name}") for part in own}
+    return _table(group, fields, CHECKSUM_MEANING, kept, CHECKSUMS)
 
 
 def number_name(group: str) -> str:

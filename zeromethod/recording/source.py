@@ -12,9 +12,9 @@ from typing import Any
 import h5py
 import numpy as np
 
-from zeromethod.arrays import Image, Ints
+from zeromethod.arrays import Image, Ints, Mask
 from zeromethod.errors import InputError
-from zeromethod.recording.checksums import CHECKSUMS, checksum_of
+from zeromethod.recording.checksums import CHECKSUMS, checksum_of, checksums_of
 from zeromethod.recording.opening import Refusal, RefusedRecording, open_along
 
 _FAULTS = (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, MemoryError)
@@ -32,12 +32,15 @@ class RecordingFile:
         """Open it. Raises RefusedRecording."""
         self.path = path
         self._warned: set[str] = set()
+        self._silent = False
+        self.left_out: dict[str, set[int]] = {}
         self._open()
 
     def _open(self) -> None:
         self._state = self._look()
         self._file = open_along(self.path)
         self._tables: dict[str, Image] = {}
+        self._sound_rows: dict[str, Mask] = {}
         try:
             self.names = self._visited()
         except BaseException:
@@ -75,6 +78,15 @@ class RecordingFile:
         except _FAULTS:
             raise RefusedRecording(self.path, Refusal.DAMAGED, part=name) from None
 
+    @contextmanager
+    def silence(self) -> Iterator[None]:
+        """Neither warn nor count what is left out meanwhile."""
+        self._silent = True
+        try:
+            yield
+        finally:
+            self._silent = False
+
     def close(self) -> None:
         """Close the file; may be called again."""
         self._file.close()
@@ -82,6 +94,7 @@ class RecordingFile:
     def refresh(self) -> None:
         """See what was written since the file was opened, or since the last call."""
         self._tables.clear()
+        self._sound_rows.clear()
         if self._file.swmr_mode:
             for name in self.names:
                 with self._guarded(name):
@@ -128,6 +141,37 @@ class RecordingFile:
             self._tables[name] = self.read(name)
         return self._tables[name]
 
+    def words(self, name: str, attribute: str) -> list[str]:
+        """An attribute of a dataset that is a list of words."""
+        with self._guarded(name):
+            return [str(word) for word in self._file[name].attrs[attribute]]
+
+    def sound_rows(self, group: str) -> Mask:
+        """(n,) which rows of a group's table fit their checksums, of those that have one; no warning."""
+        if group not in self._sound_rows:
+            rows, checksums = self.table(f"{group}/table"), self.checksums(group)
+            if checksums is None:
+                self._sound_rows[group] = np.ones(len(rows), np.bool_)
+            else:
+                count = min(len(rows), len(checksums))
+                self._sound_rows[group] = checksums_of(rows[:count]) == checksums["table"][:count]
+        return self._sound_rows[group]
+
+    def rows(self, group: str) -> Image:
+        """Rows of a group's table, without those that are damaged, of which it warns once."""
+        sound = self.sound_rows(group)
+        rows = self.table(f"{group}/table")[: len(sound)]
+        if sound.all():
+            return rows
+        self._leave_out(group, np.flatnonzero(~sound).tolist())
+        self._warn(group, "table")
+        return np.asarray(rows[sound])
+
+    def damaged_rows(self, group: str) -> Image:
+        """Rows of a group's table that are not what was written, as they are."""
+        sound = self.sound_rows(group)
+        return np.asarray(self.table(f"{group}/table")[: len(sound)][~sound])
+
     def items(self, group: str, index: int, names: Sequence[str]) -> dict[str, Any]:
         """Items of a group's datasets, without those that are damaged; each dataset warns of it once."""
         found: dict[str, Any] = {}
@@ -135,6 +179,7 @@ class RecordingFile:
         for name in names:
             item = self._sound(group, name, index, checksums)
             if item is None:
+                self._leave_out(group, [index])
                 self._warn(group, name)
             else:
                 found[name] = item
@@ -184,6 +229,7 @@ class RecordingFile:
         # the checksum of one word: its size plus itself
         sound = checksums[name][:length] == values.astype(np.uint64) + np.uint64(8)
         if not sound.all():
+            self._leave_out(group, np.flatnonzero(~sound).tolist())
             self._warn(group, name)
         return np.where(sound, values, -1)
 
@@ -191,9 +237,13 @@ class RecordingFile:
         """Names of the datasets right in a group."""
         return sorted(one for one in self.names if one.rpartition("/")[0] == name)
 
+    def _leave_out(self, group: str, indices: Sequence[int]) -> None:
+        if not self._silent:
+            self.left_out.setdefault(group, set()).update(indices)
+
     def _warn(self, group: str, name: str) -> None:
         dataset = f"{group}/{name}"
-        if dataset in self._warned:
+        if self._silent or dataset in self._warned:
             return
         words = f"{self.path}: {dataset}: damaged: items that do not fit their checksum are left out"
         warnings.warn(words, DamagedWarning, stacklevel=5)

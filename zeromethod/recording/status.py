@@ -16,6 +16,10 @@ class Condition(Enum):
     STOPPED = auto()
 
 
+LOST = frozenset({Condition.DISK_FULL, Condition.DISK_WAS_FULL, Condition.STOPPED})
+"""Not what was asked for: a command ends with an error. (Frames lost to a slow disk are only noted.)"""
+
+
 @dataclass(frozen=True, slots=True)
 class RecorderStatus:
     """unkept: frames whose arrays are not in the file. reason: of a full disk or a stop.

@@ -45,6 +45,8 @@ class RunResult:
         Whether the last run was ended early, by Ctrl-C or `Session.interrupt`.
     recording : str
         What went wrong with the recording; "" where all was kept, or none was asked for.
+    recording_lost : bool
+        Whether that was a full disk or another end of the recording before the run's.
     notes : list of str
         What the operator should know, one line each.
     dropped_refreshes : int, optional
@@ -69,6 +71,7 @@ class RunResult:
     nulled: Step | None = None
     interrupted: bool = False
     recording: str = ""
+    recording_lost: bool = False
     notes: list[str] = field(default_factory=list)
     dropped_refreshes: int | None = None
     margin: Margin | None = None

@@ -23,7 +23,7 @@ from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
-from zeromethod.recording.status import Condition
+from zeromethod.recording.status import LOST, Condition
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.outputs import Record, StepPublisher, publishing, recorder_of
@@ -244,7 +244,8 @@ class Session:
         """Write what waits still; what was lost stands in the result."""
         if self._recorder is not None:
             self._recorder.close()
-            self.result.recording = str(self._recorder.status)
+            status = self._recorder.status
+            self.result.recording, self.result.recording_lost = str(status), status.condition in LOST
 
     def _read(self, step: Step) -> Step:
         """Read one step; in real time in a thread of its own."""

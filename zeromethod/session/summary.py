@@ -66,6 +66,7 @@ def _against_truth(records: list[StepFigures], phase: str, states: frozenset[Sta
     return {
         "frames": len(errors),
         "depth_peak_mm": float(np.median([error.depth_peak_mm for error in errors])),
+        "depth_deepest_mm": float(np.median([error.depth_deepest_mm for error in errors])),
         "depth_peak_error_percent": float(peak_errors[np.argmax(np.abs(peak_errors))]),
         "depth_peak_error_mean_percent": float(np.mean(peak_errors)),
         "depth_rms_error_um": rms([error.depth_rms_error_um for error in errors]),

@@ -41,6 +41,7 @@ class Comparison:
 
     The true peak is the deepest usable point, read or not: a press that was missed is an error of the peak.
     All errors are NaN where no usable node was read.
+    depth_deepest_mm: true depth where |depth| is largest, in a contact too, where nothing can be read.
     """
 
     depth_peak_mm: float
@@ -49,6 +50,7 @@ class Comparison:
     slope_rms_error_mrad: float
     usable_share: float
     valid_share: float
+    depth_deepest_mm: float = float("nan")
 
 
 TOTAL = 1 - 1e-9
@@ -82,11 +84,15 @@ def usable_nodes(optics: Optics, grid: NodeGrid, truth: TrueMirror) -> Mask:
     return np.asarray(whole & ~touched & inside & grid.measurable)
 
 
-def true_peak_mm(truth: TrueMirror, x: Float, y: Float) -> float:
-    """Deepest true depth near the points (x, y) and off any touch, refined between them to 1e-6 of itself."""
+def true_peak_mm(truth: TrueMirror, x: Float, y: Float, *, touched: bool = False) -> float:
+    """Deepest true depth near the points (x, y), refined between them to 1e-6 of itself.
+
+    touched: also where something touches; else off any touch.
+    """
 
     def untouched_depth(x: Float, y: Float) -> Float:
-        return np.where(truth.reflectance_factor(x, y) < 1, 0.0, truth.depth(x, y))
+        depth = truth.depth(x, y)
+        return depth if touched else np.where(truth.reflectance_factor(x, y) < 1, 0.0, depth)
 
     depth = untouched_depth(x, y)
     at = int(np.argmax(np.abs(depth)))
@@ -116,8 +122,10 @@ def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid)
     peak_true = true_peak_mm(truth, surface.x_mm[known], surface.y_mm[known])
     peak_read = peak(surface).depth_mm
     share = 100 * (peak_read - peak_true) / peak_true if peak_true else float("nan")
-    inner = grid.inner
+    inner, everywhere = grid.inner, surface.on_mirror
+    deepest = true_peak_mm(truth, surface.x_mm[everywhere], surface.y_mm[everywhere], touched=True)
     return Comparison(
+        depth_deepest_mm=deepest,
         depth_peak_mm=peak_true,
         depth_peak_error_percent=share,
         depth_rms_error_um=1e3 * float(np.sqrt(np.mean(depth_error**2))),

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from zeromethod.arrays import Float
+from zeromethod.atomic_write import atomic_write
 from zeromethod.surface import Surface
 from zeromethod.warp.grid import PADDING
 
@@ -35,7 +36,14 @@ def picture(
         if title:
             figure.suptitle(title, fontsize=11)
         if path is not None:
-            figure.savefig(path, dpi=110)
+            save(figure, path)
+
+
+def save(figure: Figure, path: str | Path) -> None:
+    """Write a figure in one move, in the format of its suffix."""
+    path = Path(path)
+    with atomic_write(path) as part:
+        figure.savefig(part, dpi=110, format=path.suffix[1:] or None)
 
 
 def labelled(axis: Axes, title: str, x: str, y: str) -> None:

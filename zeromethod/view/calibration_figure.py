@@ -12,6 +12,7 @@ mpl.use("Agg")
 from matplotlib.figure import Figure
 
 from zeromethod.commissioning.calibration.evaluation import Calibration, rest_residuals
+from zeromethod.view.axes import save
 from zeromethod.warp.rest_map import Reason, plain_name
 
 
@@ -34,7 +35,7 @@ def draw_calibration(found: Calibration, path: Path) -> None:
         f"{found.recorded.rig.name}: {found.verdict.level}; depth to {found.depth_percent:.2f} % by geometry",
         fontsize=11,
     )
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def _reasons(axis: Any, found: Calibration) -> None:

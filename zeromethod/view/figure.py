@@ -54,11 +54,14 @@ def plot_run(run: Session | RunResult, path: str | Path | None = None) -> Figure
 
 def _title(figures: dict[str, Any]) -> str:
     parts = [f"zeromethod  rig {figures['rig']}, press {figures['press']}, {figures['controller']}"]
-    if figures["depth_peak_mm"] is not None:
-        parts.append(f"peak {figures['depth_peak_mm']:.5f} mm")
-    if figures["truth"] is not None:
-        parts.append(f"truth {figures['truth']['depth_peak_mm']:.5f} mm")
-        parts.append(f"rms error {1e3 * figures['truth']['depth_rms_error_um']:.0f} nm")
+    read_mm, truth = figures["depth_peak_mm"], figures["truth"]
+    if read_mm is not None:
+        parts.append(f"peak {read_mm:.5f} mm")
+    if truth is not None:
+        true_mm = truth["depth_deepest_mm"]
+        low = f" ({100 * (read_mm / true_mm - 1):+.2f} %)" if read_mm is not None and true_mm else ""
+        parts.append(f"true {true_mm:.5f} mm{low}")
+        parts.append(f"rms error of the nodes read {1e3 * truth['depth_rms_error_um']:.0f} nm")
     return "   ".join(parts)
 
 

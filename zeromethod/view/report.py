@@ -31,7 +31,7 @@ from zeromethod.view.report_summary import (
 MOST_HAPPENINGS = 300
 """Drops and faults that are listed; of more, the page gives the number."""
 
-STEPS = ("figures", *(f"checking {several}" for _, several in KINDS.values()), "curves", "depth maps", "page")
+STEPS = (*(f"checking {several}" for _, several in KINDS.values()), "figures", "curves", "depth maps", "page")
 
 _TEMPLATE = Path(__file__).with_name("report.html")
 
@@ -41,17 +41,18 @@ def write_report(
 ) -> Figures:
     """Write the page of the recording at `path`, in one move; returns the figures of its summary.
 
-    All arrays are read once, to count the damaged ones; of a recording that is still being
+    All arrays and rows are read once, to count the damaged ones; of a recording that is still being
     written, those that are complete.
     advance: called after each of the `STEPS` with the name of the next one.
     """
     following, silent_s = iter(STEPS[1:]), time.time() - path.stat().st_mtime
-    figures = summarise_recording(recording)
+    # first: what is damaged is then in no figure
+    damaged = recording.damaged(lambda: advance(next(following)))
+    figures = summarise_recording(recording) | {"damaged": damaged}
     advance(next(following))
-    figures["damaged"] = recording.damaged(lambda: advance(next(following)))
     curves = timeline(recording) if figures["steps"] else ""
     advance("depth maps")
-    maps, damaged = _maps(recording)
+    maps, unmapped = _maps(recording)
     advance("page")
     happened = happenings(recording)
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
@@ -66,7 +67,7 @@ def write_report(
         too_few=figures["frames"] if curves and figures["frames"] < LEAST_RATED else 0,
         least_rated=LEAST_RATED,
         maps=maps,
-        without_maps=damaged or _without_maps(recording, maps),
+        without_maps=unmapped or _without_maps(recording, maps),
         happenings=list(words.happening_rows(figures, happened[:MOST_HAPPENINGS])),
         more_happenings=max(len(happened) - MOST_HAPPENINGS, 0),
         notes=words.note_rows(recording),

@@ -72,7 +72,7 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     yield "frames", f"{figures['frames']}{rate} (rig file: {rig.camera.rate_hz:g})"
     dropped = [f"{what} {count}" for what, count in figures["dropped"].items()]
     yield "frames dropped", ", ".join(dropped) or "none"
-    yield "arrays damaged", damaged_words(figures["damaged"]).removeprefix("damaged: ") or "none"
+    yield "items damaged", damaged_words(figures["damaged"]).removeprefix("damaged: ") or "none"
     without = [f"{what} {count}" for what, count in figures["without_reading"].items() if count]
     if without:
         yield "frames taken but not read", ", ".join(without)

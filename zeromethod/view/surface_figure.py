@@ -8,6 +8,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from zeromethod.surface import Surface, peak
+from zeromethod.view.axes import save
 from zeromethod.view.figure import draw_map
 
 
@@ -42,5 +43,5 @@ def plot(surface: Surface, path: str | Path | None = None) -> Figure:
             words = "no node could be read"
         figure.suptitle(f"{words}, at {1e-9 * surface.time_ns:.3f} s")
         if path is not None:
-            figure.savefig(path, dpi=110)
+            save(figure, path)
     return figure

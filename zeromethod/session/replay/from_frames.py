@@ -167,12 +167,19 @@ def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tup
     """Rows of the steps that reached the circle up to the window's end, and what it makes of them."""
     presentations, shown = recording.presentation_log, 0
     referenced = False
+    lost = min(recording.tables.damaged_steps("steps"), default=None)
+    dark = recording.tables.first_unknown_picture()
     for row in recording.steps:
         if int(row["time_ns"]) > window.to_ns:
             return
+        step = int(row["number"])
+        if lost is not None and step > lost:
+            raise InputError(_ends_at(recording, window, lost, f"the row of step {lost} is damaged"))
         if row["frame_number"] < 0:
             continue
-        step = int(row["number"])
+        if dark is not None and step > dark:
+            damage = f"what was shown before step {step} is damaged"
+            raise InputError(_ends_at(recording, window, step, damage))
         while shown < len(presentations) and int(presentations["after_step"][shown]) < step:
             _present(recording, window, shown, circle)
             shown += 1

@@ -87,6 +87,7 @@ def replay_from_warps(
         raise InputError(f"{recording.path}: recorded without warps: nothing to read depth from")
     reader = Reader(recording, rig, grid_for(recording, rig))
     differences, pace = DepthDifferences(recording, window.start_ns), Pace(speed)
+    differences.readings_damaged = len(recording.tables.damaged_steps("peaks"))
     for step in recording.peaks["step"].tolist():
         warp = recording.measured(step)
         if warp is None:

@@ -70,8 +70,9 @@ class RecordedMirror:
         if "surface" not in recording.kept:
             raise InputError(f"{recording.path}: recorded without surfaces: nothing to move a mirror by")
         self._recording = recording
-        steps = recording.steps_with("surface")
-        times_ns = recording.steps["time_ns"][np.searchsorted(recording.steps["number"], steps)]
+        steps, known = recording.steps_with("surface"), recording.steps
+        steps = steps[np.isin(steps, known["number"])]
+        times_ns = known["time_ns"][np.searchsorted(known["number"], steps)]
         if not np.any((times_ns >= window.from_ns) & (times_ns <= window.to_ns)):
             raise InputError(f"{recording.path}: nothing was read in this part to move a mirror by")
         period_ns = round(1e9 / recording.rig.camera.rate_hz)

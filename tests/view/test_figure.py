@@ -1,0 +1,43 @@
+"""The picture of a run: whatever there is of it is drawn, and its title hides no error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import zeromethod as zm
+from zeromethod.rig.binning import binned
+from zeromethod.rig.load import load_rig
+from zeromethod.session.summary import summarise
+from zeromethod.view.figure import _title, plot_run
+
+
+@pytest.mark.parametrize("frames", [1, 5, 30])
+def test_a_run_on_the_papers_bench_that_ended_early_is_drawn(frames: int, tmp_path: Path) -> None:
+    """Whole columns of its nodes never have a reading."""
+    rig = load_rig("paper").model_copy(update={"scenario": "step"})
+    with zm.Session(rig) as session:
+        for step in session.run(frames=100):
+            if step.number == frames:
+                session.interrupt()
+        plot_run(session, tmp_path / "p.png")
+    assert session.result.interrupted
+    assert (tmp_path / "p.png").stat().st_size > 10_000
+    assert [path.name for path in tmp_path.iterdir()] == ["p.png"]
+
+
+def test_the_title_compares_the_peak_with_the_deepest_true_point() -> None:
+    """Under a ball nothing can be read: the nodes that are read may be perfect and the peak far off."""
+    rig = binned(load_rig("simulated"), 4).model_copy(update={"scenario": "ball"})
+    with zm.Session(rig) as session:
+        for step in session.run(seconds=1.2):
+            assert step.number > 0
+    figures = summarise(session.result)
+    truth, read_mm = figures["truth"], figures["depth_peak_mm"]
+    # the ball's own deepest point is deeper than all that reflects
+    assert truth["depth_deepest_mm"] > 1.1 * truth["depth_peak_mm"] > 0.0
+    error = 100 * (read_mm / truth["depth_deepest_mm"] - 1)
+    assert f"true {truth['depth_deepest_mm']:.5f} mm ({error:+.2f} %)" in _title(figures)
+    assert np.isfinite(error)
