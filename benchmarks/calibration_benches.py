@@ -52,7 +52,7 @@ from zeromethod.cli.numbers import Whole
 from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, evaluate, record
 from zeromethod.commissioning.calibration.presses import PressWarps
 from zeromethod.devices.opening import Devices, open_devices
-from zeromethod.loop.state import NULLED
+from zeromethod.loop.state import READ
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
 from zeromethod.rig.binning import binned
@@ -186,7 +186,7 @@ class Followed:
 
     def publish(self, step: Step) -> None:
         """Take one step."""
-        if step.peak is not None and step.measured is not None and step.state in NULLED:
+        if step.peak is not None and step.measured is not None and step.state in READ:
             self.warps.append(step.measured)
             self.peaks.append(step.peak)
 

@@ -76,6 +76,7 @@ def folder(tmp_path: Path) -> Path:
     """A working directory with a lab's module and its rig file; frames may take 30 s."""
     (tmp_path / "our_lab.py").write_text(HUNG_LAB)
     panel = {"display.scanout_s": 0.0, "display.rise_s": 0.0}
+    panel |= {"geometry.known": "exact"}  # else the rest would be measured first
     values = {**BENCH_160, **panel, "camera.exposure_s": 0.004, "control.timeout_s": 30.0}
     for display in ("Window", "HungScreen"):
         given = values | {"display.driver": f"our_lab:{display}"}

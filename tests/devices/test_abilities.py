@@ -41,7 +41,7 @@ def run_of(
 ) -> dict[str, Any]:
     monkeypatch.setattr(LabCam, "own", staticmethod(own))
     rig = binned(load_rig("simulated"), 8).replace(
-        {"camera.driver": f"{__name__}:LabCam", "scenario": "step"}
+        {"camera.driver": f"{__name__}:LabCam", "scenario": "step", "geometry.known": "exact"}
     )
     with Session(rig) as session:
         assert len(list(session.run(frames=FRAMES))) == FRAMES

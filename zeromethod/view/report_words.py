@@ -95,11 +95,16 @@ def peak_words(peak: Figures) -> str:
     digits = 3
     if np.isfinite(sigma) and sigma > 0:
         digits = int(np.clip(1 - np.floor(np.log10(sigma)), 0, 6))
-    x, y = (f"{name} = {peak[f'{name}_mm']:z.2f} ± {peak[f'{name}_sigma_mm']:.2f}" for name in "xy")
-    place = f"{x}, {y} mm"
+    x, y = (_known_to(peak[f"{name}_mm"], peak[f"{name}_sigma_mm"]) for name in "xy")
+    place = f"x = {x}, y = {y} mm"
     length = f"{depth:z.{digits}f} ± {sigma:.{digits}f} {unit}"
     noise = " (nothing presses: noise)" if peak["state"] == State.RESTING else ""
     return f"{length} at {place}, {peak['time_s']:.2f} s, {peak['state']}{noise}"
+
+
+def _known_to(place_mm: float, sigma_mm: float) -> str:
+    """A place, with its sigma where that is known and of note."""
+    return f"{place_mm:z.2f} ± {sigma_mm:.2f}" if sigma_mm >= 0.005 else f"{place_mm:z.2f}"
 
 
 def happening_rows(figures: Figures, happened: Sequence[Happening]) -> Iterator[tuple[str, ...]]:
