@@ -13,6 +13,7 @@ from zeromethod.calibration.fit import Fit
 from zeromethod.calibration.measurements import RestPositions
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.calibration.presses import Presses
+from zeromethod.calibration.shortfall import Shortfall
 from zeromethod.calibration.uncertainty import Gain, strongest
 from zeromethod.optics import Optics, critical_angle_rad
 
@@ -52,11 +53,12 @@ def judge(
     gain: Sequence[Gain] = (),
     usable_share: float = 1.0,
     last: Mapping[str, tuple[float, float]] | None = None,
+    shortfalls: Sequence[Shortfall] = (),
 ) -> CalibrationVerdict:
     """Weigh a calibration.
 
     usable_share: of the camera's nodes, those with a place in the rest map. last: value and sigma of the
-    parameters in the calibration before this one.
+    parameters in the calibration before this one. shortfalls: what was not measured; none is ever *good*.
     """
     bad = [*_misfits(fitted), *_strange_values(fitted), *_changes(fitted, last or {})]
     if usable_share < USABLE:
@@ -71,6 +73,8 @@ def judge(
         text = f"depth is known to {error.percent[worst]:.1f} % only ({error.names[worst]})"
         best = strongest(gain)
         weak.insert(0, f"{text}; measure next: {best.what}" if best else text)
+    bad += [one.words for one in shortfalls if one.fatal]
+    weak += [one.words for one in shortfalls if not one.fatal]
     level = Level.BAD if bad else Level.UNCERTAIN if weak else Level.GOOD
     return CalibrationVerdict(level, (*bad, *weak))
 

@@ -118,6 +118,9 @@ class DelayWatch:
         self._misses = 0
         self.estimator = DelayEstimator(timing.latency_ns, self._refresh_ns)
         self.last: Match | None = None
+        """What the last frame's strips say; None where they say nothing."""
+        self.legible = False
+        """Whether the last frame's strips could be read, whatever they say."""
 
     @property
     def timing(self) -> PanelTiming:
@@ -130,8 +133,9 @@ class DelayWatch:
         image: (rows, cols) grey levels of the frame.
         """
         estimator = self.estimator
-        found = match(self._reader.read(image), log, frame, self._timing, self._span_ns())
-        self.last = found
+        readings = self._reader.read(image)
+        found = match(readings, log, frame, self._timing, self._span_ns())
+        self.legible, self.last = bool(readings), found
         if found is None:
             return self.timing
         if found.fits:

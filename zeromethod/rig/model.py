@@ -47,6 +47,9 @@ __all__ = [
 
 SCHEMA_VERSION = 2
 
+SIMULATED = "simulated"
+"""Driver of the simulated camera and display."""
+
 REST_MAP_SUFFIXES = (".npz", ".h5")
 """Suffixes that a file with a rest map may have."""
 
@@ -66,7 +69,7 @@ class DisplaySpec(Table):
     `mirrored` flips the columns before turning.
 
     Timing: the first row starts to change `latency_s` after the presentation time (by the camera's stamps:
-    below zero where these come early), the last
+    below zero where these come early; `latency_range_s`: where it was only bounded, from, to), the last
     `scanout_s` later (default one refresh; `scan` "down" = row 0 first); light follows a change
     exponentially, `rise_s` from 10 to 90 %. Response: light = (code/255)^gamma, or `response_light`,
     the light (0..1, rising) at equally spaced codes 0..255; where the view's angle changes it over the panel,
@@ -79,7 +82,7 @@ class DisplaySpec(Table):
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
-    driver: Text = "simulated"
+    driver: Text = SIMULATED
     columns: Annotated[int, Field(ge=16, le=16384)]
     rows: Annotated[int, Field(ge=16, le=16384)]
     pitch_mm: Positive
@@ -89,6 +92,7 @@ class DisplaySpec(Table):
     tilt_deg: tuple[Tilt, Tilt] = (0.0, 0.0)
     refresh_hz: Rate
     latency_s: Delay = 0.0
+    latency_range_s: tuple[Delay, Delay] | None = None
     scanout_s: Lag | None = None
     scan: Literal["down", "up"] = "down"
     rise_s: Lag = 0.0
@@ -114,6 +118,13 @@ class DisplaySpec(Table):
         if rows is not None and (len(rows) < 2 or len(rows[0]) < 2 or len({len(row) for row in rows}) > 1):
             allowed = "two or more rows of two or more numbers, all of one length"
             raise refused("response_exponent", [list(row) for row in rows], allowed)
+        return self
+
+    @model_validator(mode="after")
+    def _within_range(self) -> DisplaySpec:
+        bounds = self.latency_range_s
+        if bounds is not None and not bounds[0] <= self.latency_s <= bounds[1]:
+            raise refused("latency_range_s", list(bounds), f"from, to around latency_s = {self.latency_s:g}")
         return self
 
 
@@ -147,7 +158,7 @@ class CameraSpec(Table):
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
-    driver: Text = "simulated"
+    driver: Text = SIMULATED
     columns: Annotated[int, Field(ge=64, le=16384)]
     rows: Annotated[int, Field(ge=64, le=16384)]
     bits: Literal[8, 10, 12, 14, 16] = 8
@@ -220,6 +231,13 @@ class Rig(Table):
                 "target.period_px", self.target.period_px, f"at most a quarter of {smaller} camera px"
             )
         return self
+
+    @property
+    def coded(self) -> bool:
+        """Whether coded strips are asked for, by itself or because a device is not the simulated one."""
+        if self.control.strips == "auto":
+            return {self.camera.driver, self.display.driver} != {SIMULATED}
+        return self.control.strips == "edges"
 
     def __repr__(self) -> str:
         camera, lcd, prism = self.camera, self.display, self.prism
@@ -316,7 +334,7 @@ def _check_simulated_options(data: dict[str, Any]) -> str | None:
     """Refuse keys that a lab's own driver could take but the simulated device does not."""
     for table, model in (("display", DisplaySpec), ("camera", CameraSpec)):
         given = data.get(table)
-        if not isinstance(given, dict) or given.get("driver", "simulated") != "simulated":
+        if not isinstance(given, dict) or given.get("driver", SIMULATED) != SIMULATED:
             continue
         known = list(model.model_fields)
         for key in given:

@@ -152,14 +152,15 @@ class ControlSpec(Table):
 
     `gain` 0..1: share of each correction applied at once (composition: filter's upper limit;
     integrator: its gain); `leak` is the integrator's alone, per frame. `strips` "edges": coded strips at two
-    edges of the view identify the pictures that a frame was exposed to.
+    edges of the view identify the pictures that a frame was exposed to; "auto": so they do unless camera and
+    display are the simulated ones.
     """
 
     controller: Literal["composition", "integrator"] = "composition"
     gain: Annotated[float, Field(gt=0, le=1)] = 1.0
     leak: Annotated[float, Field(ge=0, lt=1)] = 0.01
     timeout_s: Positive = 1.0
-    strips: Literal["none", "edges"] = "none"
+    strips: Literal["auto", "none", "edges"] = "auto"
 
 
 class KnownRest(Table):
