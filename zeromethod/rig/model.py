@@ -27,6 +27,7 @@ from zeromethod.rig.tables import (
     LitShare,
     NotNegative,
     Positive,
+    PriorSpec,
     Prism,
     Rate,
     RestSurface,
@@ -41,8 +42,8 @@ from zeromethod.rig.tables import (
 )
 
 __all__ = [
-    "CameraSpec", "ControlSpec", "DisplaySpec", "Faults", "KnownRest", "Layer", "Noise", "Prism",
-    "RestSurface", "Rig", "SimulationSpec", "SurfaceSpec", "Table", "TargetSpec",
+    "CameraSpec", "ControlSpec", "DisplaySpec", "Faults", "KnownRest", "Layer", "Noise", "PriorSpec",
+    "Prism", "RestSurface", "Rig", "SimulationSpec", "SurfaceSpec", "Table", "TargetSpec",
 ]  # fmt: skip
 
 SCHEMA_VERSION = 2
@@ -220,6 +221,7 @@ class Rig(Table):
     target: TargetSpec = TargetSpec()
     control: ControlSpec = ControlSpec()
     surface: SurfaceSpec = SurfaceSpec()
+    priors: PriorSpec = PriorSpec()
     simulation: SimulationSpec = SimulationSpec()
     scenario: Text = "default"
 
