@@ -150,7 +150,8 @@ class CameraSpec(Table):
     What a real camera is set to, where its driver can: `gain` in the device's own units, `pixel_format` by
     its GenICam name, `region_px` (first column, first row, columns, rows) of the sensor, and `trigger`: runs
     "free", is fired by "software" for each frame, or by "hardware" through an input line. `latency_s`: from
-    the end of an exposure until its frame is received, at the least.
+    the end of an exposure until its frame is received, at the least. `reopen_s`: how long a camera that was
+    lost is tried again before a run ends; one that reboots takes half a minute.
 
     `rest_map`: file of the LCD position that every pixel was measured to see by the mirror at rest (`.npz`
     of `zeromethod calibrate decode`, `arrays.h5` of a calibration). Readings then start from there, and each
@@ -180,6 +181,7 @@ class CameraSpec(Table):
     trigger: Literal["free", "software", "hardware"] = "free"
     psf_px: NotNegative = 0.0
     noise: Noise = Noise()
+    reopen_s: NotNegative = 60.0
     rest_map: Path | None = None
 
     def __repr__(self) -> str:
