@@ -37,18 +37,24 @@ def _url_reason(url: str) -> str:
         host, port = parts.hostname, parts.port or _PORTS.get(parts.scheme.lower())
     except ValueError as error:
         return str(error)
-    if parts.scheme.lower() == "udp":
-        return "no pictures come there"
     if host is None or port is None:
         return "host or port missing"
+    if parts.scheme.lower() == "udp":
+        return "no pictures come there"
     try:
         socket.create_connection((host, port), _WAIT_S).close()
-    except ConnectionRefusedError:
-        return f"{host} refuses connections at port {port}: does the camera or server run?"
-    except TimeoutError:
-        return f"{host} does not answer at port {port} (timed out): address, cable, firewall"
-    except socket.gaierror:
-        return f"{host}: no such host"
     except OSError as error:
-        return f"{host}, port {port}: {(error.strerror or str(error)).lower()}"
+        return _no_connection(error, host, port)
     return f"{host} answers at port {port}, but sends no pictures in time that can be read"
+
+
+def _no_connection(error: OSError, host: str, port: int) -> str:
+    match error:
+        case ConnectionRefusedError():
+            return f"{host} refuses connections at port {port}: does the camera or server run?"
+        case TimeoutError():
+            return f"{host} does not answer at port {port} (timed out): address, cable, firewall"
+        case socket.gaierror():
+            return f"{host}: no such host"
+        case _:
+            return f"{host}, port {port}: {(error.strerror or str(error)).lower()}"
