@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
+from commands import typed
 
+from zeromethod.calibration import Priors, describe
+from zeromethod.cli.calibrate import calibrate_command
 from zeromethod.cli.devices import devices_command
+from zeromethod.cli.init import init_command
 from zeromethod.cli.run import run_command
+from zeromethod.cli.virtual_bench import virtual_bench_command
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
+from zeromethod.rig.load import load_rig
 
 ROOT = Path(__file__).parent.parent
 GUIDE = (ROOT / "docs" / "bench.md").read_text()
@@ -33,7 +40,7 @@ def test_messages_are_quoted() -> None:
 def test_a_quoted_message_is_in_the_program(message: str) -> None:
     parts = [
         part
-        for part in re.split(r"\.\.\.|: 5:|\b\d+ s\b|attempt 1 of 3|['()]", message)
+        for part in re.split(r"\.\.\.|: 5:|\b\d+ s\b|attempt 1, for 60 s more|['()]", message)
         if part.strip(" ,:;")
     ]
     assert parts
@@ -47,8 +54,24 @@ def test_every_state_and_event_is_explained(name: str) -> None:
 
 
 def test_every_option_in_the_guide_exists() -> None:
-    options = {name for command in (devices_command, run_command) for p in command.params for name in p.opts}
+    commands = (devices_command, run_command, init_command, calibrate_command, virtual_bench_command)
+    options = {name for command in commands for p in command.params for name in (*p.opts, *p.secondary_opts)}
     assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", GUIDE)) <= options
+
+
+def test_init_as_the_guide_types_it_makes_a_bench_off_by_what_it_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (line,) = re.findall(r"^zeromethod init (my\.toml --from virtual .*)$", GUIDE, re.MULTILINE)
+    assert typed(init_command, *shlex.split(line)).exit_code == 0
+    rig, true = load_rig("my.toml"), load_rig("virtual")
+    assert (rig.prism.pattern_angle_deg, true.prism.pattern_angle_deg) == (50.2, 50.0)
+    off, sigma = Priors.of(rig), dict(zip(Priors.of(rig).names, Priors.of(rig).sigma, strict=True))
+    exact = describe(true)
+    for name, value in zip(off.names, off.mean, strict=True):
+        # caliper errors, as stated: none beyond two sigma
+        assert abs(value - exact[name]) < 2.0 * sigma[name], name
 
 
 def test_every_file_that_the_guide_links_to_exists() -> None:

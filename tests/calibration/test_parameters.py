@@ -13,7 +13,7 @@ def test_every_parameter_of_a_rig_comes_back_as_it_was_set(name: str) -> None:
     rig = load_rig(name)
     rng = np.random.default_rng(0)
     wanted = {
-        key: value + 0.1 * (PARAMETERS[key].sigma or 0.01) * rng.standard_normal()
+        key: value + 0.1 * (PARAMETERS[key].sigma(rig) or 0.01) * rng.standard_normal()
         for key, value in describe(rig).items()
     }
     changed = build(rig, wanted)

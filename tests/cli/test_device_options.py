@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from zeromethod.cli.device_options import BenchOptions, with_asked_strips, with_devices, with_given
+from zeromethod.cli.device_options import BenchOptions, with_devices, with_given
 from zeromethod.drivers.monitors import Monitor
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
@@ -79,21 +79,20 @@ def test_given_options_are_named_as_they_are_typed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("own", "asked", "named", "strips"),
+    ("own", "coded"),
     [
-        ({}, None, False, "none"),
-        ({}, None, True, "edges"),
-        ({"control.strips": "none"}, None, True, "none"),
-        ({"control.strips": "edges"}, None, False, "edges"),
-        ({"control.strips": "edges"}, False, True, "none"),
-        ({"control.strips": "none"}, True, False, "edges"),
-        ({"camera.driver": "aravis"}, None, False, "edges"),
+        ({}, False),
+        ({"control.strips": "none", "display.driver": "window"}, False),
+        ({"control.strips": "edges"}, True),
+        ({"camera.driver": "aravis"}, True),
+        ({"camera.driver": "somebody.elses:Camera"}, True),
+        ({"display.driver": "somebody.elses:Display"}, True),
     ],
 )
-def test_strips_are_as_asked_else_as_the_rig_says_else_with_devices(
-    own: dict[str, Any], asked: bool | None, named: bool, strips: str
+def test_strips_are_as_the_rig_says_else_with_any_device_that_is_not_simulated(
+    own: dict[str, Any], coded: bool
 ) -> None:
-    assert with_asked_strips(RIG.replace(own), asked, named).control.strips == strips
+    assert RIG.replace(own).coded == coded
 
 
 def test_options_that_were_given_take_the_place_of_the_rigs_values() -> None:

@@ -11,7 +11,7 @@ import pytest
 from click.testing import Result
 from commands import assert_refused, typed
 
-from zeromethod.calibration import PARAMETERS, describe
+from zeromethod.calibration import PARAMETERS, Priors, describe
 from zeromethod.cli.init import init_command
 from zeromethod.optics import Optics
 from zeromethod.rig.load import load_rig
@@ -31,7 +31,9 @@ def test_without_options_it_is_the_packaged_bench_to_caliper_grade(path: Path) -
     made, packaged = describe(load_rig(path)), describe(load_rig("simulated"))
     for name, value in packaged.items():
         # a tenth of what calipers leave open, or rounding where a value is taken as exact
-        assert made[name] == pytest.approx(value, abs=max(0.1 * PARAMETERS[name].sigma, 1e-9)), name
+        assert made[name] == pytest.approx(
+            value, abs=max(0.1 * PARAMETERS[name].sigma(load_rig(path)), 1e-9)
+        ), name
 
 
 def test_starts_from_another_rig(path: Path) -> None:
@@ -92,7 +94,7 @@ def test_file_says_what_its_values_are(path: Path) -> None:
     text = path.read_text()
     for words in (
         "zeromethod calibrate --rig my.toml",
-        "to 0.3 degrees",
+        "angle_deg = 0.3 ",
         "origin on the edge P0",
         "found by calibrate",
     ):
@@ -105,6 +107,31 @@ def test_answers_take_the_place_of_what_was_not_given(path: Path) -> None:
     prism = load_rig(path).prism
     assert (prism.pattern_angle_deg, prism.camera_angle_deg, prism.pattern_length_mm) == (51.5, 50.0, 58.0)
     assert "length of the pattern face" not in result.output
+
+
+def test_sigmas_and_aim_are_asked_with_the_values_and_used(path: Path) -> None:
+    options = ("--angle-sigma", 0.05, "--leg-sigma", 0.5, "--lens-sigma", 3, "--aim-x", 50, "--aim-y", -2)
+    assert init(path, *options).exit_code == 0
+    rig = load_rig(path)
+    assert rig.camera.look_at_mm == (50.0, -2.0, 0.0)
+    # on the camera face's normal: the face is not tilted about x
+    assert rig.camera.position_mm[1] == -2.0
+    sigma = dict(zip(Priors.of(rig).names, Priors.of(rig).sigma, strict=True))
+    assert sigma["prism.pattern_angle_deg"] == 0.05
+    assert sigma["prism.length_mm"] == 0.5
+    assert sigma["camera.scale"] == pytest.approx(0.03)
+    # of what was not said, those of calipers
+    assert sigma["display.along_mm"] == 1.2
+
+
+def test_enter_keeps_the_sigmas_and_an_aim_that_fits_the_prism(path: Path) -> None:
+    result = init(path, "--ask", "--leg", 58, answers="\n" * 40)
+    assert result.exit_code == 0
+    rig = load_rig(path)
+    assert rig.priors == load_rig("simulated").priors
+    assert "the pattern face's length: standard deviation, mm [0.05]" in result.output
+    mirror_mm = 2 * 58 * math.cos(math.radians(50))
+    assert rig.camera.look_at_mm[0] == pytest.approx(0.545 * mirror_mm, abs=0.05)
 
 
 def test_nothing_is_overwritten_unless_forced(path: Path) -> None:
@@ -142,14 +169,14 @@ def test_bad_input_is_one_line_and_no_file(
 
 
 def test_input_that_ends_early_writes_nothing_and_says_so(path: Path) -> None:
-    result = init(path, "--ask", answers="50\n50\n")
+    result = init(path, "--ask", answers="50\n0.3\n50\n0.18\n")
     assert_refused(result, "the input ended at 'length of the pattern face")
     assert not path.exists()
 
 
 def test_answers_out_of_range_or_that_make_no_bench_are_asked_for_again(path: Path) -> None:
     # the last answer of the first round is an exposure longer than a frame
-    result = init(path, "--ask", answers="-5\n51.5\n" + "\n" * 16 + "1\n" + "\n" * 17 + "0.01\n")
+    result = init(path, "--ask", answers="-5\n51.5\n" + "\n" * 27 + "1\n" + "\n" * 28 + "0.01\n")
     assert result.exit_code == 0, result.output
     assert "camera.exposure_s: 1.0: at most the frame time" in result.output
     rig = load_rig(path)

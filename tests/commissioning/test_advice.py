@@ -17,6 +17,7 @@ PLACE = Alignment(wider=0.0, higher=0.0, turn_deg=0.0, right_px=0.0, down_px=0.0
 UPRIGHT = Orientation(1.0, stray_grey=0.0, stray_share=0.0, turn_deg=0.0, place=PLACE)
 FINE = FocusReport(
     score=0.95,
+    on_target=0.95,
     blur_px=0.8,
     modulation=np.full((3, 3), 0.95),
     histogram=np.full(32, 1 / 32),
@@ -64,16 +65,23 @@ def test_flicker_asks_for_full_brightness_or_whole_periods() -> None:
     assert said.startswith("the light flickers by 3.4% from frame to frame: set the LCD to full brightness")
 
 
-def test_several_faults_are_reported_light_first_place_last() -> None:
+def test_several_faults_are_reported_light_first_then_place_then_focus() -> None:
     report = replace(FINE, bright_grey=60.0, score=0.6, blur_px=2.6)
     seen = replace(UPRIGHT, stray_share=0.3, place=replace(PLACE, right_px=-30.0, down_px=0.2))
     said = advice(report, RIG, seen)
     assert [line.split(":")[0].split(",")[0] for line in said] == [
         "too dark",
+        "the picture lies 30 px left of where the rig file expects it",
         "out of focus (blur of about 2.6 px)",
         "stray light",
-        "the picture lies 30 px left of where the rig file expects it",
     ]
+
+
+def test_what_lies_elsewhere_is_not_called_dirty() -> None:
+    """As straight from `init`: the target's own period is hardly there, half of the nodes are of no use."""
+    report = replace(FINE, on_target=0.49, usable_share=0.45, alignment=None)
+    (said,) = advice(report, RIG, replace(UPRIGHT, place=replace(PLACE, right_px=71.0)))
+    assert said.startswith("the picture lies 71 px right of where the rig file expects it")
 
 
 def test_a_size_far_from_the_rig_files_is_not_called_out_of_focus() -> None:

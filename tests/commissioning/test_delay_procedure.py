@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,12 +78,37 @@ def test_a_panel_in_step_with_the_camera_is_timed_as_well_as_its_exposures_allow
     assert abs(result.latency_s) < 3 * result.sigma_s + 1e-4
 
 
-def test_exposures_that_all_see_one_picture_alone_leave_the_delay_open() -> None:
+def test_exposures_that_all_see_one_picture_alone_give_the_range_that_they_leave_open() -> None:
     bench = in_step(phase=0.1, exposure_s=0.008)  # 8.7 ms of delays are as good
-    with pytest.raises(
-        MeasurementError, match=r"^delay: the codes only show that it lies from .* to .* ms: a l"
-    ):
-        measured(bench, believed=bench)
+    result = measured(bench, believed=bench)
+    assert result.range_s is not None
+    low_s, high_s = result.range_s
+    assert low_s < 0.0 < high_s
+    # the frame time less the exposure, and at either end three sigma of noise: 0.03 of the exposure each
+    assert FRAME_S - 0.008 < high_s - low_s < FRAME_S - 0.008 + 6 * 0.03 * 0.008
+    assert result.why.startswith("a longer exposure")
+    assert result.rig_values(0.0) == {
+        "display.latency_s": 0.0,
+        "display.latency_range_s": [round(low_s, 6), round(high_s, 6)],
+    }
+    # a file's value outside is contradicted
+    assert result.rig_values(0.03)["display.latency_s"] == round(result.latency_s, 6)
+
+
+def test_clocks_that_drift_past_each_other_are_waited_for() -> None:
+    """Half a frame a second apart, the first look sees a fifth of a refresh, and each picture alone."""
+    bench = in_step(phase=0.3, exposure_s=0.008)
+    drifting = planted_again(bench, camera_rate_hz=59.5)
+    result = measured(drifting, believed=bench)
+    assert result.range_s is None
+    assert result.latency_s == pytest.approx(0.0, abs=0.01 * FRAME_S)
+    # it ends as soon as enough is known, at the latest once round: 2 s
+    assert 0.4 * 59.5 < result.frames < 2.4 * 59.5
+
+
+def planted_again(bench: Rig, **simulation: float) -> Rig:
+    """The bench with other clocks."""
+    return bench.model_copy(update={"simulation": bench.simulation.model_copy(update=simulation)})
 
 
 def test_the_rates_and_the_loops_delay_are_measured_with_it() -> None:
@@ -105,6 +131,27 @@ def test_a_delay_that_comes_and_goes_is_not_measured() -> None:
 def test_codes_that_cannot_be_read_are_refused() -> None:
     with pytest.raises(MeasurementError, match=r"^delay: the codes of 0 of \d+ frames could be read, 8 are"):
         measured(RIG, alter=lambda frame: replace(frame, image=np.zeros_like(frame.image)))
+
+
+def test_frames_that_fit_no_order_of_pictures_are_not_blamed_on_focus() -> None:
+    """Legible codes of pictures that were never next to each other: of a display that skips and repeats."""
+    with pytest.raises(
+        MeasurementError,
+        match=r"^delay: the codes of \d of \d+ frames fit what was shown when: does the display",
+    ):
+        measured(RIG, alter=Skipping())
+
+
+class Skipping:
+    """Every frame saw half of the picture three frames ago, and half of the one eight frames ago."""
+
+    def __init__(self) -> None:
+        self._images: list[np.ndarray[Any, Any]] = []
+
+    def __call__(self, frame: Frame) -> Frame:
+        self._images.append(frame.image.astype(float))
+        older, old = self._images[-9:][0], self._images[-4:][0]
+        return replace(frame, image=(0.5 * (old + older)).astype(np.uint8))
 
 
 def test_a_view_without_room_for_codes_is_refused() -> None:

@@ -56,6 +56,17 @@ def test_score_and_blur_are_those_of_the_lens(meter: FocusMeter, blur_px: float)
     assert report.modulation == pytest.approx(np.full((3, 3), report.score), abs=0.02)
 
 
+@pytest.mark.parametrize(
+    ("scale", "shift_px"), [((1.0, 1.0), (7.0, 5.0)), ((1.06, 0.95), (0.0, 0.0)), ((0.92, 1.09), (71.0, 3.0))]
+)
+def test_focus_is_judged_wherever_the_picture_lies_and_whatever_its_size(
+    meter: FocusMeter, scale: tuple[float, float], shift_px: tuple[float, float]
+) -> None:
+    report = meter.look(seen(1.0, scale=scale, shift_px=shift_px))
+    # of another size the picture spans parts of periods: 0.03 at a tenth more
+    assert report.score == pytest.approx(np.exp(-2 * (np.pi / PERIOD_PX) ** 2), abs=0.03)
+
+
 def test_focus_is_given_region_by_region(meter: FocusMeter) -> None:
     image = seen(0.0)
     image[:, 110:] = seen(3.0)[:, 110:]

@@ -211,6 +211,7 @@ def test_a_stream_that_is_not_there_is_refused_without_its_password(
     with pytest.raises(InputError, match="cannot be opened") as error:
         open_camera(f"http://me:secret@127.0.0.1:{port}/video")
     assert "secret" not in str(error.value)
+    assert f"127.0.0.1 refuses connections at port {port}" in str(error.value)
     assert capfd.readouterr().err == ""
 
 

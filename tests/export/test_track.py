@@ -13,7 +13,16 @@ def test_one_line_per_step_empty_where_nothing_was_read(planted, recording, tmp_
     with (tmp_path / "a.csv").open(newline="") as file:
         lines = list(csv.DictReader(file))
     sigmas = ["x_sigma_mm", "y_sigma_mm"]
-    assert list(lines[0]) == ["time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", *sigmas, "state", "damaged"]
+    assert list(lines[0]) == [
+        "time_s",
+        "depth_mm",
+        "depth_sigma_mm",
+        "x_mm",
+        "y_mm",
+        *sigmas,
+        "state",
+        "damaged",
+    ]
     assert [lines[0][name] for name in ("depth_mm", "x_mm", "state")] == ["", "", "starting"]
     assert [float(line["time_s"]) for line in lines] == pytest.approx(planted.time_s)
     # Numbers come back as they were, to the last bit.

@@ -106,6 +106,25 @@ def _last_read() -> tuple[CodedBench, Frame, tuple[StripReading, ...]]:
     return bench, *last
 
 
+def test_single_frames_that_a_busy_computer_stamps_late_are_used_with_their_own_delay() -> None:
+    """One frame in ten is stamped two to five refreshes late: its codes say all the same what it saw."""
+    rng = np.random.default_rng(4)
+    bench = CodedBench(refresh_hz=59.94, delay_s=0.012)
+    watch = DelayWatch(reader(), bench.timing, bench.display.refresh_hz)
+    misses_ns = []
+    for number, frame in enumerate(bench.frames(200)):
+        late_ns = round(rng.uniform(2, 5) * FRAME_NS) if number > 10 and rng.random() < 0.1 else 0
+        stamped = replace(frame, time_ns=frame.time_ns + late_ns)
+        timing = watch.timing_of(frame.image, stamped, bench.log)
+        assert timing is not None, late_ns / FRAME_NS
+        if number > 10:
+            misses_ns.append(timing.latency_ns - (12 * MS + late_ns))
+    # a lone picture bounds the delay by 8 ms on either side; which pictures were lit is never in doubt
+    assert np.max(np.abs(misses_ns)) < 0.5 * FRAME_NS
+    assert np.percentile(np.abs(misses_ns), 75) < 0.01 * FRAME_NS
+    assert watch.estimator.value_ns == pytest.approx(12 * MS, abs=0.01 * FRAME_NS)
+
+
 def test_flipped_cell_is_a_contradiction() -> None:
     bench, frame, readings = _last_read()
     span = (11 * MS - 2.5 * FRAME_NS, 11 * MS + 2.5 * FRAME_NS)

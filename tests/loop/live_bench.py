@@ -74,9 +74,10 @@ def bench(
     real: bool,
     display: str = "",
     reopen: Callable[[Devices], Callable[[], Any] | None] = lambda devices: devices.reopen_camera,
+    reopen_s: float = 60.0,
 ) -> Iterator[Bench]:
     kind = ("RealEye", display or "Window") if real else ("Eye", display or "Screen")
-    rig = small_rig(*(f"live_devices:{name}" for name in kind))
+    rig = small_rig(*(f"live_devices:{name}" for name in kind)).replace({"camera.reopen_s": reopen_s})
     hung = threading.Event()
     with (
         open_devices(rig) as devices,

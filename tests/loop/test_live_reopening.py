@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 from hanging import PATIENCE_S, Camera, eventually, raising, takes
 
@@ -36,16 +37,45 @@ class Port:
         return self
 
 
-def test_three_failures_in_a_minute_are_the_end_until_it_has_passed() -> None:
-    port, clock = Port(fails=3), SimulatedClock()
-    what = Reopener(port, clock, live=False)
-    assert [what.attempt() for _ in range(5)] == [None] * 5
-    assert port.calls == 3
+@pytest.mark.parametrize("for_s", [0.2, 10.0, 60.0])
+def test_a_camera_is_tried_for_the_time_that_is_set_and_when_that_is_up(
+    for_s: float,
+) -> None:
+    port, clock = Port(fails=99), SimulatedClock()
+    what = Reopener(port, clock, live=False, for_s=for_s)
+    tried_s = []
+    while not what.exhausted:
+        assert what.attempt() is None
+        tried_s.append(1e-9 * clock.now_ns())
+    # 0.5, 2, then 8 s apart
+    usual_s = [0.5, 2.5, *np.arange(10.5, 60.0, 8.0)]
+    assert tried_s == pytest.approx([*(time_s for time_s in usual_s if time_s < for_s), for_s])
+    assert what.attempt() is None
+
+
+def test_a_camera_that_reboots_comes_back() -> None:
+    """Half a minute is three attempts of 8 s more than the first."""
+    clock = SimulatedClock()
+
+    def boots() -> Any:
+        if clock.now_ns() < 30e9:
+            raise CameraLost("still gone")
+        return "camera"
+
+    what = Reopener(boots, clock, live=False, for_s=60.0)
+    while (camera := what.attempt()) is None:
+        assert not what.exhausted
+    assert camera == "camera"
+    assert 30e9 <= clock.now_ns() <= 38e9
+
+
+def test_a_loose_plug_is_followed_three_times_a_minute() -> None:
+    port, clock = Port(fails=0), SimulatedClock()
+    what = Reopener(port, clock, live=False, for_s=60.0)
+    assert [what.attempt() for _ in range(3)] == [port] * 3
     assert what.exhausted
-    assert clock.now_ns() == 10_500_000_000  # 0.5, 2 and 8 s apart
     clock.sleep_until_ns(clock.now_ns() + 61 * 10**9)
     assert not what.exhausted
-    assert what.attempt() is port
 
 
 # Reopening in the host's time
@@ -79,14 +109,14 @@ def hangs_first(hung: threading.Event, late: Camera, then: Camera) -> tuple[Call
 
 
 @pytest.mark.usefixtures("quick")
-def test_reopening_says_what_it_does_and_gives_up_after_three() -> None:
-    what = Reopener(Port(fails=99), HostClock(), live=True)
+def test_reopening_says_what_it_does_and_gives_up_when_the_time_is_up() -> None:
+    what = Reopener(Port(fails=99), HostClock(), live=True, for_s=0.15)
     assert what.plan == ""
     plans = set()
     while not what.exhausted:
         what.attempt()
-        plans.add(what.plan.split(" (")[-1])
-    assert plans >= {"attempt 1 of 3)", "attempt 2 of 3)", "attempt 3 of 3)"}
+        plans.add(what.plan.partition(" (")[-1])
+    assert {"attempt 1, for 0 s more)", "attempt 2, for 0 s more)", "attempt 3, for 0 s more)"} <= plans
     assert (what.plan, what.failure) == ("", "still gone")
     assert what.attempt() is None
 
@@ -97,7 +127,7 @@ def test_an_opening_that_hangs_counts_as_failed_and_its_camera_is_closed_when_it
 ) -> None:
     monkeypatch.setattr(reopening, "OPENING_S", 0.1)
     late, good = Camera(), Camera()
-    what = Reopener(hangs_first(hung, late, good)[0], HostClock(), live=True)
+    what = Reopener(hangs_first(hung, late, good)[0], HostClock(), live=True, for_s=60.0)
     with takes(0, 0.5):
         what.attempt()
     assert attempts(what) is good
@@ -111,7 +141,7 @@ def test_an_opening_that_hangs_counts_as_failed_and_its_camera_is_closed_when_it
 def test_a_camera_that_is_being_opened_when_the_run_ends_is_closed(hung: threading.Event) -> None:
     camera = Camera()
     reopen, _ = hangs_first(hung, camera, Camera())
-    source = FrameSource(Camera(CameraLost("gone")), reopen, HostClock(), 0.2, lambda: None)  # type: ignore[arg-type]
+    source = FrameSource(Camera(CameraLost("gone")), reopen, HostClock(), 0.2, lambda: None, 60.0)  # type: ignore[arg-type]
     source.next()
     while "it is being opened again" not in (trouble := source.next()).reason:  # type: ignore[union-attr]
         assert not trouble.ends  # type: ignore[union-attr]
@@ -124,7 +154,7 @@ def test_a_camera_that_is_being_opened_when_the_run_ends_is_closed(hung: threadi
 @pytest.mark.usefixtures("quick")
 def test_errors_that_a_driver_may_not_raise_pass_through_reopening() -> None:
     with pytest.raises(AttributeError, match="typo"):
-        attempts(Reopener(raising(AttributeError("typo")), HostClock(), live=True))
+        attempts(Reopener(raising(AttributeError("typo")), HostClock(), live=True, for_s=60.0))
 
 
 # Devices

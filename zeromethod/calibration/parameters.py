@@ -1,4 +1,4 @@
-"""What a calibration fits: a rig's geometry as named numbers, how well calipers know them, and back to a rig.
+"""What a calibration fits: a rig's geometry as named numbers, how well they are known, and back to a rig.
 
 The camera's direction is given by two angles that do not depend on its position: `heading` turns its axis
 in the world's xz plane, from x towards z, `elevation` lifts it towards y. The camera face is given by how
@@ -22,47 +22,77 @@ from zeromethod.rig.model import Rig
 class Parameter:
     """One number of the bench's geometry.
 
-    sigma: standard deviation of a value taken with calipers, a protractor and data sheets; 0 = taken as exact
-    unless another is given. low, high: what is physically possible; a fit stays within.
+    prior: key of the rig's `[priors]` that says how well the rig file knows it; "" = taken as exact unless
+    another sigma is given. low, high: what is physically possible; a fit stays within.
     """
 
     name: str
     unit: str
     words: str
-    sigma: float
+    prior: str = ""
     low: float = -np.inf
     high: float = np.inf
+
+    def sigma(self, rig: Rig) -> float:
+        """Standard deviation of the rig file's value, in the parameter's unit."""
+        if not self.prior:
+            return 0.0
+        sigma: float = getattr(rig.priors, self.prior)
+        return 0.01 * sigma if self.prior.endswith("_percent") else sigma
 
 
 PARAMETERS = {
     parameter.name: parameter
     for parameter in (
-        Parameter("display.along_mm", "mm", "the LCD's place along the pattern face from P0", 1.2),
-        Parameter("display.across_mm", "mm", "the LCD's place along y", 1.2),
-        Parameter("display.turn_deg", "deg", "the LCD's turn in its plane", 0.6),
-        Parameter("display.tilt_along_deg", "deg", "the LCD's wedge about the face's along direction", 0.15),
-        Parameter("display.tilt_y_deg", "deg", "the LCD's wedge about y", 0.15),
-        Parameter("gap_mm", "mm", "the gap in front of the LCD", 0.17, low=0.0),
-        Parameter("camera.x_mm", "mm", "the camera's x", 3.0),
-        Parameter("camera.y_mm", "mm", "the camera's y", 3.0),
-        Parameter("camera.z_mm", "mm", "the camera's z", 3.0),
-        Parameter("camera.heading_deg", "deg", "the camera's direction in the xz plane", 0.6),
-        Parameter("camera.elevation_deg", "deg", "the camera's direction towards y", 0.6),
-        Parameter("camera.roll_deg", "deg", "the camera's roll", 0.6),
-        Parameter("camera.scale", "", "the focal length (or pixel size) over the rig file's", 0.012, low=0.1),
-        Parameter("camera.aspect", "", "the focal length along v over the one along u", 0.0005, low=0.5),
-        Parameter("camera.centre_u_px", "px", "the principal point's column", 15.0),
-        Parameter("camera.centre_v_px", "px", "the principal point's row", 15.0),
-        Parameter("camera.k1", "", "the lens distortion k1", 0.3),
-        Parameter("camera.k2", "", "the lens distortion k2", 0.0),
-        Parameter("camera.p1", "", "the lens distortion p1", 0.0),
-        Parameter("camera.p2", "", "the lens distortion p2", 0.0),
-        Parameter("camera.k3", "", "the lens distortion k3", 0.0),
-        Parameter("prism.index", "", "the rubber's index", 0.006, low=1.01, high=4.0),
-        Parameter("prism.pattern_angle_deg", "deg", "the pattern face's angle", 0.3, low=5.0, high=85.0),
-        Parameter("prism.captured_less_pattern_deg", "deg", "the faces' difference in angle", 0.18),
         Parameter(
-            "prism.length_mm", "mm", "the prism's length (leg or mirror, as the rig file has it)", 0.05
+            "display.along_mm", "mm", "the LCD's place along the pattern face from P0", "display_along_mm"
+        ),
+        Parameter("display.across_mm", "mm", "the LCD's place along y", "display_across_mm"),
+        Parameter("display.turn_deg", "deg", "the LCD's turn in its plane", "display_turn_deg"),
+        Parameter(
+            "display.tilt_along_deg",
+            "deg",
+            "the LCD's wedge about the face's along direction",
+            "display_wedge_deg",
+        ),
+        Parameter("display.tilt_y_deg", "deg", "the LCD's wedge about y", "display_wedge_deg"),
+        Parameter("gap_mm", "mm", "the gap in front of the LCD", "gap_mm", low=0.0),
+        Parameter("camera.x_mm", "mm", "the camera's x", "camera_place_mm"),
+        Parameter("camera.y_mm", "mm", "the camera's y", "camera_place_mm"),
+        Parameter("camera.z_mm", "mm", "the camera's z", "camera_place_mm"),
+        Parameter("camera.heading_deg", "deg", "the camera's direction in the xz plane", "camera_aim_deg"),
+        Parameter("camera.elevation_deg", "deg", "the camera's direction towards y", "camera_aim_deg"),
+        Parameter("camera.roll_deg", "deg", "the camera's roll", "camera_roll_deg"),
+        Parameter(
+            "camera.scale",
+            "",
+            "the focal length (or pixel size) over the rig file's",
+            "focal_percent",
+            low=0.1,
+        ),
+        Parameter(
+            "camera.aspect",
+            "",
+            "the focal length along v over the one along u",
+            "focal_aspect_percent",
+            low=0.5,
+        ),
+        Parameter("camera.centre_u_px", "px", "the principal point's column", "centre_px"),
+        Parameter("camera.centre_v_px", "px", "the principal point's row", "centre_px"),
+        Parameter("camera.k1", "", "the lens distortion k1", "distortion_k1"),
+        Parameter("camera.k2", "", "the lens distortion k2"),
+        Parameter("camera.p1", "", "the lens distortion p1"),
+        Parameter("camera.p2", "", "the lens distortion p2"),
+        Parameter("camera.k3", "", "the lens distortion k3"),
+        Parameter("prism.index", "", "the rubber's index", "index", low=1.01, high=4.0),
+        Parameter(
+            "prism.pattern_angle_deg", "deg", "the pattern face's angle", "angle_deg", low=5.0, high=85.0
+        ),
+        Parameter(
+            "prism.captured_less_pattern_deg", "deg", "the faces' difference in angle", "faces_difference_deg"
+        ),
+        Parameter(
+            "prism.length_mm", "mm", "the prism's length (leg or mirror, as the rig file has it)", "length_mm"
         ),
     )
 }
@@ -167,7 +197,7 @@ class Priors:
 
     @classmethod
     def of(cls, rig: Rig, sigma: Mapping[str, float] | None = None) -> Priors:
-        """Priors of calipers, with other standard deviations where given; 0 takes a value as exact.
+        """Priors of the rig file, with other standard deviations where given; 0 takes a value as exact.
 
         Raises InputError for a name that the rig does not have, or a sigma that is negative or not finite.
         """
@@ -177,7 +207,7 @@ class Priors:
                 raise InputError(f"prior: {name}: not a parameter of this rig: one of {', '.join(values)}")
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"prior: {name}: {value}: a number from 0 up")
-        widths = {name: given.get(name, PARAMETERS[name].sigma) for name in values}
+        widths = {name: given.get(name, PARAMETERS[name].sigma(rig)) for name in values}
         names = tuple(name for name, width in widths.items() if width > 0.0)
         mean = np.array([values[name] for name in names])
         return cls(rig, names, mean, np.array([widths[name] for name in names]))

@@ -13,6 +13,8 @@ from zeromethod.calibration.fit import Fit
 from zeromethod.calibration.measurements import RestPositions
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.calibration.presses import Presses
+from zeromethod.calibration.prior_pull import PULL_SIGMA, pull_together, pulls
+from zeromethod.calibration.shortfall import Shortfall
 from zeromethod.calibration.uncertainty import Gain, strongest
 from zeromethod.optics import Optics, critical_angle_rad
 
@@ -52,16 +54,24 @@ def judge(
     gain: Sequence[Gain] = (),
     usable_share: float = 1.0,
     last: Mapping[str, tuple[float, float]] | None = None,
+    shortfalls: Sequence[Shortfall] = (),
 ) -> CalibrationVerdict:
     """Weigh a calibration.
 
     usable_share: of the camera's nodes, those with a place in the rest map. last: value and sigma of the
-    parameters in the calibration before this one.
+    parameters in the calibration before this one. shortfalls: what was not measured; none is ever *good*.
     """
-    bad = [*_misfits(fitted), *_strange_values(fitted), *_changes(fitted, last or {})]
+    off = pulls(fitted)
+    bad = [*_misfits(fitted), *(one.words for one in off if one.sigmas > OFF_SIGMA)]
+    bad += _changes(fitted, last or {})
     if usable_share < USABLE:
         bad.append(f"only {100 * usable_share:.0f} % of the view can be used")
-    weak = []
+    weak = [one.words for one in off if PULL_SIGMA < one.sigmas <= OFF_SIGMA]
+    if not off and (together := pull_together(fitted)) > PULL_SIGMA:
+        weak.append(
+            f"what was measured by hand disagrees with the pictures by {together:.1f} sigma, all of it taken "
+            "together: measure angles, lengths and the camera's place again, or raise [priors]"
+        )
     margin = tir_margin_deg(fitted)
     if margin < TIR_MARGIN_DEG:
         what = "below total reflection by" if margin < 0.0 else "above the critical angle by only"
@@ -71,6 +81,8 @@ def judge(
         text = f"depth is known to {error.percent[worst]:.1f} % only ({error.names[worst]})"
         best = strongest(gain)
         weak.insert(0, f"{text}; measure next: {best.what}" if best else text)
+    bad += [one.words for one in shortfalls if one.fatal]
+    weak += [one.words for one in shortfalls if not one.fatal]
     level = Level.BAD if bad else Level.UNCERTAIN if weak else Level.GOOD
     return CalibrationVerdict(level, (*bad, *weak))
 
@@ -113,16 +125,6 @@ def _misfits(fitted: Fit) -> list[str]:
         if size > OFF_SIGMA:
             off.append((size, f"{name} contradicts everything else by {size:.1f} sigma"))
     return found + [text for _, text in sorted(off, reverse=True)]
-
-
-def _strange_values(fitted: Fit) -> list[str]:
-    away = np.abs(fitted.z)
-    order = [int(i) for i in np.argsort(-away) if away[i] > OFF_SIGMA]
-    names = fitted.priors.names
-    return [
-        f"{PARAMETERS[names[i]].words} is {away[i]:.1f} sigma away from what was measured by hand"
-        for i in order
-    ]
 
 
 def _changes(fitted: Fit, last: Mapping[str, tuple[float, float]]) -> list[str]:

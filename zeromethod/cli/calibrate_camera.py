@@ -32,7 +32,7 @@ from zeromethod.commissioning.calibration.board_views import (
 )
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
-from zeromethod.simulation.clone import SIMULATED
+from zeromethod.rig.model import SIMULATED
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
 from zeromethod.view.table import text_table

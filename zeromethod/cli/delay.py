@@ -51,8 +51,10 @@ def report_delay(rig_name: str, options: BenchOptions, seconds: float | None, wr
         click.echo(line)
     known = steps.rig_values() if steps else {}
     if write:
-        save_values(path, {"display.latency_s": round(result.latency_s, 6), **known})
-        click.echo(f"stored as {', '.join(('display.latency_s', *known))} in {path}")
+        values = result.rig_values(loaded.display.latency_s) | known
+        save_values(path, values)
+        kept = (key for key, value in values.items() if value is not None)
+        click.echo(f"stored as {', '.join(kept)} in {path}")
     elif path.is_file():
         click.echo("add --write to store it in the rig file")
     return _figures(result, steps) | {
@@ -106,9 +108,12 @@ def delay_words(result: DelayResult, margin: Margin, rig: Rig) -> list[str]:
     frames = result.latency_s * result.camera_rate_hz
     jitter = [f"  from frame to frame it scatters by {1e3 * result.jitter_s:.2f} ms"]
     sign = ", before" if result.latency_s < 0 else " after"
+    value = f"{1e3 * result.latency_s:.2f} ms, sigma {1e3 * result.sigma_s:.2f} ms"
+    if result.range_s is not None:
+        low_s, high_s = result.range_s
+        value = f"between {1e3 * low_s:.1f} and {1e3 * high_s:.1f} ms: {result.why}"
     return [
-        f"delay {1e3 * result.latency_s:.2f} ms, sigma {1e3 * result.sigma_s:.2f} ms "
-        f"({frames:.2f} camera frames; the rig says {1e3 * rig.display.latency_s:.2f} ms)",
+        f"delay {value} ({frames:.2f} camera frames; the rig says {1e3 * rig.display.latency_s:.2f} ms)",
         f"  that is: the panel's first row begins to change so long{sign} the presentation time, by the "
         "camera's time stamps",
         *(jitter if math.isfinite(result.jitter_s) else ()),

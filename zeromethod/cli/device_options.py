@@ -12,13 +12,11 @@ from click.core import ParameterSource
 
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import several
-from zeromethod.commissioning.delay import with_strips
 from zeromethod.devices.abilities import warnings_of
 from zeromethod.devices.addresses import with_camera
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError
-from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
-from zeromethod.simulation.clone import SIMULATED
+from zeromethod.rig.model import SIMULATED, CameraSpec, DisplaySpec, Rig
 
 REAL_CAMERAS = frozenset({"opencv", "pylon", "aravis"})
 """Drivers of cameras that cannot observe a simulated display."""
@@ -96,11 +94,6 @@ class BenchOptions:
     pixel_format: str | None = None
     region_px: tuple[int, int, int, int] | None = None
     trigger: str | None = None
-
-    @property
-    def named(self) -> bool:
-        """Whether a real device is named."""
-        return self.monitor is not None or self.address is not None
 
     @property
     def given(self) -> tuple[str, ...]:
@@ -189,19 +182,6 @@ def with_given(rig: Rig, scenario: str | None, **tables: Mapping[str, Any]) -> R
         given = {key: value for key, value in values.items() if value is not None}
         update[table] = getattr(rig, table).model_copy(update=given)
     return rig.model_copy(update=update)
-
-
-def with_asked_strips(rig: Rig, strips: bool | None, named: bool) -> Rig:
-    """Rig with or without coded strips: as asked, else as its file says, else with them for real devices.
-
-    named: whether devices were named on the command line, whatever they are.
-    """
-    if strips is None:
-        real = named or rig.camera.driver in REAL_CAMERAS
-        if not real or "strips" in rig.control.model_fields_set:
-            return rig
-        strips = True
-    return with_strips(rig, on=strips)
 
 
 def _with_camera(rig: Rig, options: BenchOptions) -> Rig:

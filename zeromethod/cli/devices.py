@@ -17,7 +17,6 @@ from zeromethod.cli.device_options import (
     bench_options,
     given_options,
     rig_option,
-    with_asked_strips,
 )
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import summary_option, wide_console, write_summary
@@ -196,12 +195,14 @@ _PARTS = {
 
 def _speed(rig_name: str) -> dict[str, Any]:
     """Measure and print what this computer can do on a rig; the figures."""
+    from zeromethod.commissioning.delay import with_strips  # noqa: PLC0415
     from zeromethod.optics import check_geometry  # noqa: PLC0415
     from zeromethod.rig.load import load_rig  # noqa: PLC0415
     from zeromethod.session.speed import STEPS, measure_speed  # noqa: PLC0415 - the loop loads slowly
 
     # as `run` closes the loop on real devices: with coded strips
-    rig = with_asked_strips(load_rig(rig_name, measured=False), None, named=True)
+    rig = load_rig(rig_name, measured=False)
+    rig = with_strips(rig) if rig.control.strips == "auto" else rig
     check_geometry(rig)
     with progress(STEPS, "loop") as advance:
         figures = measure_speed(rig, Path.cwd(), advance)

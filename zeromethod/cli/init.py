@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from dataclasses import asdict, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from zeromethod.cli.output import check_file, several, writing
 from zeromethod.commissioning.calibration.new_rig import Calipers, rig_text
 from zeromethod.errors import InputError
 from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import PriorSpec
 
 _ABOVE_ZERO = Real(min=0, min_open=True)
 _ANGLE = Real(5, 85, min_open=True, max_open=True)
@@ -25,31 +26,56 @@ _LENGTH = Real(0.01, 10_000)
 _GAP = Real(0, 1000)
 _COUNT = Whole(16, 16384)
 
+_SIGMA = Real(0, 1000)
+_AIM = Real(-10_000, 10_000)
+
 _QUESTIONS = (
     ("pattern_angle_deg", "--pattern-angle", _ANGLE, "angle between mirror and pattern face, degrees"),
+    ("priors.angle_deg", "--angle-sigma", _SIGMA, "the pattern face's angle: standard deviation, degrees"),
     ("camera_angle_deg", "--camera-angle", _ANGLE, "angle between mirror and camera face, degrees"),
+    (
+        "priors.faces_difference_deg",
+        "--faces-sigma",
+        _SIGMA,
+        "the faces' difference in angle: standard deviation, degrees",
+    ),
     ("pattern_length_mm", "--leg", _LENGTH, "length of the pattern face, from P0 to its far edge, mm"),
+    ("priors.length_mm", "--leg-sigma", _SIGMA, "the pattern face's length: standard deviation, mm"),
     ("width_mm", "--width", _LENGTH, "width of the prism, mm"),
     ("index", "--index", _INDEX, "refractive index of the rubber"),
+    ("priors.index", "--index-sigma", _SIGMA, "the index: standard deviation"),
     ("gap_mm", "--gap", _GAP, "gap between prism and LCD, its glass counted in, mm"),
+    ("priors.gap_mm", "--gap-sigma", _SIGMA, "the gap: standard deviation, mm"),
     ("lcd_columns", "--lcd-columns", _COUNT, "columns of the LCD"),
     ("lcd_rows", "--lcd-rows", _COUNT, "rows of the LCD"),
     ("pitch_mm", "--pitch", Real(1e-4, 100), "pitch of the LCD's pixels, mm"),
     ("lcd_along_mm", "--lcd-along", Real(), "from P0 to the LCD's middle, along the pattern face, mm"),
+    (
+        "priors.display_along_mm",
+        "--lcd-along-sigma",
+        _SIGMA,
+        "the LCD's place along the face: standard deviation, mm",
+    ),
     ("refresh_hz", "--refresh", _ABOVE_ZERO, "refresh rate of the LCD, Hz"),
     ("camera_columns", "--camera-columns", _COUNT, "columns of the camera's image"),
     ("camera_rows", "--camera-rows", _COUNT, "rows of the camera's image"),
     ("pixel_um", "--pixel", _PIXEL, "pitch of the camera's pixels, micrometres"),
     ("lens_mm", "--lens", _LENGTH, "focal length of the lens, mm"),
+    ("priors.focal_percent", "--lens-sigma", _SIGMA, "the focal length: standard deviation, percent"),
     ("distance_mm", "--distance", _LENGTH, "from the lens to the camera face, mm"),
+    ("priors.camera_place_mm", "--distance-sigma", _SIGMA, "the camera's place: standard deviation, mm"),
+    ("aim_x_mm", "--aim-x", _AIM, "where the camera aims on the mirror: from P0 along it, mm"),
+    ("aim_y_mm", "--aim-y", _AIM, "where it aims across, from the middle of its width, mm"),
+    ("priors.camera_aim_deg", "--aim-sigma", _SIGMA, "the camera's direction: standard deviation, degrees"),
     ("rate_hz", "--rate", _ABOVE_ZERO, "frame rate of the camera, frames per second"),
     ("exposure_s", "--exposure", _ABOVE_ZERO, "exposure of the camera, s"),
 )
+"""Name, option, what is allowed, words; names of sigmas are the rig file's."""
 
 
 _measures = several(
     *(
-        click.option(option, name, type=kind, help=words[0].upper() + words[1:] + ".")
+        click.option(option, name.replace(".", "__"), type=kind, help=words[0].upper() + words[1:] + ".")
         for name, option, kind, words in _QUESTIONS
     )
 )
@@ -77,12 +103,12 @@ def init_command(path: Path, rig_name: str, ask: bool | None, force: bool, **giv
     check_file("FILE", path, ".toml")
     if path.exists() and not force:
         raise InputError(f"FILE: {path}: exists already: --force overwrites it")
-    known = {name: value for name, value in given.items() if value is not None}
-    calipers = replace(Calipers.of(load_rig(rig_name)), **known)
+    known = {name.replace("__", "."): value for name, value in given.items() if value is not None}
+    answers = _flat(Calipers.of(load_rig(rig_name))) | known
     if (sys.stdin.isatty() if ask is None else ask) and len(known) < len(_QUESTIONS):
-        text = _asked(calipers, set(known), path)
+        text = _asked(answers, set(known), path)
     else:
-        text = rig_text(calipers, path.stem, path)
+        text = rig_text(_calipers(answers), path.stem, path)
     with writing("FILE", path), atomic_write(path) as part:
         part.write_text(text, encoding="utf-8")
     name = shlex.quote(str(path))
@@ -92,19 +118,44 @@ def init_command(path: Path, rig_name: str, ask: bool | None, force: bool, **giv
     click.echo(f"  zeromethod calibrate --rig {name} --display 1 --camera 0 --press-depths 0.2,0.15,0.2")
 
 
-def _asked(calipers: Calipers, known: set[str], path: Path) -> str:
+def _flat(calipers: Calipers) -> dict[str, Any]:
+    """Answers by the names of the questions; None for a camera that aims where it best does."""
+    values = {field.name: getattr(calipers, field.name) for field in fields(calipers)}
+    priors = values.pop("priors").model_dump()
+    x_mm, y_mm = values.pop("aim_mm") or (None, None)
+    return (
+        values | {"aim_x_mm": x_mm, "aim_y_mm": y_mm} | {f"priors.{key}": one for key, one in priors.items()}
+    )
+
+
+def _calipers(answers: dict[str, Any]) -> Calipers:
+    """Back from answers."""
+    values = {name: value for name, value in answers.items() if not name.startswith(("priors.", "aim_"))}
+    priors = {
+        name.removeprefix("priors."): one for name, one in answers.items() if name.startswith("priors.")
+    }
+    calipers = Calipers(**values, priors=PriorSpec(**priors))
+    x_mm, y_mm = answers["aim_x_mm"], answers["aim_y_mm"]
+    if x_mm is None and y_mm is None:
+        return calipers
+    usual = calipers.look_at_mm
+    return replace(calipers, aim_mm=(usual[0] if x_mm is None else x_mm, usual[1] if y_mm is None else y_mm))
+
+
+def _asked(answers: dict[str, Any], known: set[str], path: Path) -> str:
     """Text of the rig file, with answers in place of what was not given as an option.
 
     Answers that do not make a bench are refused with the reason, and asked for again.
     """
     while True:
-        answers = asdict(calipers)
         for name, _, kind, words in _QUESTIONS:
             if name not in known:
-                answers[name] = _answer(words, answers[name], kind, path)
-        calipers = Calipers(**answers)
+                default = answers[name]
+                if default is None:
+                    default = _calipers(answers).look_at_mm[name == "aim_y_mm"]
+                answers[name] = _answer(words, default, kind, path)
         try:
-            return rig_text(calipers, path.stem, path)
+            return rig_text(_calipers(answers), path.stem, path)
         except InputError as error:
             click.echo(f"{error}: again (Enter keeps your answer)", err=True)
 

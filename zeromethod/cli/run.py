@@ -19,7 +19,6 @@ from zeromethod.cli.device_options import (
     other_devices,
     rig_option,
     scenario_options,
-    with_asked_strips,
     with_devices,
     with_given,
 )
@@ -35,15 +34,18 @@ from zeromethod.loop.state import State
 from zeromethod.optics import check_geometry
 from zeromethod.publishing.publisher import Publisher
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import SIMULATED, Rig
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
 from zeromethod.session.trust import DOUBT
-from zeromethod.simulation.clone import SIMULATED, simulated_clone
+from zeromethod.simulation.clone import simulated_clone
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.live import LiveStatus
 from zeromethod.view.table import summary_table
+
+_STRIPS = {True: "edges", False: "none", None: None}
+"""Value of `[control] strips` for the option."""
 
 
 @click.command(
@@ -112,9 +114,8 @@ def run_command(
         scenario,
         display={"latency_s": latency_s},
         simulation={"seed": seed},
-        control={"gain": loop_gain, "controller": controller},
+        control={"gain": loop_gain, "controller": controller, "strips": _STRIPS[strips]},
     )
-    rig = with_asked_strips(rig, strips, options.named)
     check_geometry(rig)
     limit_threads()
     with (
@@ -186,6 +187,5 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
         raise MeasurementError(f"{result.state}: {figures['reason']}")
     if not figures["calibrated"]:
         raise MeasurementError(f"not calibrated: {DOUBT.reason}")
-    if not figures["nulled_frames"]:
-        when = " during the hold" if any(record.phase == "hold" for record in result.records) else ""
-        raise MeasurementError(f"the null was never held{when}: {figures['reason']}")
+    if (when := figures["not_nulled"]) is not None:
+        raise MeasurementError(f"the null was not held {when}: {figures['reason']}")

@@ -45,30 +45,33 @@ def advice(
     said = _light(report, rig.camera)
     dim = _no_light(report, rig.camera)
     blinded = report.saturated_share > SATURATED_SHARE
-    place = placed(report, seen, rig.target.period_px)
+    if seen is not None and seen.seen_share < UNSEEN_SHARE:
+        said.append(
+            "the LCD is not seen: is it lit, on the right monitor, and seen by the camera in the mirror?"
+        )
+        return tuple(said)
+    period_px = rig.target.period_px
+    place = placed(report, seen, period_px)
+    aimed = place is None or not any(_wrong(place, period_px))
+    # geometry first: what lies elsewhere than the rig file says looks dusty, hidden or cut off
+    if seen is not None:
+        said += _lie(seen)
+    if place is not None:
+        said += _place(place, period_px)
+    elif seen is None and report.alignment is None and report.on_target > NO_TARGET_SCORE and not blinded:
+        said.append("the picture lies far from where the rig file expects it: compare pose and focal_px")
     far = place is not None and max(abs(place.wider), abs(place.higher)) > OTHER_SIZE
-    said += _lcd(report, seen, clear=not blinded and not far)
+    if not blinded and not far:  # what is clipped, or of another period, looks blurred
+        said += _sharpness(report, lcd_seen=seen is not None)
+    said += _stray(seen)
     if flicker_share > FLICKER_SHARE and not dim:
         said.append(
             f"the light flickers by {flicker_share:.1%} from frame to frame: set the LCD to full brightness "
             "(no dimming by pulses), or expose for whole periods of it"
         )
-    if not blinded and _light_share(report, rig.camera) >= DARK_SHARE:
+    if aimed and not blinded and _light_share(report, rig.camera) >= DARK_SHARE:
         said += _usable(report)
-    if place is not None:
-        said += _place(place, rig.target.period_px)
-    elif seen is None and report.alignment is None and report.score > NO_TARGET_SCORE and not blinded:
-        said.append("the picture lies far from where the rig file expects it: compare pose and focal_px")
     return tuple(said)
-
-
-def _lcd(report: FocusReport, seen: Orientation | None, clear: bool) -> list[str]:
-    """Whether the LCD is seen sharply and the right way round."""
-    if seen is not None and seen.seen_share < UNSEEN_SHARE:
-        return ["the LCD is not seen: is it lit, on the right monitor, and seen by the camera in the mirror?"]
-    # what is clipped, or of another period, looks blurred
-    sharpness = _sharpness(report, lcd_seen=seen is not None) if clear else []
-    return sharpness + (_lie(seen) if seen is not None else [])
 
 
 def placed(report: FocusReport, seen: Orientation | None, period_px: int) -> Alignment | None:
@@ -125,12 +128,12 @@ def _light(report: FocusReport, camera: CameraSpec) -> list[str]:
 
 
 def _sharpness(report: FocusReport, lcd_seen: bool) -> list[str]:
-    if not report.score > NO_TARGET_SCORE:
-        if lcd_seen:
-            return [
-                "far out of focus: the LCD is seen, its pattern is not: close the aperture and focus on the "
-                "LCD's image behind the mirror"
-            ]
+    if lcd_seen and not report.score > NO_TARGET_SCORE:
+        return [
+            "far out of focus: the LCD is seen, its pattern is not: close the aperture and focus on the "
+            "LCD's image behind the mirror"
+        ]
+    if not lcd_seen and not report.on_target > NO_TARGET_SCORE:
         return [
             "no target is seen: is it on the LCD, does the camera look at it by the mirror? "
             "Else far out of focus: close the aperture and focus on the LCD's image"
@@ -161,9 +164,13 @@ def _lie(seen: Orientation) -> list[str]:
             f"the picture is seen {how}: set display.mirrored, display.turn_deg or camera.roll_deg "
             "in the rig file to how the bench is built"
         )
-    if seen.stray_share > STRAY_SHARE:
-        said.append(f"stray light, {seen.stray_share:.0%} of the LCD's: darken the room, shade the prism")
     return said
+
+
+def _stray(seen: Orientation | None) -> list[str]:
+    if seen is None or not seen.stray_share > STRAY_SHARE:
+        return []
+    return [f"stray light, {seen.stray_share:.0%} of the LCD's: darken the room, shade the prism"]
 
 
 def _usable(report: FocusReport) -> list[str]:

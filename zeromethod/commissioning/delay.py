@@ -8,9 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from zeromethod.commissioning.clock_phases import ClockPhases
 from zeromethod.devices.abilities import poll_of
 from zeromethod.devices.opening import Devices
 from zeromethod.devices.protocols import CameraTimeout, Frame
@@ -26,7 +28,9 @@ from zeromethod.pattern.strips import CODES
 from zeromethod.rig.model import Rig
 from zeromethod.warp.rest import Rest
 
-DEFAULT_SECONDS = 3.0
+DEFAULT_SECONDS, MOST_SECONDS = 3.0, 24.0
+"""How long the delay is measured, and at most where the clocks must first drift: 59.95 and 60 Hz meet again
+after 20 s."""
 
 LEAST_FRAMES = 8
 """Frames with a delay of their own that a result needs."""
@@ -37,6 +41,8 @@ tenth of a refresh off at most."""
 
 UNSTEADY_REFRESHES = 0.25
 """Scatter of single frames' delays, in refreshes, beyond which none of them is the bench's."""
+WIDEST_REFRESHES = 1.0
+"""Range of delays, in refreshes, beyond which not even the picture that a frame saw is known."""
 _BUSY = "does the display drop pictures, or is the computer too busy?"
 
 READING_REFRESHES = 0.6
@@ -50,7 +56,9 @@ class DelayResult:
     """The delay and how well it is known. Times in s.
 
     latency_s: the delay, as `[display] latency_s` holds it; below zero where stamps come early. sigma_s: its
-    standard deviation. jitter_s: that of single frames' delays, NaN where single frames only bound it.
+    standard deviation. range_s: where the codes show no more than that it lies from, to; latency_s is the
+    middle then; None where it was measured. why: of a range, what kept it from being measured.
+    jitter_s: that of single frames' delays, NaN where single frames only bound it.
     refresh_hz, camera_rate_hz: by presentation and frame times. horizon_s: median time from a frame's
     mid-exposure to that of the frames that saw the picture shown after it, weighted by light; computing
     is not in it. frames: that came; read: whose codes fit what was shown; used: that gave a delay of
@@ -66,11 +74,33 @@ class DelayResult:
     frames: int
     read: int
     used: int
+    range_s: tuple[float, float] | None = None
+    why: str = ""
 
     @property
     def delay_frames(self) -> float:
         """The loop's whole delay in camera frames, as `control.margin` takes it."""
         return self.horizon_s * self.camera_rate_hz
+
+    def rig_values(self, believed_s: float) -> dict[str, Any]:
+        """Keys and values of a rig file.
+
+        Parameters
+        ----------
+        believed_s : float
+            What the rig file says; it stays where it lies within a range.
+
+        Returns
+        -------
+        dict
+            By dotted key, for `Rig.replace`; None takes a key out.
+        """
+        if self.range_s is None:
+            return {"display.latency_s": round(self.latency_s, 6), "display.latency_range_s": None}
+        low_s, high_s = (round(one_s, 6) for one_s in self.range_s)
+        kept = low_s <= believed_s <= high_s
+        latency_s = believed_s if kept else round(self.latency_s, 6)
+        return {"display.latency_s": latency_s, "display.latency_range_s": [low_s, high_s]}
 
 
 def measure_delay(
@@ -82,7 +112,8 @@ def measure_delay(
     """Show coded pictures of the mirror at rest for `seconds` of the run's clock and time them.
 
     Nothing may touch the mirror. The pictures differ only by their codes; another one is shown at every
-    refresh, so that exposures that lie anywhere share pictures. To be
+    refresh. Only exposures that share pictures measure the delay: while too few do, and the clocks of camera
+    and panel still drift past each other, it goes on, for `MOST_SECONDS` at most. To be
     used in the main thread, as windows must be. CameraLost and DisplayLost pass.
 
     Parameters
@@ -92,7 +123,7 @@ def measure_delay(
     devices : Devices
         Its opened devices.
     seconds : float
-        How long to measure.
+        How long to measure, at least.
     on_frame : callable, optional
         Called for every frame.
 
@@ -104,101 +135,164 @@ def measure_delay(
     Raises
     ------
     MeasurementError
-        No room for strips, too few frames that could be read, or delays that do not agree.
+        No room for strips, too few frames that could be read, or delays that do not agree at all.
     """
-    rest = Rest.of(rig, Optics(rig))
-    strips = find_strips(with_strips(rig), rest)
-    if strips is None:
-        raise MeasurementError("delay: the camera does not see the panel along two edges: no room for codes")
-    drawer = Drawer(rig, devices.display, rest, strips)
-    timing = PanelTiming.of(rig.display)
-    reader = StripReader(strips, rest.grid.image_shape, rig.camera.noise, rig.camera.bits)
-    watch = DelayWatch(reader, timing, rig.display.refresh_hz)
-    log = PresentationLog(rest.q.shape[:2])
-    shown_ns: list[int] = []
-    stamps: list[tuple[int, int]] = []
-    found: list[Match] = []
-    horizons_ns: list[float] = []
-    newest: Frame | None = None
-    clock, refresh_ns = devices.clock, 1e9 / rig.display.refresh_hz
-    poll = poll_of(devices.display) or (lambda: None)
-    start_ns = came_ns = clock.now_ns()
-    while clock.now_ns() - start_ns < 1e9 * seconds:
-        poll()
-        code = len(shown_ns) % CODES
-        shown_ns.append(drawer.draw(rest.q, code))
-        log.record(shown_ns[-1], rest.q, newest.time_ns if newest else None, code)
+    look = _Look(rig, devices)
+    clock = devices.clock
+    start_ns = until_ns = clock.now_ns()
+    while True:
+        until_ns += round(1e9 * seconds)
+        while clock.now_ns() < until_ns:
+            if look.frame():
+                on_frame()
+        told = look.told()
+        moved_on = look.phases.moved_on()
+        if told or not moved_on or clock.now_ns() - start_ns > 1e9 * MOST_SECONDS:
+            return look.result()
+
+
+class _Look:
+    """Coded pictures shown, the frames that saw them, and what these say."""
+
+    def __init__(self, rig: Rig, devices: Devices) -> None:
+        self._rig, self._devices = rig, devices
+        self._rest = Rest.of(rig, Optics(rig))
+        strips = find_strips(with_strips(rig), self._rest)
+        if strips is None:
+            raise MeasurementError(
+                "delay: the camera does not see the panel along two edges: no room for codes"
+            )
+        self._drawer = Drawer(rig, devices.display, self._rest, strips)
+        reader = StripReader(strips, self._rest.grid.image_shape, rig.camera.noise, rig.camera.bits)
+        self._watch = DelayWatch(reader, PanelTiming.of(rig.display), rig.display.refresh_hz)
+        self._log = PresentationLog(self._rest.q.shape[:2])
+        self._refresh_ns = 1e9 / rig.display.refresh_hz
+        self._poll = poll_of(devices.display) or (lambda: None)
+        self._shown_ns: list[int] = []
+        self._stamps: list[tuple[int, int]] = []
+        self._found: list[Match] = []
+        self._horizons_ns: list[float] = []
+        self._legible = 0
+        self._newest: Frame | None = None
+        self._came_ns = devices.clock.now_ns()
+        self.phases = ClockPhases(self._refresh_ns)
+
+    def frame(self) -> bool:
+        """Show the next picture; whether a frame came until the one after it is due."""
+        clock, newest, rest = self._devices.clock, self._newest, self._rest
+        self._poll()
+        code = len(self._shown_ns) % CODES
+        shown_ns = self._drawer.draw(rest.q, code)
+        self._shown_ns.append(shown_ns)
+        self._log.record(shown_ns, rest.q, newest.time_ns if newest else None, code)
         # the next picture is to be ready for the next refresh, even if the display does not wait for it
-        next_ns = shown_ns[-1] + round(READING_REFRESHES * refresh_ns)
-        wait_s = max(1e-9 * (next_ns - clock.now_ns()), LEAST_TIMEOUT_S)
-        frame = _read(devices, wait_s, came_ns, TIMEOUTS_TO_FAIL * rig.control.timeout_s)
+        next_ns = shown_ns + round(READING_REFRESHES * self._refresh_ns)
+        frame = self._read(max(1e-9 * (next_ns - clock.now_ns()), LEAST_TIMEOUT_S))
         if frame is None:
-            continue
-        newest = frame
-        came_ns = clock.now_ns()
-        on_frame()
-        stamps.append((newest.number, newest.time_ns))
-        frame_timing = watch.timing_of(newest.image, newest, log)
-        if watch.last is not None and watch.last.fits and frame_timing is not None:
-            found.append(watch.last)
-            shown = pair(log, newest, frame_timing, rest.q, rest.grid, rig.target.kind)
-            if shown is not None and shown.age_ns is not None:
-                horizons_ns.append(float(np.mean(shown.age_ns)))
+            return False
+        self._newest, self._came_ns = frame, clock.now_ns()
+        self._stamps.append((frame.number, frame.time_ns))
+        self.phases.note(frame.time_ns - shown_ns)
+        self._match(frame)
         clock.sleep_until_ns(next_ns)
-    if len(found) < LEAST_FRAMES or not horizons_ns:
-        raise MeasurementError(
-            f"delay: the codes of {len(found)} of {len(stamps)} frames could be read, "
-            f"{LEAST_FRAMES} are needed: see to focus, light and rest map"
+        return True
+
+    def _match(self, frame: Frame) -> None:
+        rest, watch = self._rest, self._watch
+        timing = watch.timing_of(frame.image, frame, self._log)
+        self._legible += watch.legible
+        if watch.last is not None and watch.last.fits and timing is not None:
+            self._found.append(watch.last)
+            shown = pair(self._log, frame, timing, rest.q, rest.grid, self._rig.target.kind)
+            if shown is not None and shown.age_ns is not None:
+                self._horizons_ns.append(float(np.mean(shown.age_ns)))
+
+    def _read(self, wait_s: float) -> Frame | None:
+        """Newest frame, None when none came within `wait_s`; MeasurementError after long silence."""
+        devices, silent_s = self._devices, TIMEOUTS_TO_FAIL * self._rig.control.timeout_s
+        try:
+            return devices.camera.read(wait_s)
+        except CameraTimeout:
+            if devices.clock.now_ns() - self._came_ns > 1e9 * silent_s:
+                raise MeasurementError(f"delay: the camera gave no frame for {silent_s:g} s") from None
+            return None
+
+    def told(self) -> bool:
+        """Whether more frames would not say more."""
+        return len(self._precise_ns()) >= LEAST_FRAMES or not self._legible
+
+    def _precise_ns(self) -> list[float]:
+        return [one.delay_ns for one in self._found if self._watch.estimator.is_precise(one)]
+
+    def result(self) -> DelayResult:
+        """What all frames say together. Raises MeasurementError."""
+        if len(self._found) < LEAST_FRAMES or not self._horizons_ns:
+            raise MeasurementError(self._unread())
+        precise = self._precise_ns()
+        delay = _delay(self._found, precise, self._refresh_ns)
+        return DelayResult(
+            **delay,
+            refresh_hz=_refresh_hz(self._shown_ns, self._refresh_ns),
+            camera_rate_hz=_rate_hz(self._stamps),
+            horizon_s=1e-9 * float(np.median(self._horizons_ns)),
+            frames=len(self._stamps),
+            read=len(self._found),
+            used=len(precise),
         )
-    precise = [one.delay_ns for one in found if watch.estimator.is_precise(one)]
-    latency_ns, sigma_ns, jitter_ns = _delay(found, precise, refresh_ns)
-    return DelayResult(
-        latency_s=1e-9 * latency_ns,
-        sigma_s=1e-9 * sigma_ns,
-        jitter_s=1e-9 * jitter_ns,
-        refresh_hz=_refresh_hz(shown_ns, refresh_ns),
-        camera_rate_hz=_rate_hz(stamps),
-        horizon_s=1e-9 * float(np.median(horizons_ns)),
-        frames=len(stamps),
-        read=len(found),
-        used=len(precise),
-    )
+
+    def _unread(self) -> str:
+        """Why too few frames are of use: what they show, or when they came."""
+        frames, fitting = len(self._stamps), len(self._found)
+        if self._legible < LEAST_FRAMES <= frames:
+            return (
+                f"delay: the codes of {self._legible} of {frames} frames could be read, "
+                f"{LEAST_FRAMES} are needed: see to focus, light and rest map"
+            )
+        if frames < LEAST_FRAMES:
+            return f"delay: {frames} frames came, {LEAST_FRAMES} are needed: is the computer too busy?"
+        return f"delay: the codes of {fitting} of {frames} frames fit what was shown when: {_BUSY}"
 
 
-def _read(devices: Devices, wait_s: float, came_ns: int, silent_s: float) -> Frame | None:
-    """Newest frame, None when none came within `wait_s`; MeasurementError `silent_s` after the last one."""
-    try:
-        return devices.camera.read(wait_s)
-    except CameraTimeout:
-        if devices.clock.now_ns() - came_ns > 1e9 * silent_s:
-            raise MeasurementError(f"delay: the camera gave no frame for {silent_s:g} s") from None
-        return None
-
-
-def _delay(found: list[Match], precise: list[float], refresh_ns: float) -> tuple[float, float, float]:
-    """Delay, its standard deviation, that of single frames, ns."""
+def _delay(found: list[Match], precise: list[float], refresh_ns: float) -> dict[str, Any]:
+    """Delay, its standard deviation, that of single frames; where it is only bounded, its range and why."""
     if len(precise) >= LEAST_FRAMES:
         values = np.array(precise)
         middle = float(np.median(values))
         jitter = 1.4826 * float(np.median(np.abs(values - middle)))
         if jitter > UNSTEADY_REFRESHES * refresh_ns:
-            raise MeasurementError(f"delay: it is not steady: it scatters by {1e-6 * jitter:.1f} ms: {_BUSY}")
-        return middle, 1.25 * jitter / math.sqrt(len(values)), jitter
+            low, high = np.percentile(values, [5, 95])
+            why = f"it is not steady: it scatters by {1e-6 * jitter:.1f} ms: {_BUSY}"
+            return _ranged(low, high, refresh_ns, why) | {"jitter_s": 1e-9 * jitter}
+        sigma = 1.25 * jitter / math.sqrt(len(values))
+        return {"latency_s": 1e-9 * middle, "sigma_s": 1e-9 * sigma, "jitter_s": 1e-9 * jitter}
     # Camera and panel in step, every exposure on one picture: what all frames allow. The outermost tenth of
     # the bounds is left to frames that are wrong.
     low = float(np.percentile([match.low_ns for match in found], 90))
     high = float(np.percentile([match.high_ns for match in found], 10))
     if high < low:
-        raise MeasurementError(
-            f"delay: it is not steady: some frames say at least {1e-6 * low:.1f} ms, others at most "
+        why = (
+            f"it is not steady: some frames say at least {1e-6 * low:.1f} ms, others at most "
             f"{1e-6 * high:.1f} ms: {_BUSY}"
         )
+        return _ranged(high, low, refresh_ns, why)
     if high - low >= LOOSEST_REFRESHES * refresh_ns:
-        raise MeasurementError(
-            f"delay: the codes only show that it lies from {1e-6 * low:.1f} to {1e-6 * high:.1f} ms: "
-            "a longer exposure, or other rates of camera and panel, will show more"
-        )
-    return 0.5 * (low + high), (high - low) / math.sqrt(12), float("nan")
+        why = "a longer exposure, or other rates of camera and panel, will show more"
+        return _ranged(low, high, refresh_ns, why)
+    sigma = (high - low) / math.sqrt(12)
+    return {"latency_s": 0.5e-9 * (low + high), "sigma_s": 1e-9 * sigma, "jitter_s": math.nan}
+
+
+def _ranged(low: float, high: float, refresh_ns: float, why: str) -> dict[str, Any]:
+    """A delay that lies from low to high, ns. Raises MeasurementError where that says too little."""
+    if high - low > WIDEST_REFRESHES * refresh_ns:
+        raise MeasurementError(f"delay: {why}")
+    return {
+        "latency_s": 0.5e-9 * (low + high),
+        "sigma_s": 1e-9 * (high - low) / math.sqrt(12),
+        "jitter_s": math.nan,
+        "range_s": (1e-9 * float(low), 1e-9 * float(high)),
+        "why": why,
+    }
 
 
 def _refresh_hz(shown_ns: list[int], refresh_ns: float) -> float:

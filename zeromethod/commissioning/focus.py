@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Mask
@@ -37,8 +38,10 @@ FITTED_SHARE = 0.3
 class FocusReport:
     """What one frame says. Shares are 0..1; NaN where nothing is seen.
 
-    score: modulation transfer of lens, focus and LCD at the target's period, the median of the lit nodes;
-    stray light lowers it too, unless it is known. blur_px: Gaussian sigma that would do the same, camera px.
+    score: modulation transfer of lens, focus and LCD, by the picture's contrast, wherever it lies and
+    whatever its size, the median of the lit nodes; stray light lowers it too, unless it is known. on_target:
+    the same at the target's own period alone, which a picture of another size lacks. blur_px: Gaussian sigma
+    that would do the same, camera px.
     modulation: (3, 3) median transfer per region, image rows first. histogram: (32,) shares of the pixels
     from black to full scale. mean_grey, bright_grey: of the frame, and its 99th percentile. saturated_share:
     pixels at full scale. dark_share: nodes that should see the LCD and get hardly any light. usable_share: of
@@ -49,6 +52,7 @@ class FocusReport:
     """
 
     score: float
+    on_target: float
     blur_px: float
     modulation: Float
     histogram: Float
@@ -93,7 +97,8 @@ def focus_report(
     lit = seen & (light > max(LIT_SHARE * brightest, 1.0))
     drawn = 0.5 * rig.target.contrast  # each of the two carriers' amplitude over the mean light
     with np.errstate(divide="ignore", invalid="ignore"):
-        transfer = np.where(lit, residual.modulation.mean(axis=-1) / (drawn * light), np.nan)
+        on_target = np.where(lit, residual.modulation.mean(axis=-1) / (drawn * light), np.nan)
+        transfer = np.where(lit, _contrast_grey(image, rig, rest) / (drawn * light), np.nan)
     score = _median(transfer)
     counts, _ = np.histogram(image, HISTOGRAM_BINS, (0.0, full + 1))
     saturated = Flag.SATURATED | Flag.MODULATION
@@ -101,6 +106,7 @@ def focus_report(
     expected = max(int(np.count_nonzero(seen)), 1)
     return FocusReport(
         score=score,
+        on_target=_median(on_target),
         blur_px=_blur_px(score, rig.target.period_px),
         modulation=_by_region(transfer, rest),
         histogram=counts / image.size,
@@ -113,6 +119,25 @@ def focus_report(
         seen_share=float(np.mean(seen[rest.grid.inner])),
         alignment=_alignment(residual, usable & residual.valid, rest),
     )
+
+
+def _contrast_grey(image: Image, rig: Rig, rest: Rest) -> Float:
+    """Amplitude (rows, cols) of each of two crossed cosines at the nodes, grey levels, whatever their period.
+
+    By the variance about the local mean, less the camera's noise, in windows that span two periods.
+    """
+    noise, size = rig.camera.noise, (rig.target.period_px,) * 2
+    grey = image.astype(np.float32) - np.float32(noise.black_grey)
+    mean, square = (cv2.blur(cv2.blur(one, size), size) for one in (grey, grey * grey))
+    v, u = (
+        np.clip(np.rint(axis).astype(np.intp), 0, limit - 1)
+        for axis, limit in ((rest.grid.v_px, image.shape[0]), (rest.grid.u_px, image.shape[1]))
+    )
+    at = np.ix_(v, u)
+    variance = square[at].astype(np.float64) - mean[at].astype(np.float64) ** 2 - noise.read_grey**2
+    if noise.electrons_per_grey is not None:
+        variance -= np.maximum(mean[at], 0.0) / noise.electrons_per_grey
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def _median(values: Float) -> float:

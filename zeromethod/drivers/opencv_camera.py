@@ -18,6 +18,7 @@ from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import CameraLost, Frame
 from zeromethod.drivers.device_clock import DeviceClock, MidExposure
 from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera, Source
+from zeromethod.drivers.not_opened import reason
 from zeromethod.errors import InputError
 
 # Read each time a stream is opened. The decoder hands every frame over as it comes instead of looking ahead,
@@ -125,9 +126,7 @@ def _quietly_opened(source: int | str, backend: int, params: list[int]) -> cv2.V
     except cv2.error as error:
         raise InputError(f"camera.source: {shown(source)}: {' '.join(str(error).split())}") from error
     if not capture.isOpened():
-        raise InputError(
-            f"camera.source: {shown(source)}: cannot be opened as a camera, stream or video file"
-        )
+        raise InputError(f"camera.source: {shown(source)}: cannot be opened: {reason(source)}")
     return capture
 
 

@@ -34,7 +34,7 @@ def export_track(
         lines.writerow(COLUMNS)
         for step, time_s, state in zip(selected.steps, selected.time_s, selected.states, strict=True):
             row = None if int(step) in damaged else peaks.get(int(step))
-            values = [math.nan if row is None else float(row[name]) for name in COLUMNS[1:5]]
+            values = [math.nan if row is None else float(row[name]) for name in COLUMNS[1:7]]
             # shortest text that gives the same number back
             numbers = [repr(value) if math.isfinite(value) else "" for value in values]
             lines.writerow([f"{time_s:.9f}", *numbers, state, "peak" if int(step) in damaged else ""])

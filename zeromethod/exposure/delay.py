@@ -40,6 +40,10 @@ FIRST_SPAN_REFRESHES = (-3.0, 9.0)
 SPAN_REFRESHES = 2.5
 """Delays searched on either side of a trusted running delay: pictures may be a refresh or two late."""
 
+LATE_REFRESHES = 6.0
+"""Delays searched on either side for a frame that no nearer one explains: a busy computer stamps single
+frames, or pictures, several refreshes late. Together less than the 16 pictures after which codes repeat."""
+
 LOST_AFTER = 8
 """Consecutive frames without a fit after which the full range of delays is searched again."""
 
@@ -118,6 +122,9 @@ class DelayWatch:
         self._misses = 0
         self.estimator = DelayEstimator(timing.latency_ns, self._refresh_ns)
         self.last: Match | None = None
+        """What the last frame's strips say; None where they say nothing."""
+        self.legible = False
+        """Whether the last frame's strips could be read, whatever they say."""
 
     @property
     def timing(self) -> PanelTiming:
@@ -130,8 +137,12 @@ class DelayWatch:
         image: (rows, cols) grey levels of the frame.
         """
         estimator = self.estimator
-        found = match(self._reader.read(image), log, frame, self._timing, self._span_ns())
-        self.last = found
+        readings = self._reader.read(image)
+        found = match(readings, log, frame, self._timing, self._span_ns())
+        if found is not None and not found.fits and estimator.settled:
+            further = match(readings, log, frame, self._timing, self._around_ns(LATE_REFRESHES))
+            found = further if further is not None and further.fits else found
+        self.legible, self.last = bool(readings), found
         if found is None:
             return self.timing
         if found.fits:
@@ -147,7 +158,10 @@ class DelayWatch:
 
     def _span_ns(self) -> tuple[float, float]:
         if self.estimator.settled:
-            half = SPAN_REFRESHES * self._refresh_ns
-            return self.estimator.value_ns - half, self.estimator.value_ns + half
+            return self._around_ns(SPAN_REFRESHES)
         low, high = FIRST_SPAN_REFRESHES
         return low * self._refresh_ns, high * self._refresh_ns
+
+    def _around_ns(self, refreshes: float) -> tuple[float, float]:
+        half = refreshes * self._refresh_ns
+        return self.estimator.value_ns - half, self.estimator.value_ns + half

@@ -39,7 +39,7 @@ CLIPPED_SHARE = 0.99
 
 def find_strips(rig: Rig, rest: Rest) -> Strips | None:
     """Strips that the rig asks for; None without, and where the panel is not visible along the edges."""
-    if rig.control.strips == "none":
+    if not rig.coded:
         return None
     no_ray = (rest.flags & np.uint16(Flag.NO_RAY)) != 0
     return Strips.of(rest.grid, rest.q, no_ray, rest.display_size)

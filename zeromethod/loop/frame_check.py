@@ -78,7 +78,7 @@ class FrameCheck:
         self._least_age_ns: int | None = None
         self._last: tuple[int, int] | None = None
         self._shift_ns = 0
-        self._resumed = False
+        self._resumed = True
         self._astray: list[tuple[int, int, int]] = []
         self._sample: Image | None = None
 
@@ -90,7 +90,7 @@ class FrameCheck:
         self._astray.clear()
 
     def resume(self) -> None:
-        """Begin another run: frames that came since the last one were not dropped."""
+        """Begin another run: frames that came since the last one, as before the first, were not dropped."""
         self._resumed = True
 
     def timed(self, frame: Frame) -> Frame:
@@ -98,8 +98,9 @@ class FrameCheck:
         time_ns, exposure_ns, number, dropped = (_plain(getattr(frame, name)) for name in _NUMBERS)
         if isinstance(time_ns, int):
             time_ns += self._shift_ns
-        if self._resumed:
-            dropped, self._resumed = 0, False
+        if self._resumed and isinstance(dropped, int):
+            dropped = min(dropped, 0)
+        self._resumed = False
         return Frame(frame.image, time_ns, exposure_ns, number, dropped)
 
     def look_at(

@@ -111,12 +111,16 @@ class FrameSource:
         clock: Clock,
         timeout_s: float,
         meanwhile: Callable[[], None] | None,
+        reopen_s: float,
     ) -> None:
-        """meanwhile: called while waiting, see `Capture`; None: the camera is read in the caller's thread."""
+        """reopen_s: how long a lost camera is tried again.
+
+        meanwhile: called while waiting, see `Capture`; None: the camera is read in the caller's thread.
+        """
         self._meanwhile = meanwhile
         self._timeout_s = timeout_s
         self._camera = self._guarded(camera)
-        self._reopener = Reopener(reopen, clock, live=meanwhile is not None)
+        self._reopener = Reopener(reopen, clock, live=meanwhile is not None, for_s=reopen_s)
         self._timeouts = 0
         self._lost: str | None = None
 

@@ -118,7 +118,7 @@ class Loop:
         self._screen = Screen(drawing, self._circle, clock, dwell, repaints=self.live)
         self._watch = DisplayWatch(display, timeout_s if self.live else None)
         meanwhile = self._attend if self.live else None
-        self._source = FrameSource(camera, reopen_camera, clock, timeout_s, meanwhile)
+        self._source = FrameSource(camera, reopen_camera, clock, timeout_s, meanwhile, rig.camera.reopen_s)
         self._check = FrameCheck(rig.camera)
         self._quality = LightQuality(self.rest.visible, rig.camera.noise.black_grey)
         self._notices = Notices()

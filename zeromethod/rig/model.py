@@ -28,6 +28,7 @@ from zeromethod.rig.tables import (
     LitShare,
     NotNegative,
     Positive,
+    PriorSpec,
     Prism,
     Rate,
     RestSurface,
@@ -43,10 +44,13 @@ from zeromethod.rig.tables import (
 
 __all__ = [
     "CameraSpec", "ControlSpec", "DisplaySpec", "Faults", "GeometrySpec", "KnownRest", "Layer", "Noise",
-    "Prism", "RestSurface", "Rig", "SimulationSpec", "SurfaceSpec", "Table", "TargetSpec",
+    "PriorSpec", "Prism", "RestSurface", "Rig", "SimulationSpec", "SurfaceSpec", "Table", "TargetSpec",
 ]  # fmt: skip
 
 SCHEMA_VERSION = 2
+
+SIMULATED = "simulated"
+"""Driver of the simulated camera and display."""
 
 REST_MAP_SUFFIXES = (".npz", ".h5")
 """Suffixes that a file with a rest map may have."""
@@ -68,7 +72,7 @@ class DisplaySpec(Table):
     `mirrored` flips the columns before turning.
 
     Timing: the first row starts to change `latency_s` after the presentation time (by the camera's stamps:
-    below zero where these come early), the last
+    below zero where these come early; `latency_range_s`: where it was only bounded, from, to), the last
     `scanout_s` later (default one refresh; `scan` "down" = row 0 first); light follows a change
     exponentially, `rise_s` from 10 to 90 %. Response: light = (code/255)^gamma, or `response_light`,
     the light (0..1, rising) at equally spaced codes 0..255; where the view's angle changes it over the panel,
@@ -81,7 +85,7 @@ class DisplaySpec(Table):
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
-    driver: Text = "simulated"
+    driver: Text = SIMULATED
     columns: Annotated[int, Field(ge=16, le=16384)]
     rows: Annotated[int, Field(ge=16, le=16384)]
     pitch_mm: Positive
@@ -91,6 +95,7 @@ class DisplaySpec(Table):
     tilt_deg: tuple[Tilt, Tilt] = (0.0, 0.0)
     refresh_hz: Rate
     latency_s: Delay = 0.0
+    latency_range_s: tuple[Delay, Delay] | None = None
     scanout_s: Lag | None = None
     scan: Literal["down", "up"] = "down"
     rise_s: Lag = 0.0
@@ -118,6 +123,13 @@ class DisplaySpec(Table):
             raise refused("response_exponent", [list(row) for row in rows], allowed)
         return self
 
+    @model_validator(mode="after")
+    def _within_range(self) -> DisplaySpec:
+        bounds = self.latency_range_s
+        if bounds is not None and not bounds[0] <= self.latency_s <= bounds[1]:
+            raise refused("latency_range_s", list(bounds), f"from, to around latency_s = {self.latency_s:g}")
+        return self
+
 
 class Noise(Table):
     """Camera noise at the camera's own bit depth: variance = read_grey^2 + grey / electrons_per_grey."""
@@ -140,7 +152,8 @@ class CameraSpec(Table):
     What a real camera is set to, where its driver can: `gain` in the device's own units, `pixel_format` by
     its GenICam name, `region_px` (first column, first row, columns, rows) of the sensor, and `trigger`: runs
     "free", is fired by "software" for each frame, or by "hardware" through an input line. `latency_s`: from
-    the end of an exposure until its frame is received, at the least.
+    the end of an exposure until its frame is received, at the least. `reopen_s`: how long a camera that was
+    lost is tried again before a run ends; one that reboots takes half a minute.
 
     `rest_map`: file of the LCD position that every pixel was measured to see by the mirror at rest (`.npz`
     of `zeromethod calibrate decode`, `arrays.h5` of a calibration). Readings then start from there, and each
@@ -149,7 +162,7 @@ class CameraSpec(Table):
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
 
-    driver: Text = "simulated"
+    driver: Text = SIMULATED
     columns: Annotated[int, Field(ge=64, le=16384)]
     rows: Annotated[int, Field(ge=64, le=16384)]
     bits: Literal[8, 10, 12, 14, 16] = 8
@@ -170,6 +183,7 @@ class CameraSpec(Table):
     trigger: Literal["free", "software", "hardware"] = "free"
     psf_px: NotNegative = 0.0
     noise: Noise = Noise()
+    reopen_s: NotNegative = 60.0
     rest_map: Path | None = None
 
     def __repr__(self) -> str:
@@ -212,6 +226,7 @@ class Rig(Table):
     control: ControlSpec = ControlSpec()
     surface: SurfaceSpec = SurfaceSpec()
     geometry: GeometrySpec = GeometrySpec()
+    priors: PriorSpec = PriorSpec()
     simulation: SimulationSpec = SimulationSpec()
     scenario: Text = "default"
 
@@ -223,6 +238,13 @@ class Rig(Table):
                 "target.period_px", self.target.period_px, f"at most a quarter of {smaller} camera px"
             )
         return self
+
+    @property
+    def coded(self) -> bool:
+        """Whether coded strips are asked for, by itself or because a device is not the simulated one."""
+        if self.control.strips == "auto":
+            return {self.camera.driver, self.display.driver} != {SIMULATED}
+        return self.control.strips == "edges"
 
     def __repr__(self) -> str:
         camera, lcd, prism = self.camera, self.display, self.prism
@@ -319,7 +341,7 @@ def _check_simulated_options(data: dict[str, Any]) -> str | None:
     """Refuse keys that a lab's own driver could take but the simulated device does not."""
     for table, model in (("display", DisplaySpec), ("camera", CameraSpec)):
         given = data.get(table)
-        if not isinstance(given, dict) or given.get("driver", "simulated") != "simulated":
+        if not isinstance(given, dict) or given.get("driver", SIMULATED) != SIMULATED:
             continue
         known = list(model.model_fields)
         for key in given:

@@ -152,15 +152,16 @@ class ControlSpec(Table):
 
     `gain` 0..1: share of each correction applied at once (composition: filter's upper limit;
     integrator: its gain); `leak` is the integrator's alone, per frame. `strips` "edges": coded strips at two
-    edges of the view identify the pictures that a frame was exposed to. `follow_bench`: motion of camera,
-    LCD or prism is corrected where it shows whole, while nothing presses or by two places known to rest.
+    edges of the view identify the pictures that a frame was exposed to; "auto": so they do unless camera and
+    display are the simulated ones. `follow_bench`: motion of camera, LCD or prism is corrected where it shows
+    whole, while nothing presses or by two places known to rest.
     """
 
     controller: Literal["composition", "integrator"] = "composition"
     gain: Annotated[float, Field(gt=0, le=1)] = 1.0
     leak: Annotated[float, Field(ge=0, lt=1)] = 0.01
     timeout_s: Positive = 1.0
-    strips: Literal["none", "edges"] = "none"
+    strips: Literal["auto", "none", "edges"] = "auto"
     follow_bench: bool = False
 
 
@@ -176,6 +177,34 @@ class KnownRest(Table):
             if start >= end:
                 raise refused(key, [start, end], "from, to with from below to")
         return self
+
+
+class PriorSpec(Table):
+    """How well the geometry in the file is known before it is calibrated: standard deviations, 0 = exact.
+
+    The defaults are those of calipers, a protractor and data sheets. Of the LCD: its place along the pattern
+    face and along y, its turn, its wedge (about either axis), the gap before it. Of the camera: its place
+    along each axis, its direction either way, its roll, its focal length (or pixel size) in percent, one
+    focal length against the other in percent, its principal point, the distortion k1. Of the prism: its
+    index, the pattern face's angle, the camera face's less that one, the length.
+    """
+
+    display_along_mm: NotNegative = 1.2
+    display_across_mm: NotNegative = 1.2
+    display_turn_deg: NotNegative = 0.6
+    display_wedge_deg: NotNegative = 0.15
+    gap_mm: NotNegative = 0.17
+    camera_place_mm: NotNegative = 3.0
+    camera_aim_deg: NotNegative = 0.6
+    camera_roll_deg: NotNegative = 0.6
+    focal_percent: NotNegative = 1.2
+    focal_aspect_percent: NotNegative = 0.05
+    centre_px: NotNegative = 15.0
+    distortion_k1: NotNegative = 0.3
+    index: NotNegative = 0.006
+    angle_deg: NotNegative = 0.3
+    faces_difference_deg: NotNegative = 0.18
+    length_mm: NotNegative = 0.05
 
 
 class SurfaceSpec(Table):

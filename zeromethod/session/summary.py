@@ -19,6 +19,9 @@ Figures = dict[str, Any]
 _FOLLOWING = NULLED | {State.NULLING}
 """A moving press is never quite nulled; every frame that was measured counts."""
 
+_SEES_TARGET = NULLED | {State.UNCALIBRATED, State.MOVED}
+_TAIL_S, _LEAST_TAIL_S = 5.0, 1.0
+
 _LIBRARIES = ("zeromethod", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "moderngl")
 
 
@@ -39,6 +42,26 @@ def lock_frames(records: list[StepFigures], phase: str = "hold") -> int | None:
         run_length = run_length + 1 if record.residual_rms_px < LOCK_RESIDUAL_PX else 0
         if run_length == LOCK_FRAMES:
             return index - LOCK_FRAMES + 2
+    return None
+
+
+def not_nulled(records: list[StepFigures]) -> str | None:
+    """When a run did not hold the null though it should have, in words; None where it did.
+
+    A scenario's hold must be nulled at some time. Without a scenario, so must the end: the last 5 s, or half
+    of a shorter run (1 s at least), as a loop that began at rest may have been thrown off by the first press.
+    """
+    held = [record for record in records if record.phase == "hold"]
+    running = [record for record in records if record.state is not State.STOPPED]
+    if not any(record.state in _SEES_TARGET for record in held or running):
+        return "during the hold" if held else "in the whole run"
+    if any(record.phase for record in records):
+        return None
+    length_s = running[-1].time_s - running[0].time_s
+    tail_s = max(min(_TAIL_S, 0.5 * length_s), _LEAST_TAIL_S)
+    tail = {record.state for record in running if record.time_s >= running[-1].time_s - tail_s}
+    if State.NULLING in tail and not tail & (_SEES_TARGET | {State.PAUSED}):
+        return f"in the last {tail_s:.1f} s"
     return None
 
 
@@ -124,7 +147,7 @@ def summarise(result: RunResult) -> Figures:
     held = [record for record in records if record.phase == "hold"] or records
     nulled = [record for record in held if record.state in NULLED]
     read = [record for record in held if record.state in READ]
-    last = result.last
+    last, unheld = result.last, not_nulled(records)
     figures = {
         "rig": result.rig.name,
         "press": result.rig.scenario,
@@ -143,8 +166,9 @@ def summarise(result: RunResult) -> Figures:
         "state": str(result.state),
         "reason": last.reason if last else "",
         "nulled_frames": len(nulled),
+        "not_nulled": unheld,
         "events": result.events,
-        "lock_frames": lock_frames(records),
+        "lock_frames": lock_frames(records) if unheld is None else None,
         "residual_px_rms": _median_residual_px(read or held),
         "calibrated": all(record.calibrated for record in records),
         **_depth_figures(result, read),

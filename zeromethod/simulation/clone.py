@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from zeromethod.rig.model import Rig
-
-SIMULATED = "simulated"
+from zeromethod.rig.model import SIMULATED, Rig
 
 _OF_THE_DEVICE = frozenset({"driver", "gain", "pixel_format", "region_px", "trigger", "rest_map"})
 """Keys of `[camera]` that a real device is set to, or that were measured of it beyond the geometry."""
@@ -27,6 +25,7 @@ def simulated_clone(rig: Rig) -> Rig:
         return rig
     early_s = min(rig.display.latency_s, 0.0)
     display = rig.display.given()
+    display.pop("latency_range_s", None)
     camera = {key: value for key, value in rig.camera.given().items() if key not in _OF_THE_DEVICE}
     if early_s < 0.0:
         display["latency_s"] = 0.0

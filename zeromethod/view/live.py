@@ -27,6 +27,27 @@ EXPLAINED = frozenset({State.HOLDING, State.UNCALIBRATED, State.MOVED, State.LOS
 """States whose reason is shown in place of the figures."""
 
 
+LASTING_S = {State.HOLDING: 0.3}
+"""How long a state must have lasted before it is shown, of the run's clock: a single frame that may not be
+used comes now and then, and would only flash. Others are shown at once."""
+
+
+class LastingState:
+    """The state to show: the newest one that has lasted long enough. What is recorded is not its business."""
+
+    def __init__(self) -> None:
+        self._newest, self._since_s = State.STARTING, 0.0
+        self.shown = State.STARTING
+
+    def see(self, state: State, time_s: float) -> State:
+        """Take in the state of a step; the one to show."""
+        if state is not self._newest:
+            self._newest, self._since_s = state, time_s
+        if time_s - self._since_s >= LASTING_S.get(state, 0.0):
+            self.shown = state
+        return self.shown
+
+
 class LiveStatus:
     """Progress bar with state, residual, peak depth and loop time, which only a terminal shows.
 
@@ -38,6 +59,8 @@ class LiveStatus:
         """`total` in `unit` ("frames" or "seconds"), None: no end is known. keys: what each does."""
         self._unit = unit
         self._peak_mm = float("nan")
+        self._lasting = LastingState()
+        self._figures = ""
         self._console = console
         self._progress = Progress(
             # what matters most is never cut short; in a narrow terminal the figures are
@@ -70,13 +93,16 @@ class LiveStatus:
         if step.peak is not None:
             self._peak_mm = step.peak.depth_mm
         relative = "" if step.calibrated else " (relative)"
+        state = self._lasting.see(step.state, step.time_s)
         figures = (
             f"peak {1e3 * self._peak_mm:.2f} µm{relative}  residual {step.residual_rms_px:.3f} px  "
             f"valid {100 * step.valid_share:.1f} %  loop {step.loop_ms:.1f} ms"
         )
+        if state is step.state:
+            self._figures = step.reason if state in EXPLAINED else f"{step.phase}  {figures}".strip()
         self._progress.update(
             self._task,
             completed=done_frames if self._unit == "frames" else step.time_s,
-            state=f"[{STATE_COLOURS[step.state]}]{step.state}[/]",
-            figures=escape(step.reason if step.state in EXPLAINED else f"{step.phase}  {figures}".strip()),
+            state=f"[{STATE_COLOURS[state]}]{state}[/]",
+            figures=escape(self._figures),
         )

@@ -202,7 +202,7 @@ def settings_rows(recording: Recording) -> Iterator[tuple[str, str]]:
     if control.controller == "integrator":
         yield "leak", f"{control.leak:g} per frame"
     yield "camera timeout", f"{control.timeout_s:g} s"
-    yield "coded strips", control.strips
+    yield "coded strips", "edges" if rig.coded else "none"
     if not recording.live:
         yield "press", rig.scenario
         yield "seed", str(recording.seed)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from crooked_bench import OFF
 
-from zeromethod.calibration import describe
-from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, procedure, record
+from zeromethod.calibration import describe, judge
+from zeromethod.calibration.shortfall import Lack, Part
+from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, evaluate, procedure, record
+from zeromethod.commissioning.delay import DelayResult
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import Optics
@@ -88,8 +94,12 @@ def test_another_press_is_read_in_millimetres(calibration: Calibration) -> None:
     assert calibration.depth_percent < 1.0
 
 
-def test_verdict_is_good_and_the_picture_stood_still(calibration: Calibration) -> None:
-    assert calibration.verdict.level == "good", calibration.verdict
+def test_nothing_but_what_was_left_out_speaks_against_it(calibration: Calibration) -> None:
+    assert calibration.verdict.level == "uncertain"
+    left_out = "light: left out: the rig file's response and noise hold, unmeasured"
+    assert calibration.verdict.findings == (left_out,)
+    whole = replace(calibration.recorded, shortfalls=())
+    assert evaluate(whole, calibration.rest).verdict.level == "good"
     # loop and phase shifting, two ways to measure one warp; both know it to 0.02 LCD px
     assert calibration.drift_px < 0.05
 
@@ -115,6 +125,44 @@ def test_what_was_measured_outlives_a_press_that_never_comes() -> None:
     assert rest.rest_map.valid.mean() > 0.9
 
 
+@pytest.mark.parametrize(
+    ("outcome", "believed_s", "lack", "latency_s", "level"),
+    [
+        (MeasurementError("delay: it is not steady"), 0.0, Lack.FAILED, None, "bad"),
+        ((0.0133, 0.0206), 0.0, Lack.BOUNDED, 0.01695, "uncertain"),
+        ((0.0133, 0.0206), 0.015, Lack.BOUNDED, 0.015, "uncertain"),
+    ],
+)
+def test_a_delay_that_was_not_measured_is_never_good(
+    outcome: Any, believed_s: float, lack: Lack, latency_s: float | None, level: str,
+    calibration: Calibration, monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Neither codes nor changes of the picture time the panel; a range replaces what it contradicts."""
+
+    def timed(*_: object) -> DelayResult:
+        if isinstance(outcome, Exception):
+            raise outcome
+        middle_s = float(np.mean(outcome))
+        return DelayResult(middle_s, 0.002, math.nan, 60.0, 60.0, 0.05, 180, 170, 0, outcome, "in step")
+
+    def untimed(*_: object) -> None:
+        raise MeasurementError("panel timing: the camera does not see the panel change")
+
+    monkeypatch.setattr(procedure, "measure_delay", timed)
+    monkeypatch.setattr(procedure, "measure_panel_timing", untimed)
+    rig = quarter().replace({"display.latency_s": believed_s})
+    with open_devices(rig.model_copy(update={"scenario": "none"})) as devices:
+        recorded, _ = record(rig, devices, Plan(light=False, rest_frames=1))
+    assert [(one.part, one.lack) for one in recorded.shortfalls[1:]] == [
+        (Part.PANEL, Lack.FAILED),
+        (Part.DELAY, lack),
+    ]
+    assert recorded.values.get("display.latency_s") == latency_s
+    rig.replace(recorded.values)  # is a rig
+    judged = judge(calibration.fitted, calibration.error, shortfalls=recorded.shortfalls)
+    assert judged.level == level
+
+
 def test_rest_map_outlives_ctrl_c_in_a_later_step(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
@@ -125,6 +173,12 @@ def test_rest_map_outlives_ctrl_c_in_a_later_step(monkeypatch: pytest.MonkeyPatc
         recorded, rest = record(rig, devices, Plan((0.2,), light=False, rest_frames=1))
     assert recorded.interrupted
     assert recorded.failure == "panel: interrupted"
+    lacking = [(one.part, one.lack) for one in recorded.shortfalls]
+    assert lacking == [
+        (Part.LIGHT, Lack.SKIPPED),
+        (Part.PRESSES, Lack.FAILED),
+        (Part.DELAY, Lack.SKIPPED),
+    ]
     assert recorded.plan.press_depths_mm == ()
     assert rest.rest_map.valid.mean() > 0.9
 

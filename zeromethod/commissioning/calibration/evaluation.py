@@ -168,7 +168,7 @@ def evaluate(
         advance()
         gain = gains(fitted, error)
         usable = float(np.mean(rest_warp.valid[grid.inner]))
-        verdict = judge(fitted, error, gain, usable, last)
+        verdict = judge(fitted, error, gain, usable, last, recorded.shortfalls)
         if drift > DRIFT_LCD_PX:
             findings.append(f"the picture moved by {drift:.2f} LCD px between rest map and presses")
             verdict = replace(verdict, level=Level.BAD)

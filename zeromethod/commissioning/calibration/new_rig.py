@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from zeromethod.design import SampledView
@@ -12,10 +12,10 @@ from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
 from zeromethod.resources import resource
 from zeromethod.rig.load import parse_rig
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import PriorSpec, Rig
 
 _LOOK_AT_SHARE = 0.545
-"""Of the mirror's length from P0: past the middle, as P0's end has no lever."""
+"""Of the mirror's length from P0, unless it is known better."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,9 @@ class Calipers:
     """What is measured by hand. Lengths in mm, angles in degrees, pixels of the camera in micrometres.
 
     lcd_along_mm: from P0 to the LCD's middle, along the pattern face. distance_mm: from the lens (its front
-    principal plane, about the middle of a short lens) to the camera face. lens_mm: focal length.
+    principal plane, about the middle of a short lens) to the camera face. lens_mm: focal length. aim_mm:
+    where the camera looks, (x from P0 along the mirror, y); None: past the middle, as P0's end has no lever.
+    priors: how well all of this is known.
     """
 
     pattern_angle_deg: float
@@ -44,6 +46,8 @@ class Calipers:
     distance_mm: float
     rate_hz: float
     exposure_s: float
+    aim_mm: tuple[float, float] | None = None
+    priors: PriorSpec = field(default_factory=PriorSpec)
 
     @classmethod
     def of(cls, rig: Rig) -> Calipers:
@@ -92,6 +96,7 @@ class Calipers:
             pixel_um=round(1e3 * image / camera.focal_px[0], 4),
             lens_mm=lens,
             distance_mm=round(distance, 3),
+            priors=rig.priors,
         )
 
     @property
@@ -101,16 +106,17 @@ class Calipers:
         return 1e3 * _image_mm(self.lens_mm, focus) / self.pixel_um
 
     @property
-    def look_at_mm(self) -> float:
-        """Where on the mirror (x) the camera is taken to look."""
-        return round(_LOOK_AT_SHARE * self._length_mm, 1)
+    def look_at_mm(self) -> tuple[float, float]:
+        """Where on the mirror (x, y) the camera is taken to look."""
+        return self.aim_mm or (round(_LOOK_AT_SHARE * self._length_mm, 1), 0.0)
 
     @property
     def position_mm(self) -> tuple[float, float, float]:
         """The camera's place, on the camera face's normal through what it looks at."""
         beta = math.radians(self.camera_angle_deg)
-        away = self.distance_mm + (self._length_mm - self.look_at_mm) * math.sin(beta)
-        return self.look_at_mm + away * math.sin(beta), 0.0, -away * math.cos(beta)
+        x_mm, y_mm = self.look_at_mm
+        away = self.distance_mm + (self._length_mm - x_mm) * math.sin(beta)
+        return x_mm + away * math.sin(beta), y_mm, -away * math.cos(beta)
 
     @property
     def _length_mm(self) -> float:

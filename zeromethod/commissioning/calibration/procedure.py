@@ -8,6 +8,7 @@ from typing import Any
 
 from zeromethod.calibration.fingerprint import take_fingerprint
 from zeromethod.calibration.panel_timing import StepTiming
+from zeromethod.calibration.shortfall import Lack, Part, Shortfall
 from zeromethod.clock import HostClock
 from zeromethod.commissioning.calibration.first_fit import first_fit
 from zeromethod.commissioning.calibration.plan import Plan, Recorded
@@ -30,7 +31,9 @@ from zeromethod.rig.model import Rig
 USABLE_REFRESHES = 0.1
 """Standard deviation, in refreshes, of a delay by changes of the picture that serves where codes do not."""
 
-_TIMING = frozenset({"display.latency_s", "display.scanout_s", "display.scan", "display.rise_s"})
+_TIMING = frozenset(
+    {"display.latency_s", "display.latency_range_s", "display.scanout_s", "display.scan", "display.rise_s"}
+)
 
 
 def record(
@@ -60,12 +63,17 @@ def record(
         raise MeasurementError(f"{session.step}: the display is lost: {error}") from error
 
 
+def _ms(bounds_s: tuple[float, float]) -> str:
+    return f"{1e3 * bounds_s[0]:.1f} to {1e3 * bounds_s[1]:.1f} ms"
+
+
 class _Session:
     def __init__(self, rig: Rig, devices: Devices, plan: Plan, prompts: Prompts) -> None:
         self._given, self._devices, self._plan, self._prompts = rig, devices, plan, prompts
         self._seconds: dict[str, float] = {}
         self._values: dict[str, Any] = {}
         self._notes: list[str] = []
+        self._shortfalls: list[Shortfall] = []
         self._failure: str | None = None
         self._interrupted = False
         self._began_s = time.monotonic()
@@ -122,17 +130,25 @@ class _Session:
         except KeyboardInterrupt:
             # The rest map is sound. Ctrl-C between presses is handled there.
             self._end_early(f"{self.step}: interrupted", 0, interrupted=True)
+            if plan.delay and delay is None:
+                self._lacks(Part.DELAY, Lack.SKIPPED, "interrupted; the rig file's timing holds, unmeasured")
         self._begin("")
         del self._seconds["opening"]
         recorded = Recorded(
             *(self._given, self._plan, fingerprint, settling, frames, light, delay, panel, presses),
-            *(self._values, self._seconds, tuple(self._notes), self._failure, self._interrupted),
+            *(tuple(self._shortfalls), self._values, self._seconds, tuple(self._notes)),
+            *(self._failure, self._interrupted),
         )
         return recorded, found
 
     def _note(self, words: str) -> None:
         self._notes.append(words)
         self._prompts.say(f"! {words}")
+
+    def _lacks(self, part: Part, lack: Lack, why: str) -> None:
+        self._shortfalls.append(Shortfall(part, lack, why))
+        if lack is not Lack.SKIPPED:
+            self._note(self._shortfalls[-1].words)
 
     def _decoded(self, rig: Rig, frames: RestFrames) -> RestMeasurement:
         """Decode what was captured, also at the first Ctrl-C: without it nothing could be kept."""
@@ -145,6 +161,7 @@ class _Session:
 
     def _light(self, hold_s: float) -> LightResult | None:
         if not self._plan.light:
+            self._lacks(Part.LIGHT, Lack.SKIPPED, "the rig file's response and noise hold, unmeasured")
             return None
         self._begin("light")
         # The delay is not known yet: pictures are shown for as long as changes took.
@@ -165,32 +182,43 @@ class _Session:
     def _panel(self, rig: Rig) -> StepTiming | None:
         """Scan-out and rise; what cannot be measured stays as the rig file has it."""
         if not self._plan.delay:
-            return None
+            return None  # `_delay` says so
         self._begin("panel")
         with self._prompts.part("scan-out and rise", FEWEST_CHANGES) as advance:
             try:
                 panel = measure_panel_timing(rig, self._devices, 0.0, advance)
             except MeasurementError as error:
-                self._note(f"{error}; the rig file's scan-out and rise stay")
+                self._lacks(Part.PANEL, Lack.FAILED, f"{error}; the rig file's stay")
                 return None
         self._values |= panel.rig_values()
         return panel
 
     def _delay(self, rig: Rig, panel: StepTiming | None) -> DelayResult | None:
+        file_ms = f"{1e3 * rig.display.latency_s:g} ms"
         if not self._plan.delay:
+            if (bounds := rig.display.latency_range_s) is not None:
+                self._lacks(Part.DELAY, Lack.BOUNDED, f"{_ms(bounds)}, by the rig file")
+            else:
+                self._lacks(Part.DELAY, Lack.SKIPPED, f"the rig file's timing holds ({file_ms}), unmeasured")
             return None
         self._begin("delay")
         with self._prompts.part("delay", round(self._plan.delay_s * rig.camera.rate_hz)) as advance:
             try:
                 delay = measure_delay(rig, self._devices, self._plan.delay_s, advance)
+                why = delay.why
             except MeasurementError as error:
-                if panel is not None and panel.latency_sigma_s < USABLE_REFRESHES / rig.display.refresh_hz:
-                    self._values["display.latency_s"] = round(panel.latency_s, 6)
-                    self._note(f"{error}; {1e3 * panel.latency_s:.1f} ms by changes of the picture are taken")
-                else:
-                    self._note(f"{error}; the rig file's {1e3 * rig.display.latency_s:g} ms stay")
-                return None
-        self._values["display.latency_s"] = round(delay.latency_s, 6)
+                delay, why = None, str(error).removeprefix("delay: ")
+        if delay is not None and delay.range_s is None:
+            self._values |= delay.rig_values(rig.display.latency_s)
+        elif panel is not None and panel.latency_sigma_s < USABLE_REFRESHES / rig.display.refresh_hz:
+            self._values |= {"display.latency_s": round(panel.latency_s, 6), "display.latency_range_s": None}
+            self._note(f"delay: {why}; {1e3 * panel.latency_s:.1f} ms by changes of the picture are taken")
+        elif delay is not None and delay.range_s is not None:
+            self._values |= delay.rig_values(rig.display.latency_s)
+            taken_ms = 1e3 * self._values["display.latency_s"]
+            self._lacks(Part.DELAY, Lack.BOUNDED, f"{_ms(delay.range_s)}: {why}; {taken_ms:.1f} ms are taken")
+        else:
+            self._lacks(Part.DELAY, Lack.FAILED, f"{why}; the rig file's {file_ms} may be wrong")
         return delay
 
     def _presses(self, rig: Rig) -> PressWarps | None:
@@ -198,8 +226,8 @@ class _Session:
             return None
         self._begin("presses")
         timed = rig.replace(self._timing())
-        chosen = "strips" in rig.control.model_fields_set
-        if not chosen and (isinstance(self._devices.clock, HostClock) or "display.latency_s" in self._values):
+        timed_here = isinstance(self._devices.clock, HostClock) or "display.latency_s" in self._values
+        if rig.control.strips == "auto" and timed_here:
             timed = with_strips(timed)
         plan = self._plan
         try:
@@ -222,6 +250,8 @@ class _Session:
         """Leave it at what there is, `presses` of known depth among it."""
         self._failure, self._interrupted = why, interrupted
         self._note(f"{why}; going on with what there is")
+        if self._plan.presses:
+            self._shortfalls.append(Shortfall(Part.PRESSES, Lack.FAILED, why))
         # The ball comes last: where something is missing, it is the ball at least.
         depths_mm = self._plan.press_depths_mm[:presses]
         self._plan = replace(self._plan, press_depths_mm=depths_mm, ball_mm=None)

@@ -17,6 +17,7 @@ from zeromethod.calibration.fit import Fit
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, load, load_arrays, store
 from zeromethod.calibration.measurements import Direct, Intrinsics, MirrorEdge
 from zeromethod.calibration.parameters import PARAMETERS, describe
+from zeromethod.calibration.shortfall import Lack, Part, Shortfall
 from zeromethod.commissioning.calibration.evaluation import Calibration
 from zeromethod.commissioning.calibration.plan import Known, Plan, Recorded
 from zeromethod.commissioning.calibration.presses import PressWarps
@@ -29,7 +30,17 @@ from zeromethod.rig.load import load_rig
 from zeromethod.warp.warp import Warp
 
 _OFFERS = 6
-_DELAY = ("latency_s", "sigma_s", "jitter_s", "refresh_hz", "camera_rate_hz", "horizon_s", "frames", "used")
+_DELAY = (
+    "latency_s",
+    "sigma_s",
+    "jitter_s",
+    "refresh_hz",
+    "camera_rate_hz",
+    "horizon_s",
+    "frames",
+    "used",
+    "range_s",
+)
 _DATA = ("name=measurement.name", "numbers=count", "outliers")
 _WARP = ("q", "sigma", "flags")
 _SEQUENCE = ("periods_px", "shifts_rad", "axes", "repeats")
@@ -138,7 +149,8 @@ def recall(folder: Path) -> tuple[Recorded, Stored]:
         Settling(**stored.document["settling"]),
         RestFrames(sequence, sums, int(frames)),
         presses=presses,
-        values=raw.get("values", {}),
+        shortfalls=tuple(map(_shortfall_of, stored.document.get("shortfall", ()))),
+        values=_values_of(raw.get("values", {})),
         notes=tuple(raw.get("notes", ())),
     )
     return recorded, stored
@@ -192,6 +204,7 @@ def document_of(found: Calibration) -> dict[str, Any]:
         "edge": [_edge(one) for one in found.edges],
         "rest_map": figures(found.rest),
         "settling": asdict(recorded.settling),
+        "shortfall": [asdict(one) for one in recorded.shortfalls],
     }
     if recorded.delay is not None:
         document["delay"] = _table(recorded.delay, *_DELAY)
@@ -240,6 +253,16 @@ def _table_of(known: Known) -> dict[str, Any]:
         numbers = {"values": known.values, "sigma": known.spread, "correlation": known.correlation}
         return {"camera": list(known.names)} | {key: one.tolist() for key, one in numbers.items()}
     return {"edge": known.edge, "pixel": known.pixel.tolist(), "sigma": known.sigma_px}
+
+
+def _shortfall_of(table: Mapping[str, Any]) -> Shortfall:
+    return Shortfall(Part(table["part"]), Lack(table["lack"]), table["why"])
+
+
+def _values_of(values: Mapping[str, Any]) -> dict[str, Any]:
+    """As they were measured; TOML does not say that a measured delay takes the range of one before it out."""
+    gone = {"display.latency_range_s": None} if "display.latency_s" in values else {}
+    return gone | dict(values)
 
 
 def _known_of(table: Mapping[str, Any]) -> Known:

@@ -18,12 +18,12 @@ from zeromethod.loop.step import Step
 from zeromethod.optics import Optics
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.recording import Recording
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import SIMULATED, Rig
 from zeromethod.session.reading import timed
 from zeromethod.session.replay.mirror import RecordedMirror
 from zeromethod.session.replay.track import Nodes, Track, TrackPoint
 from zeromethod.session.replay.window import Pace, Window
-from zeromethod.simulation.clone import SIMULATED, simulated_clone
+from zeromethod.simulation.clone import simulated_clone
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.surface.comparison import compare
 from zeromethod.warp.grid import NodeGrid
@@ -36,11 +36,14 @@ def simulated_bench(rig: Rig) -> Rig:
     It keeps the camera's delay. Readings are zeroed by the geometry, which is exact on the bench.
     """
     clone = simulated_clone(rig)
-    simulation = clone.simulation
+    simulation, control = clone.simulation, clone.control
     if rig.camera.driver != SIMULATED:
+        # strips cover the nodes that they covered there
+        control = control.model_copy(update={"strips": "edges" if rig.coded else "none"})
         simulation = simulation.model_copy(update={"camera_latency_s": clone.camera.latency_s})
     camera = clone.camera.model_copy(update={"rest_map": None})
-    return clone.model_copy(update={"scenario": "none", "simulation": simulation, "camera": camera})
+    changed = {"simulation": simulation, "control": control, "camera": camera}
+    return clone.model_copy(update={"scenario": "none", **changed})
 
 
 @dataclass

@@ -18,8 +18,8 @@ from zeromethod.arrays import Float, Mask, Single
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.recording.recording import Recording
+from zeromethod.rig.model import SIMULATED
 from zeromethod.session.replay.window import Window
-from zeromethod.simulation.clone import SIMULATED
 from zeromethod.simulation.moving_map import MapLattice, MovingMap
 from zeromethod.simulation.scattered import ScatteredMap
 from zeromethod.simulation.scenario import Scenario

@@ -1,0 +1,59 @@
+"""Why a camera cannot be opened: every way that can be planted here."""
+
+from __future__ import annotations
+
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from zeromethod.drivers.not_opened import reason
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        return int(taken.getsockname()[1])
+
+
+def test_a_port_at_which_nothing_listens_is_refused() -> None:
+    port = free_port()
+    assert reason(f"tcp://me:secret@127.0.0.1:{port}") == (
+        f"127.0.0.1 refuses connections at port {port}: does the camera or server run?"
+    )
+
+
+def test_a_server_that_speaks_no_pictures_is_told_from_one_that_is_not_there() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        assert "answers at port" in reason(f"http://127.0.0.1:{mute.getsockname()[1]}/video")
+
+
+def test_a_server_whose_queue_is_full_times_out() -> None:
+    with socket.socket() as full, socket.socket() as one, socket.socket() as two:
+        full.bind(("127.0.0.1", 0))
+        full.listen(0)
+        for client in (one, two):
+            client.setblocking(False)
+            client.connect_ex(full.getsockname())
+        assert "does not answer" in reason(f"tcp://127.0.0.1:{full.getsockname()[1]}")
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        (63, "/dev/video63: no such file or directory"),
+        ("tcp://127.0.0.1", "host or port missing"),
+        ("tcp://127.0.0.1:99999", "Port out of range 0-65535"),
+    ],
+)
+def test_what_is_not_there_is_said(source: int | str, words: str) -> None:
+    assert reason(source) == words
+
+
+def test_a_file_that_is_no_film_or_may_not_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "notes.avi"
+    path.write_text("no film")
+    assert reason(str(path)) == f"{path}: not a video file"
+    if os.geteuid():
+        path.chmod(0)
+        assert reason(str(path)) == f"{path}: permission denied"
