@@ -41,7 +41,7 @@ REAL_TIME = (
 SHARING = ("calibration/", "export/", "commissioning/calibration/", "session/replay/", "view/")
 """Folders whose tests share fixtures that take seconds."""
 
-ORDER = ("tests/acceptance/", "tests/test_wheel")
+ORDER = ("tests/acceptance/", "tests/test_", "tests/study/", "tests/view/", "tests/c")
 """What begins: tests of many seconds each, so that no worker waits at the end for one that began them last.
 The wheel, which is the longest, comes after those that compile what it takes along."""
 

@@ -18,7 +18,7 @@ from recorded_run import recorded, small_rig
 import zeromethod as zm
 from zeromethod.cli.main import _COMMANDS
 from zeromethod.decoding.fringes import FringeSequence
-from zeromethod.study import Workers
+from zeromethod.study import Workers, workers
 
 ROOT = Path(__file__).parent.parent
 HEAVY = ("numpy", "scipy", "cv2", "numba", "h5py", "matplotlib", "pydantic", "moderngl")
@@ -166,7 +166,8 @@ def test_a_rig_is_assessed() -> None:
     assert figures["delay"]["largest_gain"].keys() == {"composition", "integrator"}
 
 
-def test_a_study_is_run(tmp_path: Path) -> None:
+def test_a_study_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "_CONNECT_S", 0.2)
     study = tmp_path / "tiny.toml"
     tables = '[rig]\nbinning = 8\n[grid]\n"control.gain" = [0.3, 0.6]\n'
     study.write_text(f'schema_version = 1\ntitle = "tiny"\nframes = 3\n{tables}')

@@ -28,15 +28,15 @@ Line = dict[str, Any]
 """A message's header, or a line of the truth."""
 
 PRESS = """
-duration_s = 18.0
+duration_s = 14.5
 phase = [
     { name = "untouched", from_s = 0.0, to_s = 1.0 },
     { name = "press", from_s = 1.0, to_s = 2.0 },
     { name = "hold", from_s = 2.0, to_s = 6.0 },
-    { name = "slide", from_s = 6.0, to_s = 12.0 },
-    { name = "settle", from_s = 12.0, to_s = 13.0 },
-    { name = "lift", from_s = 13.0, to_s = 14.0 },
-    { name = "rest", from_s = 14.0, to_s = 18.0 },
+    { name = "slide", from_s = 6.0, to_s = 9.0 },
+    { name = "settle", from_s = 9.0, to_s = 9.5 },
+    { name = "lift", from_s = 9.5, to_s = 10.5 },
+    { name = "rest", from_s = 10.5, to_s = 14.5 },
 ]
 
 [[press]]
@@ -46,9 +46,9 @@ path = [
     { time_s = 1.0, x_mm = 37.0, y_mm = 0.0, depth_mm = 0.0 },
     { time_s = 2.0, x_mm = 37.0, y_mm = 0.0, depth_mm = 0.2 },
     { time_s = 6.0, x_mm = 37.0, y_mm = 0.0, depth_mm = 0.2 },
-    { time_s = 12.0, x_mm = 45.0, y_mm = 0.0, depth_mm = 0.2 },
-    { time_s = 13.0, x_mm = 45.0, y_mm = 0.0, depth_mm = 0.2 },
-    { time_s = 14.0, x_mm = 45.0, y_mm = 0.0, depth_mm = 0.0 },
+    { time_s = 9.0, x_mm = 41.0, y_mm = 0.0, depth_mm = 0.2 },
+    { time_s = 9.5, x_mm = 41.0, y_mm = 0.0, depth_mm = 0.2 },
+    { time_s = 10.5, x_mm = 41.0, y_mm = 0.0, depth_mm = 0.0 },
 ]
 """
 
@@ -72,10 +72,10 @@ def _command(*arguments: str) -> list[str]:
 
 @pytest.fixture
 def virtual_bench(desktop: TwoMonitors, tmp_path: Path) -> Iterator[tuple[str, Path]]:
-    """Address of the camera and the file of the truth; the scenario starts 12 s after the run connects."""
+    """Address of the camera and the file of the truth; the scenario starts 8 s after the run connects."""
     press, truth = tmp_path / "press.toml", tmp_path / "truth.jsonl"
     press.write_text(PRESS)
-    options = ("--scenario", str(press), "--truth", str(truth), "--port", "0", "--start-after", "12")
+    options = ("--scenario", str(press), "--truth", str(truth), "--port", "0", "--start-after", "8")
     bench = subprocess.Popen(
         _command("virtual-bench", *options), env=desktop.environment, stdout=subprocess.PIPE, text=True
     )
@@ -124,7 +124,7 @@ def test_a_live_run_locks_and_follows_press_slide_and_release_within_one_percent
     summary = tmp_path / "run.json"
     running = subprocess.Popen(
         _command(
-            *("run", "--rig", "virtual", "--display", "1", "--camera", camera, "--seconds", "32"),
+            *("run", "--rig", "virtual", "--display", "1", "--camera", camera, "--seconds", "24"),
             *("--publish", publishing, "--summary", str(summary)),
         ),
         env=desktop.environment,

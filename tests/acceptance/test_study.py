@@ -1,4 +1,4 @@
-"""200 short runs give one table: on local workers, on a Dask cluster, with a worker killed in the middle."""
+"""Short runs give one table: on local workers, on a Dask cluster, with a worker killed in the middle."""
 
 import os
 import signal
@@ -11,7 +11,7 @@ import pytest
 from zeromethod.study import Progress, Study, Workers, parse_study, run_study
 from zeromethod.study.results import TABLE
 
-RUNS = 200
+RUNS = 64
 
 # 64 x 64 camera pixels, a small LCD, the frames before and after the touch: some 0.1 s for a run
 STUDY = f"""
