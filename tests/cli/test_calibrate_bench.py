@@ -128,54 +128,6 @@ def test_evaluating_again_adds_what_was_measured_later_and_diff_shows_it(
     assert "depth's sigma, percent" in differences.output
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ((), "--rig: missing"),
-        ((*SIMULATED, "--press-depths", "0.2,x"), "--press-depths"),
-        ((*SIMULATED, "--press-depths", "-0.2"), "--press-depths"),
-        ((*SIMULATED, "--depth-sigma", "0"), "--depth-sigma"),
-        ((*SIMULATED, "--known", "gap_mm=0.5"), "--known"),
-        ((*SIMULATED, "--known", "speed=0.5:0.1"), "not a parameter"),
-        ((*SIMULATED, "--known", "gap_mm=nan:1"), "must be finite"),
-        ((*SIMULATED, "--known", "gap_mm=0.5:inf"), "must be finite"),
-        ((*SIMULATED, "--known", "gap_mm=-3:0.01"), "gap_mm=-3: a number at least 0"),
-        ((*SIMULATED, "--known", "prism.captured_less_pattern_deg=80:1"), "camera_angle_deg: 130"),
-        ((*SIMULATED, "--known", "prism.pattern_angle_deg=90:1"), "at least 5 and at most 85"),
-        (("--rig", "paper", "--known", "camera.k1=0:0.1"), "this rig has none"),
-        (("--evaluate-again", "nowhere", "--known", "gap_mm=nan:1"), "must be finite"),
-        ((*SIMULATED, "--press-depths", "0.2,1000"), "--press-depths: 1000: depths in mm, at most"),
-        ((*SIMULATED, "--edge-point", "Q0=1,2"), "--edge-point"),
-        ((*SIMULATED, "--edge-point", "P0=1"), "--edge-point"),
-        ((*SIMULATED, "--edge-point", "P0=1300,5"), "1280 x 1024"),
-        ((*SIMULATED, "--press-ball", "800"), "--press-ball"),
-        ((*SIMULATED, "--press-ball", "-800:4"), "--press-ball"),
-        ((*SIMULATED, "--press-ball", "nan:4"), "--press-ball"),
-        ((*SIMULATED, "--intrinsics", "nowhere.toml"), "--intrinsics: nowhere.toml"),
-        ((*SIMULATED, "--summary", "found.txt"), "--summary"),
-        (("--show",), "--show"),
-        (("--rig", "simulated", "--show"), "no calibration"),
-        (("--show", "nowhere"), "nowhere"),
-        (("--diff", "nowhere", "nowhere"), "nowhere"),
-        (("--evaluate-again", "nowhere"), "nowhere"),
-        (("--evaluate-again", "nowhere", "--display", "1"), "--display: not with --evaluate-again"),
-        (("--diff", "a", "b", "--summary", "d.json"), "--summary: not with --diff; allowed: none other"),
-        (
-            ("--show", "nowhere", "--known", "gap_mm=0.5:0.1"),
-            "--known: not with --show; allowed: --rig, --summary",
-        ),
-    ],
-)
-def test_bad_input_is_one_line(
-    arguments: tuple[str, ...], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delattr(calibrate_bench, "opened_devices")  # nothing may come as far as that
-    result = calibrate(*arguments)
-    assert_refused(result, words)
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize(("level", "offered"), [("good", True), ("uncertain", True), ("bad", False)])
 def test_bad_calibration_is_not_offered_for_use(
     level: str,

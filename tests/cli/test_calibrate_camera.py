@@ -184,27 +184,6 @@ def test_board_for_the_lcd_fills_it_in_whole_px(tmp_path: Path) -> None:
     assert len(view.ids) == 39 * 19
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--board", "12x9:10"), "--dpi, --rig: one of them"),
-        (("--board", "12x9:10", "--dpi", 300, "--rig", "simulated"), "--dpi, --rig: one of them"),
-        (("--board", "12x9:10", "--dpi", 20), "at least 16"),
-        (("--board", "12x9:2.5", "--rig", "simulated"), "2.52 mm are"),
-        (
-            ("--board", "30x20:6.3", "--rig", "simulated", "--dictionary", "5X5_1000"),
-            "the LCD has 1920 x 1080",
-        ),
-    ],
-)
-def test_boards_that_cannot_be_drawn_are_refused(
-    arguments: tuple[object, ...], words: str, tmp_path: Path
-) -> None:
-    result = calibrate("board", *arguments, "--output", tmp_path / "board.png")
-    assert_refused(result, words)
-    assert list(tmp_path.iterdir()) == []
-
-
 YAML = """image_width: 512
 image_height: 384
 camera_matrix: {rows: 3, cols: 3, data: [1800, 0, 262, 0, 1805, 187, 0, 0, 1]}

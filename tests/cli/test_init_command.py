@@ -143,31 +143,6 @@ def test_nothing_is_overwritten_unless_forced(path: Path) -> None:
     assert load_rig(path).name == "my"
 
 
-@pytest.mark.parametrize("arguments", [("--index", "0.5"), ("--pixel", "-3"), ("--camera-angle", "90")])
-def test_a_value_out_of_range_is_refused_at_once(path: Path, arguments: tuple[str, str]) -> None:
-    result = init(path, *arguments)
-    assert result.exit_code == 2
-    assert arguments[0] in result.output
-    assert not path.exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "arguments", "words"),
-    [
-        ("my.txt", (), "must end in .toml"),
-        ("no/my.toml", (), "does not exist"),
-        ("my.toml", ("--lens", "900"), "--lens"),
-        ("my.toml", ("--from", "nothing"), "nothing"),
-    ],
-)
-def test_bad_input_is_one_line_and_no_file(
-    tmp_path: Path, name: str, arguments: tuple[str, ...], words: str
-) -> None:
-    result = init(tmp_path / name, *arguments)
-    assert_refused(result, words)
-    assert not (tmp_path / name).exists()
-
-
 def test_input_that_ends_early_writes_nothing_and_says_so(path: Path) -> None:
     result = init(path, "--ask", answers="50\n0.3\n50\n0.18\n")
     assert_refused(result, "the input ended at 'length of the pattern face")

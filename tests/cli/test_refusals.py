@@ -34,6 +34,8 @@ MODE = "(1920 x 1080 px at 60 Hz): set the monitor or the rig file; monitors: " 
 UNSEEN = "the simulated camera cannot observe a monitor; allowed: with --camera, or a rig file with a camera"
 NO_SETTING = "the simulated camera has none; allowed: with --camera"
 PYLON = "run --camera pylon --display 1"
+CALIBRATE = "calibrate --rig simulated"
+BOARD = "calibrate board --output board.png --board 12x9:10"
 LOOP_ONLY = "only with --mode closed-loop"
 HELPERS = {"__init__", "report", "rigs", "live_running", "memory_devices", "against_peers"}
 BENCHMARKS = sorted({path.stem for path in Path(str(benchmarks.__file__)).parent.glob("*.py")} - HELPERS)
@@ -189,7 +191,37 @@ REFUSALS = [
     ("reproduce --summary figures.txt", "--summary: figures.txt: the file name must end in .json"),
     ("reproduce --output notes.h5", "--output: notes.h5: must be a folder that can be made"),
     ("virtual-bench --repeat 2 --forever", "--repeat and --forever: give one of them, not both"),
-    ("calibrate --rig simulated --patience nan", "zeromethod: --patience: nan: a number above 0\n"),
+    ("calibrate", "--rig: missing"),
+    (f"{CALIBRATE} --press-depths 0.2,x", "--press-depths"),
+    (f"{CALIBRATE} --press-depths -0.2", "--press-depths"),
+    (f"{CALIBRATE} --press-depths 0.2,1000", "--press-depths: 1000: depths in mm, at most"),
+    (f"{CALIBRATE} --depth-sigma 0", "--depth-sigma"),
+    (f"{CALIBRATE} --known gap_mm=0.5", "--known"),
+    (f"{CALIBRATE} --known speed=0.5:0.1", "not a parameter"),
+    (f"{CALIBRATE} --known gap_mm=nan:1", "must be finite"),
+    (f"{CALIBRATE} --known gap_mm=0.5:inf", "must be finite"),
+    (f"{CALIBRATE} --known gap_mm=-3:0.01", "gap_mm=-3: a number at least 0"),
+    (f"{CALIBRATE} --known prism.captured_less_pattern_deg=80:1", "camera_angle_deg: 130"),
+    (f"{CALIBRATE} --known prism.pattern_angle_deg=90:1", "at least 5 and at most 85"),
+    ("calibrate --rig paper --known camera.k1=0:0.1", "this rig has none"),
+    (f"{CALIBRATE} --edge-point Q0=1,2", "--edge-point"),
+    (f"{CALIBRATE} --edge-point P0=1", "--edge-point"),
+    (f"{CALIBRATE} --edge-point P0=1300,5", "1280 x 1024"),
+    (f"{CALIBRATE} --press-ball 800", "--press-ball"),
+    (f"{CALIBRATE} --press-ball -800:4", "--press-ball"),
+    (f"{CALIBRATE} --press-ball nan:4", "--press-ball"),
+    (f"{CALIBRATE} --intrinsics nowhere.toml", "--intrinsics: nowhere.toml"),
+    (f"{CALIBRATE} --summary found.txt", "--summary"),
+    (f"{CALIBRATE} --show", "no calibration"),
+    ("calibrate --show", "--show"),
+    ("calibrate --show nowhere", "nowhere"),
+    ("calibrate --show nowhere --known gap_mm=0.5:0.1", "--known: not with --show; allowed: --rig, --sum"),
+    ("calibrate --diff nowhere nowhere", "nowhere"),
+    ("calibrate --diff a b --summary d.json", "--summary: not with --diff; allowed: none other"),
+    ("calibrate --evaluate-again nowhere", "nowhere"),
+    ("calibrate --evaluate-again nowhere --known gap_mm=nan:1", "must be finite"),
+    ("calibrate --evaluate-again nowhere --display 1", "--display: not with --evaluate-again"),
+    (f"{CALIBRATE} --patience nan", "zeromethod: --patience: nan: a number above 0\n"),
     ("calibrate intrinsics --patience 0", "zeromethod: --patience: 0: a number above 0\n"),
     ("calibrate board --dpi nan", "zeromethod: --dpi: nan: a number from 10 to 10000\n"),
     # output paths that cannot be written
@@ -210,6 +242,16 @@ REFUSALS = [
     ("measure rest.png rest.png --output /proc", "--output: /proc: cannot be written"),
     ("study gain-delay --output /proc", "--output: /proc: cannot be written"),
     ("reproduce --output /proc", "--output: /proc: cannot be written"),
+    (BOARD, "--dpi, --rig: one of them"),
+    (f"{BOARD} --dpi 300 --rig simulated", "--dpi, --rig: one of them"),
+    (f"{BOARD} --dpi 20", "at least 16"),
+    (f"{BOARD} --board 12x9:2.5 --rig simulated", "2.52 mm are"),
+    (f"{BOARD} --board 30x20:6.3 --rig simulated --dictionary 5X5_1000", "the LCD has 1920 x 1080"),
+    *((f"init my.toml {one}", one.split()[0]) for one in ("--index 0.5", "--pixel -3", "--camera-angle 90")),
+    ("init my.txt", "must end in .toml"),
+    ("init no/my.toml", "does not exist"),
+    ("init my.toml --lens 900", "--lens"),
+    ("init my.toml --from nothing", "nothing"),
     *((f"benchmarks.{name} --colour", "--colour") for name in BENCHMARKS),
     ("benchmarks.sigma --summary sigma.txt", "--summary: sigma.txt: the file name must end in .json"),
     ("benchmarks.sigma --summary no/such/folder/s.json", "does not exist"),
@@ -256,6 +298,7 @@ def test_bad_input_is_refused_in_one_line(
     line: str, words: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("zeromethod.drivers.monitors.monitors", lambda: MONITORS)
+    monkeypatch.delattr("zeromethod.cli.calibrate_bench.opened_devices")  # nothing may come as far as that
     monkeypatch.chdir(folder)
     before = state_of(folder)
     if line.startswith("benchmarks."):
