@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -108,11 +106,3 @@ def sizes() -> Bytes:
     rig, rest = bench()
     image = rig.camera.rows * rig.camera.columns
     return Bytes(image + rest.q.size * (8 + 8 + 8 + 4 + 4 + 4 + 4) + rest.flags.size * (2 + 2 + 4), image)
-
-
-def wait_for(true: Callable[[], bool], seconds: float = 30.0) -> None:
-    """Until something is true; fails after a time that only a broken program takes."""
-    until_s = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < until_s
-        time.sleep(0.01)

@@ -190,6 +190,8 @@ REFUSALS = [
     ("measure rest.png rest.png --window 1", "--window: 1: a number from "),
     ("reproduce --summary figures.txt", "--summary: figures.txt: the file name must end in .json"),
     ("reproduce --output notes.h5", "--output: notes.h5: must be a folder that can be made"),
+    ("virtual-bench --start-after -1", "--start-after: -1: a number from 0"),
+    ("virtual-bench --rate 1000", "--rate: 1000: above 0 and at most 1 / camera.exposure_s = 125 Hz"),
     ("virtual-bench --repeat 2 --forever", "--repeat and --forever: give one of them, not both"),
     ("calibrate", "--rig: missing"),
     (f"{CALIBRATE} --press-depths 0.2,x", "--press-depths"),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from command_line import run, start
-from planted_steps import wait_for
+from hanging import eventually
 from small_rigs import small_rig_file
 
 
@@ -50,7 +50,7 @@ def test_ctrl_c_keeps_what_was_measured_and_exits_130(tmp_path: Path) -> None:
     (tmp_path / "lab.py").write_text(ANNOUNCING_CAMERA)
     line = "run --scenario hold --seconds 1000 --summary run.json --rig"
     process = start(line, rig.name, cwd=tmp_path)
-    wait_for(lambda: (tmp_path / "frame.txt").exists() or process.poll() is not None, 120)
+    eventually(lambda: (tmp_path / "frame.txt").exists() or process.poll() is not None, 120)
     time.sleep(1.0)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)

@@ -17,7 +17,7 @@ from typing import Any
 import live_devices
 import pytest
 from command_line import start
-from planted_steps import wait_for
+from hanging import eventually
 from small_rigs import BENCH_160, small_rig_file
 
 from zeromethod.cli.stopping import accept_ctrl_c, stopped_by_signals
@@ -101,7 +101,7 @@ def running(
         preexec_fn=None if terminal is None else take_terminal,
     )
     try:
-        wait_for(lambda: (folder / "hung").exists() or process.poll() is not None, PATIENCE_S)
+        eventually(lambda: (folder / "hung").exists() or process.poll() is not None, PATIENCE_S)
         assert process.poll() is None, process.communicate()[1]
         time.sleep(0.1)
         yield process

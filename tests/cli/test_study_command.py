@@ -10,7 +10,7 @@ from pathlib import Path
 import pyarrow.parquet
 import pytest
 from command_line import run, start
-from planted_steps import wait_for
+from hanging import eventually
 from processes import has_ended
 
 from zeromethod.study import workers
@@ -102,7 +102,7 @@ def test_a_killed_study_leaves_no_worker_and_goes_on() -> None:
     done = [json.loads(line) for line in Path("study-mine/runs.jsonl").read_text().splitlines()[1:]]
     assert [one["run"] for one in done] == [0, 1]
     # the run that the worker is at takes a minute
-    wait_for(lambda: has_ended(done[0]["worker"]["pid"]), 20)
+    eventually(lambda: has_ended(done[0]["worker"]["pid"]), 20)
     Path("mine.toml").write_text(f"limit_s = 3.0\n{Path('mine.toml').read_text()}")
     code, out, err = run("study mine.toml --workers 1")
     assert code == 1
@@ -115,7 +115,7 @@ def started(settings: str) -> subprocess.Popen[str]:
     study(settings, "mark = 'waiting'")
     process = start("study mine.toml --workers 1", start_new_session=True)
     try:
-        wait_for(Path("waiting").exists, 60)
+        eventually(Path("waiting").exists, 60)
     except BaseException:
         process.kill()
         raise

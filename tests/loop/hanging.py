@@ -11,8 +11,9 @@ PATIENCE_S = 10.0
 """More than anything takes on a busy machine."""
 
 
-def eventually(condition: Callable[[], object]) -> None:
-    end_s = time.monotonic() + PATIENCE_S
+def eventually(condition: Callable[[], object], seconds: float = 30.0) -> None:
+    """Wait until something is true; fails after a time that only a broken program takes."""
+    end_s = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end_s
         time.sleep(0.002)

@@ -11,7 +11,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from planted_steps import a_step, read, recorder, wait_for
+from hanging import eventually
+from planted_steps import a_step, read, recorder
 from recorded_run import sum_again
 
 from zeromethod.errors import InputError
@@ -39,7 +40,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
                 along.refresh()
                 return len(along.steps_with("surface")) == STEPS
 
-            wait_for(all_there)
+            eventually(all_there)
         shutil.copy(ended, cut)
     return {"ended": ended, "cut": cut}
 
@@ -251,7 +252,7 @@ def test_of_a_recording_that_goes_on_what_is_complete_is_checked(path: Path) -> 
             recording.add_step(a_step(number))
             along.refresh()
             assert along.damaged() == {}
-        wait_for(lambda: recording.waiting_bytes == 0)
+        eventually(lambda: recording.waiting_bytes == 0)
 
 
 def test_a_damaged_surface_has_no_valid_node(files: dict[str, Path], tmp_path: Path) -> None:

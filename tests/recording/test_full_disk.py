@@ -10,7 +10,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from planted_steps import FRAME_NS, a_step, read, recorder, sizes, wait_for
+from hanging import eventually
+from planted_steps import FRAME_NS, a_step, read, recorder, sizes
 
 from zeromethod.recording.growing import TABLES_BYTES, DiskFull, GrowingFile
 from zeromethod.recording.message import Item, Message, Topic, Write
@@ -31,7 +32,7 @@ def test_a_full_disk_ends_the_arrays_and_not_the_tables(path: Path) -> None:
         fill_disk(recording, TABLES_BYTES + room * sizes().step)
         for number in range(1, 41):
             recording.add_step(a_step(number))
-        wait_for(lambda: recording.waiting_bytes == 0 and recording.unkept > 0)
+        eventually(lambda: recording.waiting_bytes == 0 and recording.unkept > 0)
         said = str(recording.status)
     first = 1e-9 * FRAME_NS * (40 - recording.unkept)
     assert said.startswith(f"disk full: recording stopped at {first:.1f} s (the limit of a file's size, ")
@@ -64,7 +65,7 @@ def test_what_is_small_enough_for_a_full_disk_does_not_make_it_one_that_was_full
         for number in range(1, 21):
             recording.add_step(a_step(number))
             recording.add_reading(read(a_step(number)))
-            wait_for(lambda: recording.waiting_bytes == 0)
+            eventually(lambda: recording.waiting_bytes == 0)
     with Recording(path) as found:
         noted = [found.text(row["text"]) for row in found.notes]
     assert noted

@@ -16,7 +16,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from planted_steps import a_step, bench, reading, recorder, sizes, wait_for
+from hanging import eventually
+from planted_steps import a_step, bench, reading, recorder, sizes
 from processes import has_ended
 
 from zeromethod.child_process import NICENESS
@@ -102,7 +103,7 @@ def test_what_was_handed_over_is_soon_there_though_nothing_follows(path: Path) -
                 found.refresh()
                 return len(found.steps) == len(found.steps_with("surface")) == 20
 
-            wait_for(all_there)
+            eventually(all_there)
         for number in (writer, process.pid):
             os.kill(number, signal.SIGKILL)
     with Recording(path) as found:
@@ -115,7 +116,7 @@ def test_without_an_end_the_recording_still_gets_one(path: Path, then: str) -> N
         assert process.stdout is not None
         writer = int(process.stdout.readline())
         process.wait(60)
-        wait_for(lambda: has_ended(writer))
+        eventually(lambda: has_ended(writer))
     # closed in order: the plain way of opening does
     with h5py.File(path, "r") as file:
         assert len(file["steps/table"]) == 10
@@ -211,9 +212,9 @@ def test_when_what_writes_is_killed_the_run_goes_on_and_every_frame_is_accounted
             with Recording(path) as found:
                 return len(found.steps_with("frames")) > 0
 
-        wait_for(some_kept)
+        eventually(some_kept)
         os.kill(recording.writer_id, signal.SIGKILL)
-        wait_for(hand_over)
+        eventually(hand_over)
         assert recording.status.condition is Condition.STOPPED
         assert recording.status.reason == "the process that writes has ended"
         hand_over()
@@ -264,7 +265,7 @@ def test_a_disk_that_takes_nothing_does_not_keep_the_run_from_ending(
     assert recording.status.condition is Condition.STOPPED
     assert recording.status.reason.startswith("the disk took nothing for 0.3 s")
     os.kill(recording.writer_id, signal.SIGCONT)
-    wait_for(lambda: has_ended(recording.writer_id))
+    eventually(lambda: has_ended(recording.writer_id))
     # what was handed over is written, should the disk come back
     with Recording(path) as found:
         assert len(found.steps) == 30

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from planted_steps import wait_for
+from hanging import eventually
 from recorded_run import recorded
 from rich.console import Console
 
@@ -32,11 +32,11 @@ def test_a_run_is_followed_from_before_its_start_through_a_silence_to_its_end(tm
 
     def fall_silent(loop: Loop, step: Step) -> None:
         if step.number == 12:
-            wait_for(lambda: "no new data for 3 s" in out.getvalue(), PATIENCE_S)
+            eventually(lambda: "no new data for 3 s" in out.getvalue(), PATIENCE_S)
 
     follower = threading.Thread(target=follow, args=(path, Console(file=out, width=200)), daemon=True)
     follower.start()
-    wait_for(lambda: "waiting for" in out.getvalue(), PATIENCE_S)
+    eventually(lambda: "waiting for" in out.getvalue(), PATIENCE_S)
     recorded(path, 0.3, on_step=fall_silent)
     follower.join(PATIENCE_S)
     lines = out.getvalue().splitlines()
