@@ -41,8 +41,8 @@ tenth of a refresh off at most."""
 
 UNSTEADY_REFRESHES = 0.25
 """Scatter of single frames' delays, in refreshes, beyond which none of them is the bench's."""
-WIDEST_REFRESHES = 1.0
-"""Range of delays, in refreshes, beyond which not even the picture that a frame saw is known."""
+WIDEST_REFRESHES = 2.0
+"""Range of delays, in refreshes, beyond which its middle is no better than any guess."""
 _BUSY = "does the display drop pictures, or is the computer too busy?"
 
 READING_REFRESHES = 0.6
