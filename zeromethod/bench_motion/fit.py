@@ -73,7 +73,9 @@ class MotionFitter:
         powers = np.add.outer(np.arange(_DEGREE + 1), np.arange(_DEGREE + 1)).ravel()
         smooth = chebvander2d(x, y, [_DEGREE, _DEGREE])[:, powers <= _DEGREE]
         both = np.einsum("ab,nk->nabk", np.eye(2), smooth).reshape(nodes, 2, -1)
-        flat = np.concatenate([self._modes, both], axis=-1).reshape(2 * nodes, -1)[:, : max(nodes, self.count)]
+        flat = np.concatenate([self._modes, both], axis=-1).reshape(2 * nodes, -1)[
+            :, : max(nodes, self.count)
+        ]
         basis, triangle = np.linalg.qr(flat)
         size = np.abs(np.diag(triangle))
         kept = size > _DEPENDENT * size.max()

@@ -82,7 +82,7 @@ def make_watch(rig: Rig, optics: Optics, rest: Rest) -> BenchWatch:
     places = [known_nodes([one], point[..., 0], point[..., 1]) for one in rig.surface.known_rest]
     places = [one for one in places if np.count_nonzero(one & rest.visible) >= LEAST_NODES]
     known = np.logical_or.reduce([np.zeros(rest.grid.shape, bool), *places])
-    watch = BenchWatch(BenchModes.of(optics, rest.grid), rest, known, len(places))
+    watch = BenchWatch(BenchModes.of(optics, rest.grid), rest.grid, rest.visible, known, len(places))
     watch.look(Warp(rest.q, np.full_like(rest.q, 0.01), rest.flags, 0), rest.q)
     watch.forget()
     return watch

@@ -36,6 +36,7 @@ from zeromethod.loop.step import Step
 from zeromethod.loop.zero import Zero
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
+from zeromethod.surface.curl import Curl
 
 WRONG_FRAMES_TO_END = 10
 """Consecutive frames of wrong shape or type after which the run ends."""
@@ -105,7 +106,7 @@ class Loop:
         self._clock = clock
         self._circle = parts.circle
         self._zero = Zero(self.rest)
-        self._zero_ns = 0
+        self._zero_ns, self._said_moved = 0, False
         self._bench = make_watch(rig, optics, self.rest) if watches_bench else None
         self._follows = self.rest.grid.mesh() if rig.control.follow_bench else None
         timeout_s = rig.control.timeout_s
@@ -153,14 +154,13 @@ class Loop:
         """(rows, cols, 2) LCD px, the warp that readings start from less the rig's at rest; None for 0."""
         return self._zero.q
 
-    def report_motion(self, motion: Float, time_ns: int) -> None:
+    def report_motion(self, curl: Curl, time_ns: int) -> None:
         """Take in what a reading of the frame at `time_ns` found of the bench's motion under a press.
 
-        motion: (modes,) LCD px, sums of `zeromethod.bench_motion.modes.BenchModes`. The state is MOVED until
-        the zero is taken again.
+        The state is MOVED from then on, until the zero is taken again.
         """
         if self._bench is not None and time_ns > self._zero_ns:
-            self._bench.report(motion)
+            self._bench.report(curl.motion, curl.seen)
 
     def stop(self) -> None:
         """End `run` after the present step, and that one at once if it waits."""
@@ -302,7 +302,6 @@ class Loop:
         bench = self._bench
         if bench is None or result.measured is None or not result.residual_rms_px < LOCK_RESIDUAL_PX:
             return ()
-        before = bench.moved
         bench.look(result.measured, self._zero.rest_q)
         if self._follows is not None and (motion := bench.correction) is not None:
             words = f"followed: {bench.modes.words(motion)}"
@@ -311,14 +310,15 @@ class Loop:
             notice = Notice(Event.BENCH_FOLLOWED, words)
             self._notices.add(notice)
             return (notice.event,)
-        if not bench.moved or before:
+        if not bench.moved or self._said_moved:
             return ()
+        self._said_moved = True
         self._notices.add_always(Notice(Event.BENCH_MOVED, bench.moved))
         return (Event.BENCH_MOVED,)
 
     def _forget_motion(self, time_ns: int) -> None:
         """Rest is taken to be as it is now; what was found of frames until `time_ns` is over."""
-        self._zero_ns = time_ns
+        self._zero_ns, self._said_moved = time_ns, False
         if self._bench is not None:
             self._bench.forget()
 

@@ -80,11 +80,15 @@ class DepthCovariance:
         noise: SlopeNoise,
         scale: Float,
         anchor: Float,
-        anchor_sigma_mm: float,
+        systematic_mm: Float,
     ) -> None:
-        """Scale h, anchor's weights: (rows, cols) of the measurable nodes; anchor_sigma_mm: of depth / h."""
+        """Scale h, anchor's weights: (rows, cols) of the measurable nodes.
+
+        systematic_mm: (n, rows, cols) independent errors of depth, one sigma of each: they are the same in
+        every frame.
+        """
         self._grid, self._linear, self._noise = grid, linear, noise
-        self._scale, self._anchor, self._anchor_sigma = scale, anchor, anchor_sigma_mm
+        self._scale, self._anchor, self._systematic = scale, anchor, systematic_mm
 
     def variance_of(self, weights: Float) -> Variance:
         """Variance of sum(weights * depth).
@@ -92,15 +96,16 @@ class DepthCovariance:
         weights: (rows, cols). Raises InputError on another shape or weights that are not finite.
         """
         inner = self._checked(weights)
-        systematic = self._anchor_sigma * float((inner * self._scale).sum())
-        return Variance(float(self._noise.variance_of(self._slope_weights(inner))), systematic**2)
+        systematic = float(((self._systematic * inner).sum(axis=(1, 2)) ** 2).sum())
+        return Variance(float(self._noise.variance_of(self._slope_weights(inner))), systematic)
 
     def with_mean(self, weights: Float) -> Covariances:
         """Covariance of every depth with sum(weights * depth), weights (rows, cols)."""
         inner = self._checked(weights)
         row = self._linear.depth(self._noise.covariance(self._slope_weights(inner)))
         row -= float((self._anchor * row).sum())
-        systematic = self._anchor_sigma**2 * float((inner * self._scale).sum()) * self._scale
+        shares = (self._systematic * inner).sum(axis=(1, 2))
+        systematic = np.tensordot(shares, self._systematic, axes=1)
         return Covariances(self._padded(self._scale * row), self._padded(systematic))
 
     def _slope_weights(self, inner: Float) -> Float:

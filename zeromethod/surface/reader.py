@@ -11,7 +11,15 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
-from zeromethod.surface.anchor import RestFit, fit_known, fit_quiet, known_nodes
+from zeromethod.surface.anchor import (
+    KnownReading,
+    RestFit,
+    fit_known,
+    fit_quiet,
+    known_misfit,
+    known_nodes,
+)
+from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import Lattice, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.far_field import fit_far_field
@@ -59,6 +67,7 @@ class _Last:
     linear: LinearIntegration
     noise: SlopeNoise
     fit: RestFit
+    systematic: Float
 
 
 class SurfaceReader:
@@ -117,8 +126,12 @@ class SurfaceReader:
         self._scale = self._depth_scale(slope, point)
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         self._correlation = overlap_correlation(grid.period_px, grid.spacing_px)
+        # windows overlap equally on both axes
+        self._shared = (2.0 * float(self._correlation.sum()) - 1.0) ** 2
         self._overlap = component_correlation(grid.period_px, grid.spacing_px, rig.target.kind)
         self._noise = DepthNoise(self._integrator)
+        lattice = self._integrator, self._scale, self._scale_gradient
+        self._drift = BenchDrift(optics, grid, self._rays.rest_q, regular, sensitivity, *lattice)
         self._last: _Last | None = None
 
     def _depth_scale(self, slope: Float, point: Float) -> Float:
@@ -179,6 +192,7 @@ class SurfaceReader:
         variance = (self._lever.factor(flat, at_rest, bending, sigma_q) ** 2).sum(axis=-1)
         start = flat if previous is None else np.nan_to_num(previous.depth_mm[inner])
         far_field_mm = 0.0 if previous is None else previous.anchor.far_field_mm
+        self._drift.look(warp)
         reading = self._settle(q, variance, usable, start, far_field_mm)
         factor = self._lever.factor(reading.depth, reading.slope, bending, sigma_q)
         surface = self._surface(warp, reading, SlopeNoise(factor, *self._overlap))
@@ -195,8 +209,9 @@ class SurfaceReader:
         last = self._last
         if last is None or last.surface is not surface:
             raise InputError("surface: not the one last read, or without depth; read it first")
-        scale, fit = self._scale, last.fit
-        return DepthCovariance(self._grid, last.linear, last.noise, scale, fit.weights, fit.sigma_mm)
+        return DepthCovariance(
+            self._grid, last.linear, last.noise, self._scale, last.fit.weights, last.systematic
+        )
 
     def _settle(self, q: Float, variance: Float, usable: Mask, depth: Float, far_field_mm: float) -> _Reading:
         integrator, scale = self._integrator, self._scale
@@ -256,10 +271,8 @@ class SurfaceReader:
         if fit.sigma_mm == 0.0:
             return fit
         x, y = point[..., 0], point[..., 1]
-        # windows overlap equally on both axes
-        overlap = (2.0 * float(self._correlation.sum()) - 1.0) ** 2
         found = fit_far_field(
-            slope, variance, depth, self._scale, self._scale_gradient, x, y, island, bound_mm, overlap
+            slope, variance, depth, self._scale, self._scale_gradient, x, y, island, bound_mm, self._shared
         )
         first = bound_mm == fit.sigma_mm
         if first and (found is None or found.sigma_mm > bound_mm):
@@ -273,10 +286,12 @@ class SurfaceReader:
         sigma_depth = np.full(island.shape, np.nan)
         anchor = Anchor("none", np.zeros(self._grid.shape, bool), 0.0)
         x, y = reading.point[..., 0], reading.point[..., 1]
-        fit = reading.fit
+        fit, curl, systematic = reading.fit, None, np.zeros((0, *island.shape))
         if fit is not None:
             of_frame = self._noise.sigma(noise, x, y, fit.weights)
-            sigma_depth = self._scale * np.hypot(of_frame, fit.sigma_mm)
+            fit, systematic = self._systematic(reading, fit, noise, of_frame)
+            sigma_depth = np.sqrt((self._scale * of_frame) ** 2 + (systematic**2).sum(axis=0))
+            curl = self._drift.test(warp, reading.slope, reading.point, reading.depth, noise)
             typical = fit.sigma_mm * float(np.sqrt(np.mean(self._scale[island] ** 2)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
         contact = (warp.flags & Flag.LIGHT_LOST != 0) & (warp.flags & (Flag.OUTSIDE | Flag.NO_RAY) == 0)
@@ -287,11 +302,28 @@ class SurfaceReader:
             anchor=anchor,
             time_ns=warp.time_ns,
             iterations=reading.iterations,
+            curl=curl,
         )
         self._last = None
         if fit is not None:
-            self._last = _Last(surface, self._integrator.linear(x, y), noise, fit)
+            self._last = _Last(surface, self._integrator.linear(x, y), noise, fit, systematic)
         return surface
+
+    def _systematic(
+        self, reading: _Reading, fit: RestFit, noise: SlopeNoise, of_frame: Float
+    ) -> tuple[RestFit, Float]:
+        """The fit with its sigma, and independent errors (n, rows, cols) of depth, mm, the same in every frame.
+
+        They are the anchor's, what a rim off rest does elsewhere, and what the bench's drift reads as.
+        """
+        x, y = reading.point[..., 0], reading.point[..., 1]
+        elsewhere = np.zeros_like(x)
+        if fit.mode == "known":
+            read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
+            fit, elsewhere = known_misfit(fit, read, self._known_rest, self._shared)
+        drift = self._drift.false_depth(fit, noise, x, y)
+        fields = np.stack([self._scale * fit.sigma_mm, elsewhere, *drift])
+        return fit, np.where(self._integrator.island, fields, 0.0)
 
     def _arrays(
         self, nodes: Mask, depth: Float, slope: Float, point: Float, sigma_depth: Float, variance: Float

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.surface.curl import Curl
 from zeromethod.warp.continuation import continued
 
 
@@ -72,6 +73,8 @@ class Surface:
         Nodes that closed gaps, folds above all, separate from the valid nodes, tied to them by the slopes
         on either side (`zeromethod.surface.bridge`). Its valid nodes are none of these; their sigma includes
         the gap's.
+    curl : Curl, optional
+        What the slopes contain that no mirror can make: motion of the bench under a press.
     on_mirror : (rows, cols) bool, optional
         Nodes whose ray meets the mirror; by default those with finite x_mm and y_mm.
 
@@ -92,6 +95,7 @@ class Surface:
     time_ns: int
     iterations: int
     cut_off: Surface | None = None
+    curl: Curl | None = None
     on_mirror: Mask = field(default_factory=lambda: np.zeros((0, 0), bool))
 
     def __post_init__(self) -> None:
