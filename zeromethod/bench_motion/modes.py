@@ -104,7 +104,7 @@ class BenchModes:
     @property
     def count(self) -> int:
         """Number of modes, at most 6."""
-        return self.motions.shape[1]
+        return int(self.motions.shape[1])
 
     def at(self, u: Float, v: Float) -> Float:
         """Modes at camera pixels u, v (...): (..., 2, modes) LCD px."""

@@ -47,6 +47,10 @@ class _Averaged:
         terms = None if self.fitter is None else self.fitter.fit(warp, rest_q)
         if self.fitter is None or terms is None:
             return None
+        if self._last and len(terms.values) == len(self._last[-1].values):
+            jump = float(np.linalg.norm(terms.values - self._last[-1].values))
+            if jump > max(LEAST_LCD_PX, _SIGMAS * terms.noise_px * np.sqrt(2.0 * len(terms.values))):
+                self._last.clear()
         self._last.append(terms)
         values = np.mean([one.values for one in self._last], axis=0)
         noise_px = float(np.sqrt(np.mean([one.noise_px**2 for one in self._last]) / len(self._last)))

@@ -270,7 +270,7 @@ class Session:
             self.result.enter(newest.figures)
             curl = newest.surface.curl if newest.surface is not None else None
             if curl is not None and curl.moved and newest.state in NULLED:
-                self.loop.report_motion(curl, newest.time_ns)
+                self.loop.bench.report(curl, newest.time_ns)
             if self._recorder is not None:
                 self._recorder.add_reading(newest)
             self.result.keep(newest, self._phases)

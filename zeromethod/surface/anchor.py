@@ -75,11 +75,12 @@ def fit_known(nodes: Mask, scale: Float) -> RestFit:
 def known_misfit(
     fit: RestFit, reading: KnownReading, known_rest: Sequence[KnownRest], overlap: float
 ) -> tuple[RestFit, Float]:
-    """The fit with what its nodes are in fact off rest in sigma, and what that may be elsewhere, mm.
+    """The fit with what its nodes are in fact off rest in its sigma, and what that may be elsewhere.
 
-    Nodes off rest are a bench that moved, or a rim that is not clamped. Their depths, beyond noise, are off by
-    as much everywhere. Their mean slope, which at rest is 0, goes on to other nodes with the distance from the
-    nearest place known: (rows, cols) mm, 0 in the places. overlap: number of nodes that share their noise.
+    Nodes off rest are a bench that moved, or a rim that is not clamped. Their depths, beyond noise, are off
+    by as much everywhere. Their mean slope, which at rest is 0, goes on to other nodes with the distance from
+    the nearest place known: (rows, cols) mm of depth / h, 0 in the places. overlap: number of nodes that
+    share their noise.
     """
     w, x, y = fit.weights, reading.x_mm, reading.y_mm
     off2 = float((w * ((reading.depth_mm / reading.scale) ** 2 - reading.noise_mm**2))[w > 0.0].sum())
@@ -96,7 +97,7 @@ def known_misfit(
         noise2 = overlap * float(reading.variance[inside].mean(axis=0).sum()) / np.count_nonzero(inside)
         steepest = max(steepest, float(mean @ mean) - 4.0 * noise2)
     elsewhere = np.where(np.isfinite(nearest), nearest, 0.0) * np.sqrt(steepest)
-    return replace(fit, sigma_mm=float(np.sqrt(max(off2, 0.0)))), elsewhere
+    return replace(fit, sigma_mm=float(np.sqrt(max(off2, 0.0)))), elsewhere / reading.scale
 
 
 def fit_quiet(

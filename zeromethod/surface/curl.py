@@ -41,9 +41,9 @@ _KEEP_SHARE = 0.05
 class Curl:
     """Rigid motion found under a press.
 
-    statistic: over its sigma, per component, with a fifth of `LEAST_LCD_PX` in it. motion: (modes,) LCD px, the
-    least motion that explains it, a sum of `zeromethod.bench_motion.modes.BenchModes`. seen: (modes, sums)
-    orthonormal sums of modes that show at all.
+    statistic: over its sigma, per component, with a fifth of `LEAST_LCD_PX` in it. motion: (modes,) LCD px,
+    the least motion that explains it, a sum of `zeromethod.bench_motion.modes.BenchModes`. seen: (modes,
+    sums) orthonormal sums of modes that show at all.
     """
 
     statistic: float
@@ -79,8 +79,10 @@ class CurlTest:
     """Templates of the modes on one integrator's lattice, kept while its mask is much the same."""
 
     def __init__(self, integrator: SlopeIntegrator, slopes: Float, constant: Float) -> None:
-        """Slopes: (modes, rows, cols, 2) rad per LCD px, what each mode reads as at rest; constant: (rows,
-        cols, 2) rad per mm, the same of an error of the anchor's constant, h d(slope)/d(depth)."""
+        """Slopes: (modes, rows, cols, 2) rad per LCD px that each mode reads as at rest.
+
+        constant: (rows, cols, 2) rad per mm of an error of the anchor's constant, h d(slope)/d(depth).
+        """
         self._integrator = integrator
         self._slopes, self._constant = slopes, constant
         self._mask: Mask = np.zeros(constant.shape[:-1], bool)
@@ -88,7 +90,7 @@ class CurlTest:
         self._made: _Templates | None = None
 
     def false_depth(self, motion: Float, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> tuple[Float, Float]:
-        """What a motion (modes,) LCD px reads as: depth / h (rows, cols), mm, up to a constant; size of slope."""
+        """What a motion (modes,) LCD px reads as: depth / h, mm, up to a constant; size of slope, rad."""
         depth = np.tensordot(motion, self._templates(noise, x_mm, y_mm).depth, axes=1)
         return depth, np.linalg.norm(np.tensordot(motion, self._slopes, axes=1), axis=-1)
 

@@ -11,14 +11,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
-from zeromethod.surface.anchor import (
-    KnownReading,
-    RestFit,
-    fit_known,
-    fit_quiet,
-    known_misfit,
-    known_nodes,
-)
+from zeromethod.surface.anchor import KnownReading, RestFit, fit_known, fit_quiet, known_nodes
 from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import Lattice, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
@@ -126,12 +119,11 @@ class SurfaceReader:
         self._scale = self._depth_scale(slope, point)
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         self._correlation = overlap_correlation(grid.period_px, grid.spacing_px)
-        # windows overlap equally on both axes
-        self._shared = (2.0 * float(self._correlation.sum()) - 1.0) ** 2
         self._overlap = component_correlation(grid.period_px, grid.spacing_px, rig.target.kind)
         self._noise = DepthNoise(self._integrator)
-        lattice = self._integrator, self._scale, self._scale_gradient
-        self._drift = BenchDrift(optics, grid, self._rays.rest_q, regular, sensitivity, *lattice)
+        self._drift = BenchDrift(
+            rig, optics, grid, self._rays.rest_q, regular, sensitivity, self._integrator, self._scale_gradient
+        )
         self._last: _Last | None = None
 
     def _depth_scale(self, slope: Float, point: Float) -> Float:
@@ -271,8 +263,10 @@ class SurfaceReader:
         if fit.sigma_mm == 0.0:
             return fit
         x, y = point[..., 0], point[..., 1]
+        # windows overlap equally on both axes
+        overlap = (2.0 * float(self._correlation.sum()) - 1.0) ** 2
         found = fit_far_field(
-            slope, variance, depth, self._scale, self._scale_gradient, x, y, island, bound_mm, self._shared
+            slope, variance, depth, self._scale, self._scale_gradient, x, y, island, bound_mm, overlap
         )
         first = bound_mm == fit.sigma_mm
         if first and (found is None or found.sigma_mm > bound_mm):
@@ -289,7 +283,8 @@ class SurfaceReader:
         fit, curl, systematic = reading.fit, None, np.zeros((0, *island.shape))
         if fit is not None:
             of_frame = self._noise.sigma(noise, x, y, fit.weights)
-            fit, systematic = self._systematic(reading, fit, noise, of_frame)
+            read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
+            fit, systematic = self._drift.systematic(fit, read, noise)
             sigma_depth = np.sqrt((self._scale * of_frame) ** 2 + (systematic**2).sum(axis=0))
             curl = self._drift.test(warp, reading.slope, reading.point, reading.depth, noise)
             typical = fit.sigma_mm * float(np.sqrt(np.mean(self._scale[island] ** 2)))
@@ -308,22 +303,6 @@ class SurfaceReader:
         if fit is not None:
             self._last = _Last(surface, self._integrator.linear(x, y), noise, fit, systematic)
         return surface
-
-    def _systematic(
-        self, reading: _Reading, fit: RestFit, noise: SlopeNoise, of_frame: Float
-    ) -> tuple[RestFit, Float]:
-        """The fit with its sigma, and independent errors (n, rows, cols) of depth, mm, the same in every frame.
-
-        They are the anchor's, what a rim off rest does elsewhere, and what the bench's drift reads as.
-        """
-        x, y = reading.point[..., 0], reading.point[..., 1]
-        elsewhere = np.zeros_like(x)
-        if fit.mode == "known":
-            read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
-            fit, elsewhere = known_misfit(fit, read, self._known_rest, self._shared)
-        drift = self._drift.false_depth(fit, noise, x, y)
-        fields = np.stack([self._scale * fit.sigma_mm, elsewhere, *drift])
-        return fit, np.where(self._integrator.island, fields, 0.0)
 
     def _arrays(
         self, nodes: Mask, depth: Float, slope: Float, point: Float, sigma_depth: Float, variance: Float
