@@ -41,6 +41,7 @@ class BenchDoubt:
         self._watch = make_watch(rig, optics, rest)
         self._zero = zero
         self._nodes = rest.grid.mesh() if rig.control.follow_bench else None
+        self._from = zero.q
         self._since_ns = 0
         self._said = False
 
@@ -51,15 +52,17 @@ class BenchDoubt:
 
     def look(self, result: FrameResult) -> tuple[Notice, ...]:
         """Judge a frame if it is nulled; news of a bench that moved or was followed."""
-        nulled = result.residual_rms_px < LOCK_RESIDUAL_PX
-        if not (self._watches and nulled) or result.measured is None:
+        measured = None if result.refusal is Event.PICTURES_MIXED else result.measured
+        if not self._watches or measured is None or not result.residual_rms_px < LOCK_RESIDUAL_PX:
             return ()
         watch = self._watch
-        watch.look(result.measured, self._zero.rest_q)
+        if self._zero.q is not self._from:
+            self._forget(measured.time_ns)
+        watch.look(measured, self._zero.rest_q)
         motion = watch.correction
         if self._nodes is not None and motion is not None:
             self._zero.shift(watch.modes.at(*self._nodes) @ motion)
-            self.forget(result.measured.time_ns)
+            self._forget(measured.time_ns)
             words = f"readings follow the bench, moved {watch.modes.words(motion)}"
             return (Notice(Event.BENCH_FOLLOWED, words),)
         if self._said or not watch.moved:
@@ -69,10 +72,10 @@ class BenchDoubt:
 
     def report(self, curl: Curl, time_ns: int) -> None:
         """Take in what a reading of the frame at `time_ns` found under a press."""
-        if self._watches and time_ns > self._since_ns:
+        if self._watches and time_ns >= self._since_ns:
             self._watch.report(curl.motion, curl.seen)
 
-    def forget(self, time_ns: int) -> None:
-        """Rest is as it is now: what was found of frames until `time_ns` is over."""
-        self._since_ns, self._said = time_ns, False
+    def _forget(self, time_ns: int) -> None:
+        """Rest was taken anew: what was found of frames before `time_ns` is over."""
+        self._since_ns, self._said, self._from = time_ns, False, self._zero.q
         self._watch.forget()

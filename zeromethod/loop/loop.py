@@ -96,7 +96,6 @@ class Loop:
         self._circle = parts.circle
         self._zero = Zero(self.rest)
         self.bench = BenchDoubt(rig, optics, self.rest, self._zero, watches_bench)
-        """Whether camera, LCD or prism moved since rest was taken."""
         timeout_s = rig.control.timeout_s
         timed = parts.strips is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
@@ -258,8 +257,6 @@ class Loop:
         if (zeroed := self._zero.take(measured, result.residual_rms_px)) is not None:
             events += (zeroed.event,)
             self._notices.add_always(zeroed)
-            if zeroed.event is Event.ZERO_TAKEN:
-                self.bench.forget(frame.time_ns)
         draw_ms, delay_ms = self._screen.timing_ms()
         return self._step(
             now_ns if verdict.wrong else frame.time_ns,
