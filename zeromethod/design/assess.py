@@ -10,7 +10,6 @@ from zeromethod.control.stability_margin import stability_margin
 from zeromethod.design.advice import design_warnings
 from zeromethod.design.delay_budget import ASSUMED_COMPUTING_S
 from zeromethod.design.figures import Figures, design_figures
-from zeromethod.design.motion import motion_figures
 from zeromethod.design.press_limits import DEFAULT_KINDS, PressKind
 from zeromethod.design.resolution import ASSUMED_PUPIL_MM
 from zeromethod.design.sampled_view import SampledView
@@ -49,8 +48,8 @@ def assess_rig(
     Returns
     -------
     dict
-        "tir", "regions", "presses", "resolution", "noise", "delay", "view", "motion", "warnings"
-        and "vary".
+        "tir", "regions", "presses", "resolution", "noise", "delay", "view", "motion",
+        "warnings" and "vary".
 
     Raises
     ------
@@ -65,7 +64,6 @@ def assess_rig(
     view = SampledView(bench)
     figures = design_figures(view, kinds, pupil, computing_s)
     figures["resolution"]["pupil_assumed"] = pupil_mm is None
-    figures["motion"] = motion_figures(view)
     figures["delay"] |= stability_figures(bench, figures["delay"]["worst_frames"])
     figures["warnings"] = design_warnings(view, figures)
     figures["vary"] = [curves(bench, run, pupil) for run in runs]

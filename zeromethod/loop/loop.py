@@ -303,8 +303,8 @@ class Loop:
         locked = self.status.nulled_frames + 1 >= LOCK_FRAMES
         at_rest = locked and self._circle.at_rest(result.measured, self._zero.rest_q)
         blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
-        rms_px, share = result.residual_rms_px, result.valid_share
-        return StepOutcome(Outcome.MEASURED, blinded, rms_px, share, at_rest, self.bench.doubt)
+        seen = result.residual_rms_px, result.valid_share
+        return StepOutcome(Outcome.MEASURED, blinded, *seen, at_rest, self.bench.doubt)
 
     def _show(self, result: FrameResult, refusal: Notice | None, frozen: bool, now_ns: int) -> Trouble | None:
         """Have the command drawn; what went wrong, where something did."""

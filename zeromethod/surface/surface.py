@@ -24,7 +24,7 @@ class Anchor:
         Nodes used.
     sigma_mm : float
         Standard deviation of depth, rms over the valid nodes, due to the unknown depth of the mask itself;
-        0 for "known".
+        by how far nodes of "known" are from rest.
     far_field_mm : float
         Depth (over `SurfaceReader.scale`) that the mask's nodes still have according to the decay of slope
         and depth with distance; 0 where they count as at rest.
