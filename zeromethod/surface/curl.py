@@ -91,6 +91,8 @@ class CurlTest:
 
     def false_depth(self, motion: Float, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> tuple[Float, Float]:
         """What a motion (modes,) LCD px reads as: depth / h, mm, up to a constant; size of slope, rad."""
+        if not motion.any():
+            return np.zeros(x_mm.shape), np.zeros(x_mm.shape)
         depth = np.tensordot(motion, self._templates(noise, x_mm, y_mm).depth, axes=1)
         return depth, np.linalg.norm(np.tensordot(motion, self._slopes, axes=1), axis=-1)
 
