@@ -3,7 +3,8 @@
 The packaged bench with four times larger pixels; rig file and bench may differ, as a stranger's do. Honest
 runs press pads of sigma 1.5 to 40 mm and balls, at places all over the view and beyond its border, on a bench
 that is as its rig file says and on one calibrated by this program. Faulty ones turn the camera or slide the
-LCD in mid-run, at rest and under a press, at once or slowly, or believe a geometry that is off by 0.1 to 5 sigma of
+LCD in mid-run, at rest and under a press, at once or slowly, or believe a geometry that is off by 0.1 to 5
+sigma of
 calipers.
 
 A run is judged frame by frame from the fault on. What a fault does is the error of the peak over its stated

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from command_line import run, start
 from hanging import eventually
-from small_rigs import small_rig_file
+from small_rigs import BENCH_320, small_rig_file
 
 
 def small_rig(folder: Path) -> Path:
@@ -71,3 +71,13 @@ def test_help_shows_an_example() -> None:
     code, out, _ = run("run --help")
     assert code == 0
     assert "Example: zeromethod run" in out
+
+
+def test_a_run_whose_bench_moved_ends_with_1_and_says_what_to_do(tmp_path: Path) -> None:
+    bump = {"moved_at_frame": 10, "camera_turned_deg": [0.021, 0.0, 0.0]}
+    values = BENCH_320 | {f"simulation.faults.{key}": value for key, value in bump.items()}
+    rig = small_rig_file(tmp_path / "bumped.toml", values)
+    code, _, err = run("run", "--rig", rig, "--scenario", "none", "--frames", 24)
+    assert code == 1
+    assert "the bench moved by" in " ".join(err.split())
+    assert "press z" in " ".join(err.split())

@@ -115,7 +115,8 @@ def test_known_rest_is_used_where_it_is_in_view():
     bench = Bench(small_rig(known_rest=(rim,)))
     surface, _ = read(bench, Tail(0.2, bench.centre_mm, 0.0, 3.0))
     assert surface.anchor.mode == "known"
-    assert surface.anchor.sigma_mm == 0.0
+    # this rim is not at rest, and sigma says so: beyond the 60 nm of noise, as much as its depths differ
+    assert 0.3 * surface.depth_mm[surface.anchor.mask].std() < surface.anchor.sigma_mm
     assert surface.x_mm[surface.anchor.mask].min() >= 65.9
     # the rim itself is not at rest under this tail: its mean is what is taken off
     assert abs(surface.depth_mm[surface.anchor.mask].mean()) < 1e-3

@@ -35,6 +35,9 @@ _LEAST = 1e-2
 _ALIKE = 0.97
 """Cosine between two patterns from which they go by the same name."""
 
+_LEAST_SEEN = 0.1
+"""Share of a motion's pattern that must show for it to be named."""
+
 _NAMES = {
     "camera": (
         "camera slid sideways", "camera slid up or down", "camera moved along its axis",
@@ -101,7 +104,7 @@ class BenchModes:
     @property
     def count(self) -> int:
         """Number of modes, at most 6."""
-        return self.motions.shape[1]
+        return int(self.motions.shape[1])
 
     def at(self, u: Float, v: Float) -> Float:
         """Modes at camera pixels u, v (...): (..., 2, modes) LCD px."""
@@ -115,9 +118,15 @@ class BenchModes:
         size = np.linalg.norm(self.motions, axis=-1, keepdims=True)
         return np.where(size > 1e-6 * size.max(), self.motions / np.maximum(size, 1e-300), 0.0)
 
-    def group(self, motion: Float) -> str:
-        """Names of the motions, at most one of each part, that alone explain a sum (modes,) of modes."""
+    def group(self, motion: Float, seen: Float | None = None) -> str:
+        """Names of the motions, at most one of each part, that alone explain a sum (modes,) of modes.
+
+        seen: (modes, directions) orthonormal sums of modes, where no others show.
+        """
         alike = self._directions @ motion / max(float(np.linalg.norm(motion)), 1e-300)
+        if seen is not None:
+            size = np.linalg.norm(self._directions @ seen, axis=-1)
+            alike = np.where(size > _LEAST_SEEN, alike / np.maximum(size, _LEAST_SEEN), 0.0)
         found = []
         for number, (part, names) in enumerate(_NAMES.items()):
             own = np.abs(alike[6 * number : 6 * number + 6])
@@ -125,10 +134,10 @@ class BenchModes:
                 found.append(names[next(k for k in _ORDER[part] if own[k] > own.max() - 0.005)])
         return ", or ".join(found) if found else "more than one motion of camera, LCD or prism"
 
-    def words(self, motion: Float) -> str:
-        """By how much and which group, for a sum (modes,) of modes."""
+    def words(self, motion: Float, seen: Float | None = None) -> str:
+        """By how much and which group, for a sum (modes,) of modes; `seen` as `group` takes it."""
         lcd_px = float(np.linalg.norm(motion))
-        return f"by {lcd_px * self.camera_px:.2g} camera px ({lcd_px:.2g} LCD px): {self.group(motion)}"
+        return f"by {lcd_px * self.camera_px:.2g} camera px ({lcd_px:.2g} LCD px): {self.group(motion, seen)}"
 
 
 def _pattern(optics: Optics, part: str, number: int, u: Float, v: Float) -> Float:

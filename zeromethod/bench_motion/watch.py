@@ -13,7 +13,7 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 from zeromethod.bench_motion.fit import LEAST_NODES, UNLIKE, MotionFitter, Terms
 from zeromethod.bench_motion.modes import BenchModes
-from zeromethod.warp.rest import Rest
+from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
 
 FRAMES = 8
@@ -36,10 +36,10 @@ _MOST_AMPLIFIED = 5.0
 class _Averaged:
     """Mean terms of the last frames of one fitter."""
 
-    def __init__(self, modes: BenchModes, rest: Rest, nodes: Mask) -> None:
+    def __init__(self, modes: BenchModes, grid: NodeGrid, nodes: Mask) -> None:
         self.fitter: MotionFitter | None = None
         if np.count_nonzero(nodes) >= LEAST_NODES:
-            self.fitter = MotionFitter(modes, rest.grid, nodes)
+            self.fitter = MotionFitter(modes, grid, nodes)
         self._last: deque[Terms] = deque(maxlen=FRAMES)
 
     def add(self, warp: Warp, rest_q: Float) -> tuple[MotionFitter, Terms] | None:
@@ -47,6 +47,10 @@ class _Averaged:
         terms = None if self.fitter is None else self.fitter.fit(warp, rest_q)
         if self.fitter is None or terms is None:
             return None
+        if self._last and len(terms.values) == len(self._last[-1].values):
+            jump = float(np.linalg.norm(terms.values - self._last[-1].values))
+            if jump > max(LEAST_LCD_PX, _SIGMAS * terms.noise_px * np.sqrt(2.0 * len(terms.values))):
+                self._last.clear()
         self._last.append(terms)
         values = np.mean([one.values for one in self._last], axis=0)
         noise_px = float(np.sqrt(np.mean([one.noise_px**2 for one in self._last]) / len(self._last)))
@@ -63,8 +67,10 @@ class BenchWatch:
     ----------
     modes : BenchModes
         What motion does to the warp.
-    rest : Rest
-        Nodes, and which of them are seen.
+    grid : NodeGrid
+        The nodes.
+    visible : (rows, cols) bool
+        Nodes that are seen at rest.
     known : (rows, cols) bool
         Nodes known to be at rest whatever presses; with `places` the number of separate ones.
     places : int
@@ -76,19 +82,20 @@ class BenchWatch:
         By how much and what moved; "" as long as nothing did.
     motion : (modes,) array, optional
         The whole motion, LCD px, where the last frame shows it.
-    drift_lcd_px : float
-        Rms motion over the view as seen last while nothing pressed, noise taken off, LCD px.
+    drift : (modes,) array
+        Motion as seen last while nothing pressed, noise taken off, LCD px.
     """
 
-    def __init__(self, modes: BenchModes, rest: Rest, known: Mask, places: int) -> None:
+    def __init__(self, modes: BenchModes, grid: NodeGrid, visible: Mask, known: Mask, places: int) -> None:
         self.modes = modes
-        self._view = _Averaged(modes, rest, rest.visible)
-        self._known = _Averaged(modes, rest, known & rest.visible)
+        self._view = _Averaged(modes, grid, visible)
+        self._known = _Averaged(modes, grid, known & visible)
         fitter = self._known.fitter
         self._fixed = fitter is not None and places > 1 and fitter.amplification < _MOST_AMPLIFIED
         self.moved = ""
         self.motion: Float | None = None
-        self.drift_lcd_px = self._largest_px = 0.0
+        self.drift: Float = np.zeros(modes.count)
+        self._largest_px = 0.0
 
     def look(self, warp: Warp, rest_q: Float) -> None:
         """Judge a nulled frame's warp against `rest_q`, (rows, cols, 2) LCD px."""
@@ -108,7 +115,9 @@ class BenchWatch:
         rigid = beyond2 + doubt2 < UNLIKE**2 * motion2
         if rigid or beyond2 < 1.5 * doubt2:
             self.motion = fitter.motion(terms)
-            self.drift_lcd_px = float(np.sqrt(max(motion2 - fitter.count * noise2, 0.0)))
+            # what noise does once in twenty times
+            beyond = max(motion2 - (fitter.count + 2.0 * np.sqrt(2.0 * fitter.count)) * noise2, 0.0)
+            self.drift = self.motion * np.sqrt(beyond / max(motion2, beyond, 1e-30))
         if rigid and motion2 > max(LEAST_LCD_PX, self._largest_px) ** 2:
             self._largest_px = float(np.sqrt(motion2))
             self.moved = f"the bench moved {self.modes.words(fitter.motion(terms))}"
@@ -130,16 +139,17 @@ class BenchWatch:
     @property
     def correction(self) -> Float | None:
         """Motion (modes,) LCD px to correct: known whole, and large enough."""
-        if self.motion is None or not (self.moved or self.drift_lcd_px > LEAST_KNOWN_LCD_PX):
+        if self.motion is None or not (self.moved or float(np.linalg.norm(self.drift)) > LEAST_KNOWN_LCD_PX):
             return None
         return self.motion
 
-    def report(self, motion: Float) -> None:
-        """Take in that motion (modes,) LCD px was found by other means, under a press."""
-        self.moved = self.moved or f"the bench moved {self.modes.words(motion)}, at least"
+    def report(self, motion: Float, seen: Float) -> None:
+        """Take in motion (modes,) LCD px found under a press, where only sums `seen` of modes show."""
+        self.moved = self.moved or f"the bench moved at least {self.modes.words(motion, seen)}"
 
     def forget(self) -> None:
         """Begin again: rest was taken anew, or the motion was corrected."""
         self._view.forget()
         self._known.forget()
-        self.moved, self.motion, self.drift_lcd_px, self._largest_px = "", None, 0.0, 0.0
+        self.moved, self.motion, self._largest_px = "", None, 0.0
+        self.drift = np.zeros(self.modes.count)

@@ -73,6 +73,11 @@ _STRIPS = {True: "edges", False: "none", None: None}
 @click.option("--frames", type=Whole(min=1), help="Stop after this many frames.")
 @click.option("--seconds", type=Real(min=0, min_open=True), help="Stop after this time.")
 @control_options
+@click.option(
+    "--follow-bench",
+    is_flag=True,
+    help="Correct motion of camera, LCD or prism where nothing presses, or two places are known to rest.",
+)
 @figure_option
 @summary_option
 def run_command(
@@ -88,6 +93,7 @@ def run_command(
     seed: int | None,
     loop_gain: float | None,
     controller: str | None,
+    follow_bench: bool,
     figure: Path | None,
     summary: Path | None,
     **others: Any,
@@ -114,7 +120,12 @@ def run_command(
         scenario,
         display={"latency_s": latency_s},
         simulation={"seed": seed},
-        control={"gain": loop_gain, "controller": controller, "strips": _STRIPS[strips]},
+        control={
+            "gain": loop_gain,
+            "controller": controller,
+            "strips": _STRIPS[strips],
+            "follow_bench": follow_bench or None,
+        },
     )
     check_geometry(rig)
     limit_threads()
@@ -183,6 +194,11 @@ def _report(result: RunResult, figure: Path | None, summary: Path | None) -> Non
         raise OSError(f"--record: {result.recording}")
     if result.interrupted:
         raise KeyboardInterrupt
+    if result.state is State.MOVED:
+        raise MeasurementError(
+            f"{figures['reason']}: readings since then are not valid; fasten it, then press z (zero) with "
+            "nothing touching the mirror, run with --follow-bench, or calibrate again"
+        )
     if result.state in {State.FAULT, State.LOST}:
         raise MeasurementError(f"{result.state}: {figures['reason']}")
     if not figures["calibrated"]:

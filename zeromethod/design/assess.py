@@ -48,7 +48,8 @@ def assess_rig(
     Returns
     -------
     dict
-        "tir", "regions", "presses", "resolution", "noise", "delay", "view", "warnings" and "vary".
+        "tir", "regions", "presses", "resolution", "noise", "delay", "view", "motion",
+        "warnings" and "vary".
 
     Raises
     ------

@@ -17,6 +17,7 @@ from zeromethod.design.lever import (
     lcd_px_per_mrad,
     mirror_mm_per_px,
 )
+from zeromethod.design.motion import motion_figures
 from zeromethod.design.noise_floor import noise_floor, slope_sigma_urad
 from zeromethod.design.press_limits import PressKind, press_limit
 from zeromethod.design.resolution import footprint_mm, resolution
@@ -62,6 +63,7 @@ def design_figures(
             "computing_s": computing_s,
         },
         "view": field_of_view(view),
+        "motion": motion_figures(view),
     }
 
 

@@ -6,9 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zeromethod.bench_motion.fit import LEAST_NODES
-from zeromethod.bench_motion.modes import BenchModes
-from zeromethod.bench_motion.watch import BenchWatch
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.delay import DelayWatch
 from zeromethod.exposure.exposures import Exposures
@@ -20,10 +17,8 @@ from zeromethod.pattern import Target
 from zeromethod.pattern.strips import Strips
 from zeromethod.rig.model import CameraSpec, Rig
 from zeromethod.sensing.sensor import ResidualSensor
-from zeromethod.surface.anchor import known_nodes
 from zeromethod.surface.expected_light import ExpectedLight
 from zeromethod.warp.rest import Rest
-from zeromethod.warp.warp import Warp
 
 _FRAMES = 8
 """Enough for a motion to be accepted and predicted."""
@@ -74,18 +69,6 @@ def make_circle(
 
     warm_up(circle(), target, rig.camera)
     return CircleParts(rest, strips, circle())
-
-
-def make_watch(rig: Rig, optics: Optics, rest: Rest) -> BenchWatch:
-    """Make the watch over a rig's bench, tried with a made-up warp."""
-    point = optics.trace(*rest.grid.mesh(), optics.rest).point
-    places = [known_nodes([one], point[..., 0], point[..., 1]) for one in rig.surface.known_rest]
-    places = [one for one in places if np.count_nonzero(one & rest.visible) >= LEAST_NODES]
-    known = np.logical_or.reduce([np.zeros(rest.grid.shape, bool), *places])
-    watch = BenchWatch(BenchModes.of(optics, rest.grid), rest, known, len(places))
-    watch.look(Warp(rest.q, np.full_like(rest.q, 0.01), rest.flags, 0), rest.q)
-    watch.forget()
-    return watch
 
 
 def warm_up(circle: Circle, target: Target, camera: CameraSpec) -> None:

@@ -10,7 +10,8 @@ from typing import Any
 from zeromethod.arrays import Float
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Camera, Display, Frame
-from zeromethod.loop.assembly import make_circle, make_watch
+from zeromethod.loop.assembly import make_circle
+from zeromethod.loop.bench_doubt import BenchDoubt
 from zeromethod.loop.circle import FrameResult, Sensor
 from zeromethod.loop.display_watch import DisplayWatch
 from zeromethod.loop.drawing import Drawer, Drawing
@@ -21,17 +22,7 @@ from zeromethod.loop.light_quality import LightQuality
 from zeromethod.loop.pattern_dwell import PatternDwell
 from zeromethod.loop.paused_gc import PausedGC
 from zeromethod.loop.screen import Screen
-from zeromethod.loop.state import (
-    LOCK_FRAMES,
-    LOCK_RESIDUAL_PX,
-    READ,
-    Doubt,
-    Outcome,
-    State,
-    Status,
-    StepOutcome,
-    next_status,
-)
+from zeromethod.loop.state import LOCK_FRAMES, READ, Doubt, Outcome, State, Status, StepOutcome, next_status
 from zeromethod.loop.step import Step
 from zeromethod.loop.zero import Zero
 from zeromethod.optics import Optics
@@ -62,8 +53,7 @@ class Loop:
     optics, sensor : Optics, Sensor, optional
         The rig's rays, when the caller has them already; another sensor than the rig's.
     watches_bench : bool
-        Whether a warp that only motion of the bench explains makes the state MOVED; not while the rig file's
-        rest is not yet that of the bench.
+        Whether motion of the bench makes the state MOVED: not where its rest is yet to be measured.
 
     Raises
     ------
@@ -106,9 +96,7 @@ class Loop:
         self._clock = clock
         self._circle = parts.circle
         self._zero = Zero(self.rest)
-        self._zero_ns = 0
-        self._bench = make_watch(rig, optics, self.rest) if watches_bench else None
-        self._follows = self.rest.grid.mesh() if rig.control.follow_bench else None
+        self.bench = BenchDoubt(rig, optics, self.rest, self._zero, watches_bench)
         timeout_s = rig.control.timeout_s
         timed = parts.strips is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
@@ -151,15 +139,6 @@ class Loop:
     def zero(self) -> Float | None:
         """(rows, cols, 2) LCD px, the warp that readings start from less the rig's at rest; None for 0."""
         return self._zero.q
-
-    def report_motion(self, motion: Float, time_ns: int) -> None:
-        """Take in what a reading of the frame at `time_ns` found of the bench's motion under a press.
-
-        motion: (modes,) LCD px, sums of `zeromethod.bench_motion.modes.BenchModes`. The state is MOVED until
-        the zero is taken again.
-        """
-        if self._bench is not None and time_ns > self._zero_ns:
-            self._bench.report(motion)
 
     def stop(self) -> None:
         """End `run` after the present step, and that one at once if it waits."""
@@ -261,7 +240,7 @@ class Loop:
         events, refusal = verdict.events, verdict.refusal
         if result.refusal is not None:
             events, refusal = (*events, result.refusal), Notice.refusal(result.refusal)
-        events += self._light(frame, result) + self._watch_bench(result)
+        events += self._judged(frame, result)
         outcome = self._outcome(verdict, result, refusal, events)
         trouble = self._show(result, refusal, frozen, now_ns)
         if trouble is not None:
@@ -269,14 +248,14 @@ class Loop:
             outcome = StepOutcome(trouble.outcome, trouble.reason)
         self._notices.add_events(events, refusal.words if refusal else "")
         self.status = next_status(self.status, outcome)
-        self._take_reference(result)
+        if not self._referenced and self.status.state in READ:
+            self._circle.take_reference(result)  # later light is compared with that of the first nulled frame
+            self._referenced = True
         # a part of mixed pictures may be right, but the peak need not be
         measured = None if result.refusal is Event.PICTURES_MIXED else result.measured
         if (zeroed := self._zero.take(measured, result.residual_rms_px)) is not None:
             events += (zeroed.event,)
             self._notices.add_always(zeroed)
-            if zeroed.event is Event.ZERO_TAKEN:
-                self._forget_motion(now_ns)
         draw_ms, delay_ms = self._screen.timing_ms()
         return self._step(
             now_ns if verdict.wrong else frame.time_ns,
@@ -296,42 +275,11 @@ class Loop:
             delay_ms=delay_ms,
         )
 
-    def _watch_bench(self, result: FrameResult) -> tuple[Event, ...]:
-        """Judge a nulled frame; events of a bench that moves or is followed."""
-        bench = self._bench
-        if bench is None or result.measured is None or not result.residual_rms_px < LOCK_RESIDUAL_PX:
-            return ()
-        before = bench.moved
-        bench.look(result.measured, self._zero.rest_q)
-        if self._follows is not None and (motion := bench.correction) is not None:
-            words = f"followed: {bench.modes.words(motion)}"
-            self._zero.shift(bench.modes.at(*self._follows) @ motion)
-            self._forget_motion(result.measured.time_ns)
-            notice = Notice(Event.BENCH_FOLLOWED, words)
-            self._notices.add(notice)
-            return (notice.event,)
-        if not bench.moved or before:
-            return ()
-        self._notices.add_always(Notice(Event.BENCH_MOVED, bench.moved))
-        return (Event.BENCH_MOVED,)
-
-    def _forget_motion(self, time_ns: int) -> None:
-        """Rest is taken to be as it is now; what was found of frames until `time_ns` is over."""
-        self._zero_ns = time_ns
-        if self._bench is not None:
-            self._bench.forget()
-
-    def _take_reference(self, result: FrameResult) -> None:
-        """Compare later light with that of the first nulled frame."""
-        if not self._referenced and self.status.state in READ:
-            self._circle.take_reference(result)
-            self._referenced = True
-
-    def _light(self, frame: Frame, result: FrameResult) -> tuple[Event, ...]:
-        """Events of light that spoils the measurement."""
+    def _judged(self, frame: Frame, result: FrameResult) -> tuple[Event, ...]:
+        """Events of light that spoils the measurement, and of a bench that moved."""
         if result.residual is None:
             return ()
-        notices = self._quality.look(result.residual, frame.time_ns)
+        notices = [*self._quality.look(result.residual, frame.time_ns), *self.bench.look(result)]
         for notice in notices:
             self._notices.add(notice)
         return tuple(notice.event for notice in notices)
@@ -354,10 +302,8 @@ class Loop:
         locked = self.status.nulled_frames + 1 >= LOCK_FRAMES
         at_rest = locked and self._circle.at_rest(result.measured, self._zero.rest_q)
         blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
-        moved = self._bench.moved if self._bench is not None else ""
-        doubt = Doubt(State.MOVED, moved) if moved else self.doubt
         seen = result.residual_rms_px, result.valid_share
-        return StepOutcome(Outcome.MEASURED, blinded, *seen, at_rest, doubt)
+        return StepOutcome(Outcome.MEASURED, blinded, *seen, at_rest, self.bench.doubt or self.doubt)
 
     def _show(self, result: FrameResult, refusal: Notice | None, frozen: bool, now_ns: int) -> Trouble | None:
         """Have the command drawn; what went wrong, where something did."""

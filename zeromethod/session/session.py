@@ -20,7 +20,7 @@ from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import State
+from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.recording.status import LOST, Condition
@@ -271,6 +271,9 @@ class Session:
         newest = None
         for newest in reading.collect():
             self.result.enter(newest.figures)
+            curl = newest.surface.curl if newest.surface is not None else None
+            if curl is not None and curl.moved and newest.state in NULLED:
+                self.loop.bench.report(curl, newest.time_ns)
             if self._recorder is not None:
                 self._recorder.add_reading(newest)
             self.result.keep(newest, self._phases)

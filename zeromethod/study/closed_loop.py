@@ -125,7 +125,10 @@ def average(task: Task) -> Figures:
     mean, filtered, settled = RunningMean(), None, 0
     with opened(task) as devices:
         optics = Optics(task.rig)
-        loop = Loop(task.rig, devices.camera, devices.display, devices.clock, optics=optics)
+        # a true bench that differs from the rig is what is studied
+        loop = Loop(
+            task.rig, devices.camera, devices.display, devices.clock, optics=optics, watches_bench=False
+        )
         reader = SurfaceReader(task.rig, optics, loop.grid)
         for step in loop.run(frames=wanted + _SETTLING_FRAMES + _SPARE_FRAMES):
             if step.measured is None or step.state not in NULLED:

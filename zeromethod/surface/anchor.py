@@ -10,7 +10,7 @@ the decay of slope and depth (`far_field`); where they follow no such law, its b
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -43,6 +43,19 @@ class RestFit:
     far_field_mm: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class KnownReading:
+    """What was read, (rows, cols): depth and h, noise of depth / h, mm; slope and its variance (..., 2)."""
+
+    x_mm: Float
+    y_mm: Float
+    depth_mm: Float
+    scale: Float
+    noise_mm: Float
+    slope: Float
+    variance: Float
+
+
 def known_nodes(known_rest: Sequence[KnownRest], x_mm: Float, y_mm: Float) -> Mask:
     """Nodes (rows, cols) whose mirror point lies in a rectangle known to be at rest."""
     inside = np.zeros(x_mm.shape, bool)
@@ -54,9 +67,37 @@ def known_nodes(known_rest: Sequence[KnownRest], x_mm: Float, y_mm: Float) -> Ma
 
 
 def fit_known(nodes: Mask, scale: Float) -> RestFit:
-    """Least squares of depth = C h over nodes known to be at rest."""
+    """Least squares of depth = C h over nodes known to be at rest; its sigma is that of `known_misfit`."""
     weights = np.where(nodes, scale**2, 0.0)
     return RestFit("known", weights / weights.sum(), 0.0)
+
+
+def known_misfit(
+    fit: RestFit, reading: KnownReading, known_rest: Sequence[KnownRest], overlap: float
+) -> tuple[RestFit, Float]:
+    """The fit with what its nodes are in fact off rest in its sigma, and what that may be elsewhere.
+
+    Nodes off rest are a bench that moved, or a rim that is not clamped. Their depths, beyond noise, are off
+    by as much everywhere. Their mean slope, which at rest is 0, goes on to other nodes with the distance from
+    the nearest place known: (rows, cols) mm of depth / h, 0 in the places. overlap: number of nodes that
+    share their noise.
+    """
+    w, x, y = fit.weights, reading.x_mm, reading.y_mm
+    off2 = float((w * ((reading.depth_mm / reading.scale) ** 2 - reading.noise_mm**2))[w > 0.0].sum())
+    nearest, steepest = np.full(x.shape, np.inf), 0.0
+    for place in known_rest:
+        inside = known_nodes([place], x, y) & (w > 0.0)
+        if not inside.any():
+            continue
+        away = [
+            np.maximum(np.maximum(r[0] - c, c - r[1]), 0.0) for r, c in ((place.x_mm, x), (place.y_mm, y))
+        ]
+        nearest = np.minimum(nearest, np.hypot(*away))
+        mean = reading.slope[inside].mean(axis=0)
+        noise2 = overlap * float(reading.variance[inside].mean(axis=0).sum()) / np.count_nonzero(inside)
+        steepest = max(steepest, float(mean @ mean) - 4.0 * noise2)
+    elsewhere = np.where(np.isfinite(nearest), nearest, 0.0) * np.sqrt(steepest)
+    return replace(fit, sigma_mm=float(np.sqrt(max(off2, 0.0)))), elsewhere / reading.scale
 
 
 def fit_quiet(

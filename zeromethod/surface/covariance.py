@@ -83,15 +83,17 @@ class DepthCovariance:
         noise: SlopeNoise,
         scale: Float,
         anchor: Float,
-        anchor_sigma_mm: float,
-        modes_mm: Float,
+        systematic_mm: Float,
+        geometry_mm: Float,
     ) -> None:
-        """Scale h, anchor's weights: (rows, cols) of the measurable nodes; anchor_sigma_mm: of depth / h.
+        """Scale h, anchor's weights: (rows, cols) of the measurable nodes.
 
-        modes_mm: (modes, rows, cols) errors of depth by the geometry, each times one standard normal number.
+        systematic_mm, geometry_mm: (n, rows, cols) independent errors of depth by the anchor and by what the
+        geometry leaves open, one sigma of each: they are the same in every frame.
         """
-        self._grid, self._linear, self._noise, self._modes = grid, linear, noise, modes_mm
-        self._scale, self._anchor, self._anchor_sigma = scale, anchor, anchor_sigma_mm
+        self._grid, self._linear, self._noise = grid, linear, noise
+        self._scale, self._anchor = scale, anchor
+        self._systematic, self._geometry = systematic_mm, geometry_mm
 
     def variance_of(self, weights: Float) -> Variance:
         """Variance of sum(weights * depth).
@@ -99,22 +101,24 @@ class DepthCovariance:
         weights: (rows, cols). Raises InputError on another shape or weights that are not finite.
         """
         inner = self._checked(weights)
-        systematic = self._anchor_sigma * float((inner * self._scale).sum())
-        geometry = float((self._of_modes(inner) ** 2).sum())
-        return Variance(float(self._noise.variance_of(self._slope_weights(inner))), systematic**2, geometry)
+        noise = float(self._noise.variance_of(self._slope_weights(inner)))
+        anchor, geometry = (float((share**2).sum()) for share in self._shares(inner))
+        return Variance(noise, anchor, geometry)
 
     def with_mean(self, weights: Float) -> Covariances:
         """Covariance of every depth with sum(weights * depth), weights (rows, cols)."""
         inner = self._checked(weights)
         row = self._linear.depth(self._noise.covariance(self._slope_weights(inner)))
         row -= float((self._anchor * row).sum())
-        systematic = self._anchor_sigma**2 * float((inner * self._scale).sum()) * self._scale
-        geometry = np.tensordot(self._of_modes(inner), self._modes, 1)
-        return Covariances(*(self._padded(one) for one in (self._scale * row, systematic, geometry)))
+        anchor, geometry = self._shares(inner)
+        systematic = np.tensordot(anchor, self._systematic, axes=1)
+        modes = np.tensordot(geometry, self._geometry, axes=1)
+        return Covariances(*(self._padded(one) for one in (self._scale * row, systematic, modes)))
 
-    def _of_modes(self, inner: Float) -> Float:
-        """(modes,) what each mode makes of the weighted sum."""
-        return np.asarray(np.tensordot(self._modes, inner, 2))
+    def _shares(self, inner: Float) -> tuple[Float, Float]:
+        """What each error makes of the weighted sum: by the anchor, by the geometry."""
+        anchor, geometry = (np.tensordot(one, inner, 2) for one in (self._systematic, self._geometry))
+        return anchor, geometry
 
     def _slope_weights(self, inner: Float) -> Float:
         in_units_of_h = inner * self._scale

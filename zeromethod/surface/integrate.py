@@ -224,6 +224,25 @@ class SlopeIntegrator:
             down -= np.diff(depth_mm, axis=0)
         return self._solver.solution.solve(_divergence(self._across * across, self._down * down))
 
+    @property
+    def step_weights(self) -> tuple[Float, Float]:
+        """Weights (rows, cols-1), (rows-1, cols) of the steps' squared errors; 0 off the island."""
+        return self._across / self._h_across, self._down / self._h_down
+
+    def left_over(
+        self, slope: Float, x_mm: Float, y_mm: Float, depth_mm: Float, linear: bool = False
+    ) -> tuple[Float, Float]:
+        """Steps (rows, cols-1), (rows-1, cols), mm, of the slopes that the depth does not make.
+
+        linear: `depth_mm` is an error of depth / h, as `integrate` returns it, and `slope` one of slope.
+        """
+        across, down = depth_differences(slope, x_mm, y_mm, self.island)
+        h_across, h_down = (self._h_across, self._h_down) if linear else (1.0, 1.0)
+        both_across = self.island[:, :-1] & self.island[:, 1:]
+        both_down = self.island[:-1] & self.island[1:]
+        across = np.where(both_across, across - h_across * np.diff(depth_mm, axis=1), 0.0)
+        return across, np.where(both_down, down - h_down * np.diff(depth_mm, axis=0), 0.0)
+
     def linear(self, x_mm: Float, y_mm: Float) -> LinearIntegration:
         """Integration with the present mask and weights over points at x_mm, y_mm (rows, cols)."""
         return LinearIntegration(self.island, x_mm, y_mm, self._across, self._down, self._solver.solution)

@@ -11,7 +11,8 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
-from zeromethod.surface.anchor import RestFit, fit_known, fit_quiet, known_nodes
+from zeromethod.surface.anchor import KnownReading, RestFit, fit_known, fit_quiet, known_nodes
+from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import Lattice, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.far_field import fit_far_field
@@ -59,6 +60,7 @@ class _Last:
     linear: LinearIntegration
     noise: SlopeNoise
     fit: RestFit
+    systematic: Float
 
 
 class SurfaceReader:
@@ -124,6 +126,9 @@ class SurfaceReader:
         self._correlation = overlap_correlation(grid.period_px, grid.spacing_px)
         self._overlap = component_correlation(grid.period_px, grid.spacing_px, rig.target.kind)
         self._noise = DepthNoise(self._integrator)
+        self._drift = BenchDrift(
+            rig, optics, grid, self._rays.rest_q, regular, sensitivity, self._integrator, self._scale_gradient
+        )
         self._last: _Last | None = None
 
     def _depth_scale(self, slope: Float, point: Float) -> Float:
@@ -184,6 +189,7 @@ class SurfaceReader:
         variance = (self._lever.factor(flat, at_rest, bending, sigma_q) ** 2).sum(axis=-1)
         start = flat if previous is None else np.nan_to_num(previous.depth_mm[inner])
         far_field_mm = 0.0 if previous is None else previous.anchor.far_field_mm
+        self._drift.look(warp)
         reading = self._settle(q, variance, usable, start, far_field_mm)
         factor = self._lever.factor(reading.depth, reading.slope, bending, sigma_q)
         surface = self._surface(warp, reading, SlopeNoise(factor, *self._overlap))
@@ -200,9 +206,10 @@ class SurfaceReader:
         last = self._last
         if last is None or last.surface is not surface:
             raise InputError("surface: not the one last read, or without depth; read it first")
-        scale, fit = self._scale, last.fit
         modes = self._depth_modes * np.where(last.linear.island, surface.depth_mm[self._grid.inner], 0.0)
-        return DepthCovariance(self._grid, last.linear, last.noise, scale, fit.weights, fit.sigma_mm, modes)
+        return DepthCovariance(
+            self._grid, last.linear, last.noise, self._scale, last.fit.weights, last.systematic, modes
+        )
 
     def _settle(self, q: Float, variance: Float, usable: Mask, depth: Float, far_field_mm: float) -> _Reading:
         integrator, scale = self._integrator, self._scale
@@ -279,11 +286,14 @@ class SurfaceReader:
         sigma_depth = np.full(island.shape, np.nan)
         anchor = Anchor("none", np.zeros(self._grid.shape, bool), 0.0)
         x, y = reading.point[..., 0], reading.point[..., 1]
-        fit = reading.fit
+        fit, curl, systematic = reading.fit, None, np.zeros((0, *island.shape))
         if fit is not None:
             of_frame = self._noise.sigma(noise, x, y, fit.weights)
-            sigma_depth = self._scale * np.hypot(of_frame, fit.sigma_mm)
-            sigma_depth = np.hypot(sigma_depth, self._depth_share * reading.depth)
+            read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
+            fit, systematic = self._drift.systematic(fit, read, noise)
+            geometry = self._depth_share * reading.depth
+            sigma_depth = np.sqrt((self._scale * of_frame) ** 2 + (systematic**2).sum(axis=0) + geometry**2)
+            curl = self._drift.test(warp, reading.slope, reading.point, reading.depth, noise)
             typical = fit.sigma_mm * float(np.sqrt(np.mean(self._scale[island] ** 2)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
         contact = (warp.flags & Flag.LIGHT_LOST != 0) & (warp.flags & (Flag.OUTSIDE | Flag.NO_RAY) == 0)
@@ -294,10 +304,11 @@ class SurfaceReader:
             anchor=anchor,
             time_ns=warp.time_ns,
             iterations=reading.iterations,
+            curl=curl,
         )
         self._last = None
         if fit is not None:
-            self._last = _Last(surface, self._integrator.linear(x, y), noise, fit)
+            self._last = _Last(surface, self._integrator.linear(x, y), noise, fit, systematic)
         return surface
 
     def _arrays(

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.surface.curl import Curl
 from zeromethod.warp.continuation import continued
 
 
@@ -23,7 +24,7 @@ class Anchor:
         Nodes used.
     sigma_mm : float
         Standard deviation of depth, rms over the valid nodes, due to the unknown depth of the mask itself;
-        0 for "known".
+        by how far nodes of "known" are from rest.
     far_field_mm : float
         Depth (over `SurfaceReader.scale`) that the mask's nodes still have according to the decay of slope
         and depth with distance; 0 where they count as at rest.
@@ -72,6 +73,8 @@ class Surface:
         Nodes that closed gaps, folds above all, separate from the valid nodes, tied to them by the slopes
         on either side (`zeromethod.surface.bridge`). Its valid nodes are none of these; their sigma includes
         the gap's.
+    curl : Curl, optional
+        What the slopes contain that no mirror can make: motion of the bench under a press.
     on_mirror : (rows, cols) bool, optional
         Nodes whose ray meets the mirror; by default those with finite x_mm and y_mm.
     sigma_x_mm, sigma_y_mm : (rows, cols), optional
@@ -95,6 +98,7 @@ class Surface:
     time_ns: int
     iterations: int
     cut_off: Surface | None = None
+    curl: Curl | None = None
     on_mirror: Mask = field(default_factory=lambda: np.zeros((0, 0), bool))
     sigma_x_mm: Float = field(default_factory=lambda: np.zeros((0, 0)))
     sigma_y_mm: Float = field(default_factory=lambda: np.zeros((0, 0)))

@@ -50,7 +50,8 @@ def design_table(figures: Figures, warnings: list[str]) -> Group:
         *_noise_rows(figures["noise"]),
         *_delay_rows(figures["delay"]),
     )
-    return Group(*parts, *_margins(figures), *_levers(figures), *_presses(figures), pair_table(whole))
+    tables = *_margins(figures), *_levers(figures), *_presses(figures), *_motions(figures["motion"])
+    return Group(*parts, *tables, pair_table(whole))
 
 
 def curves_table(found: Figures) -> Table:
@@ -104,6 +105,25 @@ def _presses(figures: Figures) -> list[RenderableType]:
         rows.append((press["press"], *cells, ", ".join(sorted({one["because"] for one in limits} - {""}))))
     title = "Deepest press that can be nulled whole, µm (folds at, loses total reflection at)"
     return titled(title, text_table(("press, mm", *places, "ended by"), rows, left=()))
+
+
+def _motions(motion: Figures) -> list[RenderableType]:
+    rows = [
+        (group["motions"], f"{share:.1%}" if (share := group["share_under_press"]) > least else "no")
+        for least in (motion["shows_from_share"],)
+        for group in motion["groups"]
+    ]
+    edges = ", ".join(
+        f"{name} {abs(px):.0f} camera px {'beyond' if px > 0 else 'inside'} the view"
+        for name, px in motion["beyond_px"].items()
+    )
+    note = (
+        "All show while nothing presses. Of those without a share, two places of the mirror known to rest "
+        "([[surface.known_rest]], not on one line) tell under a press; and by edges or marks of the prism "
+        f"that the camera sees itself, not by way of the LCD, camera and LCD could be told apart ({edges})."
+    )
+    table = text_table(("camera, LCD or prism moved", "shows under a press"), rows)
+    return [*titled("Motions of the bench that look alike", table), Text(note), Text()]
 
 
 def _middle_row(limits: list[Figures]) -> list[Figures]:

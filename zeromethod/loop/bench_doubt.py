@@ -1,0 +1,81 @@
+"""Doubt in the bench: what the loop does about camera, LCD or prism that moved since rest was taken."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zeromethod.bench_motion.fit import LEAST_NODES
+from zeromethod.bench_motion.modes import BenchModes
+from zeromethod.bench_motion.watch import BenchWatch
+from zeromethod.loop.circle import FrameResult
+from zeromethod.loop.events import Event, Notice
+from zeromethod.loop.state import LOCK_RESIDUAL_PX, Doubt, State
+from zeromethod.loop.zero import Zero
+from zeromethod.optics import Optics
+from zeromethod.rig.model import Rig
+from zeromethod.surface.anchor import known_nodes
+from zeromethod.surface.curl import Curl
+from zeromethod.warp.rest import Rest
+from zeromethod.warp.warp import Warp
+
+
+def make_watch(rig: Rig, optics: Optics, rest: Rest) -> BenchWatch:
+    """Make the watch over a rig's bench, tried with a made-up warp."""
+    point = optics.trace(*rest.grid.mesh(), optics.rest).point
+    places = [known_nodes([one], point[..., 0], point[..., 1]) for one in rig.surface.known_rest]
+    places = [one for one in places if np.count_nonzero(one & rest.visible) >= LEAST_NODES]
+    known = np.logical_or.reduce([np.zeros(rest.grid.shape, bool), *places])
+    modes = BenchModes.of(optics, rest.grid)
+    watch = BenchWatch(modes, rest.grid, rest.visible, known, len(places))
+    watch.look(Warp(rest.q, np.full_like(rest.q, 0.01), rest.flags, 0), rest.q)
+    watch.forget()
+    return watch
+
+
+class BenchDoubt:
+    """Whether the bench moved, until the zero is taken again or, where the rig says so, corrected."""
+
+    def __init__(self, rig: Rig, optics: Optics, rest: Rest, zero: Zero, watches: bool) -> None:
+        """Watch nothing where not `watches`: then nothing is ever in doubt."""
+        self._watches = watches
+        self._watch = make_watch(rig, optics, rest)
+        self._zero = zero
+        self._nodes = rest.grid.mesh() if rig.control.follow_bench else None
+        self._from = zero.q
+        self._since_ns = 0
+        self._said = False
+
+    @property
+    def doubt(self) -> Doubt | None:
+        """Why readings must not be trusted; None where they may."""
+        return Doubt(State.MOVED, self._watch.moved) if self._watch.moved else None
+
+    def look(self, result: FrameResult) -> tuple[Notice, ...]:
+        """Judge a frame if it is nulled; news of a bench that moved or was followed."""
+        measured = None if result.refusal is Event.PICTURES_MIXED else result.measured
+        if not self._watches or measured is None or not result.residual_rms_px < LOCK_RESIDUAL_PX:
+            return ()
+        watch = self._watch
+        if self._zero.q is not self._from:
+            self._forget(measured.time_ns)
+        watch.look(measured, self._zero.rest_q)
+        motion = watch.correction
+        if self._nodes is not None and motion is not None:
+            self._zero.shift(watch.modes.at(*self._nodes) @ motion)
+            self._forget(measured.time_ns)
+            words = f"readings follow the bench, moved {watch.modes.words(motion)}"
+            return (Notice(Event.BENCH_FOLLOWED, words),)
+        if self._said or not watch.moved:
+            return ()
+        self._said = True
+        return (Notice(Event.BENCH_MOVED, watch.moved),)
+
+    def report(self, curl: Curl, time_ns: int) -> None:
+        """Take in what a reading of the frame at `time_ns` found under a press."""
+        if self._watches and time_ns >= self._since_ns:
+            self._watch.report(curl.motion, curl.seen)
+
+    def _forget(self, time_ns: int) -> None:
+        """Rest was taken anew: what was found of frames before `time_ns` is over."""
+        self._since_ns, self._said, self._from = time_ns, False, self._zero.q
+        self._watch.forget()

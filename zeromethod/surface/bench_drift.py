@@ -1,0 +1,77 @@
+"""What the bench's own motion does to a reading: drift that sigma must include, and motion under a press."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zeromethod.arrays import Float, Mask
+from zeromethod.bench_motion.modes import BenchModes
+from zeromethod.bench_motion.watch import BenchWatch
+from zeromethod.optics import Optics
+from zeromethod.rig.model import Rig
+from zeromethod.surface.anchor import KnownReading, RestFit, known_misfit
+from zeromethod.surface.curl import Curl, CurlTest
+from zeromethod.surface.integrate import SlopeIntegrator
+from zeromethod.surface.noise import SlopeNoise
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.overlap import overlap_correlation
+from zeromethod.warp.warp import Warp
+
+
+class BenchDrift:
+    """Drift as seen last while nothing pressed, and the curl test; of one reader."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        optics: Optics,
+        grid: NodeGrid,
+        rest_q: Float,
+        usable: Mask,
+        sensitivity: Float,
+        integrator: SlopeIntegrator,
+        scale_gradient: Float,
+    ) -> None:
+        """Of the measurable nodes: warp at rest, usable ones, LCD px per rad, h d(slope)/d(depth)."""
+        self._known_rest = rig.surface.known_rest
+        modes = BenchModes.of(optics, grid)
+        self._grid, self._rest = grid, rest_q
+        self._rest_q = grid.padded(rest_q, np.nan)
+        self._shared = (2.0 * float(overlap_correlation(grid.period_px, grid.spacing_px).sum()) - 1.0) ** 2
+        none = np.zeros(grid.shape, bool)
+        self.watch = BenchWatch(modes, grid, grid.padded(usable, False), none, 0)
+        u, v = (one[grid.inner] for one in grid.mesh())
+        slopes = np.asarray(np.linalg.solve(sensitivity, modes.at(u, v)), np.float64)
+        self._integrator = integrator
+        self._curl = CurlTest(integrator, np.moveaxis(slopes, -1, 0), scale_gradient)
+
+    def look(self, warp: Warp) -> None:
+        """Follow the drift."""
+        self.watch.look(warp, self._rest_q)
+
+    def test(self, warp: Warp, slope: Float, point: Float, depth_mm: Float, noise: SlopeNoise) -> Curl:
+        """Curl of one converged reading."""
+        island = self._integrator.island
+        away = warp.q[self._grid.inner][island] - self._rest[island]
+        shift_px = float(np.sqrt(np.mean(np.sum(away**2, axis=-1))))
+        return self._curl.test(slope, point, depth_mm, noise, shift_px)
+
+    def systematic(self, fit: RestFit, read: KnownReading, noise: SlopeNoise) -> tuple[RestFit, Float]:
+        """The fit with its sigma, and independent errors (4, rows, cols) of depth, mm, of one sigma each.
+
+        They are the same in every frame: the anchor's; what nodes do that should rest and do not; drift under
+        the anchor; and drift by way of the far field, which its slope at the border passes for.
+        """
+        x, y, island = read.x_mm, read.y_mm, self._integrator.island
+        elsewhere, tail_mm = np.zeros_like(x), 0.0
+        drift, slope = self._curl.false_depth(self.watch.drift, noise, x, y)
+        drift = drift - float((fit.weights * drift).sum())
+        if fit.mode == "known":
+            fit, elsewhere = known_misfit(fit, read, self._known_rest, self._shared)
+        else:
+            reach_mm = 0.5 * float(np.hypot(np.ptp(x[island]), np.ptp(y[island])))
+            tail_mm = reach_mm * float((fit.weights * np.where(island, slope, 0.0)).sum())
+        fields = read.scale * np.stack(
+            [np.full_like(x, fit.sigma_mm), elsewhere, drift, np.full_like(x, tail_mm)]
+        )
+        return fit, np.where(island, fields, 0.0)

@@ -1,0 +1,150 @@
+"""Curl test: whether slopes read under a press contain what no depth of the mirror can make.
+
+Three of the six modes of rigid motion look like a stiff displacement of the mirror; the others leave steps
+from node to node that do not close. Those that are left over by the integration are compared with what each
+mode leaves over, with the integration's own weights. An error of the anchor's constant moves the mirror along
+its rays and leaves steps as well: it is fitted with them and given up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from zeromethod.arrays import Float, Mask
+from zeromethod.bench_motion.watch import LEAST_LCD_PX
+from zeromethod.surface.differences import depth_differences_adjoint
+from zeromethod.surface.integrate import SlopeIntegrator
+from zeromethod.surface.noise import SlopeNoise
+
+MOVED_STATISTIC = 5.0
+"""Curl over its sigma (rms of its components) from which the bench counts as moved."""
+
+_UNKNOWN_GEOMETRY = 0.01
+"""False motion by a geometry that is not exactly known, over the rms shift of the warp by the press."""
+
+_MOST_VISIBLE = 3
+"""Six modes less the three that a stiff displacement of the mirror makes as well."""
+
+_LIKELY_LCD_PX = 1.0
+"""Motion of the size that happens: what is told worse than this is left out of the motion found."""
+
+_VISIBLE = 1e-3
+"""Curl energy of a combination of modes, over the largest, from which it counts as visible."""
+
+_KEEP_SHARE = 0.05
+"""Templates are kept while the mask differs on fewer nodes than this share."""
+
+
+@dataclass(frozen=True, slots=True)
+class Curl:
+    """Rigid motion found under a press.
+
+    statistic: over its sigma, per component, with a fifth of `LEAST_LCD_PX` in it. motion: (modes,) LCD px,
+    the least motion that explains it, a sum of `zeromethod.bench_motion.modes.BenchModes`. seen: (modes,
+    sums) orthonormal sums of modes that show at all.
+    """
+
+    statistic: float
+    motion: Float
+    seen: Float
+
+    @property
+    def moved(self) -> bool:
+        """Whether the bench moved."""
+        return self.statistic > MOVED_STATISTIC
+
+
+@dataclass(frozen=True, slots=True)
+class _Templates:
+    """What was worked out for one mask and set of weights.
+
+    across, down: (terms, ...) weighted steps left over by each visible combination, the constant last.
+    inverse: (terms, terms) from their products with the steps found to amplitudes. covariance: (visible,
+    visible) of the amplitudes, for noise of variance `noise`. directions: (modes, visible). depth: (modes,
+    rows, cols) mm of depth / h that 1 LCD px of each mode reads as.
+    """
+
+    across: Float
+    down: Float
+    inverse: Float
+    covariance: Float
+    noise: float
+    directions: Float
+    depth: Float
+
+
+class CurlTest:
+    """Templates of the modes on one integrator's lattice, kept while its mask is much the same."""
+
+    def __init__(self, integrator: SlopeIntegrator, slopes: Float, constant: Float) -> None:
+        """Slopes: (modes, rows, cols, 2) rad per LCD px that each mode reads as at rest.
+
+        constant: (rows, cols, 2) rad per mm of an error of the anchor's constant, h d(slope)/d(depth).
+        """
+        self._integrator = integrator
+        self._slopes, self._constant = slopes, constant
+        self._mask: Mask = np.zeros(constant.shape[:-1], bool)
+        self._weightings = -1
+        self._made: _Templates | None = None
+
+    def false_depth(self, motion: Float, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> tuple[Float, Float]:
+        """What a motion (modes,) LCD px reads as: depth / h, mm, up to a constant; size of slope, rad."""
+        if not motion.any():
+            return np.zeros(x_mm.shape), np.zeros(x_mm.shape)
+        depth = np.tensordot(motion, self._templates(noise, x_mm, y_mm).depth, axes=1)
+        return depth, np.linalg.norm(np.tensordot(motion, self._slopes, axes=1), axis=-1)
+
+    def test(self, slope: Float, point: Float, depth_mm: Float, noise: SlopeNoise, shift_px: float) -> Curl:
+        """Test one reading, converged; shift_px: rms shift of the warp from rest, LCD px."""
+        x, y = point[..., 0], point[..., 1]
+        made = self._templates(noise, x, y)
+        across, down = self._integrator.left_over(slope, x, y, depth_mm)
+        products = np.einsum("kij,ij->k", made.across, across) + np.einsum("kij,ij->k", made.down, down)
+        found = (made.inverse @ products)[:-1]
+        covariance = made.covariance * (self._mean_variance(noise) / made.noise)
+        model_px = np.hypot(_UNKNOWN_GEOMETRY * shift_px, LEAST_LCD_PX / MOVED_STATISTIC)
+        covariance = covariance + model_px**2 * np.eye(len(found))
+        chi2 = float(found @ np.linalg.solve(covariance, found)) / max(len(found), 1)
+        likely = np.linalg.solve(np.eye(len(found)) + covariance / _LIKELY_LCD_PX**2, found)
+        return Curl(float(np.sqrt(chi2)), made.directions @ likely, made.directions)
+
+    def _mean_variance(self, noise: SlopeNoise) -> float:
+        return float(np.mean(noise.variance[self._integrator.island]))
+
+    def _templates(self, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> _Templates:
+        island = self._integrator.island
+        changed = np.count_nonzero(island ^ self._mask) > _KEEP_SHARE * np.count_nonzero(island)
+        if self._made is None or changed or self._weightings != self._integrator.weightings:
+            self._mask, self._weightings = island.copy(), self._integrator.weightings
+            self._made = self._make(noise, x_mm, y_mm)
+        return self._made
+
+    def _make(self, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> _Templates:
+        integrator, island = self._integrator, self._integrator.island
+        weight_across, weight_down = integrator.step_weights
+        slopes = np.where(island[..., None], np.nan_to_num([*self._slopes, self._constant]), 0.0)
+        count = len(self._slopes)
+        depth = np.stack([integrator.integrate(one, x_mm, y_mm) for one in slopes])
+        left = [
+            integrator.left_over(one, x_mm, y_mm, part, linear=True)
+            for one, part in zip(slopes, depth, strict=True)
+        ]
+        across, down = (np.stack(parts) for parts in zip(*left, strict=True))
+        weighted = weight_across * across, weight_down * down
+        gram = np.einsum("aij,bij->ab", weighted[0], across) + np.einsum("aij,bij->ab", weighted[1], down)
+        values, vectors = np.linalg.eigh(gram[:count, :count])
+        directions = vectors[:, values > _VISIBLE * values[-1]][:, -_MOST_VISIBLE:]
+        combine = np.zeros((count + 1, directions.shape[1] + 1))
+        combine[:count, :-1], combine[-1, -1] = directions, 1.0
+        inverse = np.linalg.pinv(combine.T @ gram @ combine)
+        across, down = (np.tensordot(combine.T, one, axes=1) for one in weighted)
+        reach = [
+            depth_differences_adjoint(a, d, x_mm, y_mm, island) for a, d in zip(across, down, strict=True)
+        ]
+        inside = SlopeNoise(np.where(island[..., None, None], noise.factor, 0.0), noise.own, noise.other)
+        shared = inside.covariance(np.stack(reach))
+        covariance = inverse @ np.einsum("aijk,bijk->ab", np.stack(reach), shared) @ inverse
+        variance = self._mean_variance(noise)
+        return _Templates(across, down, inverse, covariance[:-1, :-1], variance, directions, depth[:count])
