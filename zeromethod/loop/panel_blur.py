@@ -7,8 +7,9 @@ p the second derivatives of the inverse map in camera px, the pixel's phase alon
     C : p / 2 - k^2 (C p C)_uu / 2 - k^2 l^2 (C p)_uu,
 
 the last two because what is more blurred has less contrast, l^2 the lens's and pixel's variance. A null would
-state the warp of a dent too large (by 2e-4 for s = 1 LCD px and a dent of sigma 4 mm on the packaged bench, 1e-3
-at 1.5 mm). The lens's blur alone acts on the image, where the null is the target itself, and has no effect.
+state the warp of a dent too large (by 2e-4 for s = 1 LCD px and a dent of sigma 4 mm on the packaged bench, by
+1e-3 at 1.5 mm). The lens's blur alone acts on the image, where the null is the target itself, and has no
+effect.
 
 s^2 is measured by the same fact that tells both apart: a carrier of phase gradient k on the LCD loses
 exp(-s^2 k^2 / 2) of its contrast at the panel, and a press changes k from node to node, where a lens's loss
@@ -23,7 +24,7 @@ import math
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.grid import NodeGrid
@@ -38,6 +39,8 @@ LEARN_BELOW_PX = 0.1
 """Residual rms, camera px, above which contrast is also lost by displacement within the window."""
 _CORRELATED = 4.0
 """Nodes among which noise counts once; every second one on each axis is used."""
+_FLOOR = 0.005
+"""Scatter of contrast from node to node without noise, relative: the panel's grid."""
 _CLEAR_LCD_PX = 6.5
 """LCD px per period below which the drawn carrier is faded."""
 
@@ -59,11 +62,10 @@ class PanelBlur:
         """Take in what one frame says. shown, rest: (rows, cols, 2) LCD px; rms_px: of its residual."""
         if not (self._wavenumber and rms_px < LEARN_BELOW_PX):
             return
-        found = _contrast_changes(
-            shown, rest, residual.modulation, residual.mean, residual.sigma, valid, self._diagonal, self._black,
-            self._wavenumber, 1 / self._grid.spacing_px, self._work,
+        product, square, noise = _contrast_changes(
+            shown, rest, residual.modulation, residual.mean, residual.sigma, valid, self._diagonal,
+            self._black, self._wavenumber, 1 / self._grid.spacing_px, self._work,
         )  # fmt: skip
-        product, square, noise = found
         # a frame at rest says nothing and costs no memory
         if square * PRIOR_PX2**2 > noise:
             self._sums = KEPT * self._sums + (product, square)
@@ -85,8 +87,8 @@ class PanelBlur:
 def _contrast_changes(
     shown: Float,
     rest: Float,
-    modulation: Float,
-    mean: Float,
+    modulation: Single,
+    mean: Single,
     sigma: Float,
     valid: Mask,
     diagonal: bool,
@@ -131,7 +133,8 @@ def _contrast_changes(
                     if math.isfinite(x) and math.isfinite(y):
                         product += x * y
                         square += x * x
-    return product, square, 6 * _CORRELATED * wavenumber * wavenumber * noise / max(count, 1)
+    scatter2 = _FLOOR * _FLOOR + wavenumber * wavenumber * noise / max(count, 1)
+    return product, square, 6 * _CORRELATED * scatter2
 
 
 @numba.njit(cache=True, inline="always")
@@ -160,7 +163,11 @@ def _add_hidden(shown: Float, variance: float, k2: float, lens: float, q: Float)
             inverse = area / max(area * area, 1e-9)
             scale = variance * inverse * inverse
             # C = s^2 J^-1 J^-T, and q'' halved, both in nodes
-            uu, vv, uv = scale * (yv * yv + xv * xv), scale * (yu * yu + xu * xu), -scale * (yv * yu + xv * xu)
+            uu, vv, uv = (
+                scale * (yv * yv + xv * xv),
+                scale * (yu * yu + xu * xu),
+                -scale * (yv * yu + xv * xu),
+            )
             xuu, yuu = 0.5 * (here[i + 1, 0] + here[i - 1, 0]), 0.5 * (here[i + 1, 1] + here[i - 1, 1])
             xvv, yvv = 0.5 * (below[i, 0] + above[i, 0]), 0.5 * (below[i, 1] + above[i, 1])
             xuu, yuu, xvv, yvv = xuu - here[i, 0], yuu - here[i, 1], xvv - here[i, 0], yvv - here[i, 1]

@@ -5,9 +5,9 @@ node lattice: C1, reproduces polynomials up to degree 2, error O(h^3), support 4
 and composing must use the same function between nodes, or a constant error remains that no iteration
 removes.
 
-In the mean over a sensing window the interpolant of a wave of k rad per node is lower than the wave, by the share
-k^4 / 80. A null compares such means, so that node values would come out too large by as much (0.04 % for a
-dent of sigma 3.7 nodes); `window_matched` is drawn in place of the node values.
+In the mean over a sensing window the interpolant of a wave of k rad per node is lower than the wave, by the
+share k^4 / 80. A null compares such means, so that node values would come out too large by as much (0.04 %
+for a dent of sigma 3.7 nodes); `window_matched` is drawn in place of the node values.
 """
 
 from __future__ import annotations
