@@ -1,9 +1,10 @@
 """Whether peaks and their sigma are true: random presses through the whole loop, on known geometry.
 
 Gaussians of sigma 1.5 to 15 mm, straight edges, and dents that fall like 1/r as rubber's do,
-1 / sqrt(1 + r^2 / a^2); held, pressed slowly and sliding, anywhere in the middle of the view, 5 to 40 % as deep
-as what folds (at most 0.2 mm, slopes up to 20 mrad). Dents below 4 mm are seen by the middle 640 x 512 pixels
-of the packaged camera, wider ones by all of it at half the resolution of camera and LCD. Of every press one frame counts, the last one in which the loop was locked.
+1 / sqrt(1 + r^2 / a^2); held, pressed slowly and sliding, anywhere in the middle of the view, 5 to 40 % as
+deep as what folds (at most 0.2 mm, slopes up to 20 mrad). Dents below 4 mm are seen by the middle 640 x 512
+pixels of the packaged camera, wider ones by all of it at half the resolution of camera and LCD. Of every
+press one frame counts, the last one in which the loop was locked.
 
 z: error over stated sigma; 1 rms where sigma is true. "bias": mean error in percent of depth, of held
 Gaussians, with its standard error.

@@ -1,4 +1,5 @@
-"""Nulls of narrow dents against planted truth: pictures drawn, blurred at the panel and by the lens, sensed."""
+"""Nulls of narrow dents against planted truth: pictures drawn, blurred at the panel and by the lens,
+sensed."""
 
 from __future__ import annotations
 

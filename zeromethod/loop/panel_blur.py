@@ -7,8 +7,8 @@ p the second derivatives of the inverse map in camera px, the pixel's phase alon
     C : p / 2 - k^2 (C p C)_uu / 2 - k^2 l^2 (C p)_uu,
 
 the last two because what is more blurred has less contrast, l^2 the lens's and pixel's variance. A null would
-state the warp of a dent too large (by 2e-4 for s = 1 LCD px and a dent of sigma 4 mm on the packaged bench, by
-1e-3 at 1.5 mm). The lens's blur alone acts on the image, where the null is the target itself, and has no
+state the warp of a dent too large (by 2e-4 for s = 1 LCD px and a dent of sigma 4 mm on the packaged bench,
+by 1e-3 at 1.5 mm). The lens's blur alone acts on the image, where the null is the target itself, and has no
 effect.
 
 s^2 is measured by the same fact that tells both apart: a carrier of phase gradient k on the LCD loses

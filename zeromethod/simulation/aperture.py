@@ -96,10 +96,10 @@ def gather(
 
     A pixel's response is box (1 px) * Gaussian (psf_px) along u and along v: the lens blurs what the pixel
     then samples. Where the map is bent it is centred where the footprint's mean lies, which is not where the
-    pixel's centre looks. Exact for a map that is linear over the footprint and lies along the LCD's axes. Turned
-    or sheared, products along the axes with the same second moments stand in: with a lens two, set apart along
-    the shear's long diagonal (rms error on a panel of white noise, contrast 0.29, for 0.7 px: turned by 30
-    deg 2e-4, sheared by 0.1: 3e-3); without one CUTS x CUTS boxes.
+    pixel's centre looks. Exact for a map that is linear over the footprint and lies along the LCD's axes.
+    Turned or sheared, products along the axes with the same second moments stand in: with a lens two, set
+    apart along the shear's long diagonal (rms error on a panel of white noise, contrast 0.29, for 0.7 px:
+    turned by 30 deg 2e-4, sheared by 0.1: 3e-3); without one CUTS x CUTS boxes.
     """
     columns = np.empty(light.shape[1])
     rows = np.empty(light.shape[0])
