@@ -40,8 +40,10 @@ RING_CURVATURE, LEVER_MM = 0.446, 2 * 24.0 / 0.62
 MOST_SLOPE, MOST_MM = 0.02, 0.2
 MAP_FILE, MAP_PITCH, MAP_HALF = "far.npy", 0.1, 500
 """Height map of the 1/r dent: pitch over a, samples to either side."""
-Z_RMS, COVERED, SIGMA_OVER_RMS = (0.8, 1.25), 0.91, 1.25
+Z_RMS, COVERED, MOST_SIGMA = (0.8, 1.25), 0.91, 1.25
 """Of 240 presses 95 +- 1.4 % should lie within 2 sigma."""
+MEDIAN_OF_NORMAL = 0.6745
+"""Median over standard deviation: the rms of all errors is that of the few dents that reach the border."""
 BIAS_PERCENT = ((1.5, 3.0, 0.1), (3.0, 99.0, 0.02))
 """Size from, to, mm, and the largest bias there."""
 
@@ -205,11 +207,13 @@ def report(count: int = PRESSES) -> Report:
     z = np.array([f.z for f in found])
     rms, covered = float(np.sqrt(np.mean(z**2))), float(np.mean(np.abs(z) <= 2))
     error_mm, sigma_mm = np.array([f.error_mm for f in found]), np.array([f.sigma_mm for f in found])
-    ratio = float(np.median(sigma_mm) / np.sqrt(np.mean(error_mm**2)))
+    ratio = float(np.median(sigma_mm) / (np.median(np.abs(error_mm)) / MEDIAN_OF_NORMAL))
     figures = [
         Figure("z of peaks, rms", f"{rms:.2f}", f"{Z_RMS[0]} to {Z_RMS[1]}", Z_RMS[0] <= rms <= Z_RMS[1]),
         Figure("within 2 sigma", f"{100 * covered:.1f} %", f">= {100 * COVERED:g} %", covered >= COVERED),
-        Figure("median sigma over rms", f"{ratio:.2f}", f"<= {SIGMA_OVER_RMS}", ratio <= SIGMA_OVER_RMS),
+        Figure(
+            "median sigma over that of the errors", f"{ratio:.2f}", f"<= {MOST_SIGMA}", ratio <= MOST_SIGMA
+        ),
         Figure("presses read while locked", f"{len(found)} of {count}"),
     ]
     for low, high, most in BIAS_PERCENT:
