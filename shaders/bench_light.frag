@@ -73,10 +73,21 @@ float gathered(vec2 middle, vec2 size, ivec2 last, vec2 pitch) {
     return UNIT * sum;
 }
 
+// From where the pixel's centre looks to its footprint's mean, which differ where the map is bent; 0 at the
+// border and next to what is lost.
+vec2 off_centre(vec4 ray, ivec2 pixel, vec2 pitch) {
+    vec4 sum = texel(rays, pixel - ivec2(1, 0), pitch) + texel(rays, pixel + ivec2(1, 0), pitch)
+        + texel(rays, pixel - ivec2(0, 1), pitch) + texel(rays, pixel + ivec2(0, 1), pitch);
+    ivec2 last = textureSize(rays, 0) - 1;
+    bool inside = all(greaterThan(pixel, ivec2(0))) && all(lessThan(pixel, last)) && sum.w == 4.0;
+    return inside ? 0.5 * SPREAD * SPREAD * (sum.xy - 4.0 * ray.xy) : vec2(0.0);
+}
+
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec2 ray_pitch = pitch_of(rays);
     vec4 ray = texel(rays, pixel, ray_pitch), foot = texel(footprints, pixel, ray_pitch);
+    ray.xy += off_centre(ray, pixel, ray_pitch);
     ivec2 last = textureSize(panel, 0) - 1;
     vec2 pitch = 1.0 / vec2(last + 1);
     // where rays cross a footprint vanishes

@@ -5,7 +5,7 @@ import pytest
 
 from zeromethod.pattern import PatternRenderer, Response, Target
 from zeromethod.warp.grid import NodeGrid
-from zeromethod.warp.interpolant import sample
+from zeromethod.warp.interpolant import sample, window_matched
 
 GRID = NodeGrid((256, 320))
 U, V = GRID.mesh()
@@ -29,8 +29,17 @@ def _keys(q, u, v):
     return sample(q, (u - GRID.u_px[0]) / GRID.spacing_px, (v - GRID.v_px[0]) / GRID.spacing_px)
 
 
+def _matched(q):
+    """Nodes whose interpolant is drawn, with q in the mean over a window; as exact as the shader has them."""
+    matched = np.empty(q.shape, np.float32)
+    window_matched(q, matched)
+    return matched.astype(float)
+
+
 def _invert(q):
-    """(u, v) of every LCD pixel by damped Newton on the interpolant, NaN where none; LCD px per period."""
+    """(u, v) of every LCD pixel by damped Newton on the interpolant that is drawn, NaN where none; LCD px per
+    period."""
+    q = _matched(q)
     centre = q[q.shape[0] // 2, q.shape[1] // 2]
     u, v = 160 + (COL - centre[0]) / 0.9, 128 + (ROW - centre[1]) / 0.95
     u, v = np.clip(u, U[0, 2], U[0, -3]), np.clip(v, V[2, 0], V[-3, 0])

@@ -41,7 +41,8 @@ def test_shaders_polynomial_is_box_times_gaussian(psf_px: float) -> None:
 
 
 def test_no_lens_is_the_bare_pixel() -> None:
-    assert lens_defines(0.0) == {"LENS": 0, "REACH": 0.5}
+    # a box of 1 px has that standard deviation
+    assert lens_defines(0.0) == {"LENS": 0, "REACH": 0.5, "SPREAD": pytest.approx(12**-0.5)}
 
 
 def _crop(psf_px: float) -> Rig:

@@ -12,6 +12,7 @@ from zeromethod.exposure.exposures import Exposures
 from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.exposure.strip_reading import StripReader, find_strips
 from zeromethod.loop.circle import Circle, Sensor, controller_of
+from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target
 from zeromethod.pattern.strips import Strips
@@ -65,7 +66,8 @@ def make_circle(
         exposures = Exposures(rest.grid, timing, rig.target.kind, watch)
         controller = controller_of(rig.control, rest)
         black_grey = rig.camera.noise.black_grey
-        return Circle(rest, exposures, sensor, controller, black_grey, light if light.needed else None)
+        blur = PanelBlur(rig, rest.grid)
+        return Circle(rest, exposures, sensor, controller, black_grey, light if light.needed else None, blur)
 
     warm_up(circle(), target, rig.camera)
     return CircleParts(rest, strips, circle())

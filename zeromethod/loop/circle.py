@@ -25,6 +25,7 @@ from zeromethod.exposure.pairing import Observation
 from zeromethod.loop.events import Event
 from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
+from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.rig.model import ControlSpec
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface.expected_light import ExpectedLight
@@ -100,14 +101,20 @@ class Circle:
         controller: Controller,
         black_grey: float = 0.0,
         expected_light: ExpectedLight | None = None,
+        panel_blur: PanelBlur | None = None,
     ) -> None:
-        """Put the parts together. expected_light: None where the light at rest is the light everywhere."""
+        """Put the parts together.
+
+        expected_light: None where the light at rest is the light everywhere. panel_blur: None for a panel
+        that has none.
+        """
         self.rest = rest
         self.exposures = exposures
         self.controller = controller
         self._sensor = sensor
         self._light_watch = LightWatch(rest.visible, black_grey)
         self._expected_light = expected_light
+        self._panel_blur = panel_blur
         self._horizon = Horizon(exposures.timing.upwards)
         self._source_ns: int | None = None
         # At rest the order of every node is known: it is that of the rest map.
@@ -152,12 +159,15 @@ class Circle:
             residual, measured = self._measure(observation, known, self.rest.q + continued)
         changed, refusal = self._command(residual, measured, frozen)
         square, share = _figures(residual.d, measured.valid, self.rest.visible)
-        return FrameResult(changed, refusal, observation, residual, measured, float(np.sqrt(square)), share)
+        rms_px = float(np.sqrt(square))
+        if self._panel_blur is not None:
+            self._panel_blur.learn(observation.shown.q, self.rest.q, residual, measured.valid, rms_px)
+        return FrameResult(changed, refusal, observation, residual, measured, rms_px, share)
 
     def _measure(self, observation: Observation, known: Known, lit_q: Float) -> tuple[Residual, Warp]:
         """Residual and measured warp under the light that a mirror seen at `lit_q` reflects."""
         residual = self._sense(observation, known, lit_q)
-        return residual, measure_warp(observation, residual, known, self.rest)
+        return residual, measure_warp(observation, residual, known, self.rest, self._panel_blur)
 
     def _sense(self, observation: Observation, known: Known, lit_q: Float) -> Residual:
         """Residual against the mix that was shown."""

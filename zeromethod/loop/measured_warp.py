@@ -18,6 +18,7 @@ import numpy as np
 from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.exposure.mixture import unmix
 from zeromethod.exposure.pairing import Observation
+from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
 from zeromethod.warp.grid import NodeGrid
@@ -156,19 +157,24 @@ def order_in_doubt(valid: Mask, trusted: Mask) -> Mask | None:
     return mask
 
 
-def measure_warp(observation: Observation, residual: Residual, known: Known, rest: Rest) -> Warp:
+def measure_warp(
+    observation: Observation, residual: Residual, known: Known, rest: Rest, blur: PanelBlur | None = None
+) -> Warp:
     """Measured warp q(u, v) = q_shown((u, v) + d) at mid-exposure, with sigma in LCD px and flags.
 
     Flags are the residual's, those of rest (NO_RAY), those of the warp itself, MIXED, and AMBIGUOUS for
     regions whose order is not known. q is NaN where the residual means nothing. Delay does not enter: the
     measurement is absolute. sigma is noise alone; after a sudden press the residual bends within the window
     and is off by up to tenths of a px until the next picture (`sensing.window.curvature_bias_px2`).
+    blur: of the panel, whose effect is taken out; None leaves it.
 
     Convention: residual d as observed(u, v) = T((u, v) + d), camera px.
     """
     grid = rest.grid
     shown = observation.shown
     q = compose(shown.q, residual.d, grid.spacing_px)
+    if blur is not None:
+        blur.add_hidden(shown.q, q)
     flags = residual.flags | rest.flags
     _blank(q, flags)
     flags |= warp_flags(q, rest.q, grid.period_px, rest.display_size, spacing_px=grid.spacing_px)

@@ -14,6 +14,7 @@ from zeromethod.pattern.response import TABLE_SIZE, Response
 from zeromethod.pattern.strips import BITS, Strips, bits_of
 from zeromethod.pattern.target import Target
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.interpolant import window_matched
 from zeromethod.warp.jacobian import FEWEST_LCD_PX, jacobian
 
 CLEAR_LCD_PX = 6.0
@@ -120,7 +121,7 @@ class PatternRenderer:
         Nothing is read back. Red, green and blue all hold code / 255. Leaves `framebuffer` bound and
         blending, depth test and culling off.
         """
-        self._pairs[:, :, :2] = q
+        window_matched(q, self._pairs)
         self._pairs[:, :-1, 2:] = self._pairs[:, 1:, :2]
         self._textures[_NODES].write(self._pairs)
         for unit, texture in self._textures.items():

@@ -49,7 +49,7 @@ def lens_defines(psf_px: float) -> dict[str, Any]:
     """Constants of bench_light.frag for a Gaussian of sigma `psf_px` (camera px); 0: the pixel alone."""
     support = _support_px(psf_px)
     if psf_px < LEAST_PSF_PX:
-        return {"LENS": 0, "REACH": support}
+        return {"LENS": 0, "REACH": support, "SPREAD": _spread_px(psf_px)}
     terms = [f"{term:.9e}" for term in _odd_polynomial(psf_px, support)]
     return {"LENS": 1, "REACH": support, "SPREAD": _spread_px(psf_px), "RESPONSE": _in_pairs(terms, "t")}
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
+from scipy.interpolate import RectBivariateSpline
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.gaps import gaps_between
@@ -16,7 +17,12 @@ from zeromethod.surface.surface import Surface
 _REACH = 2
 _MAX_REACH = 6
 _REACH_PER_SIGMA = 0.35
-"""Half width of the window over the dent's width: a quartic's bias grows with its sixth power."""
+"""Largest half width of the window over the dent's width; narrower dents than `_REACH` allows are splined."""
+_QUARTIC_BIAS = 0.005
+"""Bias of a quartic's summit, relative, over the sixth power of half width over width."""
+_SPLINE = 8
+_LEAST_SPLINE = 4
+"""Nodes on every side that a spline is laid through, and fewest: its weights halve from node to node."""
 _MIN_SHARE = 0.8
 _MIN_NODES = 12
 _STEPS = 8
@@ -79,12 +85,15 @@ def peak(surface: Surface) -> Peak:
 
     Notes
     -----
-    A quartic over 5x5 to 13x13 nodes, by the dent's width where it is narrowest (bias 0.02 % for a Gaussian
-    of sigma 4 nodes, below 0.01 % from 6 on), about the node nearest to its own summit, which on a ridge is
-    not the deepest; a quadratic over 5x5 where border or holes leave too few nodes; the deepest node itself
-    where even these are missing or the summit lies outside the window.
+    A quartic over 5x5 to 13x13 nodes, by the dent's width where it is narrowest, about the node nearest to
+    its own summit, which on a ridge is not the deepest; a quadratic over 5x5 where border or holes leave too
+    few nodes; the deepest node itself where even these are missing or the summit lies outside the window.
+    A dent of less than sigma 6 nodes is too narrow for a quartic (0.01 % at 4 nodes, 0.6 % at 2): there the
+    summit is that of a quintic spline through the nodes around (bias below 0.01 % for a Gaussian of 2 nodes,
+    0.2 % for a Lorentzian of 2.4), if they are all measured.
 
-    Sigma is the node's, that of gaps in the slope around the summit, and that of holes: depth extrapolated
+    Sigma is the node's, that of the fit (half of what a cubic spline differs by; a quartic's bias for a
+    Gaussian as narrow), that of gaps in the slope around the summit, and that of holes: depth extrapolated
     into a hole from the slopes at its rim, as far as it is deeper than the peak. A contact takes the light
     away, so that a peak next to one is that of the measured nodes, with a sigma nearly as large as the
     contact is deep.
@@ -117,24 +126,37 @@ def _deepest(surface: Surface) -> tuple[Peak, Mask]:
         *place_sigma_mm(surface, row, col),
     )
     window = np.zeros(depth.shape, bool)
-    for _ in range(_MOVES):
-        summit = _summit(surface, row, col)
-        if summit is None:
-            return at_node, window
-        offset, value, reach = summit
-        if np.max(np.abs(offset)) <= _NEAREST:
+    summit = _summit(surface, row, col)
+    for _ in range(_MOVES - 1):
+        if summit is None or np.max(np.abs(summit.offset)) <= _NEAREST:
             break
-        row, col = row + round(float(offset[1])), col + round(float(offset[0]))
+        row, col = row + round(float(summit.offset[1])), col + round(float(summit.offset[0]))
+        summit = _summit(surface, row, col)
+    if summit is None:
+        return at_node, window
+    reach = summit.reach
     window[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1] = True
-    depth_mm, x_mm, y_mm = (float(part) for part in value)
-    return Peak(depth_mm, x_mm, y_mm, at_node.sigma_mm, 0.0, *place_sigma_mm(surface, row, col)), window
+    depth_mm, x_mm, y_mm = (float(part) for part in summit.value)
+    sigma_mm = math.hypot(at_node.sigma_mm, summit.model_mm)
+    return Peak(depth_mm, x_mm, y_mm, sigma_mm, 0.0, *place_sigma_mm(surface, row, col)), window
 
 
-def _summit(surface: Surface, row: int, col: int) -> tuple[Float, Float, int] | None:
-    """Summit's (column, row) offset from a node, depth, x and y there, and the window's half width.
+@dataclass(frozen=True, slots=True)
+class _Summit:
+    """Summit near a node.
 
-    None where there is no summit.
+    offset: (column, row) from the node. value: depth, x and y there, mm. reach: the window's half width.
+    model_mm: standard deviation of depth because the fitted function is not the dent's.
     """
+
+    offset: Float
+    value: Float
+    reach: int
+    model_mm: float
+
+
+def _summit(surface: Surface, row: int, col: int) -> _Summit | None:
+    """Summit near a node; None where there is none."""
     fitted = _fit(surface, row, col, _REACH, 2)
     if fitted is None:
         return None
@@ -143,9 +165,10 @@ def _summit(surface: Surface, row: int, col: int) -> tuple[Float, Float, int] | 
     middle, difference = by_power[2, 0] + by_power[0, 2], by_power[2, 0] - by_power[0, 2]
     # along the narrower axis: an edge is as narrow as a pad of its width, however long
     steepest = middle - np.sign(by_power[0, 0]) * np.hypot(difference, by_power[1, 1])
-    curvature = -steepest / by_power[0, 0]
-    reach = _MAX_REACH if curvature <= 0.0 else round(_REACH_PER_SIGMA / np.sqrt(curvature))
-    reach = int(np.clip(reach, _REACH, _MAX_REACH))
+    # 1 / sigma^2 of the dent, in nodes
+    curvature = max(-steepest / by_power[0, 0], 0.0)
+    widest = _MAX_REACH if curvature == 0.0 else int(_REACH_PER_SIGMA / math.sqrt(curvature))
+    reach = min(max(widest, _REACH), _MAX_REACH)
     finer = _fit(surface, row, col, reach, 4)
     if finer is not None:
         coefficients, powers = finer
@@ -154,8 +177,53 @@ def _summit(surface: Surface, row: int, col: int) -> tuple[Float, Float, int] | 
     offset = _stationary(coefficients[:, 0], powers, reach)
     if offset is None:
         return None
-    value = (_terms(offset[:1], offset[1:], powers) @ coefficients)[0]
-    return offset, np.asarray(value, dtype=np.float64), reach
+    value = np.asarray((_terms(offset[:1], offset[1:], powers) @ coefficients)[0], dtype=np.float64)
+    if widest < _REACH and np.max(np.abs(offset)) <= _NEAREST:
+        splined = _splined(surface, row, col, offset)
+        if splined is not None:
+            return splined
+    bias = _QUARTIC_BIAS * (reach * reach * curvature) ** 3
+    return _Summit(offset, value, reach, bias * abs(float(value[0])))
+
+
+def _splined(surface: Surface, row: int, col: int, start: Float) -> _Summit | None:
+    """Summit of a quintic spline near a node and an offset; None where too few nodes around are valid."""
+    rows, cols = surface.valid.shape
+    size = min(_SPLINE, row, col, rows - 1 - row, cols - 1 - col)
+    while size >= _LEAST_SPLINE:
+        part = slice(row - size, row + size + 1), slice(col - size, col + size + 1)
+        if surface.valid[part].all():
+            break
+        size -= 1
+    else:
+        return None
+    knots = np.arange(-size, size + 1.0)
+    x, y, depth, rough = (
+        RectBivariateSpline(knots, knots, field[part], kx=degree, ky=degree)
+        for field, degree in (
+            (surface.x_mm, 3),
+            (surface.y_mm, 3),
+            (surface.depth_mm, 5),
+            (surface.depth_mm, 3),
+        )
+    )
+    at = np.array(start, dtype=np.float64)
+    for _ in range(_STEPS):
+        d10, d01, d20, d11, d02 = (
+            float(depth(at[1], at[0], dx=down, dy=across)[0, 0])
+            for across, down in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+        )
+        determinant = d20 * d02 - d11 * d11
+        if determinant <= 0.0:
+            return None
+        step = np.array([d02 * d10 - d11 * d01, d20 * d01 - d11 * d10]) / determinant
+        at = at - step
+        if np.max(np.abs(at)) > _REACH:
+            return None
+        if np.max(np.abs(step)) < 1e-6:
+            break
+    value = np.array([float(spline(at[1], at[0])[0, 0]) for spline in (depth, x, y)])
+    return _Summit(at, value, _REACH, 0.5 * abs(float(rough(at[1], at[0])[0, 0]) - float(value[0])))
 
 
 def _fit(

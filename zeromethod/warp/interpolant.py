@@ -4,6 +4,10 @@ Keys' cubic convolution with a = -1/2 (doi:10.1109/TASSP.1981.1163711), tensor p
 node lattice: C1, reproduces polynomials up to degree 2, error O(h^3), support 4 x 4 nodes. Drawing
 and composing must use the same function between nodes, or a constant error remains that no iteration
 removes.
+
+In the mean over a sensing window the interpolant of a wave of k rad per node is lower than the wave, by the
+share k^4 / 80. A null compares such means, so that node values would come out too large by as much (0.04 %
+for a dent of sigma 3.7 nodes); `window_matched` is drawn in place of the node values.
 """
 
 from __future__ import annotations
@@ -14,7 +18,7 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Single
 
 
 @numba.njit(cache=True, inline="always")
@@ -22,6 +26,33 @@ def keys_weights(t: float) -> tuple[float, float, float, float]:
     """Weights of nodes i-1, i, i+1, i+2 at i + t, 0 <= t <= 1; exactly (0, 1, 0, 0) at t = 0."""
     s = 1.0 - t
     return -0.5 * t * s * s, 1.0 + t * t * (1.5 * t - 2.5), 1.0 + s * s * (1.5 * s - 2.5), -0.5 * s * t * t
+
+
+MEAN_LOSS = 1 / 80
+"""Loss of a wave in the interpolant's mean over a sensing window, over k^4, k in rad per node."""
+
+
+@numba.njit(cache=True)
+def window_matched(q: Float, out: Single) -> None:
+    """Node values whose interpolant has, in the mean over a window around each node, the value q there.
+
+    q: (rows, cols, 2). out: (rows, cols, 2 or more), the first two are filled. Along an axis where 2 nodes on
+    either side are missing or NaN the value stays. To sixth order; a cubic polynomial stays as it is.
+    """
+    rows, cols = q.shape[0], q.shape[1]
+    for j in range(rows):
+        for i in range(cols):
+            for k in range(2):
+                value = q[j, i, k]
+                if 2 <= i < cols - 2:
+                    fourth = q[j, i - 2, k] + q[j, i + 2, k] - 4 * (q[j, i - 1, k] + q[j, i + 1, k])
+                    fourth += 6 * q[j, i, k]
+                    value += MEAN_LOSS * fourth if math.isfinite(fourth) else 0.0
+                if 2 <= j < rows - 2:
+                    fourth = q[j - 2, i, k] + q[j + 2, i, k] - 4 * (q[j - 1, i, k] + q[j + 1, i, k])
+                    fourth += 6 * q[j, i, k]
+                    value += MEAN_LOSS * fourth if math.isfinite(fourth) else 0.0
+                out[j, i, k] = value
 
 
 @numba.njit(cache=True)
