@@ -29,8 +29,9 @@ from .rig.load import load_rig
 from .rig.model import Rig
 from .session.replay.replay import replay
 from .session.result import RunResult
-from .session.session import Session, run
+from .session.session import Session
 from .session.summary import summarise
+from .session.whole_run import run
 from .study.results import Results, run_study
 from .surface.peak import Peak, peak
 from .surface.reader import SurfaceReader

@@ -13,7 +13,8 @@ from zeromethod.optics import Dented, Optics
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.result import RunResult
-from zeromethod.session.session import Session, run
+from zeromethod.session.session import Session
+from zeromethod.session.whole_run import run
 from zeromethod.surface.comparison import AT_REST, usable_nodes
 from zeromethod.warp.grid import NodeGrid
 

@@ -38,6 +38,10 @@ class Trouble:
     ends: bool = False
 
 
+class Stopped(Exception):
+    """The wait for a frame is to end; raised by what is called meanwhile."""
+
+
 def failure(error: Exception) -> Trouble:
     """End on a lost display, or on what no device may raise: the driver is named, and nothing is lost."""
     if isinstance(error, DisplayLost):

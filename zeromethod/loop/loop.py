@@ -17,7 +17,7 @@ from zeromethod.loop.display_watch import DisplayWatch
 from zeromethod.loop.drawing import Drawer, Drawing
 from zeromethod.loop.events import Event, Notice, Notices
 from zeromethod.loop.frame_check import FrameCheck, FrameVerdict, own
-from zeromethod.loop.frame_source import FrameSource, Trouble, failure
+from zeromethod.loop.frame_source import FrameSource, Stopped, Trouble, failure
 from zeromethod.loop.light_quality import LightQuality
 from zeromethod.loop.pattern_dwell import PatternDwell
 from zeromethod.loop.paused_gc import PausedGC
@@ -76,7 +76,6 @@ class Loop:
         self.live = isinstance(clock, HostClock)
         optics = optics or Optics(rig)
         parts = make_circle(rig, optics, sensor)
-
         self.rest = parts.rest
         self.grid = self.rest.grid
         """The nodes."""
@@ -88,7 +87,8 @@ class Loop:
         """Whether corrections are paused; see `pause`."""
         self.status = Status()
         self.over = False
-        self.doubt: Doubt | None = None  # set by who knows why readings must not be trusted
+        self.doubt: Doubt | None = None
+        """Why readings must not be trusted, set by who knows; motion of the bench comes on top."""
         self.on_wait: Callable[[], None] | None = None
         """Called in the loop's thread once per step, and while one waits: for keys, buttons, windows."""
         self.ended: Step | None = None
@@ -97,8 +97,7 @@ class Loop:
         self._circle = parts.circle
         self._zero = Zero(self.rest)
         self.bench = BenchDoubt(rig, optics, self.rest, self._zero, watches_bench)
-        timeout_s = rig.control.timeout_s
-        timed = parts.strips is not None
+        timeout_s, timed = rig.control.timeout_s, parts.strips is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
         drawing = Drawing(lambda: Drawer(rig, display, parts.rest, parts.strips), timed, timeout_s, self.live)
         self.gl_renderer = drawing.gl_renderer
@@ -111,8 +110,8 @@ class Loop:
         self._quality = LightQuality(self.rest.visible, rig.camera.noise.black_grey)
         self._notices = Notices()
         self._garbage: PausedGC | None = None
-        self._steps = 0
         self._start_ns: int | None = None
+        self._steps = 0
         self._frozen = self._stop = self._waiting = self._referenced = False
 
     @property
@@ -210,7 +209,7 @@ class Loop:
             came = self._source.next()
             self._waiting = False
             self._screen.frame_arrived()
-        except _Stopped:
+        except Stopped:
             return self._without_frame(Trouble(Outcome.STOP, "the run was stopped"))
         except Exception as error:
             return self._without_frame(failure(error))
@@ -221,7 +220,7 @@ class Loop:
     def _attend(self) -> None:
         """Do what must not wait for the camera."""
         if self._stop and self._waiting:
-            raise _Stopped
+            raise Stopped
         if self.on_wait is not None:
             self.on_wait()
         self._watch.poll()
@@ -347,7 +346,3 @@ class Loop:
             zero=self._zero.q,
             **figures,
         )
-
-
-class _Stopped(Exception):
-    """The loop was asked to stop while it waited."""

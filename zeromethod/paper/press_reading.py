@@ -14,7 +14,7 @@ from zeromethod.paper.press import PITCH_MM
 from zeromethod.passive import correlate
 from zeromethod.passive.passive_warp import measured_warp
 from zeromethod.rig.model import Rig
-from zeromethod.session.session import run
+from zeromethod.session.whole_run import run
 from zeromethod.surface import Surface, SurfaceReader, peak
 from zeromethod.surface.comparison import compare
 from zeromethod.warp.grid import NodeGrid

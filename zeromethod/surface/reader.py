@@ -15,6 +15,7 @@ from zeromethod.surface.anchor import KnownReading, RestFit, fit_known, fit_quie
 from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import Lattice, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
+from zeromethod.surface.depth_scale import depth_scale
 from zeromethod.surface.far_field import fit_far_field
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
 from zeromethod.surface.lever import Lever
@@ -38,7 +39,6 @@ _NEARLY_MM = 1e-5
 _MOST_FITS = 3
 _CLOSER = 0.3
 _NO_LAW = 2.0
-_PROBE_DEPTH_MM = 1e-3
 
 
 @dataclass(slots=True)
@@ -121,7 +121,7 @@ class SurfaceReader:
         sensitivity = np.where(regular[..., None, None], sensitivity, np.eye(2))
         self._rest_bending = jacobian(self._rays.rest_q, grid.spacing_px)
         self._lever = Lever(self._rays, sensitivity)
-        self._scale = self._depth_scale(slope, point)
+        self._scale, self._scale_gradient = depth_scale(self._rays, regular, slope, point)
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         self._correlation = overlap_correlation(grid.period_px, grid.spacing_px)
         self._overlap = component_correlation(grid.period_px, grid.spacing_px, rig.target.kind)
@@ -130,19 +130,6 @@ class SurfaceReader:
             rig, optics, grid, self._rays.rest_q, regular, sensitivity, self._integrator, self._scale_gradient
         )
         self._last: _Last | None = None
-
-    def _depth_scale(self, slope: Float, point: Float) -> Float:
-        """Scale h (rows, cols), median 1, from K = d(slope)/d(depth) at fixed q, integrated."""
-        deeper, _ = self._rays.slope(np.full(slope.shape[:-1], _PROBE_DEPTH_MM), self._rays.rest_q)
-        rate = (deeper - slope) / _PROBE_DEPTH_MM
-        usable = self._usable & np.isfinite(rate).all(axis=-1)
-        plain = SlopeIntegrator(point[..., 0], point[..., 1])
-        plain.prepare(usable, np.ones((*usable.shape, 2)))
-        kappa = plain.integrate(rate, point[..., 0], point[..., 1])
-        kappa -= np.median(kappa[plain.island])
-        scale = np.where(plain.island, np.exp(kappa), 1.0)
-        self._scale_gradient = np.where(usable[..., None], rate, 0.0) * scale[..., None]
-        return scale
 
     @property
     def scale(self) -> Float:
