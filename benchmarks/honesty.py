@@ -303,10 +303,10 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
     click.option("--presses", type=Whole(min=2), default=HONEST, show_default=True, help="Honest presses."),
     click.option("--faults/--no-faults", default=True, help="Plant the faults, too."),
 )
-def honesty(quick: bool, presses: int, faults: bool) -> Report:
+def command(quick: bool, presses: int, faults: bool) -> Report:
     """Run everything."""
     return report(HONEST_QUICK if quick else presses, faults=faults)
 
 
 if __name__ == "__main__":
-    start(honesty)
+    start(command)

@@ -59,7 +59,7 @@ def test_frozen_and_paused_loops_measure_and_keep_the_picture(either: Bench) -> 
 
 def test_a_new_zero_takes_slow_drift_out_of_the_reading(either: Bench) -> None:
     either.eye.away_px = np.array([1.0, -0.5])
-    either.until(lambda step: step.state is State.LOCKED)
+    either.until(lambda step: step.state is State.MOVED)
     either.settle()
     before = either.loop.step()
     either.loop.rezero()

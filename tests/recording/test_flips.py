@@ -102,6 +102,10 @@ def data_places(path: Path) -> dict[str, list[tuple[int, int]]]:
     return places
 
 
+UNREAD = {"elsewhere", "complete", "rest/nodes_u", "rest/nodes_v"}
+"""Where a flip may go unreported: no figure comes from there, or (complete) a majority of bits decides."""
+
+
 def flips(path: Path) -> list[tuple[str, int, int]]:
     """(where, byte, bit) of every flip."""
     rng = np.random.default_rng(14)
@@ -123,7 +127,7 @@ def test_no_flipped_bit_changes_a_figure_in_silence(whole: Path, tmp_path: Path)
     assert nothing == {}
     assert len(expected) > 30
     path = tmp_path / "flipped.h5"
-    said, reported = [], 0
+    said, silent = [], set()
     for where, byte, bit in flips(whole):
         flipped = bytearray(content)
         flipped[byte] ^= 1 << bit
@@ -136,8 +140,8 @@ def test_no_flipped_bit_changes_a_figure_in_silence(whole: Path, tmp_path: Path)
         changed = [key for key, value in found.items() if expected.get(key) != value]
         assert not changed, (where, byte, bit)
         assert damaged or found == expected, (where, byte, bit)
-        reported += bool(damaged)
-    # every array and every table is told, and most of what HDF5 keeps about them is refused
-    assert reported > 100
+        silent |= set() if damaged else {where}
+    # every array and every table is reported, and most of what HDF5 keeps about them is refused
+    assert silent <= UNREAD
     assert len(said) > 50
     assert all(words.startswith(str(path)) and "\n" not in words for words in said)
