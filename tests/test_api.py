@@ -47,6 +47,7 @@ FUNCTIONS = {
     "devices": zm.cameras,
     "init": zm.rig_text,
     "calibrate": zm.calibrate,
+    "check": zm.check_bench,
     "design": zm.assess_rig,
     "measure": zm.measure,
     "reproduce": zm.reproduce,

@@ -10,7 +10,9 @@ from zeromethod.calibration.prior_pull import pull_together, pulls
 from zeromethod.calibration.verdict import Level
 from zeromethod.rig.model import Rig
 
-ACCURATE = DepthError(("here",), np.zeros(1), np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1)))
+ACCURATE = DepthError(
+    ("here",), np.zeros(1), np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((2, 1, 1))
+)
 
 
 def contradicted(rig: Rig, sigmas: float, *names: str, gauge: float = 0.5) -> Fit:

@@ -66,7 +66,7 @@ def test_a_camera_that_turned_is_a_drift_with_its_false_depth() -> None:
     found = of(checked(changed(RIG, camera={"look_at_mm": aim_mm})), Subject.REST)
     assert found.fitness is Fitness.DRIFTED
     assert "re-zero" in found.words
-    assert found.figures["rest_false_depth_um"] != 0
+    assert "camera turned sideways" in found.words
 
 
 def test_a_bench_that_moved_far_is_to_be_calibrated_again() -> None:
@@ -104,9 +104,9 @@ def test_a_lost_camera_ends_the_check_with_its_reason() -> None:
 def test_what_is_left_after_re_zeroing_is_that_of_a_traced_press() -> None:
     percent = depth_percent_per_px(RIG)
     assert np.isfinite(percent).all()
-    # along the mirror the lever grows with x: a camera that turns by a millimetre there meets another lever
-    assert 0.01 < percent[0] < 10
-    assert percent[1] < percent[0]
+    # between nothing and what a millimetre between LCD and P0 does, 5 %, with room for other places
+    assert (percent > 1e-4).all()
+    assert (percent < 10).all()
 
 
 def test_every_check_is_a_line_of_one_table(tmp_path: Path, untouched: DailyCheck) -> None:

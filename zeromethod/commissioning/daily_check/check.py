@@ -170,7 +170,7 @@ class _Check:
         optics = Optics(rig)
         rest = Rest.of(rig, optics)
         reader = SurfaceReader(rig, optics, rest.grid)
-        found = [judge_rest(rig, rest, reader, warps.rest), self._frames(frames)]
+        found = [judge_rest(optics, rest, reader, warps.rest), self._frames(frames)]
         if missing:
             found.append(Finding(Subject.PRESS, Fitness.UNFIT, missing))
         elif depth_mm is not None:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from zeromethod.arrays import Float
+from zeromethod.bench_motion.fit import MotionFitter
+from zeromethod.bench_motion.modes import BenchModes
+from zeromethod.bench_motion.watch import LEAST_LCD_PX
 from zeromethod.commissioning.daily_check.findings import Finding, Fitness, Subject
 from zeromethod.loop.zero import LARGEST_LCD_PX
 from zeromethod.optics import Dented, Optics
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
-from zeromethod.surface import Peak, SurfaceReader, peak
+from zeromethod.surface import SurfaceReader, peak
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
-
-SIGMAS = 5.0
-"""How many standard deviations the deepest of all nodes must exceed: noise alone reaches four in 20,000."""
 
 MOST_PERCENT = 1.0
 """Error of depth, after re-zeroing, from which a new calibration is asked for."""
@@ -27,37 +27,42 @@ _PROBE_WIDTH_SHARE = 0.1
 _PROBE_SIGMA_PX = 0.02
 
 
-def judge_rest(rig: Rig, rest: Rest, reader: SurfaceReader, seen: Warp) -> Finding:
+def judge_rest(optics: Optics, rest: Rest, reader: SurfaceReader, seen: Warp) -> Finding:
     """Compare the rest as it is seen now with the rig's.
 
-    rest: the rig's. seen: mean measured warp of the untouched mirror.
+    optics, rest: the rig's. seen: mean measured warp of the untouched mirror.
     """
     known = seen.valid & rest.visible
     away_px = (seen.q - rest.q)[known]
     rms_px = float(np.sqrt(np.mean(np.sum(away_px**2, axis=-1))))
     false = peak(reader.read(seen))
-    percent = rms_px * float(depth_percent_per_px(rig).max())
+    percent = rms_px * float(depth_percent_per_px(optics.rig).max())
     figures = {
         "rest_drift_lcd_px": rms_px,
         "rest_false_depth_um": 1e3 * false.depth_mm,
         "rest_false_depth_sigma_um": 1e3 * false.sigma_mm,
         "rezeroed_depth_error_percent": percent,
     }
-    words = _words(rms_px, false, percent)
-    if np.abs(away_px).max() > LARGEST_LCD_PX or percent > MOST_PERCENT:
-        return Finding(Subject.REST, Fitness.RECALIBRATE, words, figures)
-    if abs(false.depth_mm) > SIGMAS * false.sigma_mm:
-        words += ": re-zero at rest (z in `run`)"
-        return Finding(Subject.REST, Fitness.DRIFTED, words, figures)
-    return Finding(Subject.REST, Fitness.GOOD, words, figures)
-
-
-def _words(rms_px: float, false: Peak, percent: float) -> str:
-    return (
+    words = (
         f"{rms_px:.3f} LCD px rms from the calibration's; the untouched mirror reads up to "
-        f"{1e3 * false.depth_mm:+.2f} ± {1e3 * false.sigma_mm:.2f} µm; re-zeroed, that leaves up to "
-        f"{percent:.2g} % of depth, if it is the camera that turned"
+        f"{1e3 * false.depth_mm:+.2f} ± {1e3 * false.sigma_mm:.2f} µm"
     )
+    if rms_px < LEAST_LCD_PX:
+        return Finding(Subject.REST, Fitness.GOOD, words, figures)
+    words += (
+        f": the bench moved {_motion(optics, rest, seen)}; re-zeroed (z in `run`), up to {percent:.2g} % of "
+    )
+    words += "depth is left, if it is the camera that turned"
+    far = np.abs(away_px).max() > LARGEST_LCD_PX or percent > MOST_PERCENT
+    return Finding(Subject.REST, Fitness.RECALIBRATE if far else Fitness.DRIFTED, words, figures)
+
+
+def _motion(optics: Optics, rest: Rest, seen: Warp) -> str:
+    """By how much, and which group of motions."""
+    modes = BenchModes.of(optics, rest.grid)
+    fitter = MotionFitter(modes, rest.grid, rest.visible)
+    terms = fitter.fit(seen, rest.q)
+    return "in part of the view" if terms is None else modes.words(fitter.motion(terms))
 
 
 def depth_percent_per_px(rig: Rig) -> Float:
