@@ -1,0 +1,174 @@
+"""Harmonics that the shifts alias onto the fundamental: found in the periods' disagreement, and taken out.
+
+N equal shifts cannot separate harmonic N - 1 from the fundamental with reversed phase: with a share e of it,
+the phasor comes out as z + e |z| exp(-i (N - 1) phase), its phase off by -e sin(N phase). An LCD drawn
+without its inverse response has e = 0.2 for N = 3, 0.01 for N = 4, 0.001 for N = 5 (gamma 2.2).
+
+The shares of all periods are fitted together. With weights w_n and g_n = -sin(N phase_n) P_n / 2 pi, period n
+lies d_n = sum over m of (delta_nm - w_m / W) g_m e_m off the weighted mean, so
+
+    sum over pixels of (delta_nm w_n g_n^2 - w_n g_n w_m g_m / W) e_m = sum over pixels of w_n g_n d_n
+
+A share counts where it exceeds its own scatter over parts of the view, and a round of the fit where it makes
+the periods agree better; else the phases stay as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from zeromethod.arrays import Float, Mask, Single
+from zeromethod.decoding.decoding import Phasors, phase_scatter
+from zeromethod.decoding.noise import NoiseModel
+from zeromethod.decoding.periods import LONGEST_RATIO
+from zeromethod.decoding.unwrapping import BINS, TABLE, Places, Waves, unwrap
+
+LEAST_SHARE = 0.0005
+"""Below this a harmonic moves a place by less than a 10000th of the period."""
+
+_SAMPLES = 5000
+_LEAST_SAMPLES = 400
+_LEAST_IN_BIN = 100
+_ROUNDS = 5
+_PARTS = 8
+_SIGMAS = 3.0
+_OUTLYING = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """What the periods' agreement says about the phases of one axis; arrays follow the rising periods.
+
+    shares: of the aliased harmonic; tables: the phase corrections for it. noise: (periods,
+    `BINS`) factor on each period's variance by which neighbouring pixels' phases scatter, see `Waves`. excess: further factor on periods far longer than
+    the shortest, so that it covers what they are off.
+    """
+
+    tables: Single
+    shares: Float
+    noise: Float
+    excess: Float
+
+
+def correction(shares: Float, shifts: int) -> Single:
+    """Tables (periods, `TABLE` + 1), turns, that take the harmonic of these shares out of the phase."""
+    true = 2 * np.pi * np.linspace(-0.6, 0.6, 2 * TABLE + 1)
+    wanted = 2 * np.pi * np.linspace(-0.5, 0.5, TABLE + 1)
+    tables = np.zeros((len(shares), TABLE + 1), np.float32)
+    for table, share in zip(tables, shares, strict=True):
+        if share == 0:
+            continue
+        measured = true + np.angle(1.0 + share * np.exp(-1j * shifts * true))
+        table[:] = (np.interp(wanted, measured, true) - wanted) / (2 * np.pi)
+    return tables
+
+
+def agreement(
+    phasors: Phasors,
+    axis: int,
+    noise: NoiseModel,
+    mean: Single,
+    size_px: float,
+    sound: Mask,
+    least_noise: float | None,
+) -> Agreement:
+    """Shares of the aliased harmonic and scale of the noise, from some rows of the pixels `sound`.
+
+    least_noise: smallest factor on the noise; None: the noise model is right.
+    """
+    rows = slice(None, None, max(1, np.count_nonzero(sound) // _SAMPLES))
+    waves = Waves.of(phasors, axis, noise, mean, rows)
+    some = np.ascontiguousarray(sound[rows])
+    shifts, count = len(phasors.sequence.shifts_rad), len(waves.periods_px)
+    shares = np.zeros(count)
+    found = Agreement(correction(shares, shifts), shares, np.ones((count, BINS)), np.ones(count))
+    if np.count_nonzero(some) < _LEAST_SAMPLES:
+        return found
+    if least_noise is not None:
+        found = replace(found, noise=np.maximum(_scatter(waves, some), least_noise))
+        waves = waves.scaled(found.noise)
+    places = unwrap(waves, size_px, some, found.tables)
+    if phasors.sequence.even:
+        cap = _OUTLYING * float(np.nanmedian(places.chi2))
+        least = _score(places, cap)
+        for _ in range(_ROUNDS):
+            shares = _refined(waves, places, found, shifts, some)
+            largest = np.max(np.abs(shares))
+            if np.max(np.abs(shares - found.shares)) < LEAST_SHARE or largest * shifts >= 1.0:
+                break
+            tables = correction(shares, shifts)
+            tried = unwrap(waves, size_px, some, tables)
+            if not (score := _score(tried, cap)) < least:
+                break
+            found, places, least = replace(found, tables=tables, shares=shares), tried, score
+    return replace(found, excess=_excess(waves, places, found.tables, some))
+
+
+def _scatter(waves: Waves, some: Mask) -> Float:
+    """Scatter of neighbouring phases over the variance, (periods, `BINS`), median over the pixels `some`.
+
+    It depends on the phase where noise depends on the grey level.
+    """
+    inner = some.copy()
+    for step in (-2, -1, 1, 2):
+        inner &= np.roll(some, step, axis=1)
+    inner[:, :2] = inner[:, -2:] = False
+    found = np.ones((len(waves.turn), BINS))
+    if np.count_nonzero(inner) < _LEAST_SAMPLES:
+        return found
+    ratio = phase_scatter(waves.turn)[:, inner] * (2 * np.pi) ** 2 / waves.variance[:, inner]
+    place = waves.bins(waves.turn[:, inner])
+    for n, one in enumerate(ratio):
+        found[n] = np.median(one)
+        for at in range(BINS):
+            if np.count_nonzero(chosen := place[n] == at) >= _LEAST_IN_BIN:
+                found[n, at] = np.median(one[chosen])
+    return found / float(chdtri(1, 0.5))
+
+
+def _score(places: Places, cap: float) -> float:
+    """Mean disagreement, to which no pixel adds more than `cap`."""
+    return float(np.nanmean(np.minimum(places.chi2, cap)))
+
+
+def _misfits(waves: Waves, places: Places, tables: Single, some: Mask) -> tuple[Float, Float, Float]:
+    """Distance of every period's place from the mean, px, its weight, and its phase, turns: (periods, n)."""
+    at = some & np.isfinite(places.x_px)
+    turn = waves.turn[:, at].astype(np.float64)
+    grid = np.linspace(-0.5, 0.5, TABLE + 1)
+    turn += np.array([np.interp(one, grid, table) for one, table in zip(turn, tables, strict=True)])
+    period = waves.periods_px[:, None]
+    off = turn - places.x_px[at] / period
+    return (off - np.rint(off)) * period, (2 * np.pi / period) ** 2 / waves.variance[:, at], turn
+
+
+def _refined(waves: Waves, places: Places, found: Agreement, shifts: int, some: Mask) -> Float:
+    """Shares with what is left of the harmonic; 0 where that does not exceed its scatter over the view."""
+    off_px, weight, turn = _misfits(waves, places, found.tables, some)
+    lever = -np.sin(2 * np.pi * shifts * turn) * waves.periods_px[:, None] / (2 * np.pi)
+    pull, total = weight * lever, weight.sum(axis=0)
+    parts = np.array_split(np.arange(off_px.shape[1]), _PARTS)
+    square = np.array([-(pull[:, p] / total[p]) @ pull[:, p].T for p in parts])
+    count = np.arange(len(lever))
+    square[:, count, count] += [(pull[:, p] * lever[:, p]).sum(axis=1) for p in parts]
+    right = np.array([(pull[:, p] * off_px[:, p]).sum(axis=1) for p in parts])
+    solve = np.linalg.pinv(square.sum(axis=0))
+    step = solve @ right.sum(axis=0)
+    scatter = np.sqrt((((right - square @ step) @ solve.T) ** 2).sum(axis=0))
+    shares = found.shares + step
+    return np.where(np.abs(shares) > _SIGMAS * scatter, shares, 0.0)
+
+
+def _excess(waves: Waves, places: Places, tables: Single, some: Mask) -> Float:
+    """Factor, 1 or more, on the variance of periods above `LONGEST_RATIO` times the shortest.
+
+    They hardly move the place, which therefore shows what they are off; and they give orders, not places.
+    """
+    off_px, weight, _ = _misfits(waves, places, tables, some)
+    expected = 1.0 / weight - 1.0 / weight.sum(axis=0)
+    ratio = np.median(off_px**2 / expected, axis=1) / float(chdtri(1, 0.5))
+    coarse = waves.periods_px > LONGEST_RATIO * waves.periods_px[0]
+    return np.where(coarse, np.maximum(ratio, 1.0), 1.0)
