@@ -18,13 +18,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtr, chdtri
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.decoding.decoding import Phasors, phase_scatter
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.periods import LONGEST_RATIO
-from zeromethod.decoding.unwrapping import BINS, TABLE, Places, Waves, unwrap
+from zeromethod.decoding.unwrapping import BINS, TABLE, Places, Waves, unwrap, without_harmonic
 
 LEAST_SHARE = 0.0005
 """Below this a harmonic moves a place by less than a 10000th of the period."""
@@ -32,6 +32,9 @@ LEAST_SHARE = 0.0005
 _SAMPLES = 5000
 _LEAST_SAMPLES = 400
 _LEAST_IN_BIN = 100
+_CLIP = 9.0
+# of squares of unit normal deviates, clipped: those below, and the rest at the clip
+_CLIPPED = float(chdtr(3, _CLIP) + _CLIP * (1.0 - chdtr(1, _CLIP)))
 _ROUNDS = 5
 _PARTS = 8
 _SIGMAS = 3.0
@@ -120,13 +123,12 @@ def _scatter(waves: Waves, some: Mask) -> Float:
     if np.count_nonzero(inner) < _LEAST_SAMPLES:
         return found
     ratio = phase_scatter(waves.turn)[:, inner] * (2 * np.pi) ** 2 / waves.variance[:, inner]
-    place = waves.bins(waves.turn[:, inner])
-    for n, one in enumerate(ratio):
-        found[n] = np.median(one)
-        for at in range(BINS):
-            if np.count_nonzero(chosen := place[n] == at) >= _LEAST_IN_BIN:
-                found[n, at] = np.median(one[chosen])
-    return found / float(chdtri(1, 0.5))
+    usual = np.median(ratio, axis=1) / float(chdtri(1, 0.5))
+    for row, one, place, scale in zip(found, ratio, waves.bins(waves.turn[:, inner]), usual, strict=True):
+        squares = np.bincount(place, np.minimum(one / scale, _CLIP), BINS)
+        count = np.bincount(place, minlength=BINS)
+        row[:] = scale * np.where(count >= _LEAST_IN_BIN, squares / np.maximum(count, 1) / _CLIPPED, 1.0)
+    return found
 
 
 def _score(places: Places, cap: float) -> float:
@@ -137,9 +139,7 @@ def _score(places: Places, cap: float) -> float:
 def _misfits(waves: Waves, places: Places, tables: Single, some: Mask) -> tuple[Float, Float, Float]:
     """Distance of every period's place from the mean, px, its weight, and its phase, turns: (periods, n)."""
     at = some & np.isfinite(places.x_px)
-    turn = waves.turn[:, at].astype(np.float64)
-    grid = np.linspace(-0.5, 0.5, TABLE + 1)
-    turn += np.array([np.interp(one, grid, table) for one, table in zip(turn, tables, strict=True)])
+    turn = without_harmonic(waves.turn[:, at], tables)
     period = waves.periods_px[:, None]
     off = turn - places.x_px[at] / period
     return (off - np.rint(off)) * period, (2 * np.pi / period) ** 2 / waves.variance[:, at], turn

@@ -19,7 +19,7 @@ import math
 import cv2
 import numba
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtri, ndtri
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.decoding.consistency import insert_sorted
@@ -45,9 +45,6 @@ MISFIT_SHARE = 0.03
 MOVED_SHARE = 0.05
 """Change of a phasor between repeats, of its amplitude, that counts as a disturbance."""
 
-USUAL = 4.0
-"""Multiple of the view's median that is no longer usual."""
-
 _SAMPLES = 2000
 
 SPREAD_PX = 3
@@ -71,7 +68,7 @@ POOL_AGREES = 0.7
 
 @numba.njit(cache=True)
 def _median_of_sets(
-    mean: Single, gain: Float, noise: tuple[float, float], typical: Single, change: Single
+    mean: Single, gain: Float, noise: tuple[float, float], share: float, typical: Single, change: Single
 ) -> None:
     """Median over the sets, and the largest departure from it; mean and 0 where they differ too little."""
     count, rows, cols = mean.shape
@@ -86,33 +83,42 @@ def _median_of_sets(
             middle = total / count
             change[j, i] = 0.0
             spread = most - least
-            if spread > MEAN_SHARE * middle and spread * spread > noise[0] + noise[1] * middle:
+            if spread > share * middle and spread * spread > noise[0] + noise[1] * middle:
                 for n in range(count):
                     insert_sorted(value, n, value[n])
                 middle = 0.5 * (value[(count - 1) // 2] + value[count // 2])
-                change[j, i] = max(value[count - 1] - middle, middle - value[0])
+                off = max(value[count - 1] - middle, middle - value[0])
+                change[j, i] = off if off > share * middle else 0.0
             typical[j, i] = middle
 
 
-def gains(phasors: Phasors, lit: Mask) -> Float:
-    """Light of each set (sets,) over the usual one in the pixels `lit`: a drifting backlight."""
+def gains(phasors: Phasors, lit: Mask) -> tuple[Float, float]:
+    """Light of each set (sets,) over the usual one in the pixels `lit`, and what else changes it, relative.
+
+    The gains are those of a drifting backlight. The rest is the noise of a set's mean light and the harmonics
+    that the shifts alias onto it, as a standard deviation.
+    """
     index = np.flatnonzero(lit)
     some = phasors.mean.reshape(len(phasors.mean), -1)[:, index[:: len(index) // _SAMPLES + 1]]
     if not len(index):
-        return np.ones(len(some))
-    gain = np.median(some / np.maximum(np.median(some, axis=0), 1e-9), axis=1)
-    return np.where(gain > 0, gain, 1.0)
+        return np.ones(len(some)), 0.0
+    some = some / np.maximum(np.median(some, axis=0), 1e-9)
+    gain = np.median(some, axis=1)
+    gain = np.where(gain > 0, gain, 1.0)
+    off = np.abs(some / gain[:, None] - 1.0)
+    return gain, float(np.quantile(off, 0.75)) / float(ndtri(0.875))
 
 
-def median_light(phasors: Phasors, gain: Float, noise: NoiseModel) -> tuple[Single, Single]:
+def median_light(phasors: Phasors, gain: Float, noise: NoiseModel, usual: float) -> tuple[Single, Single]:
     """Mean light (rows, cols) as the median of all sets without their gains, and its largest change.
 
-    The change is 0 where it is no more than `disturbed` ascribes to noise.
+    The change is 0 where it is no more than noise, or than what changes everywhere: `usual`, see `gains`.
     """
     typical, change = np.empty_like(phasors.mean[0]), np.empty_like(phasors.mean[0])
     within = SIGMAS**2 * mean_noise(phasors)
     limit = within * noise.constant_grey2, within * noise.slope_grey
-    _median_of_sets(phasors.mean, 1.0 / gain, limit, typical, change)
+    share = max(MEAN_SHARE, SIGMAS * usual)
+    _median_of_sets(phasors.mean, 1.0 / gain, limit, share, typical, change)
     return typical, change
 
 
@@ -163,16 +169,13 @@ def disturbed(
     variance = noise.variance(mean)
     if not lit.any():
         return np.zeros_like(lit)
-    # noise that the model does not know is everywhere, a disturbance is local
-    usual = USUAL * float(np.median((change / np.maximum(mean, 1e-9))[lit]))
     found = lit & (change**2 > SIGMAS**2 * mean_noise(phasors) * variance)
-    found &= change > max(MEAN_SHARE, usual) * mean
     if phasors.set_degrees > 0:
         misfit = np.sqrt(phasors.worst_scatter)
         limit = np.sqrt(chdtri(phasors.set_degrees, 1e-9) / phasors.set_degrees)
         relative = misfit / np.maximum(mean, 1e-9)
-        # and so are harmonics that too few shifts cannot fit
-        usual = USUAL * float(np.median(relative[lit]))
+        # harmonics that too few shifts cannot fit are everywhere, a disturbance is local
+        usual = 4.0 * float(np.median(relative[lit]))
         found |= lit & (misfit > limit * np.sqrt(variance)) & (relative > max(MISFIT_SHARE, usual))
     if phasors.sequence.repeats > 1:
         moved_noise = np.sqrt(2.0 * variance * np.sum(solve[1:3] ** 2))

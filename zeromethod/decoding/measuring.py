@@ -125,9 +125,9 @@ class _Light:
     def of(cls, phasors: Phasors, given: NoiseModel | None) -> _Light:
         rms_amplitude = amplitude(phasors)
         lit = fringed(rms_amplitude)
-        gain = gains(phasors, lit)
+        gain, usual = gains(phasors, lit)
         noise, ratio = _noise(phasors, given, lit)
-        mean, change = median_light(phasors, gain, noise)
+        mean, change = median_light(phasors, gain, noise, usual)
         return cls(mean, change, gain, rms_amplitude, lit, noise, ratio)
 
 

@@ -33,6 +33,8 @@ TABLE = 1024
 BINS = 8
 """Parts of a turn's fold (see `Waves`) whose noise is found by itself."""
 
+_SURE = 200.0
+
 
 @dataclass(frozen=True, slots=True)
 class Places:
@@ -121,8 +123,18 @@ def corrected(turn: float, table: Single) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy")
+def without_harmonic(turns: Single, tables: Single) -> Float:
+    """Phases (periods, n), turns, plus the corrections of their tables."""
+    out = np.empty(turns.shape)
+    for n in range(turns.shape[0]):
+        for i in range(turns.shape[1]):
+            out[n, i] = corrected(turns[n, i], tables[n])
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _search(
-    turn: Float, weight: Float, total: float, periods: Float, low: float, high: float
+    turn: Float, weight: Float, spread: float, periods: Float, low: float, high: float
 ) -> tuple[float, float, float, float]:
     """Best order of the shortest period, its shift to the weighted mean, its chi^2 and the next best's."""
     count = len(periods)
@@ -138,10 +150,10 @@ def _search(
             r = (np.rint(at) - at) * periods[n]
             sw1 += weight[n] * r
             sw2 += weight[n] * r * r
-        squares = sw2 - sw1 * sw1 / total
+        squares = sw2 - sw1 * sw1 * spread
         if squares < best:
             second, best = best, squares
-            best_order, best_shift = float(order), sw1 / total
+            best_order, best_shift = float(order), sw1 * spread
         elif squares < second:
             second = squares
     return best_order, best_shift, best, second
@@ -162,7 +174,9 @@ def _unwrap(
 ) -> None:
     """Places of all pixels. separation: of rivals for 1 rad of noise. out: (6, rows, cols), see `Places`."""
     count, rows, cols = turns.shape
-    turn, weight = np.empty(count), np.empty(count)
+    turn, weight, inverse = np.empty(count), np.empty(count), np.empty(count)
+    wave2 = (2.0 * math.pi / periods) ** 2
+    ratio = periods[0] / periods
     known = math.nan
     for j in range(rows):
         for i in range(cols):
@@ -172,39 +186,41 @@ def _unwrap(
             for n in range(count):
                 turn[n] = corrected(turns[n, j, i], tables[n])
                 sigma2 = float(variances[n, j, i])
-                weight[n] = (2.0 * math.pi / periods[n]) ** 2 / sigma2
+                inverse[n] = 1.0 / sigma2
+                weight[n] = wave2[n] * inverse[n]
                 total += weight[n]
                 most = max(most, sigma2)
-                variance += sigma2 / count
+                variance += sigma2
+            spread = 1.0 / total
             order = np.rint(known / periods[0] - turn[0])
             sw1 = sw2 = 0.0
             for n in range(1, count):
-                at = (turn[0] + order) * periods[0] / periods[n] - turn[n]
+                at = (turn[0] + order) * ratio[n] - turn[n]
                 r = (np.rint(at) - at) * periods[n]
                 sw1 += weight[n] * r
                 sw2 += weight[n] * r * r
-            shift, best = sw1 / total, sw2 - sw1 * sw1 / total
+            shift, best = sw1 * spread, max(sw2 - sw1 * sw1 * spread, 0.0)
             apart = separation / math.sqrt(most)
-            second = (apart - math.sqrt(max(best, 0.0))) ** 2
+            second = (apart - math.sqrt(best)) ** 2
             x = (turn[0] + order) * periods[0]
             if not (4.0 * best < apart * apart and low <= x <= high):
-                order, shift, best, second = _search(turn, weight, total, periods, low, high)
+                order, shift, best, second = _search(turn, weight, spread, periods, low, high)
                 if best == math.inf:
                     continue
                 x = (turn[0] + order) * periods[0]
             known = x + shift
             stiffness = leverage = 0.0
             for n in range(count):
-                h = weight[n] / total
-                stiffness += (1.0 - h) / variances[n, j, i]
-                leverage += (h * periods[n] / (2.0 * math.pi)) ** 2
+                h = weight[n] * spread
+                stiffness += (1.0 - h) * inverse[n]
+                leverage += h * h / wave2[n]
             x_px[j, i] = known
-            out[0, j, i] = math.sqrt(1.0 / total)
+            out[0, j, i] = math.sqrt(spread)
             out[1, j, i] = max(best, 0.0)
-            out[2, j, i] = math.exp(-0.5 * (second - best)) if second < math.inf else 0.0
+            out[2, j, i] = math.exp(-0.5 * (second - best)) if second - best < _SURE else 0.0
             out[3, j, i] = stiffness
             out[4, j, i] = leverage
-            out[5, j, i] = math.sqrt(variance)
+            out[5, j, i] = math.sqrt(variance / count)
 
 
 def unwrap(
