@@ -187,7 +187,7 @@ class _Sums:
             np.maximum(self.moved, np.hypot(*(phasor - first)), out=self.moved)
 
 
-def phase_scatter(turn: Single) -> Single:
+def phase_scatter(turn: Float | Single) -> Single:
     """Variance of the phase, turns^2, from its fourth difference along each row of (..., rows, cols).
 
     A phase that is smooth over five pixels falls out, and white noise has 70 times its variance.
@@ -196,7 +196,7 @@ def phase_scatter(turn: Single) -> Single:
     second -= np.rint(second)
     fourth = second[..., :-2] - 2.0 * second[..., 1:-1] + second[..., 2:]
     edge = [(0, 0)] * (turn.ndim - 1) + [(2, 2)]
-    return np.pad(fourth * fourth / np.float32(70.0), edge, "edge" if fourth.shape[-1] else "constant")
+    return np.pad(fourth * fourth / turn.dtype.type(70.0), edge, "edge" if fourth.shape[-1] else "constant")
 
 
 def _neighbour_scatter(phasor: Single, solve: Float) -> Single:

@@ -22,6 +22,7 @@ from scipy.special import chdtr, chdtri
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.decoding.decoding import Phasors, phase_scatter
+from zeromethod.decoding.fringes import FringeSequence
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.periods import LONGEST_RATIO
 from zeromethod.decoding.unwrapping import BINS, TABLE, Places, Waves, unwrap, without_harmonic
@@ -90,27 +91,37 @@ def agreement(
     found = Agreement(correction(shares, shifts), shares, np.ones((count, BINS)), np.ones(count))
     if np.count_nonzero(some) < _LEAST_SAMPLES:
         return found
+    found, places = _improved(waves, size_px, some, found, phasors.sequence)
     if least_noise is not None:
-        found = replace(found, noise=np.maximum(_scatter(waves, some), least_noise))
+        found = replace(found, noise=np.maximum(_scatter(waves, found.tables, some), least_noise))
         waves = waves.scaled(found.noise)
-    places = unwrap(waves, size_px, some, found.tables)
-    if phasors.sequence.even:
-        cap = _OUTLYING * float(np.nanmedian(places.chi2))
-        least = _score(places, cap)
-        for _ in range(_ROUNDS):
-            shares = _refined(waves, places, found, shifts, some)
-            largest = np.max(np.abs(shares))
-            if np.max(np.abs(shares - found.shares)) < LEAST_SHARE or largest * shifts >= 1.0:
-                break
-            tables = correction(shares, shifts)
-            tried = unwrap(waves, size_px, some, tables)
-            if not (score := _score(tried, cap)) < least:
-                break
-            found, places, least = replace(found, tables=tables, shares=shares), tried, score
+        found, places = _improved(waves, size_px, some, found, phasors.sequence)
     return replace(found, excess=_excess(waves, places, found.tables, some))
 
 
-def _scatter(waves: Waves, some: Mask) -> Float:
+def _improved(
+    waves: Waves, size_px: float, some: Mask, found: Agreement, sequence: FringeSequence
+) -> tuple[Agreement, Places]:
+    """The shares of the round with which the periods agree best, and its places."""
+    places = unwrap(waves, size_px, some, found.tables)
+    if not sequence.even:
+        return found, places
+    shifts = len(sequence.shifts_rad)
+    cap = _OUTLYING * float(np.nanmedian(places.chi2))
+    least = _score(places, cap)
+    for _ in range(_ROUNDS):
+        shares = _refined(waves, places, found, shifts, some)
+        if np.max(np.abs(shares - found.shares)) < LEAST_SHARE or np.max(np.abs(shares)) * shifts >= 1.0:
+            break
+        tables = correction(shares, shifts)
+        tried = unwrap(waves, size_px, some, tables)
+        if not (score := _score(tried, cap)) < least:
+            break
+        found, places, least = replace(found, tables=tables, shares=shares), tried, score
+    return found, places
+
+
+def _scatter(waves: Waves, tables: Single, some: Mask) -> Float:
     """Scatter of neighbouring phases over the variance, (periods, `BINS`), median over the pixels `some`.
 
     It depends on the phase where noise depends on the grey level.
@@ -122,7 +133,8 @@ def _scatter(waves: Waves, some: Mask) -> Float:
     found = np.ones((len(waves.turn), BINS))
     if np.count_nonzero(inner) < _LEAST_SAMPLES:
         return found
-    ratio = phase_scatter(waves.turn)[:, inner] * (2 * np.pi) ** 2 / waves.variance[:, inner]
+    turn = without_harmonic(waves.turn.reshape(len(tables), -1), tables).reshape(waves.turn.shape)
+    ratio = phase_scatter(turn)[:, inner] * (2 * np.pi) ** 2 / waves.variance[:, inner]
     usual = np.median(ratio, axis=1) / float(chdtri(1, 0.5))
     for row, one, place, scale in zip(found, ratio, waves.bins(waves.turn[:, inner]), usual, strict=True):
         squares = np.bincount(place, np.minimum(one / scale, _CLIP), BINS)

@@ -10,8 +10,8 @@ The best candidate is the maximum-likelihood order. The difference to the next b
 it is wrong, exp(-difference / 2). All orders are compared at once, not period by period.
 
 Most pixels need no search: any two candidates are at least d apart (`periods.rivals`), so by the triangle
-inequality one with sqrt(chi^2) < d / 2 is the best, and the next best has at least (d - sqrt(chi^2))^2. The
-order nearest to the pixel before is tried so; where that proves nothing, all orders are searched.
+inequality the next to one that is not the best has chi^2 of at least (d - sqrt(chi^2))^2. The order nearest to the
+pixel before is tried so; where that does not prove it the best by far, all orders are searched.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ TABLE = 1024
 
 BINS = 8
 """Parts of a turn's fold (see `Waves`) whose noise is found by itself."""
+
+_CLEAR = 20.0
+"""Lead in chi^2 of the best order, odds of 1 : 20,000, below which the next best is searched, not bounded."""
 
 _SURE = 200.0
 
@@ -200,10 +203,10 @@ def _unwrap(
                 sw1 += weight[n] * r
                 sw2 += weight[n] * r * r
             shift, best = sw1 * spread, max(sw2 - sw1 * sw1 * spread, 0.0)
-            apart = separation / math.sqrt(most)
-            second = (apart - math.sqrt(best)) ** 2
+            nearest = separation / math.sqrt(most) - math.sqrt(best)
+            second = nearest * nearest
             x = (turn[0] + order) * periods[0]
-            if not (4.0 * best < apart * apart and low <= x <= high):
+            if not (nearest > 0.0 and second > best + _CLEAR and low <= x <= high):
                 order, shift, best, second = _search(turn, weight, spread, periods, low, high)
                 if best == math.inf:
                     continue
