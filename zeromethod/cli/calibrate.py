@@ -75,7 +75,13 @@ def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | N
     "--panel 1920 1080 --output rest.npz",
 )
 @click.argument("frames", metavar="FRAMES...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--periods", "periods_text", metavar="P,P,...", required=True, help="Periods, LCD px.")
+@click.option(
+    "--periods",
+    "periods_text",
+    metavar="P,P,...",
+    required=True,
+    help="Periods, LCD px; 'P,P,.../P,P,...' where columns and rows had their own.",
+)
 @click.option(
     "--shifts",
     "shifts_text",
@@ -145,8 +151,8 @@ def decode_command(
     TIFF of many pages, .npy or .npz. light = 1/2 + 1/2 cos(2 pi x / period - shift), x the LCD column or row.
     """
     axes: tuple[Axis, Axis] = ("columns", "rows") if axes_text == "columns,rows" else ("rows", "columns")
-    periods = numbers_of("--periods", periods_text)
-    sequence = FringeSequence(periods, _shifts(shifts_text), axes, repeats)
+    columns, *rows = (numbers_of("--periods", part) for part in periods_text.split("/", 1))
+    sequence = FringeSequence(columns, _shifts(shifts_text), axes, repeats, *rows)
     rig = load_rig(rig_name) if rig_name is not None else None
     size = panel or ((rig.display.columns, rig.display.rows) if rig else None)
     limit_threads()
@@ -165,12 +171,12 @@ def decode_command(
     values = figures(found)
     Console().print(_table(values))
     if summary is not None:
-        write_summary(summary, {"periods_px": sequence.periods_px, "output": str(output), **values})
+        write_summary(summary, {"periods_px": sequence.periods, "output": str(output), **values})
     try:
         refuse_empty(found)
     except MeasurementError as error:
         hint = "do --periods, --shifts, --panel and the order of FRAMES fit what was shown?"
-        raise MeasurementError(f"{error}: {hint}") from None
+        raise MeasurementError(f"{error}; {hint}") from None
 
 
 def _rare(share: float) -> str:

@@ -8,6 +8,8 @@ eight such means tolerates three that are wrong.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 import numpy as np
 
@@ -56,7 +58,7 @@ def jumped_patches(lcd_px: Float, usable: Mask, jump_px: Float) -> Mask:
 
     lcd_px: (rows, cols, 2). jump_px: (2,) LCD px. usable: (rows, cols). Isolated patches cannot be judged and are kept.
     """
-    sides = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
+    sides: tuple[Any, Any] = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
     both = [usable[one] & usable[other] for one, other in sides]
     usual = np.zeros((2, 2))
     for k, (one, other) in enumerate(sides):
@@ -64,7 +66,7 @@ def jumped_patches(lcd_px: Float, usable: Mask, jump_px: Float) -> Mask:
         if len(index):
             at = np.unravel_index(index[:: max(1, len(index) // _SAMPLES)], both[k].shape)
             usual[k] = np.median(lcd_px[other][at] - lcd_px[one][at], axis=0)
-    patch = np.arange(usable.size)
+    patch: Ints = np.arange(usable.size)
     if not _jumps(lcd_px, usable, usual, jump_px, patch):
         return np.zeros_like(usable)
     patch = _roots(patch).reshape(usable.shape)

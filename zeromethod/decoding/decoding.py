@@ -196,7 +196,9 @@ def phase_scatter(turn: Float | Single) -> Single:
     second -= np.rint(second)
     fourth = second[..., :-2] - 2.0 * second[..., 1:-1] + second[..., 2:]
     edge = [(0, 0)] * (turn.ndim - 1) + [(2, 2)]
-    return np.pad(fourth * fourth / turn.dtype.type(70.0), edge, "edge" if fourth.shape[-1] else "constant")
+    return np.asarray(
+        np.pad(fourth * fourth / turn.dtype.type(70.0), edge, "edge" if fourth.shape[-1] else "constant")
+    )
 
 
 def _neighbour_scatter(phasor: Single, solve: Float) -> Single:

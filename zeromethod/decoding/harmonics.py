@@ -36,10 +36,14 @@ _LEAST_IN_BIN = 100
 _CLIP = 9.0
 # of squares of unit normal deviates, clipped: those below, and the rest at the clip
 _CLIPPED = float(chdtr(3, _CLIP) + _CLIP * (1.0 - chdtr(1, _CLIP)))
-_ROUNDS = 5
+_ROUNDS = 8
 _PARTS = 8
 _SIGMAS = 3.0
 _OUTLYING = 20.0
+_LEAST_FACTOR = 1e-6
+
+_DIFFERS = 0.2
+"""Logarithm of the scatter of neighbouring phases over that of the noise model, from which on it is taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +81,11 @@ def agreement(
     mean: Single,
     size_px: float,
     sound: Mask,
-    least_noise: float | None,
+    least_noise: float,
 ) -> Agreement:
     """Shares of the aliased harmonic and scale of the noise, from some rows of the pixels `sound`.
 
-    least_noise: smallest factor on the noise; None: the noise model is right.
+    least_noise: smallest factor on the noise.
     """
     rows = slice(None, None, max(1, np.count_nonzero(sound) // _SAMPLES))
     waves = Waves.of(phasors, axis, noise, mean, rows)
@@ -92,8 +96,9 @@ def agreement(
     if np.count_nonzero(some) < _LEAST_SAMPLES:
         return found
     found, places = _improved(waves, size_px, some, found, phasors.sequence)
-    if least_noise is not None:
-        found = replace(found, noise=np.maximum(_scatter(waves, found.tables, some), least_noise))
+    factor = _scatter(waves, found.tables, some)
+    if np.any(np.abs(np.log(np.median(factor, axis=1))) > _DIFFERS):
+        found = replace(found, noise=np.maximum(factor, least_noise))
         waves = waves.scaled(found.noise)
         found, places = _improved(waves, size_px, some, found, phasors.sequence)
     return replace(found, excess=_excess(waves, places, found.tables, some))
@@ -109,15 +114,19 @@ def _improved(
     shifts = len(sequence.shifts_rad)
     cap = _OUTLYING * float(np.nanmedian(places.chi2))
     least = _score(places, cap)
+    part = 1.0
     for _ in range(_ROUNDS):
-        shares = _refined(waves, places, found, shifts, some)
-        if np.max(np.abs(shares - found.shares)) < LEAST_SHARE or np.max(np.abs(shares)) * shifts >= 1.0:
+        step = part * (_refined(waves, places, found, shifts, some) - found.shares)
+        shares = found.shares + step
+        if np.max(np.abs(step)) < LEAST_SHARE:
             break
-        tables = correction(shares, shifts)
-        tried = unwrap(waves, size_px, some, tables)
-        if not (score := _score(tried, cap)) < least:
-            break
-        found, places, least = replace(found, tables=tables, shares=shares), tried, score
+        if np.max(np.abs(shares)) * shifts < 1.0:  # else phases would no longer rise with the place
+            tables = correction(shares, shifts)
+            tried = unwrap(waves, size_px, some, tables)
+            if (score := _score(tried, cap)) < least:
+                found, places, least = replace(found, tables=tables, shares=shares), tried, score
+                continue
+        part *= 0.5
     return found, places
 
 
@@ -135,7 +144,7 @@ def _scatter(waves: Waves, tables: Single, some: Mask) -> Float:
         return found
     turn = without_harmonic(waves.turn.reshape(len(tables), -1), tables).reshape(waves.turn.shape)
     ratio = phase_scatter(turn)[:, inner] * (2 * np.pi) ** 2 / waves.variance[:, inner]
-    usual = np.median(ratio, axis=1) / float(chdtri(1, 0.5))
+    usual = np.maximum(np.median(ratio, axis=1) / float(chdtri(1, 0.5)), _LEAST_FACTOR)
     for row, one, place, scale in zip(found, ratio, waves.bins(waves.turn[:, inner]), usual, strict=True):
         squares = np.bincount(place, np.minimum(one / scale, _CLIP), BINS)
         count = np.bincount(place, minlength=BINS)

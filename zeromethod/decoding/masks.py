@@ -102,10 +102,10 @@ def gains(phasors: Phasors, lit: Mask) -> tuple[Float, float]:
     some = phasors.mean.reshape(len(phasors.mean), -1)[:, index[:: len(index) // _SAMPLES + 1]]
     if not len(index):
         return np.ones(len(some)), 0.0
-    some = some / np.maximum(np.median(some, axis=0), 1e-9)
-    gain = np.median(some, axis=1)
+    share = some.astype(np.float64) / np.maximum(np.median(some, axis=0), 1e-9)
+    gain = np.median(share, axis=1)
     gain = np.where(gain > 0, gain, 1.0)
-    off = np.abs(some / gain[:, None] - 1.0)
+    off = np.abs(share / gain[:, None] - 1.0)
     return gain, float(np.quantile(off, 0.75)) / float(ndtri(0.875))
 
 

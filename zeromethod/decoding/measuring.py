@@ -46,9 +46,6 @@ OUTLIER_PX = 0.25
 
 _SAMPLES = 10_000
 
-_CURVED_SHARE = 0.05
-"""Share of the second harmonic above which the LCD's response counts as nonlinear."""
-
 SMALLEST_PANEL_PX = 640
 """Least unambiguous range of the periods where the panel's size is not given."""
 
@@ -125,6 +122,7 @@ class _Light:
     def of(cls, phasors: Phasors, given: NoiseModel | None) -> _Light:
         rms_amplitude = amplitude(phasors)
         lit = fringed(rms_amplitude)
+        lit &= ~small_parts(lit)
         gain, usual = gains(phasors, lit)
         noise, ratio = _noise(phasors, given, lit)
         mean, change = median_light(phasors, gain, noise, usual)
@@ -262,11 +260,8 @@ def _places(
     sound: Mask,
 ) -> tuple[list[Places], _Light, float]:
     """Places along both axes without an aliased harmonic; the light with its noise; the harmonic's share."""
-    least = None
-    if phasors.from_neighbours or phasors.second_harmonic > _CURVED_SHARE:
-        # the frames' scatter may include harmonics; that of neighbouring phases does not
-        known = 0.0 if given is None else given.constant_grey2
-        least = min(known / light.noise.constant_grey2, 1.0) if light.noise.constant_grey2 > 0 else 0.0
+    known = 0.0 if given is None else given.constant_grey2
+    least = min(known / light.noise.constant_grey2, 1.0) if light.noise.constant_grey2 > 0 else 0.0
     agreed = [
         agreement(phasors, axis, light.noise, light.mean, searched[axis], sound, least) for axis in range(2)
     ]

@@ -42,7 +42,7 @@ def near_reflection(phasors: Phasors, places: list[Places], usable: Mask) -> flo
 def _distance(phasors: Phasors, axis: int, place: Places, usable: Mask) -> float:
     periods = np.asarray(phasors.sequence.periods[axis], dtype=np.float64)
     # coarse periods show no reflection, but whatever else is off in them
-    fine = np.flatnonzero(periods <= LONGEST_RATIO * periods.min())
+    fine = [n for n, period in enumerate(periods) if period <= LONGEST_RATIO * periods.min()]
     usable = usable & np.isfinite(place.x_px)
     if not usable.any() or len(fine) < 2:
         return 0.0

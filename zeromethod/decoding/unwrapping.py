@@ -108,7 +108,7 @@ class Waves:
     def bins(self, turn: Single) -> Ints:
         """Number, below `BINS`, of the part of a fold in which a phase lies."""
         part = (turn + 0.5) * self.folds
-        return np.minimum(((part - np.floor(part)) * BINS).astype(np.intp), BINS - 1)
+        return np.asarray(np.minimum(((part - np.floor(part)) * BINS).astype(np.intp), BINS - 1))
 
     def scaled(self, factor: Float) -> Waves:
         """The same with the variance times `factor` (periods, `BINS`)."""
@@ -122,7 +122,7 @@ def corrected(turn: float, table: Single) -> float:
     """Phase, turns, plus the correction of a table (`TABLE` + 1,) over the turn from -1/2."""
     at = (turn + 0.5) * TABLE
     n = min(max(int(at), 0), TABLE - 1)
-    return turn + table[n] + (at - n) * (table[n + 1] - table[n])
+    return float(turn + table[n] + (at - n) * (table[n + 1] - table[n]))
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -254,4 +254,4 @@ def unwrap(
         x,
         out,
     )
-    return Places(x, *out, degrees=len(periods) - 1, coherent=coherent)
+    return Places(x, *out[:6], len(periods) - 1, coherent)

@@ -1,4 +1,4 @@
-"""Fringes of a planted bench: a mirror in a dark image, an LCD drawn without its inverse response, a noisy camera."""
+"""Fringes of a planted bench: a mirror in a dark image, an LCD without its inverse response, a noisy camera."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ READ_GREY, ELECTRONS_PER_GREY = 1.0, 60.0
 class FringeBench:
     """A curved mirror that covers `lit` of the image, of which one camera px sees about 0.8 LCD px.
 
-    shape: (rows, cols). The rest of the image sees `stray` of the LCD's mean light. blur_px: of the lens, LCD px;
-    it dims fine fringes more than coarse ones. flicker: change of the backlight from frame to frame, rms.
+    shape: (rows, cols). The rest of the image sees `stray` of the LCD's mean light. blur_px: of the lens, LCD
+    px; it dims fine fringes more than coarse ones. flicker: change of the backlight from frame to frame, rms.
     """
 
     periods_px: tuple[float, ...]
@@ -55,7 +55,7 @@ class FringeBench:
     @cached_property
     def truth(self) -> Float:
         """(rows, cols, 2) LCD px: turned, with a curvature and a ripple."""
-        v, u = (n - 0.5 * size for n, size in zip(np.mgrid[: self.shape[0], : self.shape[1]], self.shape))
+        v, u = (n - 0.5 * size for n, size in zip(np.indices(self.shape), self.shape, strict=True))
         column = 0.5 * PANEL[0] + 0.83 * u + 0.05 * v + 2e-4 * u * v + 4 * np.sin(u / 90)
         row = 0.5 * PANEL[1] - 0.04 * u + 0.79 * v + 3e-4 * u**2 + 3 * np.cos(v / 70)
         return np.stack([column, row], axis=-1)
@@ -84,4 +84,4 @@ class FringeBench:
 def linearised(frames: Image) -> Image:
     """Frames as the LCD's grey codes, by the inverse response: what it does to dark pixels is mostly noise."""
     light = np.clip((np.arange(256) - BLACK_GREY) / (WHITE_GREY - BLACK_GREY), 0, 1)
-    return np.rint(255 * light ** (1 / GAMMA)).astype(np.uint8)[frames]
+    return np.asarray(np.rint(255 * light ** (1 / GAMMA)).astype(np.uint8)[frames])
