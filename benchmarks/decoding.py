@@ -1,8 +1,8 @@
 """Decoding of fringes against plain arctangent and unwrapping, on the same frames of planted benches.
 
-Four-step fringes of ladders of three to five periods, the LCD drawn without its inverse response (gamma 2.2),
-8 bits, a mirror that covers a part of a dark image: raw, linearised by the inverse response, whole and cropped
-to the mirror. "ours" is `measure_rest`, "plain" gives every pixel a place and none a reason. Errors are rms
+Fringes of ladders of three to five periods, the LCD drawn without its inverse response (gamma 2.2), 8 bits,
+a mirror that covers a part of a dark image: raw, linearised by the inverse response, whole and cropped to the
+mirror. "ours" is `measure_rest`, "plain" gives every pixel a place and none a reason. Errors are rms
 over the pixels of the mirror that ours calls valid. Times are of the processor, each the least of some calls,
 after a first one. plain: numpy in double precision, as one writes it; "fast": single precision, a product of
 matrices per set.
@@ -136,7 +136,7 @@ def command(quick: bool) -> Report:
             "error over its sigma, rms",
             f"{scatter[0]:.2f} to {scatter[-1]:.2f}",
             "0.9 to 1.1",
-            0.9 <= scatter[0] and scatter[-1] <= 1.1,
+            scatter[0] >= 0.9 and scatter[-1] <= 1.1,
         ),
     )
     header = (

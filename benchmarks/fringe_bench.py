@@ -1,4 +1,4 @@
-"""Fringes of a planted bench: a mirror in a dark image, an LCD without its inverse response, a noisy camera."""
+"""Fringes of a planted bench: a mirror in a dark image, an LCD of gamma 2.2, a noisy camera of 8 bits."""
 
 from __future__ import annotations
 
@@ -82,6 +82,6 @@ class FringeBench:
 
 
 def linearised(frames: Image) -> Image:
-    """Frames as the LCD's grey codes, by the inverse response: what it does to dark pixels is mostly noise."""
+    """Frames as the LCD's grey codes, by the inverse response; dark pixels become mostly noise."""
     light = np.clip((np.arange(256) - BLACK_GREY) / (WHITE_GREY - BLACK_GREY), 0, 1)
     return np.asarray(np.rint(255 * light ** (1 / GAMMA)).astype(np.uint8)[frames])

@@ -1,7 +1,7 @@
 """Arctangent and hierarchical unwrapping: C. Zuo et al. 2016, DOI 10.1016/j.optlaseng.2016.04.022.
 
-The longest period is at least as long as the LCD and needs no order; every shorter one takes the order nearest
-to the place that the longer one gave. The place is that of the shortest period alone; no pixel is judged.
+The longest period is at least as long as the LCD and needs no order; every shorter one takes the order
+nearest to the place that the longer one gave. The place is that of the shortest period; no pixel is judged.
 """
 
 from __future__ import annotations

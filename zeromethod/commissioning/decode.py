@@ -268,7 +268,7 @@ def figures(found: RestMeasurement) -> dict[str, Any]:
 
 _MEANING = {
     Reason.NO_MODULATION: "no modulation",
-    Reason.SECOND_REFLECTION: "the periods disagree, as by a second reflection or by other periods than given,",
+    Reason.SECOND_REFLECTION: "the periods disagree (a second reflection, or other periods than given)",
     Reason.INCONSISTENT: "the periods disagree",
     Reason.DISTURBED: "the light changed between or within the sets of shifts",
     Reason.WRONG_ORDER: "places lie whole periods off their neighbours",

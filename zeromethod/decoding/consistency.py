@@ -56,7 +56,8 @@ def _root(patch: Ints, pixel: int) -> int:
 def jumped_patches(lcd_px: Float, usable: Mask, jump_px: Float) -> Mask:
     """Pixels of patches that lie a jump away from a larger neighbouring patch.
 
-    lcd_px: (rows, cols, 2). jump_px: (2,) LCD px. usable: (rows, cols). Isolated patches cannot be judged and are kept.
+    lcd_px: (rows, cols, 2). jump_px: (2,) LCD px. usable: (rows, cols). Isolated patches cannot be judged
+    and are kept.
     """
     sides: tuple[Any, Any] = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
     both = [usable[one] & usable[other] for one, other in sides]

@@ -32,10 +32,10 @@ class Phasors:
     mean + cosine cos(shift) + sine sin(shift) + harmonics. mean: (sets, rows, cols) grey, sets in the
     sequence's order (repeats separate). scatter: (sampled rows, cols) variance of the noise in the rows
     `sampled`, grey^2, as a mean over `degrees` degrees of freedom: of the fit's residual or, for fewer than
-    six shifts, which would mistake harmonics for noise, of neighbouring pixels' phases (`from_neighbours`). worst_scatter: (rows, cols) variance of the
-    fit's residual in the worst set, of `set_degrees`. moved: (rows, cols) largest change of a phasor between
-    repeats, grey. saturated: (rows, cols). second_harmonic: its share of the fundamental, mean by the
-    fundamental's power; NaN where not fitted.
+    six shifts, which would mistake harmonics for noise, of neighbouring pixels' phases (`from_neighbours`).
+    worst_scatter: (rows, cols) variance of the fit's residual in the worst set, of `set_degrees`. moved:
+    (rows, cols) largest change of a phasor between repeats, grey. saturated: (rows, cols). second_harmonic:
+    its share of the fundamental, mean by the fundamental's power; NaN where not fitted.
     """
 
     sequence: FringeSequence
@@ -205,9 +205,8 @@ def _neighbour_scatter(phasor: Single, solve: Float) -> Single:
     """Noise variance, grey^2, of the pixels of a phasor (2, rows, cols), from their neighbours' phases."""
     turn = np.arctan2(phasor[1], phasor[0]) * np.float32(0.5 / np.pi)
     power = np.einsum("nij,nij->ij", phasor, phasor)
-    return (
-        phase_scatter(turn) * power * np.float32((2 * np.pi) ** 2 / np.mean(np.sum(solve[1:3] ** 2, axis=1)))
-    )
+    share = float(np.mean(np.sum(solve[1:3] ** 2, axis=1))) / (2 * np.pi) ** 2
+    return np.asarray(phase_scatter(turn) * power / np.float32(share))
 
 
 def _second_harmonic(phasors: Single) -> Float:

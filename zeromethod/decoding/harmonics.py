@@ -50,9 +50,9 @@ _DIFFERS = 0.2
 class Agreement:
     """What the periods' agreement says about the phases of one axis; arrays follow the rising periods.
 
-    shares: of the aliased harmonic; tables: the phase corrections for it. noise: (periods,
-    `BINS`) factor on each period's variance by which neighbouring pixels' phases scatter, see `Waves`. excess: further factor on periods far longer than
-    the shortest, so that it covers what they are off.
+    shares: of the aliased harmonic. tables: the phase corrections for it. noise: (periods, `BINS`) factor on
+    each period's variance by which neighbouring pixels' phases scatter, see `Waves`. excess: further factor
+    on periods far longer than the shortest, so that it covers what they are off.
     """
 
     tables: Single
@@ -149,7 +149,7 @@ def _scatter(waves: Waves, tables: Single, some: Mask) -> Float:
         squares = np.bincount(place, np.minimum(one / scale, _CLIP), BINS)
         count = np.bincount(place, minlength=BINS)
         row[:] = scale * np.where(count >= _LEAST_IN_BIN, squares / np.maximum(count, 1) / _CLIPPED, 1.0)
-    return found
+    return np.maximum(found, _LEAST_FACTOR)
 
 
 def _score(places: Places, cap: float) -> float:

@@ -10,8 +10,9 @@ The best candidate is the maximum-likelihood order. The difference to the next b
 it is wrong, exp(-difference / 2). All orders are compared at once, not period by period.
 
 Most pixels need no search: any two candidates are at least d apart (`periods.rivals`), so by the triangle
-inequality the next to one that is not the best has chi^2 of at least (d - sqrt(chi^2))^2. The order nearest to the
-pixel before is tried so; where that does not prove it the best by far, all orders are searched.
+inequality every other one than a candidate has a chi^2 of at least (d - sqrt(chi^2))^2, with its own chi^2.
+The order nearest to the pixel before is tried so; where that does not prove it the best by far, all orders
+are searched.
 """
 
 from __future__ import annotations
@@ -43,11 +44,11 @@ _SURE = 200.0
 class Places:
     """Absolute place along one axis of the LCD, per pixel (rows, cols); NaN where not unwrapped.
 
-    x_px: LCD px. sigma_px: from the camera's noise. chi2: disagreement of the periods. odds: of the second-best order against the best, 0 to 1, or their bound. stiffness:
-    d(expected chi2) / d(variance of a phase error common in size to all periods, rad^2). leverage_px2:
-    variance of x that such an error of 1 rad^2 brings. phase_sigma_rad: of the periods, rms. degrees: of
-    freedom of chi2, periods - 1. coherent: share of the expected chi2 that comes from errors alike in
-    neighbouring pixels, which an average over pixels does not lessen.
+    x_px: LCD px. sigma_px: from the camera's noise. chi2: disagreement of the periods, of `degrees` degrees
+    of freedom. odds: of the second-best order against the best, 0 to 1, or their bound. stiffness: d(expected
+    chi2) / d(variance of a phase error common in size to all periods, rad^2). leverage_px2: variance of x
+    that such an error of 1 rad^2 brings. phase_sigma_rad: of the periods, rms. coherent: share of the
+    expected chi2 that comes from errors alike in neighbouring pixels, which an average does not lessen.
     """
 
     x_px: Float
@@ -254,4 +255,4 @@ def unwrap(
         x,
         out,
     )
-    return Places(x, *out[:6], len(periods) - 1, coherent)
+    return Places(x, out[0], out[1], out[2], out[3], out[4], out[5], len(periods) - 1, coherent)
