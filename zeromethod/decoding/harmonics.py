@@ -179,6 +179,8 @@ def _refined(waves: Waves, places: Places, found: Agreement, shifts: int, some: 
     solve = np.linalg.pinv(square.sum(axis=0))
     step = solve @ right.sum(axis=0)
     scatter = np.sqrt((((right - square @ step) @ solve.T) ** 2).sum(axis=0))
+    # nor less than noise alone leaves it, as where the fringes are all seen at one phase
+    scatter = np.maximum(scatter, np.sqrt(np.maximum(np.diag(solve), 0.0)))
     shares = found.shares + step
     return np.where(np.abs(shares) > _SIGMAS * scatter, shares, 0.0)
 

@@ -260,10 +260,11 @@ def _places(
     sound: Mask,
 ) -> tuple[list[Places], _Light, float]:
     """Places along both axes without an aliased harmonic; the light with its noise; the harmonic's share."""
-    known = 0.0 if given is None else given.constant_grey2
-    least = min(known / light.noise.constant_grey2, 1.0) if light.noise.constant_grey2 > 0 else 0.0
+    usual = light.noise.variance(float(np.median(light.mean[sound])) if sound.any() else 0.0)
+    least = float((QUANTISATION if given is None else given.constant_grey2) / usual)
     agreed = [
-        agreement(phasors, axis, light.noise, light.mean, searched[axis], sound, least) for axis in range(2)
+        agreement(phasors, axis, light.noise, light.mean, searched[axis], sound, min(least, 1.0))
+        for axis in range(2)
     ]
     places = []
     for axis, one in enumerate(agreed):
