@@ -81,7 +81,7 @@ def test_a_second_reflection_shows_in_a_ladder_too() -> None:
 
 
 def test_each_axis_may_have_its_own_periods() -> None:
-    columns, rows = (160.0, 40.0, 16.0), (96.0, 20.0)
+    columns, rows = (190.0, 40.0, 16.0), (130.0, 20.0)
     sequence = FringeSequence(columns, equal_shifts(4), ("rows", "columns"), 2, rows)
     assert sequence.frames == 2 * (3 + 2) * 4
     light = [200 * picture for picture in sequence.pictures(160, 96)]
@@ -92,21 +92,23 @@ def test_each_axis_may_have_its_own_periods() -> None:
 
 
 def test_decoding_takes_no_more_than_ten_times_as_long_as_plain() -> None:
-    bench = FringeBench(LADDERS[1], shape=(240, 320))
+    bench = FringeBench(LADDERS[1])
     frames = bench.frames()
 
     limit_threads()  # the time of the processor counts every thread
 
     def least(call: Callable[[], object]) -> float:
         taken = []
-        for _ in range(4):  # the first one loads what is compiled
+        for _ in range(3):  # the first one loads what is compiled
             begun = time.process_time()
             call()
             taken.append(time.process_time() - begun)
         return min(taken)
 
     ours = least(lambda: measure_rest(frames, bench.sequence, size_px=PANEL))
-    assert ours < 10 * least(lambda: places(frames, bench.periods_px))  # some 3 times
+    assert ours < 10 * least(
+        lambda: places(frames, bench.periods_px)
+    )  # some 5 times; small crops take more, see benchmarks/decoding.py
 
 
 def test_the_last_search_finds_what_the_neighbour_cannot_say() -> None:
