@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import islice
 
+import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Mask, Single
@@ -134,7 +135,7 @@ def decode_phasors(
             sums.scatter += squares[sums.sampled]
             sums.second += _second_harmonic(fitted[1:5, sums.sampled])
         else:
-            sums.scatter += _neighbour_scatter(fitted[1:3, sums.sampled], solve)
+            _neighbour_scatter(fitted[1:3, sums.sampled], solve, sums.scatter)
         if stack.max() >= ceiling:
             sums.saturated |= (stack >= ceiling).any(axis=0)
     assert sums is not None
@@ -187,26 +188,39 @@ class _Sums:
             np.maximum(self.moved, np.hypot(*(phasor - first)), out=self.moved)
 
 
-def phase_scatter(turn: Float | Single) -> Single:
-    """Variance of the phase, turns^2, from its fourth difference along each row of (..., rows, cols).
+@numba.njit(cache=True)
+def phase_squares(turn: Float | Single) -> Float:
+    """Squared fourth differences of phases (n,), turns, over their 70: white noise's variance, (n - 4,).
 
-    A phase that is smooth over five pixels falls out, and white noise has 70 times its variance.
+    A phase that is smooth over five pixels falls out.
     """
-    second = turn[..., :-2] - 2.0 * turn[..., 1:-1] + turn[..., 2:]
-    second -= np.rint(second)
-    fourth = second[..., :-2] - 2.0 * second[..., 1:-1] + second[..., 2:]
-    edge = [(0, 0)] * (turn.ndim - 1) + [(2, 2)]
-    return np.asarray(
-        np.pad(fourth * fourth / turn.dtype.type(70.0), edge, "edge" if fourth.shape[-1] else "constant")
-    )
+    out = np.empty(max(len(turn) - 4, 0))
+    for i in range(len(out)):
+        one = turn[i] - 2.0 * turn[i + 1] + turn[i + 2]
+        two = turn[i + 1] - 2.0 * turn[i + 2] + turn[i + 3]
+        three = turn[i + 2] - 2.0 * turn[i + 3] + turn[i + 4]
+        fourth = one - np.rint(one) - 2.0 * (two - np.rint(two)) + (three - np.rint(three))
+        out[i] = fourth * fourth / 70.0
+    return out
 
 
-def _neighbour_scatter(phasor: Single, solve: Float) -> Single:
-    """Noise variance, grey^2, of the pixels of a phasor (2, rows, cols), from their neighbours' phases."""
+@numba.njit(cache=True)
+def _add_neighbour_scatter(turn: Single, phasor: Single, share: float, out: Single) -> None:
+    """Add the noise variance, grey^2, of each pixel's neighbours along the row; turn, out: (rows, cols)."""
+    rows, cols = turn.shape
+    for j in range(rows):
+        squares = phase_squares(turn[j])
+        for i in range(cols):
+            power = phasor[0, j, i] ** 2 + phasor[1, j, i] ** 2
+            if cols > 4:
+                out[j, i] += squares[min(max(i - 2, 0), cols - 5)] * power / share
+
+
+def _neighbour_scatter(phasor: Single, solve: Float, out: Single) -> None:
+    """Add the noise variance, grey^2, of the pixels of a phasor (2, rows, cols), by their neighbours' phases."""
     turn = np.arctan2(phasor[1], phasor[0]) * np.float32(0.5 / np.pi)
-    power = np.einsum("nij,nij->ij", phasor, phasor)
     share = float(np.mean(np.sum(solve[1:3] ** 2, axis=1))) / (2 * np.pi) ** 2
-    return np.asarray(phase_scatter(turn) * power / np.float32(share))
+    _add_neighbour_scatter(turn, phasor, share, out)
 
 
 def _second_harmonic(phasors: Single) -> Float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Literal
 
@@ -75,7 +76,7 @@ class FringeSequence:
         """Periods along the columns and along the rows, LCD px."""
         return self.periods_px, self.row_periods_px or self.periods_px
 
-    @property
+    @cached_property
     def even(self) -> bool:
         """Whether the shifts divide the turn evenly, in any order."""
         turns = np.sort(np.mod(np.asarray(self.shifts_rad) - self.shifts_rad[0] + 1e-9, 2 * np.pi))

@@ -17,20 +17,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numba
 import numpy as np
 from scipy.special import chdtr, chdtri
 
-from zeromethod.arrays import Float, Mask, Single
-from zeromethod.decoding.decoding import Phasors, phase_scatter
+from zeromethod.arrays import Float, Ints, Mask, Single
+from zeromethod.decoding.decoding import Phasors, phase_squares
 from zeromethod.decoding.fringes import FringeSequence
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.periods import LONGEST_RATIO
-from zeromethod.decoding.unwrapping import BINS, TABLE, Places, Waves, unwrap, without_harmonic
+from zeromethod.decoding.unwrapping import BINS, TABLE, Places, Waves, bin_of, corrected, unwrap
 
 LEAST_SHARE = 0.0005
 """Below this a harmonic moves a place by less than a 10000th of the period."""
 
-_SAMPLES = 5000
+_SAMPLES = 4000
 _LEAST_SAMPLES = 400
 _LEAST_IN_BIN = 100
 _CLIP = 9.0
@@ -74,41 +75,48 @@ def correction(shares: Float, shifts: int) -> Single:
     return tables
 
 
+def sample(sound: Mask) -> Ints:
+    """Flat indices, rising, of the pixels `sound` in some rows: all their neighbours along the row are there."""
+    step = max(1, np.count_nonzero(sound) // _SAMPLES)
+    row, col = np.nonzero(sound[::step])
+    return np.asarray(row * (step * sound.shape[1]) + col)
+
+
 def agreement(
     phasors: Phasors,
     axis: int,
     noise: NoiseModel,
     mean: Single,
     size_px: float,
-    sound: Mask,
+    at: Ints,
     least_noise: float,
 ) -> Agreement:
-    """Shares of the aliased harmonic and scale of the noise, from some rows of the pixels `sound`.
+    """Shares of the aliased harmonic and scale of the noise, from the pixels `at`, see `sample`.
 
     least_noise: smallest factor on the noise.
     """
-    rows = slice(None, None, max(1, np.count_nonzero(sound) // _SAMPLES))
-    waves = Waves.of(phasors, axis, noise, mean, rows)
-    some = np.ascontiguousarray(sound[rows])
+    waves = Waves.of(phasors, axis, noise, mean, at)
     shifts, count = len(phasors.sequence.shifts_rad), len(waves.periods_px)
     shares = np.zeros(count)
     found = Agreement(correction(shares, shifts), shares, np.ones((count, BINS)), np.ones(count))
-    if np.count_nonzero(some) < _LEAST_SAMPLES:
+    if len(at) < _LEAST_SAMPLES:
         return found
-    found, places = _improved(waves, size_px, some, found, phasors.sequence)
-    factor = _scatter(waves, found.tables, some)
+    found, places = _improved(waves, size_px, found, phasors.sequence)
+    in_row = (at[4:] - at[:-4] == 4) & (at[4:] % mean.shape[1] >= 4)
+    factor = _scatter(waves, found.tables, in_row)
     if np.any(np.abs(np.log(np.median(factor, axis=1))) > _DIFFERS):
         found = replace(found, noise=np.maximum(factor, least_noise))
         waves = waves.scaled(found.noise)
-        found, places = _improved(waves, size_px, some, found, phasors.sequence)
-    return replace(found, excess=_excess(waves, places, found.tables, some))
+        found, places = _improved(waves, size_px, found, phasors.sequence)
+    return replace(found, excess=_excess(waves, places, found.tables))
 
 
 def _improved(
-    waves: Waves, size_px: float, some: Mask, found: Agreement, sequence: FringeSequence
+    waves: Waves, size_px: float, found: Agreement, sequence: FringeSequence
 ) -> tuple[Agreement, Places]:
     """The shares of the round with which the periods agree best, and its places."""
-    places = unwrap(waves, size_px, some, found.tables)
+    every = np.ones(waves.turn.shape[1:], np.bool_)
+    places = unwrap(waves, size_px, every, found.tables)
     if not sequence.even:
         return found, places
     shifts = len(sequence.shifts_rad)
@@ -116,13 +124,13 @@ def _improved(
     least = _score(places, cap)
     part = 1.0
     for _ in range(_ROUNDS):
-        step = part * (_refined(waves, places, found, shifts, some) - found.shares)
+        step = part * (_refined(waves, places, found, shifts) - found.shares)
         shares = found.shares + step
         if np.max(np.abs(step)) < LEAST_SHARE:
             break
         if np.max(np.abs(shares)) * shifts < 1.0:  # else phases would no longer rise with the place
             tables = correction(shares, shifts)
-            tried = unwrap(waves, size_px, some, tables)
+            tried = unwrap(waves, size_px, every, tables)
             if (score := _score(tried, cap)) < least:
                 found, places, least = replace(found, tables=tables, shares=shares), tried, score
                 continue
@@ -130,26 +138,42 @@ def _improved(
     return found, places
 
 
-def _scatter(waves: Waves, tables: Single, some: Mask) -> Float:
-    """Scatter of neighbouring phases over the variance, (periods, `BINS`), median over the pixels `some`.
+def _scatter(waves: Waves, tables: Single, in_row: Mask) -> Float:
+    """Scatter of neighbouring phases over the variance, (periods, `BINS`), median over the pixels.
 
-    It depends on the phase where noise depends on the grey level.
+    It depends on the phase where noise depends on the grey level. in_row: (n - 4,) whether five pixels,
+    one after the other, are neighbours.
     """
-    inner = some.copy()
-    for step in (-2, -1, 1, 2):
-        inner &= np.roll(some, step, axis=1)
-    inner[:, :2] = inner[:, -2:] = False
     found = np.ones((len(waves.turn), BINS))
-    if np.count_nonzero(inner) < _LEAST_SAMPLES:
+    if np.count_nonzero(in_row) < _LEAST_SAMPLES:
         return found
-    turn = without_harmonic(waves.turn.reshape(len(tables), -1), tables).reshape(waves.turn.shape)
-    ratio = phase_scatter(turn)[:, inner] * (2 * np.pi) ** 2 / waves.variance[:, inner]
-    usual = np.maximum(np.median(ratio, axis=1) / float(chdtri(1, 0.5)), _LEAST_FACTOR)
-    for row, one, place, scale in zip(found, ratio, waves.bins(waves.turn[:, inner]), usual, strict=True):
-        squares = np.bincount(place, np.minimum(one / scale, _CLIP), BINS)
-        count = np.bincount(place, minlength=BINS)
-        row[:] = scale * np.where(count >= _LEAST_IN_BIN, squares / np.maximum(count, 1) / _CLIPPED, 1.0)
+    for n, row in enumerate(found):
+        turn, variance = waves.turn[n, 0], waves.variance[n, 0]
+        ratio = phase_squares(_corrected(turn, tables[n]))[in_row] * (2 * np.pi) ** 2
+        ratio /= variance[2:-2][in_row]
+        usual = max(float(np.median(ratio)) / float(chdtri(1, 0.5)), _LEAST_FACTOR)
+        squares, count = _by_bin(turn[2:-2][in_row], ratio / usual, waves.folds)
+        row[:] = usual * np.where(count >= _LEAST_IN_BIN, squares / np.maximum(count, 1) / _CLIPPED, 1.0)
     return np.maximum(found, _LEAST_FACTOR)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _corrected(turn: Single, table: Single) -> Float:
+    out = np.empty(len(turn))
+    for i in range(len(turn)):
+        out[i] = corrected(turn[i], table)
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _by_bin(turn: Single, squares: Float, folds: int) -> tuple[Float, Ints]:
+    """Sum of the squares, clipped, and their number, of every part of a fold."""
+    total, count = np.zeros(BINS), np.zeros(BINS, np.int64)
+    for i in range(len(turn)):
+        n = bin_of(turn[i], folds)
+        total[n] += min(squares[i], _CLIP)
+        count[n] += 1
+    return total, count
 
 
 def _score(places: Places, cap: float) -> float:
@@ -157,25 +181,65 @@ def _score(places: Places, cap: float) -> float:
     return float(np.nanmean(np.minimum(places.chi2, cap)))
 
 
-def _misfits(waves: Waves, places: Places, tables: Single, some: Mask) -> tuple[Float, Float, Float]:
+def _misfits(waves: Waves, places: Places, tables: Single) -> tuple[Float, Float, Float]:
     """Distance of every period's place from the mean, px, its weight, and its phase, turns: (periods, n)."""
-    at = some & np.isfinite(places.x_px)
-    turn = without_harmonic(waves.turn[:, at], tables)
-    period = waves.periods_px[:, None]
-    off = turn - places.x_px[at] / period
-    return (off - np.rint(off)) * period, (2 * np.pi / period) ** 2 / waves.variance[:, at], turn
+    known = np.isfinite(places.x_px[0])
+    x = places.x_px[0, known]
+    off_px, weight, turn = np.empty((3, len(tables), len(x)))
+    for n, period in enumerate(waves.periods_px):
+        seen, variance = waves.turn[n, 0, known], waves.variance[n, 0, known]
+        _misfit(seen, variance, waves.factor[n], waves.folds, tables[n], period, x, off_px[n], weight[n], turn[n])
+    return off_px, weight, turn
 
 
-def _refined(waves: Waves, places: Places, found: Agreement, shifts: int, some: Mask) -> Float:
+@numba.njit(cache=True, error_model="numpy")
+def _misfit(
+    seen: Single,
+    variance: Single,
+    factor: Single,
+    folds: int,
+    table: Single,
+    period: float,
+    x_px: Float,
+    off_px: Float,
+    weight: Float,
+    turn: Float,
+) -> None:
+    """`_misfits` of one period, into off_px, weight and turn (n,)."""
+    wave2 = (2 * np.pi / period) ** 2
+    for i in range(len(seen)):
+        turn[i] = corrected(seen[i], table)
+        off = turn[i] - x_px[i] / period
+        off_px[i] = (off - np.rint(off)) * period
+        weight[i] = wave2 / (variance[i] * factor[bin_of(seen[i], folds)])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _normal(
+    off_px: Float, weight: Float, turn: Float, periods: Float, shifts: int
+) -> tuple[Float, Float]:
+    """Both sides of the shares' equations, (parts, periods, periods) and (parts, periods)."""
+    count, pixels = off_px.shape
+    square, right = np.zeros((_PARTS, count, count)), np.zeros((_PARTS, count))
+    lever, pull = np.empty(count), np.empty(count)
+    for i in range(pixels):
+        part = i * _PARTS // pixels
+        total = 0.0
+        for n in range(count):
+            lever[n] = -np.sin(2 * np.pi * shifts * turn[n, i]) * periods[n] / (2 * np.pi)
+            pull[n] = weight[n, i] * lever[n]
+            total += weight[n, i]
+        for n in range(count):
+            right[part, n] += pull[n] * off_px[n, i]
+            square[part, n, n] += pull[n] * lever[n]
+            for m in range(count):
+                square[part, n, m] -= pull[n] * pull[m] / total
+    return square, right
+
+
+def _refined(waves: Waves, places: Places, found: Agreement, shifts: int) -> Float:
     """Shares with what is left of the harmonic; 0 where that does not exceed its scatter over the view."""
-    off_px, weight, turn = _misfits(waves, places, found.tables, some)
-    lever = -np.sin(2 * np.pi * shifts * turn) * waves.periods_px[:, None] / (2 * np.pi)
-    pull, total = weight * lever, weight.sum(axis=0)
-    parts = np.array_split(np.arange(off_px.shape[1]), _PARTS)
-    square = np.array([-(pull[:, p] / total[p]) @ pull[:, p].T for p in parts])
-    count = np.arange(len(lever))
-    square[:, count, count] += [(pull[:, p] * lever[:, p]).sum(axis=1) for p in parts]
-    right = np.array([(pull[:, p] * off_px[:, p]).sum(axis=1) for p in parts])
+    square, right = _normal(*_misfits(waves, places, found.tables), waves.periods_px, shifts)
     solve = np.linalg.pinv(square.sum(axis=0))
     step = solve @ right.sum(axis=0)
     scatter = np.sqrt((((right - square @ step) @ solve.T) ** 2).sum(axis=0))
@@ -185,12 +249,12 @@ def _refined(waves: Waves, places: Places, found: Agreement, shifts: int, some: 
     return np.where(np.abs(shares) > _SIGMAS * scatter, shares, 0.0)
 
 
-def _excess(waves: Waves, places: Places, tables: Single, some: Mask) -> Float:
+def _excess(waves: Waves, places: Places, tables: Single) -> Float:
     """Factor, 1 or more, on the variance of periods above `LONGEST_RATIO` times the shortest.
 
     They hardly move the place, which therefore shows what they are off; and they give orders, not places.
     """
-    off_px, weight, _ = _misfits(waves, places, tables, some)
+    off_px, weight, _ = _misfits(waves, places, tables)
     expected = 1.0 / weight - 1.0 / weight.sum(axis=0)
     ratio = np.median(off_px**2 / expected, axis=1) / float(chdtri(1, 0.5))
     coarse = waves.periods_px > LONGEST_RATIO * waves.periods_px[0]

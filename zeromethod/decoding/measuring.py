@@ -12,7 +12,7 @@ from zeromethod.arrays import Flags, Float, Image, Mask, Single
 from zeromethod.decoding.consistency import compare_neighbours, jumped_patches
 from zeromethod.decoding.decoding import Phasors, decode_phasors
 from zeromethod.decoding.fringes import FringeSequence
-from zeromethod.decoding.harmonics import agreement
+from zeromethod.decoding.harmonics import agreement, sample
 from zeromethod.decoding.masks import (
     POOL_PX,
     SIGMAS,
@@ -262,8 +262,9 @@ def _places(
     """Places along both axes without an aliased harmonic; the light with its noise; the harmonic's share."""
     usual = light.noise.variance(float(np.median(light.mean[sound])) if sound.any() else 0.0)
     least = float((QUANTISATION if given is None else given.constant_grey2) / usual)
+    at = sample(sound)
     agreed = [
-        agreement(phasors, axis, light.noise, light.mean, searched[axis], sound, min(least, 1.0))
+        agreement(phasors, axis, light.noise, light.mean, searched[axis], at, min(least, 1.0))
         for axis in range(2)
     ]
     places = []

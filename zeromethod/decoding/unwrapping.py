@@ -28,7 +28,7 @@ from zeromethod.decoding.decoding import Phasors, fit_matrices
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.periods import rivals
 
-TABLE = 1024
+TABLE = 512
 """Steps of a turn in a table of phase corrections, between which it is linear."""
 
 BINS = 8
@@ -66,25 +66,21 @@ class Places:
 class Waves:
     """Wrapped phases of one axis, the shortest period first.
 
-    periods_px: rising. turn: (periods, rows, cols) phases, -1/2 to 1/2 turn. variance: same shape, rad^2.
-    folds: by which part of a turn noise repeats, as the shifts do.
+    periods_px: rising. turn: (periods, rows, cols) phases, -1/2 to 1/2 turn. variance: same shape, rad^2, to
+    be multiplied by `factor` (periods, `BINS`). folds: by which part of a turn noise repeats, as the shifts do.
     """
 
     periods_px: Float
     turn: Single
     variance: Single
+    factor: Single
     folds: int
 
     @classmethod
     def of(
-        cls,
-        phasors: Phasors,
-        axis: int,
-        noise: NoiseModel,
-        mean: Single,
-        rows: slice = slice(None),
+        cls, phasors: Phasors, axis: int, noise: NoiseModel, mean: Single, at: Ints | None = None
     ) -> Waves:
-        """Phases of the image's `rows`.
+        """Phases of the image, or of its flat indices `at` as one row.
 
         mean: (rows, cols) grey without disturbances, whose noise is that of the frames.
         """
@@ -92,30 +88,42 @@ class Waves:
         order = np.argsort(periods)
         _, solve = fit_matrices(phasors.sequence.shifts_rad)
         spread = solve[1:3] @ solve[1:3].T / phasors.sequence.repeats
-        grey2 = noise.variance(mean[rows]).astype(np.float32)
+        seen = mean if at is None else mean.ravel()[at][None]
+        grey2 = noise.variance(seen).astype(np.float32)
         turn, variance = np.empty((2, len(order), *grey2.shape), np.float32)
         for n, period in enumerate(order):
-            c, s = phasors.cosine[axis][period, rows], phasors.sine[axis][period, rows]
-            turn[n] = np.arctan2(s, c) * np.float32(0.5 / np.pi)
-            power = np.maximum(c * c + s * s, np.float32(1e-12))
-            if abs(spread[0, 1]) < 1e-9 and abs(spread[0, 0] - spread[1, 1]) < 1e-9:  # equal shifts
-                variance[n] = np.float32(spread[0, 0]) * grey2 / power
-            else:
-                along = s * s * spread[0, 0] - 2.0 * s * c * spread[0, 1] + c * c * spread[1, 1]
-                variance[n] = along * grey2 / power**2
+            c, s = phasors.cosine[axis][period], phasors.sine[axis][period]
+            if at is not None:
+                c, s = c.ravel()[at][None], s.ravel()[at][None]
+            np.arctan2(s, c, out=turn[n])
+            turn[n] *= np.float32(0.5 / np.pi)
+            _variance(c, s, grey2, spread.astype(np.float32), variance[n])
         folds = len(phasors.sequence.shifts_rad) if phasors.sequence.even else 1
-        return cls(periods[order], turn, variance, folds)
-
-    def bins(self, turn: Single) -> Ints:
-        """Number, below `BINS`, of the part of a fold in which a phase lies."""
-        part = (turn + 0.5) * self.folds
-        return np.asarray(np.minimum(((part - np.floor(part)) * BINS).astype(np.intp), BINS - 1))
+        return cls(periods[order], turn, variance, np.ones((len(order), BINS), np.float32), folds)
 
     def scaled(self, factor: Float) -> Waves:
         """The same with the variance times `factor` (periods, `BINS`)."""
-        place = self.bins(self.turn)
-        scale = np.array([one[at] for one, at in zip(factor.astype(np.float32), place, strict=True)])
-        return replace(self, variance=self.variance * scale)
+        return replace(self, factor=factor.astype(np.float32))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _variance(cosine: Single, sine: Single, grey2: Single, spread: Single, out: Single) -> None:
+    """Variance of the phase, rad^2; spread: (2, 2) of cosine and sine for a noise of 1 grey^2."""
+    rows, cols = grey2.shape
+    least = np.float32(1e-12)
+    for j in range(rows):
+        for i in range(cols):
+            c, s = cosine[j, i], sine[j, i]
+            power = max(c * c + s * s, least)
+            along = s * s * spread[0, 0] - (s * c + s * c) * spread[0, 1] + c * c * spread[1, 1]
+            out[j, i] = along * grey2[j, i] / (power * power)
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def bin_of(turn: float, folds: int) -> int:
+    """Number, below `BINS`, of the part of a fold in which a phase lies."""
+    part = (turn + 0.5) * folds
+    return min(int((part - math.floor(part)) * BINS), BINS - 1)
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
@@ -124,16 +132,6 @@ def corrected(turn: float, table: Single) -> float:
     at = (turn + 0.5) * TABLE
     n = min(max(int(at), 0), TABLE - 1)
     return float(turn + table[n] + (at - n) * (table[n + 1] - table[n]))
-
-
-@numba.njit(cache=True, error_model="numpy")
-def without_harmonic(turns: Single, tables: Single) -> Float:
-    """Phases (periods, n), turns, plus the corrections of their tables."""
-    out = np.empty(turns.shape)
-    for n in range(turns.shape[0]):
-        for i in range(turns.shape[1]):
-            out[n, i] = corrected(turns[n, i], tables[n])
-    return out
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -167,6 +165,8 @@ def _search(
 def _unwrap(
     turns: Single,
     variances: Single,
+    factor: Single,
+    folds: int,
     bright: Mask,
     periods: Float,
     tables: Single,
@@ -189,7 +189,7 @@ def _unwrap(
             total = most = variance = 0.0
             for n in range(count):
                 turn[n] = corrected(turns[n, j, i], tables[n])
-                sigma2 = float(variances[n, j, i])
+                sigma2 = float(variances[n, j, i]) * factor[n, bin_of(turns[n, j, i], folds)]
                 inverse[n] = 1.0 / sigma2
                 weight[n] = wave2[n] * inverse[n]
                 total += weight[n]
@@ -246,6 +246,8 @@ def unwrap(
     _unwrap(
         waves.turn,
         waves.variance,
+        waves.factor,
+        waves.folds,
         bright,
         periods,
         tables,
