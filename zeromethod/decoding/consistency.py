@@ -13,36 +13,47 @@ from typing import Any
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Ints, Mask
+from zeromethod.arrays import Float, Ints, Mask, Single
 
 _PAIRS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0), (2, 2), (2, -2))
 _LEAST_PAIRS = 3
-_SAMPLES = 20_000
+_SAMPLES = 5000
 
 
 @numba.njit(cache=True)
-def _jumps(lcd_px: Float, usable: Mask, usual: Float, jump_px: Float, patch: Ints) -> bool:
-    """Join neighbours that are no jump apart; whether any are. patch: (pixels,) number of another in it."""
+def _jumps(lcd_px: Float, usable: Mask, usual: Float, jump_px: Float) -> bool:
+    """Whether any two neighbours are a jump apart."""
     rows, cols = usable.shape
-    found = False
+    for k in range(2):
+        for j in range(rows - k):
+            found = False
+            for i in range(cols - 1 + k):
+                b = (j + k, i + 1 - k)
+                for axis in range(2):
+                    off = abs(lcd_px[b[0], b[1], axis] - lcd_px[j, i, axis] - usual[k, axis])
+                    found |= usable[j, i] & usable[b] & (off >= jump_px[axis])
+            if found:
+                return True
+    return False
+
+
+@numba.njit(cache=True)
+def _join(lcd_px: Float, usable: Mask, usual: Float, jump_px: Float, patch: Ints) -> None:
+    """Join neighbours that are no jump apart. patch: (pixels,) number of another in it."""
+    rows, cols = usable.shape
     for j in range(rows):
         for i in range(cols):
-            if not usable[j, i]:
-                continue
             for k in range(2):
-                b, a = (j + k, i + 1 - k), (j, i)
-                if b[0] >= rows or b[1] >= cols or not usable[b]:
+                b = (j + k, i + 1 - k)
+                if b[0] >= rows or b[1] >= cols or not (usable[j, i] and usable[b]):
                     continue
                 together = True
                 for axis in range(2):
-                    step = lcd_px[b[0], b[1], axis] - lcd_px[a[0], a[1], axis] - usual[k, axis]
+                    step = lcd_px[b[0], b[1], axis] - lcd_px[j, i, axis] - usual[k, axis]
                     together &= abs(step) < jump_px[axis]
-                if not together:
-                    found = True
-                    continue
-                first, second = _root(patch, a[0] * cols + a[1]), _root(patch, b[0] * cols + b[1])
-                patch[max(first, second)] = min(first, second)
-    return found
+                if together:
+                    first, second = _root(patch, j * cols + i), _root(patch, b[0] * cols + b[1])
+                    patch[max(first, second)] = min(first, second)
 
 
 @numba.njit(cache=True, inline="always")
@@ -60,21 +71,23 @@ def jumped_patches(lcd_px: Float, usable: Mask, jump_px: Float) -> Mask:
     and are kept.
     """
     sides: tuple[Any, Any] = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
-    both = [usable[one] & usable[other] for one, other in sides]
     usual = np.zeros((2, 2))
     for k, (one, other) in enumerate(sides):
-        index = np.flatnonzero(both[k])
-        if len(index):
-            at = np.unravel_index(index[:: max(1, len(index) // _SAMPLES)], both[k].shape)
-            usual[k] = np.median(lcd_px[other][at] - lcd_px[one][at], axis=0)
-    patch: Ints = np.arange(usable.size)
-    if not _jumps(lcd_px, usable, usual, jump_px, patch):
+        shape = usable[one].shape
+        at = np.s_[:: max(1, shape[0] * shape[1] // _SAMPLES)]
+        both = usable[one][at] & usable[other][at]
+        if both.any():
+            usual[k] = np.median(lcd_px[other][at][both] - lcd_px[one][at][both], axis=0)
+    if not _jumps(lcd_px, usable, usual, jump_px):
         return np.zeros_like(usable)
+    patch: Ints = np.arange(usable.size)
+    _join(lcd_px, usable, usual, jump_px, patch)
     patch = _roots(patch).reshape(usable.shape)
     size = np.bincount(patch.ravel(), minlength=usable.size)
     borders = np.zeros(usable.size, dtype=np.bool_)
     for k, (one, other) in enumerate(sides):
-        a, b = patch[one][both[k]], patch[other][both[k]]
+        both = usable[one] & usable[other]
+        a, b = patch[one][both], patch[other][both]
         borders[np.where(size[a] < size[b], a, b)[a != b]] = True
     return np.asarray(borders[patch] & usable)
 
@@ -97,39 +110,72 @@ def insert_sorted(values: Float, count: int, new: float) -> None:
 
 
 @numba.njit(cache=True)
+def _means(x_px: Float, usable: Mask, j: int, i: int, pairs: Ints, means: Float) -> int:
+    """Means (2, pairs) of the places of opposite neighbours of a pixel; how many there are."""
+    rows, cols = usable.shape
+    count = 0
+    for n in range(len(pairs)):
+        dj, di = pairs[n, 0], pairs[n, 1]
+        if not (dj <= j < rows - dj and abs(di) <= i < cols - abs(di)):
+            continue
+        if usable[j - dj, i - di] and usable[j + dj, i + di]:
+            means[0, count] = 0.5 * (x_px[j - dj, i - di, 0] + x_px[j + dj, i + di, 0])
+            means[1, count] = 0.5 * (x_px[j - dj, i - di, 1] + x_px[j + dj, i + di, 1])
+            count += 1
+    return count
+
+
+@numba.njit(cache=True)
+def _count_close(x: Float, limit: Float, j: int, pairs: Ints, close: Single) -> None:
+    """Pairs of neighbours, of every pixel of row j, whose mean lies within the limit; axes alternate.
+
+    x: (rows, 2 cols), NaN where not usable. limit: (2 cols,). close: (2 cols,). No branches: it vectorises.
+    """
+    close[:] = 0
+    for n in range(len(pairs)):
+        dj, di = pairs[n, 0], 2 * pairs[n, 1]
+        if not dj <= j < len(x) - dj:
+            continue
+        edge, size = abs(di), len(close) - 2 * abs(di)
+        before, after = x[j - dj][edge - di :], x[j + dj][edge + di :]
+        here, within, add = x[j][edge:], limit[edge:], close[edge:]
+        for m in range(size):
+            off = abs(0.5 * (before[m] + after[m]) - here[m])
+            add[m] += np.float32(1.0) if off < within[m] else np.float32(0.0)
+
+
+@numba.njit(cache=True)
 def _compare(
     x_px: Float, limit_px: Float, half_px: Float, usable: Mask, pairs: Ints, masks: tuple[Mask, Mask, Mask]
 ) -> None:
     rows, cols = usable.shape
-    means = np.empty(len(pairs))
-    most = len(pairs) // 2 + 1
+    means = np.empty((2, len(pairs)))
+    known, limit, close = np.empty((rows, 2 * cols)), np.empty(2 * cols), np.empty(2 * cols, np.float32)
+    for j in range(rows):
+        for i in range(cols):
+            known[j, 2 * i] = x_px[j, i, 0] if usable[j, i] else np.nan
+            known[j, 2 * i + 1] = x_px[j, i, 1] if usable[j, i] else np.nan
+    most = len(pairs) // 2 + 1  # the median of all cannot lie farther
     outlying, far, confirmed = masks
     for j in range(rows):
+        for i in range(cols):
+            limit[2 * i] = min(limit_px[j, i, 0], half_px[0])
+            limit[2 * i + 1] = min(limit_px[j, i, 1], half_px[1])
+        _count_close(known, limit, j, pairs, close)
         for i in range(cols):
             if not usable[j, i]:
                 continue
             confirmed[j, i] = True
+            if close[2 * i] >= most and close[2 * i + 1] >= most:
+                continue
+            count = _means(x_px, usable, j, i, pairs, means)
+            if count < _LEAST_PAIRS:
+                confirmed[j, i] = False
+                continue
             for k in range(2):
-                x, limit = x_px[j, i, k], min(limit_px[j, i, k], half_px[k])
-                count = close = 0
-                for n in range(len(pairs)):
-                    dj, di = pairs[n, 0], pairs[n, 1]
-                    if not (dj <= j < rows - dj and abs(di) <= i < cols - abs(di)):
-                        continue
-                    if usable[j - dj, i - di] and usable[j + dj, i + di]:
-                        means[count] = 0.5 * (x_px[j - dj, i - di, k] + x_px[j + dj, i + di, k])
-                        close += abs(means[count] - x) < limit
-                        count += 1
-                        if close == most:
-                            break
-                if close == most:  # the median of all cannot lie farther
-                    continue
-                if count < _LEAST_PAIRS:
-                    confirmed[j, i] = False
-                    continue
                 for n in range(count):
-                    insert_sorted(means, n, means[n])
-                off = abs(x - 0.5 * (means[(count - 1) // 2] + means[count // 2]))
+                    insert_sorted(means[k], n, means[k, n])
+                off = abs(x_px[j, i, k] - 0.5 * (means[k, (count - 1) // 2] + means[k, count // 2]))
                 outlying[j, i] |= off > limit_px[j, i, k]
                 far[j, i] |= off > half_px[k]
                 confirmed[j, i] &= off < half_px[k]

@@ -31,13 +31,14 @@ from zeromethod.decoding.unwrapping import BINS, TABLE, Places, Waves, bin_of, c
 LEAST_SHARE = 0.0005
 """Below this a harmonic moves a place by less than a 10000th of the period."""
 
-_SAMPLES = 4000
+_SAMPLES = 3000
 _LEAST_SAMPLES = 400
 _LEAST_IN_BIN = 100
 _CLIP = 9.0
 # of squares of unit normal deviates, clipped: those below, and the rest at the clip
 _CLIPPED = float(chdtr(3, _CLIP) + _CLIP * (1.0 - chdtr(1, _CLIP)))
 _ROUNDS = 8
+_SETTLED = 0.99
 _PARTS = 8
 _SIGMAS = 3.0
 _OUTLYING = 20.0
@@ -132,7 +133,10 @@ def _improved(
             tables = correction(shares, shifts)
             tried = unwrap(waves, size_px, every, tables)
             if (score := _score(tried, cap)) < least:
-                found, places, least = replace(found, tables=tables, shares=shares), tried, score
+                found, places = replace(found, tables=tables, shares=shares), tried
+                settled, least, part = score > _SETTLED * least, score, 1.0
+                if settled:
+                    break
                 continue
         part *= 0.5
     return found, places

@@ -199,7 +199,7 @@ def measure_rest(
     reason, weak = _light_reasons(phasors, light)
     places, light, folded = _places(phasors, light, noise, searched, ~weak, reason == 0)
     lcd = np.stack([place.x_px for place in places], axis=-1)
-    sound = (reason == 0) & np.isfinite(lcd).all(axis=-1)
+    sound = (reason == 0) & np.isfinite(lcd[..., 0]) & np.isfinite(lcd[..., 1])
     sigma, reflection = _agreement(places, sound, limit_share, reason)
     odds = np.maximum(places[0].odds, places[1].odds)
     for axis, size in enumerate(searched):
@@ -209,8 +209,8 @@ def measure_rest(
     _compare_neighbours(lcd, sigma, sound, odds > AMBIGUOUS_ODDS, half_px, reason)
 
     valid = sound & (reason == 0)
-    lcd[~valid] = np.nan
-    sigma[~valid] = np.nan
+    np.copyto(lcd, np.nan, where=~valid[..., None])
+    np.copyto(sigma, np.nan, where=~valid[..., None])
     phase_sigma = _median(places, valid)
     return RestMeasurement(
         rest_map=RestMap(lcd, sigma, valid, reason),
