@@ -16,6 +16,8 @@ the periods agree better; else the phases stay as they are.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
 
 import numba
 import numpy as np
@@ -39,6 +41,7 @@ _CLIP = 9.0
 _CLIPPED = float(chdtr(3, _CLIP) + _CLIP * (1.0 - chdtr(1, _CLIP)))
 _ROUNDS = 8
 _SETTLED = 0.99
+_FIRST = 4
 _PARTS = 8
 _SIGMAS = 3.0
 _OUTLYING = 20.0
@@ -63,15 +66,22 @@ class Agreement:
     excess: Float
 
 
+@cache
+def _grid(shifts: int) -> tuple[Float, Float, Float, Float]:
+    """Phases before and after correction, rad, and cosine and sine of the former times the shifts."""
+    true = 2 * np.pi * np.linspace(-0.6, 0.6, TABLE + 1)
+    wanted = 2 * np.pi * np.linspace(-0.5, 0.5, TABLE + 1)
+    return true, wanted, np.cos(shifts * true), np.sin(shifts * true)
+
+
 def correction(shares: Float, shifts: int) -> Single:
     """Tables (periods, `TABLE` + 1), turns, that take the harmonic of these shares out of the phase."""
-    true = 2 * np.pi * np.linspace(-0.6, 0.6, 2 * TABLE + 1)
-    wanted = 2 * np.pi * np.linspace(-0.5, 0.5, TABLE + 1)
+    true, wanted, cosine, sine = _grid(shifts)
     tables = np.zeros((len(shares), TABLE + 1), np.float32)
     for table, share in zip(tables, shares, strict=True):
         if share == 0:
             continue
-        measured = true + np.angle(1.0 + share * np.exp(-1j * shifts * true))
+        measured = true - np.arctan2(share * sine, 1.0 + share * cosine)
         table[:] = (np.interp(wanted, measured, true) - wanted) / (2 * np.pi)
     return tables
 
@@ -102,6 +112,7 @@ def agreement(
     found = Agreement(correction(shares, shifts), shares, np.ones((count, BINS)), np.ones(count))
     if len(at) < _LEAST_SAMPLES:
         return found
+    found, _ = _improved(waves.part(_FIRST), size_px, found, phasors.sequence)
     found, places = _improved(waves, size_px, found, phasors.sequence)
     in_row = (at[4:] - at[:-4] == 4) & (at[4:] % mean.shape[1] >= 4)
     factor = _scatter(waves, found.tables, in_row)
@@ -187,7 +198,9 @@ def _score(places: Places, cap: float) -> float:
 
 def _misfits(waves: Waves, places: Places, tables: Single) -> tuple[Float, Float, Float]:
     """Distance of every period's place from the mean, px, its weight, and its phase, turns: (periods, n)."""
-    known = np.isfinite(places.x_px[0])
+    known: Any = np.isfinite(places.x_px[0])
+    if known.all():
+        known = slice(None)
     x = places.x_px[0, known]
     off_px, weight, turn = np.empty((3, len(tables), len(x)))
     for n, period in enumerate(waves.periods_px):
@@ -219,23 +232,20 @@ def _misfit(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _normal(
-    off_px: Float, weight: Float, turn: Float, periods: Float, shifts: int
-) -> tuple[Float, Float]:
+def _normal(off_px: Float, weight: Float, lever: Float) -> tuple[Float, Float]:
     """Both sides of the shares' equations, (parts, periods, periods) and (parts, periods)."""
     count, pixels = off_px.shape
     square, right = np.zeros((_PARTS, count, count)), np.zeros((_PARTS, count))
-    lever, pull = np.empty(count), np.empty(count)
+    pull = np.empty(count)
     for i in range(pixels):
         part = i * _PARTS // pixels
         total = 0.0
         for n in range(count):
-            lever[n] = -np.sin(2 * np.pi * shifts * turn[n, i]) * periods[n] / (2 * np.pi)
-            pull[n] = weight[n, i] * lever[n]
+            pull[n] = weight[n, i] * lever[n, i]
             total += weight[n, i]
         for n in range(count):
             right[part, n] += pull[n] * off_px[n, i]
-            square[part, n, n] += pull[n] * lever[n]
+            square[part, n, n] += pull[n] * lever[n, i]
             for m in range(count):
                 square[part, n, m] -= pull[n] * pull[m] / total
     return square, right
@@ -243,7 +253,9 @@ def _normal(
 
 def _refined(waves: Waves, places: Places, found: Agreement, shifts: int) -> Float:
     """Shares with what is left of the harmonic; 0 where that does not exceed its scatter over the view."""
-    square, right = _normal(*_misfits(waves, places, found.tables), waves.periods_px, shifts)
+    off_px, weight, turn = _misfits(waves, places, found.tables)
+    lever = np.sin(-2 * np.pi * shifts * turn) * (waves.periods_px[:, None] / (2 * np.pi))
+    square, right = _normal(off_px, weight, lever)
     solve = np.linalg.pinv(square.sum(axis=0))
     step = solve @ right.sum(axis=0)
     scatter = np.sqrt((((right - square @ step) @ solve.T) ** 2).sum(axis=0))

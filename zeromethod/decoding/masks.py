@@ -45,7 +45,7 @@ MISFIT_SHARE = 0.03
 MOVED_SHARE = 0.05
 """Change of a phasor between repeats, of its amplitude, that counts as a disturbance."""
 
-_SAMPLES = 2000
+_SAMPLES = 8000
 
 SPREAD_PX = 3
 """Margin around a proven disturbance, for its half shadow."""
@@ -99,10 +99,10 @@ def gains(phasors: Phasors, lit: Mask) -> tuple[Float, float]:
     that the shifts alias onto it, as a standard deviation.
     """
     index = np.flatnonzero(lit)
-    some = phasors.mean.reshape(len(phasors.mean), -1)[:, index[:: len(index) // _SAMPLES + 1]]
+    some = phasors.mean.reshape(len(phasors.mean), -1)[:, index[:: 4 * len(index) // _SAMPLES + 1]]
     if not len(index):
         return np.ones(len(some)), 0.0
-    share = some.astype(np.float64) / np.maximum(np.median(some, axis=0), 1e-9)
+    share = some / np.maximum(np.median(some, axis=0), np.float32(1e-9))
     gain = np.median(share, axis=1)
     gain = np.where(gain > 0, gain, 1.0)
     off = np.abs(share / gain[:, None] - 1.0)
@@ -143,7 +143,7 @@ def fringed(rms_amplitude: Single) -> Mask:
     Usual is the amplitude up to which pixels hold half of all fringes' power.
     """
     flat = rms_amplitude.ravel()
-    some = np.sort(flat[:: max(1, len(flat) // 50_000)])
+    some = np.sort(flat[:: len(flat) // _SAMPLES | 1])  # odd: not the same few columns
     power = np.cumsum(some.astype(np.float64) ** 2)
     usual = some[np.searchsorted(power, 0.5 * power[-1])]
     return np.asarray(rms_amplitude > LEAST_AMPLITUDE * usual)

@@ -44,7 +44,7 @@ AMBIGUOUS_ODDS = 0.01
 OUTLIER_PX = 0.25
 """Deviation from its neighbours, LCD px, below which no pixel is dead: the LCD's grid causes as much."""
 
-_SAMPLES = 10_000
+_SAMPLES = 5000
 
 SMALLEST_PANEL_PX = 640
 """Least unambiguous range of the periods where the panel's size is not given."""
@@ -132,15 +132,17 @@ class _Light:
 def _noise(phasors: Phasors, given: NoiseModel | None, lit: Mask) -> tuple[NoiseModel, float]:
     """Noise model to use, and the scatter's standard deviation over the given model's."""
     rows = phasors.sampled
-    bright = lit[rows] & ~phasors.saturated[rows]
-    grey, scatter = phasors.mean[:, rows].mean(axis=0)[bright], phasors.scatter[bright]
+    at = np.flatnonzero(lit[rows] & ~phasors.saturated[rows])
+    at = at[:: len(at) // _SAMPLES + 1]
+    means = phasors.mean[:, rows].reshape(len(phasors.mean), -1)
+    grey, scatter = means[:, at].mean(axis=0), phasors.scatter.ravel()[at]
     if given is None:
         found = fit_noise(grey, scatter, phasors.degrees)
         if found is None:  # hardly any light: any noise model gives that result
             known = float(np.median(phasors.scatter)) if phasors.scatter.size else 0.0
             found = NoiseModel(max(known, QUANTISATION), 0.0)
         return found, float("nan")
-    if phasors.degrees == 0 or not bright.any():
+    if phasors.degrees == 0 or len(at) == 0:
         return given, float("nan")
     relative = scatter / given.variance(grey)
     ratio = float(np.median(relative)) / float(chdtri(phasors.degrees, 0.5) / phasors.degrees)

@@ -10,7 +10,8 @@ The best candidate is the maximum-likelihood order. The difference to the next b
 it is wrong, exp(-difference / 2). All orders are compared at once, not period by period.
 
 Most pixels need no search: any two candidates are at least d apart (`periods.rivals`), so by the triangle
-inequality every other one than a candidate has a chi^2 of at least (d - sqrt(chi^2))^2, with its own chi^2.
+inequality every other one than a candidate has a chi^2 of at least (d - sqrt(chi^2))^2, with its own chi^2;
+d is that of usual noise, less for a pixel by as much as its noisiest period, against the usual, is worse.
 The order nearest to the pixel before is tried so; where that does not prove it the best by far, all orders
 are searched.
 """
@@ -38,6 +39,7 @@ _CLEAR = 20.0
 """Lead in chi^2 of the best order, odds of 1 : 20,000, below which the next best is searched, not bounded."""
 
 _SURE = 200.0
+_SAMPLES = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +107,11 @@ class Waves:
         """The same with the variance times `factor` (periods, `BINS`)."""
         return replace(self, factor=factor.astype(np.float32))
 
+    def part(self, step: int) -> Waves:
+        """Every so manieth pixel along the row."""
+        one, other = (np.ascontiguousarray(of[..., ::step]) for of in (self.turn, self.variance))
+        return replace(self, turn=one, variance=other)
+
 
 @numba.njit(cache=True, error_model="numpy")
 def _variance(cosine: Single, sine: Single, grey2: Single, spread: Single, out: Single) -> None:
@@ -170,17 +177,18 @@ def _unwrap(
     bright: Mask,
     periods: Float,
     tables: Single,
+    usual: Float,
     separation: float,
     low: float,
     high: float,
     x_px: Float,
     out: Single,
 ) -> None:
-    """Places of all pixels. separation: of rivals for 1 rad of noise. out: (6, rows, cols), see `Places`."""
+    """Places of all pixels. separation: of rivals for periods of the variance `usual`, rad^2. out: (6, rows, cols), see `Places`."""
     count, rows, cols = turns.shape
     turn, weight, inverse = np.empty(count), np.empty(count), np.empty(count)
     wave2 = (2.0 * math.pi / periods) ** 2
-    ratio = periods[0] / periods
+    ratio, per_px, per_usual = periods[0] / periods, 1.0 / periods[0], 1.0 / usual
     known = math.nan
     for j in range(rows):
         for i in range(cols):
@@ -193,10 +201,10 @@ def _unwrap(
                 inverse[n] = 1.0 / sigma2
                 weight[n] = wave2[n] * inverse[n]
                 total += weight[n]
-                most = max(most, sigma2)
+                most = max(most, sigma2 * per_usual[n])
                 variance += sigma2
             spread = 1.0 / total
-            order = np.rint(known / periods[0] - turn[0])
+            order = np.rint(known * per_px - turn[0])
             sw1 = sw2 = 0.0
             for n in range(1, count):
                 at = (turn[0] + order) * ratio[n] - turn[n]
@@ -212,13 +220,13 @@ def _unwrap(
                 if best == math.inf:
                     continue
                 x = (turn[0] + order) * periods[0]
-            known = x + shift
+            known = x  # without the shift: the next pixel need not wait for it
             stiffness = leverage = 0.0
             for n in range(count):
                 h = weight[n] * spread
                 stiffness += (1.0 - h) * inverse[n]
                 leverage += h * h / wave2[n]
-            x_px[j, i] = known
+            x_px[j, i] = x + shift
             out[0, j, i] = math.sqrt(spread)
             out[1, j, i] = max(best, 0.0)
             out[2, j, i] = math.exp(-0.5 * (second - best)) if second - best < _SURE else 0.0
@@ -227,20 +235,29 @@ def _unwrap(
             out[5, j, i] = math.sqrt(variance / count)
 
 
+def _usual_variance(waves: Waves, bright: Mask) -> Float:
+    """Median variance of each period over the pixels `bright`, rad^2."""
+    index = np.flatnonzero(bright)
+    some = waves.variance.reshape(len(waves.variance), -1)[:, index[:: len(index) // _SAMPLES + 1]]
+    if not len(index):
+        return np.ones(len(waves.variance))
+    return np.asarray(np.median(some, axis=1) * waves.factor.mean(axis=1), dtype=np.float64)
+
+
 def unwrap(
     waves: Waves, size_px: float, bright: Mask, tables: Single | None = None, coherent: float = 0.0
 ) -> Places:
     """Places along one axis of an LCD of `size_px`, for the pixels `bright`.
 
     tables: (periods, `TABLE` + 1) correction of the phase over the turn, turns, periods rising. coherent: as
-    in `Places`. Orders are
-    searched from half a shortest period before the LCD's first pixel to as far past its last.
+    in `Places`. Orders are searched from half a shortest period before the LCD's first pixel to as far past its last.
     """
     periods = waves.periods_px
     x = np.full(bright.shape, np.nan)
     out = np.full((6, *bright.shape), np.nan, dtype=np.float32)
     margin = 0.5 * float(periods[0])
-    apart = rivals(tuple(periods), 1.0, size_px + 2.0 * margin)[1]
+    usual = _usual_variance(waves, bright)
+    apart = rivals(periods, np.sqrt(usual), size_px + 2.0 * margin)[1]
     if tables is None:
         tables = np.zeros((len(periods), TABLE + 1), np.float32)
     _unwrap(
@@ -251,6 +268,7 @@ def unwrap(
         bright,
         periods,
         tables,
+        usual,
         float(apart.min()) if len(apart) else math.inf,
         -margin,
         size_px - 1.0 + margin,
