@@ -33,7 +33,7 @@ from zeromethod.decoding.unwrapping import BINS, TABLE, Places, Waves, bin_of, c
 LEAST_SHARE = 0.0005
 """Below this a harmonic moves a place by less than a 10000th of the period."""
 
-_SAMPLES = 3000
+_SAMPLES = 5000
 _LEAST_SAMPLES = 400
 _LEAST_IN_BIN = 100
 _CLIP = 9.0
@@ -41,7 +41,7 @@ _CLIP = 9.0
 _CLIPPED = float(chdtr(3, _CLIP) + _CLIP * (1.0 - chdtr(1, _CLIP)))
 _ROUNDS = 8
 _SETTLED = 0.99
-_FIRST = 4
+_FIRST = 8
 _PARTS = 8
 _SIGMAS = 3.0
 _OUTLYING = 20.0

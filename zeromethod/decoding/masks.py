@@ -103,7 +103,7 @@ def gains(phasors: Phasors, lit: Mask) -> tuple[Float, float]:
     if not len(index):
         return np.ones(len(some)), 0.0
     share = some / np.maximum(np.median(some, axis=0), np.float32(1e-9))
-    gain = np.median(share, axis=1)
+    gain = np.median(share, axis=1).astype(np.float64)
     gain = np.where(gain > 0, gain, 1.0)
     off = np.abs(share / gain[:, None] - 1.0)
     return gain, float(np.quantile(off, 0.75)) / float(ndtri(0.875))

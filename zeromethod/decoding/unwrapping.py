@@ -129,8 +129,7 @@ def _variance(cosine: Single, sine: Single, grey2: Single, spread: Single, out: 
 @numba.njit(cache=True, error_model="numpy", inline="always")
 def bin_of(turn: float, folds: int) -> int:
     """Number, below `BINS`, of the part of a fold in which a phase lies."""
-    part = (turn + 0.5) * folds
-    return min(int((part - math.floor(part)) * BINS), BINS - 1)
+    return int((turn + 0.5) * (folds * BINS)) % BINS
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
@@ -250,7 +249,8 @@ def unwrap(
     """Places along one axis of an LCD of `size_px`, for the pixels `bright`.
 
     tables: (periods, `TABLE` + 1) correction of the phase over the turn, turns, periods rising. coherent: as
-    in `Places`. Orders are searched from half a shortest period before the LCD's first pixel to as far past its last.
+    in `Places`. Orders are searched from half a shortest period before the LCD's first pixel to as far past
+    its last.
     """
     periods = waves.periods_px
     x = np.full(bright.shape, np.nan)
