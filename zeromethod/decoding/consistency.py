@@ -85,7 +85,7 @@ def jumped_patches(lcd_px: Float, usable: Mask, jump_px: Float) -> Mask:
     patch = _roots(patch).reshape(usable.shape)
     size = np.bincount(patch.ravel(), minlength=usable.size)
     borders = np.zeros(usable.size, dtype=np.bool_)
-    for k, (one, other) in enumerate(sides):
+    for one, other in sides:
         both = usable[one] & usable[other]
         a, b = patch[one][both], patch[other][both]
         borders[np.where(size[a] < size[b], a, b)[a != b]] = True

@@ -217,7 +217,7 @@ def _add_neighbour_scatter(turn: Single, phasor: Single, share: float, out: Sing
 
 
 def _neighbour_scatter(phasor: Single, solve: Float, out: Single) -> None:
-    """Add the noise variance, grey^2, of the pixels of a phasor (2, rows, cols), by their neighbours' phases."""
+    """Add the noise variance, grey^2, of a phasor (2, rows, cols), from neighbouring pixels' phases."""
     turn = np.arctan2(phasor[1], phasor[0]) * np.float32(0.5 / np.pi)
     share = float(np.mean(np.sum(solve[1:3] ** 2, axis=1))) / (2 * np.pi) ** 2
     _add_neighbour_scatter(turn, phasor, share, out)

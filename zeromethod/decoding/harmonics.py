@@ -87,7 +87,7 @@ def correction(shares: Float, shifts: int) -> Single:
 
 
 def sample(sound: Mask) -> Ints:
-    """Flat indices, rising, of the pixels `sound` in some rows: all their neighbours along the row are there."""
+    """Flat indices, rising, of the pixels `sound` in some rows, which are taken whole."""
     step = max(1, np.count_nonzero(sound) // _SAMPLES)
     row, col = np.nonzero(sound[::step])
     return np.asarray(row * (step * sound.shape[1]) + col)
@@ -205,7 +205,9 @@ def _misfits(waves: Waves, places: Places, tables: Single) -> tuple[Float, Float
     off_px, weight, turn = np.empty((3, len(tables), len(x)))
     for n, period in enumerate(waves.periods_px):
         seen, variance = waves.turn[n, 0, known], waves.variance[n, 0, known]
-        _misfit(seen, variance, waves.factor[n], waves.folds, tables[n], period, x, off_px[n], weight[n], turn[n])
+        _misfit(
+            seen, variance, waves.factor[n], waves.folds, tables[n], period, x, off_px[n], weight[n], turn[n]
+        )
     return off_px, weight, turn
 
 

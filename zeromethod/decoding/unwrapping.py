@@ -69,7 +69,8 @@ class Waves:
     """Wrapped phases of one axis, the shortest period first.
 
     periods_px: rising. turn: (periods, rows, cols) phases, -1/2 to 1/2 turn. variance: same shape, rad^2, to
-    be multiplied by `factor` (periods, `BINS`). folds: by which part of a turn noise repeats, as the shifts do.
+    be multiplied by `factor` (periods, `BINS`). folds: by which part of a turn noise repeats, as the shifts
+    do.
     """
 
     periods_px: Float
@@ -108,7 +109,7 @@ class Waves:
         return replace(self, factor=factor.astype(np.float32))
 
     def part(self, step: int) -> Waves:
-        """Every so manieth pixel along the row."""
+        """Every `step`-th pixel along the row."""
         one, other = (np.ascontiguousarray(of[..., ::step]) for of in (self.turn, self.variance))
         return replace(self, turn=one, variance=other)
 
@@ -183,7 +184,10 @@ def _unwrap(
     x_px: Float,
     out: Single,
 ) -> None:
-    """Places of all pixels. separation: of rivals for periods of the variance `usual`, rad^2. out: (6, rows, cols), see `Places`."""
+    """Places of all pixels. separation: of rivals where periods have the variance `usual`, rad^2.
+
+    out: (6, rows, cols), see `Places`.
+    """
     count, rows, cols = turns.shape
     turn, weight, inverse = np.empty(count), np.empty(count), np.empty(count)
     wave2 = (2.0 * math.pi / periods) ** 2
