@@ -17,7 +17,7 @@ from zeromethod.arrays import Float, Ints, Mask, Single
 
 _PAIRS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0), (2, 2), (2, -2))
 _LEAST_PAIRS = 3
-_SAMPLES = 5000
+_SAMPLES = 2000
 
 
 @numba.njit(cache=True)

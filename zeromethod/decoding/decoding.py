@@ -181,9 +181,11 @@ class _Sums:
         axis = int(fringes.axis == "rows")
         self.mean[self._sets] = mean
         self._sets += 1
-        self.cosine[axis][fringes.period] += self._share * phasor[0]
-        self.sine[axis][fringes.period] += self._share * phasor[1]
-        if self._share < 1.0:
+        if self._share == 1.0:
+            self.cosine[axis][fringes.period], self.sine[axis][fringes.period] = phasor
+        else:
+            self.cosine[axis][fringes.period] += self._share * phasor[0]
+            self.sine[axis][fringes.period] += self._share * phasor[1]
             first = self._first.setdefault((fringes.axis, fringes.period), phasor)
             np.maximum(self.moved, np.hypot(*(phasor - first)), out=self.moved)
 

@@ -42,6 +42,7 @@ _CLIPPED = float(chdtr(3, _CLIP) + _CLIP * (1.0 - chdtr(1, _CLIP)))
 _ROUNDS = 8
 _SETTLED = 0.99
 _FIRST = 8
+_FEW = 4
 _PARTS = 8
 _SIGMAS = 3.0
 _OUTLYING = 20.0
@@ -113,13 +114,12 @@ def agreement(
     if len(at) < _LEAST_SAMPLES:
         return found
     found, _ = _improved(waves.part(_FIRST), size_px, found, phasors.sequence)
-    found, places = _improved(waves, size_px, found, phasors.sequence)
     in_row = (at[4:] - at[:-4] == 4) & (at[4:] % mean.shape[1] >= 4)
     factor = _scatter(waves, found.tables, in_row)
     if np.any(np.abs(np.log(np.median(factor, axis=1))) > _DIFFERS):
         found = replace(found, noise=np.maximum(factor, least_noise))
         waves = waves.scaled(found.noise)
-        found, places = _improved(waves, size_px, found, phasors.sequence)
+    found, places = _improved(waves, size_px, found, phasors.sequence)
     return replace(found, excess=_excess(waves, places, found.tables))
 
 
@@ -273,6 +273,7 @@ def _excess(waves: Waves, places: Places, tables: Single) -> Float:
     They hardly move the place, which therefore shows what they are off; and they give orders, not places.
     """
     off_px, weight, _ = _misfits(waves, places, tables)
+    off_px, weight = off_px[:, ::_FEW], weight[:, ::_FEW]
     expected = 1.0 / weight - 1.0 / weight.sum(axis=0)
     ratio = np.median(off_px**2 / expected, axis=1) / float(chdtri(1, 0.5))
     coarse = waves.periods_px > LONGEST_RATIO * waves.periods_px[0]

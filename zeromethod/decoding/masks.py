@@ -45,7 +45,7 @@ MISFIT_SHARE = 0.03
 MOVED_SHARE = 0.05
 """Change of a phasor between repeats, of its amplitude, that counts as a disturbance."""
 
-_SAMPLES = 8000
+_SAMPLES = 5000
 
 SPREAD_PX = 3
 """Margin around a proven disturbance, for its half shadow."""
@@ -92,16 +92,21 @@ def _median_of_sets(
             typical[j, i] = middle
 
 
+def some_of(values: Single, where: Mask, most: int = _SAMPLES) -> Single:
+    """Values (..., n) of some of the pixels `where`, spread evenly, of values (..., rows, cols)."""
+    index = np.flatnonzero(where)
+    return values.reshape(*values.shape[:-2], -1)[..., index[:: len(index) // most + 1]]
+
+
 def gains(phasors: Phasors, lit: Mask) -> tuple[Float, float]:
     """Light of each set (sets,) over the usual one in the pixels `lit`, and what else changes it, relative.
 
     The gains are those of a drifting backlight. The rest is the noise of a set's mean light and the harmonics
     that the shifts alias onto it, as a standard deviation.
     """
-    index = np.flatnonzero(lit)
-    some = phasors.mean.reshape(len(phasors.mean), -1)[:, index[:: 4 * len(index) // _SAMPLES + 1]]
-    if not len(index):
-        return np.ones(len(some)), 0.0
+    if not lit.any():
+        return np.ones(len(phasors.mean)), 0.0
+    some = some_of(phasors.mean, lit, 1000)
     share = some / np.maximum(np.median(some, axis=0), np.float32(1e-9))
     gain = np.median(share, axis=1).astype(np.float64)
     gain = np.where(gain > 0, gain, 1.0)
@@ -175,7 +180,7 @@ def disturbed(
         limit = np.sqrt(chdtri(phasors.set_degrees, 1e-9) / phasors.set_degrees)
         relative = misfit / np.maximum(mean, 1e-9)
         # harmonics that too few shifts cannot fit are everywhere, a disturbance is local
-        usual = 4.0 * float(np.median(relative[lit]))
+        usual = 4.0 * float(np.median(some_of(relative, lit)))
         found |= lit & (misfit > limit * np.sqrt(variance)) & (relative > max(MISFIT_SHARE, usual))
     if phasors.sequence.repeats > 1:
         moved_noise = np.sqrt(2.0 * variance * np.sum(solve[1:3] ** 2))

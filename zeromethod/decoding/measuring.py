@@ -25,6 +25,7 @@ from zeromethod.decoding.masks import (
     median_light,
     second_reflection,
     small_parts,
+    some_of,
     unmodulated,
     with_margin,
 )
@@ -44,7 +45,7 @@ AMBIGUOUS_ODDS = 0.01
 OUTLIER_PX = 0.25
 """Deviation from its neighbours, LCD px, below which no pixel is dead: the LCD's grid causes as much."""
 
-_SAMPLES = 5000
+_SAMPLES = 3000
 
 SMALLEST_PANEL_PX = 640
 """Least unambiguous range of the periods where the panel's size is not given."""
@@ -211,8 +212,9 @@ def measure_rest(
     _compare_neighbours(lcd, sigma, sound, odds > AMBIGUOUS_ODDS, half_px, reason)
 
     valid = sound & (reason == 0)
-    np.copyto(lcd, np.nan, where=~valid[..., None])
-    np.copyto(sigma, np.nan, where=~valid[..., None])
+    for axis in range(2):
+        np.copyto(lcd[..., axis], np.nan, where=~valid)
+        np.copyto(sigma[..., axis], np.nan, where=~valid)
     phase_sigma = _median(places, valid)
     return RestMeasurement(
         rest_map=RestMap(lcd, sigma, valid, reason),
@@ -262,7 +264,7 @@ def _places(
     sound: Mask,
 ) -> tuple[list[Places], _Light, float]:
     """Places along both axes without an aliased harmonic; the light with its noise; the harmonic's share."""
-    usual = light.noise.variance(float(np.median(light.mean[sound])) if sound.any() else 0.0)
+    usual = light.noise.variance(float(np.median(some_of(light.mean, sound))) if sound.any() else 0.0)
     least = float((QUANTISATION if given is None else given.constant_grey2) / usual)
     at = sample(sound)
     agreed = [
@@ -306,11 +308,9 @@ def _expected_wrong(places: list[Places], valid: Mask) -> float:
 
 
 def _median(places: list[Places], valid: Mask) -> float:
-    index = np.flatnonzero(valid)
-    if len(index) == 0:
+    if not valid.any():
         return float("nan")
-    some = index[:: len(index) // _SAMPLES + 1]
-    return float(np.median([place.phase_sigma_rad.ravel()[some] for place in places]))
+    return float(np.median([some_of(place.phase_sigma_rad, valid) for place in places]))
 
 
 def _compare_neighbours(

@@ -191,7 +191,8 @@ def _unwrap(
     count, rows, cols = turns.shape
     turn, weight, inverse = np.empty(count), np.empty(count), np.empty(count)
     wave2 = (2.0 * math.pi / periods) ** 2
-    ratio, per_px, per_usual = periods[0] / periods, 1.0 / periods[0], 1.0 / usual
+    per_wave2, single = 1.0 / wave2, np.float32
+    ratio, per_px, per_usual, per_count = periods[0] / periods, 1.0 / periods[0], 1.0 / usual, 1.0 / count
     known = math.nan
     for j in range(rows):
         for i in range(cols):
@@ -215,7 +216,7 @@ def _unwrap(
                 sw1 += weight[n] * r
                 sw2 += weight[n] * r * r
             shift, best = sw1 * spread, max(sw2 - sw1 * sw1 * spread, 0.0)
-            nearest = separation / math.sqrt(most) - math.sqrt(best)
+            nearest = separation / math.sqrt(single(most)) - math.sqrt(single(best))
             second = nearest * nearest
             x = (turn[0] + order) * periods[0]
             if not (nearest > 0.0 and second > best + _CLEAR and low <= x <= high):
@@ -228,14 +229,14 @@ def _unwrap(
             for n in range(count):
                 h = weight[n] * spread
                 stiffness += (1.0 - h) * inverse[n]
-                leverage += h * h / wave2[n]
+                leverage += h * h * per_wave2[n]
             x_px[j, i] = x + shift
-            out[0, j, i] = math.sqrt(spread)
+            out[0, j, i] = math.sqrt(single(spread))
             out[1, j, i] = max(best, 0.0)
             out[2, j, i] = math.exp(-0.5 * (second - best)) if second - best < _SURE else 0.0
             out[3, j, i] = stiffness
             out[4, j, i] = leverage
-            out[5, j, i] = math.sqrt(variance / count)
+            out[5, j, i] = math.sqrt(single(variance * per_count))
 
 
 def _usual_variance(waves: Waves, bright: Mask) -> Float:
