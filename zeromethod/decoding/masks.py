@@ -21,7 +21,7 @@ import numba
 import numpy as np
 from scipy.special import chdtri, ndtri
 
-from zeromethod.arrays import Float, Mask, Single
+from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.decoding.consistency import insert_sorted
 from zeromethod.decoding.decoding import Phasors, fit_matrices
 from zeromethod.decoding.noise import NoiseModel
@@ -92,7 +92,7 @@ def _median_of_sets(
             typical[j, i] = middle
 
 
-def some_of(values: Single, where: Mask, most: int = _SAMPLES) -> Single:
+def some_of(values: Image, where: Mask, most: int = _SAMPLES) -> Image:
     """Values (..., n) of some of the pixels `where`, spread evenly, of values (..., rows, cols)."""
     index = np.flatnonzero(where)
     return values.reshape(*values.shape[:-2], -1)[..., index[:: len(index) // most + 1]]
