@@ -42,7 +42,7 @@ _CLIPPED = float(chdtr(3, _CLIP) + _CLIP * (1.0 - chdtr(1, _CLIP)))
 _ROUNDS = 8
 _SETTLED = 0.99
 _FIRST = 8
-_FEW = 4
+_FEW = 8
 _PARTS = 8
 _SIGMAS = 3.0
 _OUTLYING = 20.0
@@ -133,7 +133,7 @@ def _improved(
         return found, places
     shifts = len(sequence.shifts_rad)
     cap = _OUTLYING * float(np.nanmedian(places.chi2))
-    least = _score(places, cap)
+    least = _score(places.chi2, cap)
     part = 1.0
     for _ in range(_ROUNDS):
         step = part * (_refined(waves, places, found, shifts) - found.shares)
@@ -143,7 +143,7 @@ def _improved(
         if np.max(np.abs(shares)) * shifts < 1.0:  # else phases would no longer rise with the place
             tables = correction(shares, shifts)
             tried = unwrap(waves, size_px, every, tables)
-            if (score := _score(tried, cap)) < least:
+            if (score := _score(tried.chi2, cap)) < least:
                 found, places = replace(found, tables=tables, shares=shares), tried
                 settled, least, part = score > _SETTLED * least, score, 1.0
                 if settled:
@@ -191,9 +191,15 @@ def _by_bin(turn: Single, squares: Float, folds: int) -> tuple[Float, Ints]:
     return total, count
 
 
-def _score(places: Places, cap: float) -> float:
-    """Mean disagreement, to which no pixel adds more than `cap`."""
-    return float(np.nanmean(np.minimum(places.chi2, cap)))
+@numba.njit(cache=True)
+def _score(chi2: Single, cap: float) -> float:
+    """Mean disagreement (1, n), to which no pixel adds more than `cap`; NaN does not count."""
+    total, count = 0.0, 0
+    for value in chi2[0]:
+        if not np.isnan(value):
+            total += min(value, cap)
+            count += 1
+    return total / max(count, 1)
 
 
 def _misfits(waves: Waves, places: Places, tables: Single) -> tuple[Float, Float, Float]:
@@ -253,16 +259,25 @@ def _normal(off_px: Float, weight: Float, lever: Float) -> tuple[Float, Float]:
     return square, right
 
 
+@numba.njit(cache=True)
+def _solved(square: Float, right: Float) -> tuple[Float, Float]:
+    """The shares' change, and its scatter over the parts of the view."""
+    solve = np.linalg.pinv(square.sum(axis=0))
+    step = solve @ right.sum(axis=0)
+    scatter = np.zeros(len(step))
+    for n in range(len(square)):
+        scatter += (solve @ (right[n] - square[n] @ step)) ** 2
+    for n in range(len(step)):
+        # nor less than noise alone leaves it, as where the fringes are all seen at one phase
+        scatter[n] = np.sqrt(max(scatter[n], solve[n, n]))
+    return step, scatter
+
+
 def _refined(waves: Waves, places: Places, found: Agreement, shifts: int) -> Float:
     """Shares with what is left of the harmonic; 0 where that does not exceed its scatter over the view."""
     off_px, weight, turn = _misfits(waves, places, found.tables)
     lever = np.sin(-2 * np.pi * shifts * turn) * (waves.periods_px[:, None] / (2 * np.pi))
-    square, right = _normal(off_px, weight, lever)
-    solve = np.linalg.pinv(square.sum(axis=0))
-    step = solve @ right.sum(axis=0)
-    scatter = np.sqrt((((right - square @ step) @ solve.T) ** 2).sum(axis=0))
-    # nor less than noise alone leaves it, as where the fringes are all seen at one phase
-    scatter = np.maximum(scatter, np.sqrt(np.maximum(np.diag(solve), 0.0)))
+    step, scatter = _solved(*_normal(off_px, weight, lever))
     shares = found.shares + step
     return np.where(np.abs(shares) > _SIGMAS * scatter, shares, 0.0)
 

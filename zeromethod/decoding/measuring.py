@@ -310,7 +310,7 @@ def _expected_wrong(places: list[Places], valid: Mask) -> float:
 def _median(places: list[Places], valid: Mask) -> float:
     if not valid.any():
         return float("nan")
-    return float(np.median([some_of(place.phase_sigma_rad, valid) for place in places]))
+    return float(np.median([some_of(place.phase_sigma_rad, valid, 1000) for place in places]))
 
 
 def _compare_neighbours(
