@@ -1,7 +1,7 @@
 """Whether a wrong number is ever called good: planted faults next to honest presses, on simulated benches.
 
 The packaged bench with four times larger pixels; rig file and bench may differ, as a stranger's do. Honest
-runs press pads of sigma 4 to 40 mm (2.4 nodes and more) and balls, at places all over the view and beyond its border, on a bench
+runs press pads of sigma 4 to 40 mm (2.4 nodes and more) and balls, all over the view and beyond, on a bench
 that is as its rig file says and on one calibrated by this program. Faulty ones turn the camera or slide the
 LCD in mid-run, at rest and under a press, at once or slowly, or believe a geometry that is off by 0.1 to 5
 sigma of
@@ -241,12 +241,12 @@ def count_nodes(out: Outcome, surface: Surface, mirror: TrueMirror) -> None:
 def deviation(step: Step, mirror: TrueMirror) -> tuple[float, float]:
     """Error of a reading's peak at its own place, mm, and over its sigma.
 
-    While nothing is seen to press, the peak is the largest of all nodes' noise, which reaches sqrt(2 ln n) sigma
-    by itself: only what exceeds that counts.
+    While nothing is seen to press, the peak is the largest of all nodes' noise, which reaches sqrt(2 ln n)
+    sigma by itself: only what exceeds that counts.
     """
     assert step.peak is not None
     assert step.surface is not None
-    error_mm = step.peak.depth_mm - float(mirror.depth(step.peak.x_mm, step.peak.y_mm))
+    error_mm = step.peak.depth_mm - float(mirror.depth(np.array(step.peak.x_mm), np.array(step.peak.y_mm)))
     ratio = abs(error_mm) / step.peak.sigma_mm
     if step.state is State.LOCKED:
         return error_mm, ratio

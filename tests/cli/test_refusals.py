@@ -36,6 +36,7 @@ NO_SETTING = "the simulated camera has none; allowed: with --camera"
 PYLON = "run --camera pylon --display 1"
 CALIBRATE = "calibrate --rig simulated"
 BOARD = "calibrate board --output board.png --board 12x9:10"
+FRINGES = "calibrate fringes --periods 16,18 --shifts 6"
 LOOP_ONLY = "only with --mode closed-loop"
 HELPERS = {"__init__", "report", "rigs", "live_running", "memory_devices", "against_peers"}
 BENCHMARKS = sorted({path.stem for path in Path(str(benchmarks.__file__)).parent.glob("*.py")} - HELPERS)
@@ -254,6 +255,15 @@ REFUSALS = [
     ("init no/my.toml", "does not exist"),
     ("init my.toml --lens 900", "--lens"),
     ("init my.toml --from nothing", "nothing"),
+    ("calibrate fringes --shifts 6 --panel 64 48 --output x", "--periods"),
+    (f"{FRINGES} --output x", "--rig and --panel: give one of them: the size of the LCD\n"),
+    (f"{FRINGES} --rig simulated --panel 64 48 --output x", "--rig and --panel: give one of them"),
+    (f"{FRINGES} --rig nowhere.toml --output x", "nowhere.toml"),
+    (f"{FRINGES} --panel 8 48 --output x", "--panel: 8: a whole number from 16 to 16384\n"),
+    (f"{FRINGES} --panel 64 48 --output notes.h5", "--output: notes.h5: must be a folder that can be made"),
+    (f"{FRINGES} --panel 64 48 --output notes.h5/x", "--output: notes.h5/x: must be a folder that can be"),
+    ("calibrate fringes --periods 16,18 --shifts 2 --panel 64 48 --output x", "--shifts: 2: a count"),
+    ("calibrate fringes --periods 16 --shifts 6 --panel 64 48 --output x", "periods: 16: two or more"),
     *((f"benchmarks.{name} --colour", "--colour") for name in BENCHMARKS),
     ("benchmarks.sigma --summary sigma.txt", "--summary: sigma.txt: the file name must end in .json"),
     ("benchmarks.sigma --summary no/such/folder/s.json", "does not exist"),

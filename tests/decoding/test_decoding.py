@@ -28,7 +28,7 @@ def test_phases_are_exact_without_noise(shifts: tuple[float, ...]) -> None:
     phasors = decode_phasors(frames, sequence)
     for axis in range(2):
         for n, period in enumerate(sequence.periods_px):
-            z = phasors.cosine[axis, n] + 1j * phasors.sine[axis, n]
+            z = phasors.cosine[axis][n] + 1j * phasors.sine[axis][n]
             # Kept as float32: 1e-7 of 50 grey levels.
             assert np.allclose(z, 50 * np.exp(2j * np.pi * bench.lcd[..., axis] / period), atol=2e-5)
     assert np.allclose(phasors.mean, 100, atol=1e-4)

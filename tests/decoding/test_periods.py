@@ -14,7 +14,7 @@ from zeromethod.decoding.periods import (
     rivals,
     unambiguous_range,
 )
-from zeromethod.decoding.unwrapping import unwrap
+from zeromethod.decoding.unwrapping import Waves, unwrap
 
 SIZE = 1000
 
@@ -35,7 +35,8 @@ def wrong_share(periods: tuple[float, ...], phase_sigma: float, seed: int = 0) -
     ]
     phasors = decode_phasors(frames, sequence)
     every = np.ones(x.shape, dtype=bool)
-    found = unwrap(phasors, 0, NoiseModel(sigma_grey**2, 0.0), np.full(x.shape, 120, np.float32), SIZE, every)
+    noise = NoiseModel(sigma_grey**2, 0.0)
+    found = unwrap(Waves.of(phasors, 0, noise, np.full(x.shape, 120, np.float32)), SIZE, every)
     # The decoder's own sigma is far below half the shortest period, so this counts wrong orders, not noise.
     assert np.nanmedian(found.phase_sigma_rad) == pytest.approx(phase_sigma, rel=0.05)
     return float(np.mean(np.abs(found.x_px - x) > 4))

@@ -12,12 +12,12 @@ from rich.table import Table
 
 from zeromethod.cli.calibrate_bench import calibrate_bench
 from zeromethod.cli.calibrate_camera import board_command, intrinsics_command
-from zeromethod.cli.calibrate_known import numbers_of
+from zeromethod.cli.calibrate_fringes import fringes_command
 from zeromethod.cli.calibrate_options import calibrate_options, refuse_unused
+from zeromethod.cli.fringe_options import fringe_options, sequence_of
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import OutputFile, summary_option, write_summary
 from zeromethod.commissioning.decode import decode_files, figures, noise_of, refuse_empty
-from zeromethod.decoding.fringes import Axis, FringeSequence, equal_shifts
 from zeromethod.decoding.measuring import LIMIT_SHARE
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.errors import InputError, MeasurementError
@@ -50,15 +50,7 @@ def calibrate_command(context: click.Context, /, **given: Any) -> None:
 
 calibrate_command.add_command(board_command)
 calibrate_command.add_command(intrinsics_command)
-
-
-def _shifts(text: str) -> tuple[float, ...]:
-    """A count of equal shifts, or angles in degrees; rad."""
-    if "," in text:
-        return tuple(math.radians(angle) for angle in numbers_of("--shifts", text))
-    if not (text.isdecimal() and 3 <= int(text) <= 360):
-        raise InputError(f"--shifts: {text}: a count of equal shifts, 3 to 360, or degrees: 0,90,180,270")
-    return equal_shifts(int(text))
+calibrate_command.add_command(fringes_command)
 
 
 def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | None:
@@ -75,14 +67,7 @@ def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | N
     "--panel 1920 1080 --output rest.npz",
 )
 @click.argument("frames", metavar="FRAMES...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--periods", "periods_text", metavar="P,P,...", required=True, help="Periods, LCD px.")
-@click.option(
-    "--shifts",
-    "shifts_text",
-    metavar="N",
-    required=True,
-    help="Count of equal shifts, or the angles in degrees: 0,90,180,270.",
-)
+@fringe_options
 @click.option("--output", type=OutputFile(".npz"), required=True, help="Write the rest map (.npz).")
 @click.option("--rig", "rig_name", help="Rig file, or a packaged name: LCD size, camera bits and noise.")
 @click.option(
@@ -91,21 +76,6 @@ def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | N
     nargs=2,
     metavar="C R",
     help="LCD columns and rows. When left out: as far as the periods reach.",
-)
-@click.option(
-    "--axes",
-    "axes_text",
-    type=click.Choice(["columns,rows", "rows,columns"]),
-    default="columns,rows",
-    show_default=True,
-    help="Which axis was shown first: fringes that vary along the columns, or along the rows.",
-)
-@click.option(
-    "--repeats",
-    type=Whole(1, 1000),
-    default=1,
-    show_default=True,
-    help="How often the whole sequence was shown.",
 )
 @click.option("--bits", type=Whole(1, 16), help="Bits of the camera: all set is saturated.")
 @click.option(
@@ -144,9 +114,7 @@ def decode_command(
     FRAMES in the order shown: for each repeat, each axis, each period, each shift. Images of 8 or 16 bits,
     TIFF of many pages, .npy or .npz. light = 1/2 + 1/2 cos(2 pi x / period - shift), x the LCD column or row.
     """
-    axes: tuple[Axis, Axis] = ("columns", "rows") if axes_text == "columns,rows" else ("rows", "columns")
-    periods = numbers_of("--periods", periods_text)
-    sequence = FringeSequence(periods, _shifts(shifts_text), axes, repeats)
+    sequence = sequence_of(periods_text, shifts_text, axes_text, repeats)
     rig = load_rig(rig_name) if rig_name is not None else None
     size = panel or ((rig.display.columns, rig.display.rows) if rig else None)
     limit_threads()
@@ -165,12 +133,12 @@ def decode_command(
     values = figures(found)
     Console().print(_table(values))
     if summary is not None:
-        write_summary(summary, {"periods_px": sequence.periods_px, "output": str(output), **values})
+        write_summary(summary, {"periods_px": sequence.periods, "output": str(output), **values})
     try:
         refuse_empty(found)
     except MeasurementError as error:
         hint = "do --periods, --shifts, --panel and the order of FRAMES fit what was shown?"
-        raise MeasurementError(f"{error}: {hint}") from None
+        raise MeasurementError(f"{error}; {hint}") from None
 
 
 def _rare(share: float) -> str:

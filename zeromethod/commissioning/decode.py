@@ -22,6 +22,9 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.warp.rest_map import Reason, plain_name
 
+_FEW = 0.001
+"""Share of the view below which what shows fringes is not worth a word."""
+
 _FILES = "an image of 8 or 16 bits (png, tif, ...), or grey levels in .npy or .npz"
 
 
@@ -160,7 +163,7 @@ def decode_files(
 
 def decode(
     frames: Sequence[str | Path],
-    periods_px: Sequence[float],
+    periods_px: Sequence[float] | tuple[Sequence[float], Sequence[float]],
     shifts: int | Sequence[float],
     *,
     rig: Rig | str | Path | None = None,
@@ -177,8 +180,8 @@ def decode(
     ----------
     frames : sequence of str or Path
         Files in the order in which they were shown: for each repeat, each axis, each period, each shift.
-    periods_px : sequence of float
-        Periods of the fringes, LCD px.
+    periods_px : sequence of float, or two of them
+        Periods of the fringes, LCD px; those along the columns, then those along the rows, where they differ.
     shifts : int or sequence of float
         Number of equal shifts, or the shifts in rad.
     rig : Rig, str or Path, optional
@@ -212,13 +215,15 @@ def decode(
     """
     bench = rig if isinstance(rig, Rig) or rig is None else load_rig(rig)
     angles = equal_shifts(shifts) if isinstance(shifts, int) else tuple(map(float, shifts))
+    each = periods_px if np.ndim(periods_px[0]) else [periods_px]
+    columns, *rows = (tuple(map(float, periods)) for periods in each)  # type: ignore[arg-type]
     size, shape = panel_px, None
     if bench is not None:
         size = panel_px or (bench.display.columns, bench.display.rows)
         shape = bench.camera.rows, bench.camera.columns
     return decode_files(
         [Path(path) for path in frames],
-        FringeSequence(tuple(map(float, periods_px)), angles, axes, repeats),
+        FringeSequence(columns, angles, axes, repeats, *rows),
         size_px=size,
         noise=noise or noise_of(bench),
         bits=bits or (bench.camera.bits if bench else None),
@@ -261,10 +266,31 @@ def figures(found: RestMeasurement) -> dict[str, Any]:
     }
 
 
+_MEANING = {
+    Reason.NO_MODULATION: "no modulation",
+    Reason.SECOND_REFLECTION: "the periods disagree (a second reflection, or other periods than given)",
+    Reason.INCONSISTENT: "the periods disagree",
+    Reason.DISTURBED: "the light changed between or within the sets of shifts",
+    Reason.WRONG_ORDER: "places lie whole periods off their neighbours",
+}
+
+
 def refuse_empty(found: RestMeasurement) -> None:
-    """Raise MeasurementError with the reason that holds against most pixels when not one is valid."""
-    if not found.rest_map.valid.any():
-        worst = max(Reason, key=found.count)
-        share = found.count(worst) / found.rest_map.valid.size
-        why = f"{plain_name(worst)} at {share:.0%}" if share > 0 else "nothing is known of any"
-        raise MeasurementError(f"no camera pixel has a place on the LCD: {why}")
+    """Raise MeasurementError with the reason that holds against most pixels when not one is valid.
+
+    Pixels without fringes are dark or no mirror; where there are others, their reasons say what is wrong.
+    """
+    if found.rest_map.valid.any():
+        return
+    reason = found.rest_map.reason
+    fringed = reason != int(Reason.NO_MODULATION)
+    if np.count_nonzero(fringed) < _FEW * fringed.size:
+        fringed[:] = True
+    count = {why: np.count_nonzero(reason[fringed] & int(why)) for why in Reason}
+    worst = max(count, key=lambda why: count[why])
+    share = count[worst] / np.count_nonzero(fringed)
+    why = (
+        f"{_MEANING.get(worst, plain_name(worst))} at {share:.0%}" if share > 0 else "nothing is known of any"
+    )
+    of = " of those with fringes" if share > 0 and not fringed.all() else ""
+    raise MeasurementError(f"no camera pixel has a place on the LCD: {why}{of}")

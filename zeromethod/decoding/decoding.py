@@ -3,50 +3,48 @@
 Every set (one axis, one period) is fitted by mean + fundamental + as many harmonics as the shifts can
 separate from noise. With equal shifts harmonics 2 to N - 2 do not affect the fundamental, fitted or not;
 fitting them keeps an LCD that is drawn without its inverse response from being mistaken for noise. Only one
-set's frames are in memory at a time.
+set's frames are in memory at a time. The fit is one product of matrices per set.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from itertools import islice
-from typing import Any
 
-import cv2
 import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Mask, Single
-from zeromethod.decoding.fringes import FringeSequence, design_matrix
+from zeromethod.decoding.fringes import FringeSequence, FringeSet, design_matrix
 from zeromethod.errors import InputError
 
 _MOST_HARMONICS = 3
 _WORST_CONDITION = 20.0
-_SAMPLES = 20_000
-_MIXED = np.outer([1, -2, 1], [1, -2, 1]).astype(np.float32)
+_SAMPLES = 16_000
 
 
 @dataclass(frozen=True, slots=True)
 class Phasors:
     """Least-squares fit of the shifts, per pixel; axis 0 = columns, 1 = rows.
 
-    cosine, sine: (2, periods, rows, cols) of the fundamental, grey levels, mean over repeats: grey = mean +
-    cosine cos(shift) + sine sin(shift) + harmonics. mean: (sets, rows, cols) grey, sets in the sequence's
-    order (repeats separate). scatter: (rows, cols) variance of the noise, grey^2, as a mean over `degrees`
-    degrees of freedom: of the fit's residual or, for fewer than six shifts, which would mistake harmonics for
-    noise, of neighbouring pixels (`from_neighbours`): too large where fringes are narrow or oblique in the
-    camera's view. worst_scatter: (rows, cols) variance of the fit's residual in the worst set, of
-    `set_degrees`. moved: (rows, cols) largest change of a phasor between repeats, grey. saturated: (rows,
-    cols). second_harmonic: its share of the fundamental, median over the brighter pixels; NaN where not
-    fitted.
+    cosine, sine: per axis (periods, rows, cols) of the fundamental, grey levels, mean over repeats: grey =
+    mean + cosine cos(shift) + sine sin(shift) + harmonics. mean: (sets, rows, cols) grey, sets in the
+    sequence's order (repeats separate). scatter: (sampled rows, cols) variance of the noise in the rows
+    `sampled`, grey^2, as a mean over `degrees` degrees of freedom: of the fit's residual or, for fewer than
+    six shifts, which would mistake harmonics for noise, of neighbouring pixels' phases (`from_neighbours`).
+    worst_scatter: (rows, cols) variance of the fit's residual in the worst set, of `set_degrees`. moved:
+    (rows, cols) largest change of a phasor between repeats, grey. saturated: (rows, cols). second_harmonic:
+    its share of the fundamental, mean by the fundamental's power; NaN where not fitted.
     """
 
     sequence: FringeSequence
-    cosine: Single
-    sine: Single
+    cosine: tuple[Single, Single]
+    sine: tuple[Single, Single]
     mean: Single
     scatter: Single
+    sampled: slice
     worst_scatter: Single
     degrees: int
     set_degrees: int
@@ -55,12 +53,12 @@ class Phasors:
     saturated: Mask
     second_harmonic: float
 
-    @property
-    def power(self) -> Single:
-        """(2, periods, rows, cols) squared amplitude of the fundamental, grey^2."""
-        return self.cosine**2 + self.sine**2
+    def power(self, axis: int, period: int) -> Single:
+        """(rows, cols) squared amplitude of the fundamental, grey^2."""
+        return np.asarray(self.cosine[axis][period] ** 2 + self.sine[axis][period] ** 2)
 
 
+@cache
 def fit_matrices(shifts_rad: tuple[float, ...]) -> tuple[Float, Float]:
     """Design matrix (shifts, terms) and its least-squares inverse (terms, shifts).
 
@@ -71,38 +69,6 @@ def fit_matrices(shifts_rad: tuple[float, ...]) -> tuple[Float, Float]:
         if len(shifts_rad) > design.shape[1] and np.linalg.cond(design) < _WORST_CONDITION:
             break
     return design, np.ascontiguousarray(np.linalg.pinv(design))
-
-
-@numba.njit(cache=True)
-def _fit(frames: Image, design: Float, solve: Float, ceiling: float) -> tuple[Single, Single, Single, Mask]:
-    """Phasor (2, rows, cols), mean, variance of the residual, and where a frame reaches the ceiling."""
-    count, rows, cols = frames.shape
-    terms = design.shape[1]
-    degrees = count - terms
-    phasor = np.empty((2, rows, cols), np.float32)
-    mean, scatter = np.empty((rows, cols), np.float32), np.empty((rows, cols), np.float32)
-    saturated = np.zeros((rows, cols), np.bool_)
-    grey = np.empty(count)
-    fitted = np.empty(terms)
-    for j in range(rows):
-        for i in range(cols):
-            for k in range(count):
-                grey[k] = frames[k, j, i]
-                if grey[k] >= ceiling:
-                    saturated[j, i] = True
-            for m in range(terms):
-                fitted[m] = 0.0
-                for k in range(count):
-                    fitted[m] += solve[m, k] * grey[k]
-            mean[j, i], phasor[0, j, i], phasor[1, j, i] = fitted[0], fitted[1], fitted[2]
-            squares = 0.0
-            for k in range(count):
-                rest = grey[k]
-                for m in range(terms):
-                    rest -= design[k, m] * fitted[m]
-                squares += rest * rest
-            scatter[j, i] = squares / degrees if degrees > 0 else 0.0
-    return phasor, mean, scatter, saturated
 
 
 def _stacks(frames: Iterable[Image], sequence: FringeSequence) -> Iterator[Image]:
@@ -123,7 +89,7 @@ def _stacks(frames: Iterable[Image], sequence: FringeSequence) -> Iterator[Image
             number += 1
         if len(stack) < count:
             break
-        if not np.isfinite(stack).all():
+        if dtype is not None and dtype.kind == "f" and not np.isfinite(stack).all():
             raise InputError(f"frames {number - count} and on: not finite: grey levels")
         yield np.stack(stack)
     if number != sequence.frames or next(source, None) is not None:
@@ -134,8 +100,9 @@ def _stacks(frames: Iterable[Image], sequence: FringeSequence) -> Iterator[Image
 def frames_expected(sequence: FringeSequence) -> str:
     """Required number of frames, in words."""
     repeats = f"{sequence.repeats} repeats x " if sequence.repeats > 1 else ""
-    periods, shifts = len(sequence.periods_px), len(sequence.shifts_rad)
-    return f"{repeats}2 axes x {periods} periods x {shifts} shifts = {sequence.frames}"
+    columns, rows = map(len, sequence.periods)
+    sets = f"2 axes x {columns} periods" if columns == rows else f"({columns} + {rows}) periods"
+    return f"{repeats}{sets} x {len(sequence.shifts_rad)} shifts = {sequence.frames}"
 
 
 def decode_phasors(
@@ -148,68 +115,117 @@ def decode_phasors(
     Raises InputError for frames of other number, shape or type.
     """
     design, solve = fit_matrices(sequence.shifts_rad)
-    degrees = design.shape[0] - design.shape[1]
-    separable = design.shape[1] > 3
-    sets = sequence.frames // len(sequence.shifts_rad)
-    phasors: dict[tuple[str, int], Any] = {}
-    first: dict[tuple[str, int], Single] = {}
-    means: list[Single] = []
-    seconds: list[float] = []
-    nothing: list[Any] = [np.float32(0)] * 3
-    total, worst, moved = nothing
-    saturated: Mask = np.zeros(1, np.bool_)
+    count, terms = design.shape
+    degrees, separable = count - terms, terms > 3
+    # mean, fundamental, second harmonic where fitted, and the residual along directions that no term has
+    matrix = np.vstack([solve[:5], np.linalg.svd(design)[0][:, terms:].T])
+    sums: _Sums | None = None
     for fringes, stack in zip(sequence.sets(), _stacks(frames, sequence), strict=True):
         whole = stack.dtype.kind in "ui"
         ceiling = ceiling_grey or (float(np.iinfo(stack.dtype).max) if whole else np.inf)
-        phasor, mean, scatter, clipped = _fit(stack, design, solve, ceiling)
-        place = fringes.axis, fringes.period
-        phasors[place] = phasors.get(place, 0) + phasor / sequence.repeats
-        moved = np.maximum(moved, np.hypot(*(phasor - first.setdefault(place, phasor))))
-        means.append(mean)
-        worst = np.maximum(worst, scatter)
-        saturated = np.logical_or(saturated, clipped)
-        total = total + (scatter if separable else _neighbour_scatter(stack)) / sets
+        sums = sums or _Sums(sequence, stack.shape[1:])
+        kind = np.result_type(stack, np.float32)
+        flat = stack.reshape(count, -1).astype(kind)
+        fitted = (matrix.astype(kind) @ flat).reshape(-1, *stack.shape[1:])
+        sums.add(fringes, fitted[0], fitted[1:3])
+        if degrees > 0:
+            squares = np.einsum("nij,nij->ij", (rest := fitted[min(terms, 5) :]), rest) / degrees
+            np.maximum(sums.worst, squares, out=sums.worst)
         if separable:
-            seconds.append(_second_harmonic(stack, solve))
-    periods = range(len(sequence.periods_px))
-    cosine, sine = (
-        np.array([[phasors[axis, n][part] for n in periods] for axis in ("columns", "rows")])
-        for part in (0, 1)
-    )
+            sums.scatter += squares[sums.sampled]
+            sums.second += _second_harmonic(fitted[1:5, sums.sampled])
+        else:
+            _neighbour_scatter(fitted[1:3, sums.sampled], solve, sums.scatter)
+        if stack.max() >= ceiling:
+            sums.saturated |= (stack >= ceiling).any(axis=0)
+    assert sums is not None
+    sets = sequence.frames // count
     return Phasors(
         sequence,
-        cosine,
-        sine,
-        np.array(means),
-        total,
-        worst,
-        degrees * sets if separable else sequence.frames,
+        (sums.cosine[0], sums.cosine[1]),
+        (sums.sine[0], sums.sine[1]),
+        sums.mean,
+        sums.scatter / np.float32(sets),
+        sums.sampled,
+        sums.worst,
+        degrees * sets if separable else sets,
         degrees,
         not separable,
-        moved,
-        saturated,
-        float(np.median(seconds)) if seconds else float("nan"),
+        sums.moved,
+        sums.saturated,
+        float(sums.second[0] / sums.second[1]) if sums.second[1] > 0 else float("nan"),
     )
 
 
-def _neighbour_scatter(stack: Image) -> Single:
-    """Noise variance of every pixel from the mixed fourth difference, mean over the shifts.
+class _Sums:
+    """What is added up, set by set."""
 
-    Second differences along both axes in turn (doi:10.1006/cviu.1996.0060) remove fringes along either axis
-    and have 36 times the variance of white noise.
+    def __init__(self, sequence: FringeSequence, shape: tuple[int, ...]) -> None:
+        rows, cols = shape
+        self._share = 1.0 / sequence.repeats
+        self.cosine, self.sine = (
+            [np.zeros((len(periods), rows, cols), np.float32) for periods in sequence.periods]
+            for _ in range(2)
+        )
+        self._first: dict[tuple[str, int], Single] = {}
+        self.mean = np.empty((sequence.frames // len(sequence.shifts_rad), rows, cols), np.float32)
+        self._sets = 0
+        self.worst, self.moved = np.zeros((rows, cols), np.float32), np.zeros((rows, cols), np.float32)
+        self.saturated = np.zeros((rows, cols), np.bool_)
+        self.sampled = slice(None, None, max(1, rows * cols // _SAMPLES))
+        self.scatter = np.zeros_like(self.moved[self.sampled])
+        self.second = np.zeros(2)
+
+    def add(self, fringes: FringeSet, mean: Single, phasor: Single) -> None:
+        """Take the fit of one set: mean (rows, cols), cosine and sine (2, rows, cols)."""
+        axis = int(fringes.axis == "rows")
+        self.mean[self._sets] = mean
+        self._sets += 1
+        if self._share == 1.0:
+            self.cosine[axis][fringes.period], self.sine[axis][fringes.period] = phasor
+        else:
+            self.cosine[axis][fringes.period] += self._share * phasor[0]
+            self.sine[axis][fringes.period] += self._share * phasor[1]
+            first = self._first.setdefault((fringes.axis, fringes.period), phasor)
+            np.maximum(self.moved, np.hypot(*(phasor - first)), out=self.moved)
+
+
+@numba.njit(cache=True)
+def phase_squares(turn: Float | Single) -> Float:
+    """Squared fourth differences of phases (n,), turns, over their 70: white noise's variance, (n - 4,).
+
+    A phase that is smooth over five pixels falls out.
     """
-    total = np.zeros(stack.shape[1:], dtype=np.float32)
-    for frame in stack.astype(np.float32):
-        across = cv2.filter2D(frame, -1, _MIXED, borderType=cv2.BORDER_REFLECT_101)
-        total += across * across
-    return total / np.float32(36.0 * len(stack))
+    out = np.empty(max(len(turn) - 4, 0))
+    for i in range(len(out)):
+        one = turn[i] - 2.0 * turn[i + 1] + turn[i + 2]
+        two = turn[i + 1] - 2.0 * turn[i + 2] + turn[i + 3]
+        three = turn[i + 2] - 2.0 * turn[i + 3] + turn[i + 4]
+        fourth = one - np.rint(one) - 2.0 * (two - np.rint(two)) + (three - np.rint(three))
+        out[i] = fourth * fourth / 70.0
+    return out
 
 
-def _second_harmonic(stack: Image, solve: Float) -> float:
-    """Second harmonic over fundamental, median over the half of the pixels with the larger fundamental."""
-    flat = stack.reshape(len(stack), -1)
-    some = flat[:, :: max(1, flat.shape[1] // _SAMPLES)].astype(np.float64)
-    fitted = solve[1:5] @ some
-    fundamental, second = np.hypot(*fitted[:2]), np.hypot(*fitted[2:4])
-    bright = fundamental >= max(float(np.median(fundamental)), 1e-9)
-    return float(np.median(second[bright] / fundamental[bright])) if bright.any() else float("nan")
+@numba.njit(cache=True)
+def _add_neighbour_scatter(turn: Single, phasor: Single, share: float, out: Single) -> None:
+    """Add the noise variance, grey^2, of each pixel's neighbours along the row; turn, out: (rows, cols)."""
+    rows, cols = turn.shape
+    for j in range(rows):
+        squares = phase_squares(turn[j])
+        for i in range(cols):
+            power = phasor[0, j, i] ** 2 + phasor[1, j, i] ** 2
+            if cols > 4:
+                out[j, i] += squares[min(max(i - 2, 0), cols - 5)] * power / share
+
+
+def _neighbour_scatter(phasor: Single, solve: Float, out: Single) -> None:
+    """Add the noise variance, grey^2, of a phasor (2, rows, cols), from neighbouring pixels' phases."""
+    turn = np.arctan2(phasor[1], phasor[0]) * np.float32(0.5 / np.pi)
+    share = float(np.mean(np.sum(solve[1:3] ** 2, axis=1))) / (2 * np.pi) ** 2
+    _add_neighbour_scatter(turn, phasor, share, out)
+
+
+def _second_harmonic(phasors: Single) -> Float:
+    """Second harmonic times fundamental and fundamental squared, summed, of (4, rows, cols)."""
+    fundamental, second = np.hypot(phasors[0], phasors[1]), np.hypot(phasors[2], phasors[3])
+    return np.array([np.vdot(second, fundamental), np.vdot(fundamental, fundamental)])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Literal
 
@@ -40,21 +41,23 @@ class FringeSet:
 class FringeSequence:
     """Frames of a sequence in order: repeats, in each of these axes, in each periods, in each shifts.
 
-    periods_px: LCD px. shifts_rad: three or more angles that differ modulo 2 pi.
+    periods_px: LCD px, of both axes; of the columns alone where row_periods_px gives the rows' own.
+    shifts_rad: three or more angles that differ modulo 2 pi.
     """
 
     periods_px: tuple[float, ...]
     shifts_rad: tuple[float, ...]
     axes: tuple[Axis, Axis] = ("columns", "rows")
     repeats: int = 1
+    row_periods_px: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         """InputError for a sequence that cannot be decoded."""
-        periods = self.periods_px
-        if len(periods) < 2 or not all(np.isfinite(p) and p >= 2 for p in periods):
-            raise InputError(f"periods: {_listed(periods)}: two or more, each of 2 LCD px or more")
-        if any(b - a <= 0 for a, b in pairwise(sorted(periods))):
-            raise InputError(f"periods: {_listed(periods)}: each period once")
+        for periods in self.periods:
+            if len(periods) < 2 or not all(np.isfinite(p) and p >= 2 for p in periods):
+                raise InputError(f"periods: {_listed(periods)}: two or more, each of 2 LCD px or more")
+            if any(b - a <= 0 for a, b in pairwise(sorted(periods))):
+                raise InputError(f"periods: {_listed(periods)}: each period once")
         angles = np.sort(np.mod(self.shifts_rad, 2 * np.pi))
         gaps = np.diff(angles, append=angles[:1] + 2 * np.pi)
         if len(angles) < 3 or not np.all(np.isfinite(angles)) or gaps.min() < 1e-3:
@@ -69,16 +72,27 @@ class FringeSequence:
             raise InputError(f"repeats: {self.repeats}: 1 or more")
 
     @property
+    def periods(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Periods along the columns and along the rows, LCD px."""
+        return self.periods_px, self.row_periods_px or self.periods_px
+
+    @cached_property
+    def even(self) -> bool:
+        """Whether the shifts divide the turn evenly, in any order."""
+        turns = np.sort(np.mod(np.asarray(self.shifts_rad) - self.shifts_rad[0] + 1e-9, 2 * np.pi))
+        return bool(np.allclose(np.diff(turns), 2 * np.pi / len(turns), atol=1e-6))
+
+    @property
     def frames(self) -> int:
         """Pictures in the whole sequence."""
-        return self.repeats * 2 * len(self.periods_px) * len(self.shifts_rad)
+        return self.repeats * sum(map(len, self.periods)) * len(self.shifts_rad)
 
     def sets(self) -> Iterator[FringeSet]:
         """Groups of frames that differ only in shift, in the order in which they are shown."""
         first = 0
         for repeat in range(self.repeats):
             for axis in self.axes:
-                for period in range(len(self.periods_px)):
+                for period in range(len(self.periods[axis == "rows"])):
                     yield FringeSet(axis, period, repeat, first)
                     first += len(self.shifts_rad)
 
@@ -86,8 +100,9 @@ class FringeSequence:
         """Light (rows, columns), 0 to 1, of every frame in order, on a panel of that size in px."""
         for fringes in self.sets():
             along = np.arange(columns if fringes.axis == "columns" else rows)
+            periods_px = self.periods[fringes.axis == "rows"]
             for shift in self.shifts_rad:
-                phase = 2 * np.pi * along / self.periods_px[fringes.period] - shift
+                phase = 2 * np.pi * along / periods_px[fringes.period] - shift
                 line = (0.5 + 0.5 * contrast * np.cos(phase)).astype(np.float32)
                 line = line[None, :] if fringes.axis == "columns" else line[:, None]
                 yield np.broadcast_to(line, (rows, columns))

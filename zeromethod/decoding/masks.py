@@ -14,12 +14,14 @@ Each must both exceed the noise and be large enough to matter.
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numba
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtri, ndtri
 
-from zeromethod.arrays import Float, Mask, Single
+from zeromethod.arrays import Float, Image, Mask, Single
 from zeromethod.decoding.consistency import insert_sorted
 from zeromethod.decoding.decoding import Phasors, fit_matrices
 from zeromethod.decoding.noise import NoiseModel
@@ -43,6 +45,8 @@ MISFIT_SHARE = 0.03
 MOVED_SHARE = 0.05
 """Change of a phasor between repeats, of its amplitude, that counts as a disturbance."""
 
+_SAMPLES = 5000
+
 SPREAD_PX = 3
 """Margin around a proven disturbance, for its half shadow."""
 
@@ -63,80 +67,140 @@ POOL_AGREES = 0.7
 
 
 @numba.njit(cache=True)
-def _median_of_sets(mean: Single, gain: Float, typical: Single, change: Single) -> None:
-    """Median over the sets, and the largest departure from it."""
+def _median_of_sets(
+    mean: Single, gain: Float, noise: tuple[float, float], share: float, typical: Single, change: Single
+) -> None:
+    """Median over the sets, and the largest departure from it; mean and 0 where they differ too little."""
     count, rows, cols = mean.shape
     value = np.empty(count)
     for j in range(rows):
         for i in range(cols):
+            least, most, total = math.inf, -math.inf, 0.0
             for n in range(count):
-                insert_sorted(value, n, mean[n, j, i] / gain[n])
-            middle = 0.5 * (value[(count - 1) // 2] + value[count // 2])
+                value[n] = mean[n, j, i] * gain[n]
+                least, most = min(least, value[n]), max(most, value[n])
+                total += value[n]
+            middle = total / count
+            change[j, i] = 0.0
+            spread = most - least
+            if spread > share * middle and spread * spread > noise[0] + noise[1] * middle:
+                for n in range(count):
+                    insert_sorted(value, n, value[n])
+                middle = 0.5 * (value[(count - 1) // 2] + value[count // 2])
+                off = max(value[count - 1] - middle, middle - value[0])
+                change[j, i] = off if off > share * middle else 0.0
             typical[j, i] = middle
-            change[j, i] = max(value[count - 1] - middle, middle - value[0])
 
 
-def median_light(phasors: Phasors) -> tuple[Single, Single, Float]:
-    """Mean light (rows, cols) as the median of all sets, its largest change, and each set's gain (sets,).
+def some_of(values: Image, where: Mask, most: int = _SAMPLES) -> Image:
+    """Values (..., n) of some of the pixels `where`, spread evenly, of values (..., rows, cols)."""
+    index = np.flatnonzero(where)
+    return values.reshape(*values.shape[:-2], -1)[..., index[:: len(index) // most + 1]]
 
-    The gain removes changes of the whole view: a drifting backlight.
+
+def gains(phasors: Phasors, lit: Mask) -> tuple[Float, float]:
+    """Light of each set (sets,) over the usual one in the pixels `lit`, and what else changes it, relative.
+
+    The gains are those of a drifting backlight. The rest is the noise of a set's mean light and the harmonics
+    that the shifts alias onto it, as a standard deviation.
     """
-    sets = phasors.mean.reshape(len(phasors.mean), -1)
-    some = sets[:, :: max(1, sets.shape[1] // 20_000)].astype(np.float64)
-    centre = np.maximum(np.median(some, axis=0), 1e-9)
-    bright = centre >= np.median(centre)
-    gain = np.median(some[:, bright] / centre[bright], axis=1)
+    if not lit.any():
+        return np.ones(len(phasors.mean)), 0.0
+    some = some_of(phasors.mean, lit, 1000)
+    share = some / np.maximum(np.median(some, axis=0), np.float32(1e-9))
+    gain = np.median(share, axis=1).astype(np.float64)
     gain = np.where(gain > 0, gain, 1.0)
+    off = np.abs(share / gain[:, None] - 1.0)
+    return gain, float(np.quantile(off, 0.75)) / float(ndtri(0.875))
+
+
+def median_light(phasors: Phasors, gain: Float, noise: NoiseModel, usual: float) -> tuple[Single, Single]:
+    """Mean light (rows, cols) as the median of all sets without their gains, and its largest change.
+
+    The change is 0 where it is no more than noise, or than what changes everywhere: `usual`, see `gains`.
+    """
     typical, change = np.empty_like(phasors.mean[0]), np.empty_like(phasors.mean[0])
-    _median_of_sets(phasors.mean, gain, typical, change)
-    return typical, change, gain
+    within = SIGMAS**2 * mean_noise(phasors)
+    limit = within * noise.constant_grey2, within * noise.slope_grey
+    share = max(MEAN_SHARE, SIGMAS * usual)
+    _median_of_sets(phasors.mean, 1.0 / gain, limit, share, typical, change)
+    return typical, change
+
+
+def mean_noise(phasors: Phasors) -> float:
+    """Variance of a set's mean light over that of one reading."""
+    return float(np.sum(fit_matrices(phasors.sequence.shifts_rad)[1][0] ** 2))
 
 
 def amplitude(phasors: Phasors) -> Single:
     """Amplitude of the fringes, grey levels, rms over axes and periods (rows, cols)."""
-    return np.asarray(np.sqrt(phasors.power.mean(axis=(0, 1))))
+    total = np.zeros_like(phasors.mean[0])
+    sets = 0
+    for part in (*phasors.cosine, *phasors.sine):
+        total += np.einsum("nij,nij->ij", part, part)
+        sets += len(part)
+    return np.asarray(np.sqrt(total / (0.5 * sets)))
 
 
-def unmodulated(phasors: Phasors, noise: NoiseModel, mean: Single, rms_amplitude: Single) -> Mask:
+def fringed(rms_amplitude: Single) -> Mask:
+    """Pixels whose fringes are not far weaker than usual in the view, however little of it shows fringes.
+
+    Usual is the amplitude up to which pixels hold half of all fringes' power.
+    """
+    flat = rms_amplitude.ravel()
+    some = np.sort(flat[:: len(flat) // _SAMPLES | 1])  # odd: not the same few columns
+    power = np.cumsum(some.astype(np.float64) ** 2)
+    usual = some[np.searchsorted(power, 0.5 * power[-1])]
+    return np.asarray(rms_amplitude > LEAST_AMPLITUDE * usual)
+
+
+def unmodulated(phasors: Phasors, noise: NoiseModel, mean: Single, lit: Mask) -> Mask:
     """Pixels without the fringes of every period, or with fringes as weak as from a face or stray light."""
     _, solve = fit_matrices(phasors.sequence.shifts_rad)
     gain = max(float(np.sum(solve[1] ** 2)), float(np.sum(solve[2] ** 2))) / phasors.sequence.repeats
-    least = LEAST_SNR**2 * gain * noise.variance(mean)
-    weak = np.asarray((phasors.power < least).any(axis=(0, 1)))
-    if not weak.all():
-        weak |= rms_amplitude < LEAST_AMPLITUDE * np.quantile(rms_amplitude[~weak], 0.9)
+    least = (LEAST_SNR**2 * gain * noise.variance(mean)).astype(np.float32)
+    weak = ~lit
+    for axis, periods in enumerate(phasors.sequence.periods):
+        for period in range(len(periods)):
+            weak |= phasors.power(axis, period) < least
     return weak
 
 
 def disturbed(
-    phasors: Phasors, noise: NoiseModel, mean: Single, change: Single, rms_amplitude: Single
+    phasors: Phasors, noise: NoiseModel, mean: Single, change: Single, rms_amplitude: Single, lit: Mask
 ) -> Mask:
-    """Pixels whose light changed between or within the sets, without margin."""
+    """Pixels of `lit` whose light changed between or within the sets, without margin."""
     _, solve = fit_matrices(phasors.sequence.shifts_rad)
     variance = noise.variance(mean)
-    mean_noise = np.sqrt(variance * np.sum(solve[0] ** 2))
-    found = (change > SIGMAS * mean_noise) & (change > MEAN_SHARE * mean)
+    if not lit.any():
+        return np.zeros_like(lit)
+    found = lit & (change**2 > SIGMAS**2 * mean_noise(phasors) * variance)
     if phasors.set_degrees > 0:
         misfit = np.sqrt(phasors.worst_scatter)
         limit = np.sqrt(chdtri(phasors.set_degrees, 1e-9) / phasors.set_degrees)
         relative = misfit / np.maximum(mean, 1e-9)
         # harmonics that too few shifts cannot fit are everywhere, a disturbance is local
-        usual = 4.0 * float(np.median(relative[rms_amplitude >= np.median(rms_amplitude)]))
-        found |= (misfit > limit * np.sqrt(variance)) & (relative > max(MISFIT_SHARE, usual))
+        usual = 4.0 * float(np.median(some_of(relative, lit)))
+        found |= lit & (misfit > limit * np.sqrt(variance)) & (relative > max(MISFIT_SHARE, usual))
     if phasors.sequence.repeats > 1:
         moved_noise = np.sqrt(2.0 * variance * np.sum(solve[1:3] ** 2))
-        found |= (phasors.moved > SIGMAS * moved_noise) & (phasors.moved > MOVED_SHARE * rms_amplitude)
+        moved = (phasors.moved > SIGMAS * moved_noise) & (phasors.moved > MOVED_SHARE * rms_amplitude)
+        found |= lit & moved
     return np.asarray(found)
 
 
 def with_margin(mask: Mask, reach_px: int = SPREAD_PX) -> Mask:
     """The mask and all pixels within `reach_px` of it."""
+    if not mask.any():
+        return mask.copy()
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach_px + 1,) * 2)
     return cv2.dilate(mask.astype(np.uint8), kernel).astype(np.bool_)
 
 
 def small_parts(mask: Mask, most_px: int = DEAD_AREA_PX) -> Mask:
     """Connected parts of the mask of at most `most_px` pixels."""
+    if not mask.any():
+        return mask.copy()
     _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     small = stats[:, cv2.CC_STAT_AREA] <= most_px
     small[0] = False
@@ -150,7 +214,7 @@ def dimmed(rms_amplitude: Single, weak: Mask) -> Mask:
     return small_parts((rms_amplitude < DIM_SHARE * around) & surrounded)
 
 
-def second_reflection(places: Places, usable: Mask, degrees: int, limit_share: float) -> tuple[Single, Mask]:
+def second_reflection(places: Places, usable: Mask, limit_share: float) -> tuple[Single, Mask]:
     """Light of a second reflection relative to the main one (rows, cols), and where it exceeds `limit_share`.
 
     A second place at distance D turns the phase of period P by share x sin(2 pi D / P) at most: the periods
@@ -158,9 +222,7 @@ def second_reflection(places: Places, usable: Mask, degrees: int, limit_share: f
     pooled over `POOL_PX` squared; 0 where it is within two standard deviations of noise. A second place
     nearer than about a third of the shortest period shifts all periods equally, like blur, and is not found.
     """
-    if degrees < 1:
-        return np.zeros(usable.shape, dtype=np.float32), np.zeros(usable.shape, dtype=np.bool_)
-    weight = usable.astype(np.float32)
+    degrees, weight = places.degrees, usable.astype(np.float32)
 
     def pooled(values: Single) -> Single:
         return np.asarray(cv2.boxFilter(np.where(usable, values, 0).astype(np.float32), -1, (POOL_PX,) * 2))
@@ -168,7 +230,9 @@ def second_reflection(places: Places, usable: Mask, degrees: int, limit_share: f
     count = np.maximum(pooled(weight), 1e-6)
     stiffness = np.maximum(pooled(places.stiffness) / count, 1e-6)
     excess = 2.0 * (pooled(places.chi2) / count - degrees) / stiffness
-    unsure = 2.0 * np.sqrt(2.0 * degrees / (count * POOL_PX**2)) / stiffness
+    # coherent errors go as a squared sine over the view: half its mean square scatters
+    coherent = 0.5 * (places.coherent * degrees) ** 2
+    unsure = 2.0 * np.sqrt(2.0 * degrees / (count * POOL_PX**2) + coherent) / stiffness
     common = pooled((places.chi2 > chdtri(degrees, 0.5)).astype(np.float32)) / count
     real = (excess > 2.0 * unsure) & (count * POOL_PX**2 >= 4)
     share = np.sqrt(np.where(real, np.maximum(excess, 0.0), 0.0)).astype(np.float32)
@@ -183,6 +247,8 @@ def _extended(found: Mask, proven: Mask) -> Mask:
     periods agree although the light is that of the neighbourhood. A part of which less than `SEED_SHARE` is
     above the limit is above it by noise.
     """
+    if not found.any():
+        return found
     _, label = cv2.connectedComponents(proven.astype(np.uint8), connectivity=8)
     area = np.maximum(np.bincount(label.ravel()), 1)
     seeded = np.bincount(label.ravel(), weights=found.ravel(), minlength=len(area)) > SEED_SHARE * area
@@ -192,9 +258,7 @@ def _extended(found: Mask, proven: Mask) -> Mask:
     return cv2.morphologyEx(reached, cv2.MORPH_CLOSE, kernel).astype(np.bool_)
 
 
-def inconsistent(places: Places, degrees: int, largest_share: float = 0.1) -> Mask:
+def inconsistent(places: Places, largest_share: float = 0.1) -> Mask:
     """Single pixels whose periods disagree beyond noise, as much as a reflection of `largest_share` does."""
-    if degrees < 1:
-        return np.zeros(places.chi2.shape, dtype=np.bool_)
-    far = places.chi2 > chdtri(degrees, 1e-8)
-    return np.asarray(far & (2.0 * (places.chi2 - degrees) > largest_share**2 * places.stiffness))
+    far = places.chi2 > chdtri(places.degrees, 1e-8)
+    return np.asarray(far & (2.0 * (places.chi2 - places.degrees) > largest_share**2 * places.stiffness))

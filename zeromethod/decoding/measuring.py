@@ -9,27 +9,30 @@ import numpy as np
 from scipy.special import chdtri
 
 from zeromethod.arrays import Flags, Float, Image, Mask, Single
-from zeromethod.decoding.consistency import departures, jumped_patches
+from zeromethod.decoding.consistency import compare_neighbours, jumped_patches
 from zeromethod.decoding.decoding import Phasors, decode_phasors
 from zeromethod.decoding.fringes import FringeSequence
+from zeromethod.decoding.harmonics import agreement, sample
 from zeromethod.decoding.masks import (
-    LEAST_AMPLITUDE,
     POOL_PX,
     SIGMAS,
     amplitude,
     dimmed,
     disturbed,
+    fringed,
+    gains,
     inconsistent,
     median_light,
     second_reflection,
     small_parts,
+    some_of,
     unmodulated,
     with_margin,
 )
 from zeromethod.decoding.near_reflection import near_reflection
 from zeromethod.decoding.noise import QUANTISATION, NoiseModel, fit_noise
 from zeromethod.decoding.periods import order_error, unambiguous_range
-from zeromethod.decoding.unwrapping import LEAST_SHARE, Places, folded_harmonic, unwrap, without_harmonic
+from zeromethod.decoding.unwrapping import Places, Waves, unwrap
 from zeromethod.errors import InputError
 from zeromethod.warp.rest_map import Reason, RestMap
 
@@ -42,10 +45,7 @@ AMBIGUOUS_ODDS = 0.01
 OUTLIER_PX = 0.25
 """Deviation from its neighbours, LCD px, below which no pixel is dead: the LCD's grid causes as much."""
 
-_HARMONIC_ROUNDS = 4
-
-_CURVED_SHARE = 0.05
-"""Share of the second harmonic above which the LCD's response counts as nonlinear."""
+_SAMPLES = 3000
 
 SMALLEST_PANEL_PX = 640
 """Least unambiguous range of the periods where the panel's size is not given."""
@@ -106,55 +106,50 @@ class RestMeasurement:
 
 @dataclass(frozen=True, slots=True)
 class _Light:
-    """Light of the view without fringes, its noise, and the fringes' amplitude; see `RestMeasurement`."""
+    """Light of the view without fringes, its noise, and the fringes' amplitude; see `RestMeasurement`.
+
+    lit: (rows, cols) where fringes are about as strong as usual in the view.
+    """
 
     mean: Single
     change: Single
     gain: Float
     amplitude: Single
+    lit: Mask
     noise: NoiseModel
     ratio: float
 
     @classmethod
     def of(cls, phasors: Phasors, given: NoiseModel | None) -> _Light:
-        mean, change, gain = median_light(phasors)
         rms_amplitude = amplitude(phasors)
-        noise, ratio = _noise(phasors, given, mean, rms_amplitude)
-        return cls(mean, change, gain, rms_amplitude, noise, ratio)
+        lit = fringed(rms_amplitude)
+        lit &= ~small_parts(lit)
+        gain, usual = gains(phasors, lit)
+        noise, ratio = _noise(phasors, given, lit)
+        mean, change = median_light(phasors, gain, noise, usual)
+        return cls(mean, change, gain, rms_amplitude, lit, noise, ratio)
 
 
-def _noise(
-    phasors: Phasors, given: NoiseModel | None, mean: Single, rms_amplitude: Single
-) -> tuple[NoiseModel, float]:
+def _noise(phasors: Phasors, given: NoiseModel | None, lit: Mask) -> tuple[NoiseModel, float]:
     """Noise model to use, and the scatter's standard deviation over the given model's."""
-    bright = rms_amplitude >= LEAST_AMPLITUDE * np.quantile(rms_amplitude, 0.9)
-    bright &= ~phasors.saturated
+    rows = phasors.sampled
+    at = np.flatnonzero(lit[rows] & ~phasors.saturated[rows])
+    at = at[:: len(at) // _SAMPLES + 1]
+    means = phasors.mean[:, rows].reshape(len(phasors.mean), -1)
+    grey, scatter = means[:, at].mean(axis=0), phasors.scatter.ravel()[at]
     if given is None:
-        found = fit_noise(mean[bright], phasors.scatter[bright], phasors.degrees)
+        found = fit_noise(grey, scatter, phasors.degrees)
         if found is None:  # hardly any light: any noise model gives that result
-            found = NoiseModel(max(float(np.median(phasors.scatter)), QUANTISATION), 0.0)
+            known = float(np.median(phasors.scatter)) if phasors.scatter.size else 0.0
+            found = NoiseModel(max(known, QUANTISATION), 0.0)
         return found, float("nan")
-    if phasors.degrees == 0 or not bright.any():
+    if phasors.degrees == 0 or len(at) == 0:
         return given, float("nan")
-    relative = phasors.scatter[bright] / given.variance(mean[bright])
+    relative = scatter / given.variance(grey)
     ratio = float(np.median(relative)) / float(chdtri(phasors.degrees, 0.5) / phasors.degrees)
     if ratio <= 1.0:
         return given, float(np.sqrt(ratio))
-    return NoiseModel(given.constant_grey2 * ratio, given.slope_grey * ratio), float(np.sqrt(ratio))
-
-
-def _agreed(
-    model: NoiseModel, given: NoiseModel | None, places: list[Places], sound: Mask, degrees: int
-) -> NoiseModel:
-    """The model scaled down to the agreement of the periods, but not below the given one."""
-    squares = np.concatenate([place.chi2[sound] for place in places])
-    squares = squares[np.isfinite(squares)]
-    if len(squares) == 0:
-        return model
-    ratio = min(float(np.median(squares)) / float(chdtri(degrees, 0.5)), 1.0)
-    if given is not None:
-        ratio = max(ratio, given.constant_grey2 / model.constant_grey2 if model.constant_grey2 > 0 else 1.0)
-    return NoiseModel(model.constant_grey2 * ratio, model.slope_grey * ratio)
+    return given.scaled(ratio), float(np.sqrt(ratio))
 
 
 def measure_rest(
@@ -193,13 +188,13 @@ def measure_rest(
         For frames that do not fit the sequence and, without size_px, for periods of too short a range.
     """
     if size_px is None:
-        reach = unambiguous_range(sequence.periods_px, _TYPICAL_PHASE_SIGMA)
-        if reach < SMALLEST_PANEL_PX:
+        columns, rows = (unambiguous_range(one, _TYPICAL_PHASE_SIGMA) for one in sequence.periods)
+        searched = (columns, rows)
+        if min(searched) < SMALLEST_PANEL_PX:
             raise InputError(
-                f"panel: size not given: these periods are unambiguous over {reach:.0f} px only; "
+                f"panel: size not given: these periods are unambiguous over {min(searched):.0f} px only; "
                 "give columns and rows of the LCD"
             )
-        searched = (reach, reach)
     else:
         searched = (float(size_px[0]), float(size_px[1]))
     phasors = decode_phasors(frames, sequence, ceiling_grey)
@@ -207,17 +202,19 @@ def measure_rest(
     reason, weak = _light_reasons(phasors, light)
     places, light, folded = _places(phasors, light, noise, searched, ~weak, reason == 0)
     lcd = np.stack([place.x_px for place in places], axis=-1)
-    sound = (reason == 0) & np.isfinite(lcd).all(axis=-1)
-    sigma, reflection = _agreement(places, sound, len(sequence.periods_px) - 1, limit_share, reason)
+    sound = (reason == 0) & np.isfinite(lcd[..., 0]) & np.isfinite(lcd[..., 1])
+    sigma, reflection = _agreement(places, sound, limit_share, reason)
     odds = np.maximum(places[0].odds, places[1].odds)
     for axis, size in enumerate(searched):
         past_px = np.abs(lcd[..., axis] - 0.5 * (size - 1.0)) - 0.5 * size
         _add(reason, Reason.OFF_DISPLAY, sound & (past_px > 3.0 * places[axis].sigma_px))
-    _compare_neighbours(lcd, sigma, sound, odds > AMBIGUOUS_ODDS, 0.5 * min(sequence.periods_px), reason)
+    half_px = np.array([0.5 * min(periods) for periods in sequence.periods])
+    _compare_neighbours(lcd, sigma, sound, odds > AMBIGUOUS_ODDS, half_px, reason)
 
     valid = sound & (reason == 0)
-    lcd[~valid] = np.nan
-    sigma[~valid] = np.nan
+    for axis in range(2):
+        np.copyto(lcd[..., axis], np.nan, where=~valid)
+        np.copyto(sigma[..., axis], np.nan, where=~valid)
     phase_sigma = _median(places, valid)
     return RestMeasurement(
         rest_map=RestMap(lcd, sigma, valid, reason),
@@ -233,7 +230,7 @@ def measure_rest(
         light_drift=float(np.max(np.abs(light.gain / np.median(light.gain) - 1.0))),
         phase_sigma_rad=phase_sigma,
         expected_wrong=_expected_wrong(places, valid),
-        order_error=max(order_error(sequence.periods_px, phase_sigma, size) for size in searched),
+        order_error=max(map(order_error, sequence.periods, (phase_sigma,) * 2, searched)),
         size_px=searched,
         near_px=near_reflection(phasors, places, valid),
     )
@@ -246,10 +243,10 @@ def _add(reason: Flags, why: Reason, mask: Mask) -> None:
 def _light_reasons(phasors: Phasors, light: _Light) -> tuple[Flags, Mask]:
     """Reasons by mean light, amplitude and fit of the shifts, and where fringes are too weak to decode."""
     reason = np.zeros(light.mean.shape, dtype=np.uint16)
-    changed = disturbed(phasors, light.noise, light.mean, light.change, light.amplitude)
+    changed = disturbed(phasors, light.noise, light.mean, light.change, light.amplitude, light.lit)
     single = small_parts(changed)
     _add(reason, Reason.DISTURBED, with_margin(changed & ~single))
-    weak = unmodulated(phasors, light.noise, light.mean, light.amplitude)
+    weak = unmodulated(phasors, light.noise, light.mean, light.lit)
     dim = dimmed(light.amplitude, weak)
     holes = small_parts(weak | phasors.saturated) & (dim | phasors.saturated)
     _add(reason, Reason.DEAD, single | holes | dim)
@@ -267,37 +264,34 @@ def _places(
     sound: Mask,
 ) -> tuple[list[Places], _Light, float]:
     """Places along both axes without an aliased harmonic; the light with its noise; the harmonic's share."""
+    usual = light.noise.variance(float(np.median(some_of(light.mean, sound))) if sound.any() else 0.0)
+    least = float((QUANTISATION if given is None else given.constant_grey2) / usual)
+    at = sample(sound)
+    agreed = [
+        agreement(phasors, axis, light.noise, light.mean, searched[axis], at, min(least, 1.0))
+        for axis in range(2)
+    ]
+    places = []
+    for axis, one in enumerate(agreed):
+        waves = Waves.of(phasors, axis, light.noise, light.mean)
+        factor = one.noise * one.excess[:, None]
+        if (factor != 1.0).any():
+            waves = waves.scaled(factor)
+        coherent = float(np.sum(1.0 - 1.0 / one.excess)) / (len(one.excess) - 1)
+        places.append(unwrap(waves, searched[axis], bright, one.tables, coherent))
+    scale = float(np.median(np.concatenate([one.noise for one in agreed])))
+    light = replace(light, noise=light.noise.scaled(scale))
+    return places, light, max(float(np.max(np.abs(one.shares))) for one in agreed)
 
-    def unwrapped(source: Phasors) -> list[Places]:
-        return [unwrap(source, axis, light.noise, light.mean, searched[axis], bright) for axis in range(2)]
 
-    periods = len(phasors.sequence.periods_px)
-    corrected, folded = phasors, np.zeros((2, periods))
-    places = unwrapped(corrected)
-    for _ in range(_HARMONIC_ROUNDS):
-        step = folded_harmonic(corrected, places, sound)
-        if np.max(np.abs(step)) < LEAST_SHARE:
-            break
-        folded += step
-        corrected = without_harmonic(phasors, folded)
-        places = unwrapped(corrected)
-    if periods > 1 and (phasors.from_neighbours or phasors.second_harmonic > _CURVED_SHARE):
-        # scatter may include harmonics or fringes; the agreement of the periods does not
-        light = replace(light, noise=_agreed(light.noise, given, places, sound, periods - 1))
-        places = unwrapped(corrected)
-    return places, light, float(np.max(np.abs(folded)))
-
-
-def _agreement(
-    places: list[Places], sound: Mask, degrees: int, limit_share: float, reason: Flags
-) -> tuple[Float, Single]:
+def _agreement(places: list[Places], sound: Mask, limit_share: float, reason: Flags) -> tuple[Float, Single]:
     """Sigma (rows, cols, 2) including second reflections, and their share; adds reasons."""
-    odd = np.logical_or(*(inconsistent(place, degrees) for place in places)) & sound
+    odd = np.logical_or(*(inconsistent(place) for place in places)) & sound
     pooled = sound & ~small_parts(odd)
     reflection = np.zeros(sound.shape, dtype=np.float32)
     sigma = np.empty((*sound.shape, 2))
     for axis, place in enumerate(places):
-        share, doubled = second_reflection(place, pooled, degrees, limit_share)
+        share, doubled = second_reflection(place, pooled, limit_share)
         _add(reason, Reason.SECOND_REFLECTION, doubled)
         reflection = np.maximum(reflection, share)
         sigma[..., axis] = np.sqrt(place.sigma_px**2 + 0.5 * share**2 * place.leverage_px2)
@@ -316,20 +310,18 @@ def _expected_wrong(places: list[Places], valid: Mask) -> float:
 def _median(places: list[Places], valid: Mask) -> float:
     if not valid.any():
         return float("nan")
-    return float(np.median(np.stack([place.phase_sigma_rad[valid] for place in places])))
+    return float(np.median([some_of(place.phase_sigma_rad, valid, 1000) for place in places]))
 
 
 def _compare_neighbours(
-    lcd: Float, sigma: Float, sound: Mask, ambiguous: Mask, half_px: float, reason: Flags
+    lcd: Float, sigma: Float, sound: Mask, ambiguous: Mask, half_px: Float, reason: Flags
 ) -> None:
     """Add wrong and ambiguous orders and dead pixels to `reason`: patches first, then single pixels."""
     usable = sound & (reason & int(Reason.OFF_DISPLAY | Reason.SECOND_REFLECTION) == 0)
     jumped = jumped_patches(lcd, usable, half_px)
     usable &= ~jumped
-    departed = np.abs(departures(lcd, usable))
-    confirmed = (departed < half_px).all(axis=-1)
-    far = (departed > half_px).any(axis=-1)
+    limit = np.maximum(SIGMAS * sigma, OUTLIER_PX)
+    outlying, far, confirmed = compare_neighbours(lcd, usable, limit, half_px)
     _add(reason, Reason.WRONG_ORDER, jumped | far)
     _add(reason, Reason.AMBIGUOUS_ORDER, sound & ambiguous & ~confirmed)
-    outlying = (departed > np.maximum(SIGMAS * sigma, OUTLIER_PX)).any(axis=-1) & ~far & usable
-    _add(reason, Reason.DEAD, small_parts(outlying))
+    _add(reason, Reason.DEAD, small_parts(outlying & ~far))

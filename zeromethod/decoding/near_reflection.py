@@ -15,6 +15,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.decoding.decoding import Phasors
+from zeromethod.decoding.periods import LONGEST_RATIO
 from zeromethod.decoding.unwrapping import Places
 
 USUAL_SHARE = 0.1
@@ -35,22 +36,23 @@ def near_reflection(phasors: Phasors, places: list[Places], usable: Mask) -> flo
     0 where it is within six standard deviations of noise. Places are moved by about `USUAL_SHARE` times it.
     The larger of both axes, over all but the worst twentieth of the view. Valid up to about 6 px.
     """
-    if len(phasors.sequence.periods_px) < 2:
-        return 0.0
     return max(_distance(phasors, axis, place, usable) for axis, place in enumerate(places))
 
 
 def _distance(phasors: Phasors, axis: int, place: Places, usable: Mask) -> float:
+    periods = np.asarray(phasors.sequence.periods[axis], dtype=np.float64)
+    # coarse periods show no reflection, but whatever else is off in them
+    fine = [n for n, period in enumerate(periods) if period <= LONGEST_RATIO * periods.min()]
     usable = usable & np.isfinite(place.x_px)
-    if not usable.any():
+    if not usable.any() or len(fine) < 2:
         return 0.0
-    waves = 2.0 * np.pi / np.asarray(phasors.sequence.periods_px, dtype=np.float64)
+    waves = 2.0 * np.pi / periods[fine]
     x = np.where(usable, place.x_px, 0.0)
-    power = np.array([np.median(one[usable]) for one in phasors.power[axis]], dtype=np.float64)
+    power = np.array([np.median(phasors.power(axis, n)[usable]) for n in fine], dtype=np.float64)
     rest = np.empty((len(waves), *x.shape))
-    for n, k in enumerate(waves):
-        phase = np.arctan2(phasors.sine[axis, n], phasors.cosine[axis, n]) - k * x
-        rest[n] = (phase - 2.0 * np.pi * np.rint(phase / (2.0 * np.pi))) / k
+    for m, (n, k) in enumerate(zip(fine, waves, strict=True)):
+        phase = np.arctan2(phasors.sine[axis][n], phasors.cosine[axis][n]) - k * x
+        rest[m] = (phase - 2.0 * np.pi * np.rint(phase / (2.0 * np.pi))) / k
     weight = np.sqrt(power) * waves
     design = np.stack([np.ones_like(waves), -(waves**2)], axis=-1)
     solve = np.linalg.pinv(design * weight[:, None])[1] * weight

@@ -32,6 +32,10 @@ class NoiseModel:
         slope = 1.0 / electrons_per_grey if electrons_per_grey else 0.0
         return cls(read_grey**2 + QUANTISATION - slope * black_grey, slope)
 
+    def scaled(self, factor: float) -> NoiseModel:
+        """The model with variances times `factor`."""
+        return NoiseModel(self.constant_grey2 * factor, self.slope_grey * factor)
+
     def variance(self, grey: Image | float) -> Float:
         """Variance at a grey level; never below that of rounding."""
         return np.maximum(self.constant_grey2 + self.slope_grey * np.asarray(grey), QUANTISATION)

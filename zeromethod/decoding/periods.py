@@ -61,7 +61,7 @@ def _rivals(periods: Float, sigma: Float, size: float) -> tuple[Float, Float]:
 
 
 def rivals(
-    periods_px: Sequence[float], phase_sigma_rad: float | Sequence[float], size_px: float
+    periods_px: Sequence[float] | Float, phase_sigma_rad: float | Sequence[float] | Float, size_px: float
 ) -> tuple[Float, Float]:
     """Offsets D (px, positive) at which the periods nearly coincide, and their distance d in sigmas."""
     order = np.argsort(periods_px)

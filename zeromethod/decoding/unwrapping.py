@@ -9,11 +9,11 @@ and the place is then the weighted mean. chi^2 of that mean measures the agreeme
 The best candidate is the maximum-likelihood order. The difference to the next best chi^2 gives the odds that
 it is wrong, exp(-difference / 2). All orders are compared at once, not period by period.
 
-Where the shifts are few, a harmonic that they alias onto the fundamental makes the periods disagree.
-N equal shifts cannot separate harmonic N - 1 from the fundamental with reversed phase: with a share e of it,
-the phasor comes out as z + e |z| exp(-i (N - 1) phase), its phase off by -e sin(N phase). An LCD drawn
-without its inverse response has e = 0.2 for N = 3, 0.01 for N = 4, 0.001 for N = 5 (gamma 2.2). As e is the
-same at all phases, it is the component of the phases' misfit along sin(N phase) over the whole view.
+Most pixels need no search: any two candidates are at least d apart (`periods.rivals`), so by the triangle
+inequality every other one than a candidate has a chi^2 of at least (d - sqrt(chi^2))^2, with its own chi^2;
+d is that of usual noise, less for a pixel by as much as its noisiest period, against the usual, is worse.
+The order nearest to the pixel before is tried so; where that does not prove it the best by far, all orders
+are searched.
 """
 
 from __future__ import annotations
@@ -24,26 +24,33 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Mask, Single
+from zeromethod.arrays import Float, Ints, Mask, Single
 from zeromethod.decoding.decoding import Phasors, fit_matrices
-from zeromethod.decoding.noise import QUANTISATION, NoiseModel
+from zeromethod.decoding.noise import NoiseModel
+from zeromethod.decoding.periods import rivals
 
-LEAST_SHARE = 0.002
-"""Below this a harmonic moves a place by less than a 3000th of the period."""
+TABLE = 512
+"""Steps of a turn in a table of phase corrections, between which it is linear."""
 
-_SAMPLES = 100_000
-_LEAST_SAMPLES = 1000
-_ROUNDS = 6
+BINS = 8
+"""Parts of a turn's fold (see `Waves`) whose noise is found by itself."""
+
+_CLEAR = 20.0
+"""Lead in chi^2 of the best order, odds of 1 : 20,000, below which the next best is searched, not bounded."""
+
+_SURE = 200.0
+_SAMPLES = 200
 
 
 @dataclass(frozen=True, slots=True)
 class Places:
     """Absolute place along one axis of the LCD, per pixel (rows, cols); NaN where not unwrapped.
 
-    x_px: LCD px. sigma_px: from the camera's noise. chi2: disagreement of the periods, of periods - 1 degrees
-    of freedom. odds: of the second-best order against the best, 0 to 1. stiffness: d(expected chi2) /
-    d(variance of a phase error common in size to all periods, rad^2). leverage_px2: variance of x that such
-    an error of 1 rad^2 brings. phase_sigma_rad: of the periods, rms.
+    x_px: LCD px. sigma_px: from the camera's noise. chi2: disagreement of the periods, of `degrees` degrees
+    of freedom. odds: of the second-best order against the best, 0 to 1, or their bound. stiffness: d(expected
+    chi2) / d(variance of a phase error common in size to all periods, rad^2). leverage_px2: variance of x
+    that such an error of 1 rad^2 brings. phase_sigma_rad: of the periods, rms. coherent: share of the
+    expected chi2 that comes from errors alike in neighbouring pixels, which an average does not lessen.
     """
 
     x_px: Float
@@ -53,161 +60,224 @@ class Places:
     stiffness: Single
     leverage_px2: Single
     phase_sigma_rad: Single
+    degrees: int
+    coherent: float
+
+
+@dataclass(frozen=True, slots=True)
+class Waves:
+    """Wrapped phases of one axis, the shortest period first.
+
+    periods_px: rising. turn: (periods, rows, cols) phases, -1/2 to 1/2 turn. variance: same shape, rad^2, to
+    be multiplied by `factor` (periods, `BINS`). folds: by which part of a turn noise repeats, as the shifts
+    do.
+    """
+
+    periods_px: Float
+    turn: Single
+    variance: Single
+    factor: Single
+    folds: int
+
+    @classmethod
+    def of(
+        cls, phasors: Phasors, axis: int, noise: NoiseModel, mean: Single, at: Ints | None = None
+    ) -> Waves:
+        """Phases of the image, or of its flat indices `at` as one row.
+
+        mean: (rows, cols) grey without disturbances, whose noise is that of the frames.
+        """
+        periods = np.asarray(phasors.sequence.periods[axis], dtype=np.float64)
+        order = np.argsort(periods)
+        _, solve = fit_matrices(phasors.sequence.shifts_rad)
+        spread = solve[1:3] @ solve[1:3].T / phasors.sequence.repeats
+        seen = mean if at is None else mean.ravel()[at][None]
+        grey2 = noise.variance(seen).astype(np.float32)
+        turn, variance = np.empty((2, len(order), *grey2.shape), np.float32)
+        for n, period in enumerate(order):
+            c, s = phasors.cosine[axis][period], phasors.sine[axis][period]
+            if at is not None:
+                c, s = c.ravel()[at][None], s.ravel()[at][None]
+            np.arctan2(s, c, out=turn[n])
+            turn[n] *= np.float32(0.5 / np.pi)
+            _variance(c, s, grey2, spread.astype(np.float32), variance[n])
+        folds = len(phasors.sequence.shifts_rad) if phasors.sequence.even else 1
+        return cls(periods[order], turn, variance, np.ones((len(order), BINS), np.float32), folds)
+
+    def scaled(self, factor: Float) -> Waves:
+        """The same with the variance times `factor` (periods, `BINS`)."""
+        return replace(self, factor=factor.astype(np.float32))
+
+    def part(self, step: int) -> Waves:
+        """Every `step`-th pixel along the row."""
+        one, other = (np.ascontiguousarray(of[..., ::step]) for of in (self.turn, self.variance))
+        return replace(self, turn=one, variance=other)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _variance(cosine: Single, sine: Single, grey2: Single, spread: Single, out: Single) -> None:
+    """Variance of the phase, rad^2; spread: (2, 2) of cosine and sine for a noise of 1 grey^2."""
+    rows, cols = grey2.shape
+    least = np.float32(1e-12)
+    for j in range(rows):
+        for i in range(cols):
+            c, s = cosine[j, i], sine[j, i]
+            power = max(c * c + s * s, least)
+            along = s * s * spread[0, 0] - (s * c + s * c) * spread[0, 1] + c * c * spread[1, 1]
+            out[j, i] = along * grey2[j, i] / (power * power)
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
-def _phase_variance(
-    c: float, s: float, mean: float, constant: float, slope: float, least: float, solve: Float, waves: Float
-) -> float:
-    """Variance of the phase, rad^2, from the noise of every shift's grey level through the least squares."""
-    power = c * c + s * s
-    total = 0.0
-    for k in range(solve.shape[1]):
-        along = (c * solve[2, k] - s * solve[1, k]) / power
-        grey = mean + c * waves[k, 1] + s * waves[k, 2]
-        total += along * along * max(constant + slope * grey, least)
-    return total
+def bin_of(turn: float, folds: int) -> int:
+    """Number, below `BINS`, of the part of a fold in which a phase lies."""
+    return int((turn + 0.5) * (folds * BINS)) % BINS
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def corrected(turn: float, table: Single) -> float:
+    """Phase, turns, plus the correction of a table (`TABLE` + 1,) over the turn from -1/2."""
+    at = (turn + 0.5) * TABLE
+    n = min(max(int(at), 0), TABLE - 1)
+    return float(turn + table[n] + (at - n) * (table[n + 1] - table[n]))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _search(
+    turn: Float, weight: Float, spread: float, periods: Float, low: float, high: float
+) -> tuple[float, float, float, float]:
+    """Best order of the shortest period, its shift to the weighted mean, its chi^2 and the next best's."""
+    count = len(periods)
+    first = math.ceil(low / periods[0] - turn[0])
+    last = math.floor(high / periods[0] - turn[0])
+    best = second = math.inf
+    best_shift = best_order = 0.0
+    for order in range(first, last + 1):
+        sw1 = sw2 = 0.0
+        for n in range(1, count):
+            # x_n - x_0 with the order of period n that brings it nearest
+            at = (turn[0] + order) * periods[0] / periods[n] - turn[n]
+            r = (np.rint(at) - at) * periods[n]
+            sw1 += weight[n] * r
+            sw2 += weight[n] * r * r
+        squares = sw2 - sw1 * sw1 * spread
+        if squares < best:
+            second, best = best, squares
+            best_order, best_shift = float(order), sw1 * spread
+        elif squares < second:
+            second = squares
+    return best_order, best_shift, best, second
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _unwrap(
-    cosine: Single,
-    sine: Single,
-    mean: Single,
+    turns: Single,
+    variances: Single,
+    factor: Single,
+    folds: int,
     bright: Mask,
     periods: Float,
-    noise: tuple[float, float, float],
-    share: float,
-    solve: Float,
-    waves: Float,
+    tables: Single,
+    usual: Float,
+    separation: float,
     low: float,
     high: float,
     x_px: Float,
     out: Single,
 ) -> None:
-    """Places of all pixels. Periods rise. out: (6, rows, cols) as in `Places`."""
-    count, rows, cols = cosine.shape
-    turn, sigma2, weight = np.empty(count), np.empty(count), np.empty(count)
-    step, at = np.empty(count), np.empty(count)
+    """Places of all pixels. separation: of rivals where periods have the variance `usual`, rad^2.
+
+    out: (6, rows, cols), see `Places`.
+    """
+    count, rows, cols = turns.shape
+    turn, weight, inverse = np.empty(count), np.empty(count), np.empty(count)
+    wave2 = (2.0 * math.pi / periods) ** 2
+    per_wave2, single = 1.0 / wave2, np.float32
+    ratio, per_px, per_usual, per_count = periods[0] / periods, 1.0 / periods[0], 1.0 / usual, 1.0 / count
+    known = math.nan
     for j in range(rows):
         for i in range(cols):
             if not bright[j, i]:
                 continue
-            total = 0.0
+            total = most = variance = 0.0
             for n in range(count):
-                c, s = float(cosine[n, j, i]), float(sine[n, j, i])
-                turn[n] = math.atan2(s, c) / (2.0 * math.pi)
-                sigma2[n] = share * _phase_variance(
-                    c, s, float(mean[j, i]), noise[0], noise[1], noise[2], solve, waves
-                )
-                weight[n] = (2.0 * math.pi / periods[n]) ** 2 / sigma2[n]
+                turn[n] = corrected(turns[n, j, i], tables[n])
+                sigma2 = float(variances[n, j, i]) * factor[n, bin_of(turns[n, j, i], folds)]
+                inverse[n] = 1.0 / sigma2
+                weight[n] = wave2[n] * inverse[n]
                 total += weight[n]
-            first = math.ceil(low / periods[0] - turn[0])
-            last = math.floor(high / periods[0] - turn[0])
+                most = max(most, sigma2 * per_usual[n])
+                variance += sigma2
+            spread = 1.0 / total
+            order = np.rint(known * per_px - turn[0])
+            sw1 = sw2 = 0.0
             for n in range(1, count):
-                step[n] = periods[0] / periods[n]
-                at[n] = (turn[0] + first) * step[n] - turn[n]
-            best = second = math.inf
-            best_shift = 0.0
-            best_order = first
-            for order in range(first, last + 1):
-                sw1 = sw2 = 0.0
-                for n in range(1, count):
-                    # x_n - x_0 with the order of period n that brings it nearest
-                    r = (np.rint(at[n]) - at[n]) * periods[n]
-                    sw1 += weight[n] * r
-                    sw2 += weight[n] * r * r
-                    at[n] += step[n]
-                squares = sw2 - sw1 * sw1 / total
-                if squares < best:
-                    second, best = best, squares
-                    best_order, best_shift = order, sw1 / total
-                elif squares < second:
-                    second = squares
-            if best == math.inf:
-                continue
-            stiffness = leverage = variance = 0.0
+                at = (turn[0] + order) * ratio[n] - turn[n]
+                r = (np.rint(at) - at) * periods[n]
+                sw1 += weight[n] * r
+                sw2 += weight[n] * r * r
+            shift, best = sw1 * spread, max(sw2 - sw1 * sw1 * spread, 0.0)
+            nearest = separation / math.sqrt(single(most)) - math.sqrt(single(best))
+            second = nearest * nearest
+            x = (turn[0] + order) * periods[0]
+            if not (nearest > 0.0 and second > best + _CLEAR and low <= x <= high):
+                order, shift, best, second = _search(turn, weight, spread, periods, low, high)
+                if best == math.inf:
+                    continue
+                x = (turn[0] + order) * periods[0]
+            known = x  # without the shift: the next pixel need not wait for it
+            stiffness = leverage = 0.0
             for n in range(count):
-                h = weight[n] / total
-                stiffness += (1.0 - h) / sigma2[n]
-                leverage += (h * periods[n] / (2.0 * math.pi)) ** 2
-                variance += sigma2[n] / count
-            x_px[j, i] = (turn[0] + best_order) * periods[0] + best_shift
-            out[0, j, i] = math.sqrt(1.0 / total)
+                h = weight[n] * spread
+                stiffness += (1.0 - h) * inverse[n]
+                leverage += h * h * per_wave2[n]
+            x_px[j, i] = x + shift
+            out[0, j, i] = math.sqrt(single(spread))
             out[1, j, i] = max(best, 0.0)
-            out[2, j, i] = math.exp(-0.5 * (second - best)) if second < math.inf else 0.0
+            out[2, j, i] = math.exp(-0.5 * (second - best)) if second - best < _SURE else 0.0
             out[3, j, i] = stiffness
             out[4, j, i] = leverage
-            out[5, j, i] = math.sqrt(variance)
+            out[5, j, i] = math.sqrt(single(variance * per_count))
+
+
+def _usual_variance(waves: Waves, bright: Mask) -> Float:
+    """Median variance of each period over the pixels `bright`, rad^2."""
+    index = np.flatnonzero(bright)
+    some = waves.variance.reshape(len(waves.variance), -1)[:, index[:: len(index) // _SAMPLES + 1]]
+    if not len(index):
+        return np.ones(len(waves.variance))
+    return np.asarray(np.median(some, axis=1) * waves.factor.mean(axis=1), dtype=np.float64)
 
 
 def unwrap(
-    phasors: Phasors, axis: int, noise: NoiseModel, mean: Single, size_px: float, bright: Mask
+    waves: Waves, size_px: float, bright: Mask, tables: Single | None = None, coherent: float = 0.0
 ) -> Places:
-    """Places along the columns (axis 0) or rows (1) of an LCD of `size_px`, for the pixels `bright`.
+    """Places along one axis of an LCD of `size_px`, for the pixels `bright`.
 
-    mean: (rows, cols) grey without disturbances, which with the amplitude gives the noise of every shift's
-    frame. Orders are searched from half a shortest period before the LCD's first pixel to as far past its
-    last.
+    tables: (periods, `TABLE` + 1) correction of the phase over the turn, turns, periods rising. coherent: as
+    in `Places`. Orders are searched from half a shortest period before the LCD's first pixel to as far past
+    its last.
     """
-    sequence = phasors.sequence
-    order = np.argsort(sequence.periods_px)
-    periods = np.asarray(sequence.periods_px, dtype=np.float64)[order]
-    waves, solve = fit_matrices(sequence.shifts_rad)
-    shape = bright.shape
-    x = np.full(shape, np.nan)
-    out = np.full((6, *shape), np.nan, dtype=np.float32)
-    margin = 0.5 * periods[0]
+    periods = waves.periods_px
+    x = np.full(bright.shape, np.nan)
+    out = np.full((6, *bright.shape), np.nan, dtype=np.float32)
+    margin = 0.5 * float(periods[0])
+    usual = _usual_variance(waves, bright)
+    apart = rivals(periods, np.sqrt(usual), size_px + 2.0 * margin)[1]
+    if tables is None:
+        tables = np.zeros((len(periods), TABLE + 1), np.float32)
     _unwrap(
-        np.ascontiguousarray(phasors.cosine[axis, order]),
-        np.ascontiguousarray(phasors.sine[axis, order]),
-        mean,
+        waves.turn,
+        waves.variance,
+        waves.factor,
+        waves.folds,
         bright,
         periods,
-        (noise.constant_grey2, noise.slope_grey, QUANTISATION),
-        1.0 / sequence.repeats,
-        solve,
-        waves,
+        tables,
+        usual,
+        float(apart.min()) if len(apart) else math.inf,
         -margin,
         size_px - 1.0 + margin,
         x,
         out,
     )
-    return Places(x, *out)
-
-
-def folded_harmonic(phasors: Phasors, places: list[Places], sound: Mask) -> Float:
-    """Share e of the aliased harmonic, (2, periods), over the pixels `sound` (rows, cols)."""
-    sequence = phasors.sequence
-    count = len(sequence.shifts_rad)
-    shares = np.zeros((2, len(sequence.periods_px)))
-    index = np.flatnonzero(sound)
-    index = index[:: max(1, len(index) // _SAMPLES)]
-    # the shifts divide the turn evenly, in any order
-    turns = np.sort(np.mod(np.asarray(sequence.shifts_rad) - sequence.shifts_rad[0] + 1e-9, 2 * np.pi))
-    even = np.allclose(np.diff(turns), 2 * np.pi / count, atol=1e-6)
-    if len(index) < _LEAST_SAMPLES or not even or len(sequence.periods_px) < 2:
-        return shares
-    weight = 1.0 / np.asarray(sequence.periods_px) ** 2
-    free = 1.0 - weight / weight.sum()  # share of a phase error that does not move the place
-    for axis, place in enumerate(places):
-        x = place.x_px.ravel()[index]
-        for n, period in enumerate(sequence.periods_px):
-            phase = np.arctan2(phasors.sine[axis, n].ravel()[index], phasors.cosine[axis, n].ravel()[index])
-            misfit = np.angle(np.exp(1j * (phase - 2 * np.pi * x / period)))
-            wave = np.sin(count * phase)
-            shares[axis, n] = -float(np.mean(wave * misfit) / np.mean(wave * wave)) / free[n]
-    return shares
-
-
-def without_harmonic(phasors: Phasors, shares: Float) -> Phasors:
-    """Phasors without the aliased harmonic of these shares (2, periods)."""
-    folded = len(phasors.sequence.shifts_rad) - 1
-    cosine, sine = phasors.cosine.copy(), phasors.sine.copy()
-    for axis, n in np.ndindex(shares.shape):
-        measured = phasors.cosine[axis, n] + 1j * phasors.sine[axis, n]
-        z = measured
-        for _ in range(_ROUNDS):  # the error falls by the share in each round
-            z = measured - np.float32(shares[axis, n]) * np.abs(z) * np.exp(-1j * folded * np.angle(z))
-        cosine[axis, n], sine[axis, n] = z.real, z.imag
-    return replace(phasors, cosine=cosine, sine=sine)
+    return Places(x, out[0], out[1], out[2], out[3], out[4], out[5], len(periods) - 1, coherent)
