@@ -85,9 +85,9 @@ def search(references: list[Single], images: list[Single]) -> Float:
 def _coarsest(matcher: Matcher, reference: Single, image: Single) -> Float:
     """Field of the coarsest level: from rest, or from one shift of all where that clearly matches more."""
     rest = np.zeros((*matcher.shape, 2))
-    shift, _ = cv2.phaseCorrelate(
-        reference, image, cv2.createHanningWindow(reference.shape[::-1], cv2.CV_32F)
-    )
+    hanning = cv2.createHanningWindow(reference.shape[::-1], cv2.CV_32F)
+    # Copies: OpenCV multiplies its arguments by the window in place where their size suits its transform.
+    shift, _ = cv2.phaseCorrelate(reference.copy(), image.copy(), hanning)
     fields = [settle(matcher, start, _ROUNDS) for start in (rest, rest + shift)]
     shares = [float(matcher.compare(field).alike.mean()) for field in fields]
     return fields[1] if shares[1] > _CLEARLY * shares[0] else fields[0]
