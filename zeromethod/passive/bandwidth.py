@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 
 import numpy as np
 
@@ -28,6 +29,12 @@ _ORDER = 2
 
 _NOISE = 3.0
 """Squared differences, pooled over the wider window, are bias beyond this many times their noise."""
+
+_WILD_PX2 = 1.0
+"""Variance from which a fit does not even count as a guess."""
+
+_FLUCTUATION_PX = 1.0
+"""Two standard deviations of the relative fluctuation, times the window's width."""
 
 _NOISE_AREA = 4.0 * np.pi / 2.5
 """1 / integral of the squared kernel of a quadratic fit under a Gaussian window, per product of widths."""
@@ -49,14 +56,19 @@ def _difference_variance(ratio: float) -> float:
 
 
 def adaptive_fit(
-    sums: Float, field: Float, grey_variance: Float, size: int, widths_px: tuple[float, ...]
+    sums: Float,
+    noise: Float,
+    field: Float,
+    grey_variance: Float,
+    size: int,
+    widths_px: tuple[float, ...],
 ) -> tuple[Float, Float, Float]:
     """Displacement with the best window per cell: value, variance and how far its noise reaches.
 
     Returns (rows, cols, 2) px, (rows, cols, 2) px^2 and (rows, cols) px^2, the area over which errors go
     together (the integral of their autocorrelation, both components' mean).
 
-    sums, field: see `moving_fit`. grey_variance: (rows, cols) of the images' difference. size: of the cells
+    sums, noise, field: see `moving_fit`. grey_variance: (rows, cols) of the images' difference. size: of the cells
     in px. widths_px: rising. NaN where no window determines the displacement.
     """
     # (columns, rows) in px, every window after those that are narrower
@@ -65,9 +77,10 @@ def adaptive_fit(
     variances: dict[Window, Float] = {}
     bias2: dict[Window, Float] = {}
     for name in names:
-        fits[name], gain = moving_fit(sums, field, (name[0] / size, name[1] / size), _ORDER)
-        # Where texture hardly determines a fit, rounding can make its variance vanish.
-        variances[name] = np.where(gain > 0.0, gain, np.nan) * grey_variance[..., None]
+        fits[name], gain = moving_fit(sums, noise * _caution(name), field, (name[0] / size, name[1] / size), _ORDER)
+        # Where texture hardly determines a fit, rounding can make its variance vanish, or the fit run away.
+        variance = gain * grey_variance[..., None]
+        variances[name] = np.where((variance > 0.0) & (variance < _WILD_PX2), variance, np.nan)
         bias2[name] = np.zeros_like(field)
         for axis in range(2):
             at = widths_px.index(name[axis])
@@ -88,6 +101,11 @@ def adaptive_fit(
         total += share
     total = np.where(total > 0.0, total, np.nan)
     return fit / total, (sigma / total) ** 2, np.asarray((area / total).mean(axis=-1))
+
+
+def _caution(window: Window) -> float:
+    """Factor on the noise's share of the gradients, whose sum over few pixels fluctuates."""
+    return 1.0 + _FLUCTUATION_PX / math.sqrt(window[0] * window[1])
 
 
 def _bias2(

@@ -9,6 +9,9 @@ from zeromethod.arrays import Float, Single
 XX, XY, YY, X, Y = range(5)
 """Channels of `normal_sums`: sums of gx gx, gx gy, gy gy, gx r, gy r."""
 
+GRADIENT_NOISE = 130.0 / 144.0 / 4.0
+"""Variance that white noise adds to a gradient of `normal_sums`, per variance of the images' difference."""
+
 
 @numba.njit(cache=True, fastmath=False)
 def grey_sums(reference: Single, warped: Single, size: int, out: Float) -> None:

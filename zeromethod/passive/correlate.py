@@ -9,6 +9,7 @@ import numpy as np
 from zeromethod.arrays import Float, Image, Single
 from zeromethod.errors import InputError
 from zeromethod.passive.bandwidth import WIDTHS_PX, adaptive_fit
+from zeromethod.passive.cells import GRADIENT_NOISE
 from zeromethod.passive.displacement import Displacement
 from zeromethod.passive.matching import Matcher
 from zeromethod.passive.search import CELL_PX, SMALLEST_PX, pyramid, resampled, search, settle
@@ -71,10 +72,12 @@ def correlate(
         good = comparison.alike
         sums = np.where(good[..., None], comparison.sums, 0.0)
         noise = np.maximum(comparison.grey_variance, least_noise)
-        fitted, variance, area = adaptive_fit(sums, field, noise, spacing_px, widths_px)
+        of_noise = np.where(good, GRADIENT_NOISE * noise * comparison.pixels, 0.0)
+        fitted, variance, area = adaptive_fit(sums, of_noise, field, noise, spacing_px, widths_px)
         known = np.isfinite(fitted).all(axis=-1) & good
         step = np.linalg.norm(fitted - field, axis=-1)
-        field = continue_smoothly(np.where(known[..., None], fitted, 0.0), known)
+        # What looks alike but is not determined stays where the search had it.
+        field = continue_smoothly(np.where(known[..., None], fitted, field), known | good)
         sigma = np.sqrt(variance)
         if widths_px == final and np.sum(unsettled(sigma, step) & known) <= _UNSETTLED_SHARE * np.sum(known):
             break

@@ -27,7 +27,7 @@ class CellMatches:
 
     match: (rows, cols) correlation coefficient in a window. alike: (rows, cols) cells that both images show,
     and show alike. shown: (rows, cols) cells with pixels in both images. grey_variance: (rows, cols) of the
-    difference of two matched pixels, both images' noise counted.
+    difference of two matched pixels, both images' noise counted. pixels: (rows, cols) how many were compared.
     """
 
     sums: Float
@@ -35,6 +35,7 @@ class CellMatches:
     alike: Mask
     shown: Mask
     grey_variance: Float
+    pixels: Float
 
 
 def padded(field: Float) -> Float:
@@ -80,7 +81,8 @@ class Matcher:
         # The rim of a hole is alike in a window, but not in its own pixels.
         own = self._misfit[..., 0] <= 2.0 * (1.0 - ALIKE) * contrast * self._misfit[..., 1]
         alike = shown & (match > ALIKE) & own
-        return CellMatches(self._sums, match, alike, shown, np.where(count > 0.0, variance, np.nan))
+        variance = np.where(count > 0.0, variance, np.nan)
+        return CellMatches(self._sums, match, alike, shown, variance, self._misfit[..., 1])
 
     def _light(self) -> tuple[Float, Float, Float]:
         """(gain, offset) of the warped image per cell; correlation and reference's variance in its window."""
