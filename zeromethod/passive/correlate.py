@@ -9,11 +9,13 @@ import numpy as np
 from zeromethod.arrays import Float, Image, Single
 from zeromethod.errors import InputError
 from zeromethod.passive.bandwidth import WIDTHS_PX, adaptive_fit
-from zeromethod.passive.cells import GRADIENT_NOISE
-from zeromethod.passive.displacement import Displacement
-from zeromethod.passive.matching import Matcher
+from zeromethod.passive.cells import GRADIENT_NOISE, XX, XY, YY, X, Y
+from zeromethod.passive.displacement import Displacement, Doubt
+from zeromethod.passive.matching import LIGHT_PX, Matcher
+from zeromethod.passive.moving_fit import blur
+from zeromethod.passive.repeats import ambiguous, repeats
 from zeromethod.passive.search import CELL_PX, SMALLEST_PX, pyramid, resampled, search, settle
-from zeromethod.passive.validity import doubts, unsettled
+from zeromethod.passive.validity import aside, doubts, unsettled
 from zeromethod.warp.continuation import continue_smoothly
 
 SPACING_PX = 5
@@ -68,7 +70,7 @@ def correlate(
     middle = (_MIDDLE_PX,) if window_px is None else (window_px,)
     final = WIDTHS_PX if window_px is None else (window_px,)
     for widths_px in (middle, middle, *[final] * _FINAL_ROUNDS):
-        comparison = matcher.compare(field)
+        comparison = matcher.compare(field, final=True)
         good = comparison.alike
         sums = np.where(good[..., None], comparison.sums, 0.0)
         noise = np.maximum(comparison.grey_variance, least_noise)
@@ -76,14 +78,21 @@ def correlate(
         fitted, variance, area = adaptive_fit(sums, of_noise, field, noise, spacing_px, widths_px)
         known = np.isfinite(fitted).all(axis=-1) & good
         step = np.linalg.norm(fitted - field, axis=-1)
+        before = field
         # What looks alike but is not determined stays where the search had it.
         field = continue_smoothly(np.where(known[..., None], fitted, field), known | good)
         sigma = np.sqrt(variance)
         if widths_px == final and np.sum(unsettled(sigma, step) & known) <= _UNSETTLED_SHARE * np.sum(known):
             break
+    sigma *= _misfit(sums, fitted - before, noise, spacing_px)[..., None]
     u, v = np.meshgrid(*(spacing_px * np.arange(n) + 0.5 * (spacing_px - 1) for n in matcher.shape[::-1]))
     within = (u <= a.shape[1] - 1) & (v <= a.shape[0] - 1)
     found = doubts(field, sigma, np.where(known, step, np.inf), comparison.shown & within, good, spacing_px)
+    texture = sums[..., XX] + sums[..., YY] - 2.0 * of_noise
+    found[aside(texture, spacing_px)] |= np.uint8(Doubt.TEXTURE)
+    sound = found == 0
+    if ambiguous(matcher, comparison, field, sigma, sound, repeats(a), least_noise, guess):
+        found[sound] |= np.uint8(Doubt.ORDER)
     valid = found == 0
     return Displacement(
         u=u,
@@ -109,6 +118,21 @@ def _start(a: Single, b: Single, guess: Displacement | None) -> Float:
     followed = settle(matcher, resampled(guess.field, size, matcher.shape, CELL_PX, 1.0), _GUESS_ROUNDS)
     shares = [float(matcher.compare(field).alike.mean()) for field in (found, followed)]
     return followed if shares[1] > shares[0] else found
+
+
+def _misfit(sums: Float, step: Float, noise: Float, size: int) -> Float:
+    """How much more (rows, cols) the grey differences left pull at the fit than white noise does; at least 1.
+
+    What is left at edges, or alike over several pixels, averages out less than noise. step: (rows, cols, 2)
+    px, the last change of the field.
+    """
+    step = np.nan_to_num(step)
+    left = sums[..., X] - sums[..., XX] * step[..., 0] - sums[..., XY] * step[..., 1]
+    down = sums[..., Y] - sums[..., XY] * step[..., 0] - sums[..., YY] * step[..., 1]
+    window = (LIGHT_PX / size, LIGHT_PX / size)
+    found = blur(left**2 + down**2, window)
+    expected = blur(noise * (sums[..., XX] + sums[..., YY]), window)
+    return np.asarray(np.sqrt(np.maximum(found / np.maximum(expected, 1e-30), 1.0)))
 
 
 def _check(

@@ -65,7 +65,7 @@ def blur(field: Float, sigma: tuple[float, float]) -> Float:
     return out
 
 
-def _moments(field: Float, sigma: tuple[float, float], degree: int, out: Float) -> None:
+def moving_moments(field: Float, sigma: tuple[float, float], degree: int, out: Float) -> None:
     """Windowed sums (rows, cols) of x^a y^b field into out[a, b], a + b <= degree."""
     first = np.empty_like(field)
     for a in range(degree + 1):
@@ -151,9 +151,9 @@ def _solve(moments: Float, squares: Float, right: Float, powers: Ints, out: Floa
 
 
 def moving_fit(
-    sums: Float, noise: Float, field: Float, sigma: tuple[float, float], order: int
+    sums: Float, noise: Float, grey_variance: Float, field: Float, sigma: tuple[float, float], order: int
 ) -> tuple[Float, Float]:
-    """Displacement and its variance per unit of grey variance, at every cell.
+    """Displacement and its variance, at every cell.
 
     sums: (rows, cols, 5) as `cells.normal_sums` gives them; cells to be left out hold zeros. noise: (rows,
     cols) the part of XX and of YY that is the images' noise: it does not move with the texture, so it
@@ -168,12 +168,12 @@ def moving_fit(
     halved = (sigma[0] / np.sqrt(2.0), sigma[1] / np.sqrt(2.0))
     for k, channel in enumerate((XX, XY, YY)):
         part = np.ascontiguousarray(sums[..., channel])
-        _moments(part, halved, 2 * order, squares[k])
-        _moments(part if channel == XY else part - noise, sigma, 2 * order, moments[k])
+        moving_moments(part * grey_variance, halved, 2 * order, squares[k])
+        moving_moments(part if channel == XY else part - noise, sigma, 2 * order, moments[k])
     x, y = field[..., 0], field[..., 1]
     xx, xy, yy = sums[..., XX] - noise, sums[..., XY], sums[..., YY] - noise
-    _moments(sums[..., X] + xx * x + xy * y, sigma, order, right[0])
-    _moments(sums[..., Y] + xy * x + yy * y, sigma, order, right[1])
+    moving_moments(sums[..., X] + xx * x + xy * y, sigma, order, right[0])
+    moving_moments(sums[..., Y] + xy * x + yy * y, sigma, order, right[1])
     out, variance = np.empty((*plane, 2)), np.empty((*plane, 2))
     _solve(moments, squares, right, np.array(_POWERS[order]), out, variance)
     return out, variance

@@ -40,8 +40,9 @@ def settle(matcher: Matcher, field: Float, rounds: int, window_px: float = WINDO
     for _ in range(rounds):
         comparison = matcher.compare(field)
         weight = np.where(comparison.shown, np.clip(comparison.match, 0.05, 1.0) ** 2, 0.0)
+        none = np.zeros_like(weight)
         # Nothing is taken for noise yet: far from the match, all of the texture would be.
-        fitted, _ = moving_fit(comparison.sums * weight[..., None], np.zeros_like(weight), field, sigma, 1)
+        fitted, _ = moving_fit(comparison.sums * weight[..., None], none, none, field, sigma, 1)
         step = fitted - field
         length = np.linalg.norm(step, axis=-1, keepdims=True)
         step *= np.minimum(1.0, _STEP_PX / np.maximum(length, 1e-9))

@@ -6,6 +6,8 @@ import numpy as np
 
 from zeromethod.arrays import Bytes, Float, Mask
 from zeromethod.passive.displacement import Doubt
+from zeromethod.passive.matching import LIGHT_PX
+from zeromethod.passive.moving_fit import moving_moments
 from zeromethod.surface.integrate import largest_island
 
 WEAK_PX = 0.25
@@ -15,6 +17,9 @@ UNSETTLED_PX = 0.2
 """Last change of the field up to which grey levels are straight enough between the two (or `_SIGMAS`)."""
 
 _SIGMAS = 3.0
+
+ASIDE = 1.5
+"""Distance to the middle of the texture near a point, against the window: 1 from an edge is beyond this."""
 
 LEAST_STRETCH, MOST_STRETCH = 0.3, 3.0
 """Local magnifications beyond these are a fold, or a jump to another period, rather than a picture."""
@@ -52,6 +57,19 @@ def unsettled(sigma: Float, step: Float) -> Mask:
 
 def _worst(sigma: Float) -> Float:
     return np.asarray(np.where(np.isfinite(sigma).all(axis=-1), sigma.max(axis=-1), np.inf))
+
+
+def aside(texture: Float, spacing_px: float) -> Mask:
+    """Points (rows, cols) that lie outside of all texture: nothing, or only what is on one side, is near.
+
+    texture: (rows, cols) squared gradients of the cells, noise taken out.
+    """
+    window = (LIGHT_PX / spacing_px, LIGHT_PX / spacing_px)
+    moments = np.empty((2, 2, *texture.shape))
+    moving_moments(texture, window, 1, moments)
+    total = np.where(moments[0, 0] > 0.0, moments[0, 0], np.nan)
+    middle = np.hypot(moments[1, 0] / total, moments[0, 1] / total)
+    return np.asarray(~(middle * spacing_px < ASIDE * LIGHT_PX))
 
 
 def doubts(field: Float, sigma: Float, step: Float, shown: Mask, alike: Mask, spacing_px: float) -> Bytes:

@@ -1,0 +1,115 @@
+"""A texture that repeats: its other matches, and what tells the true one from them.
+
+A lattice moved by a whole period is the lattice again. Where another match is about as good, a displacement
+counts only if something breaks the tie: parts of the picture that match at one place only, parts that are
+seen at rest, or the image before.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import scipy.fft
+import scipy.ndimage
+
+from zeromethod.arrays import Float, Mask, Single
+from zeromethod.passive.displacement import Displacement
+from zeromethod.passive.matching import ALIKE, CellMatches, Matcher
+from zeromethod.passive.search import resampled, settle
+
+REST_PX = 0.05
+"""Displacement (or 3 sigma) up to which a point is at rest: far less than a period, so hardly by chance."""
+
+_EVEN_PX = 20.0
+_VIEW_PX = 512
+_LEAST_OVERLAP = 0.2
+_NEAREST = 24
+_CHECKED = 2
+_ROUNDS = 4
+_CLEARLY = 2.0
+_DECISIVE_SHARE = 0.1
+_CARRIED = 0.25
+_SIGMAS = 3.0
+
+
+def repeats(grey: Single) -> Float:
+    """Shifts (n, 2) px, shortest first, at which the picture (rows, cols) looks like itself again.
+
+    Judged in the middle `_VIEW_PX` of the picture; of opposite shifts one is given.
+    """
+    rows, cols = (slice((n - min(n, _VIEW_PX)) // 2, (n + min(n, _VIEW_PX)) // 2) for n in grey.shape)
+    part = np.asarray(grey[rows, cols] - cv2.GaussianBlur(grey, (0, 0), _EVEN_PX)[rows, cols], np.float64)
+    size = [scipy.fft.next_fast_len(2 * n, real=True) for n in part.shape]
+    ones, of_part, of_square = (scipy.fft.rfft2(x, size) for x in (np.ones_like(part), part, part**2))
+
+    def correlation(a: Float, b: Float) -> Float:
+        return np.asarray(scipy.fft.irfft2(np.conj(a) * b, size))
+
+    energy = np.maximum(correlation(ones, of_square), 0.0) * np.maximum(correlation(of_square, ones), 0.0)
+    overlap = correlation(ones, ones)
+    enough = overlap > _LEAST_OVERLAP * part.size
+    like = np.where(enough, correlation(of_part, of_part) / np.sqrt(np.maximum(energy, 1e-12)), 0.0)
+    like = np.roll(like, (size[0] // 2, size[1] // 2), axis=(0, 1))[: size[0] // 2 + 1]
+    # The peak at no shift at all is not a repeat; on a picture that is coarse it is wide.
+    count, labels = cv2.connectedComponents((like > ALIKE).astype(np.uint8))
+    others = sorted(set(range(1, count)) - {int(labels[size[0] // 2, size[1] // 2])})
+    at = np.array(scipy.ndimage.maximum_position(like, labels, others), dtype=np.float64).reshape(-1, 2)
+    found = at[:, ::-1] - (size[1] // 2, size[0] // 2)
+    return found[np.argsort(np.hypot(found[:, 0], found[:, 1]))][:_NEAREST]
+
+
+def ambiguous(
+    matcher: Matcher,
+    here: CellMatches,
+    field: Float,
+    sigma: Float,
+    sound: Mask,
+    shifts: Float,
+    least_noise: float,
+    guess: Displacement | None,
+) -> bool:
+    """Whether a match `here`, of field (rows, cols, 2) px, is only one of several about as good.
+
+    sound: (rows, cols) points to judge by. shifts: of `repeats`. least_noise: grey variance below which
+    matches do not differ.
+    """
+    if not shifts.size or not sound.any() or _carried(matcher, field, sound, shifts, guess):
+        return False
+    if _rests(field, sigma, sound, shifts):
+        return False
+    own = np.maximum(here.grey_variance, least_noise)
+    for shift in shifts[:_CHECKED]:
+        for sign in (1.0, -1.0):
+            other = matcher.compare(settle(matcher, field + sign * shift, _ROUNDS))
+            both = sound & other.shown
+            theirs = np.maximum(other.grey_variance, least_noise)
+            ahead = np.mean(theirs[both] > _CLEARLY * own[both]) if both.any() else 0.0
+            behind = np.mean(own[both] > _CLEARLY * theirs[both]) if both.any() else 0.0
+            if both.any() and ahead - behind < _DECISIVE_SHARE:
+                return True
+    return False
+
+
+def _carried(
+    matcher: Matcher, field: Float, sound: Mask, shifts: Float, guess: Displacement | None
+) -> bool:
+    """Whether the image before had the same order: nearly the same displacement, against the repeat."""
+    if guess is None:
+        return False
+    size = round(float(guess.u[0, 1] - guess.u[0, 0]))
+    before = resampled(guess.field, size, matcher.shape, matcher.size, 1.0)
+    change = np.linalg.norm(field - before, axis=-1)[sound]
+    return bool(np.median(change) < _CARRIED * np.hypot(*shifts[0]))
+
+
+def _rests(field: Float, sigma: Float, sound: Mask, shifts: Float) -> bool:
+    """Whether part of the view is at rest, and would not be if the order were another."""
+    by_row, by_col = (np.linalg.norm(np.gradient(field, axis=axis), axis=-1) for axis in (0, 1))
+    near = np.maximum(REST_PX, _SIGMAS * np.nan_to_num(sigma.max(axis=-1)))
+    near = np.maximum(near, 0.5 * np.hypot(by_row, by_col))
+
+    def share(shift: Float) -> float:
+        return float(np.mean((np.linalg.norm(field + shift, axis=-1) < near)[sound]))
+
+    others = [share(sign * shift) for shift in shifts for sign in (1.0, -1.0)]
+    return share(np.zeros(2)) > _CLEARLY * max(others)
