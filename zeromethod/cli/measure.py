@@ -31,6 +31,21 @@ _COLUMNS = (
 )
 """Depth only where a rig was given."""
 
+_LEAST_SHARE = 0.05
+"""Fewer valid points than this are no measurement."""
+
+_ADVICE = {
+    "outside": "most of the reference has left the image; photograph both from the same place",
+    "texture": "too little texture for the noise; photograph a speckle of 3 to 10 px with strong contrast in all"
+    " of the picture (stripes and ramps determine nothing along them), with more light",
+    "mismatch": "the images do not look alike; photograph the same texture, in focus, from the same place, with "
+    "small steps between the images",
+    "unsettled": "the match did not settle; photograph smaller steps, or a coarser speckle",
+    "order": "the texture repeats, and another match is about as good; photograph a random speckle, or keep a part"
+    " at rest in view, or give a sequence that begins at rest",
+}
+"""What to do, by the name of the commonest `Doubt`."""
+
 
 @click.command(
     "measure",
@@ -112,9 +127,12 @@ def _write(reading: StillReading, measurement: Measurement, folder: Path) -> Non
 
 def _refuse_empty(found: list[dict[str, Any]]) -> None:
     """Turn images in which nothing could be measured into an exit code."""
-    empty = [image["name"] for image in found if image["valid_share"] == 0.0]
-    if empty:
-        raise MeasurementError(f"{', '.join(empty)}: no part of the reference could be found with confidence")
+    for image in found:
+        if image["valid_share"] < _LEAST_SHARE:
+            raise MeasurementError(
+                f"{image['name']}: {image['valid_share']:.1%} of the points could be measured with confidence"
+                f" (less than {_LEAST_SHARE:.0%}): {_ADVICE[image['doubt']]}"
+            )
     unread = [image["name"] for image in found if not np.isfinite(image.get("depth_peak_mm", 0.0))]
     if unread:
         raise MeasurementError(f"{', '.join(unread)}: the displacement leaves no node to read depth at")

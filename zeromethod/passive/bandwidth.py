@@ -77,7 +77,9 @@ def adaptive_fit(
     variances: dict[Window, Float] = {}
     bias2: dict[Window, Float] = {}
     for name in names:
-        fits[name], variance = moving_fit(sums, noise * _caution(name), grey_variance, field, (name[0] / size, name[1] / size), _ORDER)
+        fits[name], variance = moving_fit(
+            sums, noise * _caution(name), grey_variance, field, (name[0] / size, name[1] / size), _ORDER
+        )
         # Where texture hardly determines a fit, rounding can make its variance vanish, or the fit run away.
         variances[name] = np.where((variance > 0.0) & (variance < _WILD_PX2), variance, np.nan)
         bias2[name] = np.zeros_like(field)

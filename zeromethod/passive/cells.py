@@ -48,9 +48,7 @@ def _slope(a: Single, b: Single, v: int, u: int, dv: int, du: int, gain: float) 
 
 
 @numba.njit(cache=True)
-def normal_sums(
-    reference: Single, warped: Single, light: Float, size: int, sums: Float, more: Float
-) -> None:
+def normal_sums(reference: Single, warped: Single, light: Float, size: int, sums: Float, more: Float) -> None:
     """Normal equations of the displacement left between reference and warped image, per cell.
 
     light: (cell rows, cell cols, 2) gain and offset that bring the warped image to the reference's grey.

@@ -28,6 +28,7 @@ _MIDDLE_PX = 8.0
 _FINAL_ROUNDS = 4
 _UNSETTLED_SHARE = 0.001
 _GUESS_ROUNDS = 20
+_CAMERA = 2.0
 
 
 def correlate(
@@ -74,7 +75,9 @@ def correlate(
         good = comparison.alike
         sums = np.where(good[..., None], comparison.sums, 0.0)
         noise = np.maximum(comparison.grey_variance, least_noise)
-        of_noise = np.where(good, GRADIENT_NOISE * noise * comparison.pixels, 0.0)
+        # Where much more is left than elsewhere, that is a misfit of the texture and not the camera's noise.
+        camera = np.minimum(noise, _CAMERA * np.percentile(noise[good], 25.0) if good.any() else np.inf)
+        of_noise = np.where(good, GRADIENT_NOISE * camera * comparison.pixels, 0.0)
         fitted, variance, area = adaptive_fit(sums, of_noise, field, noise, spacing_px, widths_px)
         known = np.isfinite(fitted).all(axis=-1) & good
         step = np.linalg.norm(fitted - field, axis=-1)
@@ -84,10 +87,10 @@ def correlate(
         sigma = np.sqrt(variance)
         if widths_px == final and np.sum(unsettled(sigma, step) & known) <= _UNSETTLED_SHARE * np.sum(known):
             break
-    sigma *= _misfit(sums, fitted - before, noise, spacing_px)[..., None]
     u, v = np.meshgrid(*(spacing_px * np.arange(n) + 0.5 * (spacing_px - 1) for n in matcher.shape[::-1]))
     within = (u <= a.shape[1] - 1) & (v <= a.shape[0] - 1)
     found = doubts(field, sigma, np.where(known, step, np.inf), comparison.shown & within, good, spacing_px)
+    sigma *= _misfit(sums, fitted - before, noise, spacing_px)[..., None]
     texture = sums[..., XX] + sums[..., YY] - 2.0 * of_noise
     found[aside(texture, spacing_px)] |= np.uint8(Doubt.TEXTURE)
     sound = found == 0

@@ -7,7 +7,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float, Mask, Single
-from zeromethod.passive.cells import AA, AR, AX, AY, GX, GY, RR, XX, XY, YY, A, N, R, X, Y, grey_sums, normal_sums
+from zeromethod.passive.cells import (
+    AA,
+    AR,
+    AX,
+    AY,
+    GX,
+    GY,
+    RR,
+    XX,
+    XY,
+    YY,
+    A,
+    N,
+    R,
+    X,
+    Y,
+    grey_sums,
+    normal_sums,
+)
 from zeromethod.passive.interpolation import noise_gain, spline_coefficients, warp_image
 from zeromethod.passive.moving_fit import blur
 

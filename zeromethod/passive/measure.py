@@ -10,10 +10,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from zeromethod.arrays import Image
+from zeromethod.arrays import Bytes, Image
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics, check_geometry
-from zeromethod.passive import Displacement, correlate
+from zeromethod.passive import Displacement, Doubt, correlate
 from zeromethod.passive.correlate import SPACING_PX
 from zeromethod.passive.passive_warp import measured_warp
 from zeromethod.rig.load import load_rig
@@ -236,6 +236,7 @@ def figures(reading: StillReading) -> dict[str, Any]:
     out: dict[str, Any] = {
         "name": reading.name,
         "valid_share": float(valid.mean()),
+        "doubt": commonest(found.doubts),
         "displacement_median_px": float(np.median(length)),
         "displacement_largest_px": float(length.max()),
         "sigma_median_px": float(np.median(sigma)),
@@ -245,6 +246,13 @@ def figures(reading: StillReading) -> dict[str, Any]:
         out["depth_peak_mm"] = reading.peak.depth_mm if reading.peak else float("nan")
         out["depth_peak_sigma_mm"] = reading.peak.sigma_mm if reading.peak else float("nan")
     return out
+
+
+def commonest(doubts: Bytes) -> str:
+    """Name of the reason that most points have against them, in small letters; empty where none has."""
+    counts = {doubt: int(np.count_nonzero(doubts & doubt)) for doubt in Doubt}
+    most = max(counts, key=lambda doubt: counts[doubt])
+    return str(most.name).lower() if counts[most] else ""
 
 
 def arrays(reading: StillReading) -> dict[str, Image]:

@@ -30,6 +30,7 @@ _CLEARLY = 2.0
 _DECISIVE_SHARE = 0.1
 _CARRIED = 0.25
 _SIGMAS = 3.0
+_SMOOTH = 2.0
 
 
 def repeats(grey: Single) -> Float:
@@ -90,9 +91,7 @@ def ambiguous(
     return False
 
 
-def _carried(
-    matcher: Matcher, field: Float, sound: Mask, shifts: Float, guess: Displacement | None
-) -> bool:
+def _carried(matcher: Matcher, field: Float, sound: Mask, shifts: Float, guess: Displacement | None) -> bool:
     """Whether the image before had the same order: nearly the same displacement, against the repeat."""
     if guess is None:
         return False
@@ -104,12 +103,18 @@ def _carried(
 
 def _rests(field: Float, sigma: Float, sound: Mask, shifts: Float) -> bool:
     """Whether part of the view is at rest, and would not be if the order were another."""
-    by_row, by_col = (np.linalg.norm(np.gradient(field, axis=axis), axis=-1) for axis in (0, 1))
-    near = np.maximum(REST_PX, _SIGMAS * np.nan_to_num(sigma.max(axis=-1)))
-    near = np.maximum(near, 0.5 * np.hypot(by_row, by_col))
+    worst = sigma.max(axis=-1)
+    # What is badly determined may seem to be at rest.
+    usual, most = np.percentile(worst[sound], (50.0, 90.0))
+    sound = sound & (worst <= most)
+    smooth = cv2.GaussianBlur(field, (0, 0), _SMOOTH)
+    by_row, by_col = (np.linalg.norm(np.gradient(smooth, axis=axis), axis=-1) for axis in (0, 1))
+    near = np.maximum(REST_PX, _SIGMAS * np.minimum(worst[sound], usual))
+    near = np.maximum(near, 0.5 * np.hypot(by_row, by_col)[sound])
+    moved = field[sound]
 
     def share(shift: Float) -> float:
-        return float(np.mean((np.linalg.norm(field + shift, axis=-1) < near)[sound]))
+        return float(np.mean(np.linalg.norm(moved + shift, axis=-1) < near))
 
     others = [share(sign * shift) for shift in shifts for sign in (1.0, -1.0)]
     return share(np.zeros(2)) > _CLEARLY * max(others)

@@ -18,8 +18,8 @@ UNSETTLED_PX = 0.2
 
 _SIGMAS = 3.0
 
-ASIDE = 1.5
-"""Distance to the middle of the texture near a point, against the window: 1 from an edge is beyond this."""
+ASIDE = 1.3
+"""Distance to the middle of the texture near a point, against the window: half a window outside of an edge is beyond this."""
 
 LEAST_STRETCH, MOST_STRETCH = 0.3, 3.0
 """Local magnifications beyond these are a fold, or a jump to another period, rather than a picture."""
