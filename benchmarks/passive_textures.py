@@ -31,7 +31,6 @@ LENS_PX = 0.7
 """Standard deviation of the lens's blur; the pixels are square and full."""
 
 _FINER = 4
-_BORDER_PX = 2
 DIRECTION = (np.cos(np.deg2rad(25.0)), np.sin(np.deg2rad(25.0)))
 SHIFTS_PX = (0.1, 0.4, 1.3, 3.0, 6.7, 13.0, 22.0, 40.0)
 CASES = ("no noise", "itself", "fresh noise", *(f"{shift:g} px" for shift in SHIFTS_PX))
@@ -176,8 +175,8 @@ def picture(name: str, shape: tuple[int, int], shift: tuple[float, float]) -> Gr
     if "borders" in name:
         x, y = np.meshgrid((u + shift[0]) / shape[1], (v + shift[1]) / shape[0])
         grey = np.where((np.abs(x - 0.5) < 0.33) & (np.abs(y - 0.5) < 0.33), grey, 8.0)
-    grey = cv2.GaussianBlur(grey, (0, 0), LENS_PX * _FINER)[pad:-pad, pad:-pad]
-    return np.asarray(grey.reshape(shape[0], _FINER, shape[1], _FINER).mean(axis=(1, 3)))
+    seen = cv2.GaussianBlur(grey, (0, 0), LENS_PX * _FINER)[pad:-pad, pad:-pad]
+    return np.asarray(seen.reshape(shape[0], _FINER, shape[1], _FINER).mean(axis=(1, 3)))
 
 
 def noisy(grey: Grey, rng: np.random.Generator, noise_grey: float = NOISE_GREY) -> NDArray[np.uint8]:

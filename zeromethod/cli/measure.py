@@ -38,11 +38,11 @@ _ADVICE = {
     "outside": "most of the reference has left the image; photograph both from the same place",
     "texture": "too little texture for the noise; photograph a speckle of 3 to 10 px with strong contrast in all"
     " of the picture (stripes and ramps determine nothing along them), with more light",
-    "mismatch": "the images do not look alike; photograph the same texture, in focus, from the same place, with "
-    "small steps between the images",
+    "mismatch": "the images do not look alike; photograph the same texture, in focus, from the same place,"
+    " with small steps between the images",
     "unsettled": "the match did not settle; photograph smaller steps, or a coarser speckle",
-    "order": "the texture repeats, and another match is about as good; photograph a random speckle, or keep a part"
-    " at rest in view, or give a sequence that begins at rest",
+    "order": "the texture repeats, and another match is about as good; photograph a random speckle, or keep"
+    " a part at rest in view, or give a sequence that begins at rest",
 }
 """What to do, by the name of the commonest `Doubt`."""
 

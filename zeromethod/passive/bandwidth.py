@@ -68,8 +68,8 @@ def adaptive_fit(
     Returns (rows, cols, 2) px, (rows, cols, 2) px^2 and (rows, cols) px^2, the area over which errors go
     together (the integral of their autocorrelation, both components' mean).
 
-    sums, noise, field: see `moving_fit`. grey_variance: (rows, cols) of the images' difference. size: of the cells
-    in px. widths_px: rising. NaN where no window determines the displacement.
+    sums, noise, field: see `moving_fit`. grey_variance: (rows, cols) of the images' difference. size: of
+    the cells in px. widths_px: rising. NaN where no window determines the displacement.
     """
     # (columns, rows) in px, every window after those that are narrower
     names: list[Window] = list(itertools.product(widths_px, widths_px))

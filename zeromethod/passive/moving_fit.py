@@ -157,9 +157,9 @@ def moving_fit(
 
     sums: (rows, cols, 5) as `cells.normal_sums` gives them; cells to be left out hold zeros. noise: (rows,
     cols) the part of XX and of YY that is the images' noise: it does not move with the texture, so it
-    determines nothing, but adds to the variance. field: (rows, cols, 2) px, what warped the image. sigma: window (columns, rows) in cells. order: of
-    the polynomial, 1 or 2. Returns (rows, cols, 2) px and (rows, cols, 2) px^2 per grey^2 of the images'
-    difference; NaN where the texture does not determine the polynomial.
+    determines nothing, but adds to the variance. field: (rows, cols, 2) px, what warped the image.
+    grey_variance: (rows, cols) of the images' difference. sigma: window (columns, rows) in cells. order: of
+    the polynomial, 1 or 2. Returns (rows, cols, 2) px and (rows, cols, 2) px^2; NaN where the texture does not determine the polynomial.
     """
     n = 2 * order + 1
     plane = field.shape[:2]

@@ -56,7 +56,7 @@ def repeats(grey: Single) -> Float:
     others = sorted(set(range(1, count)) - {int(labels[size[0] // 2, size[1] // 2])})
     at = np.array(scipy.ndimage.maximum_position(like, labels, others), dtype=np.float64).reshape(-1, 2)
     found = at[:, ::-1] - (size[1] // 2, size[0] // 2)
-    return found[np.argsort(np.hypot(found[:, 0], found[:, 1]))][:_NEAREST]
+    return np.asarray(found[np.argsort(np.hypot(found[:, 0], found[:, 1]))][:_NEAREST])
 
 
 def ambiguous(
