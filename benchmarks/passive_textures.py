@@ -1,4 +1,4 @@
-"""`measure` on pictures of many textures, against themselves and moved: what is called valid, and is it right?
+"""Still images of many textures, against themselves and moved: what is called valid, and how much is wrong.
 
     python -m benchmarks.passive_textures [--seeds 2] [--shape 240 320] [--json out.json]
 
@@ -137,7 +137,7 @@ def _hole(u: Grey, v: Grey) -> Grey:
     return np.where(np.hypot(u - 150, v - 110) < 55, 12.0, _random(2.0, 13)(u, v))
 
 
-def _even(u: Grey, v: Grey) -> Grey:
+def _even(u: Grey, _v: Grey) -> Grey:
     return np.full_like(u, 120.0)
 
 

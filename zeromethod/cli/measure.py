@@ -36,8 +36,8 @@ _LEAST_SHARE = 0.05
 
 _ADVICE = {
     "outside": "most of the reference has left the image; photograph both from the same place",
-    "texture": "too little texture for the noise; photograph a speckle of 3 to 10 px with strong contrast in all"
-    " of the picture (stripes and ramps determine nothing along them), with more light",
+    "texture": "too little texture for the noise; photograph a speckle of 3 to 10 px with strong contrast"
+    " all over the picture (stripes and ramps determine nothing along them), with more light",
     "mismatch": "the images do not look alike; photograph the same texture, in focus, from the same place,"
     " with small steps between the images",
     "unsettled": "the match did not settle; photograph smaller steps, or a coarser speckle",

@@ -159,7 +159,8 @@ def moving_fit(
     cols) the part of XX and of YY that is the images' noise: it does not move with the texture, so it
     determines nothing, but adds to the variance. field: (rows, cols, 2) px, what warped the image.
     grey_variance: (rows, cols) of the images' difference. sigma: window (columns, rows) in cells. order: of
-    the polynomial, 1 or 2. Returns (rows, cols, 2) px and (rows, cols, 2) px^2; NaN where the texture does not determine the polynomial.
+    the polynomial, 1 or 2. Returns (rows, cols, 2) px and (rows, cols, 2) px^2; NaN where the
+    texture does not determine the polynomial.
     """
     n = 2 * order + 1
     plane = field.shape[:2]

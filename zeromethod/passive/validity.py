@@ -19,7 +19,7 @@ UNSETTLED_PX = 0.2
 _SIGMAS = 3.0
 
 ASIDE = 1.3
-"""Distance to the middle of the texture near a point, per width of the window; some 7 px outside of an edge."""
+"""Distance to the middle of the texture near a point, per width of the window: 7 px outside of an edge."""
 
 LEAST_STRETCH, MOST_STRETCH = 0.3, 3.0
 """Local magnifications beyond these are a fold, or a jump to another period, rather than a picture."""
