@@ -15,7 +15,7 @@ from zeromethod.passive.matching import LIGHT_PX, Matcher
 from zeromethod.passive.moving_fit import blur
 from zeromethod.passive.repeats import ambiguous, repeats
 from zeromethod.passive.search import CELL_PX, SMALLEST_PX, pyramid, resampled, search, settle
-from zeromethod.passive.validity import aside, doubts, unsettled
+from zeromethod.passive.validity import aside, at_ends, doubts, unsettled, weak
 from zeromethod.warp.continuation import continue_smoothly
 
 SPACING_PX = 5
@@ -70,9 +70,10 @@ def correlate(
     least_noise = max((steps[0] ** 2 + steps[1] ** 2) / 12.0, 1e-9 * float(np.var(a)), 1e-30)
     middle = (_MIDDLE_PX,) if window_px is None else (window_px,)
     final = WIDTHS_PX if window_px is None else (window_px,)
+    trusted = np.ones(matcher.shape, dtype=bool)
     for widths_px in (middle, middle, *[final] * _FINAL_ROUNDS):
         comparison = matcher.compare(field, final=True)
-        good = comparison.alike
+        good = comparison.alike & trusted
         sums = np.where(good[..., None], comparison.sums, 0.0)
         noise = np.maximum(comparison.grey_variance, least_noise)
         # Where much more is left than elsewhere, that is a misfit of the texture and not the camera's noise.
@@ -85,6 +86,9 @@ def correlate(
         # What looks alike but is not determined stays where the search had it.
         field = continue_smoothly(np.where(known[..., None], fitted, field), known | good)
         sigma = np.sqrt(variance)
+        if widths_px == final:
+            # A field that is hardly determined leaves grey differences that are not in proportion to it.
+            trusted = ~(weak(sigma) | unsettled(sigma, step)) | ~known
         if widths_px == final and np.sum(unsettled(sigma, step) & known) <= _UNSETTLED_SHARE * np.sum(known):
             break
     u, v = np.meshgrid(*(spacing_px * np.arange(n) + 0.5 * (spacing_px - 1) for n in matcher.shape[::-1]))
@@ -92,7 +96,8 @@ def correlate(
     found = doubts(field, sigma, np.where(known, step, np.inf), comparison.shown & within, good, spacing_px)
     sigma *= _misfit(sums, fitted - before, noise, spacing_px)[..., None]
     texture = sums[..., XX] + sums[..., YY] - 2.0 * of_noise
-    found[aside(texture, spacing_px)] |= np.uint8(Doubt.TEXTURE)
+    sigma = np.hypot(sigma, at_ends(field, texture, comparison.shown & within, spacing_px)[..., None])
+    found[aside(texture, spacing_px) | weak(sigma)] |= np.uint8(Doubt.TEXTURE)
     sound = found == 0
     if ambiguous(matcher, comparison, field, sigma, sound, repeats(a), least_noise, guess):
         found[sound] |= np.uint8(Doubt.ORDER)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from zeromethod.arrays import Bytes, Float, Mask
 from zeromethod.passive.displacement import Doubt
 from zeromethod.passive.matching import LIGHT_PX
-from zeromethod.passive.moving_fit import moving_moments
+from zeromethod.passive.moving_fit import blur, moving_moments
 from zeromethod.surface.integrate import largest_island
 
 WEAK_PX = 0.25
@@ -20,6 +21,9 @@ _SIGMAS = 3.0
 
 ASIDE = 1.3
 """Distance to the middle of the texture near a point, per width of the window: 7 px outside of an edge."""
+
+_ENDS_PX = 15.0
+_EMPTY = 0.05
 
 LEAST_STRETCH, MOST_STRETCH = 0.3, 3.0
 """Local magnifications beyond these are a fold, or a jump to another period, rather than a picture."""
@@ -59,6 +63,37 @@ def _worst(sigma: Float) -> Float:
     return np.asarray(np.where(np.isfinite(sigma).all(axis=-1), sigma.max(axis=-1), np.inf))
 
 
+def weak(sigma: Float) -> Mask:
+    """Points (rows, cols) whose sigma (rows, cols, 2) px is too large, or not known."""
+    return np.asarray(~(_worst(sigma) <= WEAK_PX))
+
+
+def at_ends(field: Float, texture: Float, shown: Mask, spacing_px: float) -> Float:
+    """Standard deviation (rows, cols) px to add near the ends of the texture; 0 elsewhere.
+
+    There an edge may stand still (a frame's) while the texture moves, or the field be carried on from one
+    side: how the field differs from a plane within `_ENDS_PX` is not known to be the picture's.
+    field: (rows, cols, 2) px. texture: see `aside`. shown: cells that both images show.
+    """
+    window = (LIGHT_PX / spacing_px, LIGHT_PX / spacing_px)
+    seen = np.maximum(blur(shown.astype(np.float64), window), 1e-9)
+    near = blur(np.where(shown, texture, 0.0), window) / seen
+    empty = shown & (near < _EMPTY * np.percentile(near[shown], 75.0)) if shown.any() else shown
+    # The window itself reaches 20 px beyond the texture.
+    reach = round((2.0 * LIGHT_PX + _ENDS_PX) / spacing_px)
+    close = cv2.dilate(
+        empty.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1,) * 2)
+    )
+    size = 2 * round(_ENDS_PX / spacing_px) + 1
+    out = np.zeros(field.shape[:2])
+    for c in range(2):
+        component = np.ascontiguousarray(field[..., c])
+        trend = cv2.blur(component, (size, size), borderType=cv2.BORDER_REPLICATE)
+        out = np.maximum(out, np.abs(component - trend))
+    out = cv2.dilate(out, np.ones((size, size), np.uint8))
+    return np.asarray(np.where(close > 0, out, 0.0))
+
+
 def aside(texture: Float, spacing_px: float) -> Mask:
     """Points (rows, cols) that lie outside of all texture: nothing, or only what is on one side, is near.
 
@@ -82,7 +117,7 @@ def doubts(field: Float, sigma: Float, step: Float, shown: Mask, alike: Mask, sp
     found = {
         Doubt.OUTSIDE: ~shown,
         Doubt.MISMATCH: shown & ~alike,
-        Doubt.TEXTURE: shown & ~(_worst(sigma) <= WEAK_PX),
+        Doubt.TEXTURE: shown & weak(sigma),
         Doubt.UNSETTLED: shown & unsettled(sigma, step),
         Doubt.ORDER: (least < LEAST_STRETCH) | (most > MOST_STRETCH) | _next_to_jump(field, spacing_px),
     }
