@@ -82,30 +82,29 @@ def adaptive_fit(
     fits: dict[Window, Float] = {}
     variances: dict[Window, Float] = {}
     bias2: dict[Window, Float] = {}
-    hidden: dict[Window, Float] = {}
     for name in names:
         fits[name], variance = moving_fit(
             sums, noise * _caution(name), grey_variance, field, (name[0] / size, name[1] / size), _ORDER
         )
         # Where texture hardly determines a fit, rounding can make its variance vanish, or the fit run away.
         variances[name] = np.where((variance > 0.0) & (variance < _WILD_PX2), variance, np.nan)
-        bias2[name], hidden[name] = np.zeros_like(field), np.zeros_like(field)
+        bias2[name] = np.zeros_like(field)
         for axis in range(2):
             at = widths_px.index(name[axis])
             if at > 0:
                 narrower = (widths_px[at - 1], name[1]) if axis == 0 else (name[0], widths_px[at - 1])
-                seen, unseen = _bias2(fits, variances, narrower, name, size)
-                bias2[name] = np.maximum(bias2[name], np.maximum(seen, bias2[narrower]))
-                hidden[name] = np.maximum(hidden[name], np.maximum(unseen, hidden[narrower]))
+                extra = _bias2(fits, variances, narrower, name, size)
+                bias2[name] = np.maximum(bias2[name], np.maximum(extra, bias2[narrower]))
     cost = np.stack([variances[name] + WEIGHT * bias2[name] for name in names])
     cost = np.where(np.isfinite(cost), cost, np.inf)
     best = np.argmin(cost, axis=0)
+    unresolved = _unresolved(fits, variances, widths_px)
     sigma, fit, area, total = (np.zeros_like(field) for _ in range(4))
     for k, name in enumerate(names):
         # blurred, so that a change of window leaves no step
         share = _blurred(best == k, (widths_px[0] / size,) * 2) * np.isfinite(cost[k])
         fit += share * np.nan_to_num(fits[name])
-        sigma += share * np.sqrt(np.nan_to_num(variances[name] + hidden[name]))
+        sigma += share * np.sqrt(np.nan_to_num(variances[name] + unresolved))
         area += share * _NOISE_AREA * name[0] * name[1]
         total += share
     total = np.where(total > 0.0, total, np.nan)
@@ -117,24 +116,44 @@ def _caution(window: Window) -> float:
     return 1.0 + _FLUCTUATION_PX / math.sqrt(window[0] * window[1])
 
 
+def _apart(
+    fits: dict[Window, Float], variances: dict[Window, Float], narrow: Window, wide: Window
+) -> tuple[Float, Float]:
+    """Squared difference of two fits in units of its noise, and that noise, px^2; NaN where either is."""
+    noise = variances[narrow] * _difference_variance(max(wide[0] / narrow[0], wide[1] / narrow[1]))
+    return (fits[wide] - fits[narrow]) ** 2 / noise, noise
+
+
 def _bias2(
     fits: dict[Window, Float], variances: dict[Window, Float], narrow: Window, wide: Window, size: int
-) -> tuple[Float, Float]:
-    """Squared bias of the wide fit against the narrow one: where noise cannot explain it, and everywhere.
-
-    The first is local, and 0 where noise explains the difference. The second is that of most of the picture,
-    as the way that pixels sample hard edges makes it, each time too small to be told from noise.
-    """
-    noise = variances[narrow] * _difference_variance(max(wide[0] / narrow[0], wide[1] / narrow[1]))
+) -> Float:
+    """Squared bias of the wide fit against the narrow one; 0 where noise explains the difference."""
     # In units of the noise, so that badly determined cells do not drown their neighbours.
-    ratio = (fits[wide] - fits[narrow]) ** 2 / noise
+    ratio, noise = _apart(fits, variances, narrow, wide)
     known = np.isfinite(ratio)
     pool = (wide[0] / size, wide[1] / size)
     mean = _blurred(np.where(known, ratio, 0.0), pool) / np.maximum(_blurred(known, pool), 1e-9)
-    usual = [np.median(ratio[..., c][known[..., c]]) if known[..., c].any() else 0.0 for c in range(2)]
-    unseen = np.array(usual) / _MEDIAN - 1.0
-    unseen[unseen < _BY_CHANCE] = 0.0
-    return tuple(np.where(known, share * noise, 0.0) for share in (np.maximum(mean - _NOISE, 0.0), unseen))
+    return np.where(known, np.maximum(mean - _NOISE, 0.0) * noise, 0.0)
+
+
+def _unresolved(
+    fits: dict[Window, Float], variances: dict[Window, Float], widths_px: tuple[float, ...]
+) -> Float:
+    """Variance (rows, cols, 2) px^2 of what most of the picture has below the narrowest window.
+
+    The way that pixels sample hard edges does so: each time too little to be told from noise, but not noise.
+    """
+    out = np.zeros_like(next(iter(fits.values())))
+    for wide in itertools.product(widths_px[:2], widths_px[:2]):
+        if wide[0] == wide[1]:
+            continue
+        ratio, noise = _apart(fits, variances, (widths_px[0], widths_px[0]), wide)
+        for c in range(2):
+            known = np.isfinite(ratio[..., c])
+            excess = np.median(ratio[known, c]) / _MEDIAN - 1.0 if known.any() else 0.0
+            if excess > _BY_CHANCE:
+                out[known, c] = np.maximum(out[known, c], excess * noise[known, c])
+    return out
 
 
 def _blurred(field: Float | Mask, sigma: tuple[float, float]) -> Float:
