@@ -201,10 +201,13 @@ def judged(found: Displacement, shift: tuple[float, float]) -> dict[str, float]:
     }
 
 
-def run(name: str, shape: tuple[int, int], seeds: int) -> dict[str, dict[str, float]]:
+def run(
+    name: str, shape: tuple[int, int], seeds: int, largest_px: float | None = None
+) -> dict[str, dict[str, float]]:
     """Figures per case of one texture, means over seeds."""
     out: dict[str, dict[str, float]] = {}
     still = picture(name, shape, (0.0, 0.0))
+    told = {} if largest_px is None else {"largest_shift_px": largest_px}
     for case, length in zip(CASES, (0.0, 0.0, 0.0, *SHIFTS_PX), strict=True):
         shift = (length * DIRECTION[0], length * DIRECTION[1])
         moved = picture(name, shape, shift) if length else still
@@ -214,7 +217,7 @@ def run(name: str, shape: tuple[int, int], seeds: int) -> dict[str, dict[str, fl
             reference = noisy(still, rng, 0.0 if case == "no noise" else NOISE_GREY)
             image = reference if case in ("no noise", "itself") else noisy(moved, rng)
             started = time.perf_counter()
-            displacement = correlate(reference, image)
+            displacement = correlate(reference, image, **told)
             seconds = time.perf_counter() - started
             found.append({**judged(displacement, shift), "s": seconds})
         out[case] = {

@@ -41,8 +41,9 @@ _ADVICE = {
     "mismatch": "the images do not look alike; photograph the same texture, in focus, from the same place,"
     " with small steps between the images",
     "unsettled": "the match did not settle; photograph smaller steps, or a coarser speckle",
-    "order": "the texture repeats, and another match is about as good; photograph a random speckle, or keep"
-    " a part at rest in view, or give a sequence that begins at rest",
+    "order": "the texture repeats, and another match is about as good; photograph a random speckle, keep"
+    " a part at rest in view, give a sequence that begins at rest, or say --largest-shift, how far in px"
+    " anything may have moved",
 }
 """What to do, by the name of the commonest `Doubt`."""
 
@@ -67,6 +68,11 @@ _ADVICE = {
     help="Standard deviation in px of the Gaussian window; chosen per point when left out.",
 )
 @click.option(
+    "--largest-shift",
+    type=Real(0.1, 10000.0),
+    help="How far in px any point may have moved: tells a texture that repeats by how many periods it did.",
+)
+@click.option(
     "--output", type=click.Path(path_type=Path), help="Folder for a .npz and a picture (.png) of every image."
 )
 @summary_option
@@ -76,6 +82,7 @@ def measure_command(
     rig_name: str | None,
     spacing: int,
     window: float | None,
+    largest_shift: float | None,
     output: Path | None,
     summary: Path | None,
 ) -> None:
@@ -91,7 +98,9 @@ def measure_command(
         rig = load_rig(rig_name)
         check_geometry(rig)
     limit_threads()
-    measurement = Measurement(reference, rig=rig, spacing_px=spacing, window_px=window)
+    measurement = Measurement(
+        reference, rig=rig, spacing_px=spacing, window_px=window, largest_shift_px=largest_shift
+    )
     found: list[dict[str, Any]] = []
     names = [*(path.name for path in images[1:]), ""]
     with progress(len(images), first=images[0].name) as advance:

@@ -13,9 +13,9 @@ from zeromethod.passive.cells import GRADIENT_NOISE, XX, XY, YY, X, Y
 from zeromethod.passive.displacement import Displacement, Doubt
 from zeromethod.passive.matching import LIGHT_PX, Matcher
 from zeromethod.passive.moving_fit import blur
-from zeromethod.passive.repeats import ambiguous, repeats
+from zeromethod.passive.repeats import Repeats, ambiguous, repeats
 from zeromethod.passive.search import CELL_PX, SMALLEST_PX, pyramid, resampled, search, settle
-from zeromethod.passive.validity import aside, at_ends, doubts, unsettled, weak
+from zeromethod.passive.validity import aside, at_ends, doubts, ends, unsettled, weak
 from zeromethod.warp.continuation import continue_smoothly
 
 SPACING_PX = 5
@@ -29,6 +29,7 @@ _FINAL_ROUNDS = 4
 _UNSETTLED_SHARE = 0.001
 _GUESS_ROUNDS = 20
 _CAMERA = 2.0
+_INNER_SHARE = 0.1
 
 
 def correlate(
@@ -38,6 +39,7 @@ def correlate(
     spacing_px: int = SPACING_PX,
     window_px: float | None = None,
     guess: Displacement | None = None,
+    largest_shift_px: float | None = None,
 ) -> Displacement:
     """Find where every part of the reference has gone in the image.
 
@@ -48,7 +50,8 @@ def correlate(
     reference, image: (rows, cols) grey, one shape, any real type, finite. spacing_px: pixels from point to
     point, each the centre of a square of that size. window_px: standard deviation of the Gaussian window;
     None chooses it per point and axis. guess: a displacement from the same reference, say that of the frame
-    before, tried in addition to the search from nothing; the better match is kept.
+    before, tried in addition to the search from nothing; the better match is kept. largest_shift_px: how far
+    any point may have moved, where that is known: it tells a texture that repeats by how many periods it did.
 
     Sigma is the images' noise through the fit's own weights, the noise being taken from the grey differences
     left by the match and taken as equal in both images. It does not contain what the window smooths away.
@@ -56,6 +59,8 @@ def correlate(
     Convention: reference(u, v) = image(u + du, v + dv). Raises InputError for what cannot be compared.
     """
     _check(reference, image, spacing_px, window_px, guess)
+    if largest_shift_px is not None and not largest_shift_px > 0.0:
+        raise InputError(f"largest shift: {largest_shift_px}: more than 0 px")
     a, b = (np.array(grey, dtype=np.float32, order="C") for grey in (reference, image))
     # One overall gain first, so that bit depths and exposures may differ by any factor.
     gain = float(np.std(a) / np.std(b)) if np.std(a) > 0.0 and np.std(b) > 0.0 else 1.0
@@ -70,10 +75,9 @@ def correlate(
     least_noise = max((steps[0] ** 2 + steps[1] ** 2) / 12.0, 1e-9 * float(np.var(a)), 1e-30)
     middle = (_MIDDLE_PX,) if window_px is None else (window_px,)
     final = WIDTHS_PX if window_px is None else (window_px,)
-    trusted = np.ones(matcher.shape, dtype=bool)
     for widths_px in (middle, middle, *[final] * _FINAL_ROUNDS):
         comparison = matcher.compare(field, final=True)
-        good = comparison.alike & trusted
+        good = comparison.alike
         sums = np.where(good[..., None], comparison.sums, 0.0)
         noise = np.maximum(comparison.grey_variance, least_noise)
         # Where much more is left than elsewhere, that is a misfit of the texture and not the camera's noise.
@@ -86,9 +90,6 @@ def correlate(
         # What looks alike but is not determined stays where the search had it.
         field = continue_smoothly(np.where(known[..., None], fitted, field), known | good)
         sigma = np.sqrt(variance)
-        if widths_px == final:
-            # A field that is hardly determined leaves grey differences that are not in proportion to it.
-            trusted = ~(weak(sigma) | unsettled(sigma, step)) | ~known
         if widths_px == final and np.sum(unsettled(sigma, step) & known) <= _UNSETTLED_SHARE * np.sum(known):
             break
     u, v = np.meshgrid(*(spacing_px * np.arange(n) + 0.5 * (spacing_px - 1) for n in matcher.shape[::-1]))
@@ -96,10 +97,16 @@ def correlate(
     found = doubts(field, sigma, np.where(known, step, np.inf), comparison.shown & within, good, spacing_px)
     sigma *= _misfit(sums, fitted - before, noise, spacing_px)[..., None]
     texture = sums[..., XX] + sums[..., YY] - 2.0 * of_noise
-    sigma = np.hypot(sigma, at_ends(field, texture, comparison.shown & within, spacing_px)[..., None])
+    close = ends(texture, comparison.shown & within, spacing_px)
+    sigma = np.hypot(sigma, at_ends(field, close, spacing_px)[..., None])
     found[aside(texture, spacing_px) | weak(sigma)] |= np.uint8(Doubt.TEXTURE)
+    largest_px = math.inf if largest_shift_px is None else largest_shift_px
+    found[np.linalg.norm(field, axis=-1) > largest_px] |= np.uint8(Doubt.ORDER)
     sound = found == 0
-    if ambiguous(matcher, comparison, field, sigma, sound, repeats(a), least_noise, guess):
+    # A frame that stands still round the texture tells nothing of the texture's order.
+    inner = sound & ~close if np.sum(sound & ~close) > _INNER_SHARE * np.sum(sound) else sound
+    others = Repeats(repeats(a), least_noise, largest_px)
+    if ambiguous(matcher, comparison, field, sigma, inner, others, guess):
         found[sound] |= np.uint8(Doubt.ORDER)
     valid = found == 0
     return Displacement(
@@ -123,7 +130,9 @@ def _start(a: Single, b: Single, guess: Displacement | None) -> Float:
         return found
     matcher = Matcher(a, b, CELL_PX)
     size = round(float(guess.u[0, 1] - guess.u[0, 0]))
-    followed = settle(matcher, resampled(guess.field, size, matcher.shape, CELL_PX, 1.0), _GUESS_ROUNDS)
+    # What was not valid may be anything.
+    before = continue_smoothly(guess.field, guess.valid) if guess.valid.any() else guess.field
+    followed = settle(matcher, resampled(before, size, matcher.shape, CELL_PX, 1.0), _GUESS_ROUNDS)
     shares = [float(matcher.compare(field).alike.mean()) for field in (found, followed)]
     return followed if shares[1] > shares[0] else found
 

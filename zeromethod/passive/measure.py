@@ -89,6 +89,8 @@ class Measurement:
         Pixels between the points.
     window_px : float, optional
         Standard deviation of the Gaussian window; by default chosen for each point.
+    largest_shift_px : float, optional
+        How far any point may have moved; tells a texture that repeats by how many periods it did.
 
     Raises
     ------
@@ -103,10 +105,12 @@ class Measurement:
         rig: Rig | None = None,
         spacing_px: int = SPACING_PX,
         window_px: float | None = None,
+        largest_shift_px: float | None = None,
     ) -> None:
         self.reference, name = _grey(reference, "reference")
         self._rig = rig
         self._options: dict[str, Any] = {"window_px": window_px, "spacing_px": spacing_px}
+        self._options["largest_shift_px"] = largest_shift_px
         self._before: Displacement | None = None
         if rig is not None:
             expected = rig.camera.rows, rig.camera.columns
@@ -184,6 +188,7 @@ def measure(
     *,
     spacing_px: int | None = None,
     window_px: float | None = None,
+    largest_shift_px: float | None = None,
 ) -> StillReading:
     """Measure how one still image moved against another: reference(u, v) = image(u + du, v + dv).
 
@@ -199,6 +204,8 @@ def measure(
         Pixels between the points.
     window_px : float, optional
         Standard deviation of the Gaussian window; by default chosen for each point.
+    largest_shift_px : float, optional
+        How far any point may have moved; tells a texture that repeats by how many periods it did.
 
     Returns
     -------
@@ -215,7 +222,9 @@ def measure(
         check_geometry(bench)
     first, second = (Path(one) if isinstance(one, str) else one for one in (reference, image))
     spacing = SPACING_PX if spacing_px is None else spacing_px
-    return Measurement(first, rig=bench, spacing_px=spacing, window_px=window_px).measure(second)
+    return Measurement(
+        first, rig=bench, spacing_px=spacing, window_px=window_px, largest_shift_px=largest_shift_px
+    ).measure(second)
 
 
 def measure_all(measurement: Measurement, paths: Sequence[Path]) -> Iterator[StillReading]:

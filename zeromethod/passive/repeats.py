@@ -7,6 +7,8 @@ seen at rest, or the image before.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 import scipy.fft
@@ -18,8 +20,12 @@ from zeromethod.passive.matching import ALIKE, CellMatches, Matcher
 from zeromethod.passive.search import resampled, settle
 
 REST_PX = 0.05
-"""Displacement (or 3 sigma) up to which a point is at rest: far less than a period, so hardly by chance."""
+"""Displacement (or 3 sigma) up to which a point is at rest in any case: far less than a period."""
 
+_BY_CHANCE = 0.0027
+"""Probability of a reading beyond 3 sigma: nearer to rest than this share of the periods is at rest."""
+
+_NEARLY_ALL = 99.0
 _EVEN_PX = 20.0
 _VIEW_PX = 512
 _LEAST_OVERLAP = 0.2
@@ -59,21 +65,32 @@ def repeats(grey: Single) -> Float:
     return np.asarray(found[np.argsort(np.hypot(found[:, 0], found[:, 1]))][:_NEAREST])
 
 
+@dataclass(frozen=True, slots=True)
+class Repeats:
+    """shifts: (n, 2) px, of `repeats`. least_noise: grey variance below which matches do not differ.
+
+    largest_px: how far any point may have moved.
+    """
+
+    shifts: Float
+    least_noise: float
+    largest_px: float
+
+
 def ambiguous(
     matcher: Matcher,
     here: CellMatches,
     field: Float,
     sigma: Float,
     sound: Mask,
-    shifts: Float,
-    least_noise: float,
+    others: Repeats,
     guess: Displacement | None,
 ) -> bool:
     """Whether a match `here`, of field (rows, cols, 2) px, is only one of several about as good.
 
-    sound: (rows, cols) points to judge by. shifts: of `repeats`. least_noise: grey variance below which
-    matches do not differ.
+    sound: (rows, cols) points to judge by.
     """
+    shifts, least_noise = others.shifts, others.least_noise
     if not shifts.size or not sound.any() or _carried(matcher, field, sound, shifts, guess):
         return False
     if _rests(field, sigma, sound, shifts):
@@ -81,6 +98,11 @@ def ambiguous(
     own = np.maximum(here.grey_variance, least_noise)
     for shift in shifts[:_CHECKED]:
         for sign in (1.0, -1.0):
+            if (
+                np.percentile(np.linalg.norm(field[sound] + sign * shift, axis=-1), _NEARLY_ALL)
+                > others.largest_px
+            ):
+                continue
             other = matcher.compare(settle(matcher, field + sign * shift, _ROUNDS))
             both = sound & other.shown
             theirs = np.maximum(other.grey_variance, least_noise)
@@ -101,6 +123,14 @@ def _carried(matcher: Matcher, field: Float, sound: Mask, shifts: Float, guess: 
     return bool(np.median(change) < _CARRIED * np.hypot(*shifts[0]))
 
 
+def _rest_px(shifts: Float) -> float:
+    """Displacement up to which a point is at rest: one of unknown length is seen there hardly by chance."""
+    areas = np.abs(shifts[:, 0] * shifts[0, 1] - shifts[:, 1] * shifts[0, 0])
+    # In the same direction are further periods of one grating only.
+    areas = areas[areas > 0.1 * np.sum(shifts[0] ** 2)]
+    return max(REST_PX, float(np.sqrt(_BY_CHANCE / np.pi * areas.min()))) if areas.size else REST_PX
+
+
 def _rests(field: Float, sigma: Float, sound: Mask, shifts: Float) -> bool:
     """Whether part of the view is at rest, and would not be if the order were another."""
     worst = sigma.max(axis=-1)
@@ -109,7 +139,7 @@ def _rests(field: Float, sigma: Float, sound: Mask, shifts: Float) -> bool:
     sound = sound & (worst <= most)
     smooth = cv2.GaussianBlur(field, (0, 0), _SMOOTH)
     by_row, by_col = (np.linalg.norm(np.gradient(smooth, axis=axis), axis=-1) for axis in (0, 1))
-    near = np.maximum(REST_PX, _SIGMAS * np.minimum(worst[sound], usual))
+    near = np.maximum(_rest_px(shifts), _SIGMAS * np.minimum(worst[sound], usual))
     near = np.maximum(near, 0.5 * np.hypot(by_row, by_col)[sound])
     moved = field[sound]
 

@@ -68,12 +68,10 @@ def weak(sigma: Float) -> Mask:
     return np.asarray(~(_worst(sigma) <= WEAK_PX))
 
 
-def at_ends(field: Float, texture: Float, shown: Mask, spacing_px: float) -> Float:
-    """Standard deviation (rows, cols) px to add near the ends of the texture; 0 elsewhere.
+def ends(texture: Float, shown: Mask, spacing_px: float) -> Mask:
+    """Points (rows, cols) less than `_ENDS_PX` inside of the texture's ends, or outside of it.
 
-    There an edge may stand still (a frame's) while the texture moves, or the field be carried on from one
-    side: how the field differs from a plane within `_ENDS_PX` is not known to be the picture's.
-    field: (rows, cols, 2) px. texture: see `aside`. shown: cells that both images show.
+    texture: see `aside`. shown: cells that both images show.
     """
     window = (LIGHT_PX / spacing_px, LIGHT_PX / spacing_px)
     seen = np.maximum(blur(shown.astype(np.float64), window), 1e-9)
@@ -81,9 +79,16 @@ def at_ends(field: Float, texture: Float, shown: Mask, spacing_px: float) -> Flo
     empty = shown & (near < _EMPTY * np.percentile(near[shown], 75.0)) if shown.any() else shown
     # The window itself reaches 20 px beyond the texture.
     reach = round((2.0 * LIGHT_PX + _ENDS_PX) / spacing_px)
-    close = cv2.dilate(
-        empty.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1,) * 2)
-    )
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    return np.asarray(cv2.dilate(empty.astype(np.uint8), disc) > 0)
+
+
+def at_ends(field: Float, close: Mask, spacing_px: float) -> Float:
+    """Standard deviation (rows, cols) px to add close to the `ends` of the texture; 0 elsewhere.
+
+    There an edge may stand still (a frame's) while the texture moves, or the field be carried on from one
+    side: how the field (rows, cols, 2) px differs from a plane within `_ENDS_PX` may not be the picture's.
+    """
     size = 2 * round(_ENDS_PX / spacing_px) + 1
     out = np.zeros(field.shape[:2])
     for c in range(2):
@@ -91,7 +96,7 @@ def at_ends(field: Float, texture: Float, shown: Mask, spacing_px: float) -> Flo
         trend = cv2.blur(component, (size, size), borderType=cv2.BORDER_REPLICATE)
         out = np.maximum(out, np.abs(component - trend))
     out = cv2.dilate(out, np.ones((size, size), np.uint8))
-    return np.asarray(np.where(close > 0, out, 0.0))
+    return np.asarray(np.where(close, out, 0.0))
 
 
 def aside(texture: Float, spacing_px: float) -> Mask:

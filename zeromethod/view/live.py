@@ -23,9 +23,7 @@ STATE_COLOURS = {
     State.FAULT: "#d62828",
     State.STOPPED: "#808080",
 }
-EXPLAINED = frozenset(
-    {State.HOLDING, State.UNCALIBRATED, State.MOVED, State.LOST, State.FAULT, State.PAUSED}
-)
+EXPLAINED = frozenset({State.HOLDING, State.UNCALIBRATED, State.MOVED, State.LOST, State.FAULT, State.PAUSED})
 """States whose reason is shown in place of the figures."""
 
 
