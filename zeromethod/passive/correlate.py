@@ -29,7 +29,6 @@ _FINAL_ROUNDS = 4
 _UNSETTLED_SHARE = 0.001
 _GUESS_ROUNDS = 20
 _CAMERA = 2.0
-_INNER_SHARE = 0.1
 
 
 def correlate(
@@ -103,10 +102,8 @@ def correlate(
     largest_px = math.inf if largest_shift_px is None else largest_shift_px
     found[np.linalg.norm(field, axis=-1) > largest_px] |= np.uint8(Doubt.ORDER)
     sound = found == 0
-    # A frame that stands still round the texture tells nothing of the texture's order.
-    inner = sound & ~close if np.sum(sound & ~close) > _INNER_SHARE * np.sum(sound) else sound
     others = Repeats(repeats(a), least_noise, largest_px)
-    if ambiguous(matcher, comparison, field, sigma, inner, others, guess):
+    if ambiguous(matcher, comparison, field, sigma, sound, close, others, guess):
         found[sound] |= np.uint8(Doubt.ORDER)
     valid = found == 0
     return Displacement(

@@ -16,7 +16,7 @@ import scipy.ndimage
 
 from zeromethod.arrays import Float, Mask, Single
 from zeromethod.passive.displacement import Displacement
-from zeromethod.passive.matching import ALIKE, CellMatches, Matcher
+from zeromethod.passive.matching import ALIKE, LIGHT_PX, CellMatches, Matcher
 from zeromethod.passive.search import resampled, settle
 
 REST_PX = 0.05
@@ -26,6 +26,7 @@ _BY_CHANCE = 0.0027
 """Probability of a reading beyond 3 sigma: nearer to rest than this share of the periods is at rest."""
 
 _NEARLY_ALL = 99.0
+_REACH = 1.5
 _EVEN_PX = 20.0
 _VIEW_PX = 512
 _LEAST_OVERLAP = 0.2
@@ -83,19 +84,23 @@ def ambiguous(
     field: Float,
     sigma: Float,
     sound: Mask,
+    close: Mask,
     others: Repeats,
     guess: Displacement | None,
 ) -> bool:
     """Whether a match `here`, of field (rows, cols, 2) px, is only one of several about as good.
 
-    sound: (rows, cols) points to judge by.
+    sound: (rows, cols) points to judge by. close: points at the ends of the texture, where a frame that
+    stands still may be: it tells nothing of the texture's order.
     """
-    shifts, least_noise = others.shifts, others.least_noise
+    shifts = others.shifts
     if not shifts.size or not sound.any() or _carried(matcher, field, sound, shifts, guess):
         return False
-    if _rests(field, sigma, sound, shifts):
+    # Where all is close to an end (dots far apart), all there is must do.
+    inner = sound & ~close
+    if _rests(field, sigma, inner if inner.mean() > _DECISIVE_SHARE * sound.mean() else sound, shifts):
         return False
-    own = np.maximum(here.grey_variance, least_noise)
+    own = np.maximum(here.grey_variance, others.least_noise)
     for shift in shifts[:_CHECKED]:
         for sign in (1.0, -1.0):
             if (
@@ -104,13 +109,22 @@ def ambiguous(
             ):
                 continue
             other = matcher.compare(settle(matcher, field + sign * shift, _ROUNDS))
-            both = sound & other.shown
-            theirs = np.maximum(other.grey_variance, least_noise)
+            there = sound & other.shown
+            both = there & ~_near(close, _REACH * LIGHT_PX + np.hypot(*shift), matcher.size)
+            theirs = np.maximum(other.grey_variance, others.least_noise)
             ahead = np.mean(theirs[both] > _CLEARLY * own[both]) if both.any() else 0.0
             behind = np.mean(own[both] > _CLEARLY * theirs[both]) if both.any() else 0.0
-            if both.any() and ahead - behind < _DECISIVE_SHARE:
+            if there.any() and ahead - behind < _DECISIVE_SHARE:
                 return True
     return False
+
+
+def _near(close: Mask, reach_px: float, size: int) -> Mask:
+    """Points (rows, cols) whose comparison with one reach_px away takes in what is close to a frame."""
+    reach = int(np.ceil(reach_px / size))
+    return np.asarray(
+        cv2.dilate(close.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)) > 0
+    )
 
 
 def _carried(matcher: Matcher, field: Float, sound: Mask, shifts: Float, guess: Displacement | None) -> bool:
