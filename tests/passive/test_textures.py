@@ -65,6 +65,55 @@ def test_a_regular_texture_that_moved_as_a_whole_is_doubtful() -> None:
         assert np.mean((found.doubts & Doubt.ORDER) > 0) > 0.5
 
 
+@pytest.mark.parametrize(("texture", "period_px"), [(planted.lattice(), 16.0), (dots(24.0), 24.0)])
+def test_the_largest_shift_tells_by_how_many_periods_a_regular_texture_moved(texture, period_px) -> None:
+    images = seen(texture, shift(3.0, 1.0))
+    found = correlate(*images, largest_shift_px=0.45 * period_px)
+    assert found.valid.mean() > 0.75
+    # Between dots and at the border sigma reaches 0.25 px; another order would be off by the period.
+    assert np.abs(found.du - 3.0)[found.valid].max() < 0.75
+    # Two of the matches are nearer than this.
+    assert not correlate(*images, largest_shift_px=1.2 * period_px).valid.any()
+    # And all of them farther than this.
+    assert correlate(*images, largest_shift_px=1.0).valid.mean() < 0.01
+
+
+@pytest.mark.parametrize("moved", [0.0, 0.3])
+def test_a_regular_texture_near_rest_is_read_as_such(moved: float) -> None:
+    # Nearer to rest than 3 % of the square root of the period's area: 0.47 and 0.70 px.
+    for texture in (planted.lattice(), dots(24.0)):
+        found = correlate(*seen(texture, shift(moved, 0.0)))
+        assert found.valid.mean() > 0.75
+        # 0.3 % by chance; one of about 40 independent windows more.
+        assert np.mean(np.abs(found.du - moved)[found.valid] > 3.0 * found.sigma_u[found.valid]) < 0.03
+
+
+@pytest.mark.parametrize("pitch_px", [24.0, 40.0])
+def test_sigma_holds_for_few_dots(pitch_px: float) -> None:
+    pulls = []
+    for seed in range(3):
+        images = planted.pair(dots(pitch_px), shift(0.2, 0.1), 2.0, seed)
+        found = correlate(*(np.clip(np.rint(g), 0, 255).astype(np.uint8) for g in images))
+        assert found.valid.mean() > 0.3
+        pulls.append(((found.du - 0.2) / found.sigma_u)[found.valid])
+    # The bar of 0.9 to 1.1, and the scatter of 3 draws of about 8 independent windows each (15 %).
+    assert 0.75 < np.sqrt(np.mean(np.concatenate(pulls) ** 2)) < 1.3
+
+
+def test_a_frame_that_stands_still_does_not_pull_valid_points_towards_rest() -> None:
+    inside = (slice(45, 155), slice(50, 210))
+    for moved in (0.1, 1.3):
+        images = seen(planted.speckle(), shift(moved, 0.0))
+        framed = [np.full_like(image, 10) for image in images]
+        for image, frame in zip(images, framed, strict=True):
+            frame[inside] = image[inside]
+        found = correlate(*framed)
+        wrong = found.valid & (np.abs(found.du - moved) > 3.0 * found.sigma_u)
+        assert found.valid.mean() > 0.2
+        # 0.3 % by chance, a few of about 50 independent windows at most.
+        assert wrong.sum() < 0.03 * found.valid.sum()
+
+
 def test_a_mark_in_a_regular_texture_tells_by_how_many_periods_it_moved() -> None:
     def marked(u, v):
         near = np.hypot(u - 130, v - 100) < 60

@@ -28,6 +28,7 @@ _MIDDLE_PX = 8.0
 _FINAL_ROUNDS = 4
 _UNSETTLED_SHARE = 0.001
 _GUESS_ROUNDS = 20
+_APART_PX = 2.0
 _CAMERA = 2.0
 
 
@@ -121,17 +122,23 @@ def correlate(
 
 
 def _start(a: Single, b: Single, guess: Displacement | None) -> Float:
-    """Field on cells of `CELL_PX`: the search's, or the settled guess where that matches more."""
+    """Field on cells of `CELL_PX`: the search's, or where more matches, rest or the guess, settled."""
     found = search(pyramid(a), pyramid(b))
-    if guess is None:
-        return found
     matcher = Matcher(a, b, CELL_PX)
-    size = round(float(guess.u[0, 1] - guess.u[0, 0]))
-    # What was not valid may be anything.
-    before = continue_smoothly(guess.field, guess.valid) if guess.valid.any() else guess.field
-    followed = settle(matcher, resampled(before, size, matcher.shape, CELL_PX, 1.0), _GUESS_ROUNDS)
-    shares = [float(matcher.compare(field).alike.mean()) for field in (found, followed)]
-    return followed if shares[1] > shares[0] else found
+    starts = []
+    # What is found close to rest has been found from rest.
+    if np.median(np.linalg.norm(found, axis=-1)) > _APART_PX:
+        starts.append(np.zeros_like(found))
+    if guess is not None:
+        size = round(float(guess.u[0, 1] - guess.u[0, 0]))
+        # What was not valid may be anything.
+        before = continue_smoothly(guess.field, guess.valid) if guess.valid.any() else guess.field
+        starts.append(resampled(before, size, matcher.shape, CELL_PX, 1.0))
+    if not starts:
+        return found
+    fields = [found, *(settle(matcher, start, _GUESS_ROUNDS) for start in starts)]
+    shares = [float(matcher.compare(field).alike.mean()) for field in fields]
+    return fields[int(np.argmax(shares))]
 
 
 def _misfit(sums: Float, step: Float, noise: Float, size: int) -> Float:
