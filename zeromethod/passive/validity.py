@@ -90,13 +90,12 @@ def at_ends(field: Float, close: Mask, spacing_px: float) -> Float:
     side: how the field (rows, cols, 2) px differs from a plane within `_ENDS_PX` may not be the picture's.
     """
     size = 2 * round(_ENDS_PX / spacing_px) + 1
-    out = np.zeros(field.shape[:2])
+    out: Float = np.zeros(field.shape[:2])
     for c in range(2):
         component = np.ascontiguousarray(field[..., c])
         trend = cv2.blur(component, (size, size), borderType=cv2.BORDER_REPLICATE)
         out = np.maximum(out, np.abs(component - trend))
-    out = cv2.dilate(out, np.ones((size, size), np.uint8))
-    return np.asarray(np.where(close, out, 0.0))
+    return np.where(close, cv2.dilate(out, np.ones((size, size), np.uint8)), 0.0)
 
 
 def aside(texture: Float, spacing_px: float) -> Mask:
