@@ -219,6 +219,8 @@ def run(
     out: dict[str, dict[str, float]] = {}
     still = picture(name, shape, (0.0, 0.0))
     for case, length in zip(CASES, (0.0, 0.0, 0.0, *SHIFTS_PX), strict=True):
+        if largest_px is not None and length > largest_px:
+            continue
         shift = (length * DIRECTION[0], length * DIRECTION[1])
         moved = picture(name, shape, shift) if length else still
         found = []
