@@ -80,6 +80,17 @@ def test_an_image_without_anything_to_find_ends_with_1_after_the_rest_was_writte
     }
 
 
+def test_a_texture_that_repeats_ends_with_1_and_advice(tmp_path: Path) -> None:
+    v, u = np.mgrid[:160, :200]
+    for name, moved in (("rest", 0), ("moved", 5)):
+        grey = 120 + 40 * np.cos(np.pi / 8 * (u - moved)) + 40 * np.cos(np.pi / 8 * v)
+        write(tmp_path / f"{name}.png", np.rint(grey).astype(np.uint8))
+    code, _, err = run("measure", tmp_path / "rest.png", tmp_path / "moved.png")
+    assert code == 1
+    assert "the texture repeats" in err
+    assert "speckle" in err
+
+
 def test_a_rig_turns_a_static_texture_into_the_depth_of_a_press(tmp_path: Path) -> None:
     path = small_rig_file(tmp_path / "small.toml")
     rig = load_rig(str(path))

@@ -139,7 +139,8 @@ def test_more_bits_of_the_same_picture_change_nothing() -> None:
     sixteen = correlate(*(np.clip(np.rint(257 * g), 0, 65535).astype(np.uint16) for g in (reference, image)))
     both = eight.valid & sixteen.valid
     # 8-bit rounding adds 0.29 grey to a noise of 2 grey (a seventh of sigma), and may turn a window's choice.
-    assert np.sqrt(np.mean((eight.du - sixteen.du)[both] ** 2)) < 0.5 * np.median(eight.sigma[both])
+    # Against each point's own sigma: at the border, one that is hardly determined may differ by 0.1 px.
+    assert np.sqrt(np.mean(((eight.du - sixteen.du) / eight.sigma_u)[both] ** 2)) < 0.5
     assert np.median(sixteen.sigma[both]) == pytest.approx(np.median(eight.sigma[both]), rel=0.05)
 
 

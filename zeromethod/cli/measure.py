@@ -31,6 +31,22 @@ _COLUMNS = (
 )
 """Depth only where a rig was given."""
 
+_LEAST_SHARE = 0.05
+"""Fewer valid points than this are no measurement."""
+
+_ADVICE = {
+    "outside": "most of the reference has left the image; photograph both from the same place",
+    "texture": "too little texture for the noise; photograph a speckle of 3 to 10 px with strong contrast"
+    " all over the picture (stripes and ramps determine nothing along them), with more light",
+    "mismatch": "the images do not look alike; photograph the same texture, in focus, from the same place,"
+    " with small steps between the images",
+    "unsettled": "the match did not settle; photograph smaller steps, or a coarser speckle",
+    "order": "the texture repeats, and another match is about as good; photograph a random speckle, keep"
+    " a part at rest in view, give a sequence that begins at rest, or say --largest-shift, how far in px"
+    " anything may have moved",
+}
+"""What to do, by the name of the commonest `Doubt`."""
+
 
 @click.command(
     "measure",
@@ -52,6 +68,11 @@ _COLUMNS = (
     help="Standard deviation in px of the Gaussian window; chosen per point when left out.",
 )
 @click.option(
+    "--largest-shift",
+    type=Real(0.1, 10000.0),
+    help="How far in px any point may have moved: tells a texture that repeats by how many periods it did.",
+)
+@click.option(
     "--output", type=click.Path(path_type=Path), help="Folder for a .npz and a picture (.png) of every image."
 )
 @summary_option
@@ -61,6 +82,7 @@ def measure_command(
     rig_name: str | None,
     spacing: int,
     window: float | None,
+    largest_shift: float | None,
     output: Path | None,
     summary: Path | None,
 ) -> None:
@@ -76,7 +98,9 @@ def measure_command(
         rig = load_rig(rig_name)
         check_geometry(rig)
     limit_threads()
-    measurement = Measurement(reference, rig=rig, spacing_px=spacing, window_px=window)
+    measurement = Measurement(
+        reference, rig=rig, spacing_px=spacing, window_px=window, largest_shift_px=largest_shift
+    )
     found: list[dict[str, Any]] = []
     names = [*(path.name for path in images[1:]), ""]
     with progress(len(images), first=images[0].name) as advance:
@@ -112,9 +136,12 @@ def _write(reading: StillReading, measurement: Measurement, folder: Path) -> Non
 
 def _refuse_empty(found: list[dict[str, Any]]) -> None:
     """Turn images in which nothing could be measured into an exit code."""
-    empty = [image["name"] for image in found if image["valid_share"] == 0.0]
-    if empty:
-        raise MeasurementError(f"{', '.join(empty)}: no part of the reference could be found with confidence")
+    for image in found:
+        if image["valid_share"] < _LEAST_SHARE:
+            raise MeasurementError(
+                f"{image['name']}: {image['valid_share']:.1%} of the points could be measured with confidence"
+                f" (less than {_LEAST_SHARE:.0%}): {_ADVICE[image['doubt']]}"
+            )
     unread = [image["name"] for image in found if not np.isfinite(image.get("depth_peak_mm", 0.0))]
     if unread:
         raise MeasurementError(f"{', '.join(unread)}: the displacement leaves no node to read depth at")

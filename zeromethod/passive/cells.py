@@ -9,6 +9,12 @@ from zeromethod.arrays import Float, Single
 XX, XY, YY, X, Y = range(5)
 """Channels of `normal_sums`: sums of gx gx, gx gy, gy gy, gx r, gy r."""
 
+N, RR, GX, GY, R, A, AA, AX, AY, AR = range(10)
+"""Further channels of `normal_sums`: pixel count, sums of r r, gx, gy, r, a, a a, a gx, a gy, a r."""
+
+GRADIENT_NOISE = 130.0 / 144.0 / 4.0
+"""Variance that white noise adds to a gradient of `normal_sums`, per variance of the images' difference."""
+
 
 @numba.njit(cache=True, fastmath=False)
 def grey_sums(reference: Single, warped: Single, size: int, out: Float) -> None:
@@ -42,18 +48,16 @@ def _slope(a: Single, b: Single, v: int, u: int, dv: int, du: int, gain: float) 
 
 
 @numba.njit(cache=True)
-def normal_sums(
-    reference: Single, warped: Single, light: Float, size: int, sums: Float, misfit: Float
-) -> None:
+def normal_sums(reference: Single, warped: Single, light: Float, size: int, sums: Float, more: Float) -> None:
     """Normal equations of the displacement left between reference and warped image, per cell.
 
     light: (cell rows, cell cols, 2) gain and offset that bring the warped image to the reference's grey.
     sums: (cell rows, cell cols, 5), channels as named above, with the gradient g of the two images' mean
     (half the noise of one, and no bias from which image is noisier) and the difference r = reference -
-    warped = g . (displacement still missing). misfit: (cell rows, cell cols, 2) sum of r r and pixel count.
+    warped = g . (displacement still missing). more: (cell rows, cell cols, 10), a being the reference.
     """
     sums[:] = 0.0
-    misfit[:] = 0.0
+    more[:] = 0.0
     rows, cols = reference.shape
     for v in range(2, rows - 2):
         for u in range(2, cols - 2):
@@ -70,5 +74,15 @@ def normal_sums(
             cell[YY] += gy * gy
             cell[X] += gx * r
             cell[Y] += gy * r
-            misfit[j, i, 0] += r * r
-            misfit[j, i, 1] += 1.0
+            a = float(reference[v, u])
+            other = more[j, i]
+            other[N] += 1.0
+            other[RR] += r * r
+            other[GX] += gx
+            other[GY] += gy
+            other[R] += r
+            other[A] += a
+            other[AA] += a * a
+            other[AX] += a * gx
+            other[AY] += a * gy
+            other[AR] += a * r

@@ -9,10 +9,13 @@ import numpy as np
 from zeromethod.arrays import Float, Image, Single
 from zeromethod.errors import InputError
 from zeromethod.passive.bandwidth import WIDTHS_PX, adaptive_fit
-from zeromethod.passive.displacement import Displacement
-from zeromethod.passive.matching import Matcher
+from zeromethod.passive.cells import GRADIENT_NOISE, XX, XY, YY, X, Y
+from zeromethod.passive.displacement import Displacement, Doubt
+from zeromethod.passive.matching import LIGHT_PX, Matcher
+from zeromethod.passive.moving_fit import blur
+from zeromethod.passive.repeats import Repeats, ambiguous, repeats
 from zeromethod.passive.search import CELL_PX, SMALLEST_PX, pyramid, resampled, search, settle
-from zeromethod.passive.validity import doubts, unsettled
+from zeromethod.passive.validity import aside, at_ends, doubts, ends, unsettled, weak
 from zeromethod.warp.continuation import continue_smoothly
 
 SPACING_PX = 5
@@ -25,6 +28,8 @@ _MIDDLE_PX = 8.0
 _FINAL_ROUNDS = 4
 _UNSETTLED_SHARE = 0.001
 _GUESS_ROUNDS = 20
+_APART_PX = 2.0
+_CAMERA = 2.0
 
 
 def correlate(
@@ -34,6 +39,7 @@ def correlate(
     spacing_px: int = SPACING_PX,
     window_px: float | None = None,
     guess: Displacement | None = None,
+    largest_shift_px: float | None = None,
 ) -> Displacement:
     """Find where every part of the reference has gone in the image.
 
@@ -44,7 +50,8 @@ def correlate(
     reference, image: (rows, cols) grey, one shape, any real type, finite. spacing_px: pixels from point to
     point, each the centre of a square of that size. window_px: standard deviation of the Gaussian window;
     None chooses it per point and axis. guess: a displacement from the same reference, say that of the frame
-    before, tried in addition to the search from nothing; the better match is kept.
+    before, tried in addition to the search from nothing; the better match is kept. largest_shift_px: how far
+    any point may have moved, where that is known: it tells a texture that repeats by how many periods it did.
 
     Sigma is the images' noise through the fit's own weights, the noise being taken from the grey differences
     left by the match and taken as equal in both images. It does not contain what the window smooths away.
@@ -52,6 +59,8 @@ def correlate(
     Convention: reference(u, v) = image(u + du, v + dv). Raises InputError for what cannot be compared.
     """
     _check(reference, image, spacing_px, window_px, guess)
+    if largest_shift_px is not None and not largest_shift_px > 0.0:
+        raise InputError(f"largest shift: {largest_shift_px}: more than 0 px")
     a, b = (np.array(grey, dtype=np.float32, order="C") for grey in (reference, image))
     # One overall gain first, so that bit depths and exposures may differ by any factor.
     gain = float(np.std(a) / np.std(b)) if np.std(a) > 0.0 and np.std(b) > 0.0 else 1.0
@@ -67,20 +76,36 @@ def correlate(
     middle = (_MIDDLE_PX,) if window_px is None else (window_px,)
     final = WIDTHS_PX if window_px is None else (window_px,)
     for widths_px in (middle, middle, *[final] * _FINAL_ROUNDS):
-        comparison = matcher.compare(field)
+        comparison = matcher.compare(field, final=True)
         good = comparison.alike
         sums = np.where(good[..., None], comparison.sums, 0.0)
         noise = np.maximum(comparison.grey_variance, least_noise)
-        fitted, variance, area = adaptive_fit(sums, field, noise, spacing_px, widths_px)
+        # Where much more is left than elsewhere, that is a misfit of the texture and not the camera's noise.
+        camera = np.minimum(noise, _CAMERA * np.percentile(noise[good], 25.0) if good.any() else np.inf)
+        of_noise = np.where(good, GRADIENT_NOISE * camera * comparison.pixels, 0.0)
+        fitted, variance, area = adaptive_fit(sums, of_noise, field, noise, spacing_px, widths_px)
         known = np.isfinite(fitted).all(axis=-1) & good
         step = np.linalg.norm(fitted - field, axis=-1)
-        field = continue_smoothly(np.where(known[..., None], fitted, 0.0), known)
+        before = field
+        # What looks alike but is not determined stays where the search had it.
+        field = continue_smoothly(np.where(known[..., None], fitted, field), known | good)
         sigma = np.sqrt(variance)
         if widths_px == final and np.sum(unsettled(sigma, step) & known) <= _UNSETTLED_SHARE * np.sum(known):
             break
     u, v = np.meshgrid(*(spacing_px * np.arange(n) + 0.5 * (spacing_px - 1) for n in matcher.shape[::-1]))
     within = (u <= a.shape[1] - 1) & (v <= a.shape[0] - 1)
     found = doubts(field, sigma, np.where(known, step, np.inf), comparison.shown & within, good, spacing_px)
+    sigma *= _misfit(sums, fitted - before, noise, spacing_px)[..., None]
+    texture = sums[..., XX] + sums[..., YY] - 2.0 * of_noise
+    close = ends(texture, comparison.shown & within, spacing_px)
+    sigma = np.hypot(sigma, at_ends(field, close, spacing_px)[..., None])
+    found[aside(texture, spacing_px) | weak(sigma)] |= np.uint8(Doubt.TEXTURE)
+    largest_px = math.inf if largest_shift_px is None else largest_shift_px
+    found[np.linalg.norm(field, axis=-1) > largest_px] |= np.uint8(Doubt.ORDER)
+    sound = found == 0
+    others = Repeats(repeats(a), least_noise, largest_px)
+    if ambiguous(matcher, comparison, field, sigma, sound, close, others, guess):
+        found[sound] |= np.uint8(Doubt.ORDER)
     valid = found == 0
     return Displacement(
         u=u,
@@ -97,15 +122,38 @@ def correlate(
 
 
 def _start(a: Single, b: Single, guess: Displacement | None) -> Float:
-    """Field on cells of `CELL_PX`: the search's, or the settled guess where that matches more."""
+    """Field on cells of `CELL_PX`: the search's, or where more matches, rest or the guess, settled."""
     found = search(pyramid(a), pyramid(b))
-    if guess is None:
-        return found
     matcher = Matcher(a, b, CELL_PX)
-    size = round(float(guess.u[0, 1] - guess.u[0, 0]))
-    followed = settle(matcher, resampled(guess.field, size, matcher.shape, CELL_PX, 1.0), _GUESS_ROUNDS)
-    shares = [float(matcher.compare(field).alike.mean()) for field in (found, followed)]
-    return followed if shares[1] > shares[0] else found
+    starts = []
+    # What is found close to rest has been found from rest.
+    if np.median(np.linalg.norm(found, axis=-1)) > _APART_PX:
+        starts.append(np.zeros_like(found))
+    if guess is not None:
+        size = round(float(guess.u[0, 1] - guess.u[0, 0]))
+        # What was not valid may be anything.
+        before = continue_smoothly(guess.field, guess.valid) if guess.valid.any() else guess.field
+        starts.append(resampled(before, size, matcher.shape, CELL_PX, 1.0))
+    if not starts:
+        return found
+    fields = [found, *(settle(matcher, start, _GUESS_ROUNDS) for start in starts)]
+    shares = [float(matcher.compare(field).alike.mean()) for field in fields]
+    return fields[int(np.argmax(shares))]
+
+
+def _misfit(sums: Float, step: Float, noise: Float, size: int) -> Float:
+    """How much more (rows, cols) the grey differences left pull at the fit than white noise does; at least 1.
+
+    What is left at edges, or alike over several pixels, averages out less than noise. step: (rows, cols, 2)
+    px, the last change of the field.
+    """
+    step = np.nan_to_num(step)
+    left = sums[..., X] - sums[..., XX] * step[..., 0] - sums[..., XY] * step[..., 1]
+    down = sums[..., Y] - sums[..., XY] * step[..., 0] - sums[..., YY] * step[..., 1]
+    window = (LIGHT_PX / size, LIGHT_PX / size)
+    found = blur(left**2 + down**2, window)
+    expected = blur(noise * (sums[..., XX] + sums[..., YY]), window)
+    return np.asarray(np.sqrt(np.maximum(found / np.maximum(expected, 1e-30), 1.0)))
 
 
 def _check(

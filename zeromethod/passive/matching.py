@@ -7,7 +7,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float, Mask, Single
-from zeromethod.passive.cells import grey_sums, normal_sums
+from zeromethod.passive.cells import (
+    AA,
+    AR,
+    AX,
+    AY,
+    GX,
+    GY,
+    RR,
+    XX,
+    XY,
+    YY,
+    A,
+    N,
+    R,
+    X,
+    Y,
+    grey_sums,
+    normal_sums,
+)
 from zeromethod.passive.interpolation import noise_gain, spline_coefficients, warp_image
 from zeromethod.passive.moving_fit import blur
 
@@ -27,7 +45,7 @@ class CellMatches:
 
     match: (rows, cols) correlation coefficient in a window. alike: (rows, cols) cells that both images show,
     and show alike. shown: (rows, cols) cells with pixels in both images. grey_variance: (rows, cols) of the
-    difference of two matched pixels, both images' noise counted.
+    difference of two matched pixels, both images' noise counted. pixels: (rows, cols) how many were compared.
     """
 
     sums: Float
@@ -35,6 +53,7 @@ class CellMatches:
     alike: Mask
     shown: Mask
     grey_variance: Float
+    pixels: Float
 
 
 def padded(field: Float) -> Float:
@@ -61,31 +80,67 @@ class Matcher:
         self.size = size
         self.shape = -(-reference.shape[0] // size), -(-reference.shape[1] // size)
         self._sums = np.empty((*self.shape, 5))
-        self._misfit = np.empty((*self.shape, 2))
+        self._more = np.empty((*self.shape, 10))
         self._grey = np.empty((*self.shape, 6))
 
-    def compare(self, field: Float) -> CellMatches:
-        """Warp the image by field (cell rows, cell cols, 2) px and compare it with the reference."""
+    def compare(self, field: Float, *, final: bool = False) -> CellMatches:
+        """Warp the image by field (cell rows, cell cols, 2) px and compare it with the reference.
+
+        final: for a fit whose variance counts, and not just its direction.
+        """
         warp_image(self._coefficients, padded(field), PADDING, self.size, self._warped)
         grey_sums(self._reference, self._warped, self.size, self._grey)
         shown = self._grey[..., 0] > 0.5 * self.size**2
         light, match, contrast = self._light()
-        normal_sums(self._reference, self._warped, light, self.size, self._sums, self._misfit)
-        sigma = (LIGHT_PX / self.size, LIGHT_PX / self.size)
-        squares = blur(np.ascontiguousarray(self._misfit[..., 0]), sigma)
-        count = blur(np.ascontiguousarray(self._misfit[..., 1]), sigma)
+        normal_sums(self._reference, self._warped, light, self.size, self._sums, self._more)
+        near = self._blurred(self._more)
+        count = near[N]
+        if final:
+            self._without_light(near)
         # Interpolation has smoothed the image's noise, but not the part of it that the fit feels.
         gain = light[..., 0] ** 2
-        variance = squares / np.maximum(count, 1.0) * (1.0 + gain) / (1.0 + noise_gain(field) * gain)
+        variance = near[RR] / np.maximum(count, 1.0) * (1.0 + gain) / (1.0 + noise_gain(field) * gain)
         # The rim of a hole is alike in a window, but not in its own pixels.
-        own = self._misfit[..., 0] <= 2.0 * (1.0 - ALIKE) * contrast * self._misfit[..., 1]
+        own = self._more[..., RR] <= 2.0 * (1.0 - ALIKE) * contrast * self._more[..., N]
         alike = shown & (match > ALIKE) & own
-        return CellMatches(self._sums, match, alike, shown, np.where(count > 0.0, variance, np.nan))
+        variance = np.where(count > 0.0, variance, np.nan)
+        return CellMatches(self._sums, match, alike, shown, variance, self._more[..., N])
+
+    def _blurred(self, sums: Float) -> list[Float]:
+        """Every channel (rows, cols) of sums (rows, cols, n) in the window of `LIGHT_PX`."""
+        sigma = (LIGHT_PX / self.size, LIGHT_PX / self.size)
+        return [blur(np.ascontiguousarray(sums[..., k]), sigma) for k in range(sums.shape[-1])]
+
+    def _without_light(self, near: list[Float]) -> None:
+        """Take out of the gradients g what brightness and contrast, free to change, make up for.
+
+        A displacement d changes r by (g - mean g - slope (a - mean a)) d only, slope being that of the
+        regression of g on a in the window: a pure ramp determines nothing. That part stands in for g.
+        """
+        n = np.maximum(near[N], 1e-3)
+        a = near[A] / n
+        variance = np.maximum(near[AA] / n - a * a, 1e-6)
+        own = [self._more[..., k] for k in range(10)]
+        spread = own[AA] - 2.0 * a * own[A] + own[N] * a * a
+        mean = [near[k] / n for k in (GX, GY)]
+        slope = [(near[ak] / n - a * g) / variance for ak, g in zip((AX, AY), mean, strict=True)]
+        along = [own[ak] - a * own[k] for ak, k in ((AX, GX), (AY, GY))]
+        for channel, i in ((X, 0), (Y, 1)):
+            self._sums[..., channel] -= mean[i] * own[R] + slope[i] * (own[AR] - a * own[R])
+        for channel, i, k in ((XX, 0, 0), (XY, 0, 1), (YY, 1, 1)):
+            self._sums[..., channel] += (
+                own[N] * mean[i] * mean[k]
+                - mean[i] * own[GX + k]
+                - mean[k] * own[GX + i]
+                - slope[i] * along[k]
+                - slope[k] * along[i]
+                + slope[i] * slope[k] * spread
+                + (mean[i] * slope[k] + mean[k] * slope[i]) * (own[A] - a * own[N])
+            )
 
     def _light(self) -> tuple[Float, Float, Float]:
         """(gain, offset) of the warped image per cell; correlation and reference's variance in its window."""
-        sigma = (LIGHT_PX / self.size, LIGHT_PX / self.size)
-        n, a, b, aa, ab, bb = (blur(np.ascontiguousarray(self._grey[..., k]), sigma) for k in range(6))
+        n, a, b, aa, ab, bb = self._blurred(self._grey)
         n = np.maximum(n, 1e-3)
         a, b = a / n, b / n
         var_a, var_b = np.maximum(aa / n - a * a, 1e-6), np.maximum(bb / n - b * b, 1e-6)

@@ -10,10 +10,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from zeromethod.arrays import Image
+from zeromethod.arrays import Bytes, Image
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics, check_geometry
-from zeromethod.passive import Displacement, correlate
+from zeromethod.passive import Displacement, Doubt, correlate
 from zeromethod.passive.correlate import SPACING_PX
 from zeromethod.passive.passive_warp import measured_warp
 from zeromethod.rig.load import load_rig
@@ -89,6 +89,8 @@ class Measurement:
         Pixels between the points.
     window_px : float, optional
         Standard deviation of the Gaussian window; by default chosen for each point.
+    largest_shift_px : float, optional
+        How far any point may have moved; tells a texture that repeats by how many periods it did.
 
     Raises
     ------
@@ -103,10 +105,12 @@ class Measurement:
         rig: Rig | None = None,
         spacing_px: int = SPACING_PX,
         window_px: float | None = None,
+        largest_shift_px: float | None = None,
     ) -> None:
         self.reference, name = _grey(reference, "reference")
         self._rig = rig
         self._options: dict[str, Any] = {"window_px": window_px, "spacing_px": spacing_px}
+        self._options["largest_shift_px"] = largest_shift_px
         self._before: Displacement | None = None
         if rig is not None:
             expected = rig.camera.rows, rig.camera.columns
@@ -184,6 +188,7 @@ def measure(
     *,
     spacing_px: int | None = None,
     window_px: float | None = None,
+    largest_shift_px: float | None = None,
 ) -> StillReading:
     """Measure how one still image moved against another: reference(u, v) = image(u + du, v + dv).
 
@@ -199,6 +204,8 @@ def measure(
         Pixels between the points.
     window_px : float, optional
         Standard deviation of the Gaussian window; by default chosen for each point.
+    largest_shift_px : float, optional
+        How far any point may have moved; tells a texture that repeats by how many periods it did.
 
     Returns
     -------
@@ -215,7 +222,9 @@ def measure(
         check_geometry(bench)
     first, second = (Path(one) if isinstance(one, str) else one for one in (reference, image))
     spacing = SPACING_PX if spacing_px is None else spacing_px
-    return Measurement(first, rig=bench, spacing_px=spacing, window_px=window_px).measure(second)
+    return Measurement(
+        first, rig=bench, spacing_px=spacing, window_px=window_px, largest_shift_px=largest_shift_px
+    ).measure(second)
 
 
 def measure_all(measurement: Measurement, paths: Sequence[Path]) -> Iterator[StillReading]:
@@ -236,6 +245,7 @@ def figures(reading: StillReading) -> dict[str, Any]:
     out: dict[str, Any] = {
         "name": reading.name,
         "valid_share": float(valid.mean()),
+        "doubt": commonest(found.doubts),
         "displacement_median_px": float(np.median(length)),
         "displacement_largest_px": float(length.max()),
         "sigma_median_px": float(np.median(sigma)),
@@ -245,6 +255,13 @@ def figures(reading: StillReading) -> dict[str, Any]:
         out["depth_peak_mm"] = reading.peak.depth_mm if reading.peak else float("nan")
         out["depth_peak_sigma_mm"] = reading.peak.sigma_mm if reading.peak else float("nan")
     return out
+
+
+def commonest(doubts: Bytes) -> str:
+    """Name of the reason that most points have against them, in small letters; empty where none has."""
+    counts = {doubt: int(np.count_nonzero(doubts & doubt)) for doubt in Doubt}
+    most = max(counts, key=lambda doubt: counts[doubt])
+    return str(most.name).lower() if counts[most] else ""
 
 
 def arrays(reading: StillReading) -> dict[str, Image]:

@@ -65,7 +65,7 @@ def blur(field: Float, sigma: tuple[float, float]) -> Float:
     return out
 
 
-def _moments(field: Float, sigma: tuple[float, float], degree: int, out: Float) -> None:
+def moving_moments(field: Float, sigma: tuple[float, float], degree: int, out: Float) -> None:
     """Windowed sums (rows, cols) of x^a y^b field into out[a, b], a + b <= degree."""
     first = np.empty_like(field)
     for a in range(degree + 1):
@@ -150,13 +150,17 @@ def _solve(moments: Float, squares: Float, right: Float, powers: Ints, out: Floa
                 variance[j, i, k] = total
 
 
-def moving_fit(sums: Float, field: Float, sigma: tuple[float, float], order: int) -> tuple[Float, Float]:
-    """Displacement and its variance per unit of grey variance, at every cell.
+def moving_fit(
+    sums: Float, noise: Float, grey_variance: Float, field: Float, sigma: tuple[float, float], order: int
+) -> tuple[Float, Float]:
+    """Displacement and its variance, at every cell.
 
-    sums: (rows, cols, 5) as `cells.normal_sums` gives them; cells to be left out hold zeros. field: (rows,
-    cols, 2) px, the displacement that warped the image. sigma: window (columns, rows) in cells. order: of
-    the polynomial, 1 or 2. Returns (rows, cols, 2) px and (rows, cols, 2) px^2 per grey^2 of the images'
-    difference; NaN where the texture does not determine the polynomial.
+    sums: (rows, cols, 5) as `cells.normal_sums` gives them; cells to be left out hold zeros. noise: (rows,
+    cols) the part of XX and of YY that is the images' noise: it does not move with the texture, so it
+    determines nothing, but adds to the variance. field: (rows, cols, 2) px, what warped the image.
+    grey_variance: (rows, cols) of the images' difference. sigma: window (columns, rows) in cells. order: of
+    the polynomial, 1 or 2. Returns (rows, cols, 2) px and (rows, cols, 2) px^2; NaN where the
+    texture does not determine the polynomial.
     """
     n = 2 * order + 1
     plane = field.shape[:2]
@@ -165,11 +169,12 @@ def moving_fit(sums: Float, field: Float, sigma: tuple[float, float], order: int
     halved = (sigma[0] / np.sqrt(2.0), sigma[1] / np.sqrt(2.0))
     for k, channel in enumerate((XX, XY, YY)):
         part = np.ascontiguousarray(sums[..., channel])
-        _moments(part, sigma, 2 * order, moments[k])
-        _moments(part, halved, 2 * order, squares[k])
+        moving_moments(part * grey_variance, halved, 2 * order, squares[k])
+        moving_moments(part if channel == XY else part - noise, sigma, 2 * order, moments[k])
     x, y = field[..., 0], field[..., 1]
-    _moments(sums[..., X] + sums[..., XX] * x + sums[..., XY] * y, sigma, order, right[0])
-    _moments(sums[..., Y] + sums[..., XY] * x + sums[..., YY] * y, sigma, order, right[1])
+    xx, xy, yy = sums[..., XX] - noise, sums[..., XY], sums[..., YY] - noise
+    moving_moments(sums[..., X] + xx * x + xy * y, sigma, order, right[0])
+    moving_moments(sums[..., Y] + xy * x + yy * y, sigma, order, right[1])
     out, variance = np.empty((*plane, 2)), np.empty((*plane, 2))
     _solve(moments, squares, right, np.array(_POWERS[order]), out, variance)
     return out, variance

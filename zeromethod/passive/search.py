@@ -40,7 +40,9 @@ def settle(matcher: Matcher, field: Float, rounds: int, window_px: float = WINDO
     for _ in range(rounds):
         comparison = matcher.compare(field)
         weight = np.where(comparison.shown, np.clip(comparison.match, 0.05, 1.0) ** 2, 0.0)
-        fitted, _ = moving_fit(comparison.sums * weight[..., None], field, sigma, 1)
+        none = np.zeros_like(weight)
+        # Nothing is taken for noise yet: far from the match, all of the texture would be.
+        fitted, _ = moving_fit(comparison.sums * weight[..., None], none, none, field, sigma, 1)
         step = fitted - field
         length = np.linalg.norm(step, axis=-1, keepdims=True)
         step *= np.minimum(1.0, _STEP_PX / np.maximum(length, 1e-9))
@@ -85,9 +87,9 @@ def search(references: list[Single], images: list[Single]) -> Float:
 def _coarsest(matcher: Matcher, reference: Single, image: Single) -> Float:
     """Field of the coarsest level: from rest, or from one shift of all where that clearly matches more."""
     rest = np.zeros((*matcher.shape, 2))
-    shift, _ = cv2.phaseCorrelate(
-        reference, image, cv2.createHanningWindow(reference.shape[::-1], cv2.CV_32F)
-    )
+    hanning = cv2.createHanningWindow(reference.shape[::-1], cv2.CV_32F)
+    # Copies: OpenCV multiplies its arguments by the window in place where their size suits its transform.
+    shift, _ = cv2.phaseCorrelate(reference.copy(), image.copy(), hanning)
     fields = [settle(matcher, start, _ROUNDS) for start in (rest, rest + shift)]
     shares = [float(matcher.compare(field).alike.mean()) for field in fields]
     return fields[1] if shares[1] > _CLEARLY * shares[0] else fields[0]

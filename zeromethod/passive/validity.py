@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from zeromethod.arrays import Bytes, Float, Mask
 from zeromethod.passive.displacement import Doubt
+from zeromethod.passive.matching import LIGHT_PX
+from zeromethod.passive.moving_fit import blur, moving_moments
 from zeromethod.surface.integrate import largest_island
 
 WEAK_PX = 0.25
@@ -15,6 +18,12 @@ UNSETTLED_PX = 0.2
 """Last change of the field up to which grey levels are straight enough between the two (or `_SIGMAS`)."""
 
 _SIGMAS = 3.0
+
+ASIDE = 1.3
+"""Distance to the middle of the texture near a point, per width of the window: 7 px outside of an edge."""
+
+_ENDS_PX = 15.0
+_EMPTY = 0.05
 
 LEAST_STRETCH, MOST_STRETCH = 0.3, 3.0
 """Local magnifications beyond these are a fold, or a jump to another period, rather than a picture."""
@@ -54,6 +63,54 @@ def _worst(sigma: Float) -> Float:
     return np.asarray(np.where(np.isfinite(sigma).all(axis=-1), sigma.max(axis=-1), np.inf))
 
 
+def weak(sigma: Float) -> Mask:
+    """Points (rows, cols) whose sigma (rows, cols, 2) px is too large, or not known."""
+    return np.asarray(~(_worst(sigma) <= WEAK_PX))
+
+
+def ends(texture: Float, shown: Mask, spacing_px: float) -> Mask:
+    """Points (rows, cols) less than `_ENDS_PX` inside of the texture's ends, or outside of it.
+
+    texture: see `aside`. shown: cells that both images show.
+    """
+    window = (LIGHT_PX / spacing_px, LIGHT_PX / spacing_px)
+    seen = np.maximum(blur(shown.astype(np.float64), window), 1e-9)
+    near = blur(np.where(shown, texture, 0.0), window) / seen
+    empty = shown & (near < _EMPTY * np.percentile(near[shown], 75.0)) if shown.any() else shown
+    # The window itself reaches 20 px beyond the texture.
+    reach = round((2.0 * LIGHT_PX + _ENDS_PX) / spacing_px)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    return np.asarray(cv2.dilate(empty.astype(np.uint8), disc) > 0)
+
+
+def at_ends(field: Float, close: Mask, spacing_px: float) -> Float:
+    """Standard deviation (rows, cols) px to add close to the `ends` of the texture; 0 elsewhere.
+
+    There an edge may stand still (a frame's) while the texture moves, or the field be carried on from one
+    side: how the field (rows, cols, 2) px differs from a plane within `_ENDS_PX` may not be the picture's.
+    """
+    size = 2 * round(_ENDS_PX / spacing_px) + 1
+    out: Float = np.zeros(field.shape[:2])
+    for c in range(2):
+        component = np.ascontiguousarray(field[..., c])
+        trend = cv2.blur(component, (size, size), borderType=cv2.BORDER_REPLICATE)
+        out = np.maximum(out, np.abs(component - trend))
+    return np.where(close, cv2.dilate(out, np.ones((size, size), np.uint8)), 0.0)
+
+
+def aside(texture: Float, spacing_px: float) -> Mask:
+    """Points (rows, cols) that lie outside of all texture: nothing, or only what is on one side, is near.
+
+    texture: (rows, cols) squared gradients of the cells, noise taken out.
+    """
+    window = (LIGHT_PX / spacing_px, LIGHT_PX / spacing_px)
+    moments = np.empty((2, 2, *texture.shape))
+    moving_moments(texture, window, 1, moments)
+    total = np.where(moments[0, 0] > 0.0, moments[0, 0], np.nan)
+    middle = np.hypot(moments[1, 0] / total, moments[0, 1] / total)
+    return np.asarray(~(middle * spacing_px < ASIDE * LIGHT_PX))
+
+
 def doubts(field: Float, sigma: Float, step: Float, shown: Mask, alike: Mask, spacing_px: float) -> Bytes:
     """`Doubt` bits (rows, cols) of a field (rows, cols, 2) px with points spacing_px apart.
 
@@ -64,7 +121,7 @@ def doubts(field: Float, sigma: Float, step: Float, shown: Mask, alike: Mask, sp
     found = {
         Doubt.OUTSIDE: ~shown,
         Doubt.MISMATCH: shown & ~alike,
-        Doubt.TEXTURE: shown & ~(_worst(sigma) <= WEAK_PX),
+        Doubt.TEXTURE: shown & weak(sigma),
         Doubt.UNSETTLED: shown & unsettled(sigma, step),
         Doubt.ORDER: (least < LEAST_STRETCH) | (most > MOST_STRETCH) | _next_to_jump(field, spacing_px),
     }
