@@ -14,6 +14,7 @@ resting. No honest run may be named. Nodes are counted in every frame that is ca
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
@@ -50,7 +51,7 @@ from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 from zeromethod.simulation.scenario import Scenario
-from zeromethod.surface import Surface
+from zeromethod.surface import Peak, Surface
 from zeromethod.view.progress import progress
 
 SIGMAS, FAR_SIGMAS = 3.0, 5.0
@@ -210,12 +211,12 @@ def judged(case: Case) -> Outcome:
                     continue
                 good, named = step.state in NULLED, step.state in {State.MOVED, State.UNCALIBRATED}
                 mirror = camera.truth(step.time_ns)
-                error_mm, ratio = deviation(step, mirror)
+                error_mm, sigma_mm, ratio = deviation(step, mirror)
                 if good:
                     count_nodes(out, step.surface, mirror)
                     if step.state is State.LOCKED and frame > PRESS_AT + SETTLED:
                         out.errors.append(error_mm)
-                        out.sigmas.append(peak.sigma_mm)
+                        out.sigmas.append(sigma_mm)
                 out.good = good
                 if case.fault_at is None or frame >= case.fault_at:
                     out.named |= named
@@ -238,20 +239,35 @@ def count_nodes(out: Outcome, surface: Surface, mirror: TrueMirror) -> None:
     out.beyond += int(np.count_nonzero(away > SIGMAS * sigma_mm))
 
 
-def deviation(step: Step, mirror: TrueMirror) -> tuple[float, float]:
-    """Error of a reading's peak at its own place, mm, and over its sigma.
+def deviation(step: Step, mirror: TrueMirror) -> tuple[float, float, float]:
+    """Error of a reading's peak at its own place, mm; its sigma, mm; the error over that.
 
-    While nothing is seen to press, the peak is the largest of all nodes' noise, which reaches sqrt(2 ln n)
-    sigma by itself: only what exceeds that counts.
+    The place's sigma counts by the slope there. While nothing is seen to press, the peak is the largest of
+    all nodes' noise, which reaches sqrt(2 ln n) sigma by itself: only what exceeds that counts.
     """
     assert step.peak is not None
     assert step.surface is not None
-    error_mm = step.peak.depth_mm - float(mirror.depth(np.array(step.peak.x_mm), np.array(step.peak.y_mm)))
-    ratio = abs(error_mm) / step.peak.sigma_mm
-    if step.state is State.LOCKED:
-        return error_mm, ratio
-    chance = np.sqrt(2.0 * np.log(np.count_nonzero(step.surface.valid)))
-    return error_mm, max(ratio - chance, 0.0)
+    x, y = np.array(step.peak.x_mm), np.array(step.peak.y_mm)
+    error_mm = step.peak.depth_mm - float(mirror.depth(x, y))
+    sigma_mm = math.hypot(step.peak.sigma_mm, by_place_mm(step.surface, step.peak, mirror))
+    ratio = abs(error_mm) / sigma_mm
+    if step.state is not State.LOCKED:
+        chance = np.sqrt(2.0 * np.log(np.count_nonzero(step.surface.valid)))
+        ratio = max(ratio - chance, 0.0)
+    return error_mm, sigma_mm, ratio
+
+
+def by_place_mm(surface: Surface, peak: Peak, mirror: TrueMirror) -> float:
+    """What a peak's depth may be off because its place is: nothing on a summit, much on a flank cut off."""
+    away = np.hypot(surface.x_mm - peak.x_mm, surface.y_mm - peak.y_mm)
+    node = np.unravel_index(int(np.argmin(away)), away.shape)
+    slope = mirror.slope(np.array(peak.x_mm), np.array(peak.y_mm))
+    return math.hypot(
+        *(
+            float(s) * float(one[node])
+            for s, one in zip(slope, (surface.sigma_x_mm, surface.sigma_y_mm), strict=True)
+        )
+    )
 
 
 def report(count: int, *, faults: bool) -> Report:

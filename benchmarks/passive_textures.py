@@ -1,7 +1,5 @@
 """Still images of many textures, against themselves and moved: what is called valid, and how much is wrong.
 
-    python -m benchmarks.passive_textures [--seeds 2] [--shape 240 320] [--json out.json]
-
 Every picture is a formula, seen through a lens blur and square pixels, with fresh noise of `NOISE_GREY` and
 8 bits. A point is wrong where either component is off by more than 3 of its sigmas; the table gives the
 share of valid points, and the share of wrong ones among all points.
@@ -9,23 +7,23 @@ share of valid points, and the share of wrong ones among all points.
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Sequence
 
+import click
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+from benchmarks.report import Figure, Report, benchmark, start
+from zeromethod.cli.numbers import Whole
 from zeromethod.passive import Displacement, correlate
 
 Grey = NDArray[np.float64]
 Texture = Callable[[Grey, Grey], Grey]
 
+SHAPE = 240, 320
 NOISE_GREY = 1.0
 LENS_PX = 0.7
 """Standard deviation of the lens's blur; the pixels are square and full."""
@@ -241,30 +239,45 @@ def run(
     return out
 
 
-def main() -> None:
-    """Print the table; with --before, beside that of another version's --json."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--shape", type=int, nargs=2, default=(240, 320))
-    parser.add_argument("--only", nargs="*", default=list(TEXTURES))
-    parser.add_argument("--json", type=Path)
-    parser.add_argument("--before", type=Path)
-    options = parser.parse_args()
-    before: dict[str, Any] = json.loads(options.before.read_text()) if options.before else {}
-    found: dict[str, Any] = {}
-    told: dict[str, Any] = {}
-    print(f"{'valid/wrong, %':21}", *(f"{case:>12}" for case in CASES))
-    for name in options.only:
-        found[name] = run(name, tuple(options.shape), options.seeds)
+def report(names: Sequence[str], seeds: int) -> Report:
+    """Every texture, and the repeating ones once more with the largest shift stated."""
+    tables: dict[str, dict[str, dict[str, float]]] = {}
+    for name in names:
+        tables[name] = run(name, SHAPE, seeds)
         if name in PERIODS_PX:
-            told[name] = run(name, tuple(options.shape), options.seeds, 0.45 * PERIODS_PX[name])
-        for title, table in ((name, found), ("   before", before), ("   told the largest", told)):
-            if name in table:
-                cells = (f"{100 * c['valid']:5.1f}/{100 * c['wrong']:5.1f}" for c in table[name].values())
-                print(f"{title:21}", *(f"{cell:>12}" for cell in cells), flush=True)
-    if options.json:
-        options.json.write_text(json.dumps(found | {f"{name}, told": table for name, table in told.items()}))
+            tables[f"{name}, largest shift stated"] = run(name, SHAPE, seeds, 0.45 * PERIODS_PX[name])
+    details = [["texture: valid %, beyond 3 sigma %", *CASES]]
+    details += [
+        [name, *(f"{100 * case['valid']:.1f}, {100 * case['wrong']:.1f}" for case in table.values())]
+        + [""] * (len(CASES) - len(table))
+        for name, table in tables.items()
+    ]
+    wrong = max(
+        (case["wrong"], f"{name}, {at}") for name, table in tables.items() for at, case in table.items()
+    )
+    itself = max(table[at]["wrong"] for table in tables.values() for at in ("no noise", "itself"))
+    figures = [
+        Figure(
+            "points beyond 3 sigma of an image against itself, worst", f"{itself:.1%}", "1 %", itself <= 0.01
+        ),
+        Figure(f"points beyond 3 sigma, worst ({wrong[1]})", f"{wrong[0]:.1%}", "1 %", wrong[0] <= 0.01),
+    ]
+    return Report("Displacement of still images, texture by texture", figures, details, {"tables": tables})
+
+
+@benchmark(
+    "passive_textures",
+    __doc__,
+    click.option("--seeds", type=Whole(min=1), default=1, show_default=True, help="Draws of noise."),
+    click.option(
+        "--only", type=click.Choice(list(TEXTURES)), multiple=True, help="This texture; may be repeated."
+    ),
+)
+def command(quick: bool, seeds: int, only: tuple[str, ...]) -> Report:
+    """Measure the textures asked for."""
+    names = only or tuple(TEXTURES)
+    return report(names[:3] if quick else names, seeds)
 
 
 if __name__ == "__main__":
-    main()
+    start(command)

@@ -13,6 +13,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.surface.gaps import gaps_between
 from zeromethod.surface.peak_place import place_sigma_mm
 from zeromethod.surface.surface import Surface
+from zeromethod.surface.view_border import border_sigma_mm
 
 _REACH = 2
 _MAX_REACH = 6
@@ -121,7 +122,7 @@ def _deepest(surface: Surface) -> tuple[Peak, Mask]:
         float(depth[row, col]),
         float(surface.x_mm[row, col]),
         float(surface.y_mm[row, col]),
-        float(surface.sigma_depth_mm[row, col]),
+        math.hypot(float(surface.sigma_depth_mm[row, col]), border_sigma_mm(surface, row, col)),
         0.0,
         *place_sigma_mm(surface, row, col),
     )
