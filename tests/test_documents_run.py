@@ -38,6 +38,7 @@ HARDWARE = (
         "benchmarks.live_",
         "source ",
     ),
+    *("board*.png", "frame*.png", "stack.npy"),
 )
 """What needs a bench, a screen, a cluster, photographs, or is not for the shell of this test."""
 
