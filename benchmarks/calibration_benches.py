@@ -51,6 +51,7 @@ from zeromethod.calibration.rays import UnboundedOptics, mirror_point
 from zeromethod.cli.numbers import Whole
 from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, evaluate, record
 from zeromethod.commissioning.calibration.presses import PressWarps
+from zeromethod.decoding.measuring import RestMeasurement
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.loop.state import READ
 from zeromethod.loop.step import Step
@@ -233,6 +234,19 @@ class BenchResult:
     facts: dict[str, Any]
 
 
+def recorded_of(
+    given: Rig, bench: Rig, known: Sequence[Dent], depths_mm: tuple[float, ...]
+) -> tuple[Recorded, RestMeasurement, list[str]]:
+    """Record a bench by one who believes `given`, pressed as asked; with the lines that were said."""
+    plan = Plan(depths_mm, GAUGE_MM / np.sqrt(3), delay_s=1.5, patience_s=6.0)
+    with open_devices(bench) as devices:
+        hand = Hand(devices, known)
+        recorded, found = record(given, devices, plan, hand)
+    if recorded.failure:
+        raise RuntimeError(f"{recorded.failure}: {hand.lines}")
+    return recorded, found, hand.lines
+
+
 def study_bench(number: int, tests: int = TESTS, cases: Sequence[str] = CASES) -> BenchResult:
     """Draw, calibrate, run and read one bench."""
     started = time.process_time()
@@ -245,12 +259,7 @@ def study_bench(number: int, tests: int = TESTS, cases: Sequence[str] = CASES) -
         for share in KNOWN_SHARES
     ]
     given_mm = tuple(dent.depth_mm + rng.uniform(-GAUGE_MM, GAUGE_MM) for dent in known)
-    plan = Plan(given_mm, GAUGE_MM / np.sqrt(3), delay_s=1.5, patience_s=6.0)
-    with open_devices(bench) as devices:
-        hand = Hand(devices, known)
-        recorded, found = record(given, devices, plan, hand)
-    if recorded.failure:
-        raise RuntimeError(f"bench {number}: {recorded.failure}: {hand.lines}")
+    recorded, found, said = recorded_of(given, bench, known, given_mm)
     recorded_s = time.process_time() - started
     calibrated = {case: evaluate(one, found) for case, one in cases_of(recorded).items() if case in cases}
     fitted_s = time.process_time() - started - recorded_s
@@ -260,7 +269,7 @@ def study_bench(number: int, tests: int = TESTS, cases: Sequence[str] = CASES) -
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "rest.npz"
         found.rest_map.save(file)
-        rigs = {case: _on_rest(one.rig, file) for case, one in calibrated.items()}
+        rigs = {case: on_rest(one.rig, file) for case, one in calibrated.items()}
         taken, holds = followed(rigs[cases[0]], bench, presses)
         held_frames = [taken.between(at, at + round(1e9 * HOLD_S)) for at in holds]
         readings = [[peaks for _, peaks in held_frames]]
@@ -284,14 +293,15 @@ def study_bench(number: int, tests: int = TESTS, cases: Sequence[str] = CASES) -
             1e3 * (one.depth_mm - dent.depth_mm)
             for one, dent in zip(calibrated[cases[0]].peaks, known, strict=True)
         ],
-        "said": hand.lines,
+        "said": said,
         "seconds": {"record": recorded_s, "fit": fitted_s, "whole": time.process_time() - started},
         "steps": recorded.seconds,
     }
     return BenchResult(tuple(outcomes), facts)
 
 
-def _on_rest(rig: Rig, file: Path) -> Rig:
+def on_rest(rig: Rig, file: Path) -> Rig:
+    """The rig with the rest as measured."""
     return rig.model_copy(update={"camera": rig.camera.model_copy(update={"rest_map": file})})
 
 

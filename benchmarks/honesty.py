@@ -27,18 +27,19 @@ import numpy as np
 from benchmarks.calibration_benches import (
     KNOWN_SHARES,
     KNOWN_SIGMA_MM,
-    Hand,
     View,
     drawn,
     nominal,
+    on_rest,
+    recorded_of,
 )
-from benchmarks.calibration_study import GAUGE_MM, KNOWN_MM
+from benchmarks.calibration_study import KNOWN_MM
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import changed, small_rig
 from zeromethod.calibration import build, describe
 from zeromethod.calibration.parameters import Priors
 from zeromethod.cli.numbers import Whole
-from zeromethod.commissioning.calibration import Plan, evaluate, record
+from zeromethod.commissioning.calibration import evaluate
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import TrueMirror
 from zeromethod.errors import InputError
@@ -187,13 +188,10 @@ def calibrated(folder: Path) -> tuple[Rig, Rig]:
     known = [
         Dent(Shape.GAUSSIAN, *view.place(share, 0.5), KNOWN_MM, KNOWN_SIGMA_MM) for share in KNOWN_SHARES
     ]
-    plan = Plan((KNOWN_MM,) * len(known), GAUGE_MM / np.sqrt(3), delay_s=1.5, patience_s=6.0)
-    with open_devices(bench) as devices:
-        recorded, found = record(given, devices, plan, Hand(devices, known))
-    made = evaluate(recorded, found)
+    recorded, found, _ = recorded_of(given, bench, known, (KNOWN_MM,) * len(known))
     rest_map = folder / "rest.npz"
     found.rest_map.save(rest_map)
-    return bench, made.rig.replace({"camera.rest_map": str(rest_map)})
+    return bench, on_rest(evaluate(recorded, found).rig, rest_map)
 
 
 def judged(case: Case) -> Outcome:

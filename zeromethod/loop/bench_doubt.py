@@ -37,8 +37,7 @@ class BenchDoubt:
 
     def __init__(self, rig: Rig, optics: Optics, rest: Rest, zero: Zero, watches: bool) -> None:
         """Watch nothing where not `watches`: then nothing is ever in doubt."""
-        self._watches = watches
-        self._watch = make_watch(rig, optics, rest)
+        self._watch = make_watch(rig, optics, rest) if watches else None
         self._zero = zero
         self._nodes = rest.grid.mesh() if rig.control.follow_bench else None
         self._from = zero.q
@@ -48,21 +47,21 @@ class BenchDoubt:
     @property
     def doubt(self) -> Doubt | None:
         """Why readings must not be trusted; None where they may."""
-        return Doubt(State.MOVED, self._watch.moved) if self._watch.moved else None
+        moved = "" if self._watch is None else self._watch.moved
+        return Doubt(State.MOVED, moved) if moved else None
 
     def look(self, result: FrameResult) -> tuple[Notice, ...]:
         """Judge a frame if it is nulled; news of a bench that moved or was followed."""
-        measured = None if result.refusal is Event.PICTURES_MIXED else result.measured
-        if not self._watches or measured is None or not result.residual_rms_px < LOCK_RESIDUAL_PX:
+        watch, measured = self._watch, result.believed
+        if watch is None or measured is None or not result.residual_rms_px < LOCK_RESIDUAL_PX:
             return ()
-        watch = self._watch
         if self._zero.q is not self._from:
-            self._forget(measured.time_ns)
+            self._forget(watch, measured.time_ns)
         watch.look(measured, self._zero.rest_q)
         motion = watch.correction
         if self._nodes is not None and motion is not None:
             self._zero.shift(watch.modes.at(*self._nodes) @ motion)
-            self._forget(measured.time_ns)
+            self._forget(watch, measured.time_ns)
             words = f"readings follow the bench, moved {watch.modes.words(motion)}"
             return (Notice(Event.BENCH_FOLLOWED, words),)
         if self._said or not watch.moved:
@@ -72,10 +71,10 @@ class BenchDoubt:
 
     def report(self, curl: Curl, time_ns: int) -> None:
         """Take in what a reading of the frame at `time_ns` found under a press."""
-        if self._watches and time_ns >= self._since_ns:
+        if self._watch is not None and time_ns >= self._since_ns:
             self._watch.report(curl.motion, curl.seen)
 
-    def _forget(self, time_ns: int) -> None:
+    def _forget(self, watch: BenchWatch, time_ns: int) -> None:
         """Rest was taken anew: what was found of frames before `time_ns` is over."""
         self._since_ns, self._said, self._from = time_ns, False, self._zero.q
-        self._watch.forget()
+        watch.forget()

@@ -79,6 +79,11 @@ class FrameResult:
     residual_rms_px: float = float("nan")
     valid_share: float = 0.0
 
+    @property
+    def believed(self) -> Warp | None:
+        """The measured warp, but not of mixed pictures: a part of it may be right, its peak need not be."""
+        return None if self.refusal is Event.PICTURES_MIXED else self.measured
+
 
 def controller_of(control: ControlSpec, rest: Rest) -> Controller:
     """Make the controller that the rig asks for."""

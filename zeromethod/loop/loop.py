@@ -250,8 +250,7 @@ class Loop:
         if not self._referenced and self.status.state in READ:
             self._circle.take_reference(result)  # later light is compared with that of the first nulled frame
             self._referenced = True
-        # a part of mixed pictures may be right, but the peak need not be
-        measured = None if result.refusal is Event.PICTURES_MIXED else result.measured
+        measured = result.believed
         if (zeroed := self._zero.take(measured, result.residual_rms_px)) is not None:
             events += (zeroed.event,)
             self._notices.add_always(zeroed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -175,7 +176,12 @@ def _summit(surface: Surface, row: int, col: int) -> _Summit | None:
         coefficients, powers = finer
     else:
         reach = _REACH
-    offset = _stationary(coefficients[:, 0], powers, reach)
+    offset = _stationary(
+        lambda at, *order: float((_terms(at[:1], at[1:], powers, *order) @ coefficients[:, 0])[0]),
+        np.zeros(2),
+        reach,
+        1e-9,
+    )
     if offset is None:
         return None
     value = np.asarray((_terms(offset[:1], offset[1:], powers) @ coefficients)[0], dtype=np.float64)
@@ -208,21 +214,11 @@ def _splined(surface: Surface, row: int, col: int, start: Float) -> _Summit | No
             (surface.depth_mm, 3),
         )
     )
-    at = np.array(start, dtype=np.float64)
-    for _ in range(_STEPS):
-        d10, d01, d20, d11, d02 = (
-            float(depth(at[1], at[0], dx=down, dy=across)[0, 0])
-            for across, down in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-        )
-        determinant = d20 * d02 - d11 * d11
-        if determinant <= 0.0:
-            return None
-        step = np.array([d02 * d10 - d11 * d01, d20 * d01 - d11 * d10]) / determinant
-        at = at - step
-        if np.max(np.abs(at)) > _REACH:
-            return None
-        if np.max(np.abs(step)) < 1e-6:
-            break
+    at = _stationary(
+        lambda at, across, down: float(depth(at[1], at[0], dx=down, dy=across)[0, 0]), start, _REACH, 1e-6
+    )
+    if at is None:
+        return None
     value = np.array([float(spline(at[1], at[0])[0, 0]) for spline in (depth, x, y)])
     return _Summit(at, value, _REACH, 0.5 * abs(float(rough(at[1], at[0])[0, 0]) - float(value[0])))
 
@@ -258,14 +254,17 @@ def _terms(a: Float, b: Float, powers: list[tuple[int, int]], da: int = 0, db: i
     return np.stack(columns, axis=-1)
 
 
-def _stationary(coefficients: Float, powers: list[tuple[int, int]], within: float) -> Float | None:
-    """Point (a, b) of zero gradient, no farther than `within` on either axis, by Newton's steps from 0."""
-    at = np.zeros(2)
+def _stationary(
+    derivative: Callable[[Float, int, int], float], start: Float, within: float, settled: float
+) -> Float | None:
+    """Point (a, b) of zero gradient by Newton's steps, no farther than `within` on either axis.
+
+    derivative: of the function at a point, so often by a and so often by b. settled: a step that ends it.
+    """
+    at = np.array(start, dtype=np.float64)
     for _ in range(_STEPS):
-        a, b = at[:1], at[1:]
         d10, d01, d20, d11, d02 = (
-            float((_terms(a, b, powers, *order) @ coefficients)[0])
-            for order in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+            derivative(at, *order) for order in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
         )
         determinant = d20 * d02 - d11 * d11
         if determinant <= 0.0:
@@ -274,7 +273,7 @@ def _stationary(coefficients: Float, powers: list[tuple[int, int]], within: floa
         at = at - step
         if np.max(np.abs(at)) > within:
             return None
-        if np.max(np.abs(step)) < 1e-9:
+        if np.max(np.abs(step)) < settled:
             break
     return at
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,6 @@ import numpy as np
 from zeromethod.errors import InputError
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.circle import Circle, FrameResult
-from zeromethod.loop.events import Event
 from zeromethod.loop.frame_check import own
 from zeromethod.loop.state import READ
 from zeromethod.optics import Optics
@@ -146,10 +145,7 @@ def replay_from_frames(
         if inside:
             pace.wait_for(int(row["time_ns"]))
         step = int(row["number"])
-        measured = None if taken.refusal is Event.PICTURES_MIXED else taken.measured
-        zero = recording.zero(step)
-        if measured is not None and zero is not None:
-            measured = replace(measured, q=measured.q - zero)
+        measured = taken.believed and taken.believed.less(recording.zero(step))
         if inside:
             warps.add(row, taken, measured, parts.circle)
         if measured is not None and step in read:
