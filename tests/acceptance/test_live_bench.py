@@ -72,10 +72,10 @@ def _command(*arguments: str) -> list[str]:
 
 @pytest.fixture
 def virtual_bench(desktop: TwoMonitors, tmp_path: Path) -> Iterator[tuple[str, Path]]:
-    """Address of the camera and the file of the truth; the scenario starts 8 s after the run connects."""
+    """Address of the camera and the file of the truth; the scenario starts 12 s after the run connects."""
     press, truth = tmp_path / "press.toml", tmp_path / "truth.jsonl"
     press.write_text(PRESS)
-    options = ("--scenario", str(press), "--truth", str(truth), "--port", "0", "--start-after", "8")
+    options = ("--scenario", str(press), "--truth", str(truth), "--port", "0", "--start-after", "12")
     bench = subprocess.Popen(
         _command("virtual-bench", *options), env=desktop.environment, stdout=subprocess.PIPE, text=True
     )
@@ -124,7 +124,7 @@ def test_a_live_run_locks_and_follows_press_slide_and_release_within_one_percent
     summary = tmp_path / "run.json"
     running = subprocess.Popen(
         _command(
-            *("run", "--rig", "virtual", "--display", "1", "--camera", camera, "--seconds", "24"),
+            *("run", "--rig", "virtual", "--display", "1", "--camera", camera, "--seconds", "28"),
             *("--publish", publishing, "--summary", str(summary)),
         ),
         env=desktop.environment,
