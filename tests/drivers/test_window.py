@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import moderngl
 import numpy as np
 import pytest
-from hanging import takes
+from hanging import PATIENCE_S, SOON_S, takes
 from numpy.typing import NDArray
 from two_monitors import TwoMonitors
 
@@ -184,15 +184,15 @@ def test_closing_does_not_wait_for_a_swap_that_hangs(
 
     def hang(window: object) -> None:
         swapping.set()
-        end.wait(10)
+        end.wait(PATIENCE_S)
 
     monkeypatch.setattr(glfw, "swap_buffers", hang)
     drawing = in_thread("drawing", lambda: display.show(speckle()))
-    assert swapping.wait(5)
-    with takes(0, 1):
+    assert swapping.wait(PATIENCE_S)
+    with takes(0, SOON_S):
         display.close()
     end.set()
-    drawing.exception(5)
+    drawing.exception(PATIENCE_S)
 
 
 def test_a_failed_opening_leaves_other_windows_alone(

@@ -7,11 +7,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-PATIENCE_S = 10.0
-"""More than anything takes on a busy machine."""
+PATIENCE_S = 60.0
+"""More than anything takes on a busy machine; what hangs, hangs for so long at least."""
+
+SOON_S = 20.0
+"""What does not wait for that which hangs is done by then, however busy the machine."""
 
 
-def eventually(condition: Callable[[], object], seconds: float = 30.0) -> None:
+def eventually(condition: Callable[[], object], seconds: float = PATIENCE_S) -> None:
     """Wait until something is true; fails after a time that only a broken program takes."""
     end_s = time.monotonic() + seconds
     while not condition():

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hanging import PATIENCE_S
 from live_devices import Eye, Window, small_rig
 
 from zeromethod.devices.opening import Devices, open_devices
@@ -67,7 +68,14 @@ class Bench:
         return steps
 
     def hang(self, *_: object) -> None:
-        self.hung.wait(60)
+        self.hung.wait(PATIENCE_S)
+
+    @contextmanager
+    def impatient(self, timeout_s: float = 0.2) -> Iterator[None]:
+        """With a shorter time-out of the camera, for a while."""
+        self.loop._source._timeout_s = timeout_s
+        yield
+        self.loop._source._timeout_s = TIMEOUT_S
 
 
 @contextmanager

@@ -169,12 +169,15 @@ class RealEye(Eye):
 
 
 def small_rig(camera: str = "live_devices:RealEye", display: str = "live_devices:RealScreen") -> Rig:
-    """A rig of 160 x 128 camera px, with a coarse panel that changes at once, on these devices."""
+    """A rig of 160 x 128 camera px, with a coarse panel that changes at once, on these devices.
+
+    No picture and no frame takes as long as its time-out, however busy the machine.
+    """
     rig = binned(load_rig("simulated"), 8)
     values = rig.display.model_dump(exclude_unset=True)
     coarse = {"driver": display, "columns": 480, "rows": 270, "pitch_mm": 0.252, "scanout_s": 0.0}
     panel = DisplaySpec.model_validate(values | coarse | {"rise_s": 0.0, "fill_factor": (1.0, 1.0)})
     eye = rig.camera.model_copy(update={"driver": camera, "exposure_s": 0.004})
-    control = rig.control.model_copy(update={"timeout_s": 0.2})
+    control = rig.control.model_copy(update={"timeout_s": 30.0})
     known = GeometrySpec(known="exact")
     return rig.model_copy(update={"display": panel, "camera": eye, "control": control, "geometry": known})

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hanging import PATIENCE_S, Camera, eventually, raising, takes
+from hanging import PATIENCE_S, SOON_S, Camera, eventually, raising, takes
 
 from zeromethod.clock import HostClock, SimulatedClock
 from zeromethod.devices.opening import CLOSING_S, Devices
@@ -108,28 +108,31 @@ def hangs_first(hung: threading.Event, late: Camera, then: Camera) -> tuple[Call
     return open_camera, calls
 
 
-@pytest.mark.usefixtures("quick")
 def test_reopening_says_what_it_does_and_gives_up_when_the_time_is_up() -> None:
-    what = Reopener(Port(fails=99), HostClock(), live=True, for_s=0.15)
+    what = Reopener(Port(fails=99), SimulatedClock(), live=True, for_s=4.0)
     assert what.plan == ""
     plans = set()
     while not what.exhausted:
         what.attempt()
         plans.add(what.plan.partition(" (")[-1])
-    assert {"attempt 1, for 0 s more)", "attempt 2, for 0 s more)", "attempt 3, for 0 s more)"} <= plans
+    # after 0.5 and 2.5 s, and at the end
+    assert {"attempt 1, for 4 s more)", "attempt 2, for 3 s more)", "attempt 3, for 1 s more)"} <= plans
     assert (what.plan, what.failure) == ("", "still gone")
     assert what.attempt() is None
 
 
-@pytest.mark.usefixtures("quick")
 def test_an_opening_that_hangs_counts_as_failed_and_its_camera_is_closed_when_it_comes(
-    monkeypatch: pytest.MonkeyPatch, hung: threading.Event
+    hung: threading.Event,
 ) -> None:
-    monkeypatch.setattr(reopening, "OPENING_S", 0.1)
-    late, good = Camera(), Camera()
-    what = Reopener(hangs_first(hung, late, good)[0], HostClock(), live=True, for_s=60.0)
-    with takes(0, 0.5):
-        what.attempt()
+    late, good, clock = Camera(), Camera(), SimulatedClock()
+    reopen, calls = hangs_first(hung, late, good)
+    what = Reopener(reopen, clock, live=True, for_s=60.0)
+    with takes(0, SOON_S):
+        while not calls:
+            assert what.attempt() is None
+    clock.sleep_until_ns(clock.now_ns() + round(1e9 * reopening.OPENING_S))
+    assert what.attempt() is None
+    assert what.failure == "not within 10 s"
     assert attempts(what) is good
     assert not late.closed
     hung.set()
@@ -169,7 +172,7 @@ def test_reopening_does_without_the_lost_cameras_close(hung: threading.Event) ->
     for close in (lambda: hung.wait(PATIENCE_S), raising(RuntimeError("no device"))):
         what = devices(lambda: fresh)
         what.camera.close = close  # type: ignore[method-assign]
-        with takes(0, CLOSING_S + 1):
+        with takes(0, SOON_S):
             assert what.reopen_camera() is fresh  # type: ignore[comparison-overlap]
         assert what.camera is fresh  # type: ignore[comparison-overlap]
 
@@ -193,7 +196,7 @@ def test_devices_that_hang_when_closed_are_left_within_their_time(which: str, hu
     for name in ("camera", "display"):
         if which in {name, "both"}:
             getattr(what, name).close = lambda: hung.wait(PATIENCE_S)
-    with takes(0, CLOSING_S + 0.4), pytest.raises(MeasurementError, match="cannot be closed: not within"):
+    with takes(0, SOON_S), pytest.raises(MeasurementError, match="cannot be closed: not within"):
         what.close(CLOSING_S)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from hanging import PATIENCE_S, Camera, eventually, takes
+from hanging import PATIENCE_S, SOON_S, Camera, eventually, takes
 
 from zeromethod.devices.protocols import CameraTimeout, DisplayLost
 from zeromethod.errors import InputError
@@ -40,11 +40,11 @@ def test_a_captured_camera_is_read_only_when_a_frame_is_wanted(captured: Capture
     capture = captured(camera)
     time.sleep(0.02)
     assert camera.reads == []
-    assert capture.read(0.5) == "a"
+    assert capture.read(PATIENCE_S) == "a"
     time.sleep(0.02)
     # nothing is read ahead, so nothing can queue
-    assert camera.reads == [0.5]
-    assert capture.read(0.7) == "b"
+    assert camera.reads == [PATIENCE_S]
+    assert capture.read(PATIENCE_S) == "b"
 
 
 def test_a_camera_that_hangs_times_out_and_its_late_frame_is_not_lost(
@@ -58,24 +58,27 @@ def test_a_camera_that_hangs_times_out_and_its_late_frame_is_not_lost(
     camera = Camera(late, "next")
     capture = captured(camera, lambda: calls.append(1))
     for _ in range(2):
-        with takes(0.1 + GRACE_S, 1), pytest.raises(CameraTimeout):
+        with takes(0.1 + GRACE_S, SOON_S), pytest.raises(CameraTimeout):
             capture.read(0.1)
     # the thread that waits looks round meanwhile, and asks but once
-    assert len(calls) >= 4
+    assert len(calls) >= 2
     assert len(camera.reads) == 1
     hung.set()
-    assert [capture.read(1), capture.read(1)] == ["late", "next"]
+    assert [capture.read(PATIENCE_S), capture.read(PATIENCE_S)] == ["late", "next"]
 
 
-def test_a_late_answer_that_there_was_no_frame_is_not_counted_twice(captured: Captured) -> None:
+def test_a_late_answer_that_there_was_no_frame_is_not_counted_twice(
+    captured: Captured, hung: threading.Event
+) -> None:
     def slow() -> CameraTimeout:
-        time.sleep(0.1 + GRACE_S + 0.1)
+        hung.wait(PATIENCE_S)
         return CameraTimeout()
 
     capture = captured(Camera(slow, "good"))
     with pytest.raises(CameraTimeout):
         capture.read(0.1)
-    assert capture.read(1) == "good"
+    hung.set()
+    assert capture.read(PATIENCE_S) == "good"
 
 
 # Drawing
@@ -101,7 +104,7 @@ class Pen:
         self.closed = True
 
 
-def drawing_with(pen: Pen, timeout_s: float = 5.0, coded: bool = True, live: bool = True) -> Drawing:
+def drawing_with(pen: Pen, timeout_s: float = PATIENCE_S, coded: bool = True, live: bool = True) -> Drawing:
     return Drawing(lambda: pen, coded, timeout_s, live)  # type: ignore[arg-type,return-value]
 
 
@@ -147,20 +150,22 @@ def test_a_display_that_hangs_is_lost_after_its_timeout_but_not_while_it_prepare
     what = drawing_with(pen, timeout_s=0.05)
     pen.go.clear()
     what.post(np.array([1.0]), None)
+    eventually(lambda: pen.shown)
     time.sleep(0.15)
     assert what.collect() == []  # the first picture: shaders may be compiled
     monkeypatch.setattr(drawing, "OPENING_S", 0.05)
-    with pytest.raises(DisplayLost, match=r"showing one picture for 0\."):
+    with pytest.raises(DisplayLost, match=r"showing one picture for \d"):
         what.collect()
     monkeypatch.undo()
     pen.go.set()
     collected(what, 1)
     pen.go.clear()
     what.post(np.array([2.0]), None)
+    eventually(lambda: len(pen.shown) == 2)
     time.sleep(0.15)
     with pytest.raises(DisplayLost):
         what.collect()
-    with takes(0, 0.6):
+    with takes(0, SOON_S):
         what.close()
     pen.go.set()
     eventually(lambda: pen.closed)

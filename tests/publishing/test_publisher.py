@@ -84,8 +84,8 @@ def test_a_stopped_subscriber_costs_neither_time_nor_memory_and_then_gets_the_ne
                     took_s.append(time.perf_counter() - start)
                 # Queued messages would be 120 MB; a few buffers of the allocator's are not.
                 assert resident_bytes() - before < 20e6
-                # 0.4 ms on an idle machine; ten times that where other tests run next to this one.
-                assert np.median(took_s) < 4e-3
+                # 0.4 ms on an idle machine, more where others compute; one that waited would wait for ever
+                assert np.median(took_s) < 0.1
                 process.send_signal(signal.SIGCONT)
                 # Behind the few that were already on the line comes the newest, with nothing sent since.
                 while int(process.stdout.readline()) != count + 1:

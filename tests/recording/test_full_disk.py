@@ -65,7 +65,8 @@ def test_what_is_small_enough_for_a_full_disk_does_not_make_it_one_that_was_full
         for number in range(1, 21):
             recording.add_step(a_step(number))
             recording.add_reading(read(a_step(number)))
-            eventually(lambda: recording.waiting_bytes == 0)
+            eventually(lambda: not recording._queue)
+            time.sleep(0.002)
     with Recording(path) as found:
         noted = [found.text(row["text"]) for row in found.notes]
     assert noted
@@ -113,6 +114,7 @@ def test_where_even_tables_have_no_room_the_file_stays_readable(path: Path) -> N
         while recording.status.condition is Condition.ALL_KEPT and number < 10_000:
             number += 1
             recording.add_step(a_step(number, notes=("x" * 240,) * 40, **bare))
+            eventually(lambda: not recording._queue)
             time.sleep(0.002)
         assert recording.status.condition is Condition.STOPPED
         assert recording.status.reason.startswith("the disk is full (")

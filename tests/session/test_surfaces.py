@@ -11,7 +11,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from hanging import eventually
+from hanging import PATIENCE_S, eventually
 from processes import has_ended
 from surface_bench import Bench, Gauss, small_rig
 
@@ -126,7 +126,7 @@ def test_closing_ends_a_reading_under_way(bench, warp):
     eventually(lambda: process._asked_s is not None)
     process.close()
     process.close()
-    reading.join(10)
+    reading.join(PATIENCE_S)
     assert reasons == ["it was ended"]
 
 

@@ -56,8 +56,8 @@ def test_a_run_that_hangs_is_given_up_and_the_others_go_on(squares: Squares, tmp
     study = squares(5, "waits_at = 1", f'mark = "{tmp_path / "waiting"}"', limit_s=4.0)
     started = time.monotonic()
     results = run_study(study, tmp_path, Workers(1))
-    # the run itself would take a minute
-    assert time.monotonic() - started < 40.0
+    # the run itself would take ten minutes
+    assert time.monotonic() - started < 200.0
     assert [(row["run"], row["failure"]) for row in results.failures] == [
         (1, "took longer than limit_s = 4 s, and was ended")
     ]
@@ -80,11 +80,11 @@ def test_workers_listen_on_loopback_alone_and_end_at_once_when_the_study_does(
             if one.status == psutil.CONN_LISTEN
         ]
         assert set(ports) == {"127.0.0.1"}
-        # the fourth run is handed over when the next outcome is asked for, and takes a minute
-        with pytest.raises(KeyboardInterrupt), _within(20.0, mark):
+        # the fourth run is handed over when the next outcome is asked for, and takes ten minutes
+        with pytest.raises(KeyboardInterrupt), _within(60.0, mark):
             next(outcomes)
         started = time.monotonic()
-    assert time.monotonic() - started < 5.0
+    assert time.monotonic() - started < 20.0
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
@@ -125,13 +125,13 @@ def test_a_cluster_without_workers_is_reported_and_goes_on_when_one_comes(
     results = run_study(study, tmp_path, Workers(address=empty.scheduler_address, report=report))
     address = empty.scheduler_address
     assert lines == [f"--cluster: {address}: no worker yet, waiting for one: dask worker {address}"]
-    assert reported_s[0] < 10.0
+    assert reported_s[0] < 30.0
     # the run that hangs is given up, and those after it find a worker
     assert [(row["run"], row["failure"]) for row in results.failures] == [
         (2, "took longer than limit_s = 5 s, and was ended")
     ]
     assert [row["square"] for row in results.rows if row["run"] != 2] == [0, 1, 9]
-    assert time.monotonic() - started < 50.0
+    assert time.monotonic() - started < 200.0
 
 
 class _within:  # noqa: N801 - reads as words

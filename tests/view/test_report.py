@@ -167,7 +167,8 @@ def test_what_is_missing_is_said_and_leaves_the_rest_of_the_page(
 
 def test_recording_that_was_not_closed_says_so(edited: Edited) -> None:
     path = edited(lambda file: file["complete"].write_direct(np.array(0, np.uint8)))
-    os.utime(path)
+    # so that it was written just now, however long the page takes
+    os.utime(path, (time.time() + 3600,) * 2)
     assert "still being written" in page_of(path).text
     os.utime(path, (time.time() - 60,) * 2)
     assert "was cut off" in page_of(path).text
