@@ -132,13 +132,13 @@ def surround(patch: Float) -> tuple[Finding, Finding]:
             Fault.DYNAMIC_CONTRAST,
             float(gain[worst]),
             float(gain_sigma),
-            f"the same patch gives {100 * gain[worst]:+z.1f} % of light on {names[worst]} against on white",
+            f"the same patch gives {100 * gain[worst]:+.1f} % of light on {names[worst]} against on white",
         ),
         Finding(
             Fault.ADAPTIVE_TONE,
             float(bend[oddest]),
             float(tone_sigma),
-            f"a middling grey gives {100 * bend[oddest]:+z.1f} % of the white's light more on {names[oddest]} "
+            f"a middling grey gives {100 * bend[oddest]:+.1f} % of the white's light more on {names[oddest]} "
             "than on white",
         ),
     )

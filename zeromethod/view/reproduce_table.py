@@ -78,8 +78,8 @@ def press_notes(figures: Figures) -> list[str]:
             f"{without_lag[name]['peak_error_percent']:+z.1f} %; moved: {straight}"
         )
     notes.append(
-        f"picks without error: {bare['as built']:+z.1f} %; without the LCD's air gap {bare['acryl']:+z.1f} %, "
-        f"without the acryl too {bare['bare']:+z.1f} % (the equations know neither)"
+        f"picks without error: {bare['as built']:+.1f} %; without the LCD's air gap {bare['acryl']:+.1f} %, "
+        f"without the acryl too {bare['bare']:+.1f} % (the equations know neither)"
     )
     own = figures["whole_image_own_window"]
     percent = cell(own["peak_error_percent"], "{:+z.2f}")
