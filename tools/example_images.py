@@ -29,12 +29,13 @@ path = [
 
 
 def rig_file(path: Path) -> None:
-    """The packaged rig with four times larger camera pixels."""
+    """The packaged rig with four times larger camera pixels, whose pictures are simulated by it."""
     packaged = Path(__file__).parent.parent / "calibration/rigs/simulated.toml"
     small = zm.binned(zm.load_rig("simulated"), BINNING).camera
     path.write_text(packaged.read_text())
     keys = ("columns", "rows", "focal_px", "centre_px", "psf_px")
-    save_values(path, {"name": "still", **{f"camera.{key}": getattr(small, key) for key in keys}})
+    camera = {f"camera.{key}": getattr(small, key) for key in keys}
+    save_values(path, {"name": "still", **camera, "geometry.known": "exact"})
 
 
 def speckle(columns: int, rows: int) -> np.ndarray:

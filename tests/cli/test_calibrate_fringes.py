@@ -1,5 +1,7 @@
 """`zeromethod calibrate fringes`: pictures that `calibrate decode` reads back."""
 
+import resource
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -49,3 +51,31 @@ def test_the_light_on_a_rigs_lcd_is_a_sine(tmp_path: Path) -> None:
         # Half a grey level, where light is steepest in the code: gamma / 255.
         assert np.abs(shown - light).max() < 0.5 * max(display.gamma, 1.0) / 255
         assert np.ptp(shown) == pytest.approx(CONTRAST, abs=0.02)
+
+
+@pytest.fixture
+def tiny_files() -> Iterator[None]:
+    """No file may be larger than 64 bytes, less than any picture: to what writes one, the disk is full."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (64, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.usefixtures("tiny_files")
+@pytest.mark.parametrize(
+    "command",
+    [
+        "calibrate fringes --periods 16,20 --shifts 3 --panel 160 96 --output fringes",
+        "calibrate board --board 5x4:10 --dpi 50 --output board.png",
+    ],
+)
+def test_a_disk_that_takes_no_picture_is_named_with_the_option(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(command)
+    assert code == 2
+    assert err.startswith("zeromethod: --output: ")
+    assert "cannot be written: " in err
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]

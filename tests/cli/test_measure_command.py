@@ -7,13 +7,15 @@ import cv2
 import numpy as np
 import pytest
 from command_line import run
-from small_rigs import small_rig_file
+from small_rigs import BENCH_320, small_rig_file
 
 from zeromethod.rig.load import load_rig
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
+
+PLANTED_MM = 0.05
 
 
 def speckle(shape: tuple[int, int], sigma_px: float, seed: int = 3) -> np.ndarray:
@@ -91,19 +93,48 @@ def test_a_texture_that_repeats_ends_with_1_and_advice(tmp_path: Path) -> None:
     assert "speckle" in err
 
 
-def test_a_rig_turns_a_static_texture_into_the_depth_of_a_press(tmp_path: Path) -> None:
-    path = small_rig_file(tmp_path / "small.toml")
+@pytest.fixture(scope="module")
+def press(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
+    """A rig file, and what its camera sees at rest and under a dent of 0.05 mm."""
+    folder = tmp_path_factory.mktemp("press")
+    path = small_rig_file(folder / "small.toml")
     rig = load_rig(str(path))
-    planted_mm = 0.05
-    dent = Dent(Shape.GAUSSIAN, x_mm=34.0, y_mm=0.0, depth_mm=planted_mm, size_mm=4.0)
+    dent = Dent(Shape.GAUSSIAN, x_mm=34.0, y_mm=0.0, depth_mm=PLANTED_MM, size_mm=4.0)
     renderer, sensor = NumpyRenderer(rig), Sensor(rig)
     # A camera pixel sees about two LCD pixels: specks of two camera pixels.
     handle = renderer.upload(speckle((rig.display.rows, rig.display.columns), 4.0))
     share = np.ones(rig.display.rows, np.float32)
+    images = []
     for number, (name, mirror) in enumerate([("rest", Mirror(())), ("pressed", Mirror((dent,)))]):
         light = renderer.expose([Piece(1.0, mirror, [(handle, share)])])
-        write(tmp_path / f"{name}.png", sensor.image(light, number))
-    images = tmp_path / "rest.png", tmp_path / "pressed.png"
+        images.append(write(folder / f"{name}.png", sensor.image(light, number)))
+    return path, images[0], images[1]
+
+
+def test_depth_by_a_rig_that_was_not_calibrated_is_relative(
+    press: tuple[Path, Path, Path], tmp_path: Path
+) -> None:
+    rig, *images = press
+    options = "--rig", rig, "--output", tmp_path / "out", "--summary", tmp_path / "summary.json"
+    code, out, err = run("measure", *images, *options)
+    assert code == 1
+    assert "relative" in out
+    assert err.startswith(f"! {rig}: not calibrated: depth is relative")
+    assert "zeromethod calibrate" in err
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["calibrated"] is False
+    # Without a measured rest nothing of depth is known: its sigma is as large as itself.
+    (image,) = summary["images"]
+    assert image["depth_peak_sigma_mm"] > 0.9 * image["depth_peak_mm"]
+    with np.load(tmp_path / "out" / "pressed.npz") as data:
+        assert not data["calibrated"]
+
+
+def test_a_rig_turns_a_static_texture_into_the_depth_of_a_press(
+    press: tuple[Path, Path, Path], tmp_path: Path
+) -> None:
+    _, *images = press
+    path = small_rig_file(tmp_path / "exact.toml", {**BENCH_320, "geometry.known": "exact"})
     options = "--rig", path, "--output", tmp_path / "out", "--summary", tmp_path / "summary.json"
     code, out, err = run("measure", *images, *options)
     assert (code, err) == (0, "")
@@ -112,12 +143,12 @@ def test_a_rig_turns_a_static_texture_into_the_depth_of_a_press(tmp_path: Path) 
     with np.load(tmp_path / "out" / "pressed.npz") as data:
         valid = data["depth_valid"]
         r2 = (data["x_mm"] - 34.0) ** 2 + data["y_mm"] ** 2
-        truth = planted_mm * np.exp(-r2 / (2 * 4.0**2))
+        truth = PLANTED_MM * np.exp(-r2 / (2 * 4.0**2))
         error = (data["depth_mm"] - truth)[valid]
         assert data["node_u"].shape == valid.shape
         sigma = data["sigma_depth_mm"][valid]
     # Noise and the anchor (no rim in view) are in sigma; the window's smoothing is the other 2 %.
-    bound_mm = 0.02 * planted_mm + 3.0 * image["depth_peak_sigma_mm"]
-    assert bound_mm < 0.2 * planted_mm
-    assert abs(image["depth_peak_mm"] - planted_mm) < bound_mm
-    assert np.sqrt(np.mean(error**2)) < 0.02 * planted_mm + 2.0 * np.sqrt(np.mean(sigma**2))
+    bound_mm = 0.02 * PLANTED_MM + 3.0 * image["depth_peak_sigma_mm"]
+    assert bound_mm < 0.2 * PLANTED_MM
+    assert abs(image["depth_peak_mm"] - PLANTED_MM) < bound_mm
+    assert np.sqrt(np.mean(error**2)) < 0.02 * PLANTED_MM + 2.0 * np.sqrt(np.mean(sigma**2))

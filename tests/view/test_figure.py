@@ -39,5 +39,11 @@ def test_the_title_compares_the_peak_with_the_deepest_true_point() -> None:
     # the ball's own deepest point is deeper than all that reflects
     assert truth["depth_deepest_mm"] > 1.1 * truth["depth_peak_mm"] > 0.0
     error = 100 * (read_mm / truth["depth_deepest_mm"] - 1)
-    assert f"true {truth['depth_deepest_mm']:.5f} mm ({error:+.2f} %)" in _title(figures)
+    assert f"true {truth['depth_deepest_mm']:.5f} mm ({error:+z.2f} %)" in _title(figures)
     assert np.isfinite(error)
+
+
+def test_a_peak_that_is_right_to_all_digits_is_not_minus_nothing() -> None:
+    figures = {"rig": "r", "press": "p", "controller": "c", "depth_peak_mm": 0.1999999}
+    truth = {"depth_deepest_mm": 0.2, "depth_rms_error_um": 0.001}
+    assert "(+0.00 %)" in _title({**figures, "truth": truth})

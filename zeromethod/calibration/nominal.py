@@ -45,3 +45,13 @@ def nominal_geometry(rig: Rig) -> GeometrySpec:
         for key, value in (("depth", WHOLE), ("x_mm", 0.0), ("y_mm", 0.0)):
             modes[key].append([value, *[0.0] * 5])
     return GeometrySpec(known="nominal", **modes)
+
+
+def stated(rig: Rig) -> Rig:
+    """The rig whose readings state what is open of depth, where no calibration has said so.
+
+    Raises MeasurementError where too little of the mirror is seen.
+    """
+    if rig.geometry.known != "nominal" or rig.geometry.depth:
+        return rig
+    return rig.model_copy(update={"geometry": nominal_geometry(rig)})

@@ -16,7 +16,7 @@ from zeromethod.cli.calibrate_fringes import fringes_command
 from zeromethod.cli.calibrate_options import calibrate_options, refuse_unused
 from zeromethod.cli.fringe_options import fringe_options, sequence_of
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import OutputFile, summary_option, write_summary
+from zeromethod.cli.output import OutputFile, summary_option, write_summary, writing
 from zeromethod.commissioning.decode import decode_files, figures, noise_of, refuse_empty
 from zeromethod.decoding.measuring import LIMIT_SHARE
 from zeromethod.decoding.noise import NoiseModel
@@ -129,7 +129,8 @@ def decode_command(
             camera_shape=(rig.camera.rows, rig.camera.columns) if rig else None,
             advance=lambda: advance("decoding"),
         )
-    found.rest_map.save(output)
+    with writing("--output", output):
+        found.rest_map.save(output)
     values = figures(found)
     Console().print(_table(values))
     if summary is not None:

@@ -23,7 +23,14 @@ from zeromethod.cli.device_options import (
     without_display,
 )
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import OutputFile, TerminalPrompts, several, summary_option, write_summary
+from zeromethod.cli.output import (
+    OutputFile,
+    TerminalPrompts,
+    several,
+    summary_option,
+    write_summary,
+    writing,
+)
 from zeromethod.commissioning.calibration.board_views import (
     Views,
     live_views,
@@ -86,7 +93,7 @@ def board_command(
     else:
         raise InputError("--dpi, --rig: one of them: the board for a printer or for an LCD")
     true_dpi = _MM_PER_INCH * square_px / board.square_mm
-    with atomic_write(output) as part:
+    with writing("--output", output), atomic_write(output) as part:
         imsave(part, picture, cmap="gray", vmin=0, vmax=255, dpi=true_dpi, format="png")
     click.echo(words)
 
@@ -146,7 +153,8 @@ def intrinsics_command(
     for name, why in views.refused.items():
         click.echo(f"! {name}: {why}", err=True)
     found = fit_camera(views.views, board, views.shape)
-    save_camera(output, found, str(board))
+    with writing("--output", output):
+        save_camera(output, found, str(board))
     Console().print(_table(found))
     click.echo(f"use it: zeromethod calibrate --intrinsics {output} ...")
     if summary is not None:

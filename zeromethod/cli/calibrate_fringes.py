@@ -10,7 +10,7 @@ import cv2
 from zeromethod.atomic_write import atomic_write
 from zeromethod.cli.fringe_options import fringe_options, sequence_of
 from zeromethod.cli.numbers import Whole
-from zeromethod.cli.output import check_folder
+from zeromethod.cli.output import check_folder, writing
 from zeromethod.errors import InputError
 from zeromethod.pattern.response import Response
 from zeromethod.rig.load import load_rig
@@ -57,6 +57,6 @@ def fringes_command(
     digits = max(2, len(str(sequence.frames - 1)))
     for number, light in enumerate(sequence.pictures(*size)):
         path = output / f"fringe{number:0{digits}d}.png"
-        with atomic_write(path) as part:
+        with writing("--output", path), atomic_write(path) as part:
             part.write_bytes(cv2.imencode(".png", response.picture(light))[1].tobytes())
     click.echo(f"{sequence.frames} pictures of {size[0]} x {size[1]} px in {output}: photograph them in turn")

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from zeromethod.atomic_write import atomic_write
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import check_folder, summary_option, write_summary
+from zeromethod.cli.output import check_folder, summary_option, write_summary, writing
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import check_geometry
 from zeromethod.passive.correlate import LARGEST_SPACING_PX, NARROWEST_PX, SPACING_PX, WIDEST_PX
@@ -101,6 +101,8 @@ def measure_command(
     measurement = Measurement(
         reference, rig=rig, spacing_px=spacing, window_px=window, largest_shift_px=largest_shift
     )
+    if not measurement.calibrated:
+        click.echo(f"! {rig_name}: not calibrated: depth is relative", err=True)
     found: list[dict[str, Any]] = []
     names = [*(path.name for path in images[1:]), ""]
     with progress(len(images), first=images[0].name) as advance:
@@ -111,9 +113,18 @@ def measure_command(
             advance(following)
     columns = [column for column in _COLUMNS if any(column[1] in one for one in found)]
     rows = ((one["name"], *(cell(one[key], pattern) for _, key, pattern in columns)) for one in found)
-    Console().print(text_table(("image", *(title for title, _, _ in columns)), rows))
-    write_summary(summary, {"reference": str(reference), "rig": rig.name if rig else None, "images": found})
+    heads = (
+        title if measurement.calibrated else title.replace("peak depth", "relative depth")
+        for title, _, _ in columns
+    )
+    Console().print(text_table(("image", *heads), rows))
+    about = {"reference": str(reference), "rig": rig.name if rig else None}
+    write_summary(summary, {**about, "calibrated": measurement.calibrated if rig else None, "images": found})
     _refuse_empty(found)
+    if not measurement.calibrated:
+        from zeromethod.session.trust import DOUBT  # noqa: PLC0415 - the simulation loads slowly
+
+        raise MeasurementError(f"{rig_name}: not calibrated: {DOUBT.reason}")
 
 
 def _check_names(images: tuple[Path, ...]) -> None:
@@ -129,9 +140,11 @@ def _check_names(images: tuple[Path, ...]) -> None:
 def _write(reading: StillReading, measurement: Measurement, folder: Path) -> None:
     from zeromethod.view.displacement_figure import draw_displacement  # noqa: PLC0415 - matplotlib loads slowly
 
-    with atomic_write(folder / f"{reading.name}.npz") as part, part.open("wb") as file:
+    table, drawn = (folder / f"{reading.name}{suffix}" for suffix in (".npz", ".png"))
+    with writing("--output", table), atomic_write(table) as part, part.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays(reading))
-    draw_displacement(reading, measurement.reference, folder / f"{reading.name}.png")
+    with writing("--output", drawn):
+        draw_displacement(reading, measurement.reference, drawn)
 
 
 def _refuse_empty(found: list[dict[str, Any]]) -> None:

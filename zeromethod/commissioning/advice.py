@@ -198,7 +198,7 @@ def _place(place: Alignment, period_px: int) -> list[str]:
     size, turn, away = _wrong(place, period_px)
     if size:
         said.append(
-            f"the picture is {place.wider:+.1%} wide and {place.higher:+.1%} high against the rig file: "
+            f"the picture is {place.wider:+z.1%} wide and {place.higher:+z.1%} high against the rig file: "
             "move the camera, or set its pose and focal_px"
         )
     if turn:

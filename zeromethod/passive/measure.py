@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from zeromethod.arrays import Bytes, Image
+from zeromethod.calibration.nominal import stated
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.passive import Displacement, Doubt, correlate
@@ -38,6 +39,8 @@ class StillReading:
         The surface's deepest point.
     grid : NodeGrid, optional
         Nodes of the surface; None without a rig.
+    calibrated : bool
+        The rig's geometry is known; without, depth is relative, and its sigma says so.
     """
 
     name: str
@@ -45,10 +48,12 @@ class StillReading:
     surface: Surface | None = None
     peak: Peak | None = None
     grid: NodeGrid | None = None
+    calibrated: bool = True
 
     def __repr__(self) -> str:
         share = 100 * float(np.mean(self.displacement.valid))
-        read = "" if self.peak is None else f", {self.peak}"
+        relative = "" if self.calibrated else " (relative: not calibrated)"
+        read = "" if self.peak is None else f", {self.peak}{relative}"
         return f"<StillReading {self.name!r}: {share:.1f} % of the points valid{read}>"
 
 
@@ -96,6 +101,8 @@ class Measurement:
     ------
     InputError
         For a file that is no image, or an image that is not of the rig's camera.
+    MeasurementError
+        For a rig that is not calibrated and sees too little of the mirror to state what is open of depth.
     """
 
     def __init__(
@@ -108,6 +115,7 @@ class Measurement:
         largest_shift_px: float | None = None,
     ) -> None:
         self.reference, name = _grey(reference, "reference")
+        self.calibrated = rig is None or rig.geometry.known != "nominal"
         self._rig = rig
         self._options: dict[str, Any] = {"window_px": window_px, "spacing_px": spacing_px}
         self._options["largest_shift_px"] = largest_shift_px
@@ -118,7 +126,7 @@ class Measurement:
                 raise InputError(f"{name}: {_size(self.reference)}: the rig's camera has {_size(expected)}")
             self._optics = Optics(rig)
             self._grid = NodeGrid.of_rig(rig)
-            self._reader = SurfaceReader(rig, self._optics, self._grid)
+            self._reader = SurfaceReader(stated(rig), self._optics, self._grid)
 
     def load(self, image: Path | Image) -> Image:
         """Grey levels of an image that has the reference's size.
@@ -166,9 +174,9 @@ class Measurement:
             return StillReading(name, displacement)
         warp = measured_warp(displacement, self._optics, self._grid)
         if not warp.valid.any():
-            return StillReading(name, displacement, grid=self._grid)
+            return StillReading(name, displacement, grid=self._grid, calibrated=self.calibrated)
         surface = self._reader.read(warp)
-        return StillReading(name, displacement, surface, peak(surface), self._grid)
+        return StillReading(name, displacement, surface, peak(surface), self._grid, self.calibrated)
 
 
 def _grey(image: Path | Image, name: str) -> tuple[Image, str]:
@@ -199,7 +207,8 @@ def measure(
     reference, image : str, Path or (rows, cols) array
         Image files or grey levels, 8 or 16 bits; with a rig, the reference is the mirror at rest.
     rig : Rig, str or Path, optional
-        Bench whose camera took the images, as for `Session`; with it, slope and depth are read as well.
+        Bench whose camera took the images, as for `Session`; with it, slope and depth are read as well. Depth
+        is relative where its geometry is neither calibrated nor declared exact.
     spacing_px : int, optional
         Pixels between the points.
     window_px : float, optional
@@ -216,6 +225,8 @@ def measure(
     ------
     InputError
         For what is no image, and for images whose sizes differ or that are not of the rig's camera.
+    MeasurementError
+        For a rig that is not calibrated and sees too little of the mirror to state what is open of depth.
     """
     bench = load_rig(rig) if isinstance(rig, str | Path) else rig
     if bench is not None:
@@ -274,6 +285,7 @@ def arrays(reading: StillReading) -> dict[str, Image]:
         for name in ("depth_mm", "sigma_depth_mm", "slope", "x_mm", "y_mm"):
             out[name] = getattr(reading.surface, name)
         out["depth_valid"] = reading.surface.valid
+        out["calibrated"] = np.array(reading.calibrated)
     return out
 
 

@@ -55,7 +55,7 @@ def _title(figures: dict[str, Any]) -> str:
     return (
         f"zeromethod design  rig {figures['rig']}   critical angle {tir['critical_deg']:.2f} deg, "
         f"centre ray {tir['centre_incidence_deg']:.2f} deg, "
-        f"least margin {tir['least_margin_deg']:+.2f} deg   "
+        f"least margin {tir['least_margin_deg']:+z.2f} deg   "
         f"round the loop {figures['delay']['mean_frames']:.1f} frames"
     )
 

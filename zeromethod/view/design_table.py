@@ -65,14 +65,14 @@ def curves_table(found: Figures) -> Table:
 
 
 def _place(region: Figures) -> tuple[str, str]:
-    return f"{region['x_mm']:.1f}", f"{region['y_mm']:+.1f}"
+    return f"{region['x_mm']:.1f}", f"{region['y_mm']:+z.1f}"
 
 
 def _margins(figures: Figures) -> list[RenderableType]:
     rows = []
     for region in figures["regions"]:
         loss = region["slope_to_loss_mrad"]
-        margins = (f"{margin:+.2f}" for margin in region["tir_margin_deg"])
+        margins = (f"{margin:+z.2f}" for margin in region["tir_margin_deg"])
         rows.append((*_place(region), *margins, f"{loss:.1f}" if loss > 0.0 else "at rest"))
     slopes = (f"{slope:g} mrad" for slope in figures["tir"]["slopes_mrad"])
     table = text_table(("x, mm", "y, mm", *slopes, "gone at, mrad"), rows, left=())

@@ -34,7 +34,8 @@ def draw_displacement(reading: StillReading, reference: Image, path: Path) -> No
             _overlay(axis, reference, _extent(found.u, found.v), *panel)
         if reading.surface is not None and reading.grid is not None:
             depth_um = np.where(reading.surface.valid, _DEPTH_UNIT_UM * reading.surface.depth_mm, np.nan)
-            heading = "depth at the image's pixels, into the rubber = positive"
+            kind = "depth" if reading.calibrated else "relative depth (not calibrated)"
+            heading = f"{kind} at the image's pixels, into the rubber = positive"
             _overlay(axes[3], reference, _extent(*reading.grid.mesh()), heading, "µm", depth_um, True)
         elif reading.grid is not None:
             centred(axes[3], "no depth could be read")

@@ -59,7 +59,7 @@ def _title(figures: dict[str, Any]) -> str:
         parts.append(f"peak {read_mm:.5f} mm")
     if truth is not None:
         true_mm = truth["depth_deepest_mm"]
-        low = f" ({100 * (read_mm / true_mm - 1):+.2f} %)" if read_mm is not None and true_mm else ""
+        low = f" ({100 * (read_mm / true_mm - 1):+z.2f} %)" if read_mm is not None and true_mm else ""
         parts.append(f"true {true_mm:.5f} mm{low}")
         parts.append(f"rms error of the nodes read {1e3 * truth['depth_rms_error_um']:.0f} nm")
     return "   ".join(parts)

@@ -50,8 +50,10 @@ def sight_table(sight: Sight) -> RenderableType:
         stray = f"stray light {_number(seen.stray_share, '.1%')}"
         rows.append(("LCD", f"visible in {seen.seen_share:.0%} of the image; {_lie(seen)}; {stray}"))
     if (place := sight.place) is not None:
-        size = f"{place.wider:+.1%} wide, {place.higher:+.1%} high, turned by {place.turn_deg:+.1f} degrees"
-        where = f"{place.right_px:+.1f} px right, {place.down_px:+.1f} down"
+        size = (
+            f"{place.wider:+z.1%} wide, {place.higher:+z.1%} high, turned by {place.turn_deg:+z.1f} degrees"
+        )
+        where = f"{place.right_px:+z.1f} px right, {place.down_px:+z.1f} down"
         rows.append(("picture, by the rig file", f"{size}, {where}"))
     lines = [Text(f"-> {line}", style="yellow" if sight.advice else "green") for line in sight.lines]
     return Group(pair_table(rows), *lines)

@@ -11,11 +11,11 @@ _SESSIONS = (
     ("frames nulled", "nulled_share", "{:.1%}"),
     ("residual, camera px rms", "residual_rms_px", "{:.4f}"),
     ("  of nulled frames", "residual_nulled_px", "{:.4f}"),
-    ("picture behind the mirror, ms", "lag_ms", "{:+.1f}"),
+    ("picture behind the mirror, ms", "lag_ms", "{:+z.1f}"),
     ("largest peak read, mm", "depth_peak_mm", "{:.5f}"),
     ("depth error, µm rms", "depth_error_um", "{:.3f}"),
     ("  of nulled frames", "depth_nulled_error_um", "{:.3f}"),
-    ("  worst peak of these, %", "peak_error_percent", "{:+.3f}"),
+    ("  worst peak of these, %", "peak_error_percent", "{:+z.3f}"),
 )
 _DIFFERENCES = (
     ("depth, nm", "depth_difference_nm"),

@@ -15,7 +15,7 @@ _COLUMNS = {
 }
 _ROWS = (
     ("peak depth, mm", "peak_mm", "{:.5f}"),
-    ("peak error, %", "peak_error_percent", "{:+.3f}"),
+    ("peak error, %", "peak_error_percent", "{:+z.3f}"),
     ("line rms, µm", "line_rms_um", "{:.3f}"),
     ("view rms, µm", "view_rms_um", "{:.3f}"),
     ("points read", "points", "{}"),
@@ -75,14 +75,14 @@ def press_notes(figures: Figures) -> list[str]:
         notes.append(f"{title}, press moved to {moved[name]['positions']} places: error at the peak {lagged}")
         notes.append(
             f"{title}, equation 19 without its lag of one interval, as in the needle's columns: "
-            f"{without_lag[name]['peak_error_percent']:+.1f} %; moved: {straight}"
+            f"{without_lag[name]['peak_error_percent']:+z.1f} %; moved: {straight}"
         )
     notes.append(
         f"picks without error: {bare['as built']:+.1f} %; without the LCD's air gap {bare['acryl']:+.1f} %, "
         f"without the acryl too {bare['bare']:+.1f} % (the equations know neither)"
     )
     own = figures["whole_image_own_window"]
-    percent = cell(own["peak_error_percent"], "{:+.2f}")
+    percent = cell(own["peak_error_percent"], "{:+z.2f}")
     rms_um = cell(own["view_rms_um"], "{:.2f}")
     notes.append(
         "all pixels: window of 10 px, picked from 6, 8, 10 and 12 px with the truth of this press in sight; "
@@ -93,4 +93,4 @@ def press_notes(figures: Figures) -> list[str]:
 
 def _spread(errors: Figures) -> str:
     least, most, median = (errors[f"{key}_percent"] for key in ("least", "most", "median"))
-    return f"{least:+.1f} to {most:+.1f} %, median {median:+.1f} %"
+    return f"{least:+z.1f} to {most:+z.1f} %, median {median:+z.1f} %"

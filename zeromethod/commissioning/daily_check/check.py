@@ -145,7 +145,7 @@ class _Check:
             return Finding(Subject.DELAY, Fitness.UNFIT, str(error).removeprefix("delay: "))
         change_s = found.latency_s - rig.display.latency_s
         figures = {"delay_ms": 1e3 * found.latency_s, "delay_change_ms": 1e3 * change_s}
-        words = f"{1e3 * found.latency_s:.2f} ms, {1e3 * change_s:+.2f} ms from the rig file's"
+        words = f"{1e3 * found.latency_s:.2f} ms, {1e3 * change_s:+z.2f} ms from the rig file's"
         if abs(change_s) <= SIGMAS * found.sigma_s + LATE_REFRESHES / rig.display.refresh_hz:
             return Finding(Subject.DELAY, Fitness.GOOD, words, figures)
         words += ": readings of a mirror that moves are late or early by that: devices --delay --write"
@@ -205,7 +205,7 @@ def _press(reader: SurfaceReader, rest: Rest, warps: PressWarps, depth_mm: float
         "press_error_percent": percent,
     }
     words = (
-        f"read {read.depth_mm:.4f} mm of {depth_mm:g} mm: {percent:+.2f} ± {100.0 * sigma / depth_mm:.2f} %"
+        f"read {read.depth_mm:.4f} mm of {depth_mm:g} mm: {percent:+z.2f} ± {100.0 * sigma / depth_mm:.2f} %"
     )
     fits = abs(error_mm) <= SIGMAS * sigma
     return Finding(Subject.PRESS, Fitness.GOOD if fits else Fitness.RECALIBRATE, words, figures)

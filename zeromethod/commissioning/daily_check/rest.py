@@ -45,7 +45,7 @@ def judge_rest(optics: Optics, rest: Rest, reader: SurfaceReader, seen: Warp) ->
     }
     words = (
         f"{rms_px:.3f} LCD px rms from the calibration's; the untouched mirror reads up to "
-        f"{1e3 * false.depth_mm:+.2f} ± {1e3 * false.sigma_mm:.2f} µm"
+        f"{1e3 * false.depth_mm:+z.2f} ± {1e3 * false.sigma_mm:.2f} µm"
     )
     if rms_px < LEAST_LCD_PX:
         return Finding(Subject.REST, Fitness.GOOD, words, figures)
