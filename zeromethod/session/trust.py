@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from zeromethod.calibration.nominal import nominal_geometry
 from zeromethod.loop.state import READ, Doubt, State
 from zeromethod.loop.step import Step
 from zeromethod.rig.model import Rig
@@ -39,5 +38,7 @@ def with_stated_geometry(rig: Rig, camera: object) -> tuple[Rig, Doubt | None]:
     if is_known(rig, camera):
         return rig, None
     if not rig.geometry.depth:
+        from zeromethod.calibration.nominal import nominal_geometry  # noqa: PLC0415 - loads slowly
+
         rig = rig.model_copy(update={"geometry": nominal_geometry(rig)})
     return rig, DOUBT
