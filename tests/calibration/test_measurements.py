@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from zeromethod.calibration import Direct, Intrinsics, MirrorEdge, Presses, Priors, RestPositions, RestReading
-from zeromethod.calibration.fit import jacobian
+from zeromethod.calibration.fitting import jacobian
 from zeromethod.calibration.measurements import MARGIN_MM, well_inside
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
 from zeromethod.errors import InputError

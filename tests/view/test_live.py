@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from io import StringIO
+
+import numpy as np
 import pytest
+from rich.console import Console
 
 from zeromethod.loop.state import State
-from zeromethod.view.live import LastingState
+from zeromethod.loop.step import Step
+from zeromethod.view.live import LastingState, LiveStatus
+from zeromethod.warp.warp import Role, Warp
 
 FRAME_S = 1 / 60
 L, H = State.LOCKED, State.HOLDING
@@ -30,3 +36,14 @@ def test_holding_that_lasts_is_shown() -> None:
 @pytest.mark.parametrize("state", [State.NULLING, State.LOST, State.FAULT, State.UNCALIBRATED, State.MOVED])
 def test_every_other_state_is_shown_at_once(state: State) -> None:
     assert shown(L, state, H, L) == [L, state, state, L]
+
+
+def test_no_figure_that_is_not_known_is_shown() -> None:
+    nothing = Warp.drawn(np.zeros((4, 4, 2)), Role.COMMANDED, 0)
+    step = Step(number=1, time_ns=0, time_s=0.0, state=State.STARTING, commanded=nothing, filtered=nothing)
+    console = Console(file=StringIO(), force_terminal=True, width=120)
+    with LiveStatus(console, 1.0, "seconds") as live:
+        live.update(step, 1)
+    words = console.file.getvalue() + repr(step)
+    assert "nan" not in words
+    assert "waiting for a frame" in words

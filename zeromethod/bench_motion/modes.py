@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial.polynomial import polyvander2d
@@ -76,8 +76,9 @@ class BenchModes:
     _half: Float
 
     @classmethod
+    @lru_cache(maxsize=1)
     def of(cls, optics: Optics, grid: NodeGrid) -> BenchModes:
-        """Modes of a rig; traces some 200 nodes 36 times."""
+        """Modes of a rig; traces some 200 nodes 36 times, once for all who ask with the same optics."""
         u, v = (one[grid.inner] for one in grid.mesh())
         rows, cols = (np.unique(np.linspace(0, n - 1, _SAMPLES).astype(int)) for n in u.shape)
         u, v = u[np.ix_(rows, cols)], v[np.ix_(rows, cols)]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.calibration.edge_curve import EdgeCurve
-from zeromethod.calibration.fit import Fit, jacobian
+from zeromethod.calibration.fitting import Fit, jacobian
 from zeromethod.calibration.measurements import MirrorEdge
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
 from zeromethod.calibration.steps import steps_down

@@ -26,7 +26,7 @@ import numpy as np
 import tomlkit
 
 from zeromethod.arrays import Image
-from zeromethod.calibration.verdict import Level
+from zeromethod.calibration.level import Level
 from zeromethod.errors import InputError
 from zeromethod.resources import resource
 from zeromethod.rig.load import load_rig

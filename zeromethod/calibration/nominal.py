@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from zeromethod.calibration.depth_error import depth_error
-from zeromethod.calibration.fit import Fit
+from zeromethod.calibration.depth_modes import depth_error
+from zeromethod.calibration.fitting import Fit
 from zeromethod.calibration.parameters import Priors
 from zeromethod.calibration.presses import RestReading
 from zeromethod.rig.geometry import GeometrySpec

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtri
 
-from zeromethod.calibration.fit import Fit
+from zeromethod.calibration.fitting import Fit
 from zeromethod.calibration.parameters import PARAMETERS
 
 PULL_SIGMA = 3.0
@@ -67,5 +67,5 @@ def pull_together(fitted: Fit) -> float:
     values, vectors = np.linalg.eigh(fitted.covariance)
     told = values < KEPT_MOST
     squares = (vectors.T @ fitted.z)[told] ** 2 / (1.0 - values[told])
-    improbable = float(chi2.sf(squares.sum(), max(len(squares), 1)))
-    return float(norm.isf(0.5 * improbable)) if improbable > 0.0 else float("inf")
+    improbable = float(chdtrc(max(len(squares), 1), squares.sum()))
+    return float(-ndtri(0.5 * improbable)) if improbable > 0.0 else float("inf")

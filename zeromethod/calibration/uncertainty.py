@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.calibration.depth_error import DepthError
-from zeromethod.calibration.fit import Fit, jacobian
+from zeromethod.calibration.depth_modes import DepthError
+from zeromethod.calibration.fitting import Fit, jacobian
 from zeromethod.calibration.measurements import Direct, Intrinsics, Measurement, MirrorEdge
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point

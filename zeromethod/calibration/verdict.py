@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from zeromethod.calibration.depth_error import DepthError
-from zeromethod.calibration.fit import Fit
+from zeromethod.calibration.depth_modes import DepthError
+from zeromethod.calibration.fitting import Fit
+from zeromethod.calibration.level import Level
 from zeromethod.calibration.measurements import RestPositions
 from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.calibration.presses import Presses
@@ -22,14 +22,6 @@ OUTLIERS, MISFIT, OFF_SIGMA, USABLE = 0.2, 3.0, 4.0, 0.5
 DEPTH_PERCENT = 2.0
 TIR_MARGIN_DEG = 0.5
 _SAMPLES = 33
-
-
-class Level(enum.StrEnum):
-    """How far a calibration can be trusted."""
-
-    GOOD = "good"
-    UNCERTAIN = "uncertain"  # true, but says little about depth, or fragile
-    BAD = "bad"  # something is wrong
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from rich.console import Console
 from zeromethod.calibration.camera_file import ASSUMED_PERCENT, CameraFile, load_camera
 from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, home_of, load, newest
-from zeromethod.calibration.verdict import Level
+from zeromethod.calibration.level import Level
 from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, edge_of, known_of, numbers_of
 from zeromethod.cli.device_options import BenchOptions, opened_devices, other_devices, with_devices
 from zeromethod.cli.output import TerminalPrompts, check_folder, write_summary

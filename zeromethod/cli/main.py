@@ -49,6 +49,10 @@ class _Commands(click.Group):
             return None
         name = cmd_name.replace("-", "_")
         command: click.Command = getattr(importlib.import_module(f"zeromethod.cli.{name}"), f"{name}_command")
+        if "numba" in sys.modules:
+            from zeromethod.cli.compiling import say_compiling  # noqa: PLC0415 - by then it is loaded
+
+            say_compiling()
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 
 from zeromethod.arrays import Float, Image
@@ -73,7 +74,10 @@ class StepFigures:
     def __repr__(self) -> str:
         words = f"{type(self).__name__}({self.number}, {self.time_s:.3f} s, {self.state}: {self.reason}"
         if self.frame_number is not None:
-            words += f", residual {self.residual_rms_px:.3g} px, {100 * self.valid_share:.1f} % valid"
+            residual = (
+                f"residual {self.residual_rms_px:.3g} px, " if math.isfinite(self.residual_rms_px) else ""
+            )
+            words += f", {residual}{100 * self.valid_share:.1f} % valid"
         if self.peak is not None:
             words += f", peak {1e3 * self.peak.depth_mm:.2f} µm"
         return words + ")"

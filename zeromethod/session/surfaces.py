@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from zeromethod.child_process import ignore_signals, lower_priority, start_process, take_output
+from zeromethod.compiling import report_compiling
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
@@ -186,6 +187,7 @@ def main() -> None:
     """Settings, then warps come in at standard input, surfaces with their peaks go out at standard output."""
     ignore_signals()
     limit_threads()
+    report_compiling(lambda words: sys.stderr.writelines((words, "\n")))
     try:
         _serve()
     except (EOFError, BrokenPipeError):

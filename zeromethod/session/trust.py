@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from zeromethod.calibration.nominal import stated
 from zeromethod.loop.state import READ, Doubt, State
 from zeromethod.loop.step import Step
 from zeromethod.rig.model import Rig
@@ -38,4 +37,6 @@ def with_stated_geometry(rig: Rig, camera: object) -> tuple[Rig, Doubt | None]:
     """
     if is_known(rig, camera):
         return rig, None
+    from zeromethod.calibration.nominal import stated  # noqa: PLC0415 - loads slowly
+
     return stated(rig), DOUBT

@@ -74,6 +74,18 @@ def _share(
             out[row, col] = max((share * s * s + (one - share) * p * p) / rest[row, col], floor)
 
 
+def _is_partial(optics: Optics, grid: NodeGrid) -> bool:
+    """Whether some of the light passes the mirror at rest, by every fourth pixel and the image's border.
+
+    The angle of incidence has no extremum between pixels so close to each other.
+    """
+    rows, cols = grid.image_shape
+    v, u = (np.unique(np.append(np.arange(0, n, 4), n - 1)).astype(np.float64) for n in (rows, cols))
+    columns, lines = np.meshgrid(u, v)
+    reflectance = optics.trace(columns, lines, optics.rest).reflectance
+    return bool((reflectance[reflectance > 0] < 1 - 1e-9).any())
+
+
 class ExpectedLight:
     """Reflectance of the mirror over that at rest, per camera pixel, predicted from a warp."""
 
@@ -81,12 +93,12 @@ class ExpectedLight:
         """Prepare for the rig of `optics`; `needed`: whether the light depends on the slope at all."""
         grid = rest.grid
         index = optics.rig.prism.index
+        self.needed = _is_partial(optics, grid)
+        if not self.needed:
+            return
         v, u = np.indices(grid.image_shape, dtype=np.float64)
         trace = optics.trace(u, v, optics.rest)
         known = np.isfinite(trace.reflectance) & (trace.reflectance > 0)
-        self.needed = bool((trace.reflectance[known] < 1 - 1e-9).any())
-        if not self.needed:
-            return
         # the angle is arbitrary for pixels that miss the mirror: their light is not expected to change
         cosine = np.where(known, trace.cos_incidence, 1.0)
         s, p = fresnel(cosine, index, 1.0)

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from zeromethod.calibration.fingerprint import OF_DEVICES, WORDS
 from zeromethod.calibration.folder import Stored
-from zeromethod.calibration.verdict import Level
+from zeromethod.calibration.level import Level
 from zeromethod.view.table import pair_table, text_table
 
 _COLOURS = {Level.GOOD: "green", Level.UNCERTAIN: "yellow", Level.BAD: "red"}

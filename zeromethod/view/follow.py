@@ -17,6 +17,7 @@ from zeromethod.loop.state import State
 from zeromethod.loop.step import NAN
 from zeromethod.recording.recording import Recording
 from zeromethod.view.live import EXPLAINED, STATE_COLOURS
+from zeromethod.view.table import cell
 
 PERIOD_S = 0.2
 """How often the file is looked at."""
@@ -54,7 +55,7 @@ class Glance:
         parts = [
             f"{self.rate_hz:.1f} frames/s",
             f"residual {self.residual_rms_px:.3f} px",
-            f"peak {1e3 * self.peak_mm:.2f} µm (sigma {1e3 * self.peak_sigma_mm:.2f})",
+            f"peak {1e3 * self.peak_mm:.2f} µm (sigma {cell(1e3 * self.peak_sigma_mm, '{:.2f}')})",
         ]
         known = (self.rate_hz, self.residual_rms_px, self.peak_mm)
         finite = [part for part, value in zip(parts, known, strict=True) if np.isfinite(value)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
@@ -58,7 +60,7 @@ class LiveStatus:
     def __init__(self, console: Console, total: float | None, unit: str, keys: str = "") -> None:
         """`total` in `unit` ("frames" or "seconds"), None: no end is known. keys: what each does."""
         self._unit = unit
-        self._peak_mm = float("nan")
+        self._peak_mm: float | None = None
         self._lasting = LastingState()
         self._figures = ""
         self._console = console
@@ -92,17 +94,24 @@ class LiveStatus:
             )
         if step.peak is not None:
             self._peak_mm = step.peak.depth_mm
-        relative = "" if step.calibrated else " (relative)"
         state = self._lasting.see(step.state, step.time_s)
-        figures = (
-            f"peak {1e3 * self._peak_mm:.2f} µm{relative}  residual {step.residual_rms_px:.3f} px  "
-            f"valid {100 * step.valid_share:.1f} %  loop {step.loop_ms:.1f} ms"
-        )
         if state is step.state:
-            self._figures = step.reason if state in EXPLAINED else f"{step.phase}  {figures}".strip()
+            self._figures = step.reason if state in EXPLAINED else self._measured(step)
         self._progress.update(
             self._task,
             completed=done_frames if self._unit == "frames" else step.time_s,
             state=f"[{STATE_COLOURS[state]}]{state}[/]",
             figures=escape(self._figures),
         )
+
+    def _measured(self, step: Step) -> str:
+        """The figures that are known, or what is waited for."""
+        parts = [step.phase] if step.phase else []
+        if self._peak_mm is not None:
+            parts.append(f"peak {1e3 * self._peak_mm:.2f} µm{'' if step.calibrated else ' (relative)'}")
+        if math.isfinite(step.residual_rms_px):
+            parts.append(f"residual {step.residual_rms_px:.3f} px  valid {100 * step.valid_share:.1f} %")
+            parts.append(f"loop {step.loop_ms:.1f} ms")
+        elif self._peak_mm is None:
+            parts.append("waiting for a frame that shows the pattern")
+        return "  ".join(parts)

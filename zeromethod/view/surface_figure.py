@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from zeromethod.surface import Surface, peak
 from zeromethod.view.axes import save
 from zeromethod.view.figure import draw_map
+from zeromethod.view.table import cell
 
 
 def plot(surface: Surface, path: str | Path | None = None) -> Figure:
@@ -38,7 +39,7 @@ def plot(surface: Surface, path: str | Path | None = None) -> Figure:
         if surface.valid.any():
             deepest = peak(surface)
             axes[0, 0].plot(deepest.x_mm, deepest.y_mm, "k+")
-            words = f"peak {deepest.depth_mm:.5f} mm, sigma {1e6 * deepest.sigma_mm:.0f} nm"
+            words = f"peak {deepest.depth_mm:.5f} mm, sigma {cell(1e6 * deepest.sigma_mm, '{:.0f}')} nm"
         else:
             words = "no node could be read"
         figure.suptitle(f"{words}, at {1e-9 * surface.time_ns:.3f} s")

@@ -5,27 +5,6 @@ calibration = evaluate(recorded, rest)
 stored = store_calibration(calibration, "my.toml")
 """
 
-from zeromethod.commissioning.calibration.evaluation import (
-    Calibration,
-    evaluate,
-    evaluate_or_keep,
-    rest_alone,
-)
-from zeromethod.commissioning.calibration.plan import Plan, Recorded
-from zeromethod.commissioning.calibration.procedure import record
-from zeromethod.commissioning.calibration.prompts import Prompts, Silent
-from zeromethod.commissioning.calibration.storing import recall, store_calibration
+import lazy_loader
 
-__all__ = [
-    "Calibration",
-    "Plan",
-    "Prompts",
-    "Recorded",
-    "Silent",
-    "evaluate",
-    "evaluate_or_keep",
-    "recall",
-    "record",
-    "rest_alone",
-    "store_calibration",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -27,7 +27,7 @@ from zeromethod.calibration import (
     open_combinations,
 )
 from zeromethod.calibration.edges import EdgeSearch, find_edges
-from zeromethod.calibration.verdict import Level
+from zeromethod.calibration.level import Level
 from zeromethod.commissioning.calibration.first_fit import (
     first_fit,
     rest_measurements,

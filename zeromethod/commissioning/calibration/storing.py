@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from zeromethod.calibration.edges import EdgeSearch
-from zeromethod.calibration.fit import Fit
+from zeromethod.calibration.fitting import Fit
 from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, load, load_arrays, store
 from zeromethod.calibration.measurements import Direct, Intrinsics, MirrorEdge
 from zeromethod.calibration.parameters import PARAMETERS, describe

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.calibration.fit import Fit, jacobian
+from zeromethod.calibration.fitting import Fit, jacobian
 from zeromethod.calibration.presses import KnownPress, Presses, RestReading
 from zeromethod.calibration.rays import UnboundedOptics
 from zeromethod.errors import MeasurementError

@@ -1,0 +1,12 @@
+"""What the commands say on a new machine while functions are compiled."""
+
+from __future__ import annotations
+
+import click
+
+from zeromethod.compiling import report_compiling
+
+
+def say_compiling() -> None:
+    """Say on standard error, from now on, when something must be compiled."""
+    report_compiling(lambda words: click.echo(words, err=True))
