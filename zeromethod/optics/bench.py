@@ -7,6 +7,7 @@ import numpy as np
 from zeromethod.arrays import Float
 from zeromethod.optics.camera import Camera
 from zeromethod.optics.fresnel import fresnel, s_share
+from zeromethod.optics.joining import TOUCHES_MM, Joining
 from zeromethod.optics.layers import direction_between, through_slabs
 from zeromethod.optics.lever import lcd_per_slope
 from zeromethod.optics.mirror import HeightField, distance_to, normal_of, rest_surface
@@ -15,9 +16,6 @@ from zeromethod.optics.prism import PrismGeometry
 from zeromethod.optics.trace import Lost, Trace
 from zeromethod.optics.vectors import dot, reflect, unit
 from zeromethod.rig.model import Rig
-
-# a panel that touches the slab before it may be this far on its wrong side by rounding
-_TOUCHES_MM = 1e-9
 
 # in the order in which a ray meets them
 _REASONS = [np.uint8(reason) for reason in range(Lost.MISSES_CAMERA_FACE, Lost.BELOW_TIR)]
@@ -56,6 +54,8 @@ class Optics:
         # the gap in front of a tilted panel varies: the last slab ends at the panel, not at its thickness
         self._inner_slabs = [(s.index, s.thickness_mm) for s in layers[:-1]]
         self._last_index = layers[-1].index if layers else rig.prism.index
+        slabs = [(rig.prism.index, 0.0), *self._inner_slabs]
+        self.joining = Joining.of(self.panel, self.prism.pattern_face, slabs, self._last_index)
 
     @property
     def length_mm(self) -> float:
@@ -242,7 +242,7 @@ class Optics:
         offset = self.panel.lcd_to_world(q) - point
         rubber = face.depth_below(point)
         last = dot(offset, face.normal) - rubber - sum(t for _, t in self._inner_slabs)
-        last = np.where(np.abs(last) < _TOUCHES_MM, 0.0, last)
+        last = np.where(np.abs(last) < TOUCHES_MM, 0.0, last)
         slabs = [(self.rig.prism.index, rubber)]
         slabs += [(n, np.full_like(rubber, t)) for n, t in self._inner_slabs]
         slabs += [(self._last_index, last)]
@@ -309,5 +309,5 @@ class Optics:
             in_slabs = np.sqrt(dot(shift, shift))
         q = self.panel.world_to_lcd(start + gap[..., None] * last)
         path = in_rubber + in_slabs + gap
-        q[gap < -_TOUCHES_MM] = np.nan
+        q[gap < -TOUCHES_MM] = np.nan
         return q, path, leaves

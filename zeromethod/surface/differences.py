@@ -92,21 +92,48 @@ def _integral_stencil(j: int, start: int, end: int) -> tuple[int, int]:
 
 
 @numba.njit(cache=True)
+def _derivative(x: Any, y: Any, slope_x: Any, slope_y: Any, weights: Any, out: Any) -> None:
+    """Slope times derivative of the point for all nodes of a run but three at either end."""
+    w1, w2, w3 = weights[4], weights[5], weights[6]
+    for j in range(len(out) - 6):
+        dx = w1 * (x[j + 4] - x[j + 2]) + w2 * (x[j + 5] - x[j + 1]) + w3 * (x[j + 6] - x[j])
+        dy = w1 * (y[j + 4] - y[j + 2]) + w2 * (y[j + 5] - y[j + 1]) + w3 * (y[j + 6] - y[j])
+        out[j + 3] = slope_x[j + 3] * dx + slope_y[j + 3] * dy
+
+
+@numba.njit(cache=True)
+def _integral(line: Any, weights: Any, out: Any) -> None:
+    """Integral over all intervals of a run but two at either end."""
+    w0, w1, w2 = weights[0], weights[1], weights[2]
+    for j in range(len(line) - 5):
+        far, near = line[j] + line[j + 5], line[j + 1] + line[j + 4]
+        out[j + 2] = w0 * far + w1 * near + w2 * (line[j + 2] + line[j + 3])
+
+
+@numba.njit(cache=True)
 def _along_rows(
     slope_x: Any, slope_y: Any, x: Any, y: Any, valid: Any, derivative: Any, integral: Any, out: Any
 ) -> None:
     rows, cols = valid.shape
     line = np.empty(cols)
+    centred = derivative[DERIVATIVE_POINTS, DERIVATIVE_POINTS // 2]
+    middle = integral[INTEGRAL_POINTS, INTEGRAL_POINTS // 2 - 1]
     for i in range(rows):
-        for j in range(cols - 1):
-            out[i, j] = 0.0
+        out[i] = 0.0
         start, end = _next_run(valid, i, 0)
         while start < cols:
             if end - start > 1:
+                run = slice(start, end)
+                _derivative(x[i, run], y[i, run], slope_x[i, run], slope_y[i, run], centred, line[run])
                 for j in range(start, end):
+                    if start + 3 <= j < end - 3:
+                        continue
                     dx, dy = _derivative_at(x, y, i, j, start, end, derivative)
                     line[j] = slope_x[i, j] * dx + slope_y[i, j] * dy
+                _integral(line[run], middle, out[i, start : end - 1])
                 for j in range(start, end - 1):
+                    if start + 2 <= j < end - 3:
+                        continue
                     first, points = _integral_stencil(j, start, end)
                     total = 0.0
                     for k in range(points):
@@ -158,9 +185,8 @@ def depth_differences(slope: Float, x_mm: Float, y_mm: Float, valid: Mask) -> tu
     lie irregularly but smoothly). Steps that touch an invalid node are 0.
     """
     rows, cols = valid.shape
-    across = np.empty((rows, cols - 1))
-    down = np.empty((rows - 1, cols))
-    sx, sy = slope[..., 0], slope[..., 1]
-    _along_rows(sx, sy, x_mm, y_mm, valid, _DERIVATIVE, _INTEGRAL, across)
-    _along_rows(sx.T, sy.T, x_mm.T, y_mm.T, valid.T, _DERIVATIVE, _INTEGRAL, down.T)
-    return across, down
+    across, down = np.empty((rows, cols - 1)), np.empty((cols, rows - 1))
+    fields = slope[..., 0], slope[..., 1], x_mm, y_mm, valid
+    _along_rows(*(np.ascontiguousarray(one) for one in fields), _DERIVATIVE, _INTEGRAL, across)
+    _along_rows(*(np.ascontiguousarray(one.T) for one in fields), _DERIVATIVE, _INTEGRAL, down)
+    return across, down.T

@@ -19,33 +19,32 @@ class MirrorRays:
     """
 
     def __init__(self, optics: Optics, u_px: Float, v_px: Float) -> None:
-        self._optics = optics
         self._rest = optics.rest
+        self._joining = optics.joining
         at_rest = optics.trace(u_px, v_px, optics.rest)
         self.rest_q: Float = at_rest.q
         hits = np.asarray(np.isfinite(at_rest.q).all(axis=-1))
         origin, direction = optics.rubber_rays(u_px, v_px)
-        self._direction = np.where(hits[..., None], direction, np.nan)
-        self._rest_point = np.where(hits[..., None], at_rest.point, np.nan)
-        gx, gy = self._rest.gradient(self._rest_point[..., 0], self._rest_point[..., 1])
+        self._direction = np.where(hits, np.moveaxis(direction, -1, 0), np.nan)
+        self._rest_point = np.where(hits, np.moveaxis(at_rest.point, -1, 0), np.nan)
+        gx, gy = self._rest.gradient(*self._rest_point[:2])
         # change of depth below the rest surface per mm along the ray
         rise = direction[..., 2] - gx * direction[..., 0] - gy * direction[..., 1]
         self._distance_per_depth = np.where(hits, -1.0 / rise, np.nan)
         self.hits: Mask = hits & np.asarray(np.isfinite(origin).all(axis=-1))
 
-    def points(self, depth_mm: Float) -> Float:
-        """Mirror points (rows, cols, 3) in mm at the given depths (rows, cols)."""
+    def _points(self, depth_mm: Float) -> Float:
+        """Mirror points (3, rows, cols) in mm at the given depths (rows, cols)."""
         direction, rest = self._direction, self._rest
-        along = depth_mm * self._distance_per_depth
-        point: Float = self._rest_point + along[..., None] * direction
+        point: Float = self._rest_point + depth_mm * self._distance_per_depth * direction
         if isinstance(rest, Flat):
             return point
         for _ in range(_STEPS):
-            x, y = point[..., 0], point[..., 1]
+            x, y, z = point
             gx, gy = rest.gradient(x, y)
-            above = point[..., 2] - (rest.height(x, y) - depth_mm)
-            step = -above / (direction[..., 2] - gx * direction[..., 0] - gy * direction[..., 1])
-            point = point + step[..., None] * direction
+            above = z - (rest.height(x, y) - depth_mm)
+            step = -above / (direction[2] - gx * direction[0] - gy * direction[1])
+            point = point + step * direction
             if not np.any(np.abs(step) > _SETTLED_MM):
                 break
         return point
@@ -53,11 +52,11 @@ class MirrorRays:
     def slope(self, depth_mm: Float, q: Float) -> tuple[Float, Float]:
         """Slope of depth (rows, cols, 2) at points (rows, cols, 3) at these depths that look at `q`.
 
-        q: (rows, cols, 2) LCD px. NaN where no ray joins point and LCD position.
+        q: (rows, cols, 2) LCD px. NaN where no ray joins point and LCD position. The last axis of the results
+        is the slowest in memory.
         """
-        point = self.points(depth_mm)
-        outgoing = self._optics.rubber_direction_to_lcd(point, q)
-        normal = self._optics.normal_between(self._direction, outgoing)
-        gradient = self._rest.gradient(point[..., 0], point[..., 1])
-        slope = np.stack(gradient, axis=-1) + normal[..., :2] / normal[..., 2:]
-        return slope, point
+        point = self._points(depth_mm)
+        slope = np.stack(self._rest.gradient(point[0], point[1]))
+        looked_at = np.ascontiguousarray(np.moveaxis(q, -1, 0))
+        self._joining.add_slope(*(one.reshape(len(one), -1) for one in (self._direction, point, looked_at, slope)))
+        return np.moveaxis(slope, 0, -1), np.moveaxis(point, 0, -1)
