@@ -54,7 +54,8 @@ def test_a_camera_that_hangs_is_left_and_opened_again(real: Bench) -> None:
     events = [event for step in steps for event in step.events]
     assert events == [*[Event.CAMERA_TIMEOUT] * 2, Event.CAMERA_STALLED, Event.CAMERA_REOPENED]
     assert (steps[0].state, steps[-2].state) == (State.HOLDING, State.FAULT)
-    assert "the camera is stalled: no frame for 0.6 s; it is opened again in" in steps[-2].reason
+    stalled = "the camera is stalled: no frame for 0.6 s; it is "
+    assert any(step.reason.startswith(f"{stalled}opened again in") for step in steps)
     assert frozen(steps, before)
     assert real.eye is not old
     real.settle()

@@ -20,6 +20,7 @@ from rich.console import Console
 
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, DisplayLost
+from zeromethod.errors import MeasurementError
 from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import StepFigures
 from zeromethod.session import surfaces as process
@@ -224,7 +225,7 @@ def test_an_interrupted_run_keeps_what_it_has_and_ends_though_the_camera_hangs()
     assert summarise(run.result)["nulled_frames"] > 0
 
 
-def test_a_window_that_is_closed_ends_the_run_with_its_reason() -> None:
+def test_a_window_that_is_closed_ends_the_run_with_its_reason_and_the_session() -> None:
     with session(window=True) as (run, published):
         window = run.devices.display  # type: ignore[attr-defined]
 
@@ -234,6 +235,8 @@ def test_a_window_that_is_closed_ends_the_run_with_its_reason() -> None:
         for count, _ in enumerate(run.run()):
             if count == 10:
                 window.on_poll = close
+        with pytest.raises(MeasurementError, match=r"^session: it cannot go on: the display is lost: its"):
+            run.run(frames=1)
     assert run.result.state is State.FAULT
     assert run.result.records[-1].reason == "the display is lost: its window was closed"
     assert published.steps[-1].state is State.FAULT
@@ -250,19 +253,6 @@ def test_a_run_left_half_way_ends_its_threads() -> None:
         eventually(lambda: not running("read surface"))
         assert published.steps[-1].state is State.STOPPED
     eventually(lambda: not running("drawing"))
-
-
-def test_an_error_in_reading_ends_the_run_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(_read: object) -> Any:
-        raise FloatingPointError("surface")
-
-    with session() as (run, _):
-        steps = run.run(seconds=60)
-        next(steps)
-        monkeypatch.setattr(run._surfaces, "read", broken)
-        with pytest.raises(FloatingPointError, match="surface"):
-            list(steps)
-        assert run.loop.status.state is State.STOPPED
 
 
 def test_a_run_whose_reading_process_is_killed_tells_it_and_reads_on() -> None:

@@ -15,15 +15,15 @@ from live_devices import RealEye, small_rig
 from recorded_run import small_rig as simulated_rig
 
 import zeromethod as zm
-from zeromethod.devices.protocols import CameraLost, DisplayLost
+from zeromethod.devices.protocols import CameraLost
 from zeromethod.loop.state import LOCK_FRAMES, NULLED
 from zeromethod.session.reading import StepReader
 
 LIVE = ("read surface", "present", "capture", "draw")
 
 
-def live_rig(window: bool = False) -> zm.Rig:
-    return small_rig("live_devices:RealEye", f"live_devices:{'Window' if window else 'RealScreen'}")
+def live_rig() -> zm.Rig:
+    return small_rig("live_devices:RealEye", "live_devices:RealScreen")
 
 
 @pytest.fixture
@@ -228,21 +228,6 @@ def test_live_a_second_run_reads_on_without_a_new_process_and_drops_nothing_betw
     assert process._process.returncode is not None
 
 
-def test_live_a_device_that_is_lost_for_good_ends_the_session_with_its_reason() -> None:
-    with zm.Session(live_rig(window=True)) as session:
-        window: Any = session._devices.display
-
-        def close() -> None:
-            raise DisplayLost("its window was closed")
-
-        for step in session.run(seconds=PATIENCE_S):
-            if step.number == 4:
-                window.on_poll = close
-        with pytest.raises(zm.MeasurementError, match=r"^session: it cannot go on: the display is lost: its"):
-            session.run(frames=1)
-    assert session.result.state is zm.State.FAULT
-
-
 def test_live_a_camera_that_came_back_serves_the_next_run() -> None:
     def lose(_reads: int) -> None:
         raise CameraLost("cable is out")
@@ -257,28 +242,21 @@ def test_live_a_camera_that_came_back_serves_the_next_run() -> None:
         assert {step.state for step in session.run(frames=12)} & NULLED
 
 
-def test_live_an_error_in_reading_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    with zm.Session(live_rig()) as session:
-        reads_once_broken(session, monkeypatch)
-        assert session.loop.status.state is zm.State.STOPPED
-        assert not session.loop.over
-
-
-def test_live_the_run_after_an_error_in_reading_reads(monkeypatch: pytest.MonkeyPatch) -> None:
-    with zm.Session(live_rig()) as session:
-        reads_once_broken(session, monkeypatch)
-        read = any(step.surface is not None for step in session.run(seconds=PATIENCE_S))
-        assert read, (session, session.result.events, session.result.notes)
-
-
-def reads_once_broken(session: zm.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_live_an_error_in_reading_ends_the_run_and_the_next_one_reads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def broken(_step: object) -> Any:
         raise FloatingPointError("surface")
 
-    with monkeypatch.context() as patch:
-        patch.setattr(session, "_read", broken)
-        with pytest.raises(FloatingPointError, match="surface"):
-            list(session.run(seconds=PATIENCE_S))
+    with zm.Session(live_rig()) as session:
+        with monkeypatch.context() as patch:
+            patch.setattr(session, "_read", broken)
+            with pytest.raises(FloatingPointError, match="surface"):
+                list(session.run(seconds=PATIENCE_S))
+        assert session.loop.status.state is zm.State.STOPPED
+        assert not session.loop.over
+        read = any(step.surface is not None for step in session.run(seconds=PATIENCE_S))
+        assert read, (session, session.result.events, session.result.notes)
 
 
 def test_live_a_caller_that_is_slow_gets_the_newest_frames() -> None:
