@@ -108,26 +108,28 @@ class RestMeasurement:
 class _Light:
     """Light of the view without fringes, its noise, and the fringes' amplitude; see `RestMeasurement`.
 
-    lit: (rows, cols) where fringes are about as strong as usual in the view.
+    weakest: (rows, cols) squared amplitude of the weakest fringes, grey^2. lit: (rows, cols) where fringes
+    are about as strong as usual in the view.
     """
 
     mean: Single
     change: Single
     gain: Float
     amplitude: Single
+    weakest: Single
     lit: Mask
     noise: NoiseModel
     ratio: float
 
     @classmethod
     def of(cls, phasors: Phasors, given: NoiseModel | None) -> _Light:
-        rms_amplitude = amplitude(phasors)
+        rms_amplitude, weakest = amplitude(phasors)
         lit = fringed(rms_amplitude)
         lit &= ~small_parts(lit)
         gain, usual = gains(phasors, lit)
         noise, ratio = _noise(phasors, given, lit)
         mean, change = median_light(phasors, gain, noise, usual)
-        return cls(mean, change, gain, rms_amplitude, lit, noise, ratio)
+        return cls(mean, change, gain, rms_amplitude, weakest, lit, noise, ratio)
 
 
 def _noise(phasors: Phasors, given: NoiseModel | None, lit: Mask) -> tuple[NoiseModel, float]:
@@ -202,19 +204,17 @@ def measure_rest(
     reason, weak = _light_reasons(phasors, light)
     places, light, folded = _places(phasors, light, noise, searched, ~weak, reason == 0)
     lcd = np.stack([place.x_px for place in places], axis=-1)
-    sound = (reason == 0) & np.isfinite(lcd[..., 0]) & np.isfinite(lcd[..., 1])
+    sound = (reason == 0) & np.isfinite(places[0].x_px) & np.isfinite(places[1].x_px)
     sigma, reflection = _agreement(places, sound, limit_share, reason)
     odds = np.maximum(places[0].odds, places[1].odds)
     for axis, size in enumerate(searched):
-        past_px = np.abs(lcd[..., axis] - 0.5 * (size - 1.0)) - 0.5 * size
+        past_px = np.abs(places[axis].x_px - 0.5 * (size - 1.0)) - 0.5 * size
         _add(reason, Reason.OFF_DISPLAY, sound & (past_px > 3.0 * places[axis].sigma_px))
     half_px = np.array([0.5 * min(periods) for periods in sequence.periods])
     _compare_neighbours(lcd, sigma, sound, odds > AMBIGUOUS_ODDS, half_px, reason)
 
     valid = sound & (reason == 0)
-    for axis in range(2):
-        np.copyto(lcd[..., axis], np.nan, where=~valid)
-        np.copyto(sigma[..., axis], np.nan, where=~valid)
+    lcd[~valid] = sigma[~valid] = np.nan
     phase_sigma = _median(places, valid)
     return RestMeasurement(
         rest_map=RestMap(lcd, sigma, valid, reason),
@@ -246,7 +246,7 @@ def _light_reasons(phasors: Phasors, light: _Light) -> tuple[Flags, Mask]:
     changed = disturbed(phasors, light.noise, light.mean, light.change, light.amplitude, light.lit)
     single = small_parts(changed)
     _add(reason, Reason.DISTURBED, with_margin(changed & ~single))
-    weak = unmodulated(phasors, light.noise, light.mean, light.lit)
+    weak = unmodulated(phasors, light.noise, light.mean, light.weakest, light.lit)
     dim = dimmed(light.amplitude, weak)
     holes = small_parts(weak | phasors.saturated) & (dim | phasors.saturated)
     _add(reason, Reason.DEAD, single | holes | dim)
@@ -320,8 +320,8 @@ def _compare_neighbours(
     usable = sound & (reason & int(Reason.OFF_DISPLAY | Reason.SECOND_REFLECTION) == 0)
     jumped = jumped_patches(lcd, usable, half_px)
     usable &= ~jumped
-    limit = np.maximum(SIGMAS * sigma, OUTLIER_PX)
-    outlying, far, confirmed = compare_neighbours(lcd, usable, limit, half_px)
+    bounds = SIGMAS, OUTLIER_PX
+    outlying, far, confirmed = compare_neighbours(lcd, usable, sigma, bounds, half_px)
     _add(reason, Reason.WRONG_ORDER, jumped | far)
     _add(reason, Reason.AMBIGUOUS_ORDER, sound & ambiguous & ~confirmed)
     _add(reason, Reason.DEAD, small_parts(outlying & ~far))
