@@ -11,6 +11,7 @@ from scipy.special import chdtri
 from zeromethod.arrays import Flags, Float, Image, Mask, Single
 from zeromethod.decoding.consistency import compare_neighbours, jumped_patches
 from zeromethod.decoding.decoding import Phasors, decode_phasors
+from zeromethod.decoding.flicker import find_flicker
 from zeromethod.decoding.fringes import FringeSequence
 from zeromethod.decoding.harmonics import agreement, sample
 from zeromethod.decoding.masks import (
@@ -64,8 +65,9 @@ class RestMeasurement:
     scatter over the given model's prediction, as a standard deviation (NaN where none was given); sigma
     includes it where above 1. second_harmonic: share of the fundamental, NaN where the shifts are too few.
     folded_harmonic: largest share of a harmonic that the shifts aliased onto the fundamental, and that was
-    removed. light_drift: largest change of the whole view's light between sets. phase_sigma_rad: median of
-    the valid. expected_wrong: share of valid pixels that are wrong by their odds, before the neighbours'
+    removed. light_drift: largest change of the whole view's light between sets. flicker: its change from
+    frame to frame, rms, 0 where too small to be seen; see `decoding.flicker`. phase_sigma_rad: median of the
+    valid. expected_wrong: share of valid pixels that are wrong by their odds, before the neighbours'
     test. order_error: the same predicted from phase_sigma_rad and the periods. size_px: LCD (columns, rows)
     searched. near_px: distance, LCD px, of a second reflection of a tenth of the light that is too near to be
     masked, 0 for none; it moves places by a tenth of that. See `near_reflection`.
@@ -82,6 +84,7 @@ class RestMeasurement:
     second_harmonic: float
     folded_harmonic: float
     light_drift: float
+    flicker: float
     phase_sigma_rad: float
     expected_wrong: float
     order_error: float
@@ -202,7 +205,14 @@ def measure_rest(
     phasors = decode_phasors(frames, sequence, ceiling_grey)
     light = _Light.of(phasors, noise)
     reason, weak = _light_reasons(phasors, light)
-    places, light, folded = _places(phasors, light, noise, searched, ~weak, reason == 0)
+    found = _places(phasors, light, noise, searched, ~weak, reason == 0)
+    flicker = find_flicker(
+        phasors, found[0], (reason == 0) & np.isfinite(found[0][0].x_px + found[0][1].x_px)
+    )
+    if flicker.share:
+        phasors = flicker.phasors
+        found = _places(phasors, light, noise, searched, ~weak, reason == 0)
+    places, light, folded = [flicker.counted(place) for place in found[0]], *found[1:]
     lcd = np.stack([place.x_px for place in places], axis=-1)
     sound = (reason == 0) & np.isfinite(places[0].x_px) & np.isfinite(places[1].x_px)
     sigma, reflection = _agreement(places, sound, limit_share, reason)
@@ -227,6 +237,7 @@ def measure_rest(
         scatter_ratio=light.ratio,
         second_harmonic=phasors.second_harmonic,
         folded_harmonic=folded,
+        flicker=flicker.share,
         light_drift=float(np.max(np.abs(light.gain / np.median(light.gain) - 1.0))),
         phase_sigma_rad=phase_sigma,
         expected_wrong=_expected_wrong(places, valid),
