@@ -158,6 +158,7 @@ def _table(values: dict[str, Any]) -> Table:
         ("second reflection, median", f"{values['second_reflection_median_share']:.1%}"),
         ("second harmonic of the LCD's light", f"{values['second_harmonic_share']:.1%}"),
         ("drift of the light", f"{values['light_drift_share']:.1%}"),
+        ("flicker from frame to frame", f"{values['light_flicker_share']:.1%}"),
         *(
             (f"camera pixels left out: {why}", f"{count}")
             for why, count in values["reasons_px"].items()

@@ -260,6 +260,7 @@ def figures(found: RestMeasurement) -> dict[str, Any]:
         "second_harmonic_share": found.second_harmonic,
         "folded_harmonic_share": found.folded_harmonic,
         "light_drift_share": found.light_drift,
+        "light_flicker_share": found.flicker,
         "near_reflection_px": found.near_px,
         "second_reflection_median_share": float(np.median(found.reflection[valid])) if some else float("nan"),
         "reasons_px": {plain_name(reason): found.count(reason) for reason in Reason},

@@ -17,7 +17,7 @@ from zeromethod.arrays import Float, Ints, Mask, Single
 
 _PAIRS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0), (2, 2), (2, -2))
 _LEAST_PAIRS = 3
-_SAMPLES = 2000
+_SAMPLES = 500
 
 
 @numba.njit(cache=True)
@@ -146,7 +146,13 @@ def _count_close(x: Float, limit: Float, j: int, pairs: Ints, close: Single) -> 
 
 @numba.njit(cache=True)
 def _compare(
-    x_px: Float, limit_px: Float, half_px: Float, usable: Mask, pairs: Ints, masks: tuple[Mask, Mask, Mask]
+    x_px: Float,
+    sigma_px: Float,
+    bounds: tuple[float, float],
+    half_px: Float,
+    usable: Mask,
+    pairs: Ints,
+    masks: tuple[Mask, Mask, Mask],
 ) -> None:
     rows, cols = usable.shape
     means = np.empty((2, len(pairs)))
@@ -159,8 +165,8 @@ def _compare(
     outlying, far, confirmed = masks
     for j in range(rows):
         for i in range(cols):
-            limit[2 * i] = min(limit_px[j, i, 0], half_px[0])
-            limit[2 * i + 1] = min(limit_px[j, i, 1], half_px[1])
+            for k in range(2):
+                limit[2 * i + k] = min(max(bounds[0] * sigma_px[j, i, k], bounds[1]), half_px[k])
         _count_close(known, limit, j, pairs, close)
         for i in range(cols):
             if not usable[j, i]:
@@ -176,19 +182,20 @@ def _compare(
                 for n in range(count):
                     insert_sorted(means[k], n, means[k, n])
                 off = abs(x_px[j, i, k] - 0.5 * (means[k, (count - 1) // 2] + means[k, count // 2]))
-                outlying[j, i] |= off > limit_px[j, i, k]
+                outlying[j, i] |= off > max(bounds[0] * sigma_px[j, i, k], bounds[1])
                 far[j, i] |= off > half_px[k]
                 confirmed[j, i] &= off < half_px[k]
 
 
 def compare_neighbours(
-    lcd_px: Float, usable: Mask, limit_px: Float, half_px: Float
+    lcd_px: Float, usable: Mask, sigma_px: Float, bounds: tuple[float, float], half_px: Float
 ) -> tuple[Mask, Mask, Mask]:
     """Usable pixels whose place is off the median of their neighbours' means, and those that it confirms.
 
-    limit_px: (rows, cols, 2). half_px: (2,) half a shortest period. Returns the pixels that are off by more
-    than `limit_px` along an axis, those off by more than `half_px`, and those off by less along both.
+    sigma_px: (rows, cols, 2). bounds: sigmas, and px, both of which a pixel must be off along an axis to
+    count as off. half_px: (2,) half a shortest period. Returns the pixels that are off, those off by more
+    than `half_px`, and those off by less along both.
     """
     outlying, far, confirmed = (np.zeros_like(usable) for _ in range(3))
-    _compare(lcd_px, limit_px, half_px, usable, np.array(_PAIRS), (outlying, far, confirmed))
+    _compare(lcd_px, sigma_px, bounds, half_px, usable, np.array(_PAIRS), (outlying, far, confirmed))
     return outlying, far, confirmed

@@ -23,6 +23,7 @@ from zeromethod.errors import InputError
 _MOST_HARMONICS = 3
 _WORST_CONDITION = 20.0
 _SAMPLES = 16_000
+_FEW = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +134,7 @@ def decode_phasors(
             np.maximum(sums.worst, squares, out=sums.worst)
         if separable:
             sums.scatter += squares[sums.sampled]
-            sums.second += _second_harmonic(fitted[1:5, sums.sampled])
+            sums.second += _second_harmonic(fitted[1:5, sums.sampled, ::_FEW])
         else:
             _neighbour_scatter(fitted[1:3, sums.sampled], solve, sums.scatter)
         if stack.max() >= ceiling:

@@ -28,7 +28,7 @@ from zeromethod.decoding.decoding import Phasors, phase_squares
 from zeromethod.decoding.fringes import FringeSequence
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.periods import LONGEST_RATIO
-from zeromethod.decoding.unwrapping import BINS, TABLE, Places, Waves, bin_of, corrected, unwrap
+from zeromethod.decoding.unwrapping import BINS, TABLE, Places, Rivalry, Waves, bin_of, corrected, unwrap
 
 LEAST_SHARE = 0.0005
 """Below this a harmonic moves a place by less than a 10000th of the period."""
@@ -41,8 +41,8 @@ _CLIP = 9.0
 _CLIPPED = float(chdtr(3, _CLIP) + _CLIP * (1.0 - chdtr(1, _CLIP)))
 _ROUNDS = 8
 _SETTLED = 0.99
-_FIRST = 8
-_FEW = 8
+# every so many samples: for a first try, for periods that are far off
+_FIRST, _FEW = 8, 8
 _PARTS = 8
 _SIGMAS = 3.0
 _OUTLYING = 20.0
@@ -128,11 +128,12 @@ def _improved(
 ) -> tuple[Agreement, Places]:
     """The shares of the round with which the periods agree best, and its places."""
     every = np.ones(waves.turn.shape[1:], np.bool_)
-    places = unwrap(waves, size_px, every, found.tables)
+    rivalry = Rivalry.of(waves, size_px, every)
+    places = unwrap(waves, size_px, every, found.tables, rivalry=rivalry)
     if not sequence.even:
         return found, places
     shifts = len(sequence.shifts_rad)
-    cap = _OUTLYING * float(np.nanmedian(places.chi2))
+    cap = _OUTLYING * float(np.median(places.chi2[np.isfinite(places.chi2)]))
     least = _score(places.chi2, cap)
     part = 1.0
     for _ in range(_ROUNDS):
@@ -142,7 +143,7 @@ def _improved(
             break
         if np.max(np.abs(shares)) * shifts < 1.0:  # else phases would no longer rise with the place
             tables = correction(shares, shifts)
-            tried = unwrap(waves, size_px, every, tables)
+            tried = unwrap(waves, size_px, every, tables, rivalry=rivalry)
             if (score := _score(tried.chi2, cap)) < least:
                 found, places = replace(found, tables=tables, shares=shares), tried
                 settled, least, part = score > _SETTLED * least, score, 1.0
@@ -276,7 +277,9 @@ def _solved(square: Float, right: Float) -> tuple[Float, Float]:
 def _refined(waves: Waves, places: Places, found: Agreement, shifts: int) -> Float:
     """Shares with what is left of the harmonic; 0 where that does not exceed its scatter over the view."""
     off_px, weight, turn = _misfits(waves, places, found.tables)
-    lever = np.sin(-2 * np.pi * shifts * turn) * (waves.periods_px[:, None] / (2 * np.pi))
+    # single precision is many times faster, and enough for a weight
+    sine = np.sin((-2 * np.pi * shifts * turn).astype(np.float32))
+    lever = sine * (waves.periods_px[:, None] / (2 * np.pi))
     step, scatter = _solved(*_normal(off_px, weight, lever))
     shares = found.shares + step
     return np.where(np.abs(shares) > _SIGMAS * scatter, shares, 0.0)

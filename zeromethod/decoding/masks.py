@@ -62,6 +62,9 @@ POOL_PX = 9
 SEED_SHARE = 0.25
 """Share of a connected second reflection that must exceed the limit for all of it to be masked."""
 
+_LEAST_POOLED = 3.5
+"""Pixels of a pool, fewer of which (whole numbers, but for rounding) show nothing."""
+
 POOL_AGREES = 0.7
 """Share of a pool's pixels that must disagree more than noise does by median: half do by noise alone."""
 
@@ -106,7 +109,7 @@ def gains(phasors: Phasors, lit: Mask) -> tuple[Float, float]:
     """
     if not lit.any():
         return np.ones(len(phasors.mean)), 0.0
-    some = some_of(phasors.mean, lit, 1000)
+    some = some_of(phasors.mean, lit, 500)
     share = some / np.maximum(np.median(some, axis=0), np.float32(1e-9))
     gain = np.median(share, axis=1).astype(np.float64)
     gain = np.where(gain > 0, gain, 1.0)
@@ -132,14 +135,24 @@ def mean_noise(phasors: Phasors) -> float:
     return float(np.sum(fit_matrices(phasors.sequence.shifts_rad)[1][0] ** 2))
 
 
-def amplitude(phasors: Phasors) -> Single:
-    """Amplitude of the fringes, grey levels, rms over axes and periods (rows, cols)."""
+@numba.njit(cache=True)
+def _powers(cosine: Single, sine: Single, total: Single, least: Single) -> None:
+    """Add the squared amplitudes (periods, rows, cols) to their total, and take the least of them."""
+    for n in range(len(cosine)):
+        for j in range(total.shape[0]):
+            for i in range(total.shape[1]):
+                power = cosine[n, j, i] ** 2 + sine[n, j, i] ** 2
+                total[j, i] += power
+                least[j, i] = min(least[j, i], power)
+
+
+def amplitude(phasors: Phasors) -> tuple[Single, Single]:
+    """Amplitude of the fringes, rms over axes and periods, grey; the least, squared (rows, cols)."""
     total = np.zeros_like(phasors.mean[0])
-    sets = 0
-    for part in (*phasors.cosine, *phasors.sine):
-        total += np.einsum("nij,nij->ij", part, part)
-        sets += len(part)
-    return np.asarray(np.sqrt(total / (0.5 * sets)))
+    least = np.full_like(total, np.inf)
+    for cosine, sine in zip(phasors.cosine, phasors.sine, strict=True):
+        _powers(cosine, sine, total, least)
+    return np.sqrt(total / sum(map(len, phasors.cosine))), least
 
 
 def fringed(rms_amplitude: Single) -> Mask:
@@ -154,16 +167,14 @@ def fringed(rms_amplitude: Single) -> Mask:
     return np.asarray(rms_amplitude > LEAST_AMPLITUDE * usual)
 
 
-def unmodulated(phasors: Phasors, noise: NoiseModel, mean: Single, lit: Mask) -> Mask:
-    """Pixels without the fringes of every period, or with fringes as weak as from a face or stray light."""
+def unmodulated(phasors: Phasors, noise: NoiseModel, mean: Single, weakest: Single, lit: Mask) -> Mask:
+    """Pixels without the fringes of every period, or with fringes as weak as from a face or stray light.
+
+    weakest: squared amplitude of the weakest, see `amplitude`.
+    """
     _, solve = fit_matrices(phasors.sequence.shifts_rad)
     gain = max(float(np.sum(solve[1] ** 2)), float(np.sum(solve[2] ** 2))) / phasors.sequence.repeats
-    least = (LEAST_SNR**2 * gain * noise.variance(mean)).astype(np.float32)
-    weak = ~lit
-    for axis, periods in enumerate(phasors.sequence.periods):
-        for period in range(len(periods)):
-            weak |= phasors.power(axis, period) < least
-    return weak
+    return np.asarray(~lit | (weakest < LEAST_SNR**2 * gain * noise.variance(mean)))
 
 
 def disturbed(
@@ -201,10 +212,11 @@ def small_parts(mask: Mask, most_px: int = DEAD_AREA_PX) -> Mask:
     """Connected parts of the mask of at most `most_px` pixels."""
     if not mask.any():
         return mask.copy()
-    _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] <= most_px
-    small[0] = False
-    return np.asarray(small[label])
+    label = cv2.connectedComponents(mask.view(np.uint8), connectivity=8)[1]
+    of_mask = label[mask]
+    out = np.zeros_like(mask)
+    out[mask] = (np.bincount(of_mask) <= most_px)[of_mask]
+    return out
 
 
 def dimmed(rms_amplitude: Single, weak: Mask) -> Mask:
@@ -222,22 +234,45 @@ def second_reflection(places: Places, usable: Mask, limit_share: float) -> tuple
     pooled over `POOL_PX` squared; 0 where it is within two standard deviations of noise. A second place
     nearer than about a third of the shortest period shifts all periods equally, like blur, and is not found.
     """
-    degrees, weight = places.degrees, usable.astype(np.float32)
-
-    def pooled(values: Single) -> Single:
-        return np.asarray(cv2.boxFilter(np.where(usable, values, 0).astype(np.float32), -1, (POOL_PX,) * 2))
-
-    count = np.maximum(pooled(weight), 1e-6)
-    stiffness = np.maximum(pooled(places.stiffness) / count, 1e-6)
-    excess = 2.0 * (pooled(places.chi2) / count - degrees) / stiffness
+    degrees, usual = places.degrees, float(chdtri(places.degrees, 0.5))
+    sums = np.empty((*usable.shape, 4), np.float32)
+    _to_pool(places.chi2, places.stiffness, usable, usual, sums)
+    sums = cv2.boxFilter(sums, -1, (POOL_PX,) * 2, normalize=False)
     # coherent errors go as a squared sine over the view: half its mean square scatters
     coherent = 0.5 * (places.coherent * degrees) ** 2
-    unsure = 2.0 * np.sqrt(2.0 * degrees / (count * POOL_PX**2) + coherent) / stiffness
-    common = pooled((places.chi2 > chdtri(degrees, 0.5)).astype(np.float32)) / count
-    real = (excess > 2.0 * unsure) & (count * POOL_PX**2 >= 4)
-    share = np.sqrt(np.where(real, np.maximum(excess, 0.0), 0.0)).astype(np.float32)
-    proven = (excess > SIGMAS * unsure) & (common > POOL_AGREES) & usable
+    share, proven = np.zeros(usable.shape, np.float32), np.zeros_like(usable)
+    _judge_pools(sums, usable, degrees, coherent, share, proven)
     return share, _extended(proven & (share > limit_share), proven) & usable
+
+
+@numba.njit(cache=True)
+def _to_pool(chi2: Single, stiffness: Single, usable: Mask, usual: float, out: Single) -> None:
+    """Usable pixels, their stiffness and chi2, and those with more than `usual`: (rows, cols, 4)."""
+    for j in range(usable.shape[0]):
+        for i in range(usable.shape[1]):
+            known = usable[j, i]
+            out[j, i, 0] = known
+            out[j, i, 1] = stiffness[j, i] if known else 0.0
+            out[j, i, 2] = chi2[j, i] if known else 0.0
+            out[j, i, 3] = known and chi2[j, i] > usual
+
+
+@numba.njit(cache=True)
+def _judge_pools(
+    sums: Single, usable: Mask, degrees: int, coherent: float, share: Single, proven: Mask
+) -> None:
+    """Share of a second reflection where it is real, and where it is proven; sums: see `_to_pool`."""
+    for j in range(usable.shape[0]):
+        for i in range(usable.shape[1]):
+            count = sums[j, i, 0]
+            excess = sums[j, i, 2] - degrees * count
+            unsure2 = (2.0 * degrees + coherent * count) * count
+            if not (excess > 0.0 and excess * excess > 4.0 * unsure2):
+                continue
+            if count > _LEAST_POOLED:
+                share[j, i] = math.sqrt(2.0 * excess / max(sums[j, i, 1], 1e-6 * count))
+            agree = sums[j, i, 3] > POOL_AGREES * count
+            proven[j, i] = usable[j, i] and agree and excess * excess > SIGMAS**2 * unsure2
 
 
 def _extended(found: Mask, proven: Mask) -> Mask:
@@ -249,13 +284,13 @@ def _extended(found: Mask, proven: Mask) -> Mask:
     """
     if not found.any():
         return found
-    _, label = cv2.connectedComponents(proven.astype(np.uint8), connectivity=8)
-    area = np.maximum(np.bincount(label.ravel()), 1)
-    seeded = np.bincount(label.ravel(), weights=found.ravel(), minlength=len(area)) > SEED_SHARE * area
-    seeded[0] = False
-    reached = (found | seeded[label]).astype(np.uint8)
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * POOL_PX + 1,) * 2)
-    return cv2.morphologyEx(reached, cv2.MORPH_CLOSE, kernel).astype(np.bool_)
+    label = cv2.connectedComponents(proven.view(np.uint8), connectivity=8)[1][proven]
+    seeds = np.bincount(label, weights=found[proven])
+    reached = found.astype(np.uint8)
+    reached[proven] |= (seeds > SEED_SHARE * np.bincount(label))[label]
+    # a square, of the area of a disc of that radius, is closed in a tenth of the time
+    square = np.ones((2 * POOL_PX - 1,) * 2, np.uint8)
+    return cv2.morphologyEx(reached, cv2.MORPH_CLOSE, square).astype(np.bool_)
 
 
 def inconsistent(places: Places, largest_share: float = 0.1) -> Mask:

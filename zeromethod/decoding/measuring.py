@@ -11,6 +11,7 @@ from scipy.special import chdtri
 from zeromethod.arrays import Flags, Float, Image, Mask, Single
 from zeromethod.decoding.consistency import compare_neighbours, jumped_patches
 from zeromethod.decoding.decoding import Phasors, decode_phasors
+from zeromethod.decoding.flicker import find_flicker
 from zeromethod.decoding.fringes import FringeSequence
 from zeromethod.decoding.harmonics import agreement, sample
 from zeromethod.decoding.masks import (
@@ -64,8 +65,9 @@ class RestMeasurement:
     scatter over the given model's prediction, as a standard deviation (NaN where none was given); sigma
     includes it where above 1. second_harmonic: share of the fundamental, NaN where the shifts are too few.
     folded_harmonic: largest share of a harmonic that the shifts aliased onto the fundamental, and that was
-    removed. light_drift: largest change of the whole view's light between sets. phase_sigma_rad: median of
-    the valid. expected_wrong: share of valid pixels that are wrong by their odds, before the neighbours'
+    removed. light_drift: largest change of the whole view's light between sets. flicker: its change from
+    frame to frame, rms, 0 where too small to be seen; see `decoding.flicker`. phase_sigma_rad: median of the
+    valid. expected_wrong: share of valid pixels that are wrong by their odds, before the neighbours'
     test. order_error: the same predicted from phase_sigma_rad and the periods. size_px: LCD (columns, rows)
     searched. near_px: distance, LCD px, of a second reflection of a tenth of the light that is too near to be
     masked, 0 for none; it moves places by a tenth of that. See `near_reflection`.
@@ -82,6 +84,7 @@ class RestMeasurement:
     second_harmonic: float
     folded_harmonic: float
     light_drift: float
+    flicker: float
     phase_sigma_rad: float
     expected_wrong: float
     order_error: float
@@ -108,26 +111,28 @@ class RestMeasurement:
 class _Light:
     """Light of the view without fringes, its noise, and the fringes' amplitude; see `RestMeasurement`.
 
-    lit: (rows, cols) where fringes are about as strong as usual in the view.
+    weakest: (rows, cols) squared amplitude of the weakest fringes, grey^2. lit: (rows, cols) where fringes
+    are about as strong as usual in the view.
     """
 
     mean: Single
     change: Single
     gain: Float
     amplitude: Single
+    weakest: Single
     lit: Mask
     noise: NoiseModel
     ratio: float
 
     @classmethod
     def of(cls, phasors: Phasors, given: NoiseModel | None) -> _Light:
-        rms_amplitude = amplitude(phasors)
+        rms_amplitude, weakest = amplitude(phasors)
         lit = fringed(rms_amplitude)
         lit &= ~small_parts(lit)
         gain, usual = gains(phasors, lit)
         noise, ratio = _noise(phasors, given, lit)
         mean, change = median_light(phasors, gain, noise, usual)
-        return cls(mean, change, gain, rms_amplitude, lit, noise, ratio)
+        return cls(mean, change, gain, rms_amplitude, weakest, lit, noise, ratio)
 
 
 def _noise(phasors: Phasors, given: NoiseModel | None, lit: Mask) -> tuple[NoiseModel, float]:
@@ -200,21 +205,26 @@ def measure_rest(
     phasors = decode_phasors(frames, sequence, ceiling_grey)
     light = _Light.of(phasors, noise)
     reason, weak = _light_reasons(phasors, light)
-    places, light, folded = _places(phasors, light, noise, searched, ~weak, reason == 0)
+    found = _places(phasors, light, noise, searched, ~weak, reason == 0)
+    flicker = find_flicker(
+        phasors, found[0], (reason == 0) & np.isfinite(found[0][0].x_px + found[0][1].x_px)
+    )
+    if flicker.share:
+        phasors = flicker.phasors
+        found = _places(phasors, light, noise, searched, ~weak, reason == 0)
+    places, light, folded = [flicker.counted(place) for place in found[0]], *found[1:]
     lcd = np.stack([place.x_px for place in places], axis=-1)
-    sound = (reason == 0) & np.isfinite(lcd[..., 0]) & np.isfinite(lcd[..., 1])
+    sound = (reason == 0) & np.isfinite(places[0].x_px) & np.isfinite(places[1].x_px)
     sigma, reflection = _agreement(places, sound, limit_share, reason)
     odds = np.maximum(places[0].odds, places[1].odds)
     for axis, size in enumerate(searched):
-        past_px = np.abs(lcd[..., axis] - 0.5 * (size - 1.0)) - 0.5 * size
+        past_px = np.abs(places[axis].x_px - 0.5 * (size - 1.0)) - 0.5 * size
         _add(reason, Reason.OFF_DISPLAY, sound & (past_px > 3.0 * places[axis].sigma_px))
     half_px = np.array([0.5 * min(periods) for periods in sequence.periods])
     _compare_neighbours(lcd, sigma, sound, odds > AMBIGUOUS_ODDS, half_px, reason)
 
     valid = sound & (reason == 0)
-    for axis in range(2):
-        np.copyto(lcd[..., axis], np.nan, where=~valid)
-        np.copyto(sigma[..., axis], np.nan, where=~valid)
+    lcd[~valid] = sigma[~valid] = np.nan
     phase_sigma = _median(places, valid)
     return RestMeasurement(
         rest_map=RestMap(lcd, sigma, valid, reason),
@@ -227,6 +237,7 @@ def measure_rest(
         scatter_ratio=light.ratio,
         second_harmonic=phasors.second_harmonic,
         folded_harmonic=folded,
+        flicker=flicker.share,
         light_drift=float(np.max(np.abs(light.gain / np.median(light.gain) - 1.0))),
         phase_sigma_rad=phase_sigma,
         expected_wrong=_expected_wrong(places, valid),
@@ -246,7 +257,7 @@ def _light_reasons(phasors: Phasors, light: _Light) -> tuple[Flags, Mask]:
     changed = disturbed(phasors, light.noise, light.mean, light.change, light.amplitude, light.lit)
     single = small_parts(changed)
     _add(reason, Reason.DISTURBED, with_margin(changed & ~single))
-    weak = unmodulated(phasors, light.noise, light.mean, light.lit)
+    weak = unmodulated(phasors, light.noise, light.mean, light.weakest, light.lit)
     dim = dimmed(light.amplitude, weak)
     holes = small_parts(weak | phasors.saturated) & (dim | phasors.saturated)
     _add(reason, Reason.DEAD, single | holes | dim)
@@ -320,8 +331,8 @@ def _compare_neighbours(
     usable = sound & (reason & int(Reason.OFF_DISPLAY | Reason.SECOND_REFLECTION) == 0)
     jumped = jumped_patches(lcd, usable, half_px)
     usable &= ~jumped
-    limit = np.maximum(SIGMAS * sigma, OUTLIER_PX)
-    outlying, far, confirmed = compare_neighbours(lcd, usable, limit, half_px)
+    bounds = SIGMAS, OUTLIER_PX
+    outlying, far, confirmed = compare_neighbours(lcd, usable, sigma, bounds, half_px)
     _add(reason, Reason.WRONG_ORDER, jumped | far)
     _add(reason, Reason.AMBIGUOUS_ORDER, sound & ambiguous & ~confirmed)
     _add(reason, Reason.DEAD, small_parts(outlying & ~far))

@@ -44,27 +44,25 @@ class NoiseModel:
 def fit_noise(mean: Image, scatter: Image, degrees: int) -> NoiseModel | None:
     """Noise model from pixels' mean grey and scatter (residual variance of `degrees` degrees of freedom).
 
-    mean, scatter: (n,). Medians over classes of similar mean, robust against disturbed pixels; neither
-    constant nor slope is below zero. None for too few pixels.
+    mean, scatter: (n,). Medians over classes of similar mean and equal size, robust against disturbed
+    pixels; neither constant nor slope is below zero. None for too few pixels.
     """
     known = np.isfinite(mean) & np.isfinite(scatter)
     mean, scatter = mean[known].astype(np.float64), scatter[known].astype(np.float64)
     if degrees < 1 or len(mean) < _LEAST_PIXELS:
         return None
     median_share = chdtri(degrees, 0.5) / degrees
-    edges = np.quantile(mean, np.linspace(0, 1, _CLASSES + 1))
-    number = np.clip(np.searchsorted(edges, mean, side="right") - 1, 0, _CLASSES - 1)
-    classes = [number == n for n in range(_CLASSES) if np.any(number == n)]
-    weight = np.array([np.count_nonzero(chosen) for chosen in classes], dtype=np.float64)
-    grey = np.array([np.median(mean[chosen]) for chosen in classes])
-    variance = np.array([np.median(scatter[chosen]) for chosen in classes]) / median_share
-    overall = float(np.average(variance, weights=weight))
+    order, size = np.argsort(mean), len(mean) // _CLASSES
+    classes = order[: size * _CLASSES].reshape(_CLASSES, size)
+    grey = mean[classes[:, size // 2]]
+    variance = np.median(scatter[classes], axis=1) / median_share
+    overall = float(np.mean(variance))
     # equal relative errors: classes weigh 1 / variance^2; a narrow range of grey gets a constant
-    w = np.sqrt(weight) / np.maximum(variance, QUANTISATION)
+    w = 1.0 / np.maximum(variance, QUANTISATION)
     matrix = np.stack([w, w * grey], axis=1)
     (constant, slope), *_ = np.linalg.lstsq(matrix, w * variance, rcond=1e-9)
     if slope <= 0 or grey.max() < _LEAST_RANGE * max(grey.min(), 1e-9):
         return NoiseModel(overall, 0.0)
     if constant < 0:
-        return NoiseModel(0.0, overall / float(np.average(grey, weights=weight)))
+        return NoiseModel(0.0, overall / float(np.mean(grey)))
     return NoiseModel(float(constant), float(slope))

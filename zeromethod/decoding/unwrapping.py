@@ -239,30 +239,44 @@ def _unwrap(
             out[5, j, i] = math.sqrt(single(variance * per_count))
 
 
-def _usual_variance(waves: Waves, bright: Mask) -> Float:
-    """Median variance of each period over the pixels `bright`, rad^2."""
-    index = np.flatnonzero(bright)
-    some = waves.variance.reshape(len(waves.variance), -1)[:, index[:: len(index) // _SAMPLES + 1]]
-    if not len(index):
-        return np.ones(len(waves.variance))
-    return np.asarray(np.median(some, axis=1) * waves.factor.mean(axis=1), dtype=np.float64)
+@dataclass(frozen=True, slots=True)
+class Rivalry:
+    """How far apart orders are: variance: usual one of each period, rad^2; separation: least d with it."""
+
+    variance: Float
+    separation: float
+
+    @classmethod
+    def of(cls, waves: Waves, size_px: float, bright: Mask) -> Rivalry:
+        """By the medians over the pixels `bright`."""
+        index = np.flatnonzero(bright)
+        usual = np.ones(len(waves.variance))
+        if len(index):
+            some = waves.variance.reshape(len(usual), -1)[:, index[:: len(index) // _SAMPLES + 1]]
+            usual = np.asarray(np.median(some, axis=1) * waves.factor.mean(axis=1), dtype=np.float64)
+        apart = rivals(waves.periods_px, np.sqrt(usual), size_px + float(waves.periods_px[0]))[1]
+        return cls(usual, float(apart.min()) if len(apart) else math.inf)
 
 
 def unwrap(
-    waves: Waves, size_px: float, bright: Mask, tables: Single | None = None, coherent: float = 0.0
+    waves: Waves,
+    size_px: float,
+    bright: Mask,
+    tables: Single | None = None,
+    coherent: float = 0.0,
+    rivalry: Rivalry | None = None,
 ) -> Places:
     """Places along one axis of an LCD of `size_px`, for the pixels `bright`.
 
     tables: (periods, `TABLE` + 1) correction of the phase over the turn, turns, periods rising. coherent: as
-    in `Places`. Orders are searched from half a shortest period before the LCD's first pixel to as far past
-    its last.
+    in `Places`. rivalry: of these waves, where it is known. Orders are searched from half a shortest period
+    before the LCD's first pixel to as far past its last.
     """
     periods = waves.periods_px
     x = np.full(bright.shape, np.nan)
     out = np.full((6, *bright.shape), np.nan, dtype=np.float32)
     margin = 0.5 * float(periods[0])
-    usual = _usual_variance(waves, bright)
-    apart = rivals(periods, np.sqrt(usual), size_px + 2.0 * margin)[1]
+    rivalry = rivalry or Rivalry.of(waves, size_px, bright)
     if tables is None:
         tables = np.zeros((len(periods), TABLE + 1), np.float32)
     _unwrap(
@@ -273,8 +287,8 @@ def unwrap(
         bright,
         periods,
         tables,
-        usual,
-        float(apart.min()) if len(apart) else math.inf,
+        rivalry.variance,
+        rivalry.separation,
         -margin,
         size_px - 1.0 + margin,
         x,
