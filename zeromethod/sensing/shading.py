@@ -99,9 +99,11 @@ def flag_light_edges(
                     continue
                 bend, slope = abs(_bend(mean, r, c, way)), 0.5 * abs(mean[r + y, c + x] - mean[r - y, c - x])
                 if bend <= LARGEST_BEND * light:
-                    before, after = _bend(mean, r - y, c - x, way), _bend(mean, r + y, c + x, way)
-                    if before * after < 0:
-                        bend = min(abs(before), abs(after))
+                    before = _bend(mean, r - y, c - x, way)
+                    if abs(before) > LARGEST_BEND * light:
+                        after = _bend(mean, r + y, c + x, way)
+                        if before * after < 0:
+                            bend = min(abs(before), abs(after))
                 if bend <= LARGEST_BEND * light and slope <= LARGEST_SLOPE * light:
                     continue
                 leak = _leak(modulation, d, flags, period, r, c, way)
