@@ -66,9 +66,12 @@ DRAWN = (
     Variant("bare, 60 Hz, drawing", live=False, strips=False, drawn=True, waits=True),
     Variant("threads, strips, 60 Hz, drawing", drawn=True, waits=True),
 )
+WHOLE = Variant(
+    "+ reading surfaces, recording, 60 Hz, drawing", drawn=True, waits=True, reads=True, records=True
+)
 GROUPS: tuple[tuple[Variant, ...], ...] = (
     AT_ONCE,
-    *((variant,) for variant in (ALONE, UNSTEADY, POOLS, READ, *SUBSCRIBED, *PACED, *DRAWN)),
+    *((variant,) for variant in (ALONE, UNSTEADY, POOLS, READ, *SUBSCRIBED, *PACED, *DRAWN, WHOLE)),
 )
 """Those of the first take turns frame by frame; the others would disturb each other, and go one by one."""
 
@@ -80,6 +83,7 @@ COMPARED = {
     **{variant.name: SUBSCRIBED[0].name for variant in SUBSCRIBED[1:]},
     **{variant.name: PACED[0].name for variant in PACED[1:]},
     DRAWN[1].name: DRAWN[0].name,
+    WHOLE.name: DRAWN[1].name,
 }
 """What each variant is compared with."""
 
@@ -161,6 +165,27 @@ def _row(variant: Variant, turns: Turns) -> list[str]:
     return row
 
 
+def _reading_figures(rounds: list[list[Timed]]) -> list[Figure]:
+    """How many frames were read with everything on, and the slowest of loop and reading; judged by no bar.
+
+    What runs beside it on the machine decides these, and drawing by software takes most of it.
+    """
+    asked = [[bool(np.isfinite(turn.read_ms)) for turn in turns if turn.measured] for turns in rounds]
+    gaps = [len(gap) for turns in asked for gap in "".join(".x"[not read] for read in turns).split(".")]
+    count, read = sum(map(len, asked)), sum(map(sum, asked))
+    name = "everything on, 60 Hz"
+    return [
+        Figure(f"{name}: frames read", f"{read} of {count} ({read / max(count, 1):.1%})", "99 % when quiet"),
+        Figure(f"{name}: longest run of frames not read", f"{max(gaps, default=0)}", "1 when quiet"),
+        Figure(f"{name}: loop, median / 99 %", _two(column(rounds, "loop_ms"))),
+        Figure(f"{name}: reading, median / 99 %", _two(column(rounds, "read_ms"))),
+    ]
+
+
+def _two(values: Float) -> str:
+    return "none" if not len(values) else "{:.1f} / {:.1f} ms".format(*np.percentile(values, (50, 99)))
+
+
 def measure(rig: Rig, rounds: int, frames: int) -> Report:
     """Run everything; see the module. rig: with a simulated bench."""
     turns: Turns = {variant.name: [] for variant in VARIANTS}
@@ -192,6 +217,7 @@ def measure(rig: Rig, rounds: int, frames: int) -> Report:
         bar_of("a subscriber that stopped reading over none: answer", "answer_ms", stopped, STOPPED_MS),
         bar_of("a subscriber that stopped reading over none: processor time", "cpu_ms", stopped, STOPPED_MS),
     ]
+    figures += _reading_figures(turns[WHOLE.name])
     header = ["ms: median / 99 % / 99.9 % / worst", "answer", "turn", "cpu", "late", "over"]
     header += [f"{name}: least | median +- sigma (quartiles)" for name in ("answer", "turn", "cpu")]
     details = [header, *(_row(variant, turns) for variant in VARIANTS)]

@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 import numpy as np
@@ -30,6 +32,7 @@ from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED
 from zeromethod.loop.step import Step
 from zeromethod.publishing import Publisher
+from zeromethod.recording.recorder import Recorder
 from zeromethod.session.reading import StepReader, timed, warm_up_warp
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.thread_limits import limit_threads
@@ -56,7 +59,7 @@ class Variant:
     """One way to run the loop.
 
     steady: as `Loop.run` does, without Python's own garbage collection. pools: libraries take every core.
-    reads: surfaces are read, in a process of their own.
+    reads: surfaces are read, in a process of their own. records: everything is recorded.
     subscriber: None (nothing is published), none, reading, stopped.
     """
 
@@ -67,13 +70,17 @@ class Variant:
     pools: bool = False
     drawn: bool = False
     reads: bool = False
+    records: bool = False
     subscriber: str | None = None
     waits: bool = False
 
 
 @dataclass(frozen=True)
 class Timed:
-    """One turn, ms. `number` of the turn; answer_ms NaN where nothing new was shown."""
+    """One turn, ms. `number` of the turn; answer_ms NaN where nothing new was shown.
+
+    measured: its surface was asked for. read_ms: how long reading that took; NaN where it was not read.
+    """
 
     number: int
     answer_ms: float
@@ -82,6 +89,8 @@ class Timed:
     cpu_ms: float
     nulled: bool
     events: list[str]
+    measured: bool = False
+    read_ms: float = float("nan")
 
 
 @contextmanager
@@ -125,6 +134,8 @@ class Running:
         self._camera = MemoryCamera(prepared, self._display, clock)
         self._turns: list[tuple[Timed, float, float]] = []
         self._reading: StepReader | None = None
+        self._read_ms: dict[int, float] = {}
+        self._recorder: Recorder | None = None
         self._stack = ExitStack()
         renderer = Drawn if variant.drawn else Noted
         with patch("zeromethod.loop.drawing.PatternRenderer", renderer):
@@ -138,6 +149,9 @@ class Running:
             publisher = self._stack.enter_context(_published(loop, clock, variant.subscriber))
             self._reading = StepReader(_reading(surfaces), publisher, live=True)
             self._stack.callback(self._reading.close)
+        if variant.records:
+            folder = self._stack.enter_context(TemporaryDirectory(prefix="zeromethod-live-cost-"))
+            self._recorder = self._stack.enter_context(Recorder(Path(folder) / "all.h5", rig, loop.rest))
         self._steps = loop.run(frames=frames) if variant.steady else _steps(loop, frames)
 
     def __enter__(self) -> Running:
@@ -156,6 +170,9 @@ class Running:
         step = next(self._steps)
         if self._reading is not None:
             self._reading.post(step)
+            self._collect()
+        if self._recorder is not None:
+            self._recorder.add_step(step)
         done_s, done_cpu_s = time.perf_counter(), time.thread_time()
         self._clock.stand_still()
         if step.frame_number is None:
@@ -175,16 +192,29 @@ class Running:
             1e3 * (done_cpu_s - cpu_s),
             step.state in NULLED,
             sorted(event.value for event in step.events),
+            self._reading is not None and step.measured is not None,
         )
         self._turns.append((turn, given_s, fingerprint(step.commanded.q)))
 
+    def _collect(self) -> None:
+        """Note what has been read since, and record it where all is."""
+        assert self._reading is not None
+        for read in self._reading.collect():
+            self._read_ms[read.number] = read.read_ms
+            if self._recorder is not None:
+                self._recorder.add_reading(read)
+
     def turns(self) -> list[Timed]:
-        """All turns but the first ones, each with the answer to its frame."""
+        """All turns but the first ones, each with the answer to its frame, and its reading."""
+        if self._reading is not None:
+            self._reading.close()
+            self._collect()
         found, last = [], float("nan")
         for turn, given_s, command in self._turns:
             # a command that did not change was answered before
             began_s = self._display.began_s.get(command, np.nan) if command != last else np.nan
-            found.append(replace(turn, answer_ms=1e3 * (began_s - given_s)))
+            read_ms = self._read_ms.get(turn.number, np.nan)
+            found.append(replace(turn, answer_ms=1e3 * (began_s - given_s), read_ms=read_ms))
             last = command
         return found[LEFT_OUT:]
 

@@ -43,7 +43,13 @@ echo "zeromethod run --rig virtual --display 1 --camera $address --seconds 27 $*
 "$BIN/python" - <<'P'
 import json
 
-read_mm = json.load(open("out/rehearsal.json"))["depth_peak_mm"]
+run = json.load(open("out/rehearsal.json"))
+read_mm = run["depth_peak_mm"]
 true_mm = max(json.loads(line)["peak_depth_mm"] for line in list(open("out/truth.jsonl"))[1:])
 print(f"peak depth read {read_mm:.5f} mm, true {true_mm:.5f} mm: {100 * (read_mm / true_mm - 1):+.2f} %")
+late = run["surface_latency_ms"]
+print(
+    f"{run['frames_read']} of {run['frames_to_read']} frames read to depth, at most {run['longest_unread']} in a row "
+    f"not; from mid-exposure to the surface {late['median']:.0f} ms (99 %: {late['p99']:.0f})"
+)
 P

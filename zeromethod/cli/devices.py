@@ -227,6 +227,13 @@ def _speed(rig_name: str) -> dict[str, Any]:
         f"{figures['cores']} cores, drawn by {figures['gl_renderer']}\n"
     )
     console.print(text_table(("", "ms median", "ms 90 %", "frames/s", "MB/s", ""), rows, left=(0, 5)))
+    if figures.get("dis_fast_ms"):
+        loop, reading = (parts[name]["of_dis_fast"] for name in ("loop", "reading"))
+        console.print(
+            f"\nOpenCV's flow between two frames (DIS, preset fast) takes {figures['dis_fast_ms']:.1f} ms: "
+            f"frame in to warp out is {loop:.2f} of that, reading {reading:.2f}",
+            soft_wrap=True,
+        )
     slowest = figures["bottleneck"]
     verdict = "fast enough" if figures["fast_enough"] else "NOT fast enough"
     console.print(

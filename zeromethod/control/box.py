@@ -29,19 +29,18 @@ def _box_lines(field: Float, radius: int, out: Float) -> None:
 def _box_columns(field: Float, radius: int) -> None:
     """Sums over 2 radius + 1 nodes along axis 1, fewer at the ends, in place."""
     cols = field.shape[1]
-    line = np.empty(cols)
+    line = np.zeros(cols + 2 * radius + 1)
     for j in range(field.shape[0]):
         # a loop, as numba takes two seconds longer to compile a slice
         for i in range(cols):
-            line[i] = field[j, i]
+            line[radius + 1 + i] = field[j, i]
         total = 0.0
-        for i in range(-radius, cols):
-            if i + radius < cols:
-                total += line[i + radius]
-            if i >= 0:
-                field[j, i] = total
-                if i >= radius:
-                    total -= line[i - radius]
+        for i in range(radius):
+            total += line[radius + 1 + i]
+        for i in range(cols):
+            # one sum after the other waits for the one before: their difference does not
+            total += line[i + 2 * radius + 1] - line[i]
+            field[j, i] = total
 
 
 @numba.njit(cache=True)

@@ -126,6 +126,15 @@ def _drop_unobservable(target: Float, observable: Float, gain: Float, valid: Mas
                 x[j, i, k] = target[j, i, k] + share * (observable[j, i, k] - target[j, i, k])
 
 
+@numba.njit(cache=True)
+def _from_rest(rest: Float, x: Float, estimate: Float, commanded: Float) -> None:
+    """Rest and x, twice."""
+    for j in range(x.shape[0]):
+        for i in range(x.shape[1]):
+            for k in range(2):
+                estimate[j, i, k] = commanded[j, i, k] = rest[j, i, k] + x[j, i, k]
+
+
 class Composition:
     """The adaptive filter of the module's equations. gain: upper limit of K, 0..1.
 
@@ -186,8 +195,8 @@ class Composition:
         observable = observable_part(target, out=self._observable)
         _drop_unobservable(target, observable, self.gain, valid, x)
         self._flags = measured.flags
-        self.estimate = self._rest.q + x
-        self.commanded = self.estimate.copy()
+        self.estimate, self.commanded = np.empty_like(x), np.empty_like(x)
+        _from_rest(self._rest.q, x, self.estimate, self.commanded)
         self._predictor.add(self.commanded, x, self.gain, measured.time_ns, horizon_s)
         return True
 

@@ -68,16 +68,32 @@ class Horizon:
     def __init__(self, upwards: bool) -> None:
         self._upwards = upwards
         self._ages: deque[Float] = deque(maxlen=HORIZON_FRAMES)
-
-    @property
-    def age_s(self) -> Float | None:
+        self.age_s: Float | None = None
         """(n,) s at equally spaced rows; None before the first known age."""
-        return np.asarray(np.median(np.stack(self._ages), axis=0)) if self._ages else None
 
     def learn(self, age_ns: Float | None) -> None:
         """Take in the ages of one frame, (n,) ns in scan-out order; None where unknown."""
         if age_ns is not None:
             self._ages.append(1e-9 * (age_ns[::-1] if self._upwards else age_ns))
+            # the median, without the cost of numpy's
+            ages, half = np.sort(np.array(self._ages), axis=0), len(self._ages) // 2
+            self.age_s = ages[half] if len(ages) % 2 else 0.5 * (ages[half - 1] + ages[half])
+
+
+@numba.njit(cache=True)
+def _split(x: Float, out: Float) -> None:
+    """Components of x (rows, cols, 2) apart, (2, rows, cols)."""
+    for j in range(x.shape[0]):
+        for i in range(x.shape[1]):
+            out[0, j, i], out[1, j, i] = x[j, i, 0], x[j, i, 1]
+
+
+@numba.njit(cache=True)
+def _steps(x: Float, k: int, last: Float, since_s: float, out: Float) -> None:
+    """Speed of component k since `last` (rows, cols), in `out`."""
+    for j in range(last.shape[0]):
+        for i in range(last.shape[1]):
+            out[j, i] = (x[j, i, k] - last[j, i]) / since_s
 
 
 @numba.njit(cache=True)
@@ -169,16 +185,14 @@ class VelocityPredictor:
         if moves:
             self._v, self._last = self._last, self._v
             for k in range(2):
-                np.subtract(x[..., k], self._x[k], out=self._share)
-                self._share /= since_s
+                _steps(x, k, self._x[k], since_s, self._share)
                 box_mean(self._share, RADIUS, self._v[k])
         elif self._moves:
             self._v[:] = self._last[:] = 0.0
             self._agreed[:] = 0.0
             self._shift[:] = 0.0
         self._moves = moves
-        for k in range(2):
-            self._x[k] = x[..., k]
+        _split(x, self._x)
         if moves and horizon_s is not None:
             both, size = self._work
             _products(self._v, self._last, both, size)

@@ -30,6 +30,8 @@ from zeromethod.warp.warp import Role, Warp
 TABLE_ROWS = 257
 """Panel rows at which weights are computed, 65 us of scan-out apart at 60 Hz; linear between them."""
 
+_SCAN = np.linspace(0.0, 1.0, TABLE_ROWS)
+
 LEAST_WEIGHT = 1e-4
 """Pictures with less weight than this in every row are left out."""
 
@@ -104,11 +106,10 @@ def entry_weights(times_ns: Ints, complete: bool, frame: Frame, timing: PanelTim
     Returns ((k, n) weights, (n,) share of light from before the first entry). The share is 0 when older
     entries are no longer in the log (`complete` False): the oldest entry then stands for them.
     """
-    scan = np.linspace(0.0, timing.scanout_ns, TABLE_ROWS)
     start = -0.5 * frame.exposure_ns
     # Relative to mid-exposure, as nanoseconds since boot need more digits than a double has to spare.
-    changes = (times_ns - frame.time_ns)[:, None] + timing.latency_ns + scan
-    lit = np.stack([lit_share(start, -start, change, timing.tau_ns) for change in changes])
+    changes = ((times_ns - frame.time_ns) + timing.latency_ns)[:, None] + timing.scanout_ns * _SCAN
+    lit = lit_share(start, -start, changes, timing.tau_ns)
     dark = 1 - lit[0]
     if not complete:
         lit[0] = 1.0

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 
+import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.loop.events import Event, Notice
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.validity import Flag
@@ -41,19 +41,32 @@ MEMORY = 0.05
 """Share of every good frame in the usual light."""
 
 
+@numba.njit(cache=True)
+def mean_of(values: Single, chosen: Mask) -> float:
+    """Mean of the chosen values, (rows, cols) both."""
+    total = 0.0
+    count = 0
+    for j in range(chosen.shape[0]):
+        for i in range(chosen.shape[1]):
+            if chosen[j, i]:
+                total += values[j, i]
+                count += 1
+    return total / max(count, 1)
+
+
 class LightWatch:
     """Follows the mean grey of the nodes visible at rest; what presses changes it little and slowly."""
 
     def __init__(self, seen: Mask, black_grey: float) -> None:
-        self._seen = seen
+        self._seen, self._any = seen, bool(seen.any())
         self._black = black_grey
         self._usual: float | None = None
 
-    def is_off(self, mean_grey: NDArray[np.floating]) -> bool:
+    def is_off(self, mean_grey: Single) -> bool:
         """Whether a frame with these means per node, (rows, cols) grey, was taken without light."""
-        if not self._seen.any():
+        if not self._any:
             return False
-        light = float(mean_grey.mean(where=self._seen)) - self._black
+        light = mean_of(mean_grey, self._seen) - self._black
         if self._usual is None:
             self._usual = light
         off = not light > OFF_BELOW * self._usual
@@ -118,7 +131,7 @@ class LightQuality:
             words = f"{share}: shorten the exposure, or lower the gain"
             notices.append(Notice(Event.SATURATED, words))
         self._times_ns.append(time_ns)
-        self._light.append(float(residual.mean.mean(where=self._seen)) - self._black)
+        self._light.append(mean_of(residual.mean, self._seen) - self._black)
         self._frames += 1
         if len(self._light) >= FEWEST_FRAMES and self._frames % EVERY_FRAMES == 0:
             times_s = 1e-9 * np.array([time - self._times_ns[0] for time in self._times_ns])

@@ -177,7 +177,8 @@ def measure_warp(
         blur.add_hidden(shown.q, q)
     flags = residual.flags | rest.flags
     _blank(q, flags)
-    flags |= warp_flags(q, rest.q, grid.period_px, rest.display_size, spacing_px=grid.spacing_px)
+    size, spacing_px = rest.display_size, grid.spacing_px
+    flags |= warp_flags(q, rest.q, grid.period_px, size, spacing_px=spacing_px, rest_areas=rest.areas)
     if observation.mixture is not None:
         flags[observation.mixture.mixed] |= _MIXED
     change, missing = _changes(residual.d, known.residual_px, flags, rest.visible)

@@ -33,7 +33,9 @@ class StepFigures:
     until the panel's middle row is half-way to the new picture; both NaN when none was presented. In real
     time they are those of the picture presented last, of an earlier frame.
     peak, read_ms: deepest point of the surface read from this frame, and how long reading took; None and NaN
-    where it was not read. truth: the reading compared with the true mirror of a simulated bench.
+    where it was not read. readable: its surface was asked for. latency_ms: from mid-exposure until that was
+    read and published, in real time; NaN in simulated time, which stands still meanwhile.
+    truth: the reading compared with the true mirror of a simulated bench.
     untouched_rms_nm: rms depth (single frame, controller's filter) while nothing touches a simulated bench.
     """
 
@@ -57,6 +59,8 @@ class StepFigures:
     draw_ms: float = NAN
     delay_ms: float = NAN
     read_ms: float = NAN
+    readable: bool = False
+    latency_ms: float = NAN
     peak: Peak | None = None
     truth: Comparison | None = None
     untouched_rms_nm: tuple[float, float] | None = None

@@ -62,15 +62,17 @@ def _leak(modulation: Single, d: Float, flags: Flags, period: float, r: int, c: 
 def _is_bent_row(mean: Single, r: int, black: float) -> bool:
     """Whether any node of a row may have a bend near the limit: a quick test that ignores the leak."""
     rows, cols = mean.shape
-    share, bent = np.float32(0.3 * LARGEST_BEND), 0
+    share, bent, one, none = np.float32(0.3 * LARGEST_BEND), np.float32(0), np.float32(1), np.float32(0)
     dark, two = np.float32(black), np.float32(2)
     above, row, below = mean[max(r - 1, PADDING)], mean[r], mean[min(r + 1, rows - PADDING - 1)]
     inside = np.float32(PADDING < r < rows - PADDING - 1)
     for c in range(PADDING, cols - PADDING):
-        bent += inside * abs(above[c] - two * row[c] + below[c]) > share * (row[c] - dark)
+        bend = inside * abs(above[c] - two * row[c] + below[c])
+        bent += one if bend > share * (row[c] - dark) else none
     for c in range(PADDING + 1, cols - PADDING - 1):
-        bent += abs(row[c - 1] - two * row[c] + row[c + 1]) > share * (row[c] - dark)
-    return bent > 0
+        bend = abs(row[c - 1] - two * row[c] + row[c + 1])
+        bent += one if bend > share * (row[c] - dark) else none
+    return bool(bent > 0)
 
 
 @numba.njit(cache=True)
@@ -97,9 +99,11 @@ def flag_light_edges(
                     continue
                 bend, slope = abs(_bend(mean, r, c, way)), 0.5 * abs(mean[r + y, c + x] - mean[r - y, c - x])
                 if bend <= LARGEST_BEND * light:
-                    before, after = _bend(mean, r - y, c - x, way), _bend(mean, r + y, c + x, way)
-                    if before * after < 0:
-                        bend = min(abs(before), abs(after))
+                    before = _bend(mean, r - y, c - x, way)
+                    if abs(before) > LARGEST_BEND * light:
+                        after = _bend(mean, r + y, c + x, way)
+                        if before * after < 0:
+                            bend = min(abs(before), abs(after))
                 if bend <= LARGEST_BEND * light and slope <= LARGEST_SLOPE * light:
                     continue
                 leak = _leak(modulation, d, flags, period, r, c, way)

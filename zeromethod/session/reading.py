@@ -36,9 +36,17 @@ class StepReader:
     queues. Measured steps and others wait apart, one of each.
     """
 
-    def __init__(self, read: Callable[[Step], Step], publisher: StepPublisher | None, live: bool) -> None:
+    def __init__(
+        self,
+        read: Callable[[Step], Step],
+        publisher: StepPublisher | None,
+        live: bool,
+        now_ns: Callable[[], int] | None = None,
+    ) -> None:
+        """Begin. now_ns: the clock of the steps, by which surfaces are late; None: not to be known."""
         self._read = read
         self._publisher = publisher
+        self._now_ns = now_ns
         self._worker: Worker[dict[bool, Step], list[Step]] | SameThread[dict[bool, Step], list[Step]]
         if live:
             self._worker = Worker("read surface", lambda: nullcontext(self._serve), merge=or_)
@@ -64,9 +72,12 @@ class StepReader:
         for step in sorted(steps.values(), key=lambda step: step.number):
             if step.measured is not None:
                 step = self._read(step)  # noqa: PLW2901 - the same step, with its surface
-                readings.append(step)
             if self._publisher is not None:
                 self._publisher.publish(step)
+            if step.measured is not None:
+                if self._now_ns is not None:
+                    step = replace(step, latency_ms=1e-6 * (self._now_ns() - step.time_ns))  # noqa: PLW2901
+                readings.append(step)
         return readings
 
 
@@ -83,7 +94,9 @@ def with_reading(step: Step, read: Step | None) -> Step:
         return step
     if read.number == step.number:
         return replace(read, notes=step.notes)
-    return replace(step, surface=read.surface, peak=read.peak, read_ms=read.read_ms)
+    return replace(
+        step, surface=read.surface, peak=read.peak, read_ms=read.read_ms, latency_ms=read.latency_ms
+    )
 
 
 def rms_nm(surface: Surface) -> float:

@@ -208,7 +208,8 @@ class Session:
             self._closing.enter_context(self._surfaces.in_own_process(warm_up_warp(self.loop.rest)))
             self._reads_apart = True
         with ExitStack() as stack:
-            reading = StepReader(self._read, self._publisher, self.loop.live)
+            now_ns = self._devices.clock.now_ns if self.loop.live else None
+            reading = StepReader(self._read, self._publisher, self.loop.live, now_ns)
             stack.callback(self._collect, reading)
             stack.callback(reading.close)
             stack.callback(self._post_end, reading)
@@ -218,7 +219,9 @@ class Session:
             try:
                 for each in steps:
                     step = replace(each, phase=self._phase(each.time_ns))
-                    reading.post(to_read(step))
+                    asked = to_read(step)
+                    step = replace(step, readable=asked.measured is not None)
+                    reading.post(replace(asked, readable=step.readable))
                     if self._recorder is not None:
                         self._recorder.add_step(step)
                     step = replace(step, notes=step.notes + self._notes())

@@ -7,9 +7,11 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from zeromethod.devices.opening import open_devices
@@ -31,6 +33,8 @@ RECORDING_S = 3.0
 SLICES = 6
 """Steps of the progress bar while recording."""
 STEPS = FRAMES + SLICES
+_FLOWS = 9
+"""Frames between which OpenCV's flow is timed."""
 _WAITING_BYTES = 64 << 20
 _KEPT = 8
 """Different frames that are recorded, in turn."""
@@ -56,6 +60,7 @@ def measure_speed(rig: Rig, folder: Path, advance: Callable[[str], None]) -> dic
     """
     rig = simulated_clone(rig)
     steps, read, renderer, rest = _loop(rig, advance)
+    dis_fast_ms = _dis_fast_ms(steps)
     parts = {
         name: _timed_part(values, rig.camera.rate_hz)
         for name, values in (
@@ -65,6 +70,8 @@ def measure_speed(rig: Rig, folder: Path, advance: Callable[[str], None]) -> dic
         )
     }
     parts["recording"] = _recording(rig, rest, read[-_KEPT:], folder, advance)
+    for name in ("loop", "reading"):
+        parts[name]["of_dis_fast"] = dis_fast_ms and parts[name]["ms"]["median"] / dis_fast_ms
     for part in parts.values():
         part["fast_enough"] = part["frames_per_s"] >= rig.camera.rate_hz
     return {
@@ -74,6 +81,7 @@ def measure_speed(rig: Rig, folder: Path, advance: Callable[[str], None]) -> dic
         "camera_rate_hz": rig.camera.rate_hz,
         "frames": len(steps),
         "gl_renderer": renderer,
+        "dis_fast_ms": dis_fast_ms,
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "parts": parts,
         "bottleneck": min(parts, key=lambda name: parts[name]["frames_per_s"]),
@@ -106,6 +114,21 @@ def _loop(rig: Rig, advance: Callable[[str], None]) -> tuple[list[Step], list[Re
                 f"the simulated bench of rig {rig.name!r} was not measured: {steps[-1].reason}"
             )
         return steps[WARM_UP_FRAMES:], counted, loop.gl_renderer, loop.rest
+
+
+def _dis_fast_ms(steps: list[Step]) -> float | None:
+    """How long OpenCV's flow (DIS, preset fast) between two frames takes, ms; None unless of 8 bits.
+
+    A measure of computers at work on pictures that does not depend on this program.
+    """
+    solver = vars(cv2)["DISOpticalFlow_create"](vars(cv2)["DISOPTICAL_FLOW_PRESET_FAST"])
+    images = [step.image for step in steps if step.image is not None and step.image.dtype == np.uint8]
+    taken_ms = []
+    for before, image in pairwise(images[:_FLOWS]):
+        started = time.perf_counter()
+        solver.calc(before, image, None)
+        taken_ms.append(1e3 * (time.perf_counter() - started))
+    return float(np.median(taken_ms)) if taken_ms else None
 
 
 def _timed_part(ms: list[float], rate_hz: float) -> dict[str, Any]:

@@ -175,11 +175,23 @@ def summarise(result: RunResult) -> Figures:
         "loop_ms": _percentiles(record.loop_ms for record in records),
         "draw_ms": _percentiles(record.draw_ms for record in records),
         "read_ms": _percentiles(record.read_ms for record in records),
+        "surface_latency_ms": _percentiles(record.latency_ms for record in records),
+        **_read_figures(records),
         "gl_renderer": result.gl_renderer,
         "python": platform.python_version(),
         "versions": dict(_versions()),
     }
     return {key: _finite(value) for key, value in figures.items()}
+
+
+def _read_figures(records: list[StepFigures]) -> Figures:
+    """How many of the frames whose surface was asked for were read, and the longest run that were not."""
+    was_read = [bool(np.isfinite(record.read_ms)) for record in records if record.readable]
+    longest = unread = 0
+    for each in was_read:
+        unread = 0 if each else unread + 1
+        longest = max(longest, unread)
+    return {"frames_to_read": len(was_read), "frames_read": sum(was_read), "longest_unread": longest}
 
 
 def _median_residual_px(records: list[StepFigures]) -> float | None:

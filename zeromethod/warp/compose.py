@@ -9,7 +9,7 @@ from zeromethod.arrays import Float
 from zeromethod.warp.interpolant import sample_pair
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath={"contract"})
 def _compose(q_shown: Float, d_px: Float, scale: float, out: Float) -> None:
     rows, cols = out.shape[0], out.shape[1]
     for j in range(rows):

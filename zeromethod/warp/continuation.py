@@ -147,22 +147,22 @@ def _predict(cell: Float, source: Float, share: float) -> tuple[float, float]:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _relax(cells: Float, todo: NDArray[np.int32], count: int, fade: float) -> None:
-    """Sweeps over the unknown cells, forwards and backwards in turn: first g, then f."""
-    rows, cols = cells.shape[0], cells.shape[1]
+def _relax(flat: Float, todo: NDArray[np.int32], count: int, fade: float) -> None:
+    """Sweeps over the unknown cells, forwards and backwards in turn: first g, then f.
+
+    todo: (count, 5) number of each cell in `flat` (cells, _SIZE) and of its neighbours, -1 beyond the grid.
+    """
     for stage in range(2):
         for sweep in range(SWEEPS):
             for n in range(count):
-                m = n if sweep % 2 == 0 else count - 1 - n
-                j, i = todo[m, 0], todo[m, 1]
-                cell = cells[j, i]
+                row = todo[np.uintp(n if sweep % 2 == 0 else count - 1 - n)]
+                cell = flat[np.uintp(row[0])]
                 s0 = s1 = s2 = s3 = neighbours = 0.0
-                for side in range(4):
-                    b = j + (side == 1) - (side == 0)
-                    a = i + (side == 3) - (side == 2)
-                    if not (0 <= b < rows and 0 <= a < cols):
+                for side in range(1, 5):
+                    if row[side] < 0:
                         continue
-                    near = cells[b, a]
+                    # unsigned, as each index that may be negative is checked for that
+                    near = flat[np.uintp(row[side])]
                     neighbours += 1.0
                     if stage == 0:
                         s0 += near[_G]
@@ -188,7 +188,7 @@ def _relax(cells: Float, todo: NDArray[np.int32], count: int, fade: float) -> No
 def _fill(cells: Float, known: Bytes, parents: Float, step: float) -> None:
     """Unknown cells of a level from the completed level above, then smoothed."""
     rows, cols = known.shape
-    todo = np.empty((rows * cols, 2), dtype=np.int32)
+    todo = np.empty((rows * cols, 5), dtype=np.int32)
     count = 0
     for j in range(rows):
         for i in range(cols):
@@ -197,10 +197,14 @@ def _fill(cells: Float, known: Bytes, parents: Float, step: float) -> None:
                 for k in range(_G, _SIZE):
                     cell[k] = parent[k]
                 cell[_F], cell[_F + 1] = _predict(cell, parent, 1.0)
-                todo[count, 0] = j
-                todo[count, 1] = i
+                here = j * cols + i
+                todo[count, 0] = here
+                todo[count, 1] = here - cols if j > 0 else -1
+                todo[count, 2] = here + cols if j < rows - 1 else -1
+                todo[count, 3] = here - 1 if i > 0 else -1
+                todo[count, 4] = here + 1 if i < cols - 1 else -1
                 count += 1
-    _relax(cells, todo, count, 1.0 / (1.0 + 0.25 * (step / REACH_NODES) ** 2))
+    _relax(cells.reshape(rows * cols, _SIZE), todo, count, 1.0 / (1.0 + 0.25 * (step / REACH_NODES) ** 2))
 
 
 @numba.njit(cache=True, error_model="numpy")

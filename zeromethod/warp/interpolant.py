@@ -55,24 +55,31 @@ def window_matched(q: Float, out: Single) -> None:
                 out[j, i, k] = value
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath={"contract"}, inline="always")
+def _across(line: Float, i: np.uintp, w: tuple[float, float, float, float]) -> tuple[float, float]:
+    """Both components of a row of nodes by the weights of nodes i - 1 to i + 2."""
+    # unsigned, as each index that may be negative is checked for that
+    h, k, m = i - np.uintp(1), i + np.uintp(1), i + np.uintp(2)
+    x = w[0] * line[h, 0] + w[1] * line[i, 0] + w[2] * line[k, 0] + w[3] * line[m, 0]
+    y = w[0] * line[h, 1] + w[1] * line[i, 1] + w[2] * line[k, 1] + w[3] * line[m, 1]
+    return x, y
+
+
+@numba.njit(cache=True, fastmath={"contract"}, inline="always")
 def sample_pair(field: Float, col: float, row: float) -> tuple[float, float]:
     """Both components of `field` (rows, cols, 2) at a node position; NaN outside [1, n - 2] or at NaN."""
     rows, cols = field.shape[0], field.shape[1]
     if not (1.0 <= col <= cols - 2.0 and 1.0 <= row <= rows - 2.0):
         return math.nan, math.nan
-    i = min(int(col), cols - 3)
-    j = min(int(row), rows - 3)
-    a0, a1, a2, a3 = keys_weights(col - i)
-    weights = keys_weights(row - j)
-    x = 0.0
-    y = 0.0
-    for k in range(4):
-        line = field[j - 1 + k]
-        w = weights[k]
-        x += w * (a0 * line[i - 1, 0] + a1 * line[i, 0] + a2 * line[i + 1, 0] + a3 * line[i + 2, 0])
-        y += w * (a0 * line[i - 1, 1] + a1 * line[i, 1] + a2 * line[i + 1, 1] + a3 * line[i + 2, 1])
-    return x, y
+    i = np.uintp(min(int(col), cols - 3))
+    j = np.uintp(min(int(row), rows - 3))
+    across = keys_weights(col - float(i))
+    w0, w1, w2, w3 = keys_weights(row - float(j))
+    x0, y0 = _across(field[j - np.uintp(1)], i, across)
+    x1, y1 = _across(field[j], i, across)
+    x2, y2 = _across(field[j + np.uintp(1)], i, across)
+    x3, y3 = _across(field[j + np.uintp(2)], i, across)
+    return w0 * x0 + w1 * x1 + w2 * x2 + w3 * x3, w0 * y0 + w1 * y1 + w2 * y2 + w3 * y3
 
 
 @numba.njit(cache=True)

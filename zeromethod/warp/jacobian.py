@@ -16,6 +16,8 @@ FOLDED_BELOW = 0.02
 FEWEST_LCD_PX = 4.0
 """LCD px per carrier period, measured across the fringes, below which the carrier aliases."""
 
+_TWO_THIRDS, _TWELFTH = 2 / 3, 1 / 12
+
 _FOLDED = int(Flag.FOLDED)
 _UNDRAWABLE = int(Flag.UNDRAWABLE)
 _OFF_DISPLAY = int(Flag.OFF_DISPLAY)
@@ -45,12 +47,11 @@ def _along(q: Float, j: int, i: int, k: int, dj: int, di: int) -> float:
 def _derivatives(q: Float, j: int, i: int) -> tuple[float, float, float, float]:
     """dx/du, dx/dv, dy/du, dy/dv per node."""
     if 2 <= j < q.shape[0] - 2 and 2 <= i < q.shape[1] - 2:  # shortcut without branches for most nodes
-        a, b, c, d = q[j, i - 2], q[j, i - 1], q[j, i + 1], q[j, i + 2]
-        e, f, g, h = q[j - 2, i], q[j - 1, i], q[j + 1, i], q[j + 2, i]
-        xu = (8.0 * (c[0] - b[0]) - (d[0] - a[0])) / 12.0
-        yu = (8.0 * (c[1] - b[1]) - (d[1] - a[1])) / 12.0
-        xv = (8.0 * (g[0] - f[0]) - (h[0] - e[0])) / 12.0
-        yv = (8.0 * (g[1] - f[1]) - (h[1] - e[1])) / 12.0
+        above2, above, here, below, below2 = q[j - 2], q[j - 1], q[j], q[j + 1], q[j + 2]
+        xu = _TWO_THIRDS * (here[i + 1, 0] - here[i - 1, 0]) - _TWELFTH * (here[i + 2, 0] - here[i - 2, 0])
+        yu = _TWO_THIRDS * (here[i + 1, 1] - here[i - 1, 1]) - _TWELFTH * (here[i + 2, 1] - here[i - 2, 1])
+        xv = _TWO_THIRDS * (below[i, 0] - above[i, 0]) - _TWELFTH * (below2[i, 0] - above2[i, 0])
+        yv = _TWO_THIRDS * (below[i, 1] - above[i, 1]) - _TWELFTH * (below2[i, 1] - above2[i, 1])
         if math.isfinite(xu + yu + xv + yv):
             return xu, xv, yu, yv
     return (
@@ -73,24 +74,32 @@ def _jacobian(q: Float, scale: float, out: Float) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _flags(q: Float, q_rest: Float, period_nodes: float, columns: float, rows: float, out: Flags) -> None:
+def _areas(q: Float, out: Float) -> None:
     for j in range(q.shape[0]):
         for i in range(q.shape[1]):
             xu, xv, yu, yv = _derivatives(q, j, i)
-            ru, rv, su, sv = _derivatives(q_rest, j, i)
+            out[j, i] = xu * yv - xv * yu
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _flags(q: Float, rest_area: Float, period_nodes: float, columns: float, rows: float, out: Flags) -> None:
+    for j in range(q.shape[0]):
+        for i in range(q.shape[1]):
+            xu, xv, yu, yv = _derivatives(q, j, i)
             area = xu * yv - xv * yu
-            rest = ru * sv - rv * su
+            rest = rest_area[j, i]
             flags = 0
             if area * rest < FOLDED_BELOW * rest * rest:
                 flags |= _FOLDED
             longest = max(xu * xu + yu * yu, xv * xv + yv * yv)
-            margin_x = period_nodes * math.sqrt(xu * xu + xv * xv) - 0.5
-            margin_y = period_nodes * math.sqrt(yu * yu + yv * yv) - 0.5
             x, y = q[j, i, 0], q[j, i, 1]
+            room_x, room_y = min(x + 0.5, columns - 0.5 - x), min(y + 0.5, rows - 0.5 - y)
             drawable = (period_nodes * area) ** 2 >= FEWEST_LCD_PX**2 * longest  # false at NaN
             if not (drawable and math.isfinite(x + y)):
                 flags |= _UNDRAWABLE
-            if x < margin_x or x > columns - 1.0 - margin_x or y < margin_y or y > rows - 1.0 - margin_y:
+            wide_x = period_nodes * period_nodes * (xu * xu + xv * xv) > room_x * room_x
+            wide_y = period_nodes * period_nodes * (yu * yu + yv * yv) > room_y * room_y
+            if room_x < 0.0 or room_y < 0.0 or wide_x or wide_y:
                 flags |= _OFF_DISPLAY
             out[j, i] = flags
 
@@ -108,6 +117,13 @@ def jacobian(q: Float, spacing_px: float) -> Float:
     return out
 
 
+def areas(q: Float) -> Float:
+    """Area on the LCD per node (rows, cols) of a warp (rows, cols, 2), LCD px^2; negative where mirrored."""
+    out = np.empty(q.shape[:2])
+    _areas(q, out)
+    return out
+
+
 def warp_flags(
     q: Float,
     q_rest: Float,
@@ -115,6 +131,7 @@ def warp_flags(
     display_size: tuple[int, int],
     *,
     spacing_px: float | None = None,
+    rest_areas: Float | None = None,
 ) -> Flags:
     """`Flag` bits of nodes that cannot be nulled or drawn, (rows, cols) uint16.
 
@@ -125,9 +142,9 @@ def warp_flags(
     sensing window around the node contains more than the target.
 
     q, q_rest: (rows, cols, 2) LCD px. display_size: (columns, rows) LCD px. spacing_px: camera px between
-    nodes, half a period unless given.
+    nodes, half a period unless given. rest_areas: `areas` of q_rest, where they are known.
     """
     out = np.empty(q.shape[:2], dtype=np.uint16)
     period_nodes = 2.0 if spacing_px is None else period_px / spacing_px
-    _flags(q, q_rest, period_nodes, display_size[0], display_size[1], out)
+    _flags(q, areas(q_rest) if rest_areas is None else rest_areas, period_nodes, *display_size, out)
     return out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 from zeromethod.warp.continuation import continue_smoothly, continued
 from zeromethod.warp.grid import NodeGrid
-from zeromethod.warp.jacobian import warp_flags
+from zeromethod.warp.jacobian import areas, warp_flags
 from zeromethod.warp.rest_pixels import RestGrid
 from zeromethod.warp.validity import Flag
 
@@ -63,6 +64,11 @@ class Rest:
     flags: Flags
     visible: Mask
     display_size: tuple[int, int]
+
+    @cached_property
+    def areas(self) -> Float:
+        """(rows, cols) area on the LCD per node, LCD px^2."""
+        return areas(self.q)
 
     def without(self, covered: Mask) -> Rest:
         """Take out nodes (rows, cols) that cannot be measured; their warp is drawn all the same."""
