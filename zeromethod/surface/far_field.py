@@ -32,6 +32,8 @@ _PARALLEL = 1e-3
 _SMALLEST = 0.03
 """Relative error of the law's slope that is allowed for at each node."""
 _PIECES = 12.0
+_MOST_NOISES = 24.0
+"""Independent errors of a law; those of noise are as many as the windows that do not overlap."""
 _WELL = 2.0
 """Misfit over the allowed at which a law's pieces count half."""
 _LEAST_MISFIT = 0.3
@@ -41,6 +43,9 @@ _OUTWARDS = 0.02
 """Share of the squares of slopes that lead deeper outwards, which no decay makes, that the long law misses."""
 _PER_BOUND = 1.5
 _PER_RANGE = 3.0
+_HIDDEN = 3.0
+_SEEN = 50.0
+_LEAST_HIDDEN = 0.02
 _WIDEST = 6.0
 """Depth that is left at the view's end: sigma over the bound and over the range read, most over the range."""
 _MOST_NODES = 400
@@ -81,11 +86,14 @@ def fit_far_field(
     island: Mask,
     weights: Float,
     bound_mm: float,
+    hidden_mm: float,
+    overlap: float,
 ) -> FarField:
     """C and its sigma by the laws of the module, as far as they fit, and by what decays at least as 1 / r.
 
     slope, variance, scale_gradient: (rows, cols, 2), rad, rad^2, 1/mm; depth_mm, scale, x_mm, y_mm: (rows,
-    cols). weights: the anchor's, (rows, cols). bound_mm: its depth if it decays as 1 / r and C is 0.
+    cols). weights: the anchor's, (rows, cols). bound_mm: its depth if it decays as 1 / r and C is 0, and
+    hidden_mm: what of it noise can hide. overlap: number of nodes that share their noise.
     """
     fields = (slope, variance, scale_gradient, depth_mm, scale, x_mm, y_mm)
     nodes, quiet = (
@@ -98,16 +106,24 @@ def fit_far_field(
     share = weights[_evenly(weights > 0.0)]
     floor2 = (0.25**2) * (np.ptp(x_mm[island]) ** 2 + np.ptp(y_mm[island]) ** 2)
 
-    def look(trial: Float) -> Float:
-        """Rows: C, misfit of both laws, logarithm of how likely C is without them."""
-        misfits, centre = _misfits(nodes, trial)
-        quiet_mm = np.maximum(_bound(quiet, share / share.sum(), trial, centre, floor2), bound_mm)
-        left_mm = rest_mm - trial
-        known = -2.0 * np.log1p((left_mm / (_PER_BOUND * quiet_mm)) ** 2 / 3.0)
-        known -= np.log1p((left_mm / (_PER_RANGE * range_mm)) ** 2) + np.log(quiet_mm / bound_mm)
-        return np.stack([trial, *misfits, known])
+    hidden_mm, bound_mm = max(hidden_mm, bound_mm), max(bound_mm, _LEAST_HIDDEN * hidden_mm)
+    odds = np.log(_SEEN) * (1.0 - bound_mm / hidden_mm)
 
-    return _weighed(look, rest_mm + _WIDEST * range_mm * np.sinh(np.linspace(-5, 5, _TRIALS)) / np.sinh(5))
+    def look(trial: Float) -> Float:
+        """Rows: C, misfit of both laws, how likely C is without them (logarithm), share of noise in misfit."""
+        misfits, noisy, centre = _misfits(nodes, trial)
+        quiet_mm = np.maximum(_bound(quiet, share / share.sum(), trial, centre, floor2), hidden_mm)
+        left_mm = rest_mm - trial
+        seen = odds - np.log(bound_mm) - 2.0 * np.log1p((left_mm / (_PER_BOUND * bound_mm)) ** 2 / 3.0)
+        unseen = -np.log(hidden_mm) - 2.0 * np.log1p((left_mm / (_PER_BOUND * quiet_mm)) ** 2 / 3.0)
+        known = np.logaddexp(seen, unseen - _HIDDEN * np.log(quiet_mm / hidden_mm))
+        known -= np.log1p((left_mm / (_PER_RANGE * range_mm)) ** 2)
+        return np.stack([trial, *misfits, known, noisy])
+
+    noises = min(len(nodes.x), np.count_nonzero(island) / overlap, _MOST_NOISES)
+    wide = _WIDEST * range_mm * np.sinh(np.linspace(-5, 5, _TRIALS)) / np.sinh(5)
+    near = bound_mm * np.geomspace(0.3, 100.0, 8)
+    return _weighed(look, noises, rest_mm + np.unique(np.concatenate([wide, near, -near])))
 
 
 def _evenly(nodes: Mask) -> Mask:
@@ -118,8 +134,11 @@ def _evenly(nodes: Mask) -> Mask:
     return chosen if np.count_nonzero(chosen) >= _LEAST_NODES else nodes
 
 
-def _weighed(look: Callable[[Float], Float], trial: Float) -> FarField:
-    """Mean and deviation of C over both laws, each as likely as it fits; first trials (m,) ascending."""
+def _weighed(look: Callable[[Float], Float], noises: float, trial: Float) -> FarField:
+    """Mean and deviation of C over both laws, each as likely as it fits.
+
+    noises: number of independent ones. trial: (m,) ascending C to begin with.
+    """
     seen = look(trial)
     for law in (1, 2):
         for _ in range(_CLOSINGS):
@@ -129,8 +148,10 @@ def _weighed(look: Callable[[Float], Float], trial: Float) -> FarField:
             seen = np.concatenate([seen, more], axis=1)
             seen = seen[:, np.argsort(seen[0])]
     constant, width = seen[0], np.gradient(seen[0])
-    least = seen[1:3].min(axis=1)
-    pieces = _PIECES / (1.0 + least / _WELL)
+    at = seen[1:3].argmin(axis=1)
+    least, noisy = seen[1:3].min(axis=1), seen[4, at]
+    pieces = 1.0 / ((1.0 - noisy) / _PIECES + noisy / max(noises, _PIECES))
+    pieces /= 1.0 + np.maximum(least - noisy, 0.0) / _WELL
     likely = seen[3] - 0.5 * pieces[:, None] * np.log(seen[1:3] / least[:, None])
     share = width * np.exp(likely - likely.max(axis=1, keepdims=True))
     share /= share.sum(axis=1, keepdims=True)
@@ -149,8 +170,11 @@ def _bound(quiet: _Nodes, share: Float, trial: Float, centre: Float, floor2: flo
     return np.asarray(np.sqrt(np.maximum(found, 0.0)), np.float64)
 
 
-def _misfits(nodes: _Nodes, trial: Float) -> tuple[list[Float], Float]:
-    """Squares that the round and the long law leave at each trial C (m,), over the allowed; centres (m, 2)."""
+def _misfits(nodes: _Nodes, trial: Float) -> tuple[list[Float], Float, Float]:
+    """Squares that the round and the long law leave at each trial C (m,), over the allowed.
+
+    With the share of these that is noise (m,), and the centres (m, 2).
+    """
     depth = nodes.depth - trial[:, None] * nodes.scale
     slope = nodes.slope - trial[:, None, None] * nodes.gradient
     size = np.abs(depth)
@@ -174,7 +198,8 @@ def _misfits(nodes: _Nodes, trial: Float) -> tuple[list[Float], Float]:
     grams = [(one * weight[:, None]) @ one.transpose(0, 2, 1) for one in (round_law, long_law)]
     deeper2 = (weight * np.where(outward * depth > 0.0, outward**2, 0.0)).sum(axis=-1)
     left = [_left(grams[0], free=0), np.maximum(_left(grams[1], free=6), _OUTWARDS * deeper2)]
-    return [np.where(found, np.maximum(one / total, _LEAST_MISFIT), 1e6) for one in left], centre
+    misfits = [np.where(found, np.maximum(one / total, _LEAST_MISFIT), 1e6) for one in left]
+    return misfits, (weight * noise2).sum(axis=-1) / total, centre
 
 
 def centres(slope: Float, x_mm: Float, y_mm: Float, core: Mask) -> Float:

@@ -213,7 +213,7 @@ class SurfaceReader:
             new = depth + scale * integrator.integrate(slope, point[..., 0], point[..., 1], depth)
             if fit is None or (moved > _ANCHOR_MOVED_MM and iteration <= _ANCHOR_ITERATIONS):
                 fit = self._fit(slope, variance, new, point, island)
-                fit = replace(fit, far_field_mm=far_field_mm if fit.sigma_mm > 0.0 else 0.0)
+                fit = replace(fit, far_field_mm=far_field_mm if fit.hidden_mm > 0.0 else 0.0)
             new -= scale * (float((fit.weights * new / scale).sum()) - fit.far_field_mm)
             new = np.where(island, new, 0.0)
             moved = float(np.max(np.abs(new - depth)))
@@ -250,11 +250,13 @@ class SurfaceReader:
 
         Repeated after it was applied: a far field of 0.1 mm moves the mirror enough for an error of 1 %.
         """
-        if fit.sigma_mm == 0.0:
+        if fit.hidden_mm == 0.0:
             return fit
         x, y = point[..., 0], point[..., 1]
+        # windows overlap equally on both axes
+        overlap = (2.0 * float(self._correlation.sum()) - 1.0) ** 2
         fields = (slope, variance, depth, self._scale, self._scale_gradient, x, y)
-        found = fit_far_field(*fields, island, fit.weights, bound_mm)
+        found = fit_far_field(*fields, island, fit.weights, bound_mm, fit.hidden_mm, overlap)
         return replace(fit, far_field_mm=fit.far_field_mm - found.constant_mm, sigma_mm=found.sigma_mm)
 
     def _surface(self, warp: Warp, reading: _Reading, noise: SlopeNoise) -> Surface:
