@@ -35,12 +35,14 @@ class RestFit:
     """Weights (rows, cols), adding up to 1, of depth / h in the constant C; its systematic sigma in mm.
 
     far_field_mm: assumed mean of depth / h with these weights; 0 where the nodes count as at rest.
+    hidden_mm: what of it noise can hide; 0 where nothing presses.
     """
 
     mode: Literal["known", "quiet"]
     weights: Float
     sigma_mm: float
     far_field_mm: float = 0.0
+    hidden_mm: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,13 +143,23 @@ def fit_quiet(
     reach = high - low
     weights[(constant < low - reach) | (constant > high + reach)] = 0.0
     weights /= weights.sum()
+    if not _presses(slope, variance, island, correlation):
+        return RestFit("quiet", weights, 0.0)
     signed = _far_field_depth(slope, variance, away, weights, scale, correlation)
     bound2 = weights * lever2 / scale**2
     blocks = 1.0 / float((weights**2).sum()) / (block + len(correlation)) ** 2
     # A bound without direction, for dents that fill the view, less the part that noise can cause.
-    noise = float((bound2 * noise2).sum()) * (1.0 + 3.0 * np.sqrt(2.0 / max(blocks, 1.0)))
-    unsigned = np.sqrt(max(float((bound2 * slope2).sum()) - noise, 0.0))
-    return RestFit("quiet", weights, float(max(signed, unsigned)))
+    noise = float((bound2 * noise2).sum())
+    hidden = noise * 3.0 * np.sqrt(2.0 / max(blocks, 1.0))
+    unsigned = np.sqrt(max(float((bound2 * slope2).sum()) - noise - hidden, 0.0))
+    return RestFit("quiet", weights, float(max(signed, unsigned)), 0.0, float(np.sqrt(hidden)))
+
+
+def _presses(slope: Float, variance: Float, island: Mask, correlation: Float) -> bool:
+    """Whether the slopes are more than noise."""
+    overlap = (2.0 * float(correlation.sum()) - 1.0) ** 2
+    ratio = float(np.mean(slope[island] ** 2 / variance[island]))
+    return ratio > 1.0 + 5.0 * np.sqrt(overlap / np.count_nonzero(island))
 
 
 def _far_field_depth(

@@ -1,22 +1,25 @@
 """Far field of a dent: its depth where the view ends, from how slope and depth decay together.
 
-A round dent whose depth is A r^-n exp(-k r^2 / 2) about its centre has the slope
+Depth D is read up to C h, and then slope with C grad h: every trial C gives another dent, d = D - C h with
+slope s. About its centre r . s = -m d, with m how fast it decays: by a round law (n, k, g >= 0)
 
-    r dd/dr = -(n + k r^2) d:
+    m = (n + k r^2) / (1 + g r^2),
 
-n = 1, k = 0 is what any load leaves on a deep elastic body (Boussinesq; K. L. Johnson, Contact Mechanics,
-Cambridge 1985, section 3.2, doi:10.1017/CBO9781139171731), n = 0 a Gaussian's skirt. Depth D is read up to C
-h, and then slope with C grad h, so that
+n = 1 alone is what any load leaves on a deep elastic body (Boussinesq; K. L. Johnson, Contact Mechanics,
+Cambridge 1985, section 3.2, doi:10.1017/CBO9781139171731), k alone a Gaussian, k = g a load of finite size on
+that body; or by a long one, with a polynomial of second degree in x and y over 1 + g r^2: dents that are not
+round, or whose centre is misjudged because the view cuts them. C is the likelier, the smaller the squares of
+what the law leaves of r . s, relative to r . s itself; the centre, too, is that of the dent of each C.
 
-    r . s - C r . grad h = -(n + k r^2) (D - C h)
-
-gives C with n and k wherever slope is still measurable: weighted least squares of the left side, which
-contains the noise, over the far field. Dents that decay differently (two of them, edges, surrounding bulges)
-are recognised by the misfit, and by a different C from the outer half of the far field than from the whole.
+Each law misses the true one by about as much in neighbouring nodes, so that all of them count as `_PIECES`
+independent ones, and as fewer, the worse even the best C fits: a dent of no such shape is hardly judged by
+its law. What remains is that depth falls at least about as 1 / r: with the slopes that C implies, which may
+be hidden where C grad h cancels them, so that C is the less likely, the more of that it takes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,15 +27,31 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 
 _CORE_SHARE = 0.2
-"""Depth over the largest at which the dent's core, which gives its centre, ends and the far field begins."""
-_MODEL_SHARE = 0.1
+"""Depth over the largest at which the dent's core, which gives its centre, ends."""
+_PARALLEL = 1e-3
+_SMALLEST = 0.03
 """Relative error of the law's slope that is allowed for at each node."""
-_MOST_MISFIT = 2.0
-_LEAST_NODES = 200
-_MODEL_SIGMA = 2.0
-"""Sigma per difference between the outer half's C and the whole's: that half may be wrong too."""
-_SPAN = 6.0
-_STEPS = 121
+_PIECES = 12.0
+_MOST_NOISES = 24.0
+"""Independent errors of a law; those of noise are as many as the windows that do not overlap."""
+_WELL = 2.0
+"""Misfit over the allowed at which a law's pieces count half."""
+_LEAST_MISFIT = 0.3
+_LONG_COST = 6.0
+"""Logarithm of likelihood that the long law must gain for its six numbers."""
+_OUTWARDS = 0.02
+"""Share of the squares of slopes that lead deeper outwards, which no decay makes, that the long law misses."""
+_PER_BOUND = 1.5
+_PER_RANGE = 3.0
+_HIDDEN = 3.0
+_SEEN = 50.0
+_LEAST_HIDDEN = 0.02
+_WIDEST = 6.0
+"""Depth that is left at the view's end: sigma over the bound and over the range read, most over the range."""
+_MOST_NODES = 400
+_LEAST_NODES = 60
+_TRIALS, _CLOSER, _CLOSINGS = 61, 15, 3
+_NO_LAW = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,18 +62,17 @@ class FarField:
     sigma_mm: float
 
 
-def centre_of(slope: Float, x_mm: Float, y_mm: Float, core: Mask) -> tuple[float, float] | None:
-    """Point that the lines of steepest descent of the core's nodes pass closest to; None for parallel lines.
+@dataclass(frozen=True, slots=True)
+class _Nodes:
+    """Some nodes (n,): slope, variance, scale's gradient (n, 2), depth, scale, place."""
 
-    Minimises sum |s x (p - c)|^2, which also works for a dent that is cut off by the view or has a hole.
-    """
-    sx, sy = slope[core].T
-    cross = sx * y_mm[core] - sy * x_mm[core]
-    normal = np.array([[(sy * sy).sum(), -(sx * sy).sum()], [-(sx * sy).sum(), (sx * sx).sum()]])
-    if not np.linalg.det(normal) > 1e-3 * np.trace(normal) ** 2:
-        return None
-    x, y = np.linalg.solve(normal, [-(sy * cross).sum(), (sx * cross).sum()])
-    return float(x), float(y)
+    slope: Float
+    variance: Float
+    gradient: Float
+    depth: Float
+    scale: Float
+    x: Float
+    y: Float
 
 
 def fit_far_field(
@@ -66,72 +84,158 @@ def fit_far_field(
     x_mm: Float,
     y_mm: Float,
     island: Mask,
+    weights: Float,
     bound_mm: float,
+    hidden_mm: float,
     overlap: float,
-) -> FarField | None:
-    """Fit the law of the module to the nodes outside the dent's core; None where it does not apply.
+) -> FarField:
+    """C and its sigma by the laws of the module, as far as they fit, and by what decays at least as 1 / r.
 
     slope, variance, scale_gradient: (rows, cols, 2), rad, rad^2, 1/mm; depth_mm, scale, x_mm, y_mm: (rows,
-    cols). bound_mm: approximate limit of |C|. overlap: number of nodes that share their noise.
+    cols). weights: the anchor's, (rows, cols). bound_mm: its depth if it decays as 1 / r and C is 0, and
+    hidden_mm: what of it noise can hide. overlap: number of nodes that share their noise.
     """
-    size = np.where(island, np.abs(depth_mm), 0.0)
-    core = size > _CORE_SHARE * size.max()
-    centre = centre_of(slope, x_mm, y_mm, core)
-    far = island & ~core
-    if centre is None or np.count_nonzero(far) < _LEAST_NODES:
-        return None
-    away = np.stack([x_mm - centre[0], y_mm - centre[1]], axis=-1)[far]
-    square = (away**2).sum(axis=-1)
-    middle = float(np.median(square))
-    outward = (slope[far] * away).sum(axis=-1)
-    lift = (scale_gradient[far] * away).sum(axis=-1)
-    D, h, q = depth_mm[far], scale[far], square / middle
-    noise2 = (variance[far] * away**2).sum(axis=-1)
-    columns = np.stack([outward, lift, D, h, q * D, q * h])
-    weight = 1.0 / (noise2 + _MODEL_SHARE**2 * (D**2 + bound_mm**2))
-    whole = _minimum((columns * weight) @ columns.T, bound_mm, overlap, len(D))
-    outer = q > 1.0
-    part = (columns[:, outer] * weight[outer]) @ columns[:, outer].T
-    half = _minimum(part, bound_mm, overlap, int(np.count_nonzero(outer)))
-    if whole is None or half is None:
-        return None
-    constant, sigma = whole
-    return FarField(constant, float(np.hypot(sigma, _MODEL_SIGMA * (constant - half[0]))))
+    fields = (slope, variance, scale_gradient, depth_mm, scale, x_mm, y_mm)
+    nodes, quiet = (
+        _Nodes(*(one[chosen] for one in fields)) for chosen in (_evenly(island), _evenly(weights > 0.0))
+    )
+    rest_mm = float((weights * depth_mm / scale)[weights > 0.0].sum())
+    range_mm = float(np.max(np.abs(depth_mm - rest_mm * scale)[island]))
+    if len(nodes.x) < _LEAST_NODES or not range_mm > 0.0:
+        return FarField(0.0, _NO_LAW * bound_mm)
+    share = weights[_evenly(weights > 0.0)]
+    floor2 = (0.25**2) * (np.ptp(x_mm[island]) ** 2 + np.ptp(y_mm[island]) ** 2)
+
+    hidden_mm, bound_mm = max(hidden_mm, bound_mm), max(bound_mm, _LEAST_HIDDEN * hidden_mm)
+    odds = np.log(_SEEN) * (1.0 - bound_mm / hidden_mm)
+
+    def look(trial: Float) -> Float:
+        """Rows: C, misfit of both laws, how likely C is without them (logarithm), share of noise in misfit."""
+        misfits, noisy, centre = _misfits(nodes, trial)
+        quiet_mm = np.maximum(_bound(quiet, share / share.sum(), trial, centre, floor2), hidden_mm)
+        left_mm = rest_mm - trial
+        seen = odds - np.log(bound_mm) - 2.0 * np.log1p((left_mm / (_PER_BOUND * bound_mm)) ** 2 / 3.0)
+        unseen = -np.log(hidden_mm) - 2.0 * np.log1p((left_mm / (_PER_BOUND * quiet_mm)) ** 2 / 3.0)
+        known = np.logaddexp(seen, unseen - _HIDDEN * np.log(quiet_mm / hidden_mm))
+        known -= np.log1p((left_mm / (_PER_RANGE * range_mm)) ** 2)
+        return np.stack([trial, *misfits, known, noisy])
+
+    noises = min(len(nodes.x), np.count_nonzero(island) / overlap, _MOST_NOISES)
+    wide = _WIDEST * range_mm * np.sinh(np.linspace(-5, 5, _TRIALS)) / np.sinh(5)
+    near = bound_mm * np.geomspace(0.3, 100.0, 8)
+    return _weighed(look, noises, rest_mm + np.unique(np.concatenate([wide, near, -near])))
 
 
-def _minimum(gram: Float, bound_mm: float, overlap: float, nodes: int) -> tuple[float, float] | None:
-    """C of least misfit and its standard deviation; None where the law does not fit or C is out of range.
+def _evenly(nodes: Mask) -> Mask:
+    """An even lattice of at most about `_MOST_NODES` of the nodes (rows, cols)."""
+    apart = max(1, int(np.ceil(np.sqrt(np.count_nonzero(nodes) / _MOST_NODES))))
+    chosen = np.zeros_like(nodes)
+    chosen[::apart, ::apart] = nodes[::apart, ::apart]
+    return chosen if np.count_nonzero(chosen) >= _LEAST_NODES else nodes
 
-    gram: (6, 6) weighted products of outward slope, lift, D, h, q D, q h; n and k enter linearly, are never
-    negative, and are eliminated for every C of a grid that closes in on the minimum.
+
+def _weighed(look: Callable[[Float], Float], noises: float, trial: Float) -> FarField:
+    """Mean and deviation of C over both laws, each as likely as it fits.
+
+    noises: number of independent ones. trial: (m,) ascending C to begin with.
     """
-    low, high = -_SPAN * bound_mm, _SPAN * bound_mm
-    for _ in range(4):
-        trial = np.linspace(low, high, _STEPS)
-        best = int(np.argmin(_misfit(gram, trial)))
-        if best in {0, _STEPS - 1}:
-            return None
-        low, high = trial[best - 1], trial[best + 1]
-    constant = float(trial[best])
-    step = max(0.02 * abs(constant), 1e-6 * bound_mm)
-    before, at, after = _misfit(gram, np.array([constant - step, constant, constant + step]))
-    bend = (before + after - 2 * at) / (2 * step**2)
-    if at > _MOST_MISFIT * nodes or not bend > 0.0:
-        return None
-    return constant, float(np.sqrt(overlap * max(at / nodes, 1.0) / bend))
+    seen = look(trial)
+    for law in (1, 2):
+        for _ in range(_CLOSINGS):
+            best = int(np.argmax(seen[3] - 0.5 * _PIECES * np.log(seen[law])))
+            ends = seen[0, [max(best - 1, 0), min(best + 1, seen.shape[1] - 1)]]
+            more = look(np.linspace(*ends, _CLOSER + 2)[1:-1])
+            seen = np.concatenate([seen, more], axis=1)
+            seen = seen[:, np.argsort(seen[0])]
+    constant, width = seen[0], np.gradient(seen[0])
+    at = seen[1:3].argmin(axis=1)
+    least, noisy = seen[1:3].min(axis=1), seen[4, at]
+    pieces = 1.0 / ((1.0 - noisy) / _PIECES + noisy / max(noises, _PIECES))
+    pieces /= 1.0 + np.maximum(least - noisy, 0.0) / _WELL
+    likely = seen[3] - 0.5 * pieces[:, None] * np.log(seen[1:3] / least[:, None])
+    share = width * np.exp(likely - likely.max(axis=1, keepdims=True))
+    share /= share.sum(axis=1, keepdims=True)
+    gained = 0.5 * _PIECES * float(np.log(least[0] / least[1])) - _LONG_COST
+    long = 1.0 / (1.0 + np.exp(-np.clip(gained, -50.0, 50.0)))
+    both = (1.0 - long) * share[0] + long * share[1]
+    mean = float((both * constant).sum())
+    return FarField(mean, float(np.sqrt((both * (constant - mean) ** 2).sum())))
 
 
-def _misfit(gram: Float, constants: Float) -> Float:
-    """Weighted sum of squares (m,) at each C with the best n, k >= 0."""
-    combine = np.zeros((len(constants), 3, 6))
-    combine[:, (0, 1, 2), (0, 2, 4)] = 1.0
-    combine[:, (0, 1, 2), (1, 3, 5)] = -constants[:, None]
-    g = combine @ gram @ combine.transpose(0, 2, 1)
-    a, b, c, p, q = g[:, 1, 1], g[:, 1, 2], g[:, 2, 2], -g[:, 0, 1], -g[:, 0, 2]
-    area = np.maximum(a * c - b * b, 1e-12 * a * c)
-    n, k = (c * p - b * q) / area, (a * q - b * p) / area
-    inside = (n >= 0.0) & (k >= 0.0)
-    gain = np.where(inside, n * p + k * q, 0.0)
-    alone = np.maximum(np.maximum(p, 0.0) ** 2 / a, np.maximum(q, 0.0) ** 2 / c)
-    result: Float = g[:, 0, 0] - np.where(inside, gain, alone)
-    return result
+def _bound(quiet: _Nodes, share: Float, trial: Float, centre: Float, floor2: float) -> Float:
+    """Depth / h of the anchor's nodes (m,), mm, if it falls as 1 / r about each trial's centre (m, 2)."""
+    away2 = (quiet.x - centre[:, :1]) ** 2 + (quiet.y - centre[:, 1:]) ** 2
+    slope2 = ((quiet.slope - trial[:, None, None] * quiet.gradient) ** 2 - 2.0 * quiet.variance).sum(axis=-1)
+    found = (share * np.maximum(away2, floor2) / quiet.scale**2 * slope2).sum(axis=-1)
+    return np.asarray(np.sqrt(np.maximum(found, 0.0)), np.float64)
+
+
+def _misfits(nodes: _Nodes, trial: Float) -> tuple[list[Float], Float, Float]:
+    """Squares that the round and the long law leave at each trial C (m,), over the allowed.
+
+    With the share of these that is noise (m,), and the centres (m, 2).
+    """
+    depth = nodes.depth - trial[:, None] * nodes.scale
+    slope = nodes.slope - trial[:, None, None] * nodes.gradient
+    size = np.abs(depth)
+    size = size / size.max(axis=-1, keepdims=True)
+    centre = centres(slope, nodes.x, nodes.y, size > _CORE_SHARE)
+    found = np.isfinite(centre[:, 0])
+    centre = np.where(found[:, None], centre, (nodes.x.mean(), nodes.y.mean()))
+    x, y = (one - at[:, None] for one, at in zip((nodes.x, nodes.y), centre.T, strict=True))
+    outward = x * slope[..., 0] + y * slope[..., 1]
+    noise2 = nodes.variance[:, 0] * x * x + nodes.variance[:, 1] * y * y
+    unit = np.sqrt(np.median(x * x + y * y, axis=-1, keepdims=True))
+    x, y = x / unit, y / unit
+    square = x * x + y * y
+    allowed = noise2 + (_SMALLEST * outward) ** 2
+    # the core follows laws of its own
+    weight = (1.02 - size) ** 2 / (allowed + 1e-3 * (_SMALLEST * depth) ** 2)
+    total = (weight * allowed).sum(axis=-1)
+    round_law = np.stack([outward, depth, square * depth, square * outward], axis=1)
+    polynomial = [one * depth for one in (1.0, x, y, x * x, x * y, y * y)]
+    long_law = np.stack([outward, *polynomial, square * outward], axis=1)
+    grams = [(one * weight[:, None]) @ one.transpose(0, 2, 1) for one in (round_law, long_law)]
+    deeper2 = (weight * np.where(outward * depth > 0.0, outward**2, 0.0)).sum(axis=-1)
+    left = [_left(grams[0], free=0), np.maximum(_left(grams[1], free=6), _OUTWARDS * deeper2)]
+    misfits = [np.where(found, np.maximum(one / total, _LEAST_MISFIT), 1e6) for one in left]
+    return misfits, (weight * noise2).sum(axis=-1) / total, centre
+
+
+def centres(slope: Float, x_mm: Float, y_mm: Float, core: Mask) -> Float:
+    """Points (m, 2) that the lines of steepest descent of the core's nodes pass closest to; NaN for parallels.
+
+    slope: (m, n, 2); core: (m, n). Minimises sum |s x (p - c)|^2, which also works for a dent that is cut off
+    by the view or has a hole.
+    """
+    sx, sy = (np.where(core, slope[..., k], 0.0) for k in (0, 1))
+    cross = sx * y_mm - sy * x_mm
+    a, b, c = ((one * other).sum(axis=-1) for one, other in ((sy, sy), (sx, sy), (sx, sx)))
+    u, v = -(sy * cross).sum(axis=-1), (sx * cross).sum(axis=-1)
+    determinant = a * c - b * b
+    apart = determinant > _PARALLEL * (a + c) ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = np.stack([c * u + b * v, b * u + a * v], axis=-1) / determinant[:, None]
+    return np.where(apart[:, None], found, np.nan)
+
+
+def _left(gram: Float, free: int) -> Float:
+    """Least squares (m,) of column 0 plus a sum of the others, `free` of either sign, the rest never < 0.
+
+    gram: (m, p, p) products of the columns.
+    """
+    size = np.sqrt(np.maximum(np.einsum("mii->mi", gram), 1e-300))
+    gram = gram / size[:, :, None] / size[:, None, :]
+    others = range(1 + free, gram.shape[1])
+    best = np.ones(len(gram))
+    for subset in range(2 ** len(others)):
+        bounded = [k for place, k in enumerate(others) if subset >> place & 1]
+        used = [*range(1, 1 + free), *bounded]
+        if not used:
+            continue
+        part = gram[:, used][:, :, used] + 1e-10 * np.eye(len(used))
+        solution = np.linalg.solve(part, -gram[:, used, 0, None])[..., 0]
+        inside = (solution[:, free:] >= 0.0).all(axis=-1)
+        left = 1.0 + (solution * gram[:, 0, used]).sum(axis=-1)
+        best = np.where(inside, np.minimum(best, left), best)
+    return np.maximum(best, 1e-9) * size[:, 0] ** 2

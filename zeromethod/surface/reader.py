@@ -37,8 +37,6 @@ then they are kept, so that the passes converge."""
 _NEARLY_MM = 1e-5
 """Change of depth below which the far field is fitted."""
 _MOST_FITS = 3
-_CLOSER = 0.3
-_NO_LAW = 2.0
 
 
 @dataclass(slots=True)
@@ -215,13 +213,13 @@ class SurfaceReader:
             new = depth + scale * integrator.integrate(slope, point[..., 0], point[..., 1], depth)
             if fit is None or (moved > _ANCHOR_MOVED_MM and iteration <= _ANCHOR_ITERATIONS):
                 fit = self._fit(slope, variance, new, point, island)
-                fit = replace(fit, far_field_mm=far_field_mm if fit.sigma_mm > 0.0 else 0.0)
+                fit = replace(fit, far_field_mm=far_field_mm if fit.hidden_mm > 0.0 else 0.0)
             new -= scale * (float((fit.weights * new / scale).sum()) - fit.far_field_mm)
             new = np.where(island, new, 0.0)
             moved = float(np.max(np.abs(new - depth)))
             depth = new
             if fits < _MOST_FITS and moved < _NEARLY_MM:
-                before, bound_mm = fit.far_field_mm, bound_mm * _CLOSER if fits else fit.sigma_mm
+                before, bound_mm = fit.far_field_mm, bound_mm if fits else fit.sigma_mm
                 fit = self._with_far_field(fit, slope, variance, depth, point, island, bound_mm)
                 step = fit.far_field_mm - before
                 depth = np.where(island, depth + scale * step, 0.0)
@@ -248,24 +246,17 @@ class SurfaceReader:
         island: Mask,
         bound_mm: float,
     ) -> RestFit:
-        """The same nodes, with their depth by the far field where that is more precise than the bound.
+        """The same nodes, with their depth by the far field.
 
         Repeated after it was applied: a far field of 0.1 mm moves the mirror enough for an error of 1 %.
-        Where the far field follows no law the bound, which assumes decay all the way, is doubled.
         """
-        if fit.sigma_mm == 0.0:
+        if fit.hidden_mm == 0.0:
             return fit
         x, y = point[..., 0], point[..., 1]
         # windows overlap equally on both axes
         overlap = (2.0 * float(self._correlation.sum()) - 1.0) ** 2
-        found = fit_far_field(
-            slope, variance, depth, self._scale, self._scale_gradient, x, y, island, bound_mm, overlap
-        )
-        first = bound_mm == fit.sigma_mm
-        if first and (found is None or found.sigma_mm > bound_mm):
-            return replace(fit, far_field_mm=0.0, sigma_mm=_NO_LAW * bound_mm)
-        if found is None:
-            return fit
+        fields = (slope, variance, depth, self._scale, self._scale_gradient, x, y)
+        found = fit_far_field(*fields, island, fit.weights, bound_mm, fit.hidden_mm, overlap)
         return replace(fit, far_field_mm=fit.far_field_mm - found.constant_mm, sigma_mm=found.sigma_mm)
 
     def _surface(self, warp: Warp, reading: _Reading, noise: SlopeNoise) -> Surface:
