@@ -30,7 +30,7 @@ def test_a_run_on_the_papers_bench_that_ended_early_is_drawn(frames: int, tmp_pa
 
 def test_the_title_compares_the_peak_with_the_deepest_true_point() -> None:
     """Under a ball nothing can be read: the nodes that are read may be perfect and the peak far off."""
-    rig = binned(load_rig("simulated"), 4).model_copy(update={"scenario": "ball"})
+    rig = binned(load_rig("simulated"), 8).model_copy(update={"scenario": "ball"})
     with zm.Session(rig) as session:
         for step in session.run(seconds=1.2):
             assert step.number > 0
