@@ -64,6 +64,6 @@ def test_the_size_of_specks_is_that_of_the_blur_that_made_them() -> None:
     rng = np.random.default_rng(0)
     grey = cv2.GaussianBlur(rng.normal(size=(400, 400)), (0, 0), 2.0)
     grey = 100.0 + 40.0 * grey / grey.std()
-    # White noise under a Gaussian s wide: 2 s^2; the window of 10 px and central differences change it a little.
+    # White noise under a Gaussian s wide: 2 s^2; the window and central differences change it by a tenth.
     assert speck_px2(grey, 0.0) == pytest.approx(8.0, rel=0.15)
     assert speck_px2(grey + 2.0 * rng.normal(size=grey.shape), 2.0) == pytest.approx(8.0, rel=0.15)
