@@ -147,8 +147,8 @@ def test_a_rig_turns_a_static_texture_into_the_depth_of_a_press(
         error = (data["depth_mm"] - truth)[valid]
         assert data["node_u"].shape == valid.shape
         sigma = data["sigma_depth_mm"][valid]
-    # Noise and the anchor (no rim in view) are in sigma; the window's smoothing is the other 2 %.
-    bound_mm = 0.02 * PLANTED_MM + 3.0 * image["depth_peak_sigma_mm"]
+    # Noise, the anchor (no rim in view) and what lens and specks average are in sigma.
+    bound_mm = 3.0 * image["depth_peak_sigma_mm"]
     assert bound_mm < 0.2 * PLANTED_MM
     assert abs(image["depth_peak_mm"] - PLANTED_MM) < bound_mm
     assert np.sqrt(np.mean(error**2)) < 0.02 * PLANTED_MM + 2.0 * np.sqrt(np.mean(sigma**2))

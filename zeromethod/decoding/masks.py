@@ -237,7 +237,7 @@ def second_reflection(places: Places, usable: Mask, limit_share: float) -> tuple
     degrees, usual = places.degrees, float(chdtri(places.degrees, 0.5))
     sums = np.empty((*usable.shape, 4), np.float32)
     _to_pool(places.chi2, places.stiffness, usable, usual, sums)
-    sums = cv2.boxFilter(sums, -1, (POOL_PX,) * 2, normalize=False)
+    sums = np.asarray(cv2.boxFilter(sums, -1, (POOL_PX,) * 2, normalize=False), np.float32)
     # coherent errors go as a squared sine over the view: half its mean square scatters
     coherent = 0.5 * (places.coherent * degrees) ** 2
     share, proven = np.zeros(usable.shape, np.float32), np.zeros_like(usable)

@@ -95,7 +95,7 @@ def adaptive_fit(
                 narrower = (widths_px[at - 1], name[1]) if axis == 0 else (name[0], widths_px[at - 1])
                 extra = _bias2(fits, variances, narrower, name, size)
                 bias2[name] = np.maximum(bias2[name], np.maximum(extra, bias2[narrower]))
-    cost = np.stack([variances[name] + WEIGHT * bias2[name] for name in names])
+    cost = np.stack([_pooled(variances[name], name, size) + WEIGHT * bias2[name] for name in names])
     cost = np.where(np.isfinite(cost), cost, np.inf)
     best = np.argmin(cost, axis=0)
     unresolved = _unresolved(fits, variances, widths_px)
@@ -122,6 +122,14 @@ def _apart(
     """Squared difference of two fits in units of its noise, and that noise, px^2; NaN where either is."""
     noise = variances[narrow] * _difference_variance(max(wide[0] / narrow[0], wide[1] / narrow[1]))
     return (fits[wide] - fits[narrow]) ** 2 / noise, noise
+
+
+def _pooled(variance: Float, window: Window, size: int) -> Float:
+    """Mean variance over a window, where it is known: by its own, a cell would choose what seems the best."""
+    known = np.isfinite(variance)
+    pool = (window[0] / size, window[1] / size)
+    mean = _blurred(np.where(known, variance, 0.0), pool) / np.maximum(_blurred(known, pool), 1e-9)
+    return np.where(known, np.maximum(mean, variance), np.inf)
 
 
 def _bias2(

@@ -15,12 +15,14 @@ from zeromethod.calibration.nominal import stated
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.passive import Displacement, Doubt, correlate
+from zeromethod.passive.bend import blurred, speck_px2, with_bend
 from zeromethod.passive.correlate import SPACING_PX
 from zeromethod.passive.passive_warp import measured_warp
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.warp import Warp
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -175,8 +177,19 @@ class Measurement:
         warp = measured_warp(displacement, self._optics, self._grid)
         if not warp.valid.any():
             return StillReading(name, displacement, grid=self._grid, calibrated=self.calibrated)
+        surface, summit = self._read(warp, displacement.noise_grey / np.sqrt(2.0))
+        return StillReading(name, displacement, surface, summit, self._grid, self.calibrated)
+
+    def _read(self, warp: Warp, noise_grey: float) -> tuple[Surface, Peak | None]:
+        """Surface and peak of a warp, with what its bends may have done to it in sigma."""
+        assert self._rig is not None
+        rest = self._optics.rest_map(*self._grid.mesh())
+        half_speck_px2 = 0.25 * speck_px2(self.reference, noise_grey)
+        spread_px2 = self._rig.camera.psf_px**2 + 1.0 / 12.0 + half_speck_px2
+        other = self._reader.read(blurred(warp, rest, self._grid.spacing_px, spread_px2))
+        its = peak(other)
         surface = self._reader.read(warp)
-        return StillReading(name, displacement, surface, peak(surface), self._grid, self.calibrated)
+        return with_bend(surface, peak(surface), other, its)
 
 
 def _grey(image: Path | Image, name: str) -> tuple[Image, str]:
