@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from numba.core.event import Event, Listener, register
 
-EVERY_S = 1.5
+EVERY_S = 1.0
 """Least time between two lines."""
 
 

@@ -21,7 +21,7 @@ from benchmarks.against_peers.methods import DIS_FAST, RESIDUAL
 Figures = dict[str, Any]
 OnStep = Callable[[str], None]
 
-MOST_OF_BOUND, MOST_OF_DIS_FAST, MOST_LOOP_OF_DIS_FAST = 1.1, 0.2, 0.3
+MOST_OF_BOUND, MOST_OF_DIS_FAST, MOST_LOOP_OF_DIS_FAST = 1.1, 0.2, 0.2
 """The bars: noise and error of the residual over its bound, its time and the loop's over that of DIS fast."""
 
 _LIBRARIES = ("zeromethod", "numpy", "scipy", "numba")

@@ -108,7 +108,7 @@ def test_peak_is_given_to_two_digits_of_its_sigma() -> None:
     peak |= {"state": "locked", "x_sigma_mm": 1e-3, "y_sigma_mm": float("nan")}
     assert peak_words(peak) == "201.234 ± 0.051 µm at x = 30.00, y = 0.00 mm, 1.00 s, locked"
     assert peak_words(peak | {"depth_mm": 1.5, "sigma_mm": 0.02}).startswith("1.500 ± 0.020 mm")
-    assert peak_words(peak | {"sigma_mm": float("nan")}).startswith("201.234 ± nan µm")
+    assert peak_words(peak | {"sigma_mm": float("nan")}).startswith("201.234 µm (sigma not known)")
     calibrated = peak_words(peak | {"x_sigma_mm": 0.31, "y_sigma_mm": 1.1})
     assert "x = 30.00 ± 0.31, y = 0.00 ± 1.10 mm" in calibrated
 

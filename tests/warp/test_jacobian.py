@@ -1,7 +1,7 @@
 import numpy as np
 
 from zeromethod.warp.grid import NodeGrid
-from zeromethod.warp.jacobian import jacobian, warp_flags
+from zeromethod.warp.jacobian import areas, jacobian, warp_flags
 from zeromethod.warp.validity import Flag
 
 GRID = NodeGrid((256, 320))
@@ -83,3 +83,12 @@ def test_nan_is_undrawable_and_spares_its_neighbours():
     assert flags[12, 15] & Flag.UNDRAWABLE
     flags[12, 15] = 0
     assert not flags.any()
+
+
+def test_areas_at_rest_that_are_known_change_no_flag() -> None:
+    q, rest = _rest().copy(), _rest()
+    q[3:9, 4:8] = q[3:9, 7:3:-1]  # mirrored
+    np.testing.assert_array_equal(
+        warp_flags(q, rest, 16, SIZE), warp_flags(q, rest, 16, SIZE, rest_areas=areas(rest))
+    )
+    assert (warp_flags(q, rest, 16, SIZE) & Flag.FOLDED).any()

@@ -21,7 +21,6 @@ from zeromethod.rig.model import Rig
 from zeromethod.view import calibration_table
 from zeromethod.view.report_history import Happening, seconds
 from zeromethod.view.report_summary import Figures
-from zeromethod.view.table import cell
 
 _GROWING_S = 3.0
 """A file that changed more recently than this is still being written."""
@@ -98,7 +97,9 @@ def peak_words(peak: Figures) -> str:
         digits = int(np.clip(1 - np.floor(np.log10(sigma)), 0, 6))
     x, y = (_known_to(peak[f"{name}_mm"], peak[f"{name}_sigma_mm"]) for name in "xy")
     place = f"x = {x}, y = {y} mm"
-    length = f"{depth:z.{digits}f} ± {cell(sigma, f'{{:.{digits}f}}')} {unit}"
+    length = f"{depth:z.{digits}f} {unit} (sigma not known)"
+    if np.isfinite(sigma):
+        length = f"{depth:z.{digits}f} ± {sigma:.{digits}f} {unit}"
     noise = " (nothing presses: noise)" if peak["state"] == State.RESTING else ""
     return f"{length} at {place}, {peak['time_s']:.2f} s, {peak['state']}{noise}"
 

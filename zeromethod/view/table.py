@@ -35,14 +35,14 @@ _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("drawing the pattern", ("draw_ms.median", "draw_ms.p99"), "{:.1f} ms (p99 {:.1f})"),
     ("reading the surface", ("read_ms.median", "read_ms.p99"), "{:.1f} ms (p99 {:.1f})"),
     (
-        "from mid-exposure to the surface, published",
+        "from mid-exposure to the surface",
         ("surface_latency_ms.median", "surface_latency_ms.p99"),
         "{:.1f} ms (p99 {:.1f})",
     ),
     (
-        "frames read to depth; most in a row that were not",
+        "frames read to depth (longest gap)",
         ("frames_read", "frames_to_read", "longest_unread"),
-        "{} of {}; {}",
+        "{} of {} ({})",
     ),
     ("delay of display and camera", ("delay_ms",), "{:.2f} ms"),
     ("stability: times the gain until it swings", ("stability_margin",), "{:.2g}"),
