@@ -14,12 +14,14 @@ what the law leaves of r . s, relative to r . s itself; the centre, too, is that
 Each law misses the true one by about as much in neighbouring nodes, so that all of them count as `_PIECES`
 independent ones, and as fewer, the worse even the best C fits: a dent of no such shape is hardly judged by
 its law. What remains is that depth falls at least about as 1 / r: with the slopes that C implies, which may
-be hidden where C grad h cancels them, so that C is the less likely, the more of that it takes. An anchor whose
-slopes are noise is at rest, unless the laws fit so much better with it deeper that this outweighs the odds.
+be hidden where C grad h cancels them, so that C is the less likely, the more of that it takes. An anchor
+whose slopes are noise is at rest, unless the laws fit so much better with it deeper that this outweighs the
+odds.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -57,7 +59,7 @@ _SEEN, _LEAST_SEEN = 0.5, 0.02
 """Odds, times range over what noise can hide, that a quiet anchor is at rest; its sigma over the hidden."""
 
 _MOST_NODES, _LEAST_NODES = 400, 60
-_TRIALS, _CLOSER, _CLOSINGS = 121, 15, 3
+_TRIALS, _CLOSER, _CLOSINGS = 81, 11, 3
 _NO_LAW = 2.0
 """Sigma over the bound where too few nodes are left for a law."""
 
@@ -148,9 +150,10 @@ def _weighed(look: Callable[[Float], Float], noises: float, trial: Float) -> Far
     noises: number of independent ones. trial: (m,) ascending C to begin with.
     """
     seen = look(trial)
-    for law in (1, 2):
+    # a minimum may be narrower than the first trials are apart, and another one wide and low
+    for law, power in itertools.product((1, 2), (0.5 * _PIECES, _MOST_NOISES)):
         for _ in range(_CLOSINGS):
-            best = int(np.argmax(seen[3] - _MOST_NOISES * np.log(seen[law])))
+            best = int(np.argmax(seen[3] - power * np.log(seen[law])))
             low, high = seen[0, max(best - 1, 0)], seen[0, min(best + 1, seen.shape[1] - 1)]
             more = look(np.linspace(low, high, _CLOSER + 2)[1:-1])
             seen = np.concatenate([seen, more], axis=1)
