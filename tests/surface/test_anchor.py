@@ -110,6 +110,41 @@ def test_a_dent_that_fills_the_view_is_not_called_certain(small):
     assert surface.anchor.sigma_mm > 0.5 * abs(offset)
 
 
+WIDE = [Gauss(0.3, 58.3, -1.9, 28.2), Gauss(0.3, 55.7, 1.0, 26.3), Gauss(0.17, 70.8, 9.3, 26.7)]
+
+
+@pytest.mark.parametrize("dent", WIDE)
+def test_wide_presses_near_the_views_end_are_read_within_sigma(small, dent):
+    """110 to 150 um at the border: their centre is not where slopes with the constant's own point."""
+    for seed in range(2):
+        surface, offset = read(small, dent, np.random.default_rng(seed))
+        assert abs(offset) < 3 * surface.anchor.sigma_mm
+        assert surface.anchor.sigma_mm < 0.2 * small.truth(dent)[surface.anchor.mask].max()
+
+
+def test_a_tail_that_the_constant_hides_from_the_slopes_is_found(small):
+    """C grad h may cancel the slopes of 1/r at the border: they look at rest, 5 um deep."""
+    dent = Tail(0.1, 74.0, -8.0, 3.0)
+    surface, offset = read(small, dent, np.random.default_rng(1))
+    assert small.truth(dent)[surface.anchor.mask].min() > 3e-3
+    assert abs(offset) < 3 * np.hypot(surface.anchor.sigma_mm, 6e-5)
+
+
+@pytest.mark.parametrize(
+    "dent",
+    [
+        Gauss(0.15, 60.0, 14.0, 9.0),
+        Gauss(0.15, 42.0, -20.0, 14.0),
+        Tail(0.1, 20.0, 14.0, 3.0),
+    ],
+)
+def test_fresh_noise_leaves_the_anchors_sigma_much_the_same(small, dent):
+    found = [read(small, dent, np.random.default_rng(seed)) for seed in range(5)]
+    sigmas = [float(np.hypot(surface.anchor.sigma_mm, 6e-5)) for surface, _ in found]
+    assert max(sigmas) < 2.0 * min(sigmas)
+    assert max(abs(offset) for _, offset in found) < 3.0 * max(sigmas)
+
+
 def test_known_rest_is_used_where_it_is_in_view():
     rim = KnownRest(x_mm=(66.0, 77.0), y_mm=(-30.0, 30.0))
     bench = Bench(small_rig(known_rest=(rim,)))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from zeromethod.surface.far_field import centre_of, fit_far_field
+from zeromethod.surface.far_field import centres, fit_far_field
 
 X, Y = np.meshgrid(np.linspace(20.0, 64.0, 80), np.linspace(-18.0, 18.0, 66))
 H = (X + 20.0) / 62.0
@@ -23,57 +23,93 @@ def field(n, k, peak_mm=0.1, at=AT):
     return depth, np.stack([radial * dx, radial * dy], axis=-1)
 
 
-def fitted(depth, slope, constant, bound=5e-3, noise=NOISE):
-    generator = np.random.default_rng(0)
-    read = slope + constant * H_GRADIENT + noise * generator.standard_normal(slope.shape)
+EVERYWHERE = np.ones(X.shape, bool)
+BORDER = EVERYWHERE.copy()
+BORDER[10:-10, 10:-10] = False
+BOUND_MM, HIDDEN_MM = 5e-3, 1e-4
+
+
+def long_field(peak_mm, at, along_mm, across_mm, angle):
+    """A Gaussian of two sigmas, turned; (depth, slope)."""
+    c, s = np.cos(angle), np.sin(angle)
+    along, across = c * (X - at[0]) + s * (Y - at[1]), c * (Y - at[1]) - s * (X - at[0])
+    depth = peak_mm * np.exp(-0.5 * (along**2 / along_mm**2 + across**2 / across_mm**2))
+    by_along, by_across = -along / along_mm**2 * depth, -across / across_mm**2 * depth
+    return depth, np.stack([c * by_along - s * by_across, s * by_along + c * by_across], axis=-1)
+
+
+def fitted(depth, slope, constant, gradient=H_GRADIENT, noise=NOISE, seed=0, bound=BOUND_MM):
+    generator = np.random.default_rng(seed)
+    read = slope + constant * gradient + noise * generator.standard_normal(slope.shape)
     variance = np.full(slope.shape, noise**2)
-    everywhere = np.ones(X.shape, bool)
-    return fit_far_field(read, variance, depth + constant * H, H, H_GRADIENT, X, Y, everywhere, bound, 1.0)
+    about = (read, variance, depth + constant * H, H, H_GRADIENT, X, Y, EVERYWHERE)
+    return fit_far_field(*about, BORDER / BORDER.sum(), bound, HIDDEN_MM, 1.0)
 
 
 @pytest.mark.parametrize(("n", "k"), [(1.0, 0.0), (2.0, 0.0), (0.0, 0.015), (1.0, 0.01)])
 @pytest.mark.parametrize("constant", [-4e-3, 1e-3])
 def test_the_constant_comes_back_for_any_member_of_the_family(n, k, constant):
     found = fitted(*field(n, k), constant)
-    assert found is not None
-    # microradians over some 20 mm and thousands of nodes: nanometres; the stated sigma covers it
+    # some percent of what the border has left, and within what is stated
     assert abs(found.constant_mm - constant) < 3 * found.sigma_mm + 1e-7
-    assert found.sigma_mm < 0.05 * abs(constant)
+    assert found.sigma_mm < 0.3 * abs(constant)
 
 
 def test_slope_read_at_the_wrong_depth_is_allowed_for():
-    """The slope at depth D + C h contains C grad h; without it the fit gives another C, far outside sigma."""
-    depth, slope = field(1.0, 0.0)
-    generator = np.random.default_rng(0)
-    read = slope + NOISE * generator.standard_normal(slope.shape)
-    variance = np.full(slope.shape, NOISE**2)
-    everywhere = np.ones(X.shape, bool)
-    wrong = fit_far_field(read, variance, depth - 4e-3 * H, H, H_GRADIENT, X, Y, everywhere, 5e-3, 1.0)
+    """The slope at depth D + C h contains C grad h; without it the fit gives another C, far off."""
+    wrong = fitted(*field(1.0, 0.0), -4e-3, gradient=0.0)
     # C grad h, 4e-3 / 62 rad, over r is some 40 % of C at the 20 mm of the far field
-    assert wrong is not None
-    assert abs(wrong.constant_mm + 4e-3) > max(0.25 * 4e-3, 10 * wrong.sigma_mm)
+    assert abs(wrong.constant_mm + 4e-3) > 0.25 * 4e-3
 
 
-def test_fields_that_follow_no_law_are_refused():
-    """Two dents on either side fall off about no common centre: the misfit refuses them."""
+@pytest.mark.parametrize("constant", [-0.2, -0.1, 0.0])
+def test_a_centre_misread_because_of_the_constant_does_not_mislead(constant):
+    """A Gaussian of 28 mm, near the end: C grad h turns its slopes towards another centre."""
+    found = fitted(*long_field(0.3, (57.0, -2.0), 28.0, 28.0, 0.0), constant, noise=1e-5, bound=0.1)
+    assert abs(found.constant_mm - constant) < 2 * found.sigma_mm
+    # of 0.09 to 0.25 mm that the border has left
+    assert found.sigma_mm < 0.05
+
+
+def test_a_long_dent_is_not_taken_for_a_round_one():
+    """A Gaussian three times as long as wide, turned."""
+    found = fitted(*long_field(0.2, AT, 24.0, 8.0, 0.6), -0.02, noise=1e-5, bound=0.05)
+    assert abs(found.constant_mm + 0.02) < 2 * found.sigma_mm
+
+
+def test_what_fields_that_follow_no_law_leave_open_is_stated():
+    """Two dents on either side fall off about no common centre."""
     (a, sa), (b, sb) = field(1.0, 0.0, at=(30.0, -5.0)), field(1.0, 0.0, 0.07, at=(56.0, 8.0))
-    assert fitted(a + b, sa + sb, -4e-3) is None
+    found = fitted(a + b, sa + sb, -4e-3)
+    assert abs(found.constant_mm + 4e-3) < 3 * found.sigma_mm
+    assert found.sigma_mm > 0.25 * BOUND_MM
 
 
-def test_nothing_is_found_where_the_core_fills_the_view():
-    depth, slope = field(0.0, 1 / 40.0**2)
-    assert fitted(depth, slope, 0.0) is None
+@pytest.mark.parametrize("shape", [(1.0, 0.0), (0.0, 0.015), (0.0, 1 / 28.0**2)])
+def test_fresh_noise_leaves_sigma_much_the_same(shape):
+    depth, slope = field(*shape)
+    sigmas = [fitted(depth, slope, -4e-3, noise=3e-5, seed=seed).sigma_mm for seed in range(8)]
+    assert max(sigmas) < 2.0 * min(sigmas)
+
+
+def test_few_nodes_leave_it_at_the_bound():
+    few = np.zeros(X.shape, bool)
+    few[:5, :5] = True
+    depth, slope = field(1.0, 0.0)
+    about = (slope, np.full(slope.shape, NOISE**2), depth, H, H_GRADIENT, X, Y, few)
+    found = fit_far_field(*about, few / few.sum(), BOUND_MM, HIDDEN_MM, 1.0)
+    assert (found.constant_mm, found.sigma_mm) == (0.0, 2.0 * BOUND_MM)
 
 
 @pytest.mark.parametrize("cut", [np.s_[:, :], np.s_[:, 40:], np.s_[30:, :]])
 def test_the_centre_is_found_from_any_part_of_the_dent(cut):
     _, slope = field(0.0, 0.03)
-    everywhere = np.ones(X[cut].shape, bool)
-    centre = centre_of(slope[cut], X[cut], Y[cut], everywhere)
+    parts = [one[cut].ravel() for one in (X, Y)]
+    (centre,) = centres(slope[cut].reshape(1, -1, 2), *parts, np.ones((1, parts[0].size), bool))
     # exact lines: rounding only, but for the flattened 1 mm in the middle, whose lines agree
     np.testing.assert_allclose(centre, AT, atol=1e-6)
 
 
 def test_parallel_lines_have_no_centre():
-    slope = np.stack([np.ones(X.shape), np.zeros(X.shape)], axis=-1)
-    assert centre_of(slope, X, Y, np.ones(X.shape, bool)) is None
+    slope, parts = np.ones((1, X.size, 2)) * (1.0, 0.0), (X.ravel(), Y.ravel())
+    assert np.isnan(centres(slope, *parts, np.ones((1, X.size), bool))).all()

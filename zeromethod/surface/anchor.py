@@ -3,8 +3,8 @@
 Depth is fixed up to C h, with h the integrator's scale (see `integrate`); C is fitted to nodes at rest.
 Without a rectangle known to be at rest, these are the quietest nodes of the view's border: rubber's far
 field falls off like 1/r or faster, so a node of residual slope s at distance r from the dent is at most
-s r deep. That bound weights the nodes. Where their slope still shows a far field, its depth is fitted from
-the decay of slope and depth (`far_field`); where they follow no such law, its bound goes into sigma.
+s r deep. That bound weights the nodes. What depth they still have, and how well that is known, follows from
+the decay of slope and depth over the view (`far_field`).
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ def _presses(slope: Float, variance: Float, island: Mask, correlation: Float) ->
     """Whether the slopes are more than noise."""
     overlap = (2.0 * float(correlation.sum()) - 1.0) ** 2
     ratio = float(np.mean(slope[island] ** 2 / variance[island]))
-    return ratio > 1.0 + 5.0 * np.sqrt(overlap / np.count_nonzero(island))
+    return ratio > 1.0 + 5.0 * float(np.sqrt(overlap / np.count_nonzero(island)))
 
 
 def _far_field_depth(

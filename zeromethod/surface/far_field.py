@@ -14,11 +14,14 @@ what the law leaves of r . s, relative to r . s itself; the centre, too, is that
 Each law misses the true one by about as much in neighbouring nodes, so that all of them count as `_PIECES`
 independent ones, and as fewer, the worse even the best C fits: a dent of no such shape is hardly judged by
 its law. What remains is that depth falls at least about as 1 / r: with the slopes that C implies, which may
-be hidden where C grad h cancels them, so that C is the less likely, the more of that it takes.
+be hidden where C grad h cancels them, so that C is the less likely, the more of that it takes. An anchor
+whose slopes are noise is at rest, unless the laws fit so much better with it deeper that this outweighs the
+odds.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -28,30 +31,37 @@ from zeromethod.arrays import Float, Mask
 
 _CORE_SHARE = 0.2
 """Depth over the largest at which the dent's core, which gives its centre, ends."""
+
 _PARALLEL = 1e-3
-_SMALLEST = 0.03
-"""Relative error of the law's slope that is allowed for at each node."""
-_PIECES = 12.0
-_MOST_NOISES = 24.0
-"""Independent errors of a law; those of noise are as many as the windows that do not overlap."""
+_SMALLEST, _FLAT = 0.03, 0.01
+"""Error of the law's slope that is allowed for at each node, over r . s and over depth."""
+
+_PIECES, _MOST_NOISES = 12.0, 24.0
+"""Independent errors of a law over the view, and most of the noise."""
+
 _WELL = 2.0
-"""Misfit over the allowed at which a law's pieces count half."""
+"""Misfit over the allowed by which the pieces of a law that fits badly are divided."""
+
 _LEAST_MISFIT = 0.3
 _LONG_COST = 6.0
 """Logarithm of likelihood that the long law must gain for its six numbers."""
+
 _OUTWARDS = 0.02
-"""Share of the squares of slopes that lead deeper outwards, which no decay makes, that the long law misses."""
-_PER_BOUND = 1.5
-_PER_RANGE = 3.0
+"""Share of the squares of slopes that lead deeper outwards, as no decay does, that the long law misses."""
+
+_PER_BOUND, _PER_RANGE, _WIDEST = 1.5, 3.0, 6.0
+"""Depth that is left at the anchor: sigma over its bound and over the range read, and most over the range."""
+
 _HIDDEN = 3.0
-_SEEN = 50.0
-_LEAST_HIDDEN = 0.02
-_WIDEST = 6.0
-"""Depth that is left at the view's end: sigma over the bound and over the range read, most over the range."""
-_MOST_NODES = 400
-_LEAST_NODES = 60
-_TRIALS, _CLOSER, _CLOSINGS = 61, 15, 3
+"""Power with which it becomes unlikely that C grad h hides larger slopes from all of the anchor."""
+
+_SEEN, _LEAST_SEEN = 0.5, 0.02
+"""Odds, times range over what noise can hide, that a quiet anchor is at rest; its sigma over the hidden."""
+
+_MOST_NODES, _LEAST_NODES = 400, 60
+_TRIALS, _CLOSER, _CLOSINGS = 81, 11, 3
 _NO_LAW = 2.0
+"""Sigma over the bound where too few nodes are left for a law."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,11 +116,11 @@ def fit_far_field(
     share = weights[_evenly(weights > 0.0)]
     floor2 = (0.25**2) * (np.ptp(x_mm[island]) ** 2 + np.ptp(y_mm[island]) ** 2)
 
-    hidden_mm, bound_mm = max(hidden_mm, bound_mm), max(bound_mm, _LEAST_HIDDEN * hidden_mm)
-    odds = np.log(_SEEN) * (1.0 - bound_mm / hidden_mm)
+    hidden_mm, bound_mm = max(hidden_mm, bound_mm), max(bound_mm, _LEAST_SEEN * hidden_mm)
+    odds = np.log1p(_SEEN * range_mm / hidden_mm) * (1.0 - bound_mm / hidden_mm)
 
     def look(trial: Float) -> Float:
-        """Rows: C, misfit of both laws, how likely C is without them (logarithm), share of noise in misfit."""
+        """Rows: C, misfit of both laws, how likely C is without them (logarithm), noise in the misfit."""
         misfits, noisy, centre = _misfits(nodes, trial)
         quiet_mm = np.maximum(_bound(quiet, share / share.sum(), trial, centre, floor2), hidden_mm)
         left_mm = rest_mm - trial
@@ -121,8 +131,8 @@ def fit_far_field(
         return np.stack([trial, *misfits, known, noisy])
 
     noises = min(len(nodes.x), np.count_nonzero(island) / overlap, _MOST_NOISES)
-    wide = _WIDEST * range_mm * np.sinh(np.linspace(-5, 5, _TRIALS)) / np.sinh(5)
-    near = bound_mm * np.geomspace(0.3, 100.0, 8)
+    wide = _WIDEST * range_mm * np.sinh(np.linspace(-4, 4, _TRIALS)) / np.sinh(4)
+    near = np.minimum(bound_mm * np.geomspace(0.3, 100.0, 8), range_mm)
     return _weighed(look, noises, rest_mm + np.unique(np.concatenate([wide, near, -near])))
 
 
@@ -140,11 +150,12 @@ def _weighed(look: Callable[[Float], Float], noises: float, trial: Float) -> Far
     noises: number of independent ones. trial: (m,) ascending C to begin with.
     """
     seen = look(trial)
-    for law in (1, 2):
+    # a minimum may be narrower than the first trials are apart, and another one wide and low
+    for law, power in itertools.product((1, 2), (0.5 * _PIECES, _MOST_NOISES)):
         for _ in range(_CLOSINGS):
-            best = int(np.argmax(seen[3] - 0.5 * _PIECES * np.log(seen[law])))
-            ends = seen[0, [max(best - 1, 0), min(best + 1, seen.shape[1] - 1)]]
-            more = look(np.linspace(*ends, _CLOSER + 2)[1:-1])
+            best = int(np.argmax(seen[3] - power * np.log(seen[law])))
+            low, high = seen[0, max(best - 1, 0)], seen[0, min(best + 1, seen.shape[1] - 1)]
+            more = look(np.linspace(low, high, _CLOSER + 2)[1:-1])
             seen = np.concatenate([seen, more], axis=1)
             seen = seen[:, np.argsort(seen[0])]
     constant, width = seen[0], np.gradient(seen[0])
@@ -190,7 +201,7 @@ def _misfits(nodes: _Nodes, trial: Float) -> tuple[list[Float], Float, Float]:
     square = x * x + y * y
     allowed = noise2 + (_SMALLEST * outward) ** 2
     # the core follows laws of its own
-    weight = (1.02 - size) ** 2 / (allowed + 1e-3 * (_SMALLEST * depth) ** 2)
+    weight = (1.02 - size) ** 2 / (allowed + (_FLAT * depth) ** 2)
     total = (weight * allowed).sum(axis=-1)
     round_law = np.stack([outward, depth, square * depth, square * outward], axis=1)
     polynomial = [one * depth for one in (1.0, x, y, x * x, x * y, y * y)]
@@ -203,7 +214,7 @@ def _misfits(nodes: _Nodes, trial: Float) -> tuple[list[Float], Float, Float]:
 
 
 def centres(slope: Float, x_mm: Float, y_mm: Float, core: Mask) -> Float:
-    """Points (m, 2) that the lines of steepest descent of the core's nodes pass closest to; NaN for parallels.
+    """Points (m, 2) that the core's lines of steepest descent pass closest to; NaN for parallel ones.
 
     slope: (m, n, 2); core: (m, n). Minimises sum |s x (p - c)|^2, which also works for a dent that is cut off
     by the view or has a hole.
@@ -238,4 +249,4 @@ def _left(gram: Float, free: int) -> Float:
         inside = (solution[:, free:] >= 0.0).all(axis=-1)
         left = 1.0 + (solution * gram[:, 0, used]).sum(axis=-1)
         best = np.where(inside, np.minimum(best, left), best)
-    return np.maximum(best, 1e-9) * size[:, 0] ** 2
+    return np.asarray(np.maximum(best, 1e-9) * size[:, 0] ** 2, np.float64)
