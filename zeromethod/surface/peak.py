@@ -249,8 +249,7 @@ def _terms(a: Float, b: Float, powers: list[tuple[int, int]], da: int = 0, db: i
     """Columns a^i b^j, differentiated da times by a and db times by b."""
     columns = []
     for i, j in powers:
-        factor = float(np.prod(np.arange(i - da + 1, i + 1)) * np.prod(np.arange(j - db + 1, j + 1)))
-        columns.append(factor * a ** max(i - da, 0) * b ** max(j - db, 0))
+        columns.append(math.perm(i, da) * math.perm(j, db) * a ** max(i - da, 0) * b ** max(j - db, 0))
     return np.stack(columns, axis=-1)
 
 

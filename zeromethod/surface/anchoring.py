@@ -1,0 +1,178 @@
+"""Anchor of one reading, chosen while its passes settle: nodes at rest, and the far field that they still have.
+
+Nodes are judged, and the far field accepted, on what was read less the constant that it contains already, so
+that where a reading started does not show. The far field is then fitted to the surface that contains it until
+it stays: one of 0.1 mm moves the mirror enough for an error of 1 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from zeromethod.arrays import Float, Mask
+from zeromethod.rig.model import KnownRest
+from zeromethod.surface.anchor import RestFit, fit_known, fit_quiet, known_nodes
+from zeromethod.surface.far_field import FarField, fit_far_field
+
+_NEARLY_MM = 3e-4
+"""Change of depth below which nodes are chosen; then they are kept, so that the passes converge."""
+_CLOSE_MM = 1e-5
+"""Step of the constant from which nodes that are not known to be at rest are chosen again."""
+_FIXED_MM = 1e-6
+"""Step of a far field from which it is kept."""
+_DOUBTFUL_MM = 1e-3
+"""Sigma of the constant above which nodes may be chosen in several ways."""
+_FAR_MM = 0.02
+"""Far field that is not taken out of the slopes to first order with the precision that choosing nodes takes."""
+_MOST_FITS = 6
+_CLOSER = 0.3
+_NO_LAW = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """What one pass read, (rows, cols): the depth it began with, and how far depth / h is from its slopes'."""
+
+    slope: Float
+    variance: Float
+    point: Float
+    island: Mask
+    depth: Float
+    error: Float
+
+
+class Anchors:
+    """Where depth may be anchored, of one reader."""
+
+    def __init__(
+        self, known_rest: Sequence[KnownRest], scale: Float, scale_gradient: Float, correlation: Float
+    ) -> None:
+        """scale: h (rows, cols); its gradient (rows, cols, 2). correlation: see `fit_quiet`."""
+        self._known_rest, self._correlation = known_rest, correlation
+        self.scale, self._gradient = scale, scale_gradient
+        # windows overlap equally on both axes
+        self._overlap = (2.0 * float(correlation.sum()) - 1.0) ** 2
+
+    def nodes(self, read: Pass, contained_mm: float) -> RestFit:
+        """Nodes that count as at rest, with the bound of their depth / h.
+
+        contained_mm: multiple of h in the depth, which is taken out.
+        """
+        x, y = read.point[..., 0], read.point[..., 1]
+        known = known_nodes(self._known_rest, x, y) & read.island
+        if known.any():
+            return fit_known(known, self.scale)
+        depth = read.depth + self.scale * read.error
+        slope = read.slope - contained_mm * self._gradient
+        return fit_quiet(slope, read.variance, depth, self.scale, x, y, read.island, self._correlation)
+
+    def far_field(
+        self, weights: Float, read: Pass, at_mm: float, to_mm: float, bound_mm: float
+    ) -> FarField | None:
+        """Far field of a surface moved from a mean depth / h of `at_mm`, where it was read, to `to_mm`."""
+        depth = read.depth + self.scale * read.error
+        depth += self.scale * (to_mm - mean(weights, depth / self.scale))
+        slope = read.slope + (to_mm - at_mm) * self._gradient
+        x, y = read.point[..., 0], read.point[..., 1]
+        return fit_far_field(
+            slope,
+            read.variance,
+            depth,
+            self.scale,
+            self._gradient,
+            x,
+            y,
+            read.island,
+            bound_mm,
+            self._overlap,
+        )
+
+
+class Anchoring:
+    """The anchor of one reading; `fit` once it is chosen, `fixed` once no pass changes it any more."""
+
+    def __init__(self, anchors: Anchors, weights: Float | None) -> None:
+        """weights: of nodes whose mean depth / h is kept until the anchor is chosen; None: chosen at once."""
+        self._anchors, self._weights = anchors, weights
+        self._fits = 0
+        self._again, self._follows = True, False
+        self._bound_mm = 0.0
+        self.fit: RestFit | None = None
+        self.fixed = False
+
+    def constant(self, read: Pass) -> float:
+        """Multiple of h, mm, to add to a pass's depth and error."""
+        if self._weights is None:
+            self._weights = self._anchors.nodes(read, 0.0).weights
+        ratio = read.depth / self._anchors.scale
+        kept_mm = mean(self._weights, ratio)
+        off_mm = -mean(self._weights, read.error)
+        moved_mm = largest(self._anchors.scale * (read.error + off_mm) * read.island)
+        if not self.fixed and (moved_mm < _NEARLY_MM or self._fits):
+            self.choose(read)
+        to_mm = kept_mm if self.fit is None else self.fit.far_field_mm
+        return to_mm - mean(self._weights, ratio + read.error)
+
+    def choose(self, read: Pass) -> None:
+        """Choose nodes by this pass, and the far field once these have the constant of the ones before."""
+        assert self._weights is not None
+        self._fits += 1
+        last = self._fits == _MOST_FITS
+        ratio = read.depth / self._anchors.scale
+        fit = self.fit
+        if fit is None or self._again:
+            before, kept_mm = self._weights, mean(self._weights, ratio)
+            fit = self._anchors.nodes(read, kept_mm)
+            self._weights, self._bound_mm = fit.weights, fit.sigma_mm
+            made = ratio + read.error
+            if self._fits == 1 and abs(mean(fit.weights, made) - mean(before, made)) > _NEARLY_MM:
+                return
+            fit = self._accepted(fit, read)
+        at_mm = mean(fit.weights, ratio)
+        if self._follows:
+            found = self._anchors.far_field(fit.weights, read, at_mm, at_mm, _CLOSER * self._bound_mm)
+            if found is not None:
+                fit = replace(fit, far_field_mm=at_mm - found.constant_mm, sigma_mm=found.sigma_mm)
+        step_mm = abs(fit.far_field_mm - at_mm)
+        self._again = _FAR_MM > abs(fit.far_field_mm) and step_mm > (
+            _CLOSE_MM if self._bound_mm else _NEARLY_MM
+        )
+        self.fixed = last or not (self._again or (self._follows and step_mm > _FIXED_MM))
+        self.fit = fit
+
+    def _accepted(self, fit: RestFit, read: Pass) -> RestFit:
+        """Nodes at rest, with their depth by the far field where that is more precise than the bound.
+
+        Where the far field follows no law the bound, which assumes decay all the way, is doubled.
+        """
+        if fit.sigma_mm == 0.0 or self._follows:
+            return fit
+        at_mm = mean(fit.weights, read.depth / self._anchors.scale)
+        found = self._anchors.far_field(fit.weights, read, at_mm, 0.0, fit.sigma_mm)
+        if found is None or found.sigma_mm > fit.sigma_mm:
+            return replace(fit, sigma_mm=_NO_LAW * fit.sigma_mm)
+        self._follows = True
+        return replace(fit, far_field_mm=-found.constant_mm, sigma_mm=found.sigma_mm)
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it depends on where the reading started."""
+        return self.fit is not None and not certain(self.fit.sigma_mm, self.fit.far_field_mm)
+
+
+def certain(sigma_mm: float, far_field_mm: float) -> bool:
+    """Whether a reading may start from one with this anchor, without ending elsewhere than one from rest."""
+    return sigma_mm < _DOUBTFUL_MM and abs(far_field_mm) < _FAR_MM
+
+
+def mean(weights: Float, values: Float) -> float:
+    """Mean with weights that add up to 1."""
+    return float(np.vdot(weights, values))
+
+
+def largest(values: Float) -> float:
+    """Largest absolute value."""
+    return max(float(values.max()), -float(values.min()))
