@@ -6,8 +6,7 @@ from surface_bench import Bench, Gauss, Several, Waves, small_rig
 
 from zeromethod.errors import InputError
 from zeromethod.rig.model import RestSurface
-from zeromethod.surface import peak
-from zeromethod.surface import settling
+from zeromethod.surface import peak, settling
 from zeromethod.warp.validity import Flag
 
 

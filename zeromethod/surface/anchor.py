@@ -137,7 +137,8 @@ def fit_quiet(
     lever2 = np.maximum((away * away).sum(axis=-1), floor2 or 1.0)
     weights = first / lever2
     weights[weights < _NEGLIGIBLE * weights.max()] = 0.0
-    low, high = _shortest_interval(constant[ring], weights[ring])
+    heavy = weights > 0.0
+    low, high = _shortest_interval(constant[heavy], weights[heavy])
     reach = high - low
     weights[(constant < low - reach) | (constant > high + reach)] = 0.0
     weights /= weights.sum()

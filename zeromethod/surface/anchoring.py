@@ -1,4 +1,4 @@
-"""Anchor of one reading, chosen while its passes settle: nodes at rest, and the far field that they still have.
+"""Anchor of one reading, chosen while its passes settle: nodes at rest, and the far field they still have.
 
 Nodes are judged, and the far field accepted, on what was read less the constant that it contains already, so
 that where a reading started does not show. The far field is then fitted to the surface that contains it until
@@ -26,7 +26,7 @@ _FIXED_MM = 1e-6
 _DOUBTFUL_MM = 1e-3
 """Sigma of the constant above which nodes may be chosen in several ways."""
 _FAR_MM = 0.02
-"""Far field that is not taken out of the slopes to first order with the precision that choosing nodes takes."""
+"""Far field above which to take it out of the slopes to first order is too rough for choosing nodes."""
 _MOST_FITS = 6
 _CLOSER = 0.3
 _NO_LAW = 2.0
@@ -34,7 +34,7 @@ _NO_LAW = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """What one pass read, (rows, cols): the depth it began with, and how far depth / h is from its slopes'."""
+    """What one pass read, (rows, cols): depth as it began, and what depth / h lacks by its slopes."""
 
     slope: Float
     variance: Float
@@ -137,7 +137,7 @@ class Anchoring:
             if found is not None:
                 fit = replace(fit, far_field_mm=at_mm - found.constant_mm, sigma_mm=found.sigma_mm)
         step_mm = abs(fit.far_field_mm - at_mm)
-        self._again = _FAR_MM > abs(fit.far_field_mm) and step_mm > (
+        self._again = abs(fit.far_field_mm) < _FAR_MM and step_mm > (
             _CLOSE_MM if self._bound_mm else _NEARLY_MM
         )
         self.fixed = last or not (self._again or (self._follows and step_mm > _FIXED_MM))

@@ -116,7 +116,8 @@ class CurlTest:
         return Curl(float(np.sqrt(chi2)), made.directions @ likely, made.directions)
 
     def _mean_variance(self, noise: SlopeNoise) -> float:
-        return float(np.mean(noise.variance[self._integrator.island]))
+        island = self._integrator.island
+        return float(np.sum(noise.variance, where=island[..., None])) / (2 * np.count_nonzero(island))
 
     def _templates(self, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> _Templates:
         island = self._integrator.island

@@ -21,7 +21,7 @@ _KEEP_SHARE = 0.05
 _KEEP_FACTOR = 2.0
 """Samples are kept while the mask differs on fewer nodes than this share, and as few nodes' noise changed,
 relative to all others', by more than this factor."""
-_SAME_ANCHOR = 0.75
+_SAME_ANCHOR = 0.6
 """Share of the anchor's weight that may move to other blocks before its noise is computed again."""
 _BOXES = (1, 3, 7, 15, 31, 63)
 _BLOCK_SHARE = 0.1
@@ -165,8 +165,8 @@ class DepthNoise:
         if float(np.abs(ratio - middle * both).sum()) < _EVEN * middle * np.count_nonzero(both):
             return middle
         boxes = np.array([n for n in _BOXES if n <= max(ratio.shape)])
-        total = np.full(ratio.shape, 0.0)
-        _add_box_means(_summed(ratio), _summed(both), boxes, middle, total)
+        total = np.zeros(ratio.shape)
+        _add_box_means(_summed(ratio), _summed(both.astype(np.float64)), boxes, middle, total)
         at_anchor = float((self._anchor * total).sum() / max(float(self._anchor.sum()), 1e-30))
         return 0.5 * (total + at_anchor)
 
@@ -178,10 +178,16 @@ def _blocks(weights: Float) -> Float:
     return np.add.reduceat(np.add.reduceat(weights, rows, axis=0), cols, axis=1)
 
 
-def _summed(values: Float | Mask) -> Float:
+@numba.njit(cache=True)
+def _summed(values: Float) -> Float:
     """Sums (rows + 1, cols + 1) over all that lies above and to the left."""
-    out = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
-    np.cumsum(np.cumsum(values, axis=0, dtype=np.float64), axis=1, out=out[1:, 1:])
+    rows, cols = values.shape
+    out = np.zeros((rows + 1, cols + 1))
+    for i in range(rows):
+        line = 0.0
+        for j in range(cols):
+            line += values[i, j]
+            out[i + 1, j + 1] = out[i, j + 1] + line
     return out
 
 

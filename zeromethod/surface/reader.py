@@ -151,12 +151,17 @@ class SurfaceReader:
         inner = self._grid.inner
         sigma_q, q = warp.sigma[inner], warp.q[inner]
         with np.errstate(invalid="ignore"):
-            usable = (warp.flags[inner] == 0) & self._usable & (sigma_q > 0.0).all(axis=-1)
-        usable &= np.isfinite(q).all(axis=-1) & np.isfinite(sigma_q).all(axis=-1)
-        q = np.where(usable[..., None], q, np.nan)
+            finite = np.isfinite(q[..., 0] + q[..., 1] + sigma_q[..., 0] + sigma_q[..., 1])
+            usable = finite & (sigma_q[..., 0] > 0.0) & (sigma_q[..., 1] > 0.0)
+        usable &= (warp.flags[inner] == 0) & self._usable
+        planes = np.full((2, *usable.shape), np.nan)
+        np.copyto(planes, np.moveaxis(q, -1, 0), where=usable)
+        q = np.moveaxis(planes, 0, -1)
         bending = jacobian(warp.q, self._grid.spacing_px)[inner]
-        known = np.isfinite(bending).all(axis=(-1, -2), keepdims=True)
-        bending = np.where(known, bending, self._rest_bending)
+        unknown = ~np.isfinite(
+            bending[..., 0, 0] + bending[..., 0, 1] + bending[..., 1, 0] + bending[..., 1, 1]
+        )
+        bending[unknown] = self._rest_bending[unknown]
         flat, at_rest = np.zeros(usable.shape), np.zeros((*usable.shape, 2))
         variance = squared(self._lever.factor(flat, at_rest, bending, sigma_q))
         self._drift.look(warp)
@@ -231,7 +236,8 @@ class SurfaceReader:
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
             geometry = self._depth_share * reading.depth
-            sigma_depth = np.sqrt((self._scale * of_frame) ** 2 + (systematic**2).sum(axis=0) + geometry**2)
+            known = np.einsum("kij,kij->ij", systematic, systematic)
+            sigma_depth = np.sqrt((self._scale * of_frame) ** 2 + known + geometry**2)
             curl = self._drift.test(warp, reading.slope, reading.point, reading.depth, noise)
             typical = fit.sigma_mm * float(np.sqrt(np.mean(self._scale[island] ** 2)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
@@ -255,12 +261,7 @@ class SurfaceReader:
         self, nodes: Mask, depth: Float, slope: Float, point: Float, sigma_depth: Float, variance: Float
     ) -> dict[str, Any]:
         """Arrays of a `Surface` on the full grid, NaN off the `nodes`; variance: (rows, cols, 2) of slope."""
-        full = [
-            self._grid.padded(
-                np.where(nodes if values.ndim == 2 else nodes[..., None], values, np.nan), np.nan
-            )
-            for values in (depth, slope, sigma_depth, np.sqrt(variance))
-        ]
+        full = [self._on(nodes, values) for values in (depth, slope, sigma_depth, np.sqrt(variance))]
         points = self._grid.padded(point[..., :2], np.nan)
         on_mirror: Mask = np.asarray(np.isfinite(points).all(axis=-1))
         points = np.where(on_mirror[..., None], points, self._rest_xy)
@@ -275,6 +276,12 @@ class SurfaceReader:
             "sigma_x_mm": self._sigma_place[0],
             "sigma_y_mm": self._sigma_place[1],
         }
+
+    def _on(self, nodes: Mask, values: Float) -> Float:
+        """Values of the `nodes` on the full grid, NaN elsewhere."""
+        out = np.full((*self._grid.shape, *values.shape[2:]), np.nan)
+        np.copyto(out[self._grid.inner], values, where=nodes if values.ndim == 2 else nodes[..., None])
+        return out
 
     def _with_cut_off(
         self, surface: Surface, reading: Reading, q: Float, usable: Mask, factor: Float

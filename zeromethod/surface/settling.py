@@ -1,7 +1,7 @@
 """Passes that settle a depth: intersect, bisect, integrate, and again, until the surface no longer moves.
 
-Each pass leaves 0.1 % (at rest) to 3 % (0.2 mm deep) of the error before it, so that a reading that starts from
-the last one, moved on as it moved, takes two; one that starts at rest takes up to five.
+Each pass leaves 0.1 % (at rest) to 3 % (0.2 mm deep) of the error before it, so that a reading that starts
+from the last one, moved on as it moved, takes two or three; one that starts at rest takes four or five.
 """
 
 from __future__ import annotations
