@@ -49,8 +49,8 @@ class _Last:
 class SurfaceReader:
     """Reader of the mirror's slope and depth from measured warps.
 
-    Keeps factors, weights and noise samples between frames; they affect speed, and the reading only by the
-    weighting of noise.
+    Keeps factors, weights, noise samples and the last surfaces between frames; they affect speed, and the
+    reading only by the weighting of noise.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class SurfaceReader:
             On the reader's grid.
         previous : Surface, optional
             A surface read shortly before, to start from: saves passes, and changes the result by less than
-            0.1 nm, or than the anchor's sigma where a far field is fitted.
+            0.1 nm. Where its anchor is known to a micrometre only, the reading starts at rest all the same.
 
         Returns
         -------
@@ -172,7 +172,9 @@ class SurfaceReader:
         return self._with_cut_off(surface, reading, q, usable, factor)
 
     def follow(self, warp: Warp) -> Surface:
-        """`read`, starting from the last surface that was read, if there is one.
+        """`read` a warp that comes next: starting from the last surface, if there is one.
+
+        The same warps in the same order give the same surfaces, bit for bit.
 
         Parameters
         ----------
