@@ -84,7 +84,7 @@ def recorded(
                 if on_step is not None:
                     on_step(loop, step)
                 if step.measured is not None:
-                    surface = reader.read(step.measured)
+                    surface = reader.follow(step.measured)
                     deepest = peak(surface)
                     recorder.add_reading(replace(step, surface=surface, peak=deepest, read_ms=0.0))
                     if on_reading is not None:

@@ -21,8 +21,9 @@ from benchmarks.against_peers.methods import DIS_FAST, RESIDUAL
 Figures = dict[str, Any]
 OnStep = Callable[[str], None]
 
-MOST_OF_BOUND, MOST_OF_DIS_FAST, MOST_LOOP_OF_DIS_FAST = 1.1, 0.2, 0.2
-"""The bars: noise and error of the residual over its bound, its time and the loop's over that of DIS fast."""
+MOST_OF_BOUND, MOST_OF_DIS_FAST, MOST_LOOP_OF_DIS_FAST, MOST_READING_OF_DIS_FAST = 1.1, 0.2, 0.2, 0.35
+"""The bars: noise and error of the residual over its bound; its time, the loop's and a reading's over that of
+DIS fast."""
 
 _LIBRARIES = ("zeromethod", "numpy", "scipy", "numba")
 
@@ -77,17 +78,23 @@ def host() -> Figures:
 
 
 def bars(figures: Figures) -> list[Figures]:
-    """Figures with a bar that were measured: what, value, bar, met. The loop's is for the full frame."""
+    """Figures with a bar that were measured: what, value, bar, met. The loop's are for the full frame."""
     residual = figures.get("displacement", {}).get("methods", {}).get(RESIDUAL, {})
     near_null = residual.get("null", {})
+    loop_figures = {} if figures.get("quick") else figures.get("loop", {})
     asked = (
         ("residual: noise over its bound", residual.get("noise_of_bound"), MOST_OF_BOUND),
         ("residual: rms error over its bound", residual.get("error_of_bound"), MOST_OF_BOUND),
         (f"residual: time over that of {DIS_FAST}", near_null.get("of_dis_fast"), MOST_OF_DIS_FAST),
         (
             f"loop, frame in to warp out: time over that of {DIS_FAST}",
-            None if figures.get("quick") else figures.get("loop", {}).get("loop_of_dis_fast"),
+            loop_figures.get("loop_of_dis_fast"),
             MOST_LOOP_OF_DIS_FAST,
+        ),
+        (
+            f"reading, warp to surface and peak: time over that of {DIS_FAST}",
+            loop_figures.get("read_of_dis_fast"),
+            MOST_READING_OF_DIS_FAST,
         ),
     )
     return [

@@ -19,6 +19,7 @@ _LOOP_ROWS = {
     "draw": "drawing the pattern",
     "loop_and_draw": "both",
     "read": "reading the surface",
+    "read_cold": "the same, from rest",
     "dis_fast": "DIS fast, same frames",
 }
 
@@ -124,7 +125,7 @@ def _loop(figures: Figures) -> list[RenderableType]:
     rows = []
     for key, words in _LOOP_ROWS.items():
         ms, rate = figures[key], figures.get(f"{key}_fps", {}).get("median")
-        ratio = figures.get("loop_of_dis_fast") if key == "loop" else None
+        ratio = figures.get(f"{key}_of_dis_fast")
         spread = (_ms(ms[name]) for name in ("median", "p90", "p99"))
         rows.append((words, *spread, _ratio(ratio), "" if rate is None else f"{rate:.0f}"))
     size, drawn_by = _size(figures["frame_px"]), figures["gl_renderer"]

@@ -6,8 +6,7 @@ from surface_bench import Bench, Gauss, Several, Waves, small_rig
 
 from zeromethod.errors import InputError
 from zeromethod.rig.model import RestSurface
-from zeromethod.surface import peak
-from zeromethod.surface import reader as reader_module
+from zeromethod.surface import peak, settling
 from zeromethod.warp.validity import Flag
 
 
@@ -69,7 +68,7 @@ def test_slope_and_position_are_those_of_the_moved_point(full):
 def test_one_pass_is_not_enough(small, monkeypatch):
     dent = Gauss(0.2, small.centre_mm, 0.0, 5.0)
     warp = small.warp(dent)
-    monkeypatch.setattr(reader_module, "_MAX_ITERATIONS", 1)
+    monkeypatch.setattr(settling, "_MAX_ITERATIONS", 1)
     once = np.abs(small.error(small.reader.read(warp), dent)).max()
     monkeypatch.undo()
     settled = np.abs(small.error(small.reader.read(warp), dent)).max()

@@ -103,7 +103,7 @@ def _loop(rig: Rig, advance: Callable[[str], None]) -> tuple[list[Step], list[Re
         for step in loop.run(frames=FRAMES):
             if step.measured is not None:
                 started = time.perf_counter()
-                surface = reader.read(step.measured)
+                surface = reader.follow(step.measured)
                 deepest = peak(surface)
                 read.append((step, surface, deepest, 1e3 * (time.perf_counter() - started)))
             steps.append(step)

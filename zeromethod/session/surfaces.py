@@ -50,7 +50,7 @@ class SurfaceProcess:
         return self._process.pid
 
     def read(self, warp: Warp) -> tuple[Surface, Peak]:
-        """Surface of a measured warp and its peak, as `SurfaceReader.read`, which see.
+        """Surface of a measured warp and its peak, as `SurfaceReader.follow`, which see.
 
         Raises what reading raised; ReadingLost once the process has ended.
         """
@@ -136,7 +136,7 @@ class Surfaces:
                 process.close()
 
     def read(self, warp: Warp) -> tuple[Surface, Peak]:
-        """Surface of a measured warp, and its peak; raises as `SurfaceReader.read`."""
+        """Surface of a measured warp, and its peak; as `SurfaceReader.follow`."""
         process = self._process
         if process is not None:
             try:
@@ -145,7 +145,7 @@ class Surfaces:
                 if self._ended:
                     raise
                 self._give_up(why)
-        surface = self._own.read(warp)
+        surface = self._own.follow(warp)
         return surface, peak(surface)
 
     def notes(self) -> tuple[str, ...]:
@@ -173,7 +173,7 @@ def _serve() -> None:
             answer: object
             try:
                 reader = reader or SurfaceReader(rig, Optics(rig), grid)
-                surface = reader.read(warp)
+                surface = reader.follow(warp)
                 answer = surface, peak(surface)
             except Exception as error:
                 error.add_note(f"In the process that reads surfaces: {traceback.format_exc()}")

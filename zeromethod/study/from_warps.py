@@ -35,7 +35,7 @@ def read_warps(task: Task) -> Figures:
             measured = recording.measured(number)
             if measured is None:
                 continue
-            surface = reader.read(measured)
+            surface = reader.follow(measured)
             found = peak(surface)
             if not np.isfinite(found.depth_mm):
                 continue

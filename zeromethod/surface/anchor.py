@@ -27,7 +27,10 @@ _CORE_SHARE = 0.6
 """Share of the ring's weight that must agree on the constant: a smaller flat top is outvoted."""
 _MIN_NODES = 16
 _NEGLIGIBLE = 0.02
-"""Weights below this share of the largest are set to 0."""
+"""Share of the largest weight that is taken off all, down to 0."""
+
+_WITHIN = 1.5
+"""Lengths of the core's interval outside it at which weights have fallen to 0, from 1 one length before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,10 +141,13 @@ def fit_quiet(
     # a single remaining node has no extent and needs no weight
     lever2 = np.maximum((away * away).sum(axis=-1), floor2 or 1.0)
     weights = first / lever2
-    weights[weights < _NEGLIGIBLE * weights.max()] = 0.0
-    low, high = _shortest_interval(constant[ring], weights[ring])
+    # without steps, so that where a reading started does not decide which nodes count
+    weights = np.maximum(weights - _NEGLIGIBLE * weights.max(), 0.0)
+    heavy = weights > 0.0
+    low, high = _shortest_interval(constant[heavy], weights[heavy])
     reach = high - low
-    weights[(constant < low - reach) | (constant > high + reach)] = 0.0
+    outside = np.maximum(low - constant, constant - high) / (reach or 1.0)
+    weights *= np.clip(_WITHIN - outside, 0.0, 1.0)
     weights /= weights.sum()
     if not _presses(slope, variance, island, correlation):
         return RestFit("quiet", weights, 0.0)

@@ -52,8 +52,8 @@ class BenchDrift:
     def test(self, warp: Warp, slope: Float, point: Float, depth_mm: Float, noise: SlopeNoise) -> Curl:
         """Curl of one converged reading."""
         island = self._integrator.island
-        away = warp.q[self._grid.inner][island] - self._rest[island]
-        shift_px = float(np.sqrt(np.mean(np.sum(away**2, axis=-1))))
+        away = np.where(island[..., None], warp.q[self._grid.inner] - self._rest, 0.0)
+        shift_px = float(np.sqrt(np.vdot(away, away) / np.count_nonzero(island)))
         return self._curl.test(slope, point, depth_mm, noise, shift_px)
 
     def systematic(self, fit: RestFit, read: KnownReading, noise: SlopeNoise) -> tuple[RestFit, Float]:

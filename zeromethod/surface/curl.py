@@ -75,6 +75,11 @@ class _Templates:
     depth: Float
 
 
+def _products(templates: Float, steps: Float) -> Float:
+    """Sum (terms,) of the steps times each template."""
+    return templates.reshape(len(templates), -1) @ steps.ravel()
+
+
 class CurlTest:
     """Templates of the modes on one integrator's lattice, kept while its mask is much the same."""
 
@@ -101,7 +106,7 @@ class CurlTest:
         x, y = point[..., 0], point[..., 1]
         made = self._templates(noise, x, y)
         across, down = self._integrator.left_over(slope, x, y, depth_mm)
-        products = np.einsum("kij,ij->k", made.across, across) + np.einsum("kij,ij->k", made.down, down)
+        products = _products(made.across, across) + _products(made.down, down)
         found = (made.inverse @ products)[:-1]
         covariance = made.covariance * (self._mean_variance(noise) / made.noise)
         model_px = np.hypot(_UNKNOWN_GEOMETRY * shift_px, LEAST_LCD_PX / MOVED_STATISTIC)
@@ -111,7 +116,8 @@ class CurlTest:
         return Curl(float(np.sqrt(chi2)), made.directions @ likely, made.directions)
 
     def _mean_variance(self, noise: SlopeNoise) -> float:
-        return float(np.mean(noise.variance[self._integrator.island]))
+        island = self._integrator.island
+        return float(np.sum(noise.variance, where=island[..., None])) / (2 * np.count_nonzero(island))
 
     def _templates(self, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> _Templates:
         island = self._integrator.island

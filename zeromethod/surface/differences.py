@@ -186,7 +186,8 @@ def depth_differences(slope: Float, x_mm: Float, y_mm: Float, valid: Mask) -> tu
     """
     rows, cols = valid.shape
     across, down = np.empty((rows, cols - 1)), np.empty((cols, rows - 1))
-    fields = slope[..., 0], slope[..., 1], x_mm, y_mm, valid
-    _along_rows(*(np.ascontiguousarray(one) for one in fields), _DERIVATIVE, _INTEGRAL, across)
-    _along_rows(*(np.ascontiguousarray(one.T) for one in fields), _DERIVATIVE, _INTEGRAL, down)
+    fields: tuple[Any, ...] = slope[..., 0], slope[..., 1], x_mm, y_mm, valid
+    for each, out in ((fields, across), ([one.T for one in fields], down)):
+        sx, sy, x, y, known = (np.ascontiguousarray(one) for one in each)
+        _along_rows(sx, sy, x, y, known, _DERIVATIVE, _INTEGRAL, out)
     return across, down.T

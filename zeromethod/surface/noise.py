@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator
+from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, share_changed
 
 _SAMPLES_PER_AXIS = 13
 _SAMPLES_AROUND_HOLES = 48
@@ -19,14 +21,22 @@ _KEEP_SHARE = 0.05
 _KEEP_FACTOR = 2.0
 """Samples are kept while the mask differs on fewer nodes than this share, and as few nodes' noise changed,
 relative to all others', by more than this factor."""
-_SAME_ANCHOR = 0.2
-"""Share of the anchor's weight that may move elsewhere before its noise is computed again."""
+_SAME_ANCHOR = 0.6
+"""Share of the anchor's weight that may move to other blocks before its noise is computed again."""
 _BOXES = (1, 3, 7, 15, 31, 63)
+_BLOCK_SHARE = 0.1
+"""Side of the blocks of which the anchor's weight is compared, relative to the lattice's shorter side."""
 _EVEN = 0.02
 _LEAST_LEFT = 0.02
 
 
-@dataclass(frozen=True, slots=True)
+def squared(factor: Float) -> Float:
+    """Variance (..., 2) by a factor (..., 2, 2) of unit noise."""
+    result: Float = factor[..., 0] ** 2 + factor[..., 1] ** 2
+    return result
+
+
+@dataclass(frozen=True)
 class SlopeNoise:
     """Noise of the slopes of one reading.
 
@@ -38,11 +48,10 @@ class SlopeNoise:
     own: Float
     other: Float
 
-    @property
+    @cached_property
     def variance(self) -> Float:
         """(rows, cols, 2) rad^2."""
-        result: Float = (self.factor**2).sum(axis=-1)
-        return result
+        return squared(self.factor)
 
     def covariance(self, weights: Float) -> Float:
         """Covariance (..., rows, cols, 2) of each slope with sum(weights * slope), weights of that shape."""
@@ -98,25 +107,22 @@ class DepthNoise:
         noise: the reading's, at points x_mm, y_mm (rows, cols). NaN off the integrator's island.
         """
         island = self._integrator.island
-        power = np.where(island, (noise.factor**2).sum(axis=(-1, -2)), 0.0)
+        power = np.where(island, noise.variance[..., 0] + noise.variance[..., 1], 0.0)
         if self._noise is None or self._is_stale(power, island):
             self._sample(noise, x_mm, y_mm, weights, power)
-        elif np.abs(weights - self._anchor).sum() > _SAME_ANCHOR:
+        elif np.abs(_blocks(weights) - _blocks(self._anchor)).sum() > _SAME_ANCHOR:
             self._move_anchor(x_mm, y_mm, weights)
         grown = self._grown(power, island)
         return np.where(island, np.sqrt(grown * self._variance), np.nan)
 
     def _is_stale(self, power: Float, island: Mask) -> bool:
-        both = island & self._mask
-        count = np.count_nonzero(island | self._mask)
         if self._weightings != self._integrator.weightings:
             return True
-        if np.count_nonzero(both) < (1.0 - _KEEP_SHARE) * count or not both.any():
+        both = np.count_nonzero(island & self._mask)
+        if both < (1.0 - _KEEP_SHARE) * np.count_nonzero(island | self._mask) or not both:
             return True
-        ratio = power[both] / self._power[both]
-        ratio = ratio / np.median(ratio)
-        off = (ratio > _KEEP_FACTOR**2) | (ratio < _KEEP_FACTOR**-2)
-        return bool(np.mean(off) > _KEEP_SHARE)
+        changed = share_changed(power[..., None], self._power[..., None], island, _KEEP_FACTOR**2)
+        return changed > _KEEP_SHARE
 
     def _sample(self, noise: SlopeNoise, x_mm: Float, y_mm: Float, weights: Float, power: Float) -> None:
         island = self._integrator.island.copy()
@@ -155,17 +161,49 @@ class DepthNoise:
         """How the variance of depth has grown since the samples, (rows, cols) or the same everywhere."""
         both = island & self._mask
         ratio = np.where(both, power, 0.0) / np.where(both, self._power, 1.0)
-        middle = float(np.median(ratio[both]))
-        if float(np.mean(np.abs(ratio[both] - middle))) < _EVEN * middle:
-            return float(np.mean(ratio[both]))
-        known = both.astype(np.float64)
-        total, boxes = np.zeros(ratio.shape), [n for n in _BOXES if n <= max(ratio.shape)]
-        for size in boxes:
-            share = ndimage.uniform_filter(known, size, mode="constant")
-            mean = ndimage.uniform_filter(ratio, size, mode="constant")
-            total += np.where(share > 1e-9, mean / np.maximum(share, 1e-9), middle) / len(boxes)
+        middle = float(ratio.sum()) / np.count_nonzero(both)
+        if float(np.abs(ratio - middle * both).sum()) < _EVEN * middle * np.count_nonzero(both):
+            return middle
+        boxes = np.array([n for n in _BOXES if n <= max(ratio.shape)])
+        total = np.zeros(ratio.shape)
+        _add_box_means(_summed(ratio), _summed(both.astype(np.float64)), boxes, middle, total)
         at_anchor = float((self._anchor * total).sum() / max(float(self._anchor.sum()), 1e-30))
         return 0.5 * (total + at_anchor)
+
+
+def _blocks(weights: Float) -> Float:
+    """Sums over blocks: noise of depth is alike within one."""
+    size = max(1, round(_BLOCK_SHARE * min(weights.shape)))
+    rows, cols = (np.arange(0, count, size) for count in weights.shape)
+    return np.add.reduceat(np.add.reduceat(weights, rows, axis=0), cols, axis=1)
+
+
+@numba.njit(cache=True)
+def _summed(values: Float) -> Float:
+    """Sums (rows + 1, cols + 1) over all that lies above and to the left."""
+    rows, cols = values.shape
+    out = np.zeros((rows + 1, cols + 1))
+    for i in range(rows):
+        line = 0.0
+        for j in range(cols):
+            line += values[i, j]
+            out[i + 1, j + 1] = out[i, j + 1] + line
+    return out
+
+
+@numba.njit(cache=True)
+def _add_box_means(values: Float, known: Float, boxes: NDArray[np.intp], other: float, out: Float) -> None:
+    """Add the mean of the means over boxes around each node; `other` where a box has no known node."""
+    rows, cols = out.shape
+    for size in boxes:
+        half = size // 2
+        for i in range(rows):
+            top, bottom = max(i - half, 0), min(i + half + 1, rows)
+            for j in range(cols):
+                left, right = max(j - half, 0), min(j + half + 1, cols)
+                count = known[bottom, right] - known[top, right] - known[bottom, left] + known[top, left]
+                total = values[bottom, right] - values[top, right] - values[bottom, left] + values[top, left]
+                out[i, j] += (total / count if count > 0.5 else other) / len(boxes)
 
 
 def sampled_variance(

@@ -119,14 +119,8 @@ def _deepest(surface: Surface) -> tuple[Peak, Mask]:
     """Peak of the valid nodes alone, and the window (rows, cols) of its fit."""
     depth = np.where(surface.valid, surface.depth_mm, np.nan)
     row, col = (int(k) for k in np.unravel_index(int(np.nanargmax(np.abs(depth))), depth.shape))
-    at_node = Peak(
-        float(depth[row, col]),
-        float(surface.x_mm[row, col]),
-        float(surface.y_mm[row, col]),
-        math.hypot(float(surface.sigma_depth_mm[row, col]), border_sigma_mm(surface, row, col)),
-        0.0,
-        *place_sigma_mm(surface, row, col),
-    )
+    node = row, col
+    sigma_mm = math.hypot(float(surface.sigma_depth_mm[node]), border_sigma_mm(surface, row, col))
     window = np.zeros(depth.shape, bool)
     summit = _summit(surface, row, col)
     for _ in range(_MOVES - 1):
@@ -135,11 +129,12 @@ def _deepest(surface: Surface) -> tuple[Peak, Mask]:
         row, col = row + round(float(summit.offset[1])), col + round(float(summit.offset[0]))
         summit = _summit(surface, row, col)
     if summit is None:
-        return at_node, window
+        depth_mm, x_mm, y_mm = (float(field[node]) for field in (depth, surface.x_mm, surface.y_mm))
+        return Peak(depth_mm, x_mm, y_mm, sigma_mm, 0.0, *place_sigma_mm(surface, *node)), window
     reach = summit.reach
     window[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1] = True
     depth_mm, x_mm, y_mm = (float(part) for part in summit.value)
-    sigma_mm = math.hypot(at_node.sigma_mm, summit.model_mm)
+    sigma_mm = math.hypot(sigma_mm, summit.model_mm)
     return Peak(depth_mm, x_mm, y_mm, sigma_mm, 0.0, *place_sigma_mm(surface, row, col)), window
 
 
@@ -176,12 +171,8 @@ def _summit(surface: Surface, row: int, col: int) -> _Summit | None:
         coefficients, powers = finer
     else:
         reach = _REACH
-    offset = _stationary(
-        lambda at, *order: float((_terms(at[:1], at[1:], powers, *order) @ coefficients[:, 0])[0]),
-        np.zeros(2),
-        reach,
-        1e-9,
-    )
+    of_depth = dict(zip(powers, coefficients[:, 0].tolist(), strict=True))
+    offset = _stationary(lambda at, *order: _polynomial(of_depth, at, *order), np.zeros(2), reach, 1e-9)
     if offset is None:
         return None
     value = np.asarray((_terms(offset[:1], offset[1:], powers) @ coefficients)[0], dtype=np.float64)
@@ -245,13 +236,20 @@ def _fit(
     return np.asarray(solution, dtype=np.float64), powers
 
 
-def _terms(a: Float, b: Float, powers: list[tuple[int, int]], da: int = 0, db: int = 0) -> Float:
-    """Columns a^i b^j, differentiated da times by a and db times by b."""
-    columns = []
-    for i, j in powers:
-        factor = float(np.prod(np.arange(i - da + 1, i + 1)) * np.prod(np.arange(j - db + 1, j + 1)))
-        columns.append(factor * a ** max(i - da, 0) * b ** max(j - db, 0))
-    return np.stack(columns, axis=-1)
+def _polynomial(coefficients: dict[tuple[int, int], float], at: Float, da: int, db: int) -> float:
+    """Sum of c a^i b^j at (a, b), differentiated da times by a and db times by b."""
+    a, b = float(at[0]), float(at[1])
+    terms = (
+        c * math.perm(i, da) * math.perm(j, db) * a ** (i - da) * b ** (j - db)
+        for (i, j), c in coefficients.items()
+        if i >= da and j >= db
+    )
+    return float(sum(terms))
+
+
+def _terms(a: Float, b: Float, powers: list[tuple[int, int]]) -> Float:
+    """Columns a^i b^j."""
+    return np.stack([a**i * b**j for i, j in powers], axis=-1)
 
 
 def _stationary(

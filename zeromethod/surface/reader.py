@@ -11,16 +11,17 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
-from zeromethod.surface.anchor import KnownReading, RestFit, fit_known, fit_quiet, known_nodes
+from zeromethod.surface.anchor import KnownReading, RestFit
+from zeromethod.surface.anchoring import Anchors, certain
 from zeromethod.surface.bench_drift import BenchDrift
 from zeromethod.surface.bridge import Lattice, bridge, cut_off_parts
 from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
-from zeromethod.surface.far_field import fit_far_field
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
 from zeromethod.surface.lever import Lever
-from zeromethod.surface.noise import DepthNoise, SlopeNoise
+from zeromethod.surface.noise import DepthNoise, SlopeNoise, squared
 from zeromethod.surface.rays import MirrorRays
+from zeromethod.surface.settling import Reading, Settling, Start
 from zeromethod.surface.surface import Anchor, Surface, continued_points
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import jacobian
@@ -28,26 +29,10 @@ from zeromethod.warp.overlap import component_correlation, overlap_correlation
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
-_MAX_ITERATIONS = 14
-_SETTLED_MM = 1e-7
-_ANCHOR_ITERATIONS = 3
-_ANCHOR_MOVED_MM = 1e-3
-"""The anchor's nodes are chosen again this often at most, and only after depth changed by more than this;
-then they are kept, so that the passes converge."""
-_NEARLY_MM = 1e-5
-"""Change of depth below which the far field is fitted."""
-_MOST_FITS = 3
-
-
-@dataclass(slots=True)
-class _Reading:
-    """Depth (rows, cols) in mm, 0 off the island, with its slope and points."""
-
-    depth: Float
-    slope: Float
-    point: Float
-    fit: RestFit | None
-    iterations: int
+_MOVES = 4.0
+"""Mean square of a step between surfaces, over that by noise, from which the mirror counts as moving."""
+_MOST_AHEAD = 3
+"""Steps like the last one by which a motion is continued at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +49,8 @@ class _Last:
 class SurfaceReader:
     """Reader of the mirror's slope and depth from measured warps.
 
-    Keeps factors, weights and noise samples between frames; they affect speed, and the reading only by the
-    weighting of noise.
+    Keeps factors, weights, noise samples and the last surfaces between frames; they affect speed, and the
+    reading only by the weighting of noise.
 
     Parameters
     ----------
@@ -95,7 +80,6 @@ class SurfaceReader:
 
     def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid) -> None:
         self._grid = grid
-        self._known_rest = rig.surface.known_rest
         u, v = grid.mesh()
         u, v = u[grid.inner], v[grid.inner]
         self._rays = MirrorRays(optics, u, v)
@@ -121,13 +105,16 @@ class SurfaceReader:
         self._lever = Lever(self._rays, sensitivity)
         self._scale, self._scale_gradient = depth_scale(self._rays, regular, slope, point)
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
-        self._correlation = overlap_correlation(grid.period_px, grid.spacing_px)
+        correlation = overlap_correlation(grid.period_px, grid.spacing_px)
+        anchors = Anchors(rig.surface.known_rest, self._scale, self._scale_gradient, correlation)
+        self._settling = Settling(self._rays, self._integrator, anchors)
         self._overlap = component_correlation(grid.period_px, grid.spacing_px, rig.target.kind)
         self._noise = DepthNoise(self._integrator)
         self._drift = BenchDrift(
             rig, optics, grid, self._rays.rest_q, regular, sensitivity, self._integrator, self._scale_gradient
         )
         self._last: _Last | None = None
+        self._before: Surface | None = None
 
     @property
     def scale(self) -> Float:
@@ -147,7 +134,7 @@ class SurfaceReader:
             On the reader's grid.
         previous : Surface, optional
             A surface read shortly before, to start from: saves passes, and changes the result by less than
-            0.1 nm, or than the anchor's sigma where a far field is fitted.
+            0.1 nm. Where its anchor is known to a micrometre only, the reading starts at rest all the same.
 
         Returns
         -------
@@ -164,21 +151,47 @@ class SurfaceReader:
         inner = self._grid.inner
         sigma_q, q = warp.sigma[inner], warp.q[inner]
         with np.errstate(invalid="ignore"):
-            usable = (warp.flags[inner] == 0) & self._usable & (sigma_q > 0.0).all(axis=-1)
-        usable &= np.isfinite(q).all(axis=-1) & np.isfinite(sigma_q).all(axis=-1)
-        q = np.where(usable[..., None], q, np.nan)
+            finite = np.isfinite(q[..., 0] + q[..., 1] + sigma_q[..., 0] + sigma_q[..., 1])
+            usable = finite & (sigma_q[..., 0] > 0.0) & (sigma_q[..., 1] > 0.0)
+        usable &= (warp.flags[inner] == 0) & self._usable
+        planes = np.full((2, *usable.shape), np.nan)
+        np.copyto(planes, np.moveaxis(q, -1, 0), where=usable)
+        q = np.moveaxis(planes, 0, -1)
         bending = jacobian(warp.q, self._grid.spacing_px)[inner]
-        known = np.isfinite(bending).all(axis=(-1, -2), keepdims=True)
-        bending = np.where(known, bending, self._rest_bending)
+        unknown = ~np.isfinite(
+            bending[..., 0, 0] + bending[..., 0, 1] + bending[..., 1, 0] + bending[..., 1, 1]
+        )
+        bending[unknown] = self._rest_bending[unknown]
         flat, at_rest = np.zeros(usable.shape), np.zeros((*usable.shape, 2))
-        variance = (self._lever.factor(flat, at_rest, bending, sigma_q) ** 2).sum(axis=-1)
-        start = flat if previous is None else np.nan_to_num(previous.depth_mm[inner])
-        far_field_mm = 0.0 if previous is None else previous.anchor.far_field_mm
+        variance = squared(self._lever.factor(flat, at_rest, bending, sigma_q))
         self._drift.look(warp)
-        reading = self._settle(q, variance, usable, start, far_field_mm)
+        start = None if previous is None else self._start(warp.time_ns, previous)
+        reading = self._settling.settle(q, variance, usable, start)
         factor = self._lever.factor(reading.depth, reading.slope, bending, sigma_q)
         surface = self._surface(warp, reading, SlopeNoise(factor, *self._overlap))
         return self._with_cut_off(surface, reading, q, usable, factor)
+
+    def follow(self, warp: Warp) -> Surface:
+        """`read` a warp that comes next: starting from the last surface, if there is one.
+
+        The same warps in the same order give the same surfaces, bit for bit.
+
+        Parameters
+        ----------
+        warp : Warp
+            On the reader's grid.
+
+        Returns
+        -------
+        Surface
+            As `read`.
+
+        Raises
+        ------
+        InputError
+            For a warp of another shape.
+        """
+        return self.read(warp, None if self._last is None else self._last.surface)
 
     def covariance(self, surface: Surface) -> DepthCovariance:
         """Full covariance of the depths of the last surface read; it stays valid after further readings.
@@ -196,70 +209,25 @@ class SurfaceReader:
             self._grid, last.linear, last.noise, self._scale, last.fit.weights, last.systematic, modes
         )
 
-    def _settle(self, q: Float, variance: Float, usable: Mask, depth: Float, far_field_mm: float) -> _Reading:
-        integrator, scale = self._integrator, self._scale
-        slope, point = np.full((*usable.shape, 2), np.nan), self._rest_point
-        island = integrator.prepare(usable, variance)
-        fit: RestFit | None = None
-        moved, fits, bound_mm = np.inf, 0, 0.0
-        for iteration in range(1, _MAX_ITERATIONS + 1):
-            slope, point = self._rays.slope(depth, q)
-            readable = island & np.isfinite(slope).all(axis=-1)
-            if np.count_nonzero(readable) != np.count_nonzero(island):
-                island = integrator.prepare(readable, variance)
-            if not island.any():
-                return _Reading(np.zeros_like(depth), slope, point, None, iteration)
-            depth = np.where(island, depth, 0.0)
-            new = depth + scale * integrator.integrate(slope, point[..., 0], point[..., 1], depth)
-            if fit is None or (moved > _ANCHOR_MOVED_MM and iteration <= _ANCHOR_ITERATIONS):
-                fit = self._fit(slope, variance, new, point, island)
-                fit = replace(fit, far_field_mm=far_field_mm if fit.hidden_mm > 0.0 else 0.0)
-            new -= scale * (float((fit.weights * new / scale).sum()) - fit.far_field_mm)
-            new = np.where(island, new, 0.0)
-            moved = float(np.max(np.abs(new - depth)))
-            depth = new
-            if fits < _MOST_FITS and moved < _NEARLY_MM:
-                before, bound_mm = fit.far_field_mm, bound_mm if fits else fit.sigma_mm
-                fit = self._with_far_field(fit, slope, variance, depth, point, island, bound_mm)
-                step = fit.far_field_mm - before
-                depth = np.where(island, depth + scale * step, 0.0)
-                moved = max(moved, abs(step))
-                fits = fits + 1 if abs(step) > fit.sigma_mm else _MOST_FITS
-            if moved < _SETTLED_MM:
-                break
-        return _Reading(depth, slope, point, fit, iteration)
+    def _start(self, time_ns: int, previous: Surface) -> Start | None:
+        """The previous depth, moved on as before where the mirror moved by more than its noise.
 
-    def _fit(self, slope: Float, variance: Float, depth: Float, point: Float, island: Mask) -> RestFit:
-        x, y = point[..., 0], point[..., 1]
-        known = known_nodes(self._known_rest, x, y) & island
-        if known.any():
-            return fit_known(known, self._scale)
-        return fit_quiet(slope, variance, depth, self._scale, x, y, island, self._correlation)
-
-    def _with_far_field(
-        self,
-        fit: RestFit,
-        slope: Float,
-        variance: Float,
-        depth: Float,
-        point: Float,
-        island: Mask,
-        bound_mm: float,
-    ) -> RestFit:
-        """The same nodes, with their depth by the far field.
-
-        Repeated after it was applied: a far field of 0.1 mm moves the mirror enough for an error of 1 %.
+        Only a surface that is the last one read is known to have moved.
         """
-        if fit.hidden_mm == 0.0:
-            return fit
-        x, y = point[..., 0], point[..., 1]
-        # windows overlap equally on both axes
-        overlap = (2.0 * float(self._correlation.sum()) - 1.0) ** 2
-        fields = (slope, variance, depth, self._scale, self._scale_gradient, x, y)
-        found = fit_far_field(*fields, island, fit.weights, bound_mm, fit.hidden_mm, overlap)
-        return replace(fit, far_field_mm=fit.far_field_mm - found.constant_mm, sigma_mm=found.sigma_mm)
+        if not certain(previous.anchor.sigma_mm, previous.anchor.far_field_mm):
+            return None
+        inner = self._grid.inner
+        depth, nodes = previous.depth_mm[inner], previous.anchor.mask[inner]
+        before = self._before
+        if self._last is not None and self._last.surface is previous and before is not None:
+            step = depth - before.depth_mm[inner]
+            noise2 = 2.0 * np.nanmean(previous.sigma_depth_mm[inner] ** 2)
+            apart_ns, ahead_ns = previous.time_ns - before.time_ns, time_ns - previous.time_ns
+            if 0 < ahead_ns <= _MOST_AHEAD * apart_ns and np.nanmean(step**2) > _MOVES * noise2:
+                depth = depth + np.nan_to_num(step) * (ahead_ns / apart_ns)
+        return Start(depth, nodes)
 
-    def _surface(self, warp: Warp, reading: _Reading, noise: SlopeNoise) -> Surface:
+    def _surface(self, warp: Warp, reading: Reading, noise: SlopeNoise) -> Surface:
         island = self._integrator.island
         sigma_depth = np.full(island.shape, np.nan)
         anchor = Anchor("none", np.zeros(self._grid.shape, bool), 0.0)
@@ -270,7 +238,8 @@ class SurfaceReader:
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
             geometry = self._depth_share * reading.depth
-            sigma_depth = np.sqrt((self._scale * of_frame) ** 2 + (systematic**2).sum(axis=0) + geometry**2)
+            known = np.einsum("kij,kij->ij", systematic, systematic)
+            sigma_depth = np.sqrt((self._scale * of_frame) ** 2 + known + geometry**2)
             curl = self._drift.test(warp, reading.slope, reading.point, reading.depth, noise)
             typical = fit.sigma_mm * float(np.sqrt(np.mean(self._scale[island] ** 2)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
@@ -284,6 +253,7 @@ class SurfaceReader:
             iterations=reading.iterations,
             curl=curl,
         )
+        self._before = None if self._last is None else self._last.surface
         self._last = None
         if fit is not None:
             self._last = _Last(surface, self._integrator.linear(x, y), noise, fit, systematic)
@@ -293,12 +263,7 @@ class SurfaceReader:
         self, nodes: Mask, depth: Float, slope: Float, point: Float, sigma_depth: Float, variance: Float
     ) -> dict[str, Any]:
         """Arrays of a `Surface` on the full grid, NaN off the `nodes`; variance: (rows, cols, 2) of slope."""
-        full = [
-            self._grid.padded(
-                np.where(nodes if values.ndim == 2 else nodes[..., None], values, np.nan), np.nan
-            )
-            for values in (depth, slope, sigma_depth, np.sqrt(variance))
-        ]
+        full = [self._on(nodes, values) for values in (depth, slope, sigma_depth, np.sqrt(variance))]
         points = self._grid.padded(point[..., :2], np.nan)
         on_mirror: Mask = np.asarray(np.isfinite(points).all(axis=-1))
         points = np.where(on_mirror[..., None], points, self._rest_xy)
@@ -314,13 +279,19 @@ class SurfaceReader:
             "sigma_y_mm": self._sigma_place[1],
         }
 
+    def _on(self, nodes: Mask, values: Float) -> Float:
+        """Values of the `nodes` on the full grid, NaN elsewhere."""
+        out = np.full((*self._grid.shape, *values.shape[2:]), np.nan)
+        np.copyto(out[self._grid.inner], values, where=nodes if values.ndim == 2 else nodes[..., None])
+        return out
+
     def _with_cut_off(
-        self, surface: Surface, reading: _Reading, q: Float, usable: Mask, factor: Float
+        self, surface: Surface, reading: Reading, q: Float, usable: Mask, factor: Float
     ) -> Surface:
         """The surface with the nodes tied to it over gaps; the same one where there are none."""
         island = self._integrator.island
         others = cut_off_parts(usable, island) if island.any() else []
-        variance = (factor**2).sum(axis=-1)
+        variance = squared(factor)
         read = Lattice(reading.depth, reading.slope, reading.point)
         found = bridge(self._rays, q, variance, self._scale, island, others, read) if others else None
         if found is None:

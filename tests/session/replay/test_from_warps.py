@@ -58,7 +58,7 @@ def test_other_surface_settings_read_as_a_reader_with_them_does(recording) -> No
     assert len(again.different) == again.steps
     reader = SurfaceReader(rig, Optics(rig), recording.grid)
     steps = recording.peaks["step"][: again.steps].tolist()
-    expected = [peak(reader.read(recording.measured(step))).depth_mm for step in steps]
+    expected = [peak(reader.follow(recording.measured(step))).depth_mm for step in steps]
     assert again.replayed_mm == expected
 
 

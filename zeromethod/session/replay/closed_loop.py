@@ -134,7 +134,7 @@ def _read(reader: SurfaceReader, step: Step) -> Step:
     assert measured is not None
 
     def read() -> tuple[Surface, Peak]:
-        surface = reader.read(measured)
+        surface = reader.follow(measured)
         return surface, peak(surface)
 
     surface, deepest, read_ms = timed(read)

@@ -25,8 +25,9 @@ _DISPLAY = ("columns", "rows", "pitch_mm", "centre_mm", "turn_deg", "mirrored", 
 class Reader:
     """Reads warps as the session did, in the same order.
 
-    A reader's weights depend on earlier warps: only the same warps in the same order, from the first on, give
-    the same readings. In real time the session begins with a warm-up warp.
+    A reading starts from the one before, and its weights depend on all earlier warps: only the same warps
+    in the same order, from the first on, give the same readings. In real time the session begins with a
+    warm-up warp.
     """
 
     def __init__(self, recording: Recording, rig: Rig, grid: NodeGrid) -> None:
@@ -37,7 +38,7 @@ class Reader:
 
     def read(self, warp: Warp) -> tuple[Surface, Peak]:
         """Surface and its deepest point."""
-        surface = self._reader.read(warp)
+        surface = self._reader.follow(warp)
         return surface, peak(surface)
 
 

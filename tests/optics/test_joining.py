@@ -1,0 +1,44 @@
+"""The compiled rays against the model in numpy."""
+
+import numpy as np
+import pytest
+
+from zeromethod.optics import Optics
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Layer
+
+STACKS = {
+    "rubber alone": (),
+    "air gap": (Layer(index=1.0, thickness_mm=0.5),),
+    "glass, air": (Layer(index=1.52, thickness_mm=1.1), Layer(index=1.0, thickness_mm=0.3)),
+    "glass, oil, glass": (
+        Layer(index=1.52, thickness_mm=1.1),
+        Layer(index=1.47, thickness_mm=0.2),
+        Layer(index=1.62, thickness_mm=0.7),
+    ),
+}
+
+
+@pytest.mark.parametrize("layers", STACKS.values(), ids=STACKS)
+def test_slopes_are_those_of_the_model(layers):
+    rig = load_rig("simulated")
+    tilted = rig.display.model_copy(update={"tilt_deg": (0.4, -0.3), "turn_deg": 2.0})
+    optics = Optics(rig.model_copy(update={"pattern_layers": layers, "display": tilted}))
+    generator = np.random.default_rng(0)
+    count = 1000  # whole blocks and a part of one
+    x, y = generator.uniform(5.0, 70.0, count), generator.uniform(-15.0, 15.0, count)
+    point = np.stack([x, y, generator.uniform(-0.3, 0.1, count)], axis=-1)
+    # beyond the LCD too, where rays graze the faces; points above the pattern face and unknown ones
+    q = generator.uniform(-2000.0, 4000.0, (count, 2))
+    point[::50, 0] = -5.0
+    q[1::50] = np.nan
+    incoming = np.stack([np.full(count, -0.5), np.zeros(count), np.full(count, np.sqrt(0.75))], axis=-1)
+    normal = optics.normal_between(incoming, optics.rubber_direction_to_lcd(point, q))
+    expected = normal[:, :2] / normal[:, 2:]
+    slope = np.zeros((2, count))
+    optics.joining.add_slope(*(np.ascontiguousarray(one.T) for one in (incoming, point, q)), slope)
+    assert np.isnan(expected).any()
+    assert np.isfinite(expected).any()
+    np.testing.assert_array_equal(np.isnan(slope.T), np.isnan(expected))
+    # rounding, amplified where incoming and outgoing rays are nearly one
+    np.testing.assert_allclose(slope.T, expected, rtol=1e-9, atol=1e-13)
