@@ -35,7 +35,7 @@ from zeromethod.simulation.panel import Presentation, SimulatedPanel
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
-from zeromethod.surface import DepthCovariance, SurfaceReader
+from zeromethod.surface import DepthCovariance, Surface, SurfaceReader
 from zeromethod.surface.comparison import usable_nodes
 from zeromethod.view.progress import progress
 from zeromethod.warp.grid import NodeGrid
@@ -194,6 +194,14 @@ class Bench:
         assert (len(shown.entries) == 2) == case.two_pictures
         return np.float32(case.exposure) * light, shown
 
+    def _of_noise(self, surface: Surface) -> Float:
+        """Sigma of depth (rows, cols), mm, less the anchor's, which is the same in every draw."""
+        inner = self.rest.grid.inner
+        scale = np.where(surface.valid[inner], self.reader.scale, np.nan)
+        anchor_mm = np.full(surface.depth_mm.shape, np.nan)
+        anchor_mm[inner] = surface.anchor.sigma_mm * scale / np.sqrt(np.nanmean(scale**2))
+        return np.asarray(np.sqrt(surface.sigma_depth_mm**2 - anchor_mm**2), np.float64)
+
     def draws(self, case: Case, count: int = DRAWS) -> Draws:
         """Draw the noise `count` times."""
         noise = {"read_grey": case.read_grey, "electrons_per_grey": case.electrons_per_grey}
@@ -220,7 +228,7 @@ class Bench:
             if number % COVARIANCE_EVERY == 0:
                 covariances.append(self.reader.covariance(surface))
             good = (measured.valid & surface.valid)[inner][..., None]
-            depth = (surface.depth_mm[..., None], surface.sigma_depth_mm[..., None])
+            depth = (surface.depth_mm[..., None], self._of_noise(surface)[..., None])
             pairs = (
                 (residual.d, residual.sigma),
                 (measured.q, measured.sigma),
