@@ -222,10 +222,8 @@ def _products(
         flattened += weighed2 * square
         flattened2 += weighed2 * square * square
         depth2[i], mixed[i] = weight * depth * depth, weight * depth * radial
-    among, across = (
-        _moments(depth2, nodes.x, nodes.y, x_mm, y_mm),
-        _moments(mixed, nodes.x, nodes.y, x_mm, y_mm),
-    )
+    among = _moments(depth2, nodes.x, nodes.y, x_mm, y_mm)
+    across = _moments(mixed, nodes.x, nodes.y, x_mm, y_mm)
     gram = np.empty((8, 8))
     gram[6, 6], gram[6, 7], gram[7, 6], gram[7, 7] = flattened2, flattened, flattened, radial2
     for i, (a, b) in enumerate(_POWERS):
