@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from zeromethod.surface.far_field import centres, fit_far_field
+from zeromethod.surface.far_field import fit_far_field
+from zeromethod.surface.far_field_laws import Nodes, centre
 
 X, Y = np.meshgrid(np.linspace(20.0, 64.0, 80), np.linspace(-18.0, 18.0, 66))
 H = (X + 20.0) / 62.0
@@ -101,15 +102,19 @@ def test_few_nodes_leave_it_at_the_bound():
     assert (found.constant_mm, found.sigma_mm) == (0.0, 2.0 * BOUND_MM)
 
 
+def centre_of(slope, cut=np.s_[:, :]):
+    """The point the lines of a dent of slope (rows, cols, 2) meet in, by the nodes of a cut of the view."""
+    x, y, sx, sy = (one[cut].ravel() for one in (X, Y, slope[..., 0], slope[..., 1]))
+    none, one = np.zeros(x.size), np.ones(x.size)
+    return centre(Nodes(sx, sy, none, none, none, none, one, one, x, y), 0.0, 0.0)
+
+
 @pytest.mark.parametrize("cut", [np.s_[:, :], np.s_[:, 40:], np.s_[30:, :]])
 def test_the_centre_is_found_from_any_part_of_the_dent(cut):
     _, slope = field(0.0, 0.03)
-    parts = [one[cut].ravel() for one in (X, Y)]
-    (centre,) = centres(slope[cut].reshape(1, -1, 2), *parts, np.ones((1, parts[0].size), bool))
     # exact lines: rounding only, but for the flattened 1 mm in the middle, whose lines agree
-    np.testing.assert_allclose(centre, AT, atol=1e-6)
+    np.testing.assert_allclose(centre_of(slope, cut), AT, atol=1e-6)
 
 
 def test_parallel_lines_have_no_centre():
-    slope, parts = np.ones((1, X.size, 2)) * (1.0, 0.0), (X.ravel(), Y.ravel())
-    assert np.isnan(centres(slope, *parts, np.ones((1, X.size), bool))).all()
+    assert np.isnan(centre_of(np.ones((*X.shape, 2)) * (1.0, 0.0))).all()
