@@ -29,8 +29,6 @@ _X, _Y, _Z, _SHIFT, _FIRST, _LAST, _W, _VALUE, _GAIN, _STEP = (_BLOCK * k for k 
 _ROWS = 10
 
 
-
-
 @numba.njit(cache=True, error_model="numpy")
 def _slopes(
     direction: Float,

@@ -96,6 +96,8 @@ def correlate(
     within = (u <= a.shape[1] - 1) & (v <= a.shape[0] - 1)
     found = doubts(field, sigma, np.where(known, step, np.inf), comparison.shown & within, good, spacing_px)
     sigma *= _misfit(sums, fitted - before, noise, spacing_px)[..., None]
+    # Where a window's choice changes from round to round, the field does so by this much.
+    sigma = np.where(unsettled(sigma, step)[..., None], np.hypot(sigma, step[..., None]), sigma)
     texture = sums[..., XX] + sums[..., YY] - 2.0 * of_noise
     close = ends(texture, comparison.shown & within, spacing_px)
     sigma = np.hypot(sigma, at_ends(field, close, spacing_px)[..., None])

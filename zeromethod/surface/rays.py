@@ -58,5 +58,7 @@ class MirrorRays:
         point = self._points(depth_mm)
         slope = np.stack(self._rest.gradient(point[0], point[1]))
         looked_at = np.ascontiguousarray(np.moveaxis(q, -1, 0))
-        self._joining.add_slope(*(one.reshape(len(one), -1) for one in (self._direction, point, looked_at, slope)))
+        self._joining.add_slope(
+            *(one.reshape(len(one), -1) for one in (self._direction, point, looked_at, slope))
+        )
         return np.moveaxis(slope, 0, -1), np.moveaxis(point, 0, -1)
