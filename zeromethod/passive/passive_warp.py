@@ -21,9 +21,9 @@ _ROUND_IT = 0.8
 
 
 def _readable(displacement: Displacement) -> Mask:
-    """Points (rows, cols) to interpolate between: those valid, and single ones among them that only are less sure.
+    """Points (rows, cols) to interpolate between: those valid, and single ones among them that are less sure.
 
-    Without those, each would take a dozen nodes away; what is not sure of them is in their sigma.
+    Without these, each would take a dozen nodes away. What is not sure of them is in their sigma.
     """
     found = displacement.doubts & ~np.uint8(Doubt.TEXTURE | Doubt.UNSETTLED)
     around = cv2.blur(displacement.valid.astype(np.float64), (5, 5), borderType=cv2.BORDER_CONSTANT)
