@@ -22,6 +22,8 @@ _REACH_PER_SIGMA = 0.35
 """Largest half width of the window over the dent's width; narrower dents than `_REACH` allows are splined."""
 _QUARTIC_BIAS = 0.005
 """Bias of a quartic's summit, relative, over the sixth power of half width over width."""
+_HOLED = 3.0
+"""How many times as large it is where a hole takes up to a fifth of the window's nodes."""
 _QUADRATIC_BIAS = 0.12
 """The same of a quadratic, over the fourth power, rms: Gaussians 1.5 to 8 nodes wide, 6 to 12 of 25 gone."""
 _SPLINE = 8
@@ -193,6 +195,9 @@ def _summit(surface: Surface, row: int, col: int) -> _Summit | None:
             return splined
     steep = reach * reach * curvature
     bias = _QUADRATIC_BIAS * steep**2 if finer is None else _QUARTIC_BIAS * steep**3
+    part = slice(max(row - reach, 0), row + reach + 1), slice(max(col - reach, 0), col + reach + 1)
+    if finer is not None and not surface.valid[part].all():
+        bias *= _HOLED
     return _Summit(offset, value, reach, bias * abs(float(value[0])))
 
 
