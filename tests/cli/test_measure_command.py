@@ -119,7 +119,8 @@ def test_depth_by_a_rig_that_was_not_calibrated_is_relative(
     code, out, err = run("measure", *images, *options)
     assert code == 1
     assert "relative" in out
-    assert err.startswith(f"! {rig}: not calibrated: depth is relative")
+    # On a new machine, what is compiled is said before.
+    assert f"! {rig}: not calibrated: depth is relative" in err
     assert "zeromethod calibrate" in err
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["calibrated"] is False

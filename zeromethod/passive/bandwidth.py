@@ -119,8 +119,15 @@ def _caution(window: Window) -> float:
 def _apart(
     fits: dict[Window, Float], variances: dict[Window, Float], narrow: Window, wide: Window
 ) -> tuple[Float, Float]:
-    """Squared difference of two fits in units of its noise, and that noise, px^2; NaN where either is."""
-    noise = variances[narrow] * _difference_variance(max(wide[0] / narrow[0], wide[1] / narrow[1]))
+    """Squared difference of two fits in units of its noise, and that noise, px^2; NaN where either is.
+
+    On even texture the wide fit has 1 / ratio of the narrow fit's variance, which is in both. Where it has
+    less, as between dots far apart, less is in both.
+    """
+    ratio = max(wide[0] / narrow[0], wide[1] / narrow[1])
+    even = _difference_variance(ratio)
+    shared = (1.0 - even) * np.minimum(ratio * variances[wide], variances[narrow])
+    noise = variances[narrow] - shared
     return (fits[wide] - fits[narrow]) ** 2 / noise, noise
 
 

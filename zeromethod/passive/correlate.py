@@ -15,7 +15,7 @@ from zeromethod.passive.matching import LIGHT_PX, Matcher
 from zeromethod.passive.moving_fit import blur
 from zeromethod.passive.repeats import Repeats, ambiguous, repeats
 from zeromethod.passive.search import CELL_PX, SMALLEST_PX, pyramid, resampled, search, settle
-from zeromethod.passive.validity import aside, at_ends, doubts, ends, unsettled, weak
+from zeromethod.passive.validity import aside, at_ends, doubts, ends, featureless, unsettled, weak
 from zeromethod.warp.continuation import continue_smoothly
 
 SPACING_PX = 5
@@ -78,11 +78,13 @@ def correlate(
     for widths_px in (middle, middle, *[final] * _FINAL_ROUNDS):
         comparison = matcher.compare(field, final=True)
         good = comparison.alike
-        sums = np.where(good[..., None], comparison.sums, 0.0)
         noise = np.maximum(comparison.grey_variance, least_noise)
         # Where much more is left than elsewhere, that is a misfit of the texture and not the camera's noise.
         camera = np.minimum(noise, _CAMERA * np.percentile(noise[good], 25.0) if good.any() else np.inf)
-        of_noise = np.where(good, GRADIENT_NOISE * camera * comparison.pixels, 0.0)
+        of_noise = GRADIENT_NOISE * camera * comparison.pixels
+        telling = good & ~featureless(comparison, of_noise, spacing_px)
+        sums = np.where(telling[..., None], comparison.sums, 0.0)
+        of_noise = np.where(telling, of_noise, 0.0)
         fitted, variance, area = adaptive_fit(sums, of_noise, field, noise, spacing_px, widths_px)
         known = np.isfinite(fitted).all(axis=-1) & good
         step = np.linalg.norm(fitted - field, axis=-1)
@@ -96,6 +98,8 @@ def correlate(
     within = (u <= a.shape[1] - 1) & (v <= a.shape[0] - 1)
     found = doubts(field, sigma, np.where(known, step, np.inf), comparison.shown & within, good, spacing_px)
     sigma *= _misfit(sums, fitted - before, noise, spacing_px)[..., None]
+    # Where a window's choice changes from round to round, the field does so by this much.
+    sigma = np.where(unsettled(sigma, step)[..., None], np.hypot(sigma, step[..., None]), sigma)
     texture = sums[..., XX] + sums[..., YY] - 2.0 * of_noise
     close = ends(texture, comparison.shown & within, spacing_px)
     sigma = np.hypot(sigma, at_ends(field, close, spacing_px)[..., None])

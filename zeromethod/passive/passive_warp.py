@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Optics
-from zeromethod.passive import Displacement
+from zeromethod.passive.displacement import Displacement, Doubt
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.interpolant import sample
 from zeromethod.warp.overlap import overlap_correlation
@@ -15,6 +16,28 @@ from zeromethod.warp.warp import Warp
 
 _ROUNDS = 60
 _SETTLED_PX = 1e-6
+_ROUND_IT = 0.8
+"""Share of the 5 x 5 points around one that is badly determined which must be valid."""
+
+
+def _readable(displacement: Displacement) -> Mask:
+    """Points (rows, cols) to interpolate between: those valid, and single ones among them that are less sure.
+
+    Without these, each would take a dozen nodes away. What is not sure of them is in their sigma.
+    """
+    found = displacement.doubts & ~np.uint8(Doubt.TEXTURE | Doubt.UNSETTLED)
+    around = cv2.blur(displacement.valid.astype(np.float64), (5, 5), borderType=cv2.BORDER_CONSTANT)
+    unsure = (found == 0) & (around > _ROUND_IT) & np.isfinite(displacement.sigma)
+    return np.asarray(displacement.valid | unsure)
+
+
+def _differences(q: Float, axis: int) -> Float:
+    """Change of q (rows, cols, 2) per node: central, one-sided next to nodes that are NaN."""
+    step = np.diff(q, axis=axis)
+    edge = np.full_like(np.take(q, [0], axis=axis), np.nan)
+    before, after = np.concatenate((edge, step), axis=axis), np.concatenate((step, edge), axis=axis)
+    before, after = np.where(np.isnan(before), after, before), np.where(np.isnan(after), before, after)
+    return np.asarray(0.5 * (before + after))
 
 
 def rest_pixels(displacement: Displacement, u: Float, v: Float) -> Float:
@@ -23,7 +46,7 @@ def rest_pixels(displacement: Displacement, u: Float, v: Float) -> Float:
     Solves x + d(x) = (u, v) by fixed point, d being interpolated by the system's cubic. NaN where it leaves
     the valid points, or does not settle because the picture is folded.
     """
-    field = np.where(displacement.valid[..., None], displacement.field, np.nan)
+    field = np.where(_readable(displacement)[..., None], displacement.field, np.nan)
     # The start may lie where nothing is valid while the answer does not: it follows the smooth guess.
     x, y = u.astype(np.float64), v.astype(np.float64)
     smooth = displacement.field
@@ -50,7 +73,7 @@ def measured_warp(displacement: Displacement, optics: Optics, grid: NodeGrid) ->
     u, v = grid.mesh()
     pixel = rest_pixels(displacement, u, v)
     q = optics.rest_map(pixel[..., 0], pixel[..., 1])
-    by_v, by_u = np.gradient(q, grid.spacing_px, axis=(0, 1))
+    by_v, by_u = (_differences(q, axis) / grid.spacing_px for axis in (0, 1))
     # As many points as the nodes' own window reaches; see overlap_correlation.
     reach = 2.0 * float(np.sum(overlap_correlation(grid.period_px, grid.spacing_px))) - 1.0
     counted_px2 = (reach * grid.spacing_px) ** 2

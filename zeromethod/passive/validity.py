@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 
 from zeromethod.arrays import Bytes, Float, Mask
+from zeromethod.passive.cells import XX, YY
 from zeromethod.passive.displacement import Doubt
-from zeromethod.passive.matching import LIGHT_PX
+from zeromethod.passive.matching import LIGHT_PX, CellMatches
 from zeromethod.passive.moving_fit import blur, moving_moments
 from zeromethod.surface.integrate import largest_island
 
@@ -21,6 +22,9 @@ _SIGMAS = 3.0
 
 ASIDE = 1.3
 """Distance to the middle of the texture near a point, per width of the window: 7 px outside of an edge."""
+
+_AREA_PX = 15.0
+"""Side of the squares that have texture or have none."""
 
 _ENDS_PX = 15.0
 _EMPTY = 0.05
@@ -66,6 +70,20 @@ def _worst(sigma: Float) -> Float:
 def weak(sigma: Float) -> Mask:
     """Points (rows, cols) whose sigma (rows, cols, 2) px is too large, or not known."""
     return np.asarray(~(_worst(sigma) <= WEAK_PX))
+
+
+def featureless(comparison: CellMatches, noise: Float, spacing_px: float) -> Mask:
+    """Cells (rows, cols) in an area without more squared gradients than `noise` (rows, cols) makes.
+
+    They tell nothing of the displacement, but far from a window's middle their noise would weigh heavily.
+    """
+    around = 2 * max(round(0.5 * (_AREA_PX / spacing_px - 1.0)), 0) + 1
+    found, made, pixels = (
+        cv2.boxFilter(np.nan_to_num(field), -1, (around, around), normalize=False)
+        for field in (comparison.sums[..., XX] + comparison.sums[..., YY], 2.0 * noise, comparison.pixels)
+    )
+    # The sum of so many squares, along both axes and shared by neighbours, scatters by sqrt(2 / pixels).
+    return np.asarray(found < (1.0 + _SIGMAS * np.sqrt(2.0 / np.maximum(pixels, 1.0))) * made)
 
 
 def ends(texture: Float, shown: Mask, spacing_px: float) -> Mask:

@@ -22,6 +22,10 @@ _REACH_PER_SIGMA = 0.35
 """Largest half width of the window over the dent's width; narrower dents than `_REACH` allows are splined."""
 _QUARTIC_BIAS = 0.005
 """Bias of a quartic's summit, relative, over the sixth power of half width over width."""
+_HOLED = 3.0
+"""How many times as large it is where a hole takes up to a fifth of the window's nodes."""
+_QUADRATIC_BIAS = 0.12
+"""The same of a quadratic, over the fourth power, rms: Gaussians 1.5 to 8 nodes wide, 6 to 12 of 25 gone."""
 _SPLINE = 8
 _LEAST_SPLINE = 4
 """Nodes on every side that a spline is laid through, and fewest: its weights halve from node to node."""
@@ -94,11 +98,11 @@ def peak(surface: Surface) -> Peak:
     summit is that of a quintic spline through the nodes around (bias below 0.01 % for a Gaussian of 2 nodes,
     0.2 % for a Lorentzian of 2.4), if they are all measured.
 
-    Sigma is the node's, that of the fit (half of what a cubic spline differs by; a quartic's bias for a
-    Gaussian as narrow), that of gaps in the slope around the summit, and that of holes: depth extrapolated
-    into a hole from the slopes at its rim, as far as it is deeper than the peak. A contact takes the light
-    away, so that a peak next to one is that of the measured nodes, with a sigma nearly as large as the
-    contact is deep.
+    Sigma is the node's, that of the fit (half of what a cubic spline differs by; a quartic's or quadratic's
+    bias for a Gaussian as narrow), that of gaps in the slope around the summit, and that of holes: depth
+    extrapolated into a hole from the slopes at its rim, as far as it is deeper than the peak. A contact takes
+    the light away, so that a peak next to one is that of the measured nodes, with a sigma nearly as large as
+    the contact is deep.
     """
     if not surface.valid.any():
         return Peak(np.nan, np.nan, np.nan, np.nan)
@@ -180,7 +184,11 @@ def _summit(surface: Surface, row: int, col: int) -> _Summit | None:
         splined = _splined(surface, row, col, offset)
         if splined is not None:
             return splined
-    bias = _QUARTIC_BIAS * (reach * reach * curvature) ** 3
+    steep = reach * reach * curvature
+    bias = _QUADRATIC_BIAS * steep**2 if finer is None else _QUARTIC_BIAS * steep**3
+    part = slice(max(row - reach, 0), row + reach + 1), slice(max(col - reach, 0), col + reach + 1)
+    if finer is not None and not surface.valid[part].all():
+        bias *= _HOLED
     return _Summit(offset, value, reach, bias * abs(float(value[0])))
 
 
