@@ -187,5 +187,5 @@ def test_frames_are_counted_and_windows_polled(monkeypatch: pytest.MonkeyPatch) 
         monkeypatch.setattr(devices.display, "poll", lambda: polled.append(1), raising=False)
         result = measure_delay(RIG, devices, 0.5, lambda: counted.append(1))
     assert len(counted) == result.frames
-    # a picture at every refresh, with the window looked after in between
-    assert len(polled) == pytest.approx(0.5 * RIG.display.refresh_hz, abs=2)
+    # a picture at every refresh, with the window looked after in between; up to 20 before any frame counts
+    assert 0.5 * RIG.display.refresh_hz - 2 <= len(polled) <= 0.5 * RIG.display.refresh_hz + 2 + 20

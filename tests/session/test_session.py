@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from recorded_run import small_rig as simulated_rig
 
 import zeromethod as zm
 from zeromethod.devices.protocols import CameraLost
+from zeromethod.exposure.delay import DelayEstimator
+from zeromethod.exposure.strip_matching import Match
 from zeromethod.loop.state import LOCK_FRAMES, NULLED
 from zeromethod.session.reading import StepReader
 
@@ -30,6 +33,27 @@ def live_rig() -> zm.Rig:
 def session() -> Iterator[zm.Session]:
     with zm.Session(simulated_rig("hold")) as opened:
         yield opened
+
+
+@pytest.mark.parametrize(
+    ("scatter_ms", "words"), [(0.5, "delay 20.0 ms"), (30.0, "not steady: it scatters by")]
+)
+def test_the_delay_is_told_once_and_only_when_its_scatter_is_known(session, scatter_ms, words) -> None:
+    estimator = DelayEstimator(0.0, 16.7e6)
+    loop = SimpleNamespace(delay=SimpleNamespace(estimator=estimator), horizon_s=0.03)
+    told: list[str] = []
+    for number in range(60):
+        # the first frames agree by chance
+        off_ms = 0.0 if number < 5 else scatter_ms * (-1) ** number
+        delay_ns = 1e6 * (20.0 + off_ms)
+        estimator.note(Match(True, best_ns=delay_ns, low_ns=delay_ns, high_ns=delay_ns, blur_ns=0.0))
+        part = SimpleNamespace(loop=loop, rig=session.rig, result=session.result, _unsteady=bool(told))
+        notes = zm.Session._delay_note(part)
+        assert not (notes and number < 20)
+        told += notes
+    assert len(told) == 1
+    assert words in told[0]
+    assert (session.result.margin is None) == (scatter_ms > 10)
 
 
 def test_a_second_run_locks_at_once_and_steps_and_time_go_on(session: zm.Session) -> None:

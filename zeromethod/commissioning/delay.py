@@ -49,6 +49,8 @@ READING_REFRESHES = 0.6
 """Share of a refresh, from a presentation on, in which a frame is waited for."""
 LEAST_TIMEOUT_S = 0.001
 TIMEOUTS_TO_FAIL = 3
+_REHEARSED = 20
+"""Most pictures shown before any counts."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +140,7 @@ def measure_delay(
         No room for strips, too few frames that could be read, or delays that do not agree at all.
     """
     look = _Look(rig, devices)
+    look.rehearse()
     clock = devices.clock
     start_ns = until_ns = clock.now_ns()
     while True:
@@ -216,6 +219,18 @@ class _Look:
             if devices.clock.now_ns() - self._came_ns > 1e9 * silent_s:
                 raise MeasurementError(f"delay: the camera gave no frame for {silent_s:g} s") from None
             return None
+
+    def rehearse(self) -> None:
+        """Read first frames and forget them: what is compiled on first use would hold up those that count."""
+        for _ in range(_REHEARSED):
+            self.frame()
+            if self._horizons_ns:
+                break
+        self._watch.estimator.forget()
+        for kept in (self._stamps, self._found, self._horizons_ns):
+            kept.clear()
+        self._legible = 0
+        self.phases = ClockPhases(self._refresh_ns)
 
     def told(self) -> bool:
         """Whether more frames would not say more."""

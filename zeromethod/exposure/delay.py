@@ -67,6 +67,11 @@ class DelayEstimator:
         return 1.25 * self.scatter_ns / math.sqrt(max(len(self._values), 1))
 
     @property
+    def frames(self) -> int:
+        """Number of frames that the value is the median of."""
+        return len(self._values)
+
+    @property
     def settled(self) -> bool:
         """Whether the value can be trusted."""
         return len(self._values) >= SETTLED_FRAMES and self.scatter_ns < 0.5 * self._refresh_ns

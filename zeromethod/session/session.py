@@ -39,6 +39,13 @@ from zeromethod.warp.grid import NodeGrid
 DEFAULT_SECONDS = 5.0
 """How long a run in simulated time lasts when neither the caller nor a scenario says so."""
 
+_TELLING_FRAMES = 24
+"""Frames that timed the display before its delay is told: of a few, the scatter is not known."""
+_UNSTEADY = (
+    "the delay is not steady: it scatters by {:.0f} ms from frame to frame: the display drops pictures, or "
+    "the computer is too busy; stability is not known"
+)
+
 COMPARED_PHASES = frozenset({"hold", "slide"})
 """Parts of a simulated scenario in which every reading is compared with the truth."""
 
@@ -105,6 +112,7 @@ class Session:
             self._scenario = script_of(self._devices.camera)
             self._phases = frozenset(one.name for one in (self._scenario.phases if self._scenario else ()))
             self._recording = Condition.ALL_KEPT
+            self._unsteady = False
             self._steps: Generator[Step] | None = None
             self._reads_apart = self._closed = False
             usable = usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]
@@ -299,9 +307,12 @@ class Session:
     def _delay_note(self) -> tuple[str, ...]:
         """What the coded strips say of the delay, and what that leaves of stability; shown once."""
         delay, horizon_s = self.loop.delay, self.loop.horizon_s
-        if delay is None or not delay.estimator.settled:
+        if delay is None or delay.estimator.frames < _TELLING_FRAMES:
             return ()
         control, estimator = self.rig.control, delay.estimator
+        if not estimator.settled:
+            told, self._unsteady = self._unsteady, True
+            return () if told else (_UNSTEADY.format(1e-6 * estimator.scatter_ns),)
         self.result.delay_ms = 1e-6 * estimator.value_ns
         if self.result.margin is not None or not np.isfinite(horizon_s):
             return ()

@@ -47,6 +47,8 @@ class Calipers:
     rate_hz: float
     exposure_s: float
     aim_mm: tuple[float, float] | None = None
+    rise_s: float = 0.004
+    scanout_s: float | None = None
     priors: PriorSpec = field(default_factory=PriorSpec)
 
     @classmethod
@@ -82,7 +84,7 @@ class Calipers:
         image = _image_mm(lens, _focus_mm(distance, prism.pattern_length_mm, prism.index))
         own = (
             (prism, ("pattern_angle_deg", "camera_angle_deg", "pattern_length_mm", "width_mm", "index")),
-            (display, ("pitch_mm", "refresh_hz")),
+            (display, ("pitch_mm", "refresh_hz", "rise_s", "scanout_s")),
             (camera, ("rate_hz", "exposure_s")),
         )
         return cls(
@@ -162,7 +164,10 @@ def rig_text(calipers: Calipers, name: str, path: Path) -> str:
     """
     template = resource("calibration", "new_rig.toml").read_text(encoding="utf-8")
     centre_px = [(count - 1) / 2 for count in (calipers.camera_columns, calipers.camera_rows)]
-    text = template.format(c=calipers, name=name, file=shlex.quote(path.name), centre_px=centre_px)
+    scanout = "" if calipers.scanout_s is None else f"scanout_s = {calipers.scanout_s!r}\n"
+    text = template.format(
+        c=calipers, name=name, file=shlex.quote(path.name), centre_px=centre_px, scanout=scanout
+    )
     rig = parse_rig(text, path)
     check_geometry(rig)
     SampledView(rig)  # refuses a bench of which nothing is seen
