@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.bench_motion.marks import apart_px, mark_places
 from zeromethod.bench_motion.modes import BenchModes
 from zeromethod.design.sampled_view import SampledView
 from zeromethod.surface.reader import SurfaceReader
@@ -25,6 +26,8 @@ def motion_figures(view: SampledView) -> Figures:
 
     modes: patterns that motion makes. groups: {"motions", "share_under_press"}, the share 1 where all of it
     shows under any press. beyond_px: camera px from the view's border to the mirror's edges, below 0 inside.
+    marks: of the rig, watched. mark_room_px: camera px from each border of the image in which a mark's middle
+    may lie, above 0 where there is room.
     """
     modes = BenchModes.of(view.optics, view.grid)
     rest = Rest.of(view.rig, view.optics)
@@ -41,7 +44,17 @@ def motion_figures(view: SampledView) -> Figures:
         "groups": [{"motions": name, "share_under_press": share} for name, share in groups.items()],
         "shows_from_share": _SHOWS,
         "beyond_px": _edges_beyond_px(view),
+        "marks": len(mark_places(view.rig, rest.grid, rest.visible)),
+        "mark_room_px": _mark_room_px(rest),
     }
+
+
+def _mark_room_px(rest: Rest) -> dict[str, float]:
+    """How far from each border the middle of a mark may lie; below what its window needs there is none."""
+    (u, v), (rows, columns) = (one[rest.visible] for one in rest.grid.mesh()), rest.grid.image_shape
+    apart = apart_px(rest.grid)
+    sides = {"left": u.min(), "right": columns - 1 - u.max(), "top": v.min(), "bottom": rows - 1 - v.max()}
+    return {side: float(px) - apart for side, px in sides.items()}
 
 
 def _edges_beyond_px(view: SampledView) -> dict[str, float]:

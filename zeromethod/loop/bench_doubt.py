@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from zeromethod.arrays import Image
 from zeromethod.bench_motion.fit import LEAST_NODES
+from zeromethod.bench_motion.marks import MarkWatch, mark_places
 from zeromethod.bench_motion.modes import BenchModes
 from zeromethod.bench_motion.watch import BenchWatch
 from zeromethod.loop.circle import FrameResult
@@ -38,6 +40,8 @@ class BenchDoubt:
     def __init__(self, rig: Rig, optics: Optics, rest: Rest, zero: Zero, watches: bool) -> None:
         """Watch nothing where not `watches`: then nothing is ever in doubt."""
         self._watch = make_watch(rig, optics, rest) if watches else None
+        places = mark_places(rig, rest.grid, rest.visible)
+        self._marks = MarkWatch(places, self._watch.modes.camera_px) if self._watch and places else None
         self._zero = zero
         self._nodes = rest.grid.mesh() if rig.control.follow_bench else None
         self._from = zero.q
@@ -47,16 +51,31 @@ class BenchDoubt:
     @property
     def doubt(self) -> Doubt | None:
         """Why readings must not be trusted; None where they may."""
-        moved = "" if self._watch is None else self._watch.moved
+        moved = self._moved
         return Doubt(State.MOVED, moved) if moved else None
 
-    def look(self, result: FrameResult) -> tuple[Notice, ...]:
-        """Judge a frame if it is nulled; news of a bench that moved or was followed."""
+    @property
+    def _moved(self) -> str:
+        """What moved; of two watches, what the marks say, which is of camera and prism alone."""
+        marks = "" if self._marks is None else self._marks.moved
+        return marks or ("" if self._watch is None else self._watch.moved)
+
+    def look(self, image: Image, result: FrameResult) -> tuple[Notice, ...]:
+        """Judge a frame, its warp if it is nulled; news of a bench that moved or was followed."""
         watch, measured = self._watch, result.believed
-        if watch is None or measured is None or not result.residual_rms_px < LOCK_RESIDUAL_PX:
+        if watch is None:
             return ()
-        if self._zero.q is not self._from:
+        nulled = measured is not None and result.residual_rms_px < LOCK_RESIDUAL_PX
+        if measured is not None and self._zero.q is not self._from:
             self._forget(watch, measured.time_ns)
+        words = "" if self._marks is None else self._marks.look(image, nulled)
+        said = (Notice(Event.MARK_FAINT, words),) if words else ()
+        if measured is None or not nulled:
+            return said
+        return said + self._judged(watch, measured)
+
+    def _judged(self, watch: BenchWatch, measured: Warp) -> tuple[Notice, ...]:
+        """News of a nulled frame."""
         watch.look(measured, self._zero.rest_q)
         motion = watch.correction
         if self._nodes is not None and motion is not None:
@@ -64,10 +83,10 @@ class BenchDoubt:
             self._forget(watch, measured.time_ns)
             words = f"readings follow the bench, moved {watch.modes.words(motion)}"
             return (Notice(Event.BENCH_FOLLOWED, words),)
-        if self._said or not watch.moved:
+        if self._said or not self._moved:
             return ()
         self._said = True
-        return (Notice(Event.BENCH_MOVED, watch.moved),)
+        return (Notice(Event.BENCH_MOVED, self._moved),)
 
     def report(self, curl: Curl, time_ns: int) -> None:
         """Take in what a reading of the frame at `time_ns` found under a press."""
@@ -78,3 +97,5 @@ class BenchDoubt:
         """Rest was taken anew: what was found of frames before `time_ns` is over."""
         self._since_ns, self._said, self._from = time_ns, False, self._zero.q
         watch.forget()
+        if self._marks is not None:
+            self._marks.forget()

@@ -31,6 +31,7 @@ class Event(enum.StrEnum):
     ZERO_REFUSED = "zero refused"
     BENCH_MOVED = "bench moved"
     BENCH_FOLLOWED = "bench followed"
+    MARK_FAINT = "mark too faint"
     CAMERA_TIMEOUT = "camera timeout"
     CAMERA_STALLED = "camera stalled"
     CAMERA_LOST = "camera lost"

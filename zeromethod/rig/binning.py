@@ -13,7 +13,8 @@ def binned(rig: Rig, factor: int) -> Rig:
     """Rig whose camera has `factor` times fewer pixels on each axis over the same view.
 
     The target's period, the blur and the noise stay the same in (larger) pixels, so nodes lie `factor`
-    times further apart on the mirror. A rest map, which is of the whole pixels, is left out.
+    times further apart on the mirror. A rest map and marks, which are of the whole pixels, are left
+    out.
 
     Parameters
     ----------
@@ -50,4 +51,5 @@ def binned(rig: Rig, factor: int) -> Rig:
     }
     if camera.rest_map is not None and factor > 1:
         scale["rest_map"] = None
-    return rig.model_copy(update={"camera": camera.model_copy(update=scale)})
+    surface = rig.surface.model_copy(update={"marks_px": ()}) if factor > 1 else rig.surface
+    return rig.model_copy(update={"camera": camera.model_copy(update=scale), "surface": surface})

@@ -18,6 +18,7 @@ from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.keys import plain, set_value, value_at
 from zeromethod.rig.refusal import RENAMED, first_refusal, refused, shown, unknown_key
 from zeromethod.rig.tables import (
+    MARK_HALF_PX,
     ControlSpec,
     Faults,
     KnownRest,
@@ -33,6 +34,7 @@ from zeromethod.rig.tables import (
 )
 
 __all__ = [
+    "MARK_HALF_PX",
     "SIMULATED",
     "CameraSpec",
     "ControlSpec",
@@ -83,6 +85,17 @@ class Rig(Table):
             raise refused(
                 "target.period_px", self.target.period_px, f"at most a quarter of {smaller} camera px"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _marks(self) -> Rig:
+        last = self.camera.columns - 1, self.camera.rows - 1
+        for k, place in enumerate(self.surface.marks_px):
+            if not all(
+                MARK_HALF_PX <= round(px) <= end - MARK_HALF_PX for px, end in zip(place, last, strict=True)
+            ):
+                allowed = f"{MARK_HALF_PX} px or more inside the image"
+                raise refused(f"surface.marks_px[{k}]", list(place), allowed)
         return self
 
     @property

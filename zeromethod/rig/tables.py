@@ -207,10 +207,19 @@ class PriorSpec(Table):
     length_mm: NotNegative = 0.05
 
 
+MARK_HALF_PX = 16
+"""Camera px from the middle of a mark's window to its border."""
+
+
 class SurfaceSpec(Table):
-    """Reading depth: where the rubber is known to be at rest (without any, the quietest region is used)."""
+    """Reading depth: where the rubber is known to be at rest (without any, the quietest region is used).
+
+    `marks_px`: camera pixels (u, v) of marks on the prism's frame that the camera sees itself, not by way of
+    the LCD; they are watched for motion of the camera against the prism.
+    """
 
     known_rest: tuple[KnownRest, ...] = ()
+    marks_px: tuple[Vector2, ...] = ()
 
 
 class Faults(Table):

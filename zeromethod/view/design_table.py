@@ -7,6 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from zeromethod.design.figures import HEADLINE_SIGMA_MM
+from zeromethod.rig.model import MARK_HALF_PX
 from zeromethod.view.table import Figures, cell, pair_table, text_table, titled
 
 CURVES: tuple[tuple[str, str, tuple[tuple[str, str, str, str], ...]], ...] = (
@@ -119,11 +120,30 @@ def _motions(motion: Figures) -> list[RenderableType]:
     )
     note = (
         "All show while nothing presses. Of those without a share, two places of the mirror known to rest "
-        "([[surface.known_rest]], not on one line) tell under a press; and by edges or marks of the prism "
-        f"that the camera sees itself, not by way of the LCD, camera and LCD could be told apart ({edges})."
+        f"([[surface.known_rest]], not on one line) tell under a press; {_marks(motion)} ({edges})."
     )
     table = text_table(("camera, LCD or prism moved", "shows under a press"), rows)
     return [*titled("Motions of the bench that look alike", table), Text(note), Text()]
+
+
+def _marks(motion: Figures) -> str:
+    """What marks on the prism's frame tell, and where there is room for them."""
+    if motion["marks"]:
+        watched = f"{motion['marks']} marks on the prism's frame ([surface] marks_px) are watched"
+        return f"and of the camera's, {watched}"
+    room = ", ".join(
+        f"{MARK_HALF_PX} to {px:.0f} px from the {side}"
+        for side, px in motion["mark_room_px"].items()
+        if px >= MARK_HALF_PX
+    )
+    where = (
+        f"room for their middles {room}"
+        if room
+        else "the picture in the mirror leaves no room: widen the view"
+    )
+    return (
+        f"and of the camera's, marks on the prism's frame that it sees itself ([surface] marks_px; {where})"
+    )
 
 
 def _middle_row(limits: list[Figures]) -> list[Figures]:
