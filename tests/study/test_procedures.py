@@ -40,8 +40,9 @@ def outcome(procedure: str, text: str, frames: int = 6) -> dict[str, Any]:
 def test_a_run_reads_the_press_of_the_study() -> None:
     figures = outcome("run", "[press]\ndepth_mm = 0.02\nat_s = 0.06\n", frames=24)
     assert figures["truth.depth_peak_mm"] == pytest.approx(0.02, rel=1e-3)
-    # the peak's stated sigma is 1 % here: nodes lie eight times further apart than the full camera's
-    assert figures["depth_peak_sigma_mm"] < 0.015 * 0.02
+    # the peak's stated sigma is 1.5 % here: nodes lie eight times further apart than the full camera's, and
+    # what the press may leave at the view's end is in it
+    assert figures["depth_peak_sigma_mm"] < 0.02 * 0.02
     assert figures["depth_peak_mm"] == pytest.approx(0.02, abs=4 * figures["depth_peak_sigma_mm"])
     # the delay of 2.6 frames twice, and 4; once nulled it stays so to the end of the 20 frames of the hold
     assert figures["lock_frames"] <= 9
