@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+import time
 import warnings
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from zeromethod.loop.state import State
 from zeromethod.recording import DamagedWarning
 from zeromethod.recording.damage import KINDS, damaged_words
 from zeromethod.recording.recording import Recording
+from zeromethod.recording.writing import FLUSH_S
 
 STEPS = 8
 
@@ -41,6 +43,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
                 return len(along.steps_with("surface")) == STEPS
 
             eventually(all_there)
+        # the flush that made them seen comes to its end, other arrays included
+        time.sleep(5 * FLUSH_S)
         shutil.copy(ended, cut)
     return {"ended": ended, "cut": cut}
 
