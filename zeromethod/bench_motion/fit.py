@@ -10,7 +10,7 @@ from numpy.polynomial.chebyshev import chebvander2d
 from zeromethod.arrays import Float, Mask
 from zeromethod.bench_motion.modes import BenchModes
 from zeromethod.warp.grid import NodeGrid
-from zeromethod.warp.overlap import overlap_correlation
+from zeromethod.warp.overlap import overlap_correlation, shared_nodes
 from zeromethod.warp.warp import Warp
 
 MOST_NODES = 400
@@ -57,7 +57,7 @@ class MotionFitter:
         self.count = modes.count
         self._basis, self._to_modes = self._made(u, v)
         correlation = overlap_correlation(grid.period_px, grid.spacing_px)[::apart]
-        self._shared = (2.0 * float(correlation.sum()) - 1.0) ** 2
+        self._shared = shared_nodes(correlation)
 
     @property
     def amplification(self) -> float:

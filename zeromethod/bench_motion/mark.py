@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.ndimage import spline_filter
 
-from zeromethod.arrays import Float, Image, Single
+from zeromethod.arrays import Float, Image
 from zeromethod.rig.model import MARK_HALF_PX
 
 SEARCH_PX = 16
@@ -132,7 +132,7 @@ class Mark:
         top, left = max(self._row - half, 0), max(self._column - half, 0)
         part = image[top : self._row + half + 1, left : self._column + half + 1].astype(np.float32)
         inner = slice(_MARGIN, -_MARGIN)
-        alike = cv2.matchTemplate(part, _single(self._picture[inner, inner]), cv2.TM_CCOEFF_NORMED)
+        alike = cv2.matchTemplate(part, self._picture[inner, inner].astype(np.float32), cv2.TM_CCOEFF_NORMED)
         row, column = np.unravel_index(int(np.argmax(alike)), alike.shape)
         home = self._column - MARK_HALF_PX + _MARGIN - left, self._row - MARK_HALF_PX + _MARGIN - top
         self._linear_at(np.array([column - home[0], row - home[1]], np.float64))
@@ -173,7 +173,3 @@ class Mark:
         if np.abs(step).max() < _NEAR_PX:
             self._shift = self._at
         return step, Seen(shift, float(np.sqrt(beyond2 / self._steep)) / gain)
-
-
-def _single(picture: Float) -> Single:
-    return np.asarray(picture, np.float32)

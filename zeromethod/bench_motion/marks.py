@@ -64,7 +64,7 @@ class MarkWatch:
         self.forget()
 
     def forget(self) -> None:
-        """Begin again: rest was taken anew."""
+        """Begin again: rest was taken again."""
         self.moved = ""
         self._gathered: list[list[Float]] = []
         self._marks: list[Mark | None] = []
@@ -76,8 +76,6 @@ class MarkWatch:
 
         The first `FRAMES` frames that are nulled are where the marks belong.
         """
-        if not self._places:
-            return ""
         if not self._marks:
             return self._gather(image) if nulled else ""
         self._frames += 1

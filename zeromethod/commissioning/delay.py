@@ -49,7 +49,7 @@ READING_REFRESHES = 0.6
 """Share of a refresh, from a presentation on, in which a frame is waited for."""
 LEAST_TIMEOUT_S = 0.001
 TIMEOUTS_TO_FAIL = 3
-_REHEARSED = 20
+_WARM_UP_PICTURES = 20
 """Most pictures shown before any counts."""
 
 
@@ -140,7 +140,7 @@ def measure_delay(
         No room for strips, too few frames that could be read, or delays that do not agree at all.
     """
     look = _Look(rig, devices)
-    look.rehearse()
+    look.warm_up()
     clock = devices.clock
     start_ns = until_ns = clock.now_ns()
     while True:
@@ -172,12 +172,16 @@ class _Look:
         self._refresh_ns = 1e9 / rig.display.refresh_hz
         self._poll = poll_of(devices.display) or (lambda: None)
         self._shown_ns: list[int] = []
+        self._newest: Frame | None = None
+        self._came_ns = devices.clock.now_ns()
+        self._begin()
+
+    def _begin(self) -> None:
+        """Count frames from here on."""
         self._stamps: list[tuple[int, int]] = []
         self._found: list[Match] = []
         self._horizons_ns: list[float] = []
         self._legible = 0
-        self._newest: Frame | None = None
-        self._came_ns = devices.clock.now_ns()
         self.phases = ClockPhases(self._refresh_ns)
 
     def frame(self) -> bool:
@@ -220,17 +224,14 @@ class _Look:
                 raise MeasurementError(f"delay: the camera gave no frame for {silent_s:g} s") from None
             return None
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Read first frames and forget them: what is compiled on first use would hold up those that count."""
-        for _ in range(_REHEARSED):
+        for _ in range(_WARM_UP_PICTURES):
             self.frame()
             if self._horizons_ns:
                 break
         self._watch.estimator.forget()
-        for kept in (self._stamps, self._found, self._horizons_ns):
-            kept.clear()
-        self._legible = 0
-        self.phases = ClockPhases(self._refresh_ns)
+        self._begin()
 
     def told(self) -> bool:
         """Whether more frames would not say more."""

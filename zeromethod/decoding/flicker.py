@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from zeromethod.arrays import Float, Mask
+from zeromethod.arrays import Float, Mask, Single
 from zeromethod.decoding.decoding import Phasors, fit_matrices
 from zeromethod.decoding.unwrapping import Places
 
@@ -21,7 +21,7 @@ LEAST_TURNS = 4.0
 """Turns in view from which a fringe averages out to some thousandths in a window."""
 
 LEAST_SHARE = 0.006
-"""Smaller changes are not told from what is left of the fringes."""
+"""Smaller changes are not distinguished from what is left of the fringes."""
 
 FINEST_PX = 4.0
 """Camera px per turn from which pixels sample a fringe evenly."""
@@ -78,11 +78,7 @@ def find_flicker(phasors: Phasors, places: list[Places], sound: Mask) -> Flicker
     part = np.s_[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
     fading = [np.hanning(n + 2)[1:-1] for n in sound[part].shape]
     window = (np.outer(*fading) * sound[part]).astype(np.float32)
-    corrected = (
-        [list(phasors.cosine[axis]) for axis in range(2)],
-        [list(phasors.sine[axis]) for axis in range(2)],
-    )
-    squares = []
+    changes: list[tuple[int, int, list[float], Single]] = []
     steps_px, reach_px = zip(*(_extent(place.x_px[part]) for place in places), strict=True)
     for fringes, mean in zip(phasors.sequence.sets(), phasors.mean, strict=True):
         axis, n = int(fringes.axis == "rows"), fringes.period
@@ -92,11 +88,13 @@ def find_flicker(phasors: Phasors, places: list[Places], sound: Mask) -> Flicker
         if fringes.repeat or not averaged or light <= 0.0:
             continue
         found = [float(np.vdot(window, of[axis][n][part])) / light for of in (phasors.cosine, phasors.sine)]
-        squares.append(sum(value**2 for value in found))
-        for of, value in zip(corrected, found, strict=True):
-            of[axis][n] = of[axis][n] - np.float32(value) * mean
+        changes.append((axis, n, found, mean))
+    squares = [sum(value**2 for value in found) for _, _, found, _ in changes]
     share = float(np.sqrt(np.mean(squares) / _gain(phasors))) if squares else 0.0
     if share < LEAST_SHARE:
         return none
-    cosine, sine = ((np.stack(of[0]), np.stack(of[1])) for of in corrected)
+    cosine, sine = ((of[0].copy(), of[1].copy()) for of in (phasors.cosine, phasors.sine))
+    for axis, n, found, mean in changes:
+        for of, value in zip((cosine, sine), found, strict=True):
+            of[axis][n] -= np.float32(value) * mean
     return Flicker(share, replace(phasors, cosine=cosine, sine=sine))

@@ -82,9 +82,9 @@ def correlate(
         # Where much more is left than elsewhere, that is a misfit of the texture and not the camera's noise.
         camera = np.minimum(noise, _CAMERA * np.percentile(noise[good], 25.0) if good.any() else np.inf)
         of_noise = GRADIENT_NOISE * camera * comparison.pixels
-        telling = good & ~featureless(comparison, of_noise, spacing_px)
-        sums = np.where(telling[..., None], comparison.sums, 0.0)
-        of_noise = np.where(telling, of_noise, 0.0)
+        textured = good & ~featureless(comparison, of_noise, spacing_px)
+        sums = np.where(textured[..., None], comparison.sums, 0.0)
+        of_noise = np.where(textured, of_noise, 0.0)
         fitted, variance, area = adaptive_fit(sums, of_noise, field, noise, spacing_px, widths_px)
         known = np.isfinite(fitted).all(axis=-1) & good
         step = np.linalg.norm(fitted - field, axis=-1)

@@ -10,7 +10,7 @@ from zeromethod.optics import Optics
 from zeromethod.passive.displacement import Displacement, Doubt
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.interpolant import sample
-from zeromethod.warp.overlap import overlap_correlation
+from zeromethod.warp.overlap import overlap_correlation, shared_nodes
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
@@ -74,9 +74,8 @@ def measured_warp(displacement: Displacement, optics: Optics, grid: NodeGrid) ->
     pixel = rest_pixels(displacement, u, v)
     q = optics.rest_map(pixel[..., 0], pixel[..., 1])
     by_v, by_u = (_differences(q, axis) / grid.spacing_px for axis in (0, 1))
-    # As many points as the nodes' own window reaches; see overlap_correlation.
-    reach = 2.0 * float(np.sum(overlap_correlation(grid.period_px, grid.spacing_px))) - 1.0
-    counted_px2 = (reach * grid.spacing_px) ** 2
+    # as many points as the nodes' own window reaches
+    counted_px2 = shared_nodes(overlap_correlation(grid.period_px, grid.spacing_px)) * grid.spacing_px**2
     scale = np.sqrt(displacement.noise_area_px2 / counted_px2)
     spread = np.stack([displacement.sigma_u * scale, displacement.sigma_v * scale], axis=-1)
     noise = np.abs(sample(spread, *displacement.place(pixel[..., 0], pixel[..., 1])))

@@ -75,7 +75,7 @@ def weak(sigma: Float) -> Mask:
 def featureless(comparison: CellMatches, noise: Float, spacing_px: float) -> Mask:
     """Cells (rows, cols) in an area without more squared gradients than `noise` (rows, cols) makes.
 
-    They tell nothing of the displacement, but far from a window's middle their noise would weigh heavily.
+    They say nothing of the displacement, but far from a window's middle their noise would weigh heavily.
     """
     around = 2 * max(round(0.5 * (_AREA_PX / spacing_px - 1.0)), 0) + 1
     found, made, pixels = (

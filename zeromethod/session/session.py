@@ -31,7 +31,7 @@ from zeromethod.session.reading import StepReader, rms_nm, timed, warm_up_warp, 
 from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
-from zeromethod.session.trust import to_read, with_stated_geometry
+from zeromethod.session.trust import is_readable, with_stated_geometry
 from zeromethod.surface import SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.warp.grid import NodeGrid
@@ -39,8 +39,8 @@ from zeromethod.warp.grid import NodeGrid
 DEFAULT_SECONDS = 5.0
 """How long a run in simulated time lasts when neither the caller nor a scenario says so."""
 
-_TELLING_FRAMES = 24
-"""Frames that timed the display before its delay is told: of a few, the scatter is not known."""
+_DELAY_FRAMES = 24
+"""Frames that timed the display before its delay is reported: of a few, the scatter is not known."""
 _UNSTEADY = (
     "the delay is not steady: it scatters by {:.0f} ms from frame to frame: the display drops pictures, or "
     "the computer is too busy; stability is not known"
@@ -226,10 +226,8 @@ class Session:
             stack.callback(steps.close)
             try:
                 for each in steps:
-                    step = replace(each, phase=self._phase(each.time_ns))
-                    asked = to_read(step)
-                    step = replace(step, readable=asked.measured is not None)
-                    reading.post(replace(asked, readable=step.readable))
+                    step = replace(each, phase=self._phase(each.time_ns), readable=is_readable(each))
+                    reading.post(step if step.readable else replace(step, measured=None))
                     if self._recorder is not None:
                         self._recorder.add_step(step)
                     step = replace(step, notes=step.notes + self._notes())
@@ -307,12 +305,12 @@ class Session:
     def _delay_note(self) -> tuple[str, ...]:
         """What the coded strips say of the delay, and what that leaves of stability; shown once."""
         delay, horizon_s = self.loop.delay, self.loop.horizon_s
-        if delay is None or delay.estimator.frames < _TELLING_FRAMES:
+        if delay is None or delay.estimator.frames < _DELAY_FRAMES:
             return ()
         control, estimator = self.rig.control, delay.estimator
         if not estimator.settled:
-            told, self._unsteady = self._unsteady, True
-            return () if told else (_UNSTEADY.format(1e-6 * estimator.scatter_ns),)
+            said, self._unsteady = self._unsteady, True
+            return () if said else (_UNSTEADY.format(1e-6 * estimator.scatter_ns),)
         self.result.delay_ms = 1e-6 * estimator.value_ns
         if self.result.margin is not None or not np.isfinite(horizon_s):
             return ()

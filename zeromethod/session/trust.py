@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from zeromethod.loop.state import READ, Doubt, State
 from zeromethod.loop.step import Step
 from zeromethod.rig.model import Rig
@@ -22,12 +20,12 @@ def is_known(rig: Rig, camera: object) -> bool:
     return isinstance(camera, SimulatedCamera) and camera.simulates(rig)
 
 
-def to_read(step: Step) -> Step:
-    """The step as it is to be read: not at all where an uncalibrated bench is on its way to the null.
+def is_readable(step: Step) -> bool:
+    """Whether a step's surface is to be read: it was measured, and an uncalibrated bench is nulled.
 
-    There its delay is not known either, and a picture that came late may read as millimetres.
+    There the delay is not known either, and a picture that came late may read as millimetres.
     """
-    return step if step.calibrated or step.state in READ else replace(step, measured=None)
+    return step.measured is not None and (step.calibrated or step.state in READ)
 
 
 def with_stated_geometry(rig: Rig, camera: object) -> tuple[Rig, Doubt | None]:

@@ -18,6 +18,7 @@ from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
+from zeromethod.warp.overlap import shared_nodes
 
 _BLOCK_SHARE = 0.056
 """Block over which slope is averaged before it is judged, relative to the lattice's shorter side."""
@@ -163,9 +164,8 @@ def fit_quiet(
 
 def _presses(slope: Float, variance: Float, island: Mask, correlation: Float) -> bool:
     """Whether the slopes are more than noise."""
-    overlap = (2.0 * float(correlation.sum()) - 1.0) ** 2
     ratio = float(np.mean(slope[island] ** 2 / variance[island]))
-    return ratio > 1.0 + 5.0 * float(np.sqrt(overlap / np.count_nonzero(island)))
+    return ratio > 1.0 + 5.0 * float(np.sqrt(shared_nodes(correlation) / np.count_nonzero(island)))
 
 
 def _far_field_depth(
@@ -179,9 +179,7 @@ def _far_field_depth(
     used = weights > 0.0
     lever = (weights / scale)[used, None] * away[used]
     implied = -float((lever * slope[used]).sum())
-    # neighbours' noise is correlated over the overlap of their windows, equally on both axes
-    overlap = (2.0 * float(correlation.sum()) - 1.0) ** 2
-    noise2 = overlap * float((lever**2 * variance[used]).sum())
+    noise2 = shared_nodes(correlation) * float((lever**2 * variance[used]).sum())
     return float(np.sqrt(max(implied * implied - 4.0 * noise2, 0.0)))
 
 

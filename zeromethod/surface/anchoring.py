@@ -16,6 +16,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
 from zeromethod.surface.anchor import RestFit, fit_known, fit_quiet, known_nodes
 from zeromethod.surface.far_field import FarField, fit_far_field
+from zeromethod.warp.overlap import shared_nodes
 
 _NEARLY_MM = 3e-4
 """Change of depth below which nodes are chosen; then they are kept, so that the passes converge."""
@@ -49,8 +50,7 @@ class Anchors:
         """scale: h (rows, cols); its gradient (rows, cols, 2). correlation: see `fit_quiet`."""
         self._known_rest, self._correlation = known_rest, correlation
         self.scale, self._gradient = scale, scale_gradient
-        # windows overlap equally on both axes
-        self._overlap = (2.0 * float(correlation.sum()) - 1.0) ** 2
+        self._overlap = shared_nodes(correlation)
 
     def nodes(self, read: Pass, contained_mm: float) -> RestFit:
         """Nodes that count as at rest, with the bound of their depth / h.
@@ -95,11 +95,11 @@ class Anchoring:
         off_mm = -mean(self._weights, read.error)
         moved_mm = largest(self._anchors.scale * (read.error + off_mm) * read.island)
         if not self.fixed and (moved_mm < _NEARLY_MM or self._fits):
-            self.choose(read)
+            self._choose(read)
         to_mm = kept_mm if self.fit is None else self.fit.far_field_mm
         return to_mm - mean(self._weights, ratio + read.error)
 
-    def choose(self, read: Pass) -> None:
+    def _choose(self, read: Pass) -> None:
         """Choose nodes by this pass, and the far field once these have the constant of the ones before."""
         assert self._weights is not None
         self._fits += 1

@@ -14,7 +14,7 @@ from zeromethod.surface.curl import Curl, CurlTest
 from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.noise import SlopeNoise
 from zeromethod.warp.grid import NodeGrid
-from zeromethod.warp.overlap import overlap_correlation
+from zeromethod.warp.overlap import overlap_correlation, shared_nodes
 from zeromethod.warp.warp import Warp
 
 
@@ -37,7 +37,7 @@ class BenchDrift:
         modes = BenchModes.of(optics, grid)
         self._grid, self._rest = grid, rest_q
         self._rest_q = grid.padded(rest_q, np.nan)
-        self._shared = (2.0 * float(overlap_correlation(grid.period_px, grid.spacing_px).sum()) - 1.0) ** 2
+        self._shared = shared_nodes(overlap_correlation(grid.period_px, grid.spacing_px))
         none = np.zeros(grid.shape, bool)
         self.watch = BenchWatch(modes, grid, grid.padded(usable, False), none, 0)
         u, v = (one[grid.inner] for one in grid.mesh())

@@ -42,7 +42,7 @@ _NO_LAW = 2.0
 """Sigma over the bound where too few nodes are left for a law."""
 
 _MOST_NODES, _LEAST_NODES = 400, 60
-"""Nodes that are looked at, as more cost time and tell nothing new, and that a law needs."""
+"""Nodes that are looked at, as more cost time and say nothing new, and that a law needs."""
 
 _TRIALS, _WIDEST = 81, 6.0
 """Trials of C to begin with, and the largest over the range read."""

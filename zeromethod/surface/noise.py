@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -166,7 +167,10 @@ class DepthNoise:
             return middle
         boxes = np.array([n for n in _BOXES if n <= max(ratio.shape)])
         total = np.zeros(ratio.shape)
-        _add_box_means(_summed(ratio), _summed(both.astype(np.float64)), boxes, middle, total)
+        values, known = (
+            np.asarray(cv2.integral(one), np.float64) for one in (ratio, both.astype(np.float64))
+        )
+        _add_box_means(values, known, boxes, middle, total)
         at_anchor = float((self._anchor * total).sum() / max(float(self._anchor.sum()), 1e-30))
         return 0.5 * (total + at_anchor)
 
@@ -179,21 +183,11 @@ def _blocks(weights: Float) -> Float:
 
 
 @numba.njit(cache=True)
-def _summed(values: Float) -> Float:
-    """Sums (rows + 1, cols + 1) over all that lies above and to the left."""
-    rows, cols = values.shape
-    out = np.zeros((rows + 1, cols + 1))
-    for i in range(rows):
-        line = 0.0
-        for j in range(cols):
-            line += values[i, j]
-            out[i + 1, j + 1] = out[i, j + 1] + line
-    return out
-
-
-@numba.njit(cache=True)
 def _add_box_means(values: Float, known: Float, boxes: NDArray[np.intp], other: float, out: Float) -> None:
-    """Add the mean of the means over boxes around each node; `other` where a box has no known node."""
+    """Add the mean of the means over boxes around each node; `other` where a box has no known node.
+
+    values, known: (rows + 1, cols + 1) sums of known values, and of their number, above and to the left.
+    """
     rows, cols = out.shape
     for size in boxes:
         half = size // 2

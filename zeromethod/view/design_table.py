@@ -127,7 +127,7 @@ def _motions(motion: Figures) -> list[RenderableType]:
 
 
 def _marks(motion: Figures) -> str:
-    """What marks on the prism's frame tell, and where there is room for them."""
+    """What marks on the prism's frame show, and where there is room for them."""
     if motion["marks"]:
         watched = f"{motion['marks']} marks on the prism's frame ([surface] marks_px) are watched"
         return f"and of the camera's, {watched}"

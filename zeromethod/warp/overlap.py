@@ -40,6 +40,11 @@ def overlap_correlation(period_px: int, spacing_px: int, gradient: Gradient = "f
     return np.array([*shared, 0.0]) / shared[0]
 
 
+def shared_nodes(correlation: Float) -> float:
+    """Number of nodes that share a node's noise, over the lattice, by its `correlation` along either axis."""
+    return (2.0 * float(correlation.sum()) - 1.0) ** 2
+
+
 def component_correlation(period_px: int, spacing_px: int, kind: str) -> tuple[Float, Float]:
     """(along its own axis, along the other) correlation of a displacement component for a kind of target.
 
