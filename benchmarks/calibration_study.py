@@ -132,8 +132,8 @@ class Truth:
         """Measure a press whose depth the height gauge gives."""
         x, y = self.place(share_x, self._rng.uniform(0.4, 0.6))
         warp = self.warp(Mirror((Dent(Shape.GAUSSIAN, x, y, KNOWN_MM, KNOWN_SIGMA_MM),)))
-        told = KNOWN_MM + self._rng.uniform(-GAUGE_MM, GAUGE_MM)
-        return KnownPress(f"x = {x:.0f} mm", warp, told, GAUGE_MM / np.sqrt(3))
+        stated = KNOWN_MM + self._rng.uniform(-GAUGE_MM, GAUGE_MM)
+        return KnownPress(f"x = {x:.0f} mm", warp, stated, GAUGE_MM / np.sqrt(3))
 
     def edges(self) -> list[Measurement]:
         """Edges that are in view, to 2 px; P0 by ruler where it is not."""
@@ -277,7 +277,7 @@ def summarise(outcomes: Sequence[Outcome], case: str) -> dict[str, float]:
 
 
 def figures_of(cases: Mapping[str, dict[str, float]], benches: int) -> list[Figure]:
-    """Figures of `summarise` beside their bars."""
+    """Figures of `summarise` with their bars."""
     figures, needed = list[Figure](), benches - benches // 10
     for case in CASES:
         s = cases[case]

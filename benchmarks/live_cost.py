@@ -173,7 +173,7 @@ def _row(variant: Variant, turns: Turns) -> list[str]:
 def _reading_figures(rounds: list[list[Timed]]) -> list[Figure]:
     """How many frames were read with everything on, and the slowest of loop and reading; judged by no bar.
 
-    What runs beside it on the machine decides these, and drawing by software takes most of it.
+    What else runs on the machine decides these, and drawing by software takes most of it.
     """
     asked = [[bool(np.isfinite(turn.read_ms)) for turn in turns if turn.measured] for turns in rounds]
     gaps = [len(list(run)) for turns in asked for was_read, run in groupby(turns) if not was_read]

@@ -174,7 +174,7 @@ PERIODS_PX = {
     "repeated tiles": 31.0,
     "dots, black borders": 24.0,
 }
-"""Shortest repeats. Each of these textures is measured again, told that nothing moved by half of it."""
+"""Shortest repeats. Each of these textures is measured again, with nothing moved by half of it as a given."""
 
 
 def picture(name: str, shape: tuple[int, int], shift: tuple[float, float]) -> Grey:
@@ -250,7 +250,7 @@ def _shares(table: dict[str, dict[str, float]]) -> list[float]:
 
 
 def report(names: Sequence[str], seeds: int) -> Report:
-    """Every texture, and the repeating ones once more with the largest shift stated."""
+    """Every texture, and the repeating ones again with the largest shift stated."""
     tables: dict[str, dict[str, dict[str, float]]] = {}
     for name in names:
         tables[name] = run(name, SHAPE, seeds)

@@ -174,7 +174,7 @@ def true_rig(believed: Rig, kind: str) -> Rig:
 
 @dataclass
 class _Steps:
-    """Tells what comes next after every step."""
+    """Says what comes next after every step."""
 
     on_step: Callable[[str], None] | None
     names: list[str]

@@ -1,4 +1,4 @@
-"""Motion of camera, LCD and prism: told from presses, named by group, kept in sigma."""
+"""Motion of camera, LCD and prism: distinguished from presses, named by group, kept in sigma."""
 
 from __future__ import annotations
 

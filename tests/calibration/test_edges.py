@@ -186,7 +186,7 @@ def shaded(kind: str, rig: Rig) -> np.ndarray:
     if kind == "ragged":
         rng = np.random.default_rng(3)
         return light * (u > rng.uniform(2.0, 14.0, (rig.camera.rows, 1)))
-    return light * (u > 3.0)  # past it there is too little to tell darkness from the image's end
+    return light * (u > 3.0)  # past it there is too little to separate darkness from the image's end
 
 
 @pytest.mark.parametrize("kind", ["vignetting", "aperture", "slanted stop", "ragged", "image's end"])

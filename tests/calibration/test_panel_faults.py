@@ -155,7 +155,7 @@ def test_noise_and_flicker_are_no_dithering() -> None:
 def fine(
     seed: int, pattern_codes: float, codes: tuple[int, ...] = (120, 126)
 ) -> tuple[list[Float], Float, Float]:
-    """Halves of even pictures, white and black; the last code has a pattern of that rms, grey codes."""
+    """Halves of uniform pictures, white and black; the last code has a pattern of that rms, grey codes."""
     rng = np.random.default_rng(seed)
     gain = 1 + 0.03 * rng.standard_normal(SHAPE)
     shade = np.linspace(0.7, 1.0, SHAPE[1]) * gain

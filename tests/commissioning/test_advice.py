@@ -103,7 +103,7 @@ def test_without_the_lcd_a_picture_that_the_target_cannot_place_is_reported() ->
         (replace(PLACE, right_px=16.1), replace(PLACE, right_px=0.1), "coarse"),  # a period further on
         (replace(PLACE, wider=0.08), PLACE, "coarse"),
         (PLACE, None, "coarse"),
-        (None, PLACE, "coarse"),  # mirrored: what the target tells of its place means nothing
+        (None, PLACE, "coarse"),  # mirrored: what the target says of its place means nothing
     ],
 )
 def test_the_target_gives_the_place_where_it_cannot_be_a_period_astray(

@@ -100,7 +100,7 @@ def test_saturated_and_dark_parts_are_not_usable(meter: FocusMeter) -> None:
     hidden = seen()
     hidden[:, 80:] = 4
     report = meter.look(hidden)
-    # windows of the nodes beside the edge reach 15 px: two or three of 18 columns
+    # windows of the nodes next to the edge reach 15 px: two or three of 18 columns
     assert report.dark_share == pytest.approx(0.5, abs=0.15)
     assert report.usable_share == pytest.approx(0.45, abs=0.15)
     assert report.score == pytest.approx(1.0, abs=0.05)

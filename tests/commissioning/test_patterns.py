@@ -21,7 +21,7 @@ CODES = (0, 15, 30, 255, 0, 128, 255, 240, 15)
 
 
 def light_of(rig: Rig, known_noise: bool) -> NDArray[np.float64]:
-    """(codes,) grey above black of even pictures, each followed by three late frames."""
+    """(codes,) grey above black of uniform pictures, each followed by three late frames."""
     means, late, last = [], count(3), list[Frame]()
     with open_devices(rig) as devices:
         camera, display = devices.camera, devices.display

@@ -56,7 +56,7 @@ def test_a_panel_without_inverse_response_does_no_harm(count: int) -> None:
 
 
 def test_camera_noise_is_found_in_the_frames() -> None:
-    # The view's light varies by four, so constant and slope can be told apart.
+    # The view's light varies by four, so constant and slope can be separated.
     rows, cols = 128, 160
     bench = Bench(reflectance=np.linspace(0.25, 1.0, cols)[None, :] * np.ones((rows, 1)), electrons=20.0)
     sequence = FringeSequence(PERIODS, equal_shifts(8))

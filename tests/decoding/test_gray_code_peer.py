@@ -1,4 +1,4 @@
-"""Beside OpenCV's Gray code on the same bench: as absolute, with as many frames, and far finer."""
+"""Against OpenCV's Gray code on the same bench: as absolute, with as many frames, and far finer."""
 
 import cv2
 import numpy as np

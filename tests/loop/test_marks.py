@@ -1,4 +1,4 @@
-"""Marks on the prism's frame: a camera that turned is told from a press while the press lasts."""
+"""Marks on the prism's frame: a camera that turned is distinguished from a press while the press lasts."""
 
 from __future__ import annotations
 

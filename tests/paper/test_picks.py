@@ -54,7 +54,7 @@ def test_crossings_at_rest_are_found_to_a_twentieth_of_a_pixel():
 @pytest.mark.parametrize("shift_px", [8.0, -14.0, 30.0])
 def test_crossings_are_followed_through_more_than_a_period(shift_px):
     picks = pick(lattice_image(), lattice_image(shift_px, noise=1.5), PERIOD, ORIGIN)
-    # Lines bend by |shift| / 60^2 / (1 - 0.6 |shift| / 60) per px, and are looked at 4 to 6 px beside the
+    # Lines bend by |shift| / 60^2 / (1 - 0.6 |shift| / 60) per px, and are looked at 4 to 6 px away from the
     # crossing (mean square 25.7); uneven stretch of their own 4 px adds 2^2; 0.06 px for noise, five sigma.
     bend = abs(shift_px) / 60**2 / (1 - 0.6 * abs(shift_px) / 60)
     assert np.max(np.abs(picks.after - true_places(picks.index, shift_px))) < (25.7 + 4) / 2 * bend + 0.06

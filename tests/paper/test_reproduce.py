@@ -62,7 +62,7 @@ def test_the_lattice_of_the_image_is_where_the_paper_puts_it(rig, pressed):
 def test_picks_agree_with_exact_rays(rig, pressed):
     exact = without_pick_error(rig, PRESS).line
     error_px = pressed.between.line.after[:, 0] - exact.after[:, 0]
-    # At rest to 0.01 px rms. Under the press lines bend (0.009 / px, looked at 4 to 6 px beside: 0.11 px),
+    # At rest to 0.01 px rms. Under the press lines bend (0.009 / px, looked at 4 to 6 px away: 0.11 px),
     # and one lies on the border of total reflection: the light falls by a third inside it.
     assert np.median(np.abs(error_px)) < 0.03
     assert np.max(np.abs(error_px)) < 0.3

@@ -41,18 +41,18 @@ def session() -> Iterator[zm.Session]:
 def test_the_delay_is_told_once_and_only_when_its_scatter_is_known(session, scatter_ms, words) -> None:
     estimator = DelayEstimator(0.0, 16.7e6)
     loop = SimpleNamespace(delay=SimpleNamespace(estimator=estimator), horizon_s=0.03)
-    told: list[str] = []
+    said: list[str] = []
     for number in range(60):
         # the first frames agree by chance
         off_ms = 0.0 if number < 5 else scatter_ms * (-1) ** number
         delay_ns = 1e6 * (20.0 + off_ms)
         estimator.note(Match(True, best_ns=delay_ns, low_ns=delay_ns, high_ns=delay_ns, blur_ns=0.0))
-        part = SimpleNamespace(loop=loop, rig=session.rig, result=session.result, _unsteady=bool(told))
+        part = SimpleNamespace(loop=loop, rig=session.rig, result=session.result, _unsteady=bool(said))
         notes = zm.Session._delay_note(part)
         assert not (notes and number < 20)
-        told += notes
-    assert len(told) == 1
-    assert words in told[0]
+        said += notes
+    assert len(said) == 1
+    assert words in said[0]
     assert (session.result.margin is None) == (scatter_ms > 10)
 
 

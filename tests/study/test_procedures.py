@@ -60,7 +60,7 @@ def test_a_wrong_rig_file_shows_in_the_first_residual_and_in_the_reading() -> No
     turned_px = np.radians(rolled_deg) * np.sqrt(np.mean(u**2 + v**2))
     assert outcome("run", press, frames=3)["residual_px_rms"] < LOCK_RESIDUAL_PX
     assert outcome("run", rolled, frames=3)["residual_px_rms"] == pytest.approx(turned_px, rel=0.02)
-    # the loop nulls it like any other displacement: what is left is a reading that is not 0, and is told
+    # the loop nulls it like any other displacement: what is left is a reading that is not 0, and is named
     right, wrong = (outcome("run", text, frames=12) for text in (press, rolled))
     assert (right["state"], wrong["state"]) == ("resting", "bench moved")
     assert wrong["residual_end_px"] == pytest.approx(right["residual_end_px"], rel=0.2)

@@ -1,4 +1,4 @@
-"""One recording for all that look at one, and copies of it that tell another story."""
+"""One recording for all that look at one, and copies of it with other contents."""
 
 from __future__ import annotations
 

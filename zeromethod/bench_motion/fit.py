@@ -111,5 +111,5 @@ class MotionFitter:
 UNLIKE = 0.04
 """Smooth displacement that motion cannot make, over that which it can, below which it is motion.
 
-Of 300 presses (Gaussians of sigma 1.5 to 40 mm and tails like 1/r, in and beside the view) the most alike
+Of 300 presses (Gaussians of sigma 1.5 to 40 mm and tails like 1/r, in the view and outside it) the most alike
 left 0.074; modes are linear, and of a camera turned by 3 px leave 0.01."""

@@ -24,7 +24,7 @@ _CLEAR_MM = 0.05
 """A panel that touches the prism is taken this far off: it must not enter the prism when it is turned."""
 
 _SAMPLES = 15
-"""Nodes along each axis from which the patterns are told apart, and carried on to all others."""
+"""Nodes along each axis from which the patterns are distinguished, and carried on to all others."""
 
 _DEGREE = 5
 """Of the polynomials of camera px that carry the patterns from node to node: off by 1e-4 of them at most."""

@@ -74,7 +74,7 @@ class BenchWatch:
     known : (rows, cols) bool
         Nodes known to be at rest whatever presses; with `places` the number of separate ones.
     places : int
-        Of them; motion is told from two on.
+        Of them; motion is distinguished from a press from two on.
 
     Attributes
     ----------
@@ -148,7 +148,7 @@ class BenchWatch:
         self.moved = self.moved or f"the bench moved at least {self.modes.words(motion, seen)}"
 
     def forget(self) -> None:
-        """Begin again: rest was taken anew, or the motion was corrected."""
+        """Begin again: rest was taken again, or the motion was corrected."""
         self._view.forget()
         self._known.forget()
         self.moved, self.motion, self._largest_px = "", None, 0.0

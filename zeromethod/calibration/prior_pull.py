@@ -52,9 +52,9 @@ def pulls(fitted: Fit) -> list[Pull]:
     """
     priors = fitted.priors
     kept = np.diag(fitted.covariance)
-    told = kept < KEPT_MOST
-    free = np.where(told, 1.0 - kept, 1.0)
-    size = np.where(told, np.abs(fitted.z) / np.sqrt(free), 0.0)
+    known = kept < KEPT_MOST
+    free = np.where(known, 1.0 - kept, 1.0)
+    size = np.where(known, np.abs(fitted.z) / np.sqrt(free), 0.0)
     found = priors.mean + priors.sigma * fitted.z / free
     spread = priors.sigma * np.sqrt(kept / free)
     numbers = np.stack([size, priors.mean, priors.sigma, found, spread], axis=-1)
@@ -65,7 +65,7 @@ def pulls(fitted: Fit) -> list[Pull]:
 def pull_together(fitted: Fit) -> float:
     """Pull of all combinations that the data determine, as the sigmas of one that is as improbable."""
     values, vectors = np.linalg.eigh(fitted.covariance)
-    told = values < KEPT_MOST
-    squares = (vectors.T @ fitted.z)[told] ** 2 / (1.0 - values[told])
+    known = values < KEPT_MOST
+    squares = (vectors.T @ fitted.z)[known] ** 2 / (1.0 - values[known])
     improbable = float(chdtrc(max(len(squares), 1), squares.sum()))
     return float(-ndtri(0.5 * improbable)) if improbable > 0.0 else float("inf")

@@ -70,7 +70,7 @@ _ADVICE = {
 @click.option(
     "--largest-shift",
     type=Real(0.1, 10000.0),
-    help="How far in px any point may have moved: tells a texture that repeats by how many periods it did.",
+    help="How far in px any point may have moved: decides by how many periods a texture that repeats did.",
 )
 @click.option(
     "--output", type=click.Path(path_type=Path), help="Folder for a .npz and a picture (.png) of every image."

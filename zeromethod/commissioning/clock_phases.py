@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 PARTS = 32
-"""Parts of a refresh that are told apart: clocks that meet again within 32 looks move on in each."""
+"""Parts of a refresh that are distinguished: clocks that meet again within 32 looks move on in each."""
 
 
 class ClockPhases:

@@ -148,9 +148,9 @@ def measure_delay(
         while clock.now_ns() < until_ns:
             if look.frame():
                 on_frame()
-        told = look.told()
+        settled = look.settled()
         moved_on = look.phases.moved_on()
-        if told or not moved_on or clock.now_ns() - start_ns > 1e9 * MOST_SECONDS:
+        if settled or not moved_on or clock.now_ns() - start_ns > 1e9 * MOST_SECONDS:
             return look.result()
 
 
@@ -233,7 +233,7 @@ class _Look:
         self._watch.estimator.forget()
         self._begin()
 
-    def told(self) -> bool:
+    def settled(self) -> bool:
         """Whether more frames would not say more."""
         return len(self._precise_ns()) >= LEAST_FRAMES or not self._legible
 

@@ -94,7 +94,7 @@ class BenchDoubt:
             self._watch.report(curl.motion, curl.seen)
 
     def _forget(self, watch: BenchWatch, time_ns: int) -> None:
-        """Rest was taken anew: what was found of frames before `time_ns` is over."""
+        """Rest was taken again: what was found of frames before `time_ns` is over."""
         self._since_ns, self._said, self._from = time_ns, False, self._zero.q
         watch.forget()
         if self._marks is not None:

@@ -11,7 +11,7 @@ state the warp of a dent too large (by 2e-4 for s = 1 LCD px and a dent of sigma
 by 1e-3 at 1.5 mm). The lens's blur alone acts on the image, where the null is the target itself, and has no
 effect.
 
-s^2 is measured by the same fact that tells both apart: a carrier of phase gradient k on the LCD loses
+s^2 is measured by the same fact that distinguishes both: a carrier of phase gradient k on the LCD loses
 exp(-s^2 k^2 / 2) of its contrast at the panel, and a press changes k from node to node, where a lens's loss
 stays as it is. Second differences over `REACH` nodes leave out what varies slowly: vignetting, glare, the
 light's change with slope.

@@ -13,7 +13,7 @@ from zeromethod.errors import InputError
 from zeromethod.worker import call_within, completed, in_thread
 
 PER_MINUTE = 3
-"""A camera that was opened again so often within a minute, and is lost once more, is not opened again."""
+"""A camera that was opened again so often within a minute, and is lost yet again, is not opened any more."""
 
 WAITS_S = (0.5, 2.0, 8.0)
 """Pause before the first, second, and every further attempt: a bus needs time to come back."""

@@ -98,8 +98,8 @@ def reconstruct(
     rim: slope angle at both ends, rad (0.0: clamped), or "straight": the mirror is straight from the end
         to the first point; or "closed": at P0 the slope with which the series of rises comes down to d = 0
         at L0 ("straight" at L0). On exact geometry the pattern touches the mirror at P0, the lever there has
-        no length, and all surfaces that differ by a multiple of l look alike: d(0) = 0 does not tell them
-        apart, so that "equation 12" needs "closed" or a known slope.
+        no length, and all surfaces that differ by a multiple of l look alike: d(0) = 0 does not
+        distinguish them, so that "equation 12" needs "closed" or a known slope.
     keep_gamma: equation 14 with gamma' (exact) or without.
 
     Raises InputError on shapes, order or values that cannot be picks, MeasurementError where "closed" finds

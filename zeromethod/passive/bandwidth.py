@@ -156,7 +156,7 @@ def _unresolved(
 ) -> Float:
     """Variance (rows, cols, 2) px^2 of what most of the picture has below the narrowest window.
 
-    The way that pixels sample hard edges does so: each time too little to be told from noise, but not noise.
+    The way that pixels sample hard edges does so: each time too little to show in noise, but it is not noise.
     """
     out = np.zeros_like(next(iter(fits.values())))
     for wide in itertools.product(widths_px[:2], widths_px[:2]):

@@ -51,7 +51,7 @@ def correlate(
     point, each the centre of a square of that size. window_px: standard deviation of the Gaussian window;
     None chooses it per point and axis. guess: a displacement from the same reference, say that of the frame
     before, tried in addition to the search from nothing; the better match is kept. largest_shift_px: how far
-    any point may have moved, where that is known: it tells a texture that repeats by how many periods it did.
+    any point may have moved, where that is known: it decides by how many periods a texture that repeats did.
 
     Sigma is the images' noise through the fit's own weights, the noise being taken from the grey differences
     left by the match and taken as equal in both images. It does not contain what the window smooths away.

@@ -97,7 +97,7 @@ class Measurement:
     window_px : float, optional
         Standard deviation of the Gaussian window; by default chosen for each point.
     largest_shift_px : float, optional
-        How far any point may have moved; tells a texture that repeats by how many periods it did.
+        How far any point may have moved; decides by how many periods a texture that repeats did.
 
     Raises
     ------
@@ -227,7 +227,7 @@ def measure(
     window_px : float, optional
         Standard deviation of the Gaussian window; by default chosen for each point.
     largest_shift_px : float, optional
-        How far any point may have moved; tells a texture that repeats by how many periods it did.
+        How far any point may have moved; decides by how many periods a texture that repeats did.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""A texture that repeats: its other matches, and what tells the true one from them.
+"""A texture that repeats: its other matches, and what distinguishes the true one from them.
 
 A lattice moved by a whole period is the lattice again. Where another match is about as good, a displacement
 counts only if something breaks the tie: parts of the picture that match at one place only, parts that are
@@ -91,7 +91,7 @@ def ambiguous(
     """Whether a match `here`, of field (rows, cols, 2) px, is only one of several about as good.
 
     sound: (rows, cols) points to judge by. close: points at the ends of the texture, where a frame that
-    stands still may be: it tells nothing of the texture's order.
+    stands still may be: it says nothing of the texture's order.
     """
     shifts = others.shifts
     if not shifts.size or not sound.any() or _carried(matcher, field, sound, shifts, guess):

@@ -28,7 +28,7 @@ _MOST_VISIBLE = 3
 """Six modes less the three that a stiff displacement of the mirror makes as well."""
 
 _LIKELY_LCD_PX = 1.0
-"""Motion of the size that happens: what is told worse than this is left out of the motion found."""
+"""Motion of the size that happens: what is known worse than this is left out of the motion found."""
 
 _VISIBLE = 1e-3
 """Curl energy of a combination of modes, over the largest, from which it counts as visible."""

@@ -120,7 +120,7 @@ def _motions(motion: Figures) -> list[RenderableType]:
     )
     note = (
         "All show while nothing presses. Of those without a share, two places of the mirror known to rest "
-        f"([[surface.known_rest]], not on one line) tell under a press; {_marks(motion)} ({edges})."
+        f"([[surface.known_rest]], not on one line) show it under a press; {_marks(motion)} ({edges})."
     )
     table = text_table(("camera, LCD or prism moved", "shows under a press"), rows)
     return [*titled("Motions of the bench that look alike", table), Text(note), Text()]
