@@ -15,7 +15,7 @@ from zeromethod.passive.matching import LIGHT_PX, Matcher
 from zeromethod.passive.moving_fit import blur
 from zeromethod.passive.repeats import Repeats, ambiguous, repeats
 from zeromethod.passive.search import CELL_PX, SMALLEST_PX, pyramid, resampled, search, settle
-from zeromethod.passive.validity import aside, at_ends, doubts, ends, featureless, unsettled, weak
+from zeromethod.passive.validity import aside, at_ends, doubts, ends, featureless, standing, unsettled, weak
 from zeromethod.warp.continuation import continue_smoothly
 
 SPACING_PX = 5
@@ -75,6 +75,7 @@ def correlate(
     least_noise = max((steps[0] ** 2 + steps[1] ** 2) / 12.0, 1e-9 * float(np.var(a)), 1e-30)
     middle = (_MIDDLE_PX,) if window_px is None else (window_px,)
     final = WIDTHS_PX if window_px is None else (window_px,)
+    sigma = np.full_like(field, np.nan)
     for widths_px in (middle, middle, *[final] * _FINAL_ROUNDS):
         comparison = matcher.compare(field, final=True)
         good = comparison.alike
@@ -83,6 +84,7 @@ def correlate(
         camera = np.minimum(noise, _CAMERA * np.percentile(noise[good], 25.0) if good.any() else np.inf)
         of_noise = GRADIENT_NOISE * camera * comparison.pixels
         textured = good & ~featureless(comparison, of_noise, spacing_px)
+        textured &= ~standing(comparison, field, sigma, textured, of_noise, spacing_px)
         sums = np.where(textured[..., None], comparison.sums, 0.0)
         of_noise = np.where(textured, of_noise, 0.0)
         fitted, variance, area = adaptive_fit(sums, of_noise, field, noise, spacing_px, widths_px)

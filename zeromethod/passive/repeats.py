@@ -18,9 +18,7 @@ from zeromethod.arrays import Float, Mask, Single
 from zeromethod.passive.displacement import Displacement
 from zeromethod.passive.matching import ALIKE, LIGHT_PX, CellMatches, Matcher
 from zeromethod.passive.search import resampled, settle
-
-REST_PX = 0.05
-"""Displacement (or 3 sigma) up to which a point is at rest in any case: far less than a period."""
+from zeromethod.passive.validity import REST_PX
 
 _BY_CHANCE = 0.0027
 """Probability of a reading beyond 3 sigma: nearer to rest than this share of the periods is at rest."""

@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 
 from zeromethod.arrays import Bytes, Float, Mask
-from zeromethod.passive.cells import XX, YY
+from zeromethod.passive.cells import XX, XY, YY, X, Y
 from zeromethod.passive.displacement import Doubt
 from zeromethod.passive.matching import LIGHT_PX, CellMatches
 from zeromethod.passive.moving_fit import blur, moving_moments
 from zeromethod.surface.integrate import largest_island
+from zeromethod.warp.continuation import continue_smoothly
 
 WEAK_PX = 0.25
 """Largest standard deviation of a point that still counts as measured."""
@@ -27,6 +28,11 @@ _AREA_PX = 15.0
 """Side of the squares that have texture or have none."""
 
 _ENDS_PX = 15.0
+REST_PX = 0.05
+"""Displacement (or 3 sigma) up to which a point is at rest in any case: far less than a period."""
+
+_LINEAR_PX = 4.0
+"""Motion beyond which gradients do not say what it leaves of a content at rest: that looks unlike anyhow."""
 _EMPTY = 0.05
 
 LEAST_STRETCH, MOST_STRETCH = 0.3, 3.0
@@ -99,6 +105,38 @@ def ends(texture: Float, shown: Mask, spacing_px: float) -> Mask:
     reach = round((2.0 * LIGHT_PX + _ENDS_PX) / spacing_px)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     return np.asarray(cv2.dilate(empty.astype(np.uint8), disc) > 0)
+
+
+def standing(
+    comparison: CellMatches, field: Float, sigma: Float, textured: Mask, of_noise: Float, spacing_px: float
+) -> Mask:
+    """Cells (rows, cols) at the texture's `ends` whose content stands still, as a frame's edge does.
+
+    field, sigma: (rows, cols, 2) px, of the comparison and of the fit before. textured: cells with texture.
+    of_noise: (rows, cols) squared gradients that noise makes. What gradients g leave of a content at rest,
+    compared as if it had moved by d as the texture inside has, is -g d: projected on g d it is 1 there, and
+    0 where the content has moved.
+    """
+    sums = comparison.sums
+    texture = sums[..., XX] + sums[..., YY] - 2.0 * of_noise
+    close = ends(np.where(comparison.alike, texture, 0.0), comparison.shown, spacing_px)
+    inside = textured & ~close
+    if not inside.any():
+        return np.zeros_like(close)
+    moved = continue_smoothly(field, inside)
+    (x, y), (dx, dy) = np.moveaxis(moved, -1, 0), np.moveaxis(moved - field, -1, 0)
+    xx, xy, yy = (sums[..., k] for k in (XX, XY, YY))
+    energy = xx * x**2 + 2.0 * xy * x * y + yy * y**2
+    left = x * (xx * dx + xy * dy - sums[..., X]) + y * (xy * dx + yy * dy - sums[..., Y])
+    around = 2 * max(round(0.5 * (_AREA_PX / spacing_px - 1.0)), 0) + 1
+    energy, left, noise = (
+        cv2.boxFilter(np.nan_to_num(one), -1, (around, around), normalize=False)
+        for one in (energy, left, energy * comparison.grey_variance)
+    )
+    size = np.hypot(x, y)
+    matters = (size > np.maximum(REST_PX, _SIGMAS * sigma.max(axis=-1))) & (size < _LINEAR_PX)
+    sure = left > _SIGMAS * np.sqrt(np.maximum(noise, 0.0))
+    return np.asarray(close & matters & sure & (left > 0.5 * energy))
 
 
 def at_ends(field: Float, close: Mask, spacing_px: float) -> Float:
