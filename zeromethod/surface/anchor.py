@@ -13,11 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import cv2
 import numpy as np
-from scipy import ndimage
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
+from zeromethod.surface.quiet import agreeing, block_slope, quiet_sums, quiet_weights
 from zeromethod.warp.overlap import shared_nodes
 
 _BLOCK_SHARE = 0.056
@@ -27,11 +28,6 @@ _RING_SHARE = 0.16
 _CORE_SHARE = 0.6
 """Share of the ring's weight that must agree on the constant: a smaller flat top is outvoted."""
 _MIN_NODES = 16
-_NEGLIGIBLE = 0.02
-"""Share of the largest weight that is taken off all, down to 0."""
-
-_WITHIN = 1.5
-"""Lengths of the core's interval outside it at which weights have fallen to 0, from 1 one length before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,76 +124,29 @@ def fit_quiet(
         ring = island
     constant = depth_mm / scale
     block = 2 * max(1, round(0.5 * _BLOCK_SHARE * min(island.shape))) + 1
-    slope2, noise2 = _block_slope(slope, variance, island, correlation, block)
-    # the largest nearby, as a dent's centre is flat too
-    nearby = ndimage.maximum_filter(slope2, block)
-    spread = np.maximum(nearby, noise2) / scale**2
-    first = np.where(ring, 1.0 / np.where(ring, spread, 1.0), 0.0)
-    relative = depth_mm - scale * float((first * constant).sum() / first.sum())
-    deepest = np.unravel_index(int(np.argmax(np.where(island, np.abs(relative), -1.0))), island.shape)
-    # from there, mm
-    away = np.stack([x_mm - x_mm[deepest], y_mm - y_mm[deepest]], axis=-1)
-    away = np.where(island[..., None], away, 0.0)
-    floor2 = (0.25**2) * (np.ptp(x_mm[island]) ** 2 + np.ptp(y_mm[island]) ** 2)
-    # a single remaining node has no extent and needs no weight
-    lever2 = np.maximum((away * away).sum(axis=-1), floor2 or 1.0)
-    weights = first / lever2
-    # without steps, so that where a reading started does not decide which nodes count
-    weights = np.maximum(weights - _NEGLIGIBLE * weights.max(), 0.0)
-    heavy = weights > 0.0
-    low, high = _shortest_interval(constant[heavy], weights[heavy])
-    reach = high - low
-    outside = np.maximum(low - constant, constant - high) / (reach or 1.0)
-    weights *= np.clip(_WITHIN - outside, 0.0, 1.0)
-    weights /= weights.sum()
-    if not _presses(slope, variance, island, correlation):
-        return RestFit("quiet", weights, 0.0)
-    signed = _far_field_depth(slope, variance, away, weights, scale, correlation)
-    bound2 = weights * lever2 / scale**2
-    blocks = 1.0 / float((weights**2).sum()) / (block + len(correlation)) ** 2
-    # A bound without direction, for dents that fill the view, less the part that noise can cause.
-    noise = float((bound2 * noise2).sum())
-    hidden = noise * 3.0 * np.sqrt(2.0 / max(blocks, 1.0))
-    unsigned = np.sqrt(max(float((bound2 * slope2).sum()) - noise - hidden, 0.0))
-    return RestFit("quiet", weights, float(max(signed, unsigned)), 0.0, float(np.sqrt(hidden)))
-
-
-def _presses(slope: Float, variance: Float, island: Mask, correlation: Float) -> bool:
-    """Whether the slopes are more than noise."""
-    ratio = float(np.mean(slope[island] ** 2 / variance[island]))
-    return ratio > 1.0 + 5.0 * float(np.sqrt(shared_nodes(correlation) / np.count_nonzero(island)))
-
-
-def _far_field_depth(
-    slope: Float, variance: Float, away: Float, weights: Float, scale: Float, correlation: Float
-) -> float:
-    """Mean depth / h of the chosen nodes, mm, by their slope, if depth decays as 1/r around the deepest node.
-
-    Depth A/r has radial slope -depth/r. Only the part above twice its noise counts; a field that decays
-    faster (a Gaussian's) is overestimated.
-    """
-    used = weights > 0.0
-    lever = (weights / scale)[used, None] * away[used]
-    implied = -float((lever * slope[used]).sum())
-    noise2 = shared_nodes(correlation) * float((lever**2 * variance[used]).sum())
-    return float(np.sqrt(max(implied * implied - 4.0 * noise2, 0.0)))
-
-
-def _block_slope(
-    slope: Float, variance: Float, island: Mask, correlation: Float, block: int
-) -> tuple[Float, Float]:
-    """Squared slope (rows, cols) after averaging over a block, and the part of it due to noise."""
-    known = island.astype(np.float64)
-    share = np.maximum(ndimage.uniform_filter(known, block, mode="constant"), block**-2)
-    slope2, noise2 = np.zeros(island.shape), np.zeros(island.shape)
     averaging = mean_noise_gain(correlation, block) ** 2
-    for axis in (0, 1):
-        masked = np.where(island, slope[..., axis], 0.0)
-        mean = ndimage.uniform_filter(masked, block, mode="constant") / share
-        slope2 += mean * mean
-        masked = np.where(island, variance[..., axis], 0.0)
-        noise2 += ndimage.uniform_filter(masked, block, mode="constant") / share * averaging / share
-    return np.where(island, slope2, 0.0), noise2
+    slope2, noise2, ratio = block_slope(slope, variance, island, averaging, block)
+    # the largest nearby, as a dent's centre is flat too
+    nearby = np.asarray(cv2.dilate(slope2, np.ones((block, block), np.uint8)), np.float64)
+    weights, away, lever2, values, heavy = quiet_weights(
+        nearby, noise2, constant, scale, x_mm, y_mm, ring, island
+    )
+    agreeing(weights, constant, *_shortest_interval(values, heavy))
+    shared = shared_nodes(correlation)
+    # whether the slopes are more than noise
+    if not ratio > 1.0 + 5.0 * float(np.sqrt(shared / np.count_nonzero(island))):
+        return RestFit("quiet", weights, 0.0)
+    implied, own, seen, noise, squares = quiet_sums(
+        weights, away, lever2, scale, slope, variance, slope2, noise2
+    )
+    # Mean depth / h by the slope if depth decays as 1/r around the deepest node: depth A/r has radial slope
+    # -depth/r. Only the part above twice its noise counts; a field that decays faster is overestimated.
+    signed = np.sqrt(max(implied * implied - 4.0 * shared * own, 0.0))
+    blocks = 1.0 / squares / (block + len(correlation)) ** 2
+    # A bound without direction, for dents that fill the view, less the part that noise can cause.
+    hidden = noise * 3.0 * np.sqrt(2.0 / max(blocks, 1.0))
+    unsigned = np.sqrt(max(seen - noise - hidden, 0.0))
+    return RestFit("quiet", weights, float(max(signed, unsigned)), 0.0, float(np.sqrt(hidden)))
 
 
 def mean_noise_gain(correlation: Float, count: int) -> float:

@@ -13,7 +13,7 @@ from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, share_changed
+from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, fill_in, share_changed
 
 _SAMPLES_PER_AXIS = 13
 _SAMPLES_AROUND_HOLES = 48
@@ -22,6 +22,8 @@ _KEEP_SHARE = 0.05
 _KEEP_FACTOR = 2.0
 """Samples are kept while the mask differs on fewer nodes than this share, and as few nodes' noise changed,
 relative to all others', by more than this factor."""
+_SOLVED = 1e-4
+"""Relative error of the weights with which slopes enter a depth."""
 _SAME_ANCHOR = 0.6
 """Share of the anchor's weight that may move to other blocks before its noise is computed again."""
 _BOXES = (1, 3, 7, 15, 31, 63)
@@ -154,6 +156,9 @@ class DepthNoise:
         slopes = self._noise.covariance(linear.slope_weights(weights - first))
         row = linear.depth(slopes)
         row -= (first * row).sum()
+        # nodes of holes may come back while the samples are kept
+        row[~island] = np.nan
+        fill_in(row)
         moved = self._sampled - 2.0 * row + float((weights * row).sum())
         self._variance = np.maximum(moved, _LEAST_LEFT * self._sampled)
         self._anchor = weights.copy()
@@ -209,7 +214,7 @@ def sampled_variance(
         part = nodes[k : k + _BATCH]
         weights = np.repeat(-anchor[None], len(part), axis=0)
         weights.reshape(len(part), -1)[np.arange(len(part)), part] += 1.0
-        found.append(noise.variance_of(linear.slope_weights(weights)))
+        found.append(noise.variance_of(linear.slope_weights(weights, _SOLVED)))
     return np.concatenate(found) if found else np.zeros(0)
 
 

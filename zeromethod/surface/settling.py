@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.anchor import RestFit
 from zeromethod.surface.anchoring import Anchoring, Anchors, Pass, largest
-from zeromethod.surface.integrate import SlopeIntegrator
+from zeromethod.surface.integrate import SlopeIntegrator, fill_in
 from zeromethod.surface.rays import MirrorRays
 
 _MAX_ITERATIONS = 14
 _SETTLED_MM = 6e-8
 """Error of depth, by what the last pass left of the one before, below which it has settled."""
+_SOLVED = 5e-4
+"""Error of a pass's solution, relative, as the next pass finds what it leaves."""
 _LEAST_LEFT = 0.03
 """Share of the error that a pass is taken to leave at least, as they leave more and less by turns."""
 
@@ -44,26 +45,6 @@ class Reading:
     point: Float
     fit: RestFit | None
     iterations: int
-
-
-@numba.njit(cache=True)
-def _fill_in(depth: Float) -> None:
-    """Replace NaN by the value of the next node that has one, as the rows come and back again; else 0."""
-    rows, cols = depth.shape
-    for step in (1, -1):
-        for k in range(rows):
-            i = k if step == 1 else rows - 1 - k
-            for m in range(cols):
-                j = m if step == 1 else cols - 1 - m
-                if np.isnan(depth[i, j]):
-                    if 0 <= j - step < cols and not np.isnan(depth[i, j - step]):
-                        depth[i, j] = depth[i, j - step]
-                    elif 0 <= i - step < rows and not np.isnan(depth[i - step, j]):
-                        depth[i, j] = depth[i - step, j]
-    for i in range(rows):
-        for j in range(cols):
-            if np.isnan(depth[i, j]):
-                depth[i, j] = 0.0
 
 
 class Settling:
@@ -91,7 +72,7 @@ class Settling:
             if not island.any():
                 return Reading(np.zeros_like(depth), slope, point, None, iteration)
             depth = np.where(island, depth, 0.0)
-            error = integrator.integrate(slope, point[..., 0], point[..., 1], depth)
+            error = integrator.integrate(slope, point[..., 0], point[..., 1], depth, _SOLVED)
             read = Pass(slope, variance, point, island, depth, error)
             step = np.where(island, scale * (error + anchoring.constant(read)), 0.0)
             if weights is not None and anchoring.doubtful:
@@ -110,6 +91,6 @@ def _begin(start: Start | None, island: Mask) -> tuple[Float, Float | None]:
         known = start.nodes & island & np.isfinite(start.depth)
         if known.any():
             depth = start.depth.copy()
-            _fill_in(depth)
+            fill_in(depth)
             return depth, known / np.count_nonzero(known)
     return np.zeros(island.shape), None
