@@ -19,7 +19,7 @@ from zeromethod.optics.prism import Face
 
 _BLOCK = 64
 _ITERATIONS = 100
-_SETTLED = 1e-9
+_SETTLED = 1e-8
 """Step of tan(angle), over its square, below which the next one would be less than rounding."""
 TOUCHES_MM = 1e-9
 """A panel that touches the slab before it may be this far on its wrong side by rounding."""

@@ -22,6 +22,8 @@ _NEARLY_MM = 3e-4
 """Change of depth below which nodes are chosen; then they are kept, so that the passes converge."""
 _FIXED_MM = 3e-7
 """Step of a far field from which it is kept."""
+_SHARP_MM = 2e-6
+"""The same where its sigma is as small: choosing again changes a hundredth of either."""
 _DOUBTFUL_MM = 1e-3
 """Sigma of the constant above which nodes may be chosen in several ways."""
 _FAR_MM = 0.02
@@ -116,7 +118,8 @@ class Anchoring:
             found = self._anchors.far_field(chosen, read, at_mm)
             fit = replace(chosen, far_field_mm=at_mm - found.constant_mm, sigma_mm=found.sigma_mm)
         step_mm = abs(fit.far_field_mm - at_mm)
-        moves = step_mm > (_FIXED_MM if chosen.hidden_mm else _NEARLY_MM)
+        fixed_mm = _SHARP_MM if fit.sigma_mm < _SHARP_MM else _FIXED_MM
+        moves = step_mm > (fixed_mm if chosen.hidden_mm else _NEARLY_MM)
         self._again = moves and abs(fit.far_field_mm) < _FAR_MM
         self.fixed = self._fits == _MOST_FITS or not moves
         self.fit = fit

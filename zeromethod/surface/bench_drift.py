@@ -12,7 +12,9 @@ from zeromethod.rig.model import Rig
 from zeromethod.surface.anchor import KnownReading, RestFit, known_misfit
 from zeromethod.surface.curl import Curl, CurlTest
 from zeromethod.surface.integrate import SlopeIntegrator
+from zeromethod.surface.node_passes import diagonal, squares_apart
 from zeromethod.surface.noise import SlopeNoise
+from zeromethod.surface.settling import Reading
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.overlap import overlap_correlation, shared_nodes
 from zeromethod.warp.warp import Warp
@@ -49,12 +51,12 @@ class BenchDrift:
         """Follow the drift."""
         self.watch.look(warp, self._rest_q)
 
-    def test(self, warp: Warp, slope: Float, point: Float, depth_mm: Float, noise: SlopeNoise) -> Curl:
+    def test(self, warp: Warp, read: Reading, noise: SlopeNoise) -> Curl:
         """Curl of one converged reading."""
         island = self._integrator.island
-        away = np.where(island[..., None], warp.q[self._grid.inner] - self._rest, 0.0)
-        shift_px = float(np.sqrt(np.vdot(away, away) / np.count_nonzero(island)))
-        return self._curl.test(slope, point, depth_mm, noise, shift_px)
+        shift2 = squares_apart(warp.q[self._grid.inner], self._rest, island)
+        shift_px = float(np.sqrt(shift2 / np.count_nonzero(island)))
+        return self._curl.test(read, noise, shift_px)
 
     def systematic(self, fit: RestFit, read: KnownReading, noise: SlopeNoise) -> tuple[RestFit, Float]:
         """The fit with its sigma, and independent errors (4, rows, cols) of depth, mm, of one sigma each.
@@ -63,15 +65,15 @@ class BenchDrift:
         the anchor; and drift by way of the far field, which its slope at the border passes for.
         """
         x, y, island = read.x_mm, read.y_mm, self._integrator.island
-        elsewhere, tail_mm = np.zeros_like(x), 0.0
+        fields = np.zeros((4, *x.shape))
         drift, slope = self._curl.false_depth(self.watch.drift, noise, x, y)
-        drift = drift - float((fit.weights * drift).sum())
         if fit.mode == "known":
-            fit, elsewhere = known_misfit(fit, read, self._known_rest, self._shared)
-        else:
-            reach_mm = 0.5 * float(np.hypot(np.ptp(x[island]), np.ptp(y[island])))
-            tail_mm = reach_mm * float((fit.weights * np.where(island, slope, 0.0)).sum())
-        fields = read.scale * np.stack(
-            [np.full_like(x, fit.sigma_mm), elsewhere, drift, np.full_like(x, tail_mm)]
-        )
-        return fit, np.where(island, fields, 0.0)
+            fit, fields[1] = known_misfit(fit, read, self._known_rest, self._shared)
+        elif self.watch.drift.any():
+            reach_mm = 0.5 * diagonal(x, y, island)
+            fields[3] = reach_mm * float((fit.weights * np.where(island, slope, 0.0)).sum())
+        if self.watch.drift.any():
+            fields[2] = drift - float((fit.weights * drift).sum())
+        fields[0] = fit.sigma_mm
+        fields *= read.scale * island
+        return fit, fields

@@ -51,7 +51,10 @@ class CutOff:
 
 def cut_off_parts(usable: Mask, island: Mask) -> list[Mask]:
     """Up to three largest sets of connected usable nodes (rows, cols) off the largest, the `island`."""
-    labels, count = ndimage.label(usable & ~island)
+    off = usable & ~island
+    if np.count_nonzero(off) < _LEAST_NODES:
+        return []
+    labels, count = ndimage.label(off)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)[1:]
     largest = np.argsort(sizes)[::-1][:_MOST_PARTS]
     return [labels == k + 1 for k in largest if sizes[k] >= _LEAST_NODES]

@@ -16,7 +16,9 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.bench_motion.watch import LEAST_LCD_PX
 from zeromethod.surface.differences import depth_differences_adjoint
 from zeromethod.surface.integrate import SlopeIntegrator
+from zeromethod.surface.node_passes import sum_on
 from zeromethod.surface.noise import SlopeNoise
+from zeromethod.surface.settling import Reading
 
 MOVED_STATISTIC = 5.0
 """Curl over its sigma (rms of its components) from which the bench counts as moved."""
@@ -101,11 +103,10 @@ class CurlTest:
         depth = np.tensordot(motion, self._templates(noise, x_mm, y_mm).depth, axes=1)
         return depth, np.linalg.norm(np.tensordot(motion, self._slopes, axes=1), axis=-1)
 
-    def test(self, slope: Float, point: Float, depth_mm: Float, noise: SlopeNoise, shift_px: float) -> Curl:
+    def test(self, read: Reading, noise: SlopeNoise, shift_px: float) -> Curl:
         """Test one reading, converged; shift_px: rms shift of the warp from rest, LCD px."""
-        x, y = point[..., 0], point[..., 1]
-        made = self._templates(noise, x, y)
-        across, down = self._integrator.left_over(slope, x, y, depth_mm)
+        made = self._templates(noise, read.point[..., 0], read.point[..., 1])
+        across, down = self._integrator.left_over(read.steps, read.depth)
         products = _products(made.across, across) + _products(made.down, down)
         found = (made.inverse @ products)[:-1]
         covariance = made.covariance * (self._mean_variance(noise) / made.noise)
@@ -117,7 +118,7 @@ class CurlTest:
 
     def _mean_variance(self, noise: SlopeNoise) -> float:
         island = self._integrator.island
-        return float(np.sum(noise.variance, where=island[..., None])) / (2 * np.count_nonzero(island))
+        return sum_on(noise.variance, island) / (2 * np.count_nonzero(island))
 
     def _templates(self, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> _Templates:
         island = self._integrator.island
@@ -134,7 +135,7 @@ class CurlTest:
         count = len(self._slopes)
         depth = np.stack([integrator.integrate(one, x_mm, y_mm) for one in slopes])
         left = [
-            integrator.left_over(one, x_mm, y_mm, part, linear=True)
+            integrator.left_over(integrator.steps(one, x_mm, y_mm), part, linear=True)
             for one, part in zip(slopes, depth, strict=True)
         ]
         across, down = (np.stack(parts) for parts in zip(*left, strict=True))

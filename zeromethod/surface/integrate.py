@@ -134,6 +134,25 @@ class LinearIntegration:
         return out.reshape(*potential.shape, 2)
 
 
+@numba.njit(cache=True, error_model="numpy")
+def _lacking(across: Float, down: Float, depth: Float, of_across: Float, of_down: Float, out: Float) -> None:
+    """Weighted steps that lead to each node (rows, cols) minus those that lead away, less those of depth."""
+    rows, cols = depth.shape
+    out[:] = 0.0
+    for i in range(rows):
+        for j in range(cols - 1):
+            if of_across[i, j] > 0.0:
+                step = of_across[i, j] * (across[i, j] - depth[i, j + 1] + depth[i, j])
+                out[i, j + 1] += step
+                out[i, j] -= step
+        if i < rows - 1:
+            for j in range(cols):
+                if of_down[i, j] > 0.0:
+                    step = of_down[i, j] * (down[i, j] - depth[i + 1, j] + depth[i, j])
+                    out[i + 1, j] += step
+                    out[i, j] -= step
+
+
 def _divergence(across: Float, down: Float) -> Float:
     """Sum at each node (rows, cols) of the steps that lead to it minus those that lead away."""
     out = np.zeros((across.shape[0], down.shape[1]))
@@ -209,13 +228,23 @@ class SlopeIntegrator:
         slope: (rows, cols, 2), (dd/dx, dd/dy) at the mirror points x_mm, y_mm (rows, cols), which are at
         depth_mm (rows, cols; default 0). share: error of e that is allowed for, relative.
         """
+        return self.correction(self.steps(slope, x_mm, y_mm), depth_mm, share)
+
+    def steps(self, slope: Float, x_mm: Float, y_mm: Float) -> tuple[Float, Float]:
+        """Steps of depth (rows, cols-1), (rows-1, cols), mm, that slopes make; arguments as `integrate`."""
+        return depth_differences(slope, x_mm, y_mm, self.island)
+
+    def correction(
+        self, steps: tuple[Float, Float], depth_mm: Float | None = None, share: float = EXACT
+    ) -> Float:
+        """As `integrate`, of the slopes' `steps`."""
         if self._solution is None or not self.island.any():
             return np.zeros(self._shape)
-        across, down = depth_differences(slope, x_mm, y_mm, self.island)
-        if depth_mm is not None:
-            across -= np.diff(depth_mm, axis=1)
-            down -= np.diff(depth_mm, axis=0)
-        return self._solution.solve(_divergence(self._across * across, self._down * down), share)
+        rhs = np.empty(self._shape)
+        _lacking(
+            *steps, np.zeros(self._shape) if depth_mm is None else depth_mm, self._across, self._down, rhs
+        )
+        return self._solution.solve(rhs, share)
 
     @property
     def step_weights(self) -> tuple[Float, Float]:
@@ -223,18 +252,15 @@ class SlopeIntegrator:
         return self._across / self._h_across, self._down / self._h_down
 
     def left_over(
-        self, slope: Float, x_mm: Float, y_mm: Float, depth_mm: Float, linear: bool = False
+        self, steps: tuple[Float, Float], depth_mm: Float, linear: bool = False
     ) -> tuple[Float, Float]:
-        """Steps (rows, cols-1), (rows-1, cols), mm, of the slopes that the depth does not make.
+        """Of the `steps` by slopes, those (rows, cols-1), (rows-1, cols), mm, that the depth does not make.
 
-        linear: `depth_mm` is an error of depth / h, as `integrate` returns it, and `slope` one of slope.
+        linear: `depth_mm` is an error of depth / h, as `integrate` returns it, and the steps one's of slope.
         """
-        across, down = depth_differences(slope, x_mm, y_mm, self.island)
         h_across, h_down = (self._h_across, self._h_down) if linear else (1.0, 1.0)
-        both_across = self.island[:, :-1] & self.island[:, 1:]
-        both_down = self.island[:-1] & self.island[1:]
-        across = np.where(both_across, across - h_across * np.diff(depth_mm, axis=1), 0.0)
-        return across, np.where(both_down, down - h_down * np.diff(depth_mm, axis=0), 0.0)
+        across = (self._across > 0.0) * (steps[0] - h_across * np.diff(depth_mm, axis=1))
+        return across, (self._down > 0.0) * (steps[1] - h_down * np.diff(depth_mm, axis=0))
 
     def linear(self, x_mm: Float, y_mm: Float) -> LinearIntegration:
         """Integration with the present mask and weights over points at x_mm, y_mm (rows, cols)."""

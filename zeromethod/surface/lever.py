@@ -33,28 +33,28 @@ def _factor(
             d, sx, sy = depth[j, i], slope[j, i, 0], slope[j, i, 1]
             if not np.isfinite(d + sx + sy):
                 d = sx = sy = 0.0
-            s, t, u = rest[j, i], by_depth[j, i], by_slope[j, i]
-            a = s[0, 0] + t[0, 0] * d + u[0, 0, 0] * sx + u[1, 0, 0] * sy
-            b = s[0, 1] + t[0, 1] * d + u[0, 0, 1] * sx + u[1, 0, 1] * sy
-            c = s[1, 0] + t[1, 0] * d + u[0, 1, 0] * sx + u[1, 1, 0] * sy
-            e = s[1, 1] + t[1, 1] * d + u[0, 1, 1] * sx + u[1, 1, 1] * sy
+            ra, rb, rc, re = rest[j, i, 0, 0], rest[j, i, 0, 1], rest[j, i, 1, 0], rest[j, i, 1, 1]
+            a = ra + by_depth[j, i, 0, 0] * d + by_slope[j, i, 0, 0, 0] * sx + by_slope[j, i, 1, 0, 0] * sy
+            b = rb + by_depth[j, i, 0, 1] * d + by_slope[j, i, 0, 0, 1] * sx + by_slope[j, i, 1, 0, 1] * sy
+            c = rc + by_depth[j, i, 1, 0] * d + by_slope[j, i, 0, 1, 0] * sx + by_slope[j, i, 1, 1, 0] * sy
+            e = re + by_depth[j, i, 1, 1] * d + by_slope[j, i, 0, 1, 1] * sx + by_slope[j, i, 1, 1, 1] * sy
             area = a * e - b * c
-            at_rest = s[0, 0] * s[1, 1] - s[0, 1] * s[1, 0]
+            at_rest = ra * re - rb * rc
             if not area * at_rest > _LEAST_SHARE * at_rest * at_rest:
-                a, b, c, e, area = s[0, 0], s[0, 1], s[1, 0], s[1, 1], at_rest
+                a, b, c, e, area = ra, rb, rc, re, at_rest
             xu, xv = jacobian[j, i, 0, 0], jacobian[j, i, 0, 1]
             yu, yv = jacobian[j, i, 1, 0], jacobian[j, i, 1, 1]
             x2, y2 = sigma[j, i, 0] ** 2, sigma[j, i, 1] ** 2
             along_x, along_y = xu * xu + xv * xv, yu * yu + yv * yv
-            equal2 = (x2 + y2) / (along_x + along_y)
-            u2 = v2 = equal2
             mixing = xu * xu * yv * yv - xv * xv * yu * yu
-            if abs(mixing) > _LEAST_MIXING * along_x * along_y:
-                p = (yv * yv * x2 - xv * xv * y2) / mixing
-                q = (xu * xu * y2 - yu * yu * x2) / mixing
-                if min(p, q) > 0.0:
-                    u2, v2 = p, q
-            su, sv = np.sqrt(u2) / area, np.sqrt(v2) / area
+            per = 1.0 / (mixing * area)
+            p = (yv * yv * x2 - xv * xv * y2) * per * area
+            q = (xu * xu * y2 - yu * yu * x2) * per * area
+            if abs(mixing) > _LEAST_MIXING * along_x * along_y and min(p, q) > 0.0:
+                per *= mixing
+                su, sv = np.sqrt(p) * per, np.sqrt(q) * per
+            else:
+                su = sv = np.sqrt((x2 + y2) / (along_x + along_y)) / area
             out[j, i, 0, 0] = (e * xu - b * yu) * su
             out[j, i, 0, 1] = (e * xv - b * yv) * sv
             out[j, i, 1, 0] = (a * yu - c * xu) * su

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy import ndimage
@@ -12,6 +13,7 @@ from scipy.interpolate import RectBivariateSpline
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.gaps import gaps_between
+from zeromethod.surface.node_passes import deepest_node
 from zeromethod.surface.peak_place import place_sigma_mm
 from zeromethod.surface.surface import Surface
 from zeromethod.surface.view_border import border_sigma_mm
@@ -121,11 +123,9 @@ def peak(surface: Surface) -> Peak:
 
 def _deepest(surface: Surface) -> tuple[Peak, Mask]:
     """Peak of the valid nodes alone, and the window (rows, cols) of its fit."""
-    depth = np.where(surface.valid, surface.depth_mm, np.nan)
-    row, col = (int(k) for k in np.unravel_index(int(np.nanargmax(np.abs(depth))), depth.shape))
-    node = row, col
+    row, col = node = deepest_node(surface.depth_mm, surface.valid)
     sigma_mm = math.hypot(float(surface.sigma_depth_mm[node]), border_sigma_mm(surface, row, col))
-    window = np.zeros(depth.shape, bool)
+    window = np.zeros(surface.valid.shape, bool)
     summit = _summit(surface, row, col)
     for _ in range(_MOVES - 1):
         if summit is None or np.max(np.abs(summit.offset)) <= _NEAREST:
@@ -133,7 +133,7 @@ def _deepest(surface: Surface) -> tuple[Peak, Mask]:
         row, col = row + round(float(summit.offset[1])), col + round(float(summit.offset[0]))
         summit = _summit(surface, row, col)
     if summit is None:
-        depth_mm, x_mm, y_mm = (float(field[node]) for field in (depth, surface.x_mm, surface.y_mm))
+        depth_mm, x_mm, y_mm = (float(field[node]) for field in _fields(surface))
         return Peak(depth_mm, x_mm, y_mm, sigma_mm, 0.0, *place_sigma_mm(surface, *node)), window
     reach = summit.reach
     window[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1] = True
@@ -235,13 +235,30 @@ def _fit(
     needed = _MIN_NODES if degree == 2 else _MIN_SHARE * (2 * reach + 1) ** 2
     if np.count_nonzero(known) < needed:
         return None
+    if known.all() and known.size == (2 * reach + 1) ** 2:
+        values = np.stack([field[rows, cols].ravel() for field in _fields(surface)], axis=-1)
+        return _whole_window(reach, degree) @ values, _powers(degree)
     r, c = np.nonzero(known)
     b, a = (r + rows.start - row).astype(np.float64), (c + cols.start - col).astype(np.float64)
-    powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
-    fields = (surface.depth_mm, surface.x_mm, surface.y_mm)
-    values = np.stack([field[rows, cols][known] for field in fields], axis=-1)
+    values = np.stack([field[rows, cols][known] for field in _fields(surface)], axis=-1)
+    powers = _powers(degree)
     solution = np.linalg.lstsq(_terms(a, b, powers), values, rcond=None)[0]
     return np.asarray(solution, dtype=np.float64), powers
+
+
+def _fields(surface: Surface) -> tuple[Float, Float, Float]:
+    return surface.depth_mm, surface.x_mm, surface.y_mm
+
+
+def _powers(degree: int) -> list[tuple[int, int]]:
+    return [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
+
+
+@cache
+def _whole_window(reach: int, degree: int) -> Float:
+    """Matrix (terms, nodes) from the values of all nodes of a window to the coefficients of `_fit`."""
+    b, a = (one.ravel().astype(np.float64) for one in np.mgrid[-reach : reach + 1, -reach : reach + 1])
+    return np.asarray(np.linalg.pinv(_terms(a, b, _powers(degree))), dtype=np.float64)
 
 
 def _polynomial(coefficients: dict[tuple[int, int], float], at: Float, da: int, db: int) -> float:

@@ -7,6 +7,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.surface.node_passes import deepest_node, diagonal
 
 _NEGLIGIBLE = 0.02
 """Share of the largest weight that is taken off all, down to 0."""
@@ -60,32 +61,6 @@ def block_slope(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _deepest(constant: Float, scale: Float, mean: float, island: Mask) -> tuple[int, int]:
-    """Row and column of the node whose depth differs most from a mean constant's."""
-    deepest, row, col = -1.0, 0, 0
-    for i in range(island.shape[0]):
-        for j in range(island.shape[1]):
-            depth = abs(scale[i, j] * (constant[i, j] - mean))
-            if island[i, j] and depth > deepest:
-                deepest, row, col = depth, i, j
-    return row, col
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _floor2(x: Float, y: Float, island: Mask) -> float:
-    """Square of a quarter of the island's diagonal; a single node has none, and needs none."""
-    low_x = low_y = np.inf
-    high_x = high_y = -np.inf
-    for i in range(island.shape[0]):
-        for j in range(island.shape[1]):
-            if island[i, j]:
-                low_x, high_x = min(low_x, x[i, j]), max(high_x, x[i, j])
-                low_y, high_y = min(low_y, y[i, j]), max(high_y, y[i, j])
-    floor2 = 0.0625 * ((high_x - low_x) ** 2 + (high_y - low_y) ** 2)
-    return floor2 if floor2 > 0.0 else 1.0
-
-
-@numba.njit(cache=True, error_model="numpy")
 def quiet_weights(
     spread: Float, noise2: Float, constant: Float, scale: Float, x: Float, y: Float, ring: Mask, island: Mask
 ) -> tuple[Float, Float, Float, Float, Float]:
@@ -103,8 +78,9 @@ def quiet_weights(
                 weights[i, j] = scale[i, j] ** 2 / max(spread[i, j], noise2[i, j])
                 total += weights[i, j]
                 mean += weights[i, j] * constant[i, j]
-    at = _deepest(constant, scale, mean / total, island)
-    floor2 = _floor2(x, y, island)
+    at = deepest_node(scale * (constant - mean / total), island)
+    # a single node has no extent and needs no weight
+    floor2 = (0.25 * diagonal(x, y, island)) ** 2 or 1.0
     away = np.zeros((2, rows, cols))
     largest, count = 0.0, 0
     for i in range(rows):

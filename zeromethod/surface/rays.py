@@ -30,13 +30,14 @@ class MirrorRays:
         gx, gy = self._rest.gradient(*self._rest_point[:2])
         # change of depth below the rest surface per mm along the ray
         rise = direction[..., 2] - gx * direction[..., 0] - gy * direction[..., 1]
-        self._distance_per_depth = np.where(hits, -1.0 / rise, np.nan)
+        self._way_per_depth = np.where(hits, -1.0 / rise, np.nan) * self._direction
         self.hits: Mask = hits & np.asarray(np.isfinite(origin).all(axis=-1))
 
     def _points(self, depth_mm: Float) -> Float:
         """Mirror points (3, rows, cols) in mm at the given depths (rows, cols)."""
         direction, rest = self._direction, self._rest
-        point: Float = self._rest_point + depth_mm * self._distance_per_depth * direction
+        point: Float = depth_mm * self._way_per_depth
+        point += self._rest_point
         if isinstance(rest, Flat):
             return point
         for _ in range(_STEPS):

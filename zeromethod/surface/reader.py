@@ -19,11 +19,12 @@ from zeromethod.surface.covariance import DepthCovariance
 from zeromethod.surface.depth_scale import depth_scale
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
 from zeromethod.surface.lever import Lever
+from zeromethod.surface.node_passes import known_bending, moved_on, surface_arrays, together, use_nodes
 from zeromethod.surface.noise import DepthNoise, SlopeNoise, squared
 from zeromethod.surface.rays import MirrorRays
 from zeromethod.surface.settling import Reading, Settling, Start
 from zeromethod.surface.surface import Anchor, Surface, continued_points
-from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.jacobian import jacobian
 from zeromethod.warp.overlap import component_correlation, overlap_correlation
 from zeromethod.warp.validity import Flag
@@ -104,6 +105,7 @@ class SurfaceReader:
         self._rest_bending = jacobian(self._rays.rest_q, grid.spacing_px)
         self._lever = Lever(self._rays, sensitivity)
         self._scale, self._scale_gradient = depth_scale(self._rays, regular, slope, point)
+        self._scale2 = self._scale**2
         self._integrator = SlopeIntegrator(point[..., 0], point[..., 1], self._scale)
         correlation = overlap_correlation(grid.period_px, grid.spacing_px)
         anchors = Anchors(rig.surface.known_rest, self._scale, self._scale_gradient, correlation)
@@ -149,19 +151,12 @@ class SurfaceReader:
         if warp.q.shape != (*self._grid.shape, 2):
             raise InputError(f"warp.q: shape {warp.q.shape}: must be {(*self._grid.shape, 2)}")
         inner = self._grid.inner
-        sigma_q, q = warp.sigma[inner], warp.q[inner]
-        with np.errstate(invalid="ignore"):
-            finite = np.isfinite(q[..., 0] + q[..., 1] + sigma_q[..., 0] + sigma_q[..., 1])
-            usable = finite & (sigma_q[..., 0] > 0.0) & (sigma_q[..., 1] > 0.0)
-        usable &= (warp.flags[inner] == 0) & self._usable
-        planes = np.full((2, *usable.shape), np.nan)
-        np.copyto(planes, np.moveaxis(q, -1, 0), where=usable)
+        sigma_q, usable = warp.sigma[inner], np.empty(self._usable.shape, bool)
+        planes = np.empty((2, *usable.shape))
+        use_nodes(warp.q[inner], sigma_q, warp.flags[inner], self._usable, planes, usable)
         q = np.moveaxis(planes, 0, -1)
-        bending = jacobian(warp.q, self._grid.spacing_px)[inner]
-        unknown = ~np.isfinite(
-            bending[..., 0, 0] + bending[..., 0, 1] + bending[..., 1, 0] + bending[..., 1, 1]
-        )
-        bending[unknown] = self._rest_bending[unknown]
+        bending = np.empty(self._rest_bending.shape)
+        known_bending(jacobian(warp.q, self._grid.spacing_px)[inner], self._rest_bending, bending)
         flat, at_rest = np.zeros(usable.shape), np.zeros((*usable.shape, 2))
         variance = squared(self._lever.factor(flat, at_rest, bending, sigma_q))
         self._drift.look(warp)
@@ -217,14 +212,13 @@ class SurfaceReader:
         if not certain(previous.anchor.sigma_mm, previous.anchor.far_field_mm):
             return None
         inner = self._grid.inner
-        depth, nodes = previous.depth_mm[inner], previous.anchor.mask[inner]
+        depth, nodes = previous.depth_mm[inner].copy(), previous.anchor.mask[inner]
         before = self._before
         if self._last is not None and self._last.surface is previous and before is not None:
-            step = depth - before.depth_mm[inner]
-            noise2 = 2.0 * np.nanmean(previous.sigma_depth_mm[inner] ** 2)
             apart_ns, ahead_ns = previous.time_ns - before.time_ns, time_ns - previous.time_ns
-            if 0 < ahead_ns <= _MOST_AHEAD * apart_ns and np.nanmean(step**2) > _MOVES * noise2:
-                depth = depth + np.nan_to_num(step) * (ahead_ns / apart_ns)
+            if 0 < ahead_ns <= _MOST_AHEAD * apart_ns:
+                sigma, ahead = previous.sigma_depth_mm[inner], ahead_ns / apart_ns
+                moved_on(depth, before.depth_mm[inner], sigma, _MOVES, ahead)
         return Start(depth, nodes)
 
     def _surface(self, warp: Warp, reading: Reading, noise: SlopeNoise) -> Surface:
@@ -237,15 +231,14 @@ class SurfaceReader:
             of_frame = self._noise.sigma(noise, x, y, fit.weights)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
-            geometry = self._depth_share * reading.depth
-            known = np.einsum("kij,kij->ij", systematic, systematic)
-            sigma_depth = np.sqrt((self._scale * of_frame) ** 2 + known + geometry**2)
-            curl = self._drift.test(warp, reading.slope, reading.point, reading.depth, noise)
-            typical = fit.sigma_mm * float(np.sqrt(np.mean(self._scale[island] ** 2)))
+            sigma_depth = together(self._scale, of_frame, systematic, self._depth_share, reading.depth)
+            curl = self._drift.test(warp, reading, noise)
+            typical = fit.sigma_mm * float(np.sqrt(np.vdot(self._scale2, island) / np.count_nonzero(island)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
+        read_nodes = Lattice(reading.depth, reading.slope, reading.point)
         contact = (warp.flags & Flag.LIGHT_LOST != 0) & (warp.flags & (Flag.OUTSIDE | Flag.NO_RAY) == 0)
         surface = Surface(
-            **self._arrays(island, reading.depth, reading.slope, reading.point, sigma_depth, noise.variance),
+            **self._arrays(island, read_nodes, sigma_depth, noise.variance),
             valid=self._grid.padded(island, False),
             contact=contact,
             anchor=anchor,
@@ -259,31 +252,15 @@ class SurfaceReader:
             self._last = _Last(surface, self._integrator.linear(x, y), noise, fit, systematic)
         return surface
 
-    def _arrays(
-        self, nodes: Mask, depth: Float, slope: Float, point: Float, sigma_depth: Float, variance: Float
-    ) -> dict[str, Any]:
+    def _arrays(self, nodes: Mask, read: Lattice, sigma_depth: Float, variance: Float) -> dict[str, Any]:
         """Arrays of a `Surface` on the full grid, NaN off the `nodes`; variance: (rows, cols, 2) of slope."""
-        full = [self._on(nodes, values) for values in (depth, slope, sigma_depth, np.sqrt(variance))]
-        points = self._grid.padded(point[..., :2], np.nan)
-        on_mirror: Mask = np.asarray(np.isfinite(points).all(axis=-1))
-        points = np.where(on_mirror[..., None], points, self._rest_xy)
         return {
-            "depth_mm": full[0],
-            "slope": full[1],
-            "x_mm": points[..., 0].copy(),
-            "y_mm": points[..., 1].copy(),
-            "sigma_depth_mm": full[2],
-            "sigma_slope": full[3],
-            "on_mirror": on_mirror,
+            **surface_arrays(
+                PADDING, self._rest_xy, nodes, read.depth, read.slope, sigma_depth, variance, read.point
+            ),
             "sigma_x_mm": self._sigma_place[0],
             "sigma_y_mm": self._sigma_place[1],
         }
-
-    def _on(self, nodes: Mask, values: Float) -> Float:
-        """Values of the `nodes` on the full grid, NaN elsewhere."""
-        out = np.full((*self._grid.shape, *values.shape[2:]), np.nan)
-        np.copyto(out[self._grid.inner], values, where=nodes if values.ndim == 2 else nodes[..., None])
-        return out
 
     def _with_cut_off(
         self, surface: Surface, reading: Reading, q: Float, usable: Mask, factor: Float
@@ -296,12 +273,11 @@ class SurfaceReader:
         found = bridge(self._rays, q, variance, self._scale, island, others, read) if others else None
         if found is None:
             return surface
-        depth, slope, point = found.read.depth, found.read.slope, found.read.point
         # noise over a gap adds little to that of the nodes before it
         noise = surface.sigma_depth_mm[self._grid.inner] ** 2 - (self._depth_share * reading.depth) ** 2
         sigma_depth = np.hypot(float(np.sqrt(np.nanmax(noise))), found.sigma_mm)
-        sigma_depth = np.hypot(sigma_depth, self._depth_share * depth)
-        arrays = self._arrays(found.nodes, depth, slope, point, sigma_depth, variance)
+        sigma_depth = np.hypot(sigma_depth, self._depth_share * found.read.depth)
+        arrays = self._arrays(found.nodes, found.read, sigma_depth, variance)
         cut_off = replace(surface, **arrays, valid=self._grid.padded(found.nodes, False))
         whole = replace(surface, cut_off=cut_off)
         if self._last is not None:

@@ -37,12 +37,13 @@ class Start:
 class Reading:
     """Depth (rows, cols) in mm, 0 off the island, with the slope and points of the last pass.
 
-    fit: None where no node has a depth.
+    steps: of depth that these slopes make, `SlopeIntegrator.steps`. fit: None where no node has a depth.
     """
 
     depth: Float
     slope: Float
     point: Float
+    steps: tuple[Float, Float]
     fit: RestFit | None
     iterations: int
 
@@ -70,9 +71,10 @@ class Settling:
             if np.count_nonzero(readable) != np.count_nonzero(island):
                 island = integrator.prepare(readable, variance)
             if not island.any():
-                return Reading(np.zeros_like(depth), slope, point, None, iteration)
+                return Reading(np.zeros_like(depth), slope, point, (depth, depth), None, iteration)
             depth = np.where(island, depth, 0.0)
-            error = integrator.integrate(slope, point[..., 0], point[..., 1], depth, _SOLVED)
+            steps = integrator.steps(slope, point[..., 0], point[..., 1])
+            error = integrator.correction(steps, depth, _SOLVED)
             read = Pass(slope, variance, point, island, depth, error)
             step = np.where(island, scale * (error + anchoring.constant(read)), 0.0)
             if weights is not None and anchoring.doubtful:
@@ -82,7 +84,8 @@ class Settling:
             left = min(max(moved_mm / before_mm, _LEAST_LEFT), 1.0) if iteration > 1 else 1.0
             if anchoring.fixed and moved_mm * left < _SETTLED_MM:
                 break
-        return Reading(depth, slope, point, anchoring.fit or self._anchors.nodes(read, 0.0), iteration)
+        fit = anchoring.fit or self._anchors.nodes(read, 0.0)
+        return Reading(depth, slope, point, steps, fit, iteration)
 
 
 def _begin(start: Start | None, island: Mask) -> tuple[Float, Float | None]:

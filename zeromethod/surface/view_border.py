@@ -26,14 +26,13 @@ _BEND = 2.0 * np.linalg.pinv(np.vander(np.arange(_ROWS, dtype=np.float64), 3))[0
 
 def border_sigma_mm(surface: Surface, row: int, col: int) -> float:
     """Standard deviation of depth at a node by the view's border, mm; 0 further inside."""
-    point = np.stack([surface.x_mm, surface.y_mm], axis=-1)
-    along = _across(surface.slope, point, surface.valid, row, col)
-    slope, place = surface.slope.swapaxes(0, 1), point.swapaxes(0, 1)
-    return float(np.hypot(along, _across(slope, place, surface.valid.T, col, row)))
+    x, y, valid = surface.x_mm, surface.y_mm, surface.valid
+    along = _across(surface.slope, (x, y), valid, row, col)
+    return float(np.hypot(along, _across(surface.slope.swapaxes(0, 1), (x.T, y.T), valid.T, col, row)))
 
 
-def _across(slope: Float, point: Float, valid: Mask, row: int, col: int) -> float:
-    """The same of the first and last rows alone."""
+def _across(slope: Float, point: tuple[Float, Float], valid: Mask, row: int, col: int) -> float:
+    """The same of the first and last rows alone; point: x and y (rows, cols)."""
     seen = np.flatnonzero(valid.any(axis=1))
     aside = slice(max(col - _ASIDE, 0), col + _ASIDE + 1)
     square = 0.0
@@ -46,7 +45,8 @@ def _across(slope: Float, point: Float, valid: Mask, row: int, col: int) -> floa
             continue
         count = known.sum(axis=1)
         mean_slope, place = (
-            np.where(known, one[rows, aside], 0.0).sum(axis=1) / count for one in (slope, point)
+            np.where(known, one, 0.0).sum(axis=1) / count
+            for one in (slope[rows, aside], np.stack([one[rows, aside] for one in point], axis=-1))
         )
         step = (place[-1] - place[0]) / (_ROWS - 1)
         square += float((((_BEND @ mean_slope) * step) ** 2).sum())
