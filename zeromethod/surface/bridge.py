@@ -85,19 +85,19 @@ def _tie(
     if len(gaps) < _LEAST_GAPS or min(other[box].shape) < 2:
         return None
     depth, slope, point = read.depth, read.slope, read.point
+    mine, own_rays = other[box], rays.part(box)
     integrator = SlopeIntegrator(point[box][..., 0], point[box][..., 1], scale[box])
-    integrator.prepare(other[box], variance[box])
+    integrator.prepare(mine, variance[box])
     depth[other] = float(np.mean(depth[gaps.near]))
     sigma_mm = np.inf
     for _ in range(_PASSES):
-        slopes, points = rays.slope(np.where(other, depth, 0.0), q)
-        slope[other], point[other] = slopes[other], points[other]
-        if not np.isfinite(slope[other]).all():
+        inside = np.where(mine, depth[box], 0.0)
+        slopes, points = own_rays.slope(inside, q[box])
+        if not np.isfinite(slopes[mine]).all():
             return None
-        inside = np.where(other, depth, 0.0)[box]
-        bent = integrator.integrate(slope[box], point[box][..., 0], point[box][..., 1], inside)
+        slope[box][mine], point[box][mine] = slopes[mine], points[mine]
         new = np.zeros_like(depth)
-        new[box] = scale[box] * bent
+        new[box] = scale[box] * integrator.integrate(slopes, points[..., 0], points[..., 1], inside)
         offset, sigma_mm = _offset(gaps, depth + new, scale, slope, point)
         change = (new + scale * offset)[other]
         depth[other] += change

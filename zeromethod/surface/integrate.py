@@ -22,6 +22,7 @@ from scipy import ndimage
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.differences import depth_differences, depth_differences_adjoint
 from zeromethod.surface.multigrid import EXACT, LatticeSolution
+from zeromethod.surface.node_passes import sum_on
 
 _KEEP_FACTOR = 2.0
 """Weights are kept while nodes' variances stay within this factor of those they were computed from:
@@ -138,19 +139,31 @@ class LinearIntegration:
 def _lacking(across: Float, down: Float, depth: Float, of_across: Float, of_down: Float, out: Float) -> None:
     """Weighted steps that lead to each node (rows, cols) minus those that lead away, less those of depth."""
     rows, cols = depth.shape
-    out[:] = 0.0
     for i in range(rows):
+        out[i] = 0.0
         for j in range(cols - 1):
-            if of_across[i, j] > 0.0:
-                step = of_across[i, j] * (across[i, j] - depth[i, j + 1] + depth[i, j])
-                out[i, j + 1] += step
-                out[i, j] -= step
-        if i < rows - 1:
-            for j in range(cols):
-                if of_down[i, j] > 0.0:
-                    step = of_down[i, j] * (down[i, j] - depth[i + 1, j] + depth[i, j])
-                    out[i + 1, j] += step
-                    out[i, j] -= step
+            out[i, j] -= of_across[i, j] * (across[i, j] - depth[i, j + 1] + depth[i, j])
+        for j in range(1, cols):
+            out[i, j] += of_across[i, j - 1] * (across[i, j - 1] - depth[i, j] + depth[i, j - 1])
+    for i in range(rows - 1):
+        for j in range(cols):
+            step = of_down[i, j] * (down[i, j] - depth[i + 1, j] + depth[i, j])
+            out[i + 1, j] += step
+            out[i, j] -= step
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _edge_weights(variance: Float, step: Float, h: Float, island: Mask, down: int, out: Float) -> None:
+    """Weights of the edges to the next column (down 0) or row (1), 0 off the island; step: (..., 2) mm."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            k, m = i + down, j + 1 - down
+            out[i, j] = 0.0
+            if island[i, j] and island[k, m]:
+                spread = 0.0
+                for axis in range(2):
+                    spread += 0.5 * (variance[i, j, axis] + variance[k, m, axis]) * step[i, j, axis] ** 2
+                out[i, j] = h[i, j] / spread
 
 
 def _divergence(across: Float, down: Float) -> Float:
@@ -201,7 +214,8 @@ class SlopeIntegrator:
         changed = share_changed(variance, self._variance, self.island, _KEEP_FACTOR) > _KEEP_SHARE
         if same and not changed:
             return self.island
-        relative = np.where(self.island[..., None], variance, 0.0) / np.median(variance[self.island])
+        typical = 2 * np.count_nonzero(self.island) / sum_on(1.0 / variance, self.island)
+        relative = np.where(self.island[..., None], variance, 0.0) / typical
         if changed:
             self._variance = relative
             self.weightings += 1
@@ -212,12 +226,9 @@ class SlopeIntegrator:
 
     def _set_weights(self) -> None:
         island, variance = self.island, self._variance
-        spread = (0.5 * (variance[:, :-1] + variance[:, 1:]) * self._step_across**2).sum(axis=-1)
-        both = island[:, :-1] & island[:, 1:]
-        self._across = self._h_across / np.where(both, spread, np.inf)
-        spread = (0.5 * (variance[:-1] + variance[1:]) * self._step_down**2).sum(axis=-1)
-        both = island[:-1] & island[1:]
-        self._down = self._h_down / np.where(both, spread, np.inf)
+        self._across, self._down = np.empty(self._h_across.shape), np.empty(self._h_down.shape)
+        _edge_weights(variance, self._step_across, self._h_across, island, 0, self._across)
+        _edge_weights(variance, self._step_down, self._h_down, island, 1, self._down)
         self._solution = LatticeSolution.of(self._across * self._h_across, self._down * self._h_down)
 
     def integrate(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from zeromethod.arrays import Float
 from zeromethod.surface.rays import MirrorRays
@@ -20,24 +21,26 @@ _LEAST_MIXING = 0.1
 @numba.njit(cache=True, error_model="numpy")
 def _factor(
     rest: Float,
-    by_depth: Float,
-    by_slope: Float,
+    by_depth: NDArray[np.float32],
+    by_slope: NDArray[np.float32],
     depth: Float,
     slope: Float,
     jacobian: Float,
     sigma: Float,
+    moved: bool,
     out: Float,
 ) -> None:
-    for j in range(depth.shape[0]):
-        for i in range(depth.shape[1]):
-            d, sx, sy = depth[j, i], slope[j, i, 0], slope[j, i, 1]
-            if not np.isfinite(d + sx + sy):
-                d = sx = sy = 0.0
+    for j in range(rest.shape[0]):
+        for i in range(rest.shape[1]):
             ra, rb, rc, re = rest[j, i, 0, 0], rest[j, i, 0, 1], rest[j, i, 1, 0], rest[j, i, 1, 1]
-            a = ra + by_depth[j, i, 0, 0] * d + by_slope[j, i, 0, 0, 0] * sx + by_slope[j, i, 1, 0, 0] * sy
-            b = rb + by_depth[j, i, 0, 1] * d + by_slope[j, i, 0, 0, 1] * sx + by_slope[j, i, 1, 0, 1] * sy
-            c = rc + by_depth[j, i, 1, 0] * d + by_slope[j, i, 0, 1, 0] * sx + by_slope[j, i, 1, 1, 0] * sy
-            e = re + by_depth[j, i, 1, 1] * d + by_slope[j, i, 0, 1, 1] * sx + by_slope[j, i, 1, 1, 1] * sy
+            a, b, c, e = ra, rb, rc, re
+            if moved and np.isfinite(depth[j, i] + slope[j, i, 0] + slope[j, i, 1]):
+                d, sx, sy = depth[j, i], slope[j, i, 0], slope[j, i, 1]
+                t, u, v = by_depth[j, i], by_slope[j, i, 0], by_slope[j, i, 1]
+                a += t[0, 0] * d + u[0, 0] * sx + v[0, 0] * sy
+                b += t[0, 1] * d + u[0, 1] * sx + v[0, 1] * sy
+                c += t[1, 0] * d + u[1, 0] * sx + v[1, 0] * sy
+                e += t[1, 1] * d + u[1, 1] * sx + v[1, 1] * sy
             area = a * e - b * c
             at_rest = ra * re - rb * rc
             if not area * at_rest > _LEAST_SHARE * at_rest * at_rest:
@@ -79,12 +82,14 @@ class Lever:
             step = _SLOPE_STEP * sensitivity[..., axis]
             ahead, back = (self._at(zero, rays.rest_q + sign * step) for sign in (1, -1))
             per_slope.append((ahead - back) / (2 * _SLOPE_STEP))
-        self._by_slope = np.nan_to_num(np.ascontiguousarray(np.stack(per_slope, axis=-3)))
+        by_slope = np.nan_to_num(np.ascontiguousarray(np.stack(per_slope, axis=-3)))
         deeper = np.full(zero.shape, _DEPTH_STEP_MM)
         turned, _ = rays.slope(deeper, rays.rest_q)
         change = self._at(deeper, rays.rest_q) - self._rest
-        change -= np.einsum("...a,...aij->...ij", turned, self._by_slope)
-        self._by_depth = np.nan_to_num(change / _DEPTH_STEP_MM)
+        change -= np.einsum("...a,...aij->...ij", turned, by_slope)
+        # corrections of a percent, in half the memory
+        self._by_slope = by_slope.astype(np.float32)
+        self._by_depth = np.nan_to_num(change / _DEPTH_STEP_MM).astype(np.float32)
 
     def _at(self, depth_mm: Float, q: Float) -> Float:
         """Sensitivity (rows, cols, 2, 2) at points at these depths that look at `q`."""
@@ -98,14 +103,20 @@ class Lever:
         inverse = np.linalg.inv(np.where(regular, per_q, np.eye(2)))
         return np.where(regular, inverse, self._rest)
 
-    def factor(self, depth_mm: Float, slope: Float, jacobian: Float, sigma_q: Float) -> Float:
+    def factor(
+        self, jacobian: Float, sigma_q: Float, depth_mm: Float | None = None, slope: Float | None = None
+    ) -> Float:
         """Matrix (rows, cols, 2, 2), rad: slope's error = factor @ (unit noise along u, along v).
 
-        depth_mm (rows, cols) and slope (rows, cols, 2): the mirror as read; NaN counts as at rest. jacobian:
-        (rows, cols, 2, 2) of the warp, LCD px per camera px. sigma_q: (rows, cols, 2) LCD px of the warp,
-        from independent displacements along u and v, sigma_q_i^2 = sum_j (dq_i/du_j sigma_j)^2; of equal size
-        where the equations do not separate them (a camera turned by 45 degrees).
+        jacobian: (rows, cols, 2, 2) of the warp, LCD px per camera px. sigma_q: (rows, cols, 2) LCD px of the
+        warp, from independent displacements along u and v, sigma_q_i^2 = sum_j (dq_i/du_j sigma_j)^2; of
+        equal size where the equations do not separate them (a camera turned by 45 degrees). depth_mm (rows,
+        cols) and slope (rows, cols, 2): the mirror as read; at rest where they are NaN, or left out.
         """
         out = np.empty(jacobian.shape)
-        _factor(self._rest, self._by_depth, self._by_slope, depth_mm, slope, jacobian, sigma_q, out)
+        moved = depth_mm is not None and slope is not None
+        depth_mm = np.zeros((1, 1)) if depth_mm is None else depth_mm
+        # of the layout that readings have, so that one version is compiled
+        slope = np.moveaxis(np.zeros((2, 1, 1)), 0, -1) if slope is None else slope
+        _factor(self._rest, self._by_depth, self._by_slope, depth_mm, slope, jacobian, sigma_q, moved, out)
         return out

@@ -64,6 +64,14 @@ def _left(edges: Any, five: bool, b: Any, x: Any, out: Any) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+def _begin(inverse: Any, length: Any, r: Any, x: Any) -> None:
+    """A damped step from 0."""
+    per, left, value = inverse.reshape(x.size), r.reshape(x.size), x.reshape(x.size)
+    for k in range(x.size):
+        value[k] = length * per[k] * left[k]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
 def _add(inverse: Any, length: Any, r: Any, x: Any) -> None:
     """A damped step: x += length * r / diagonal."""
     per, left, value = inverse.reshape(x.size), r.reshape(x.size), x.reshape(x.size)
@@ -203,8 +211,7 @@ def _cycle(size: Any, edges: Any, inverse: Any, p: Any, coarsest: Any, b: Any, x
         a, per = _plane(edges, size, level, 5), _plane(inverse, size, level, 1)[0]
         given, found = _plane(b, size, level, 1)[0], _plane(x, size, level, 1)[0]
         left = _plane(r, size, level, 1)[0]
-        found[:] = 0.0
-        _add(per, first, given, found)
+        _begin(per, first, given, found)
         _left(a, level == 0, given, found, left)
         _add(per, second, left, found)
         _left(a, level == 0, given, found, left)

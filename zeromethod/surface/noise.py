@@ -33,10 +33,46 @@ _EVEN = 0.02
 _LEAST_LEFT = 0.02
 
 
+@numba.njit(cache=True, error_model="numpy")
 def squared(factor: Float) -> Float:
-    """Variance (..., 2) by a factor (..., 2, 2) of unit noise."""
-    result: Float = factor[..., 0] ** 2 + factor[..., 1] ** 2
-    return result
+    """Variance (rows, cols, 2) by a factor (rows, cols, 2, 2) of unit noise."""
+    out = np.empty(factor.shape[:3])
+    for i in range(factor.shape[0]):
+        for j in range(factor.shape[1]):
+            out[i, j, 0] = factor[i, j, 0, 0] ** 2 + factor[i, j, 0, 1] ** 2
+            out[i, j, 1] = factor[i, j, 1, 0] ** 2 + factor[i, j, 1, 1] ** 2
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _powers(variance: Float, island: Mask) -> Float:
+    """Sum (rows, cols) of both variances on the island, else 0."""
+    out = np.zeros(island.shape)
+    for i in range(island.shape[0]):
+        for j in range(island.shape[1]):
+            if island[i, j]:
+                out[i, j] = variance[i, j, 0] + variance[i, j, 1]
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _ratios(now: Float, kept: Float, both: Mask) -> tuple[Float, float, float]:
+    """Ratio (rows, cols) on these nodes, else 0; its mean, and the mean distance from that over it."""
+    out = np.zeros(both.shape)
+    total = away = 0.0
+    count = 0
+    for i in range(both.shape[0]):
+        for j in range(both.shape[1]):
+            if both[i, j]:
+                out[i, j] = now[i, j] / kept[i, j]
+                total += out[i, j]
+                count += 1
+    middle = total / count
+    for i in range(both.shape[0]):
+        for j in range(both.shape[1]):
+            if both[i, j]:
+                away += abs(out[i, j] - middle)
+    return out, middle, away / (middle * count)
 
 
 @dataclass(frozen=True)
@@ -110,13 +146,14 @@ class DepthNoise:
         noise: the reading's, at points x_mm, y_mm (rows, cols). NaN off the integrator's island.
         """
         island = self._integrator.island
-        power = np.where(island, noise.variance[..., 0] + noise.variance[..., 1], 0.0)
+        power = _powers(noise.variance, island)
         if self._noise is None or self._is_stale(power, island):
             self._sample(noise, x_mm, y_mm, weights, power)
         elif np.abs(_blocks(weights) - _blocks(self._anchor)).sum() > _SAME_ANCHOR:
             self._move_anchor(x_mm, y_mm, weights)
-        grown = self._grown(power, island)
-        return np.where(island, np.sqrt(grown * self._variance), np.nan)
+        found = np.sqrt(self._grown(power, island) * self._variance)
+        found[~island] = np.nan
+        return np.asarray(found)
 
     def _is_stale(self, power: Float, island: Mask) -> bool:
         if self._weightings != self._integrator.weightings:
@@ -166,9 +203,8 @@ class DepthNoise:
     def _grown(self, power: Float, island: Mask) -> Float | float:
         """How the variance of depth has grown since the samples, (rows, cols) or the same everywhere."""
         both = island & self._mask
-        ratio = np.where(both, power, 0.0) / np.where(both, self._power, 1.0)
-        middle = float(ratio.sum()) / np.count_nonzero(both)
-        if float(np.abs(ratio - middle * both).sum()) < _EVEN * middle * np.count_nonzero(both):
+        ratio, middle, uneven = _ratios(power, self._power, both)
+        if uneven < _EVEN:
             return middle
         boxes = np.array([n for n in _BOXES if n <= max(ratio.shape)])
         total = np.zeros(ratio.shape)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
@@ -32,6 +34,16 @@ class MirrorRays:
         rise = direction[..., 2] - gx * direction[..., 0] - gy * direction[..., 1]
         self._way_per_depth = np.where(hits, -1.0 / rise, np.nan) * self._direction
         self.hits: Mask = hits & np.asarray(np.isfinite(origin).all(axis=-1))
+
+    def part(self, box: tuple[slice, ...]) -> MirrorRays:
+        """Those of a box of rows and columns."""
+        part = copy(self)
+        part.rest_q, part.hits = self.rest_q[box], self.hits[box]
+        part._direction, part._rest_point, part._way_per_depth = (
+            np.ascontiguousarray(one[:, *box])
+            for one in (self._direction, self._rest_point, self._way_per_depth)
+        )
+        return part
 
     def _points(self, depth_mm: Float) -> Float:
         """Mirror points (3, rows, cols) in mm at the given depths (rows, cols)."""
