@@ -31,7 +31,7 @@ def test_factor_is_the_slope_that_a_small_step_on_the_panel_makes(small, rays, l
     good = np.isfinite(slope).all(axis=-1)
     ones = np.ones((*depth.shape, 2))
     isotropic = np.broadcast_to(np.eye(2), (*depth.shape, 2, 2)).copy()
-    factor = lever.factor(depth, slope, isotropic, ones)
+    factor = lever.factor(isotropic, ones, depth, slope)
     step = 1e-2
     for axis in (0, 1):
         turned, _ = rays.slope(depth, q + step * (np.arange(2) == axis))
@@ -48,7 +48,7 @@ def test_noise_goes_by_the_warps_own_stretch_and_turn(lever):
     size = np.array([0.02, 0.01])
     sigma_q = np.sqrt((jacobian**2) @ size**2)
     zero, flat = np.zeros(shape), np.zeros((*shape, 2))
-    factor = lever.factor(zero, flat, jacobian, sigma_q)
+    factor = lever.factor(jacobian, sigma_q, zero, flat)
     expected = np.linalg.inv(lever._rest) @ jacobian * size
     np.testing.assert_allclose(factor, expected, rtol=1e-9)
 
@@ -58,5 +58,5 @@ def test_a_camera_turned_by_45_degrees_shares_the_noise_evenly(lever):
     shape = lever._rest.shape[:2]
     jacobian = np.broadcast_to(np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2), (*shape, 2, 2)).copy()
     sigma_q = np.full((*shape, 2), 0.01)
-    factor = lever.factor(np.zeros(shape), np.zeros((*shape, 2)), jacobian, sigma_q)
+    factor = lever.factor(jacobian, sigma_q, np.zeros(shape), np.zeros((*shape, 2)))
     np.testing.assert_allclose(factor, np.linalg.inv(lever._rest) @ jacobian * 0.01, rtol=1e-9)

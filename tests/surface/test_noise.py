@@ -27,7 +27,7 @@ def test_covariance_of_slopes_is_that_of_drawn_noise():
     generator = np.random.default_rng(0)
     factor = generator.standard_normal((5, 6, 2, 2))
     own, other = component_correlation(16, 8, "cosines")
-    noise = SlopeNoise(factor, own, other)
+    noise = SlopeNoise(lambda: factor, (factor**2).sum(axis=-1), own, other)
     line = {
         name: toeplitz(c, n)
         for name, c, n in (("ox", own, 6), ("oy", own, 5), ("px", other, 6), ("py", other, 5))

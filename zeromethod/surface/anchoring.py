@@ -94,12 +94,16 @@ class Anchoring:
             self._weights = self._anchors.nodes(read, 0.0).weights
         ratio = read.depth / self._anchors.scale
         kept_mm = mean(self._weights, ratio)
-        off_mm = -mean(self._weights, read.error)
-        moved_mm = largest(self._anchors.scale * (read.error + off_mm) * read.island)
-        if not self.fixed and (moved_mm < _NEARLY_MM or self._fits):
+        if not self.fixed and (self._fits or self._moved_mm(read) < _NEARLY_MM):
             self._choose(read)
         to_mm = kept_mm if self.fit is None else self.fit.far_field_mm
         return to_mm - mean(self._weights, ratio + read.error)
+
+    def _moved_mm(self, read: Pass) -> float:
+        """Largest change of depth by a pass whose constant is kept."""
+        assert self._weights is not None
+        off_mm = -mean(self._weights, read.error)
+        return largest(self._anchors.scale * (read.error + off_mm) * read.island)
 
     def _choose(self, read: Pass) -> None:
         """Choose nodes by this pass, and the far field once these have the constant of the ones before."""

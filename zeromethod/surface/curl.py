@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
@@ -77,8 +78,18 @@ class _Templates:
     depth: Float
 
 
+@numba.njit(cache=True, error_model="numpy")
+def _lacking(steps: Float, depth: Float, axis: int) -> Float:
+    """Steps along an axis that depth lacks."""
+    out = np.empty(steps.shape)
+    for i in range(steps.shape[0]):
+        for j in range(steps.shape[1]):
+            out[i, j] = steps[i, j] - depth[i + 1 - axis, j + axis] + depth[i, j]
+    return out
+
+
 def _products(templates: Float, steps: Float) -> Float:
-    """Sum (terms,) of the steps times each template."""
+    """Sum (terms,) of the steps times each template, which is 0 off the island."""
     return templates.reshape(len(templates), -1) @ steps.ravel()
 
 
@@ -106,7 +117,7 @@ class CurlTest:
     def test(self, read: Reading, noise: SlopeNoise, shift_px: float) -> Curl:
         """Test one reading, converged; shift_px: rms shift of the warp from rest, LCD px."""
         made = self._templates(noise, read.point[..., 0], read.point[..., 1])
-        across, down = self._integrator.left_over(read.steps, read.depth)
+        across, down = (_lacking(one, read.depth, 1 - axis) for axis, one in enumerate(read.steps))
         products = _products(made.across, across) + _products(made.down, down)
         found = (made.inverse @ products)[:-1]
         covariance = made.covariance * (self._mean_variance(noise) / made.noise)
@@ -135,7 +146,7 @@ class CurlTest:
         count = len(self._slopes)
         depth = np.stack([integrator.integrate(one, x_mm, y_mm) for one in slopes])
         left = [
-            integrator.left_over(integrator.steps(one, x_mm, y_mm), part, linear=True)
+            integrator.left_over(integrator.steps(one, x_mm, y_mm), part)
             for one, part in zip(slopes, depth, strict=True)
         ]
         across, down = (np.stack(parts) for parts in zip(*left, strict=True))
@@ -150,8 +161,7 @@ class CurlTest:
         reach = [
             depth_differences_adjoint(a, d, x_mm, y_mm, island) for a, d in zip(across, down, strict=True)
         ]
-        inside = SlopeNoise(np.where(island[..., None, None], noise.factor, 0.0), noise.own, noise.other)
-        shared = inside.covariance(np.stack(reach))
+        shared = noise.on(island).covariance(np.stack(reach))
         covariance = inverse @ np.einsum("aijk,bijk->ab", np.stack(reach), shared) @ inverse
         variance = self._mean_variance(noise)
         return _Templates(across, down, inverse, covariance[:-1, :-1], variance, directions, depth[:count])

@@ -262,16 +262,13 @@ class SlopeIntegrator:
         """Weights (rows, cols-1), (rows-1, cols) of the steps' squared errors; 0 off the island."""
         return self._across / self._h_across, self._down / self._h_down
 
-    def left_over(
-        self, steps: tuple[Float, Float], depth_mm: Float, linear: bool = False
-    ) -> tuple[Float, Float]:
-        """Of the `steps` by slopes, those (rows, cols-1), (rows-1, cols), mm, that the depth does not make.
+    def left_over(self, steps: tuple[Float, Float], error_mm: Float) -> tuple[Float, Float]:
+        """Of the `steps` by errors of slope, those (rows, cols-1), (rows-1, cols), mm, that no depth makes.
 
-        linear: `depth_mm` is an error of depth / h, as `integrate` returns it, and the steps one's of slope.
+        error_mm: (rows, cols) of depth / h, as `integrate` returns it.
         """
-        h_across, h_down = (self._h_across, self._h_down) if linear else (1.0, 1.0)
-        across = (self._across > 0.0) * (steps[0] - h_across * np.diff(depth_mm, axis=1))
-        return across, (self._down > 0.0) * (steps[1] - h_down * np.diff(depth_mm, axis=0))
+        across = (self._across > 0.0) * (steps[0] - self._h_across * np.diff(error_mm, axis=1))
+        return across, (self._down > 0.0) * (steps[1] - self._h_down * np.diff(error_mm, axis=0))
 
     def linear(self, x_mm: Float, y_mm: Float) -> LinearIntegration:
         """Integration with the present mask and weights over points at x_mm, y_mm (rows, cols)."""

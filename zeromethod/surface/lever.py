@@ -18,8 +18,48 @@ _LEAST_MIXING = 0.1
 """Determinant of the squared Jacobian over its rows', above which the components' noise is separable."""
 
 
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _inverse(
+    rest: Float,
+    by_depth: NDArray[np.float32],
+    by_slope: NDArray[np.float32],
+    j: int,
+    i: int,
+    d: float,
+    sx: float,
+    sy: float,
+) -> tuple[float, float, float, float, float]:
+    """Entries of a node's sensitivity at a depth and slope, row by row, and 1 over its determinant."""
+    ra, rb, rc, re = rest[j, i, 0, 0], rest[j, i, 0, 1], rest[j, i, 1, 0], rest[j, i, 1, 1]
+    at_rest = ra * re - rb * rc
+    if np.isfinite(d + sx + sy):
+        t, u = by_depth, by_slope
+        a = ra + t[j, i, 0, 0] * d + u[j, i, 0, 0, 0] * sx + u[j, i, 1, 0, 0] * sy
+        b = rb + t[j, i, 0, 1] * d + u[j, i, 0, 0, 1] * sx + u[j, i, 1, 0, 1] * sy
+        c = rc + t[j, i, 1, 0] * d + u[j, i, 0, 1, 0] * sx + u[j, i, 1, 1, 0] * sy
+        e = re + t[j, i, 1, 1] * d + u[j, i, 0, 1, 1] * sx + u[j, i, 1, 1, 1] * sy
+        area = a * e - b * c
+        if area * at_rest > _LEAST_SHARE * at_rest * at_rest:
+            return a, b, c, e, 1.0 / area
+    return ra, rb, rc, re, 1.0 / at_rest
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _noise(xu: float, xv: float, yu: float, yv: float, x2: float, y2: float) -> tuple[float, float]:
+    """Variance of the displacements along u and v from that of the warp, x2 and y2, and its Jacobian."""
+    xu, xv, yu, yv = xu * xu, xv * xv, yu * yu, yv * yv
+    mixing = xu * yv - xv * yu
+    if abs(mixing) > _LEAST_MIXING * (xu + xv) * (yu + yv):
+        per = 1.0 / mixing
+        p, q = (yv * x2 - xv * y2) * per, (xu * y2 - yu * x2) * per
+        if min(p, q) > 0.0:
+            return p, q
+    equal = (x2 + y2) / (xu + xv + yu + yv)
+    return equal, equal
+
+
 @numba.njit(cache=True, error_model="numpy")
-def _factor(
+def _variance(
     rest: Float,
     by_depth: NDArray[np.float32],
     by_slope: NDArray[np.float32],
@@ -30,38 +70,53 @@ def _factor(
     moved: bool,
     out: Float,
 ) -> None:
+    d = sx = sy = np.nan
     for j in range(rest.shape[0]):
         for i in range(rest.shape[1]):
-            ra, rb, rc, re = rest[j, i, 0, 0], rest[j, i, 0, 1], rest[j, i, 1, 0], rest[j, i, 1, 1]
-            a, b, c, e = ra, rb, rc, re
-            if moved and np.isfinite(depth[j, i] + slope[j, i, 0] + slope[j, i, 1]):
+            if moved:
                 d, sx, sy = depth[j, i], slope[j, i, 0], slope[j, i, 1]
-                t, u, v = by_depth[j, i], by_slope[j, i, 0], by_slope[j, i, 1]
-                a += t[0, 0] * d + u[0, 0] * sx + v[0, 0] * sy
-                b += t[0, 1] * d + u[0, 1] * sx + v[0, 1] * sy
-                c += t[1, 0] * d + u[1, 0] * sx + v[1, 0] * sy
-                e += t[1, 1] * d + u[1, 1] * sx + v[1, 1] * sy
-            area = a * e - b * c
-            at_rest = ra * re - rb * rc
-            if not area * at_rest > _LEAST_SHARE * at_rest * at_rest:
-                a, b, c, e, area = ra, rb, rc, re, at_rest
-            xu, xv = jacobian[j, i, 0, 0], jacobian[j, i, 0, 1]
-            yu, yv = jacobian[j, i, 1, 0], jacobian[j, i, 1, 1]
-            x2, y2 = sigma[j, i, 0] ** 2, sigma[j, i, 1] ** 2
-            along_x, along_y = xu * xu + xv * xv, yu * yu + yv * yv
-            mixing = xu * xu * yv * yv - xv * xv * yu * yu
-            per = 1.0 / (mixing * area)
-            p = (yv * yv * x2 - xv * xv * y2) * per * area
-            q = (xu * xu * y2 - yu * yu * x2) * per * area
-            if abs(mixing) > _LEAST_MIXING * along_x * along_y and min(p, q) > 0.0:
-                per *= mixing
-                su, sv = np.sqrt(p) * per, np.sqrt(q) * per
-            else:
-                su = sv = np.sqrt((x2 + y2) / (along_x + along_y)) / area
-            out[j, i, 0, 0] = (e * xu - b * yu) * su
-            out[j, i, 0, 1] = (e * xv - b * yv) * sv
-            out[j, i, 1, 0] = (a * yu - c * xu) * su
-            out[j, i, 1, 1] = (a * yv - c * xv) * sv
+            a, b, c, e, per = _inverse(rest, by_depth, by_slope, j, i, d, sx, sy)
+            ju, jv, ku, kv = (
+                jacobian[j, i, 0, 0],
+                jacobian[j, i, 0, 1],
+                jacobian[j, i, 1, 0],
+                jacobian[j, i, 1, 1],
+            )
+            u2, v2 = _noise(ju, jv, ku, kv, sigma[j, i, 0] ** 2, sigma[j, i, 1] ** 2)
+            per *= per
+            xu, xv = e * ju - b * ku, e * jv - b * kv
+            yu, yv = a * ku - c * ju, a * kv - c * jv
+            out[j, i, 0] = (xu * xu * u2 + xv * xv * v2) * per
+            out[j, i, 1] = (yu * yu * u2 + yv * yv * v2) * per
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _factor(
+    rest: Float,
+    by_depth: NDArray[np.float32],
+    by_slope: NDArray[np.float32],
+    depth: Float,
+    slope: Float,
+    jacobian: Float,
+    sigma: Float,
+    out: Float,
+) -> None:
+    for j in range(rest.shape[0]):
+        for i in range(rest.shape[1]):
+            d, sx, sy = depth[j, i], slope[j, i, 0], slope[j, i, 1]
+            a, b, c, e, per = _inverse(rest, by_depth, by_slope, j, i, d, sx, sy)
+            ju, jv, ku, kv = (
+                jacobian[j, i, 0, 0],
+                jacobian[j, i, 0, 1],
+                jacobian[j, i, 1, 0],
+                jacobian[j, i, 1, 1],
+            )
+            u2, v2 = _noise(ju, jv, ku, kv, sigma[j, i, 0] ** 2, sigma[j, i, 1] ** 2)
+            su, sv = np.sqrt(u2) * per, np.sqrt(v2) * per
+            out[j, i, 0, 0] = (e * ju - b * ku) * su
+            out[j, i, 0, 1] = (e * jv - b * kv) * sv
+            out[j, i, 1, 0] = (a * ku - c * ju) * su
+            out[j, i, 1, 1] = (a * kv - c * jv) * sv
 
 
 class Lever:
@@ -103,20 +158,26 @@ class Lever:
         inverse = np.linalg.inv(np.where(regular, per_q, np.eye(2)))
         return np.where(regular, inverse, self._rest)
 
-    def factor(
-        self, jacobian: Float, sigma_q: Float, depth_mm: Float | None = None, slope: Float | None = None
-    ) -> Float:
+    def factor(self, jacobian: Float, sigma_q: Float, depth_mm: Float, slope: Float) -> Float:
         """Matrix (rows, cols, 2, 2), rad: slope's error = factor @ (unit noise along u, along v).
 
         jacobian: (rows, cols, 2, 2) of the warp, LCD px per camera px. sigma_q: (rows, cols, 2) LCD px of the
         warp, from independent displacements along u and v, sigma_q_i^2 = sum_j (dq_i/du_j sigma_j)^2; of
         equal size where the equations do not separate them (a camera turned by 45 degrees). depth_mm (rows,
-        cols) and slope (rows, cols, 2): the mirror as read; at rest where they are NaN, or left out.
+        cols) and slope (rows, cols, 2): the mirror as read; NaN counts as at rest.
         """
         out = np.empty(jacobian.shape)
+        _factor(self._rest, self._by_depth, self._by_slope, depth_mm, slope, jacobian, sigma_q, out)
+        return out
+
+    def variance(
+        self, jacobian: Float, sigma_q: Float, depth_mm: Float | None = None, slope: Float | None = None
+    ) -> Float:
+        """Variance (rows, cols, 2) of slope, rad^2, by that matrix; without depth and slope that at rest."""
+        out = np.empty(sigma_q.shape)
         moved = depth_mm is not None and slope is not None
         depth_mm = np.zeros((1, 1)) if depth_mm is None else depth_mm
         # of the layout that readings have, so that one version is compiled
         slope = np.moveaxis(np.zeros((2, 1, 1)), 0, -1) if slope is None else slope
-        _factor(self._rest, self._by_depth, self._by_slope, depth_mm, slope, jacobian, sigma_q, moved, out)
+        _variance(self._rest, self._by_depth, self._by_slope, depth_mm, slope, jacobian, sigma_q, moved, out)
         return out

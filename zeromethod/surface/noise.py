@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import cached_property
 
 import cv2
@@ -31,17 +31,6 @@ _BLOCK_SHARE = 0.1
 """Side of the blocks of which the anchor's weight is compared, relative to the lattice's shorter side."""
 _EVEN = 0.02
 _LEAST_LEFT = 0.02
-
-
-@numba.njit(cache=True, error_model="numpy")
-def squared(factor: Float) -> Float:
-    """Variance (rows, cols, 2) by a factor (rows, cols, 2, 2) of unit noise."""
-    out = np.empty(factor.shape[:3])
-    for i in range(factor.shape[0]):
-        for j in range(factor.shape[1]):
-            out[i, j, 0] = factor[i, j, 0, 0] ** 2 + factor[i, j, 0, 1] ** 2
-            out[i, j, 1] = factor[i, j, 1, 0] ** 2 + factor[i, j, 1, 1] ** 2
-    return out
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -75,22 +64,29 @@ def _ratios(now: Float, kept: Float, both: Mask) -> tuple[Float, float, float]:
     return out, middle, away / (middle * count)
 
 
-@dataclass(frozen=True)
 class SlopeNoise:
     """Noise of the slopes of one reading.
 
     factor: (rows, cols, 2, 2), slope's error = factor @ (noise along u, along v), each of variance 1.
     own, other: correlation of that noise between nodes 0, 1, 2, ... apart along its own axis and the other.
+    variance: (rows, cols, 2) rad^2.
     """
 
-    factor: Float
-    own: Float
-    other: Float
+    def __init__(self, make_factor: Callable[[], Float], variance: Float, own: Float, other: Float) -> None:
+        """make_factor: called when the factor is first asked for; most readings need the variance alone."""
+        self._make_factor = make_factor
+        self.variance, self.own, self.other = variance, own, other
 
     @cached_property
-    def variance(self) -> Float:
-        """(rows, cols, 2) rad^2."""
-        return squared(self.factor)
+    def factor(self) -> Float:
+        """(rows, cols, 2, 2) rad."""
+        return self._make_factor()
+
+    def on(self, island: Mask) -> SlopeNoise:
+        """The same on an island (rows, cols), none elsewhere."""
+        inside = island[..., None]
+        factor = np.where(inside[..., None], self.factor, 0.0)
+        return SlopeNoise(lambda: factor, np.where(inside, self.variance, 0.0), self.own, self.other)
 
     def covariance(self, weights: Float) -> Float:
         """Covariance (..., rows, cols, 2) of each slope with sum(weights * slope), weights of that shape."""
@@ -166,7 +162,7 @@ class DepthNoise:
 
     def _sample(self, noise: SlopeNoise, x_mm: Float, y_mm: Float, weights: Float, power: Float) -> None:
         island = self._integrator.island.copy()
-        noise = SlopeNoise(np.where(island[..., None, None], noise.factor, 0.0), noise.own, noise.other)
+        noise = noise.on(island)
         linear = self._integrator.linear(x_mm, y_mm)
         nodes = sample_nodes(island)
         variance = sampled_variance(linear, noise, nodes, weights)

@@ -30,11 +30,14 @@ def place_sigma_mm(surface: Surface, row: int, col: int) -> tuple[float, float]:
     if count < _LEAST_NODES:
         return math.nan, math.nan
     x, y = (one[rows, cols][known] for one in (surface.x_mm, surface.y_mm))
-    terms = np.stack([np.ones(count), x - x.mean(), y - y.mean()], axis=-1)
-    bend = np.linalg.lstsq(terms, surface.slope[rows, cols][known], rcond=None)[0][1:].T
-    if abs(np.linalg.det(bend)) == 0.0:
+    away = np.stack([x - x.sum() / count, y - y.sum() / count])
+    spread, bent = away @ away.T, away @ surface.slope[rows, cols][known]
+    # slopes = away @ bend; the place moves by the inverse
+    (a, b), (c, d) = bent.T.tolist()
+    area = a * d - b * c
+    if area == 0.0:
         return math.inf, math.inf
-    noise = (surface.sigma_slope[rows, cols][known] ** 2).mean(axis=0) * min(_ALIKE / count, 1.0)
-    own = np.sqrt((np.linalg.inv(bend) ** 2) @ noise)
+    noise = (surface.sigma_slope[rows, cols][known] ** 2).sum(axis=0) / count * min(_ALIKE / count, 1.0)
+    own = np.sqrt(((spread @ np.array([[d, -b], [-c, a]]) / area) ** 2) @ noise)
     sigma_x, sigma_y = (math.hypot(*pair) for pair in zip(own, geometry, strict=True))
     return sigma_x, sigma_y

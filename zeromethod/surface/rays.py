@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 
+import numba
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
@@ -11,6 +12,15 @@ from zeromethod.optics import Flat, Optics
 
 _STEPS = 20
 _SETTLED_MM = 1e-12
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _go_on(start: Float, way: Float, by: Float, out: Float) -> None:
+    """Points (3, rows, cols) `by` (rows, cols) times the way from the start."""
+    for k in range(len(out)):
+        for i in range(out.shape[1]):
+            for j in range(out.shape[2]):
+                out[k, i, j] = start[k, i, j] + by[i, j] * way[k, i, j]
 
 
 class MirrorRays:
@@ -48,8 +58,8 @@ class MirrorRays:
     def _points(self, depth_mm: Float) -> Float:
         """Mirror points (3, rows, cols) in mm at the given depths (rows, cols)."""
         direction, rest = self._direction, self._rest
-        point: Float = depth_mm * self._way_per_depth
-        point += self._rest_point
+        point = np.empty(self._rest_point.shape)
+        _go_on(self._rest_point, self._way_per_depth, depth_mm, point)
         if isinstance(rest, Flat):
             return point
         for _ in range(_STEPS):

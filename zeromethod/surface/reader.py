@@ -20,7 +20,7 @@ from zeromethod.surface.depth_scale import depth_scale
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, largest_island
 from zeromethod.surface.lever import Lever
 from zeromethod.surface.node_passes import known_bending, moved_on, surface_arrays, together, use_nodes
-from zeromethod.surface.noise import DepthNoise, SlopeNoise, squared
+from zeromethod.surface.noise import DepthNoise, SlopeNoise
 from zeromethod.surface.rays import MirrorRays
 from zeromethod.surface.settling import Reading, Settling, Start
 from zeromethod.surface.surface import Anchor, Surface, continued_points
@@ -151,19 +151,21 @@ class SurfaceReader:
         if warp.q.shape != (*self._grid.shape, 2):
             raise InputError(f"warp.q: shape {warp.q.shape}: must be {(*self._grid.shape, 2)}")
         inner = self._grid.inner
-        sigma_q, usable = warp.sigma[inner], np.empty(self._usable.shape, bool)
+        sigma_q, usable = warp.sigma[inner].copy(), np.empty(self._usable.shape, bool)
         planes = np.empty((2, *usable.shape))
         use_nodes(warp.q[inner], sigma_q, warp.flags[inner], self._usable, planes, usable)
         q = np.moveaxis(planes, 0, -1)
         bending = np.empty(self._rest_bending.shape)
         known_bending(jacobian(warp.q, self._grid.spacing_px)[inner], self._rest_bending, bending)
-        variance = squared(self._lever.factor(bending, sigma_q))
+        variance = self._lever.variance(bending, sigma_q)
         self._drift.look(warp)
         start = None if previous is None else self._start(warp.time_ns, previous)
         reading = self._settling.settle(q, variance, usable, start)
-        factor = self._lever.factor(bending, sigma_q, reading.depth, reading.slope)
-        surface = self._surface(warp, reading, SlopeNoise(factor, *self._overlap))
-        return self._with_cut_off(surface, reading, q, usable, factor)
+        state = bending, sigma_q, reading.depth, reading.slope
+        variance = self._lever.variance(*state)
+        noise = SlopeNoise(lambda: self._lever.factor(*state), variance, *self._overlap)
+        surface = self._surface(warp, reading, noise)
+        return self._with_cut_off(surface, reading, q, usable, variance)
 
     def follow(self, warp: Warp) -> Surface:
         """`read` a warp that comes next: starting from the last surface, if there is one.
@@ -262,12 +264,11 @@ class SurfaceReader:
         }
 
     def _with_cut_off(
-        self, surface: Surface, reading: Reading, q: Float, usable: Mask, factor: Float
+        self, surface: Surface, reading: Reading, q: Float, usable: Mask, variance: Float
     ) -> Surface:
         """The surface with the nodes tied to it over gaps; the same one where there are none."""
         island = self._integrator.island
         others = cut_off_parts(usable, island) if island.any() else []
-        variance = squared(factor)
         read = Lattice(reading.depth, reading.slope, reading.point)
         found = bridge(self._rays, q, variance, self._scale, island, others, read) if others else None
         if found is None:

@@ -19,8 +19,9 @@ from zeromethod.surface.rays import MirrorRays
 _MAX_ITERATIONS = 14
 _SETTLED_MM = 6e-8
 """Error of depth, by what the last pass left of the one before, below which it has settled."""
-_SOLVED = 5e-4
-"""Error of a pass's solution, relative, as the next pass finds what it leaves."""
+_SOLVED, _SOLVED_FROM_REST = 3e-3, 3e-4
+"""Error of a pass's solution, relative: the next pass finds what it leaves, and counts it as unsettled. From
+rest, passes are larger, and nodes are chosen by the second."""
 _LEAST_LEFT = 0.03
 """Share of the error that a pass is taken to leave at least, as they leave more and less by turns."""
 
@@ -64,6 +65,7 @@ class Settling:
         island = integrator.prepare(usable, variance)
         depth, weights = _begin(start, island)
         anchoring = Anchoring(self._anchors, weights)
+        solved = _SOLVED_FROM_REST if weights is None else _SOLVED
         moved_mm = np.inf
         for iteration in range(1, _MAX_ITERATIONS + 1):
             slope, point = self._rays.slope(depth, q)
@@ -74,7 +76,7 @@ class Settling:
                 return Reading(np.zeros_like(depth), slope, point, (depth, depth), None, iteration)
             depth = np.where(island, depth, 0.0)
             steps = integrator.steps(slope, point[..., 0], point[..., 1])
-            error = integrator.correction(steps, depth, _SOLVED)
+            error = integrator.correction(steps, depth, solved)
             read = Pass(slope, variance, point, island, depth, error)
             step = np.where(island, scale * (error + anchoring.constant(read)), 0.0)
             if weights is not None and anchoring.doubtful:
