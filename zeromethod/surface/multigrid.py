@@ -94,7 +94,7 @@ def _restrict(p: Any, r: Any, out: Any) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def _prolong(p: Any, x: Any, out: Any) -> None:
-    """Add P x; the border's last row and column are written to, and cleared."""
+    """Add P x."""
     for i in range(1, x.shape[0] - 1):
         k = 2 * i - 1
         for j in range(1, x.shape[1] - 1):
@@ -104,19 +104,20 @@ def _prolong(p: Any, x: Any, out: Any) -> None:
             out[k, m + 1] += p[0, i, j] * a + p[1, i, j] * b
             out[k + 1, m] += p[2, i, j] * a + p[3, i, j] * c
             out[k + 1, m + 1] += p[4, i, j] * a + p[5, i, j] * b + p[6, i, j] * c + p[7, i, j] * d
-    out[-1] = 0.0
-    out[:, -1] = 0.0
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _share(one: float, other: float) -> float:
-    """Weight of one of two neighbours; 0 where there are none."""
-    return one / (one + other) if one + other > 0.0 else 0.0
+def _shares(one: float, other: float, there: bool) -> tuple[float, float]:
+    """Weights of two neighbours, in all 1; half each for a node that neither has an edge to."""
+    one, other = max(one, 0.0), max(other, 0.0)
+    if one + other > 0.0:
+        return one / (one + other), other / (one + other)
+    return (0.5, 0.5) if there else (0.0, 0.0)
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _interpolation(a: Any, p: Any) -> None:
-    """Weights P of the coarse nodes, from the edges of the fine ones."""
+    """Weights P of the coarse nodes, from the edges of the fine ones; they keep constants."""
     rows, cols = a.shape[1] - 2, a.shape[2] - 2
     for i in range(1, p.shape[1] - 1):
         k = 2 * i - 1
@@ -125,11 +126,20 @@ def _interpolation(a: Any, p: Any) -> None:
             if m < cols:
                 west = a[1, k, m] + a[3, k - 1, m] + a[4, k, m + 1]
                 east = a[1, k, m + 1] + a[3, k, m + 1] + a[4, k - 1, m + 2]
-                p[0, i, j], p[1, i, j] = _share(west, east), _share(east, west)
+                p[0, i, j], p[1, i, j] = _shares(west, east, a[0, k, m + 1] > 0.0)
             if k < rows:
                 north = a[2, k, m] + a[3, k, m - 1] + a[4, k, m + 1]
                 south = a[2, k + 1, m] + a[3, k + 1, m] + a[4, k + 1, m]
-                p[2, i, j], p[3, i, j] = _share(north, south), _share(south, north)
+                p[2, i, j], p[3, i, j] = _shares(north, south, a[0, k + 1, m] > 0.0)
+    # beyond the last column and row there is no coarse node
+    for i in range(1, p.shape[1] - 1):
+        j = p.shape[2] - 2
+        if p[1, i, j] > 0.0:
+            p[0, i, j], p[1, i, j] = 1.0, 0.0
+    for j in range(1, p.shape[2] - 1):
+        i = p.shape[1] - 2
+        if p[3, i, j] > 0.0:
+            p[2, i, j], p[3, i, j] = 1.0, 0.0
     for i in range(1, p.shape[1] - 1):
         k = 2 * i
         for j in range(1, p.shape[2] - 1):
@@ -245,24 +255,35 @@ def _dot(one: Any, other: Any) -> float:
 
 @numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
 def _gradients(
-    size: Any, matrix: Any, edges: Any, inverse: Any, p: Any, coarsest: Any, rhs: Any, share: float, out: Any
-) -> int:
-    """Conjugate gradients until what is left is less than `share`; the number of cycles."""
+    size: Any,
+    matrix: Any,
+    edges: Any,
+    inverse: Any,
+    p: Any,
+    coarsest: Any,
+    rhs: Any,
+    share: float,
+    most_cycles: int,
+    out: Any,
+) -> None:
+    """Conjugate gradients, added to `out`, until what is left is less than `share`."""
     b, x, r = np.zeros_like(inverse), np.zeros_like(inverse), np.zeros_like(inverse)
     shape, count = rhs.shape, rhs.size
     left, along, bent, none = rhs.copy(), np.zeros(shape), np.zeros(shape), np.zeros(shape)
     flat_left, flat_along, flat_bent = left.ravel(), along.ravel(), bent.ravel()
     flat_out = out.reshape(count)
     energy = first = 0.0
-    for cycle in range(_MOST_CYCLES):
+    for cycle in range(most_cycles):
         for k in range(count):
             b[k] = flat_left[k]
         _cycle(size, edges, inverse, p, coarsest, b, x, r)
         before, energy = energy, _dot(flat_left, x)
         if cycle == 0:
             first = energy
+        if np.isnan(energy):
+            flat_out[:] = np.nan
         if not energy > share * share * first:
-            return cycle + 1
+            return
         turn = energy / before if cycle else 0.0
         # what is left once this step is taken, if it helps as much as the one before
         last = cycle > 0 and energy * turn < share * share * first
@@ -274,8 +295,7 @@ def _gradients(
             flat_out[k] += length * flat_along[k]
             flat_left[k] += length * flat_bent[k]
         if last:
-            return cycle + 1
-    return _MOST_CYCLES
+            return
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +324,7 @@ class LatticeSolution:
             matrix[1, 1:-1, 1:-1] + matrix[1, 1:-1, :-2] + matrix[2, 1:-1, 1:-1] + matrix[2, :-2, 1:-1]
         )
         lattices, between = [matrix], [np.zeros((8, rows + 2, cols + 2))]
-        while min(rows, cols) > 2 and max(rows, cols) > _FEWEST:
+        while max(rows, cols) > _FEWEST:
             rows, cols = (rows + 1) // 2, (cols + 1) // 2
             p, coarse = (np.zeros((planes, rows + 2, cols + 2)) for planes in (8, 5))
             _interpolation(lattices[-1], p)
@@ -325,10 +345,11 @@ class LatticeSolution:
             np.linalg.pinv(_dense(lattices[-1]), rcond=_NULL, hermitian=True).astype(np.float32),
         )
 
-    def solve(self, rhs: Float, share: float = EXACT) -> Float:
+    def solve(self, rhs: Float, share: float = EXACT, most_cycles: int = _MOST_CYCLES) -> Float:
         """D (..., rows, cols), up to a constant, for right-hand sides b (..., rows, cols) that add up to 0.
 
-        share: of the energy's root that may be left.
+        share: of the energy's root that may be left. most_cycles: after which it may be more; even a comb
+        of single nodes takes fewer.
         """
         shape = self.matrix.shape[1:]
         given, found = np.zeros(shape), np.zeros(shape)
@@ -346,6 +367,7 @@ class LatticeSolution:
                 self.coarsest,
                 given,
                 share,
+                most_cycles,
                 found,
             )
             result[:] = found[1:-1, 1:-1]
