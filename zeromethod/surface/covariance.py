@@ -4,7 +4,7 @@ Depth is, to first order, a linear function of the slopes' errors: D = h (1 - 1 
 weighted sums of node-to-node steps, A their normal matrix (see `integrate`), a the anchor's weights and h the
 scale. The slopes' errors are s = F n, n the residual's noise with correlation R (`zeromethod.warp.overlap`).
 Any product with Cov(D) = M R M^T, M = h (1 - 1 a^T) A^-1 B F, is one pass back through M^T and one forth
-through M: two solutions with factors that exist already.
+through M: two solutions on lattices that exist already.
 
 The anchor's weights a are taken as given. Where a rectangle is known to be at rest they are, and the stated
 covariance is exact: sigmas of means over patches agree with 4000 draws of the noise within the 3 % that so

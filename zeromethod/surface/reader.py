@@ -50,7 +50,7 @@ class _Last:
 class SurfaceReader:
     """Reader of the mirror's slope and depth from measured warps.
 
-    Keeps factors, weights, noise samples and the last surfaces between frames; they affect speed, and the
+    Keeps lattices, weights, noise samples and the last surfaces between frames; they affect speed, and the
     reading only by the weighting of noise.
 
     Parameters

@@ -50,7 +50,7 @@ class Reading:
 
 
 class Settling:
-    """Settles depth on the lattice of one reader; its integrator keeps factors and weights."""
+    """Settles depth on the lattice of one reader; its integrator keeps lattices and weights."""
 
     def __init__(self, rays: MirrorRays, integrator: SlopeIntegrator, anchors: Anchors) -> None:
         self._rays, self._integrator, self._anchors = rays, integrator, anchors
