@@ -45,7 +45,7 @@ from zeromethod.devices.protocols import TrueMirror
 from zeromethod.errors import InputError
 from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import Step
-from zeromethod.optics import check_geometry
+from zeromethod.optics import DepthField, check_geometry
 from zeromethod.rig.model import Rig
 from zeromethod.session.session import Session
 from zeromethod.simulation.camera import SimulatedCamera
@@ -255,7 +255,7 @@ def deviation(step: Step, mirror: TrueMirror) -> tuple[float, float, float]:
     return error_mm, sigma_mm, ratio
 
 
-def by_place_mm(surface: Surface, peak: Peak, mirror: TrueMirror) -> float:
+def by_place_mm(surface: Surface, peak: Peak, mirror: DepthField) -> float:
     """What a peak's depth may be off because its place is: nothing on a summit, much on a flank cut off."""
     away = np.hypot(surface.x_mm - peak.x_mm, surface.y_mm - peak.y_mm)
     node = np.unravel_index(int(np.argmin(away)), away.shape)

@@ -44,7 +44,7 @@ def fitted(depth, slope, constant, gradient=H_GRADIENT, noise=NOISE, seed=0, bou
     read = slope + constant * gradient + noise * generator.standard_normal(slope.shape)
     variance = np.full(slope.shape, noise**2)
     about = (read, variance, depth + constant * H, H, H_GRADIENT, X, Y, EVERYWHERE)
-    return fit_far_field(*about, BORDER / BORDER.sum(), bound, HIDDEN_MM, 1.0)
+    return fit_far_field(*about, BORDER / BORDER.sum(), bound, HIDDEN_MM)
 
 
 @pytest.mark.parametrize(("n", "k"), [(1.0, 0.0), (2.0, 0.0), (0.0, 0.015), (1.0, 0.01)])
@@ -98,7 +98,7 @@ def test_few_nodes_leave_it_at_the_bound():
     few[:5, :5] = True
     depth, slope = field(1.0, 0.0)
     about = (slope, np.full(slope.shape, NOISE**2), depth, H, H_GRADIENT, X, Y, few)
-    found = fit_far_field(*about, few / few.sum(), BOUND_MM, HIDDEN_MM, 1.0)
+    found = fit_far_field(*about, few / few.sum(), BOUND_MM, HIDDEN_MM)
     assert (found.constant_mm, found.sigma_mm) == (0.0, 2.0 * BOUND_MM)
 
 

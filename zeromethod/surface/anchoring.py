@@ -16,7 +16,6 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
 from zeromethod.surface.anchor import RestFit, fit_known, fit_quiet, known_nodes
 from zeromethod.surface.far_field import FarField, fit_far_field
-from zeromethod.warp.overlap import shared_nodes
 
 _NEARLY_MM = 3e-4
 """Change of depth below which nodes are chosen; then they are kept, so that the passes converge."""
@@ -52,7 +51,6 @@ class Anchors:
         """scale: h (rows, cols); its gradient (rows, cols, 2). correlation: see `fit_quiet`."""
         self._known_rest, self._correlation = known_rest, correlation
         self.scale, self._gradient = scale, scale_gradient
-        self._overlap = shared_nodes(correlation)
 
     def nodes(self, read: Pass, contained_mm: float) -> RestFit:
         """Nodes that count as at rest, with the bound of their depth / h.
@@ -73,7 +71,7 @@ class Anchors:
         depth += self.scale * (at_mm - mean(nodes.weights, depth / self.scale))
         x, y = read.point[..., 0], read.point[..., 1]
         fields = (read.slope, read.variance, depth, self.scale, self._gradient, x, y, read.island)
-        return fit_far_field(*fields, nodes.weights, nodes.sigma_mm, nodes.hidden_mm, self._overlap)
+        return fit_far_field(*fields, nodes.weights, nodes.sigma_mm, nodes.hidden_mm)
 
 
 class Anchoring:
