@@ -65,6 +65,10 @@ class GrowingFile:
         where = {name: index for index, name in enumerate(names)}
         self._sums = {where[name.replace(CHECKSUMS, "table")]: where[name] for name in tables}
         self._rows = ChecksumRows(names, {one: kind for one, kind in checksums.items() if one not in tables})
+        of_tables = {*self._sums, *self._sums.values()}
+        self._order = sorted(
+            range(len(names)), key=lambda index: (index in of_tables, names[index].startswith("steps/"))
+        )
         self._file.swmr_mode = True
 
     def claim(self, wanted: int, arrays: bool) -> None:
@@ -115,11 +119,16 @@ class GrowingFile:
         self._lengths[index] = length + 1
 
     def flush(self) -> None:
-        """Let readers see all that was added; raises as `append`."""
+        """Let readers see all that was added; raises as `append`.
+
+        Arrays first, then their numbers, then tables, that of the steps last, each with its checksums after
+        it: whatever ends this process in the middle, what a row names is there.
+        """
         for dataset, shape in zip(self._sets, self._shapes, strict=True):
             if shape:
                 dataset.id.flush()
-        for index, items in enumerate(self._gathered):
+        for index in self._order:
+            items = self._gathered[index]
             if items:
                 dataset, length = self._sets[index], self._lengths[index]
                 values = np.frombuffer(b"".join(items), dataset.dtype)

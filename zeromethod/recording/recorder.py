@@ -320,7 +320,8 @@ def frames_in(path: Path, wanted: Callable[[int], bool]) -> int | None:
     except InputError:
         return None
     try:
-        steps = source.table("steps/table")
+        with source.silence():
+            steps = source.rows("steps")
         numbers = steps["number"][steps["frame_number"] >= 0]
         # one of these has an item for every frame
         groups = [group for group in ("warps/commanded", "frames") if number_name(group) in source.names]
