@@ -51,11 +51,13 @@ $(BIN)/python:
 $(VENV)/.run-ready: pyproject.toml | $(BIN)/python
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(BIN)/zeromethod compile
 	@touch $@
 
 $(VENV)/.test-ready: pyproject.toml | $(BIN)/python
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh test
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	$(BIN)/zeromethod compile
 	@touch $@ $(VENV)/.run-ready
 
 $(VENV)/.dev-ready: pyproject.toml | $(BIN)/python

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -287,3 +288,14 @@ def test_without_its_library_a_driver_says_what_to_install(monkeypatch: pytest.M
     with pytest.raises(InputError, match=r"^camera\.driver: 'aravis': needs .*apt install libaravis-0\.8-0"):
         AravisCamera(*settings)
     aravis_library.library.cache_clear()
+
+
+def test_a_basler_camera_that_another_program_has_is_in_use(
+    pylon: Open, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    library, genicam = pylon_camera.import_pylon()
+    taken = Mock()
+    taken.Open.side_effect = genicam.RuntimeException("The device is controlled by another application.")
+    monkeypatch.setattr(library, "InstantCamera", lambda _: taken)
+    with pytest.raises(InputError, match="in use by another program: end that first"):
+        pylon()

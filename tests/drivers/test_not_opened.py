@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import socket
+import subprocess
 from pathlib import Path
 
 import pytest
 
-from zeromethod.drivers.not_opened import reason
+from zeromethod.drivers import not_opened
+from zeromethod.drivers.not_opened import in_words, reason
 
 
 def free_port() -> int:
@@ -57,3 +59,30 @@ def test_a_file_that_is_no_film_or_may_not_be_read(tmp_path: Path) -> None:
     if os.geteuid():
         path.chmod(0)
         assert reason(str(path)) == f"{path}: permission denied"
+
+
+def test_a_device_that_another_program_has_open_is_in_use_by_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device = tmp_path / "video7"
+    device.touch()
+    monkeypatch.setattr(not_opened, "_LOCAL", f"{tmp_path}/video{{}}")
+    assert reason(7) == f"{device}: not a camera that gives pictures, or in use"
+    with device.open() as ours, subprocess.Popen(["sleep", "60"], stdin=ours) as other:
+        words = reason(7)
+        other.kill()
+    assert words == f"{device}: in use by sleep (process {other.pid}): end that first"
+
+
+@pytest.mark.parametrize(
+    ("message", "taken"),
+    [
+        ("The device is controlled by another application. Err: (0xE1018006)", True),
+        ("GigEVision read_register error (access-denied)", True),
+        ("Device or resource busy", True),
+        ("Can't connect to device at address '10.0.0.1'", False),
+    ],
+)
+def test_what_libraries_say_of_a_taken_camera_is_said_in_plain_words(message: str, taken: bool) -> None:
+    assert ("in use by another program" in in_words(message)) == taken
+    assert message in in_words(message)

@@ -103,7 +103,8 @@ def _misfits(fitted: Fit) -> list[str]:
             share = term.outliers / len(term.weight)
             if share > OUTLIERS:
                 found.append(
-                    f"{100 * share:.0f} % of the rest map fits no mirror: wrong orders or a second reflection"
+                    f"{100 * share:.0f} % of the rest map fits no mirror: it was touched while it was taken, "
+                    "wrong orders, or a second reflection"
                 )
             if fitted.inflation > MISFIT:
                 text = f"the rest map is missed by {fitted.inflation:.0f} times its noise, in patches"

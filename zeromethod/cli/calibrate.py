@@ -16,7 +16,7 @@ from zeromethod.cli.calibrate_fringes import fringes_command
 from zeromethod.cli.calibrate_options import calibrate_options, refuse_unused
 from zeromethod.cli.fringe_options import fringe_options, sequence_of
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import OutputFile, summary_option, write_summary, writing
+from zeromethod.cli.output import REPLACES, OutputFile, summary_option, write_summary, writing
 from zeromethod.commissioning.decode import decode_files, figures, noise_of, refuse_empty
 from zeromethod.decoding.measuring import LIMIT_SHARE
 from zeromethod.decoding.noise import NoiseModel
@@ -68,7 +68,9 @@ def _noise(rig: Rig | None, given: tuple[float, float] | None) -> NoiseModel | N
 )
 @click.argument("frames", metavar="FRAMES...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @fringe_options
-@click.option("--output", type=OutputFile(".npz"), required=True, help="Write the rest map (.npz).")
+@click.option(
+    "--output", type=OutputFile(".npz"), required=True, help=f"Write the rest map (.npz). {REPLACES}"
+)
 @click.option("--rig", "rig_name", help="Rig file, or a packaged name: LCD size, camera bits and noise.")
 @click.option(
     "--panel",

@@ -24,6 +24,7 @@ from zeromethod.cli.device_options import (
 )
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import (
+    REPLACES,
     OutputFile,
     TerminalPrompts,
     several,
@@ -70,7 +71,7 @@ _board_options = several(
 @_board_options
 @click.option("--dpi", type=Real(10, 10_000), help="Of the printer: a picture that prints at its true size.")
 @click.option("--rig", "rig_name", help="Instead: a picture that fills this rig's LCD, pixel by pixel.")
-@click.option("--output", type=OutputFile(".png"), required=True, help="PNG to write.")
+@click.option("--output", type=OutputFile(".png"), required=True, help=f"PNG to write. {REPLACES}")
 def board_command(
     board_text: str, dictionary: str, dpi: float | None, rig_name: str | None, output: Path
 ) -> None:
@@ -123,7 +124,7 @@ def board_command(
     metavar="S",
     help="Live: longest wait for a view.",
 )
-@click.option("--output", type=OutputFile(".toml"), required=True, help="File (.toml).")
+@click.option("--output", type=OutputFile(".toml"), required=True, help=f"File (.toml). {REPLACES}")
 @summary_option
 def intrinsics_command(
     frames: tuple[Path, ...],

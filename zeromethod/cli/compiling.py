@@ -7,6 +7,10 @@ import click
 from zeromethod.compiling import report_compiling
 
 
+def _say(words: str) -> None:
+    click.echo(words, err=True)
+
+
 def say_compiling() -> None:
     """Say on standard error, from now on, when something must be compiled."""
-    report_compiling(lambda words: click.echo(words, err=True))
+    report_compiling(_say, ahead=True)

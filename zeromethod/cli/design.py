@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from zeromethod.cli.numbers import Real
-from zeromethod.cli.output import OutputFile, summary_option, wide_console, write_summary
+from zeromethod.cli.output import REPLACES, OutputFile, summary_option, wide_console, write_summary
 from zeromethod.design import (
     DEFAULT_KINDS,
     PressKind,
@@ -33,7 +33,7 @@ _MOST_PUPIL_MM = 100.0
 
 @click.command("design", epilog="Example: zeromethod design my.toml --vary angle=45:60 --figure design.png")
 @click.argument("rig_name", metavar="[RIG]", default="simulated")
-@click.option("--figure", type=OutputFile(".png"), help="Draw prism and rays (.png).")
+@click.option("--figure", type=OutputFile(".png"), help=f"Draw prism and rays (.png). {REPLACES}")
 @summary_option
 @click.option(
     "--vary",

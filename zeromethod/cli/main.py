@@ -31,6 +31,7 @@ _COMMANDS = {
     "check": "Is the bench still as calibrated? Two minutes a day.",
     "design": "What a bench can do, from its rig file; curves, a drawing.",
     "measure": "Still images: displacement, and with --rig slope and depth.",
+    "compile": "Once on a new machine: what the first start would do.",
     "reproduce": "The paper's figures and tables, next to this system's.",
 }
 """Name and one line of help; `name` is `name_command` in `zeromethod/cli/name.py`."""

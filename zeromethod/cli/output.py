@@ -17,6 +17,9 @@ from zeromethod.atomic_write import atomic_write, check_writable
 from zeromethod.errors import InputError
 from zeromethod.view.progress import progress
 
+REPLACES = "Replaces a file."
+"""What can be made again is replaced, in one move; recordings and rig files, made once, are refused."""
+
 
 class OutputFile(click.Path):
     """A file that a command writes, with this suffix, in a folder that is there."""
@@ -34,7 +37,7 @@ class OutputFile(click.Path):
         path = Path(value)
         check_file(option, path, self._suffix)
         if self._new and path.exists():
-            raise InputError(f"{option}: {path}: exists already: recordings are not overwritten")
+            raise InputError(f"{option}: {path}: exists already: a recording never replaces a file")
         return path
 
 
@@ -49,8 +52,10 @@ def several(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return add
 
 
-summary_option = click.option("--summary", type=OutputFile(".json"), help="Write the figures (.json).")
-figure_option = click.option("--figure", type=OutputFile(".png"), help="Write a picture (.png).")
+summary_option = click.option(
+    "--summary", type=OutputFile(".json"), help=f"Write the figures (.json). {REPLACES}"
+)
+figure_option = click.option("--figure", type=OutputFile(".png"), help=f"Write a picture (.png). {REPLACES}")
 
 
 def check_file(option: str, path: Path | None, suffix: str) -> None:

@@ -53,7 +53,10 @@ time_options = several(
 )
 recording_options = several(
     click.option(
-        "--record", "recording", type=click.Path(path_type=Path, dir_okay=False), help="Record the run (.h5)."
+        "--record",
+        "recording",
+        type=click.Path(path_type=Path, dir_okay=False),
+        help="Record the run (.h5). Never replaces a file.",
     ),
     click.option(
         "--keep",

@@ -89,7 +89,9 @@ class _Asked:
     help="At most so many times as fast as it was: 1 = real time.  [default: as fast as it goes]",
 )
 @click.option(
-    "--record", type=OutputFile(".h5", new=True), help="closed-loop: record the last session (.h5)."
+    "--record",
+    type=OutputFile(".h5", new=True),
+    help="closed-loop: record the last session (.h5). Never replaces a file.",
 )
 @figure_option
 @summary_option

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from zeromethod.cli.output import OutputFile, check_file, summary_option, write_summary, writing
+from zeromethod.cli.output import REPLACES, OutputFile, check_file, summary_option, write_summary, writing
 from zeromethod.cli.recording_options import recording_argument
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
@@ -19,7 +19,7 @@ from zeromethod.view.progress import progress
 @click.option(
     "--output",
     type=OutputFile(".html"),
-    help="Write the page here (.html).  [default: FILE with this suffix]",
+    help=f"Write the page here (.html). {REPLACES}  [default: FILE with this suffix]",
 )
 @click.option("--follow", "following", is_flag=True, help="Show how FILE grows while it is recorded.")
 @summary_option

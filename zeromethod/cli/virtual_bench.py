@@ -12,7 +12,7 @@ import click
 
 from zeromethod.cli.device_options import rig_option, scenario_options, with_given
 from zeromethod.cli.numbers import Real, Whole
-from zeromethod.cli.output import OutputFile
+from zeromethod.cli.output import REPLACES, OutputFile
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
@@ -37,7 +37,9 @@ from zeromethod.thread_limits import limit_threads
     help="Where the camera's stream is served (0: any free port).",
 )
 @click.option("--rate", "rate_hz", type=float, help="Frames per second. [default: the rig's]")
-@click.option("--truth", "truth_path", type=OutputFile(".jsonl"), help="Write the truth (.jsonl).")
+@click.option(
+    "--truth", "truth_path", type=OutputFile(".jsonl"), help=f"Write the truth (.jsonl). {REPLACES}"
+)
 @click.option("--repeat", "repeats", type=Whole(min=1), help="Play the scenario this often. [default: 1]")
 @click.option("--forever", is_flag=True, help="Play the scenario again and again.")
 @click.option(

@@ -269,7 +269,9 @@ def figures(found: RestMeasurement) -> dict[str, Any]:
 
 _MEANING = {
     Reason.NO_MODULATION: "no modulation",
-    Reason.SECOND_REFLECTION: "the periods disagree (a second reflection, or other periods than given)",
+    Reason.SECOND_REFLECTION: (
+        "the periods disagree (other periods than given, a mirror that moved, or a second reflection)"
+    ),
     Reason.INCONSISTENT: "the periods disagree",
     Reason.DISTURBED: "the light changed between or within the sets of shifts",
     Reason.WRONG_ORDER: "places lie whole periods off their neighbours",

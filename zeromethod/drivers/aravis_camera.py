@@ -16,6 +16,7 @@ from zeromethod.devices.protocols import CameraLost, Frame
 from zeromethod.drivers.aravis_library import SUCCESS, Aravis, AravisError, library
 from zeromethod.drivers.genicam import FeatureError, GenICamSource, Settings, Value
 from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera
+from zeromethod.drivers.not_opened import in_words
 from zeromethod.errors import InputError
 
 _OPENING_S = 15.0
@@ -138,7 +139,9 @@ class _AravisSource(GenICamSource):
         try:
             camera: int = self._aravis.camera_new(address.encode())
         except AravisError as error:
-            raise InputError(f"camera.address: {address!r}: cannot be opened: {error}") from error
+            raise InputError(
+                f"camera.address: {address!r}: cannot be opened: {in_words(str(error))}"
+            ) from error
         return camera
 
     def _when_lost(self) -> None:

@@ -11,6 +11,7 @@ from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import CameraLost, Frame
 from zeromethod.drivers.genicam import FeatureError, GenICamSource, Settings, Value
 from zeromethod.drivers.grabbing import POLL_S, GrabbedCamera
+from zeromethod.drivers.not_opened import in_words
 from zeromethod.errors import InputError
 
 _OPENING_S = 15.0
@@ -118,12 +119,20 @@ class _PylonSource(GenICamSource):
         self._lost = 0
         self._camera = self._pylon.InstantCamera(_create(self._pylon, serial))
         try:
-            self._camera.Open()
+            self._open(serial)
             self._set_up(_PylonFeatures(self._camera.GetNodeMap(), self._genicam), settings)
             self._camera.StartGrabbing(self._pylon.GrabStrategy_LatestImageOnly)
         except BaseException:
             self.close()
             raise
+
+    def _open(self, serial: str) -> None:
+        try:
+            self._camera.Open()
+        except self._genicam.GenericException as error:
+            raise InputError(
+                f"camera.serial: {serial!r}: cannot be opened: {in_words(_one_line(error))}"
+            ) from error
 
     def grab(self) -> Frame | None:
         """Next frame, or None when none came in a moment; raises CameraLost when the device was removed."""

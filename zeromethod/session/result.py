@@ -35,8 +35,8 @@ class RunResult:
     records : list of StepFigures
         Figures of the last `KEPT_FRAMES` steps at least; a run may go on for days. In real time a frame is
         read after its step: its record gets the peak then, or never.
-    frames, dropped : int
-        Steps so far, and frames that the camera dropped.
+    frames, dropped, steps : int
+        Frames that came, frames that the camera dropped, and steps of the loop, with and without a frame.
     events : dict
         How often each event happened.
     before, pressed, nulled : Step, optional
@@ -64,6 +64,7 @@ class RunResult:
     true_mirror: TruthSource | None = None
     records: list[StepFigures] = field(default_factory=list)
     frames: int = 0
+    steps: int = 0
     dropped: int = 0
     events: dict[str, int] = field(default_factory=dict)
     before: Step | None = None
@@ -87,7 +88,8 @@ class RunResult:
         step : StepFigures
             Its figures.
         """
-        self.frames += 1
+        self.steps += 1
+        self.frames += step.frame_number is not None
         self.dropped += step.dropped
         self.notes += step.notes
         for event in step.events:

@@ -264,6 +264,9 @@ class Session:
         found: dict[str, Any] = {}
         if self._truth is not None:
             if step.phase == "untouched":
+                # the filter's noise, once it has settled: making its reader takes as long as 20 frames
+                if self.result.before is None:
+                    return replace(step, surface=surface, peak=deepest, read_ms=read_ms)
                 filtered = self._filtered_reader.read(step.filtered)
                 found["untouched_rms_nm"] = (rms_nm(surface), rms_nm(filtered))
             elif self._scenario is None or step.phase in COMPARED_PHASES:

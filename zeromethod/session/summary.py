@@ -12,6 +12,7 @@ import numpy as np
 
 from zeromethod.loop.state import LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, READ, State
 from zeromethod.loop.step import StepFigures
+from zeromethod.rig.model import SIMULATED
 from zeromethod.session.result import RunResult
 
 Figures = dict[str, Any]
@@ -148,14 +149,16 @@ def summarise(result: RunResult) -> Figures:
     nulled = [record for record in held if record.state in NULLED]
     read = [record for record in held if record.state in READ]
     last, unheld = result.last, not_nulled(records)
+    simulated = result.rig.camera.driver == SIMULATED
     figures = {
         "rig": result.rig.name,
-        "press": result.rig.scenario,
+        "scenario": result.rig.scenario if simulated else None,
         "controller": result.rig.control.controller,
         "gain": result.rig.control.gain,
-        "seed": result.rig.simulation.seed,
+        "seed": result.rig.simulation.seed if simulated else None,
         "frames": result.frames,
-        "frames_in_figures": len(records),
+        "steps": result.steps,
+        "steps_in_figures": len(records),
         "dropped": result.dropped,
         "interrupted": result.interrupted,
         "notes": result.notes,

@@ -53,7 +53,8 @@ def plot_run(run: Session | RunResult, path: str | Path | None = None) -> Figure
 
 
 def _title(figures: dict[str, Any]) -> str:
-    parts = [f"zeromethod  rig {figures['rig']}, press {figures['press']}, {figures['controller']}"]
+    scenario = "" if figures["scenario"] is None else f", {figures['scenario']}"
+    parts = [f"zeromethod  rig {figures['rig']}{scenario}, {figures['controller']}"]
     read_mm, truth = figures["depth_peak_mm"], figures["truth"]
     if read_mm is not None:
         parts.append(f"peak {read_mm:.5f} mm")

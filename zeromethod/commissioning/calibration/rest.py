@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zeromethod.arrays import Image, Single
+from zeromethod.arrays import Image, Mask, Single
 from zeromethod.commissioning.patterns import SettledPatterns, TimedPatterns, uniform_pattern
 from zeromethod.decoding.fringes import SHIFTS, FringeSequence, equal_shifts
 from zeromethod.decoding.measuring import RestMeasurement, measure_rest
@@ -107,11 +107,22 @@ def decode(rig: Rig, recorded: RestFrames) -> RestMeasurement:
 NOTABLE_SHARE = 0.002
 """Of the camera's pixels, from which what is left out for a reason is worth a word."""
 
+LIKELY_REFLECTION = 0.3
+"""Light of a second reflection, of the main one's, which no face of a prism makes."""
+
+EVEN_REFLECTION = 1.5
+"""Upper over lower quartile of a second reflection's light, which a face makes alike over the view."""
+
+_REFLECTION = (
+    "see a second reflection of about {reflection:.0%} of the main one's light: shield or blacken the "
+    "face that makes it, or turn the LCD a little (if another map shows none, something moved or pressed)"
+)
+_MOVED = (
+    "saw the periods in different places, as where something pressed or moved while the fringes were shown: "
+    "take it again (if it stays, a second reflection)"
+)
 _ADVICE = {
-    Reason.SECOND_REFLECTION: (
-        "see a second reflection of about {reflection:.0%} of the main one's light: shield or blacken the "
-        "face that makes it, or turn the LCD a little"
-    ),
+    Reason.SECOND_REFLECTION: _REFLECTION,
     Reason.DISTURBED: (
         "changed while the fringes were shown: a hand in the light, a moved part or another lamp: take it "
         "again"
@@ -128,6 +139,15 @@ _ADVICE = {
 }
 
 
+def _has_moved(found: RestMeasurement, there: Mask) -> bool:
+    """Whether the periods disagree rather because the mirror moved between them than by a reflection.
+
+    A face reflects a small share of the light, alike over the view.
+    """
+    low, middle, high = np.quantile(found.reflection[there], (0.25, 0.5, 0.75))
+    return bool(middle > LIKELY_REFLECTION or high > EVEN_REFLECTION * low)
+
+
 def rest_notes(found: RestMeasurement) -> tuple[str, ...]:
     """What the person should see to in a rest map, the widest first; empty where all is well.
 
@@ -139,10 +159,13 @@ def rest_notes(found: RestMeasurement) -> tuple[str, ...]:
         share = found.count(reason) / size
         if share > NOTABLE_SHARE:
             there = (found.rest_map.reason & int(reason)) != 0
+            name, advice = plain_name(reason), _ADVICE[reason]
+            if reason is Reason.SECOND_REFLECTION and _has_moved(found, there):
+                name, advice = "moved", _MOVED
             reflection = float(np.median(found.reflection[there]))
             said.append(
-                f"rest map: {plain_name(reason)}: {share:.1%} of the camera's pixels "
-                f"{_ADVICE[reason].format(reflection=reflection)}; they are left out"
+                f"rest map: {name}: {share:.1%} of the camera's pixels "
+                f"{advice.format(reflection=reflection)}; they are left out"
             )
     if found.near_px > 0:
         said.append(
