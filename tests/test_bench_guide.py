@@ -67,6 +67,8 @@ def test_init_as_the_guide_types_it_makes_a_bench_off_by_what_it_says(
     assert typed(init_command, *shlex.split(line)).exit_code == 0
     rig, true = load_rig("my.toml"), load_rig("virtual")
     assert (rig.prism.pattern_angle_deg, true.prism.pattern_angle_deg) == (50.2, 50.0)
+    # as the guide says; what is set by hand as well would be there twice
+    assert (rig.display.rise_s, rig.display.scanout_s) == (0.0, 0.0)
     off, sigma = Priors.of(rig), dict(zip(Priors.of(rig).names, Priors.of(rig).sigma, strict=True))
     exact = describe(true)
     for name, value in zip(off.names, off.mean, strict=True):

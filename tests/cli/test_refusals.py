@@ -152,7 +152,7 @@ REFUSALS = [
     ("replay notes.h5", "cannot be read as a recording"),
     ("replay run.h5 --gain 0.5", LOOP_ONLY),
     ("replay run.h5 --record x.h5", LOOP_ONLY),
-    ("replay run.h5 --mode closed-loop --record notes.h5", "not overwritten"),
+    ("replay run.h5 --mode closed-loop --record notes.h5", "never replaces a file"),
     ("replay run.h5 --set surface.rest=1", "surface.rest: unknown key"),
     ("replay run.h5 --set target.period_px=20", "cannot be changed"),
     ("replay run.h5 --from 9", "nothing is there"),

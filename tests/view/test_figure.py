@@ -44,6 +44,6 @@ def test_the_title_compares_the_peak_with_the_deepest_true_point() -> None:
 
 
 def test_a_peak_that_is_right_to_all_digits_is_not_minus_nothing() -> None:
-    figures = {"rig": "r", "press": "p", "controller": "c", "depth_peak_mm": 0.1999999}
+    figures = {"rig": "r", "scenario": "p", "controller": "c", "depth_peak_mm": 0.1999999}
     truth = {"depth_deepest_mm": 0.2, "depth_rms_error_um": 0.001}
     assert "(+0.00 %)" in _title({**figures, "truth": truth})
