@@ -80,8 +80,12 @@ def _correct(
     scratch: Float,
     gain: Float,
     target: Float,
+    radius: int,
 ) -> None:
-    """Gain per node and target = x + K (z - x) at valid nodes (x elsewhere); variance is updated."""
+    """Gain per node and target = x + K (z - x) at valid nodes (x elsewhere); variance is updated.
+
+    radius: of the boxes, nodes; as an argument, as boxes of a fixed one would be compiled once more.
+    """
     rows, cols = valid.shape
     innovation, count, box = scratch[0], scratch[1], scratch[2]
     for j in range(rows):
@@ -94,8 +98,8 @@ def _correct(
                     e = q[j, i, k] - q_rest[j, i, k] - x[j, i, k]
                     expected = sigma[j, i, k] * sigma[j, i, k] + variance[j, i, k]
                     innovation[j, i] += e * e / max(expected, 1e-12)
-    box_sum(innovation, RADIUS, box)
-    box_sum(count, RADIUS, innovation)
+    box_sum(innovation, radius, box)
+    box_sum(count, radius, innovation)
     for j in range(rows):
         for i in range(cols):
             gain[j, i] = 0.0
@@ -190,6 +194,7 @@ class Composition:
             self._scratch,
             self.gain,
             target,
+            RADIUS,
         )
         continue_smoothly(target, valid, out=target)
         observable = observable_part(target, out=self._observable)

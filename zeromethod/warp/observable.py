@@ -81,7 +81,7 @@ def _reflect(flat: Float, first: int, last: int, step: int) -> None:
 
 @numba.njit(cache=True)
 def _filter(field: Float, out: Float) -> None:
-    rows, cols = field.shape[0], field.shape[1]
+    rows, cols, step = field.shape  # a 2 would be compiled as a case of its own
     width, start = 2 * cols, 2 * HALF_WIDTH
     padded = np.empty((rows + 2 * HALF_WIDTH) * width)
     line = np.empty(width + 2 * start)
@@ -90,8 +90,8 @@ def _filter(field: Float, out: Float) -> None:
     for j in range(rows):
         for i in range(width):
             line[start + i] = flat[j * width + i]
-        _reflect(line, start, start + width - 2, 2)
-        _filter_line(line, start, 2, padded[top + j * width :][:width])
+        _reflect(line, start, start + width - 2, step)
+        _filter_line(line, start, step, padded[top + j * width :][:width])
     _reflect(padded, top, top + (rows - 1) * width, width)
     for j in range(rows):
         _filter_line(padded, top + j * width, width, filtered[j * width :][:width])
