@@ -55,7 +55,7 @@ FUNCTIONS = {
 
 
 def test_every_command_has_its_function() -> None:
-    # the virtual bench is another process by nature: it takes the place of prism and camera; compiling is none
+    # the virtual bench is another process by nature: it takes the place of prism and camera
     assert set(FUNCTIONS) | {"virtual-bench", "compile"} == set(_COMMANDS)
 
 

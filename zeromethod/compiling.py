@@ -135,7 +135,7 @@ class _Reported(Listener):
 
     def __init__(self, say: Callable[[str], None], ahead: bool) -> None:
         self._say = say
-        self._ahead = ahead
+        self._ahead = {one.command for one in kernels()} if ahead else set()
         self._said_s = float("-inf")
 
     def on_start(self, event: Event) -> None:
@@ -145,9 +145,9 @@ class _Reported(Listener):
         if not module.startswith("zeromethod."):
             return
         called = (one.command for one in kernels() if (one.module, one.name) == (module, function.__name__))
-        command = next(called, None) if self._ahead else None
-        if command is not None:
-            self._ahead = False
+        command = next(called, "")
+        if command in self._ahead:
+            self._ahead.remove(command)
             compile_ahead(kernels_of(command), self._say)
         elif time.monotonic() - self._said_s >= EVERY_S:
             self._say(f"compiling, once on a new machine: {module.split('.')[1].replace('_', ' ')}")
@@ -163,7 +163,7 @@ _reported: list[_Reported] = []
 def report_compiling(say: Callable[[str], None], ahead: bool = False) -> None:
     """Pass on a line now and then whenever something is compiled in this process; the first call counts.
 
-    ahead: the first that must be compiled brings all others of its command, on every core.
+    ahead: the first of a command that must be compiled brings all others of that, on every core.
     """
     if not _reported:
         _reported.append(_Reported(say, ahead))
