@@ -11,9 +11,13 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import pytest
 
+from zeromethod.cli.main import commands as commands_of_the_program
+
 ROOT = Path(__file__).parent.parent
+COMMANDS = commands_of_the_program.list_commands(click.Context(commands_of_the_program))
 DOCUMENTS = [ROOT / "README.md", *sorted(ROOT.glob("docs/*.md"))]
 HARDWARE = (
     *(
@@ -60,8 +64,12 @@ def commands(document: Path) -> Iterator[str]:
     """Commands of a document's code blocks and indented lines, in order."""
     for line in document.read_text().splitlines():
         text = line.strip().partition("#")[0].strip().removeprefix(".venv/bin/")
-        begins = re.match(r"zeromethod [a-z-]+( [-\w./*]|$)|python -m benchmarks\.", text)
-        if begins and line.startswith((".venv", "zeromethod", "    zeromethod", "python")):
+        name = re.match(r"zeromethod ([a-z-]+)( [-\w./*]|$)|python -m benchmarks\.", text)
+        if (
+            name
+            and name[1] in {None, *COMMANDS}
+            and line.startswith((".venv", "zeromethod", "    zeromethod", "python"))
+        ):
             yield re.sub(r"\s{2,}.*$", "", text)
 
 
