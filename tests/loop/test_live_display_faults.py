@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import re
 import threading
+from types import SimpleNamespace
+from unittest.mock import Mock, patch
 
 import pytest
 from hanging import SOON_S, eventually, raising, takes
 from live_bench import GOOD, Bench, bench, frozen, notes
-from live_devices import Window
+from live_devices import Window, small_rig
 
+from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import DisplayLost
 from zeromethod.loop.events import Event
+from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import State
+from zeromethod.rig.tables import ControlSpec
 
 
 @pytest.mark.parametrize(("real", "display"), [(False, "Screen"), (True, "Window"), (True, "Canvas")])
@@ -46,6 +51,14 @@ def test_a_display_that_hangs_is_given_up_after_its_timeout(display: str) -> Non
         assert re.search(r"it has been showing one picture for \d+\.\d s", last.reason)
         with takes(0, SOON_S):
             b.loop.close()
+
+
+def test_a_picture_is_waited_for_longer_than_a_frame() -> None:
+    rig = small_rig()
+    rig = rig.replace({"control.timeout_s": ControlSpec().timeout_s})
+    with patch("zeromethod.loop.loop.Drawing") as drawing, Loop(rig, Mock(), SimpleNamespace(), HostClock()):
+        # seen on two busy cores without a GPU: 1.6 s
+        assert drawing.call_args.args[2] > 2 * 1.6
 
 
 def test_a_display_whose_state_cannot_be_asked_for_ends_the_run(

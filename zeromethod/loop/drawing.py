@@ -21,6 +21,10 @@ from zeromethod.worker import SameThread, Worker
 OPENING_S = 60.0
 """How long it may take to make the drawer, and to draw the first picture: shaders are compiled for it."""
 
+HANGING_S = 5.0
+"""How long a later picture may take: on a busy computer without a GPU it takes a second or two now and then,
+and a display that hangs ends the run."""
+
 CLOSING_S = 0.2
 """How long `close` waits for a picture that is being drawn; a display that hangs is left to its thread."""
 

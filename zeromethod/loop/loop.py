@@ -14,7 +14,7 @@ from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.bench_doubt import BenchDoubt
 from zeromethod.loop.circle import FrameResult, Sensor
 from zeromethod.loop.display_watch import DisplayWatch
-from zeromethod.loop.drawing import Drawer, Drawing
+from zeromethod.loop.drawing import HANGING_S, Drawer, Drawing
 from zeromethod.loop.events import Event, Notice, Notices
 from zeromethod.loop.frame_check import FrameCheck, FrameVerdict, own
 from zeromethod.loop.frame_source import FrameSource, Stopped, Trouble, failure
@@ -99,7 +99,8 @@ class Loop:
         self.bench = BenchDoubt(rig, optics, self.rest, self._zero, watches_bench)
         timeout_s, timed = rig.control.timeout_s, parts.strips is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
-        drawing = Drawing(lambda: Drawer(rig, display, parts.rest, parts.strips), timed, timeout_s, self.live)
+        slowest_s = max(timeout_s, HANGING_S)
+        drawing = Drawing(lambda: Drawer(rig, display, parts.rest, parts.strips), timed, slowest_s, self.live)
         self.gl_renderer = drawing.gl_renderer
         """Name of what draws the pattern, as GL gives it."""
         self._screen = Screen(drawing, self._circle, clock, dwell, repaints=self.live)
