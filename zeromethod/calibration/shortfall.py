@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 class Part(enum.StrEnum):
@@ -21,6 +21,7 @@ class Lack(enum.StrEnum):
     SKIPPED = "left out"
     BOUNDED = "known to a range only"
     FAILED = "failed"
+    HELD = "failed, though the loop held every press"
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,10 @@ class Shortfall:
     def fatal(self) -> bool:
         """Whether the loop that follows cannot be relied on."""
         return self.part is Part.DELAY and self.lack is Lack.FAILED
+
+    def after_presses(self) -> Shortfall:
+        """The same once the loop has held every press that was asked for: it can be relied on, then."""
+        return replace(self, lack=Lack.HELD) if self.fatal else self
 
     @property
     def words(self) -> str:

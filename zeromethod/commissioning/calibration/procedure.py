@@ -231,7 +231,7 @@ class _Session:
             timed = with_strips(timed)
         plan = self._plan
         try:
-            return record_presses(
+            warps = record_presses(
                 timed,
                 self._devices,
                 plan.press_depths_mm,
@@ -245,6 +245,8 @@ class _Session:
             count = len(error.warps.pressed) if error.warps is not None else 0
             self._end_early(str(error), count, interrupted=error.interrupted)
             return error.warps if count else None
+        self._shortfalls = [one.after_presses() for one in self._shortfalls]
+        return warps
 
     def _end_early(self, why: str, presses: int, *, interrupted: bool) -> None:
         """Leave it at what there is, `presses` of known depth among it."""
