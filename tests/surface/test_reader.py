@@ -6,7 +6,7 @@ from surface_bench import Bench, Gauss, Several, Waves, small_rig
 
 from zeromethod.errors import InputError
 from zeromethod.rig.model import RestSurface
-from zeromethod.surface import peak, settling
+from zeromethod.surface import SurfaceReader, peak, settling
 from zeromethod.warp.validity import Flag
 
 
@@ -52,6 +52,17 @@ def test_default_press_is_read_absolutely(full, dx):
     # bar: constant within 0.1 um
     assert np.abs(full.error(surface, dent)).max() < 1e-4 * 0.2
     assert surface.iterations <= 5
+
+
+def test_a_reader_without_sigma_reads_the_same_depths_bit_for_bit(small):
+    warp = small.warp(Gauss(0.2, small.centre_mm, 0.0, 5.0))
+    surface, depths = (
+        SurfaceReader(small.rig, small.optics, small.grid, x).read(warp) for x in (True, False)
+    )
+    np.testing.assert_array_equal(depths.depth_mm, surface.depth_mm)
+    assert np.isnan(depths.sigma_depth_mm).all()
+    assert np.isnan(peak(depths).sigma_mm)
+    assert depths.curl is None
 
 
 def test_slope_and_position_are_those_of_the_moved_point(full):

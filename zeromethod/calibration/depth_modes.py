@@ -129,7 +129,7 @@ class _Peaks:
 
     def predict(self, rig: Rig) -> Float:
         """(3 n,) as read through `rig`."""
-        peaks = self.presses.peaks(rig)
+        peaks = self.presses.peaks(rig, with_sigma=False)
         depth = np.array([peak.depth_mm for peak in peaks]) / self.presses.measured
         return np.concatenate([depth, [peak.x_mm for peak in peaks], [peak.y_mm for peak in peaks]])
 

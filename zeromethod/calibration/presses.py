@@ -66,14 +66,17 @@ class RestReading:
         nodes = np.stack(self.grid.mesh(), axis=-1)
         return replace(self, q_rest=q_rest, start=rest_pixels(UnboundedOptics(rig), nodes, q_rest))
 
-    def reader(self, rig: Rig) -> SurfaceReader:
-        """Reader of `rig` on these rays. Raises InputError where no node can be read."""
+    def reader(self, rig: Rig, with_sigma: bool = True) -> SurfaceReader:
+        """Reader of `rig` on these rays, where only depths count `with_sigma` off.
+
+        Raises InputError where no node can be read.
+        """
         optics = UnboundedOptics(rig)
         nodes = np.stack(self.grid.mesh(), axis=-1)
         pixel = rest_pixels(optics, nodes if self.start is None else self.start, self.q_rest)
         pixel = np.where(np.isfinite(self.q_rest), pixel, np.nan)
         grid = RestGrid(image_shape=self.grid.image_shape, period_px=self.grid.period_px, pixels=pixel)
-        return SurfaceReader(rig, optics, grid)
+        return SurfaceReader(rig, optics, grid, with_sigma)
 
 
 def blind_to(rig: Rig) -> frozenset[str]:
@@ -147,16 +150,16 @@ class Presses:
     def predict(self, rig: Rig) -> Float:
         """(n,) depths of the peaks as read through `rig`, mm; NaN for what it cannot read."""
         try:
-            return np.array([peak(surface).depth_mm for surface in self._read(self.reading, rig)])
+            return np.array([found.depth_mm for found in self.peaks(rig, with_sigma=False)])
         except InputError:
             return np.full(len(self.presses), np.nan)
 
-    def peaks(self, rig: Rig) -> list[Peak]:
+    def peaks(self, rig: Rig, with_sigma: bool = True) -> list[Peak]:
         """Peak of every press as read through `rig`."""
-        return [peak(surface) for surface in self._read(self.reading, rig)]
+        return [peak(surface) for surface in self._read(self.reading, rig, with_sigma)]
 
-    def _read(self, reading: RestReading, rig: Rig) -> list[Surface]:
-        reader = reading.reader(rig)
+    def _read(self, reading: RestReading, rig: Rig, with_sigma: bool = True) -> list[Surface]:
+        reader = reading.reader(rig, with_sigma)
         pairs = zip(self.presses, self.before, strict=True)
         return [reader.read(press.warp, before) for press, before in pairs]
 
@@ -203,7 +206,7 @@ class KnownBall:
 
     def predict(self, rig: Rig) -> Float:
         """(1,) log of the radius as read."""
-        fitted = self._radius(self.reading.reader(rig).read(self.warp))
+        fitted = self._radius(self.reading.reader(rig, with_sigma=False).read(self.warp))
         return np.array([np.nan if fitted is None else np.log(fitted[0])])
 
     def _radius(self, surface: Surface) -> tuple[float, float] | None:

@@ -131,10 +131,10 @@ def test_what_was_recorded_evaluates_to_the_same_again(stored: Stored, calibrati
 def test_recording_outlives_an_evaluation_that_fails(
     calibration: Calibration, rig_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def unseen(presses: Presses, rig: Rig) -> list[Peak]:
+    def unseen(presses: Presses, rig: Rig, with_sigma: bool = True) -> list[Peak]:
         if presses.presses[0].depth_mm in DEPTHS_MM:
             raise MeasurementError("press 1: not seen")
-        return peaks(presses, rig)  # made-up ones, of depth's error
+        return peaks(presses, rig, with_sigma)  # made-up ones, of depth's error
 
     peaks = Presses.peaks
 
