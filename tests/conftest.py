@@ -41,8 +41,9 @@ REAL_TIME = (
 SHARING = ("calibration/", "export/", "commissioning/calibration/", "session/replay/", "view/")
 """Folders whose tests share fixtures that take seconds."""
 
-ORDER = ("tests/acceptance/", "tests/test_", "tests/study/", "tests/view/", "tests/c")
-"""What begins: tests of many seconds each, so that no worker waits at the end for one that began them last.
+ORDER = ("tests/drivers/", "tests/acceptance/", "tests/test_", "tests/study/", "tests/view/", "tests/c")
+"""What begins: drivers, which compile nothing, so that one worker alone compiles on a new machine; then tests
+of many seconds each, so that no worker waits at the end for one that began them last.
 The wheel, which is the longest, comes after those that compile what it takes along."""
 
 

@@ -52,9 +52,20 @@ def with_tables(rig: Rig, **tables: Any) -> Rig:
     return rig.model_copy(update=update)
 
 
+SMALL_LCD = {"columns": 480, "rows": 270, "pitch_mm": 0.252}
+"""Table [display]: the LCD of these benches. A run on the whole one takes three times as long."""
+
+
 def quarter(**tables: Any) -> Rig:
     """The packaged bench with 320 x 256 camera pixels and its whole LCD; `tables` as for `with_tables`."""
     return with_tables(binned(load_rig("simulated"), 4), **tables)
+
+
+def paper(scenario: str | Path) -> Rig:
+    """The paper's bench on an LCD of half its resolution."""
+    lcd = load_rig("paper").display
+    size = {"columns": lcd.columns // 2, "rows": lcd.rows // 2, "pitch_mm": 2 * lcd.pitch_mm}
+    return with_tables(load_rig("paper"), display=size, scenario=str(scenario))
 
 
 def telecentric(

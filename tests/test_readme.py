@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 import pytest
 
-from zeromethod import binned, load_rig
+from benchmarks.rigs import small_rig
 from zeromethod.cli.main import commands
 
 ROOT = Path(__file__).parent.parent
@@ -16,8 +16,8 @@ README = ROOT / "README.md"
 def test_the_python_example_runs_and_reads_the_press(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # with a fourth of the camera's pixels on each axis, for speed
-    monkeypatch.setattr("zeromethod.session.session.load_rig", lambda name: binned(load_rig(name), 4))
+    # with a fourth of the pixels on each axis, for speed
+    monkeypatch.setattr("zeromethod.session.session.load_rig", lambda name: small_rig())
     (example,) = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
     exec(compile(example, str(README), "exec"), {})
     state, depth_mm = capsys.readouterr().out.split()

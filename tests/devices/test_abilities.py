@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.rigs import small_rig
 from zeromethod.clock import SimulatedClock
 from zeromethod.devices import abilities
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import PollingDisplay, ScriptedCamera, TruthfulCamera
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.session import Session
 from zeromethod.simulation.camera import SimulatedCamera
@@ -40,7 +39,7 @@ def run_of(
     monkeypatch: pytest.MonkeyPatch, own: Callable[[SimulatedCamera], dict[str, Any]]
 ) -> dict[str, Any]:
     monkeypatch.setattr(LabCam, "own", staticmethod(own))
-    rig = binned(load_rig("simulated"), 8).replace(
+    rig = small_rig(8).replace(
         {"camera.driver": f"{__name__}:LabCam", "scenario": "step", "geometry.known": "exact"}
     )
     with Session(rig) as session:
@@ -85,7 +84,7 @@ def test_truth_reports_errors_without_a_scenario(monkeypatch: pytest.MonkeyPatch
 
 
 def test_the_simulated_camera_declares_its_abilities() -> None:
-    rig = binned(load_rig("simulated"), 8)
+    rig = small_rig(8)
     with open_devices(rig) as devices:
         assert isinstance(devices.camera, TruthfulCamera)
         assert isinstance(devices.camera, ScriptedCamera)

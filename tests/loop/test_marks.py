@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_rigs import quarter
+from small_rigs import SMALL_LCD, quarter
 
 from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import Frame
@@ -30,7 +30,7 @@ GOOD = {State.LOCKED, State.RESTING}
 
 def wide(press: str, pan_px: float = 0.0, **surface: Any) -> Rig:
     """The small bench with a camera whose left 96 columns see no LCD, turned sideways at frame `BUMP`."""
-    bench = quarter()
+    bench = quarter(display=SMALL_LCD)
     camera = bench.camera.model_copy(update={"columns": 440, "centre_px": (279.5, 127.5)})
     assert camera.focal_px is not None
     turn_deg = float(np.degrees(np.arctan(pan_px / camera.focal_px[0])))

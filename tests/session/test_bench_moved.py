@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from small_rigs import quarter
+from small_rigs import SMALL_LCD, quarter
 
 import zeromethod as zm
 from zeromethod.loop.events import Event
@@ -18,7 +18,7 @@ STEP_FRAME = 9  # of scenario "step"
 
 def rig(press: str, known: tuple[KnownRest, ...] = (), follow: bool = False, **faults: Any) -> Rig:
     planted = Faults(moved_at_frame=BUMP, camera_turned_deg=(0.021, 0.0, 0.0), **faults)
-    bench = quarter(surface={"known_rest": known}, simulation={"faults": planted})
+    bench = quarter(display=SMALL_LCD, surface={"known_rest": known}, simulation={"faults": planted})
     control = bench.control.model_copy(update={"follow_bench": follow})
     return bench.model_copy(update={"scenario": press, "control": control})
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_rigs import paper
 
 import zeromethod as zm
-from zeromethod.rig.binning import binned
+from benchmarks.rigs import coarser
 from zeromethod.rig.load import load_rig
 from zeromethod.session.summary import summarise
 from zeromethod.view.figure import _title, plot_run
@@ -17,8 +18,7 @@ from zeromethod.view.figure import _title, plot_run
 @pytest.mark.parametrize("frames", [1, 12])
 def test_a_run_on_the_papers_bench_that_ended_early_is_drawn(frames: int, tmp_path: Path) -> None:
     """Whole columns of its nodes never have a reading."""
-    rig = load_rig("paper").model_copy(update={"scenario": "step"})
-    with zm.Session(rig) as session:
+    with zm.Session(paper("step")) as session:
         for step in session.run(frames=100):
             if step.number == frames:
                 session.interrupt()
@@ -30,7 +30,7 @@ def test_a_run_on_the_papers_bench_that_ended_early_is_drawn(frames: int, tmp_pa
 
 def test_the_title_compares_the_peak_with_the_deepest_true_point() -> None:
     """Under a ball nothing can be read: the nodes that are read may be perfect and the peak far off."""
-    rig = binned(load_rig("simulated"), 8).model_copy(update={"scenario": "ball"})
+    rig = coarser(load_rig("simulated"), 8).model_copy(update={"scenario": "ball"})
     with zm.Session(rig) as session:
         for step in session.run(seconds=1.2):
             assert step.number > 0

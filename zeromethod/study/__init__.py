@@ -4,20 +4,6 @@ study = load_study("gain-delay")
 results = run_study(study, Path("gain-delay"), Workers())
 """
 
-from zeromethod.study.plan import Study, load_study, packaged_studies, parse_study
-from zeromethod.study.results import Progress, Results, run_study
-from zeromethod.study.task import Procedure, Task
-from zeromethod.study.workers import Workers
+import lazy_loader
 
-__all__ = [
-    "Procedure",
-    "Progress",
-    "Results",
-    "Study",
-    "Task",
-    "Workers",
-    "load_study",
-    "packaged_studies",
-    "parse_study",
-    "run_study",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -14,19 +14,17 @@ import numpy as np
 
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.rig.refusal import shown
-from zeromethod.study.closed_loop import AVERAGING, CLOSED_LOOP
-from zeromethod.study.from_warps import FROM_WARPS
-from zeromethod.study.geometry import DEPTH_ERROR, DESIGN
 from zeromethod.study.task import Procedure, Task
 from zeromethod.thread_limits import limit_threads
 
 PROCEDURES = {
-    "run": CLOSED_LOOP,
-    "averaging": AVERAGING,
-    "design": DESIGN,
-    "depth_error": DEPTH_ERROR,
-    "from_warps": FROM_WARPS,
+    "run": "zeromethod.study.closed_loop:CLOSED_LOOP",
+    "averaging": "zeromethod.study.closed_loop:AVERAGING",
+    "design": "zeromethod.study.geometry:DESIGN",
+    "depth_error": "zeromethod.study.geometry:DEPTH_ERROR",
+    "from_warps": "zeromethod.study.from_warps:FROM_WARPS",
 }
+"""Where the packaged ones are: a worker process loads the one that it carries out."""
 
 Outcome = dict[str, Any]
 """run, seed, figures or None, failure or None, seconds, worker: as JSON has it."""
@@ -54,9 +52,7 @@ def procedure(name: str) -> Procedure:
 
     Raises InputError, one line, where there is none.
     """
-    if name in PROCEDURES:
-        return PROCEDURES[name]
-    module, _, attribute = name.partition(":")
+    module, _, attribute = PROCEDURES.get(name, name).partition(":")
     allowed = f"one of {', '.join(PROCEDURES)}, or package.module:NAME of a Procedure"
     if not (module and attribute):
         raise InputError(f"procedure: {shown(name)}: {allowed}")
@@ -78,8 +74,9 @@ def carry_out(task: Task) -> Outcome:
         figures, failure = None, None
         try:
             os.environ.setdefault("LP_NUM_THREADS", ONE_THREAD["LP_NUM_THREADS"])
+            chosen = procedure(task.procedure)
             limit_threads()
-            found = procedure(task.procedure).carry_out(task)
+            found = chosen.carry_out(task)
             figures = {name: plain(found.get(name)) for name in task.metrics}
         except (InputError, MeasurementError) as error:
             failure = str(error)
