@@ -1,7 +1,5 @@
 """Pictures of a ChArUco board as a known camera takes them."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """A command run as from the shell: exit code, standard output, standard error."""
 
-from __future__ import annotations
-
 import io
 import shlex
 import subprocess

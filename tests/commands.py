@@ -1,7 +1,5 @@
 """Commands as a person types them, and refusals on one line."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from click.testing import CliRunner, Result

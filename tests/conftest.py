@@ -4,8 +4,6 @@ Contexts of both backends live side by side for the whole session; a test that d
 one entered, so objects always go to the context they belong to.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from typing import Any

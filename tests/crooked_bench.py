@@ -1,7 +1,5 @@
 """A bench that stands otherwise than its rig file says, by about a caliper's sigma in everything."""
 
-from __future__ import annotations
-
 from zeromethod.calibration import build, describe
 from zeromethod.rig.model import Rig
 

@@ -1,7 +1,5 @@
 """A GigE Vision camera without hardware: Aravis' own fake one, in a process on the loopback interface."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

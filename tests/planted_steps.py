@@ -1,7 +1,5 @@
 """Made-up steps of a loop: noise everywhere, so that nothing is mistaken for anything else."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path

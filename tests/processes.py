@@ -1,7 +1,5 @@
 """Processes that are nobody's children here."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 

@@ -1,7 +1,5 @@
 """A short real recording of a simulated run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path

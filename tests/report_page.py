@@ -1,7 +1,5 @@
 """A page taken apart: its text, its elements, and all that it refers to; and recordings with more in them."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 from html.parser import HTMLParser

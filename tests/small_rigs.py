@@ -1,7 +1,5 @@
 """The packaged bench with fewer pixels of camera and LCD, as values of a rig file: quick to simulate."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

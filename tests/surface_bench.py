@@ -1,7 +1,5 @@
 """Exact warps of planted dents, and the reader that has to return them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files replaced in one step."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 
@@ -16,7 +14,7 @@ def write_half(path: Path) -> None:
         raise KeyboardInterrupt
 
 
-def test_writing_that_ends_early_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+def test_writing_that_ends_early_leaves_the_old_file_and_nothing_else(tmp_path):
     path = tmp_path / "a.npz"
     path.write_text("old")
     with pytest.raises(KeyboardInterrupt):
@@ -29,7 +27,7 @@ def test_writing_that_ends_early_leaves_the_old_file_and_nothing_else(tmp_path: 
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_permissions_and_links_are_kept(tmp_path: Path) -> None:
+def test_permissions_and_links_are_kept(tmp_path):
     path, link = tmp_path / "file", tmp_path / "link"
     path.write_text("old")
     path.chmod(0o640)
@@ -41,14 +39,14 @@ def test_permissions_and_links_are_kept(tmp_path: Path) -> None:
     assert path.stat().st_mode & 0o777 == 0o640
 
 
-def test_a_new_file_has_the_permissions_of_any_new_file(tmp_path: Path) -> None:
+def test_a_new_file_has_the_permissions_of_any_new_file(tmp_path):
     (tmp_path / "plain").touch()
     with atomic_write(tmp_path / "new") as part:
         part.touch()
     assert (tmp_path / "new").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
-def test_two_that_write_at_once_do_not_mix(tmp_path: Path) -> None:
+def test_two_that_write_at_once_do_not_mix(tmp_path):
     path = tmp_path / "file"
     with atomic_write(path) as first, atomic_write(path) as second:
         first.write_text("first")
@@ -57,9 +55,7 @@ def test_two_that_write_at_once_do_not_mix(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_the_content_is_on_the_disk_before_the_file_is_replaced(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_content_is_on_the_disk_before_the_file_is_replaced(tmp_path, monkeypatch):
     path = tmp_path / "file"
     synced: list[bool] = []
     monkeypatch.setattr(

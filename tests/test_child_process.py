@@ -1,7 +1,5 @@
 """Child processes: a lowered priority leaves that of other threads as it was."""
 
-from __future__ import annotations
-
 import os
 import threading
 
@@ -9,7 +7,7 @@ from zeromethod.child_process import NICENESS, lower_priority
 from zeromethod.worker import in_thread
 
 
-def test_a_thread_lowers_its_own_priority_only() -> None:
+def test_a_thread_lowers_its_own_priority_only():
     before = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
 
     def look() -> int:

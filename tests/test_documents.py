@@ -13,7 +13,7 @@ DOCUMENTS = [
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
-def test_files_named_in_a_document_exist(document: Path) -> None:
+def test_files_named_in_a_document_exist(document):
     text = document.read_text()
     files = re.findall(r"`((?:zeromethod|tests|benchmarks|docs)/[^`]+)`", text)
     modules = re.findall(r"python -m (benchmarks\.\w+)", text)

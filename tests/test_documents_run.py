@@ -1,7 +1,5 @@
 """Commands of README and docs that need no hardware run, and give the figures that stand next to them."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex
@@ -102,7 +100,7 @@ def done(folder: Path, command: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*start, *words], cwd=folder, capture_output=True, text=True, check=False)
 
 
-def test_documents_have_commands_to_run() -> None:
+def test_documents_have_commands_to_run():
     assert {one.name for one in WITH_COMMANDS} >= {
         "README.md",
         "design.md",
@@ -115,7 +113,7 @@ def test_documents_have_commands_to_run() -> None:
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("document", WITH_COMMANDS, ids=lambda path: path.name)
-def test_every_command_runs(folder: Path, document: Path) -> None:
+def test_every_command_runs(folder, document):
     for command in runnable(document):
         for made in (*folder.glob("*.h5"), *folder.glob("*.toml")):
             if made.name in command and ("--record" in command or " init " in command):
@@ -127,7 +125,7 @@ def test_every_command_runs(folder: Path, document: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_the_first_run_gives_the_figures_of_the_readme(tmp_path: Path) -> None:
+def test_the_first_run_gives_the_figures_of_the_readme(tmp_path):
     assert done(tmp_path, "zeromethod run --summary run.json").returncode == 0
     figures = json.loads((tmp_path / "run.json").read_text())
     rows = dict(

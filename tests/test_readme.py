@@ -13,9 +13,7 @@ ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"
 
 
-def test_the_python_example_runs_and_reads_the_press(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_python_example_runs_and_reads_the_press(capsys, monkeypatch):
     # with a fourth of the pixels on each axis, for speed
     monkeypatch.setattr("zeromethod.session.session.load_rig", lambda name: small_rig())
     (example,) = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
@@ -26,7 +24,7 @@ def test_the_python_example_runs_and_reads_the_press(
     assert float(depth_mm) == pytest.approx(0.2, rel=0.003)
 
 
-def test_every_file_that_the_readme_links_to_exists() -> None:
+def test_every_file_that_the_readme_links_to_exists():
     links = re.findall(r"\]\(([^)#:]+)\)", README.read_text())
     assert links
     for link in links:
@@ -34,7 +32,7 @@ def test_every_file_that_the_readme_links_to_exists() -> None:
 
 
 @pytest.mark.parametrize("document", [README, *sorted(ROOT.glob("docs/*.md"))], ids=lambda path: path.name)
-def test_every_option_of_a_command_in_a_document_exists(document: Path) -> None:
+def test_every_option_of_a_command_in_a_document_exists(document):
     context = click.Context(commands)
     for name, rest in re.findall(r"zeromethod ([a-z][a-z-]+)\b([^`\n#]*)", document.read_text()):
         command, first = commands.get_command(context, name), rest.split()[:1]

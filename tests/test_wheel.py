@@ -57,7 +57,7 @@ def _lend_what_is_declared(folder: Path) -> None:
             (folder / top).symlink_to(one.locate_file(top))
 
 
-def test_the_wheel_carries_shaders_and_rigs_and_runs_elsewhere(tmp_path: Path) -> None:
+def test_the_wheel_carries_shaders_and_rigs_and_runs_elsewhere(tmp_path):
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
     _run(*pip, "wheel", "--no-deps", "--wheel-dir", tmp_path, ROOT, cwd=tmp_path)
     (wheel,) = tmp_path.glob("zeromethod-*.whl")

@@ -53,7 +53,7 @@ def job() -> Iterator[Job]:
     made.go.set()
 
 
-def test_the_newest_request_replaces_the_one_that_waits(job: Job) -> None:
+def test_the_newest_request_replaces_the_one_that_waits(job):
     job.go.clear()
     worker = Worker("test", job.serving)
     worker.post(1)
@@ -69,7 +69,7 @@ def test_the_newest_request_replaces_the_one_that_waits(job: Job) -> None:
     assert worker.take() == []
 
 
-def test_requests_can_be_merged_with_the_one_that_waits(job: Job) -> None:
+def test_requests_can_be_merged_with_the_one_that_waits(job):
     job.go.clear()
     worker = Worker("test", job.serving, merge=lambda waiting, newer: waiting + newer)
     worker.post("a")
@@ -81,7 +81,7 @@ def test_requests_can_be_merged_with_the_one_that_waits(job: Job) -> None:
     worker.close(1)
 
 
-def test_only_so_many_answers_are_kept_and_none_is_no_answer(job: Job) -> None:
+def test_only_so_many_answers_are_kept_and_none_is_no_answer(job):
     worker = Worker("test", job.serving, kept=1)
     for number in range(3):
         worker.post(number)
@@ -93,7 +93,7 @@ def test_only_so_many_answers_are_kept_and_none_is_no_answer(job: Job) -> None:
     worker.close(1)
 
 
-def test_taking_waits_for_an_answer_and_no_longer(job: Job) -> None:
+def test_taking_waits_for_an_answer_and_no_longer(job):
     worker = Worker("test", job.serving)
     with takes(0.05, SOON_S):
         assert worker.take(0.05) == []
@@ -104,7 +104,7 @@ def test_taking_waits_for_an_answer_and_no_longer(job: Job) -> None:
         assert worker.take(PATIENCE_S) == []
 
 
-def test_an_idle_worker_serves_its_idle_request(job: Job) -> None:
+def test_an_idle_worker_serves_its_idle_request(job):
     worker = Worker("test", job.serving, idle=(0.01, "idle"))
     assert worker.take(PATIENCE_S) == ["idle"]
     worker.post("posted")
@@ -112,7 +112,7 @@ def test_an_idle_worker_serves_its_idle_request(job: Job) -> None:
     worker.close(1)
 
 
-def test_everything_happens_in_one_thread_of_its_own(job: Job) -> None:
+def test_everything_happens_in_one_thread_of_its_own(job):
     worker = Worker("test", job.serving)
     assert worker.opened(PATIENCE_S)
     worker.post(1)
@@ -124,7 +124,7 @@ def test_everything_happens_in_one_thread_of_its_own(job: Job) -> None:
     assert threading.current_thread() not in job.threads
 
 
-def test_a_failure_is_raised_once_after_all_answers_and_ends_the_worker(job: Job) -> None:
+def test_a_failure_is_raised_once_after_all_answers_and_ends_the_worker(job):
     worker = Worker("test", job.serving)
     worker.post(1)
     eventually(lambda: job.served == [1] and not worker.busy_s)
@@ -138,7 +138,7 @@ def test_a_failure_is_raised_once_after_all_answers_and_ends_the_worker(job: Job
     assert worker.busy_s == 0.0
 
 
-def test_a_context_that_cannot_be_entered_is_raised_where_it_is_waited_for(job: Job) -> None:
+def test_a_context_that_cannot_be_entered_is_raised_where_it_is_waited_for(job):
     job.opening = raising(KeyError("refused"))
     with pytest.raises(KeyError, match="refused"):
         Worker("test", job.serving).opened(PATIENCE_S)
@@ -146,7 +146,7 @@ def test_a_context_that_cannot_be_entered_is_raised_where_it_is_waited_for(job: 
         Worker("test", job.serving).take(PATIENCE_S)
 
 
-def test_a_context_that_is_entered_too_late_is_left_at_once(job: Job) -> None:
+def test_a_context_that_is_entered_too_late_is_left_at_once(job):
     go = threading.Event()
     job.opening = lambda: go.wait(PATIENCE_S)
     worker = Worker("test", job.serving)
@@ -158,7 +158,7 @@ def test_a_context_that_is_entered_too_late_is_left_at_once(job: Job) -> None:
 
 
 @pytest.mark.parametrize("finish", [False, True])
-def test_closing_drops_or_finishes_what_waits(job: Job, finish: bool) -> None:
+def test_closing_drops_or_finishes_what_waits(job, finish):
     job.go.clear()
     worker = Worker("test", job.serving)
     worker.post(1)
@@ -169,7 +169,7 @@ def test_closing_drops_or_finishes_what_waits(job: Job, finish: bool) -> None:
     assert worker.take() == ([1, 2] if finish else [1])
 
 
-def test_a_hung_job_is_left_within_the_bound_and_its_time_is_known(job: Job) -> None:
+def test_a_hung_job_is_left_within_the_bound_and_its_time_is_known(job):
     job.go.clear()
     worker = Worker("test", job.serving)
     worker.post(1)
@@ -192,14 +192,14 @@ in_thread("hung", threading.Event().wait)
 """
 
 
-def test_hung_threads_do_not_keep_the_program_from_ending() -> None:
+def test_hung_threads_do_not_keep_the_program_from_ending():
     run = subprocess.run(
         [sys.executable, "-c", HUNG], capture_output=True, text=True, timeout=PATIENCE_S, check=True
     )
     assert run.stderr == ""
 
 
-def test_without_a_thread_requests_are_served_and_fail_where_they_are_posted(job: Job) -> None:
+def test_without_a_thread_requests_are_served_and_fail_where_they_are_posted(job):
     worker = SameThread(job.serving)
     assert worker.opened(0.0)
     for number in range(3):
@@ -216,7 +216,7 @@ def test_without_a_thread_requests_are_served_and_fail_where_they_are_posted(job
     assert SameThread(lambda: nullcontext(job)).busy_s == 0.0
 
 
-def test_calls_with_a_time_limit_return_or_raise_what_the_call_does() -> None:
+def test_calls_with_a_time_limit_return_or_raise_what_the_call_does():
     assert call_within(PATIENCE_S, lambda: 3, "quick") == 3
     with pytest.raises(ValueError, match="odd"):
         call_within(PATIENCE_S, raising(ValueError("odd")), "quick")
@@ -226,7 +226,7 @@ def test_calls_with_a_time_limit_return_or_raise_what_the_call_does() -> None:
         call_within(0.05, lambda: time.sleep(1.0), "slow")
 
 
-def test_calls_are_made_here_or_in_a_thread() -> None:
+def test_calls_are_made_here_or_in_a_thread():
     here, there = completed(threading.current_thread), in_thread("there", threading.current_thread)
     assert here.result(0) is threading.current_thread()
     assert there.result(PATIENCE_S).name == "there"

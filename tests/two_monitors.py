@@ -4,8 +4,6 @@ A started desktop is left to the caller: pass `environment` to the processes tha
 its pixels with mss. Starting takes about 0.2 s.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -5,8 +5,6 @@
 prints the camera's address; "press X Y DEPTH" and "lift" on standard input do just that.
 """
 
-from __future__ import annotations
-
 import sys
 import threading
 from typing import Any

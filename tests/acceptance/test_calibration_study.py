@@ -19,19 +19,19 @@ def outcomes() -> dict[str, Any]:
     return {one.case: one for one in study.study_bench(0, nominal, tests=8)}
 
 
-def test_depth_is_within_the_bars(outcomes: dict[str, Any]) -> None:
+def test_depth_is_within_the_bars(outcomes):
     assert outcomes["edges and three presses"].rms < 1.0
     assert outcomes["one press"].rms < 2.0
 
 
-def test_every_sigma_is_honest(outcomes: dict[str, Any]) -> None:
+def test_every_sigma_is_honest(outcomes):
     for outcome in outcomes.values():
         assert outcome.settled
         # the presses of one bench share its geometry's error: 3 sigma by chance in 3 of 1000 benches
         assert np.abs(outcome.normalised).max() < 3.0, outcome
 
 
-def test_a_ball_whose_rim_folds_does_not_claim_a_small_sigma(outcomes: dict[str, Any]) -> None:
+def test_a_ball_whose_rim_folds_does_not_claim_a_small_sigma(outcomes):
     true_rig = outcomes["(the true rig)"]
     balls = np.array(true_rig.kinds) == 3
     assert balls.sum() == 2
@@ -40,7 +40,7 @@ def test_a_ball_whose_rim_folds_does_not_claim_a_small_sigma(outcomes: dict[str,
     assert min(np.array(true_rig.sigmas)[balls]) > 5 * max(np.array(true_rig.sigmas)[~balls])
 
 
-def test_known_depths_narrow_sigma(outcomes: dict[str, Any]) -> None:
+def test_known_depths_narrow_sigma(outcomes):
     three, one, none = (
         np.median(outcomes[case].geometry_sigmas)
         for case in ("edges and three presses", "one press", "rest map alone")

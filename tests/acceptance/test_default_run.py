@@ -24,7 +24,7 @@ def result() -> RunResult:
     return zm.run(small_rig())
 
 
-def test_the_default_run_meets_its_bars(result: RunResult) -> None:
+def test_the_default_run_meets_its_bars(result):
     figures = summarise(result)
     assert all(figures[name] is not None for name in PROMISED)
     for times in ("loop_ms", "draw_ms", "read_ms"):
@@ -45,7 +45,7 @@ def test_the_default_run_meets_its_bars(result: RunResult) -> None:
     assert slide["depth_rms_error_um"] < 2.0
 
 
-def test_a_run_leaves_the_pictures_of_before_pressed_and_nulled(result: RunResult) -> None:
+def test_a_run_leaves_the_pictures_of_before_pressed_and_nulled(result):
     assert result.before is not None
     assert result.pressed is not None
     assert result.nulled is not None

@@ -4,13 +4,10 @@ Their pixels do not depend on what is drawn: so a run can be at rest on them, an
 but not follow a press.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -84,9 +81,7 @@ def rests_is_lost_and_rests_again(rig: Rig, lose: Callable[[], None], regain: Ca
 
 
 @pytest.mark.timeout(180)
-def test_a_run_on_pylons_emulator_rests_is_lost_and_rests_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_on_pylons_emulator_rests_is_lost_and_rests_again(tmp_path, monkeypatch):
     pylon = pytest.importorskip("pypylon.pylon")
     features = {"TestImageSelector": "Off", "ImageFilename": str(tmp_path), "ImageFileMode": "On"}
     rig = rig_with("pylon", features=features)
@@ -101,7 +96,7 @@ def test_a_run_on_pylons_emulator_rests_is_lost_and_rests_again(
 
 
 @pytest.mark.timeout(180)
-def test_a_run_on_aravis_fake_camera_rests_is_lost_and_rests_again(tmp_path: Path) -> None:
+def test_a_run_on_aravis_fake_camera_rests_is_lost_and_rests_again(tmp_path):
     try:
         ctypes.CDLL(LIBRARY)
     except OSError:

@@ -21,12 +21,12 @@ FAULTS = [
 ]
 
 
-def test_every_fault_of_the_tour_is_tested() -> None:
+def test_every_fault_of_the_tour_is_tested():
     assert [fault.name for fault in faults.FAULTS if fault.keys] == FAULTS
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_fault_behind_which_the_press_jumps(name: str) -> None:
+def test_a_fault_behind_which_the_press_jumps(name):
     fault = next(fault for fault in faults.FAULTS if fault.name == name)
     outcome = faults.tour(fault, moving=fault.recovers, frames_after=24)
     assert outcome.named, outcome.events

@@ -4,8 +4,6 @@ Nothing is simulated on the side of `zeromethod run` but the light: it draws on 
 stream, and publishes what it reads while it runs.
 """
 
-from __future__ import annotations
-
 import json
 import signal
 import socket
@@ -143,9 +141,7 @@ def _run(desktop: TwoMonitors, folder: Path, slower: int) -> tuple[list[Line], l
 
 
 @pytest.mark.timeout(900)
-def test_a_live_run_locks_and_follows_press_slide_and_release_within_one_percent(
-    desktop: TwoMonitors, tmp_path: Path
-) -> None:
+def test_a_live_run_locks_and_follows_press_slide_and_release_within_one_percent(desktop, tmp_path):
     for slower in SLOWER:
         headers, truth = _run(desktop, tmp_path, slower)
         by_phase: defaultdict[str, list[tuple[Line, Line]]] = defaultdict(list)

@@ -4,8 +4,6 @@ The process that plays prism and camera stands otherwise than the rig file says;
 know that.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -104,7 +102,7 @@ def calibrated(
 
 
 @pytest.mark.timeout(600)
-def test_it_ends_well_in_three_minutes_of_the_machine(calibrated: tuple[Stored, float, str]) -> None:
+def test_it_ends_well_in_three_minutes_of_the_machine(calibrated):
     stored, spent_s, said = calibrated
     assert stored.document["verdict"]["level"] != "bad", said
     assert spent_s < MACHINE_S
@@ -117,21 +115,19 @@ def test_it_ends_well_in_three_minutes_of_the_machine(calibrated: tuple[Stored, 
     }
 
 
-def test_response_of_the_panel_is_found(calibrated: tuple[Stored, float, str]) -> None:
+def test_response_of_the_panel_is_found(calibrated):
     light = calibrated[0].document["light"]
     assert light["gamma"] == pytest.approx(GAMMA, abs=max(5 * light["gamma_sigma"], 0.02))
 
 
-def test_parameters_are_within_their_stated_sigma(calibrated: tuple[Stored, float, str]) -> None:
+def test_parameters_are_within_their_stated_sigma(calibrated):
     given = describe(load_rig("virtual"))
     for name, (value, sigma) in calibrated[0].parameters.items():
         # twenty of them: 3.5 sigma by chance once in a hundred benches
         assert abs(value - given[name] - OFF.get(name, 0.0)) < 3.5 * sigma, name
 
 
-def test_other_presses_are_read_in_millimetres(
-    calibrated: tuple[Stored, float, str], true_rig: tuple[Rig, Path]
-) -> None:
+def test_other_presses_are_read_in_millimetres(calibrated, true_rig):
     """By exact rays through the true bench; 1 % is the bar for three known presses."""
     rig, found = true_rig[0], load_rig(calibrated[0].rig_file)
     grid, optics = NodeGrid.of_rig(rig), Optics(rig)

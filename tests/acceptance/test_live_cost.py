@@ -19,7 +19,7 @@ def prepared() -> Any:
     return bench.Prepared(rigs.changed(rigs.small_rig(), control={"strips": "edges"}))
 
 
-def test_a_press_made_of_prepared_frames_is_nulled_with_and_without_strips(prepared: Any) -> None:
+def test_a_press_made_of_prepared_frames_is_nulled_with_and_without_strips(prepared):
     frames = int(np.flatnonzero(bench.PATH)[0]) + 24
     bare, live = running.run_together((cost.BARE, cost.LIVE), prepared, frames)
     for turns in (bare, live):
@@ -28,9 +28,7 @@ def test_a_press_made_of_prepared_frames_is_nulled_with_and_without_strips(prepa
         assert "strips contradict" not in str([turn.events for turn in turns])
 
 
-def test_what_was_read_of_the_codes_in_prepared_strips_is_the_delay_of_a_display_of_memory(
-    prepared: Any,
-) -> None:
+def test_what_was_read_of_the_codes_in_prepared_strips_is_the_delay_of_a_display_of_memory(prepared):
     with running.Running(running.Variant("in turn, strips", live=False), prepared, FRAMES) as one:
         for _ in range(FRAMES):
             one.turn()
@@ -41,7 +39,7 @@ def test_what_was_read_of_the_codes_in_prepared_strips_is_the_delay_of_a_display
     assert abs(estimator.value_ns) < 0.2e6
 
 
-def test_every_variant_is_timed_and_held_against_another(prepared: Any) -> None:
+def test_every_variant_is_timed_and_held_against_another(prepared):
     report = cost.measure(prepared.rig, rounds=1, frames=12)
     header, *rows = report.details
     assert [row[0] for row in rows] == [variant.name for variant in cost.VARIANTS]
@@ -52,7 +50,7 @@ def test_every_variant_is_timed_and_held_against_another(prepared: Any) -> None:
     assert report.data["added"].keys() == cost.COMPARED.keys()
 
 
-def test_differences_are_taken_frame_by_frame() -> None:
+def test_differences_are_taken_frame_by_frame():
     def turns(extra_ms: float) -> list[Any]:
         # frames differ by far more than the variants do
         return [running.Timed(n, 10.0 * n + extra_ms, 0.0, 0.0, 0.0, True, []) for n in range(9)]

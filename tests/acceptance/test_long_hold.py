@@ -13,13 +13,13 @@ def report() -> Any:
     return long_hold.measure(frames=300, settled=80)
 
 
-def test_neither_rest_nor_a_held_press_drifts(report: Any) -> None:
+def test_neither_rest_nor_a_held_press_drifts(report):
     assert report.met, [figure for figure in report.figures if figure.met is False]
     # two ratios and the lock at rest; two ratios, the lock and the depth peak when pressed
     assert sum(figure.met is True for figure in report.figures) == 7
 
 
-def test_depth_of_a_held_press_does_not_leak_away(report: Any) -> None:
+def test_depth_of_a_held_press_does_not_leak_away(report):
     first, last = (np.mean(window["peaks_mm"]) for window in report.data["pressed"])
     # a leak of 2e-6 per frame would show as 2.4e-4 over these 120 frames; noise of the means is 5e-5
     assert last == pytest.approx(first, rel=1.5e-4)

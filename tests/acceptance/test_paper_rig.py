@@ -1,7 +1,5 @@
 """The paper's 45 degree prism, below the critical angle: presses that swing its light are nulled and read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +39,7 @@ def worst_percent(result: RunResult, states: set[State]) -> float:
     return max(abs(truth.depth_peak_error_percent) for truth in read)
 
 
-def test_the_press_of_the_paper_is_nulled_and_read_whole() -> None:
+def test_the_press_of_the_paper_is_nulled_and_read_whole():
     result = run(paper("hold"), frames=36)
     held = [r for r in result.records if r.phase == "hold"]
     # a jump of 12 periods' strain per sigma comes in from its rim; 8 frames here
@@ -60,7 +58,7 @@ def test_the_press_of_the_paper_is_nulled_and_read_whole() -> None:
     assert np.median(quiet) < 100
 
 
-def test_a_press_elsewhere_is_read_as_well(tmp_path: Path) -> None:
+def test_a_press_elsewhere_is_read_as_well(tmp_path):
     path = f"{point(0.1, 58.0, 8.0, 0.0)}, {point(0.1, 58.0, 8.0, -0.15)}"
     # its rim is too fine for an LCD of half the resolution
     whole = load_rig("paper").model_copy(update={"scenario": str(scenario(tmp_path, path))})
@@ -69,7 +67,7 @@ def test_a_press_elsewhere_is_read_as_well(tmp_path: Path) -> None:
     assert worst_percent(result, {State.LOCKED}) < 0.3
 
 
-def test_a_slide_is_followed_within_a_percent(tmp_path: Path) -> None:
+def test_a_slide_is_followed_within_a_percent(tmp_path):
     path = f"{point(0.1, 38.0, 0.0, 0.0)}, {point(0.25, 38.0, 0.0, 0.2)}, {point(0.55, 41.0, 0.0, 0.2)}"
     result = run(paper(scenario(tmp_path, path, hold="slide")), frames=33)
     following = [r.truth for r in result.records if r.truth is not None and r.time_s > 0.33]
@@ -78,7 +76,7 @@ def test_a_slide_is_followed_within_a_percent(tmp_path: Path) -> None:
     assert max(abs(truth.depth_peak_error_percent) for truth in following) < 1.0
 
 
-def test_what_touches_is_marked_and_the_dim_flank_beside_it_is_not(tmp_path: Path) -> None:
+def test_what_touches_is_marked_and_the_dim_flank_beside_it_is_not(tmp_path):
     ball = 'shape = "ball"\nradius_mm = 150.0\ntouches = true\ntouch_reflectance = 0.1'
     path = f"{point(0.1, 42.0, 0.0, 0.0)}, {point(0.25, 42.0, 0.0, 0.03)}"
     rig = paper(scenario(tmp_path, path, ball))
@@ -99,7 +97,7 @@ def test_what_touches_is_marked_and_the_dim_flank_beside_it_is_not(tmp_path: Pat
     assert not surface.contact[around].any()
 
 
-def test_usable_nodes_are_those_with_light() -> None:
+def test_usable_nodes_are_those_with_light():
     rig = load_rig("paper")
     grid = NodeGrid.of_rig(rig)
     optics = Optics(rig)

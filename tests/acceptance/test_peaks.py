@@ -9,7 +9,7 @@ from zeromethod.rig.load import load_rig
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_peaks_of_narrow_dents_are_true_within_their_sigma() -> None:
+def test_peaks_of_narrow_dents_are_true_within_their_sigma():
     narrow = [p for p in benchmark.random_presses(120) if p.size_mm < benchmark.NARROW_MM][:40]
     rig = benchmark.middle_of_the_view(load_rig("simulated"))
     found = benchmark.through_the_loop(rig, narrow[:20]) + benchmark.through_the_loop(rig, narrow[20:])

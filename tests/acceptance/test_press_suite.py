@@ -13,7 +13,7 @@ def bench() -> Any:
 
 
 @pytest.mark.parametrize("press", suite.PRESSES, ids=lambda press: press.name)
-def test_every_press_is_read_as_exactly_as_its_shape_allows(bench: Any, press: Any) -> None:
+def test_every_press_is_read_as_exactly_as_its_shape_allows(bench, press):
     error = bench.error(press)
     # up to one constant, of the deepest node compared; smooth dents leave what the sixth-order rule does:
     # below 0.004 % at 4.8 nodes of sigma, else 1e-5

@@ -6,8 +6,6 @@ of 0.1.0 less what the blur of the panel's apertures had added (4e-4 LCD px, 7 n
 the anchor's constant as the far field is fitted since (0.12 um at most, in a frame whose anchor has 0.55).
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -37,14 +37,14 @@ def draws(bench: Any) -> dict[str, Any]:
     return {c.name: bench.draws(c, many.get(c.name, OTHERS)) for c in benchmark.CASES}
 
 
-def test_three_noise_levels_at_two_exposures_are_among_the_cases() -> None:
+def test_three_noise_levels_at_two_exposures_are_among_the_cases():
     pressed = [c for c in benchmark.CASES if c.press_mm == 0.2 and not c.two_pictures]
     assert len({c.read_grey for c in pressed}) == 3
     assert len({(c.read_grey, c.exposure) for c in pressed}) == 6
 
 
 @pytest.mark.parametrize("word", ["residual", "warp", "slope", "depth"])
-def test_sigma_is_true_and_usable_nodes_are_called_valid(draws: dict[str, Any], word: str) -> None:
+def test_sigma_is_true_and_usable_nodes_are_called_valid(draws, word):
     for case in (case for case in benchmark.CASES if case.name not in FEW):
         assert draws[case.name].valid_share >= 0.95, case.name
         ratio = draws[case.name].ratios(word)
@@ -53,7 +53,7 @@ def test_sigma_is_true_and_usable_nodes_are_called_valid(draws: dict[str, Any], 
         assert np.mean((ratio > 0.8) & (ratio < 1.2)) >= 0.99, case.name
 
 
-def test_noise_grows_as_light_gets_less(draws: dict[str, Any]) -> None:
+def test_noise_grows_as_light_gets_less(draws):
     """A quarter of the light: 4 times the noise where reading dominates, 2 where photons do."""
     for level in ("low", "packaged", "high"):
         bright, dim = (
@@ -94,7 +94,7 @@ def assert_median_true(ratio: np.ndarray) -> None:
     assert 0.967 < np.median(ratio) < 1.033
 
 
-def test_covariance_is_true_where_the_anchor_is_known() -> None:
+def test_covariance_is_true_where_the_anchor_is_known():
     """Exact theory: the anchor's weights are fixed, depth is linear in the noise, its draws are Gaussian."""
     rig = benchmark.changed(benchmark.small_rig(), surface={"known_rest": (RIM,)})
     case = next(c for c in benchmark.CASES if c.name == CHOSEN[0])
@@ -108,7 +108,7 @@ def test_covariance_is_true_where_the_anchor_is_known() -> None:
 
 
 @pytest.mark.parametrize("name", CHOSEN)
-def test_covariance_is_true_where_the_anchor_is_chosen(draws: dict[str, Any], name: str) -> None:
+def test_covariance_is_true_where_the_anchor_is_chosen(draws, name):
     """Every frame chooses its quietest nodes, and sigmas over these nodes differ from frame to frame.
 
     What the frames do not agree on cannot be true in all: their spread is allowed on top of the draws' luck.

@@ -5,7 +5,7 @@ import pytest
 from benchmarks import step_response as step
 
 
-def test_a_step_at_full_size_locks_within_two_corrections() -> None:
+def test_a_step_at_full_size_locks_within_two_corrections():
     response = step.full_size_step(11)
     # 34 ms from mid-exposure to the answer half lit: a refresh or two, half the scan-out, half the exposure
     assert response.delay_frames == pytest.approx(2.05, abs=0.3)
@@ -18,9 +18,7 @@ def test_a_step_at_full_size_locks_within_two_corrections() -> None:
     ("refresh_hz", "exposure_s", "delay_frames", "phase"),
     [(59.94, 0.002, 4, 0.4), (59.94, 0.016, 2, 0.7), (60.0, 0.016, 4, 0.5), (60.0, 0.008, 1, 0.9)],
 )
-def test_no_timing_starves_or_destabilises_the_loop(
-    refresh_hz: float, exposure_s: float, delay_frames: int, phase: float
-) -> None:
+def test_no_timing_starves_or_destabilises_the_loop(refresh_hz, exposure_s, delay_frames, phase):
     mix = step.Mix(refresh_hz, exposure_s, delay_frames, phase)
     response = step.timed_step(mix, step.COMPOSITION, frames=80)
     assert response.lock_frames is not None
@@ -29,7 +27,7 @@ def test_no_timing_starves_or_destabilises_the_loop(
     assert response.state == "locked"
 
 
-def test_the_integrator_diverges_where_the_composition_locks() -> None:
+def test_the_integrator_diverges_where_the_composition_locks():
     mix = step.Mix(59.94, 0.008, 3, 0.3)
     composed = step.timed_step(mix, step.COMPOSITION, frames=60)
     integrated = step.timed_step(mix, step.integrator(0.6), frames=60)

@@ -61,9 +61,7 @@ def cluster() -> Iterator[str]:
         yield running.scheduler_address
 
 
-def test_processes_and_cluster_give_the_same_table_though_workers_die(
-    study: Study, tmp_path: Path, cluster: str
-) -> None:
+def test_processes_and_cluster_give_the_same_table_though_workers_die(study, tmp_path, cluster):
     pids: dict[str, set[int]] = {"local": set(), "dask": set()}
     for name, workers in (("local", Workers(2)), ("dask", Workers(address=cluster))):
 

@@ -1,7 +1,5 @@
 """Places of printed marks: right to a hundredth of a pixel, not feigned by what covers them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.special import erf
@@ -52,7 +50,7 @@ def resting(printed: Printed) -> MarkWatch:
 
 
 @pytest.mark.parametrize("psf_px", [0.7, 1.5])
-def test_shifts_below_a_pixel_are_unbiased_and_their_noise_is_known(psf_px: float) -> None:
+def test_shifts_below_a_pixel_are_unbiased_and_their_noise_is_known(psf_px):
     printed = Printed(0, psf_px)
     mark, still = printed.mark(), Printed(1, psf_px)
     zero = np.mean([mark.see(still.image()).shift_px for _ in range(60)], axis=0)  # type: ignore[union-attr]
@@ -68,7 +66,7 @@ def test_shifts_below_a_pixel_are_unbiased_and_their_noise_is_known(psf_px: floa
 
 
 @pytest.mark.parametrize("by_px", [0.15, 0.5, 3.0, 12.0])
-def test_a_mark_that_moved_is_named_within_ten_frames_by_how_much(by_px: float) -> None:
+def test_a_mark_that_moved_is_named_within_ten_frames_by_how_much(by_px):
     printed = Printed(2)
     watch = resting(printed)
     for _ in range(10):
@@ -79,7 +77,7 @@ def test_a_mark_that_moved_is_named_within_ten_frames_by_how_much(by_px: float) 
     assert watch.moved == ""
 
 
-def test_less_than_the_least_is_no_motion_and_a_single_frame_neither() -> None:
+def test_less_than_the_least_is_no_motion_and_a_single_frame_neither():
     printed = Printed(3)
     watch = resting(printed)
     for frame in range(60):
@@ -89,7 +87,7 @@ def test_less_than_the_least_is_no_motion_and_a_single_frame_neither() -> None:
 
 @pytest.mark.parametrize("grey", [0.0, 60.0, 200.0])
 @pytest.mark.parametrize("px_per_frame", [0.5, 3.0])
-def test_what_slides_over_a_mark_and_stays_or_goes_is_no_motion(grey: float, px_per_frame: float) -> None:
+def test_what_slides_over_a_mark_and_stays_or_goes_is_no_motion(grey, px_per_frame):
     printed = Printed(4)
     watch = resting(printed)
     way = np.arange(90, 40, -px_per_frame)
@@ -101,7 +99,7 @@ def test_what_slides_over_a_mark_and_stays_or_goes_is_no_motion(grey: float, px_
     assert watch.moved
 
 
-def test_two_marks_that_part_are_said_to() -> None:
+def test_two_marks_that_part_are_said_to():
     printed = Printed(5)
     watch = MarkWatch((PLACE, PLACE), CAMERA_PX)
     for _ in range(2 * FRAMES):
@@ -117,7 +115,7 @@ def test_two_marks_that_part_are_said_to() -> None:
     assert watch.moved.endswith("not all alike: rolled, or nearer or farther")
 
 
-def test_a_place_with_too_little_contrast_is_not_watched_and_said_once() -> None:
+def test_a_place_with_too_little_contrast_is_not_watched_and_said_once():
     watch = MarkWatch((PLACE,), CAMERA_PX)
     blank = Printed(6, contrast_grey=0.0)
     said = [watch.look(blank.image(), True) for _ in range(4 * FRAMES)]

@@ -1,7 +1,5 @@
 """Motion of camera, LCD and prism: distinguished from presses, named by group, kept in sigma."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -57,7 +55,7 @@ def watch(bench: Bench, modes: BenchModes) -> Callable[[], BenchWatch]:
     return lambda: BenchWatch(modes, rest.grid, rest.visible, np.zeros(rest.grid.shape, bool), 0)
 
 
-def test_eighteen_numbers_leave_six_patterns(modes: BenchModes) -> None:
+def test_eighteen_numbers_leave_six_patterns(modes):
     # the seventh is that of the LCD's plane to second order: 1e-5 of the first
     assert modes.count == 6
     assert modes.values[5] > 0.3
@@ -74,9 +72,9 @@ def test_eighteen_numbers_leave_six_patterns(modes: BenchModes) -> None:
     ],
 )
 def test_a_motion_is_named_by_its_group(
-    bench: Bench, modes: BenchModes, watch: Callable[[], BenchWatch],
-    turned_deg: tuple[float, ...], slid_mm: tuple[float, ...], group: str,
-) -> None:  # fmt: skip
+    bench, modes, watch,
+    turned_deg, slid_mm, group
+):  # fmt: skip
     true = bumped(bench.rig, tuple(PX_DEG * d for d in turned_deg), tuple(0.1 * s for s in slid_mm))
     noise, one = np.random.default_rng(0), watch()
     rest_q = Rest.of(bench.rig, bench.optics).q
@@ -95,9 +93,7 @@ def test_a_motion_is_named_by_its_group(
     assert one.moved
 
 
-def test_wide_honest_presses_are_no_motion_however_they_come(
-    bench: Bench, watch: Callable[[], BenchWatch]
-) -> None:
+def test_wide_honest_presses_are_no_motion_however_they_come(bench, watch):
     noise, rest_q = np.random.default_rng(1), Rest.of(bench.rig, bench.optics).q
     for width in (25.0, 32.0, 40.0):
         for _ in range(4):
@@ -109,7 +105,7 @@ def test_wide_honest_presses_are_no_motion_however_they_come(
             assert not one.moved
 
 
-def test_slow_drift_stays_in_sigma_and_is_named(bench: Bench) -> None:
+def test_slow_drift_stays_in_sigma_and_is_named(bench):
     """A pan that grows by 1/20 px a frame: read depth is wrong by up to 23 um per px of the full camera."""
     noise, reader = np.random.default_rng(2), SurfaceReader(bench.rig, bench.optics, bench.grid)
     beyond = 0
@@ -124,7 +120,7 @@ def test_slow_drift_stays_in_sigma_and_is_named(bench: Bench) -> None:
     assert reader._drift.watch.moved
 
 
-def test_a_pan_of_one_px_at_rest_is_never_read_with_a_small_sigma(bench: Bench) -> None:
+def test_a_pan_of_one_px_at_rest_is_never_read_with_a_small_sigma(bench):
     noise, reader = np.random.default_rng(3), SurfaceReader(bench.rig, bench.optics, bench.grid)
     # one px of the full camera is a quarter of one of this bench's
     true = bumped(bench.rig, (PX_DEG / 4, 0, 0))
@@ -138,7 +134,7 @@ def test_a_pan_of_one_px_at_rest_is_never_read_with_a_small_sigma(bench: Bench) 
 
 
 @pytest.mark.parametrize("keys", [{}, {"display.turn_deg": 0.3}, {"camera.roll_deg": 0.3}])
-def test_presses_leave_no_curl_on_a_rig_that_is_off_by_a_little(bench: Bench, keys: dict[str, float]) -> None:
+def test_presses_leave_no_curl_on_a_rig_that_is_off_by_a_little(bench, keys):
     noise, rig = np.random.default_rng(4), bench.rig.replace(keys)
     reader = SurfaceReader(rig, Optics(rig), bench.grid)
     u, v = bench.grid.mesh()
@@ -152,7 +148,7 @@ def test_presses_leave_no_curl_on_a_rig_that_is_off_by_a_little(bench: Bench, ke
             assert not surface.curl.moved
 
 
-def test_motion_under_a_press_is_found_by_curl(bench: Bench, modes: BenchModes) -> None:
+def test_motion_under_a_press_is_found_by_curl(bench, modes):
     noise = np.random.default_rng(5)
     press = Gauss(0.05, bench.centre_mm, 0.0, 5.0)
     true = bumped(bench.rig, (0, PX_DEG, 0))

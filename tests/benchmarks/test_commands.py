@@ -18,7 +18,7 @@ NAMES = sorted({file.stem for file in FILES} - HELPERS - {"__init__"})
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_help_says_what_it_measures_with_an_example(name: str) -> None:
+def test_help_says_what_it_measures_with_an_example(name):
     command = importlib.import_module(f"benchmarks.{name}").command
     code, out, err = run("--help", command=command, name=f"python -m benchmarks.{command.name}")
     assert (code, err) == (0, "")
@@ -28,13 +28,7 @@ def test_help_says_what_it_measures_with_an_example(name: str) -> None:
 
 
 @pytest.mark.parametrize(("met", "code"), [(True, 0), (None, 0), (False, 1)])
-def test_a_figure_that_misses_its_bar_makes_the_exit_code_1(
-    met: bool | None,
-    code: int,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_figure_that_misses_its_bar_makes_the_exit_code_1(met, code, tmp_path, monkeypatch, capsys):
     @benchmark("planted", "A planted figure.")
     def command(quick: bool) -> Report:
         assert quick
@@ -53,7 +47,7 @@ def test_a_figure_that_misses_its_bar_makes_the_exit_code_1(
     assert '"met": ' in summary.read_text()
 
 
-def test_displacement_is_measured_next_to_its_peers_and_written(tmp_path: Path) -> None:
+def test_displacement_is_measured_next_to_its_peers_and_written(tmp_path):
     figure, summary = tmp_path / "bench.png", tmp_path / "bench.json"
     line = "--quick --part displacement --figure"
     code, out, err = run(line, figure, "--summary", summary, command=against_peers.command)
@@ -71,7 +65,7 @@ def test_displacement_is_measured_next_to_its_peers_and_written(tmp_path: Path) 
     assert figure.read_bytes().startswith(b"\x89PNG")
 
 
-def test_ctrl_c_keeps_what_is_measured_so_far(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_keeps_what_is_measured_so_far(tmp_path, monkeypatch):
     def interrupted(figures: dict, on_step: object, quick: bool) -> None:
         figures["methods"] = {}
         raise KeyboardInterrupt

@@ -5,7 +5,6 @@ On the quick bench (pixels four times larger), whose window loses 3 to 6 % of th
 
 import copy
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -44,12 +43,12 @@ def change(figures: dict[str, Any], kind: str, method: str, level: int = DEEP) -
 
 
 @pytest.mark.parametrize("kind", ["sensor", "display", "distortion"])
-def test_the_null_does_not_care(figures: dict[str, Any], kind: str) -> None:
+def test_the_null_does_not_care(figures, kind):
     # a hundredth of what is planted; noise of the peak is 0.01 % of 0.2 mm
     assert abs(change(figures, kind, "null")) < 0.01 * PERCENT + 0.02
 
 
-def test_the_null_is_right_with_every_error(figures: dict[str, Any]) -> None:
+def test_the_null_is_right_with_every_error(figures):
     # nodes 1.4 mm apart read 0.2 % wrong by themselves (docs of the default run's test)
     assert all(abs(peak(figures, kind, "null")) < 0.3 for kind in ERRORS)
     for kind in ERRORS:
@@ -57,18 +56,18 @@ def test_the_null_is_right_with_every_error(figures: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("level", range(len(QUICK_DEPTHS_MM)))
-def test_open_loop_reads_the_sensors_gain(figures: dict[str, Any], level: int) -> None:
+def test_open_loop_reads_the_sensors_gain(figures, level):
     # 2 % of what it reads, 3 to 6 % less than the press; that the lever changes with depth makes up 0.05 %
     reads = 1 + 0.01 * peak(figures, "none", "open", level)
     assert change(figures, "sensor", "open", level) == pytest.approx(PERCENT * reads, abs=0.1)
 
 
-def test_open_loop_does_not_mind_the_display_either(figures: dict[str, Any]) -> None:
+def test_open_loop_does_not_mind_the_display_either(figures):
     # phases are read at the carrier alone; harmonics fall on the window's zeros
     assert abs(change(figures, "display", "open")) < 0.05
 
 
-def test_a_distortion_needs_the_rays_of_the_measured_rest(figures: dict[str, Any]) -> None:
+def test_a_distortion_needs_the_rays_of_the_measured_rest(figures):
     zeros = figures["distortion_zeros"]
     for method in METHODS:
         rays, difference, rig = (zeros[z][method][DEEP] for z in ("rays", "difference", "rig"))
@@ -78,12 +77,12 @@ def test_a_distortion_needs_the_rays_of_the_measured_rest(figures: dict[str, Any
     assert zeros["difference"]["null"][DEEP]["rms_error_nm"] > 3 * zeros["rays"]["null"][DEEP]["rms_error_nm"]
 
 
-def test_every_step_is_reported(figures: dict[str, Any], steps_done: list[str]) -> None:
+def test_every_step_is_reported(figures, steps_done):
     assert len(steps_done) == steps(quick=True)
     assert steps_done[-1] == ""
 
 
-def test_figures_are_written(figures: dict[str, Any], tmp_path: Path) -> None:
+def test_figures_are_written(figures, tmp_path):
     assert json.loads(json.dumps(figures, allow_nan=False)) == figures
     assert open_loop_table(figures).row_count == len(METHODS) * (len(ERRORS) + 2)
     path = tmp_path / "open-loop.png"
@@ -91,7 +90,7 @@ def test_figures_are_written(figures: dict[str, Any], tmp_path: Path) -> None:
     assert path.stat().st_size > 10_000
 
 
-def test_a_press_that_was_never_nulled_is_marked(figures: dict[str, Any], tmp_path: Path) -> None:
+def test_a_press_that_was_never_nulled_is_marked(figures, tmp_path):
     lost = copy.deepcopy(figures)
     row = lost["errors"]["sensor"]["null"][DEEP]
     lost["errors"]["sensor"]["null"][DEEP] = dict.fromkeys(row) | {"depth_mm": row["depth_mm"], "frames": 0}

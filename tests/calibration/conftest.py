@@ -1,7 +1,5 @@
 """A bench a little off the packaged one, what is measured on it, and its calibration."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

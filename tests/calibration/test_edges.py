@@ -1,7 +1,5 @@
 """The mirror's edges in the image: found where they are, and never where something else ends the picture."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -106,7 +104,7 @@ def drawn() -> list[Rig]:
     return benches
 
 
-def test_edges_are_found_within_their_sigma(drawn: list[Rig]) -> None:
+def test_edges_are_found_within_their_sigma(drawn):
     rng = np.random.default_rng(5)
     away = []
     for bench in drawn:
@@ -120,7 +118,7 @@ def test_edges_are_found_within_their_sigma(drawn: list[Rig]) -> None:
     assert 0.2 < np.sqrt(np.mean(np.square(away))) < 1.3
 
 
-def test_a_blurred_edge_is_found_to_parts_of_a_pixel(drawn: list[Rig]) -> None:
+def test_a_blurred_edge_is_found_to_parts_of_a_pixel(drawn):
     rng, away = np.random.default_rng(6), []
     for bench in drawn[:3]:
         found = searched(wide(), measured(bench, mirror_light(bench, 1.5), rng))
@@ -131,7 +129,7 @@ def test_a_blurred_edge_is_found_to_parts_of_a_pixel(drawn: list[Rig]) -> None:
     assert np.sqrt(np.mean(np.square(away))) < 0.35
 
 
-def test_edges_bring_what_the_rest_map_leaves_open(drawn: list[Rig]) -> None:
+def test_edges_bring_what_the_rest_map_leaves_open(drawn):
     bench = drawn[0]
     found = measured(bench, mirror_light(bench), np.random.default_rng(7))
     grid = NodeGrid((bench.camera.rows, bench.camera.columns), 8)
@@ -146,7 +144,7 @@ def test_edges_bring_what_the_rest_map_leaves_open(drawn: list[Rig]) -> None:
     assert abs(after.values["display.along_mm"] - true) < 3.0 * after.sigma["display.along_mm"]
 
 
-def test_camera_on_its_side_finds_them_along_rows(drawn: list[Rig]) -> None:
+def test_camera_on_its_side_finds_them_along_rows(drawn):
     upright = drawn[1]
 
     def turned(rig: Rig) -> Rig:
@@ -166,7 +164,7 @@ def test_camera_on_its_side_finds_them_along_rows(drawn: list[Rig]) -> None:
         assert np.abs(off_sigma(one, bench)).max() < 3.0
 
 
-def test_packaged_lens_sees_no_edge_and_finds_none() -> None:
+def test_packaged_lens_sees_no_edge_and_finds_none():
     rig = wide(9000.0)
     found = searched(rig, measured(rig, mirror_light(rig), np.random.default_rng(9)))
     assert [one.found for one in found] == [NoEdge.NOT_IN_VIEW, NoEdge.NOT_IN_VIEW]
@@ -190,13 +188,13 @@ def shaded(kind: str, rig: Rig) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["vignetting", "aperture", "slanted stop", "ragged", "image's end"])
-def test_other_ends_of_the_picture_are_no_edge(kind: str) -> None:
+def test_other_ends_of_the_picture_are_no_edge(kind):
     rig = wide(8000.0)
     found = searched(rig, measured(rig, shaded(kind, rig), np.random.default_rng(10)))
     assert isinstance(found[0].found, NoEdge)
 
 
-def test_the_end_of_the_lcd_is_no_edge() -> None:
+def test_the_end_of_the_lcd_is_no_edge():
     """An LCD that ends 1.5 mm before the edge P0 does on the pattern face: what is seen is its end."""
     rig = wide()
     u, v = mesh(rig)
@@ -212,7 +210,7 @@ def test_the_end_of_the_lcd_is_no_edge() -> None:
     assert isinstance(found[1].found, MirrorEdge)
 
 
-def test_hand_of_dust_on_the_edge_does_not_move_it(drawn: list[Rig]) -> None:
+def test_hand_of_dust_on_the_edge_does_not_move_it(drawn):
     bench = drawn[2]
     light = mirror_light(bench)
     place = searched(wide(), measured(bench, light, np.random.default_rng(12)))[0]
@@ -223,7 +221,7 @@ def test_hand_of_dust_on_the_edge_does_not_move_it(drawn: list[Rig]) -> None:
     assert np.abs(off_sigma(again, bench)).max() < 3.0
 
 
-def test_edges_in_rendered_fringes(drawn: list[Rig]) -> None:
+def test_edges_in_rendered_fringes(drawn):
     """The same by the whole chain: rays, LCD grid, response, noise, phase shifting."""
     bench = drawn[3]
     sequence = FringeSequence((32.0, 36.0, 41.0), equal_shifts(4))

@@ -1,7 +1,5 @@
 """Falloff of light over the view: planted shading comes back; what does not see the LCD does not count."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -25,7 +23,7 @@ def pictures(light: NDArray[np.float64], seed: int) -> tuple[NDArray[np.float64]
     return 6 + 180 * light + noise[0], 6 + noise[1]
 
 
-def test_planted_shading_comes_back_per_region() -> None:
+def test_planted_shading_comes_back_per_region():
     light = shading(0.5)
     lit = np.ones(SHAPE, dtype=np.bool_)
     found = measure_falloff(*pictures(light, 0), lit)
@@ -40,7 +38,7 @@ def test_planted_shading_comes_back_per_region() -> None:
     assert found.weak_tile is None
 
 
-def test_a_region_in_the_dark_is_named() -> None:
+def test_a_region_in_the_dark_is_named():
     white, black = pictures(shading(0.08), 0)
     found = measure_falloff(white, black, np.ones(SHAPE, dtype=np.bool_))
     assert found.darkest < 0.3
@@ -48,7 +46,7 @@ def test_a_region_in_the_dark_is_named() -> None:
     assert set(found.weak_tile) <= {0, 3}
 
 
-def test_only_pixels_that_follow_the_lcd_are_lit() -> None:
+def test_only_pixels_that_follow_the_lcd_are_lit():
     mirror = np.zeros(SHAPE)
     mirror[20:70, 30:100] = 1
     lit = lit_pixels(*pictures(mirror, 1))
@@ -58,7 +56,7 @@ def test_only_pixels_that_follow_the_lcd_are_lit() -> None:
     assert np.nanmax(np.abs(tiles - 1)) < 0.01
 
 
-def test_nothing_lit_is_refused() -> None:
+def test_nothing_lit_is_refused():
     white, black = pictures(np.zeros(SHAPE), 2)
     with pytest.raises(MeasurementError, match=r"^falloff"):
         measure_falloff(white, black, np.zeros(SHAPE, dtype=np.bool_))

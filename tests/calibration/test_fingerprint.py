@@ -1,7 +1,5 @@
 """A calibration belongs to one bench: what counts as another one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest
@@ -35,11 +33,11 @@ def changed(table: str, **values: Any) -> Rig:
         ("target", "period_px", 32, "period of the pattern, camera px: calibrated with 16, now 32"),
     ],
 )
-def test_what_differs_is_named_with_both_values(table: str, key: str, value: object, words: str) -> None:
+def test_what_differs_is_named_with_both_values(table, key, value, words):
     assert check(take_fingerprint(load_rig("simulated")), changed(table, **{key: value})) == [words]
 
 
-def test_another_camera_and_lcd_of_the_same_kind_are_named() -> None:
+def test_another_camera_and_lcd_of_the_same_kind_are_named():
     rig = load_rig("simulated")
     fingerprint = take_fingerprint(rig, Camera(), Display())
     other, monitor = Camera(), Display()
@@ -50,14 +48,14 @@ def test_another_camera_and_lcd_of_the_same_kind_are_named() -> None:
     ]
 
 
-def test_serial_asked_for_in_the_rig_file_counts_until_the_camera_states_its_own() -> None:
+def test_serial_asked_for_in_the_rig_file_counts_until_the_camera_states_its_own():
     rig = load_rig("simulated")
     asked = rig.replace({"camera.driver": "pylon", "camera.serial": "777"})
     assert take_fingerprint(asked)["camera"]["serial"] == "777"
     assert take_fingerprint(asked, Camera())["camera"]["serial"] == "24001"
 
 
-def test_the_same_bench_fits_and_so_does_what_is_not_known_or_geometry() -> None:
+def test_the_same_bench_fits_and_so_does_what_is_not_known_or_geometry():
     rig = load_rig("simulated")
     fingerprint = take_fingerprint(rig, Camera(), Display())
     assert check(fingerprint, rig, Camera(), Display()) == []
@@ -65,7 +63,7 @@ def test_the_same_bench_fits_and_so_does_what_is_not_known_or_geometry() -> None
     assert check(fingerprint, changed("camera", roll_deg=1.0)) == []
 
 
-def test_every_entry_has_words() -> None:
+def test_every_entry_has_words():
     fingerprint = take_fingerprint(
         changed("camera", gain=1.0, pixel_format="Mono8", region_px=(0, 0, 1280, 1024)), Camera(), Display()
     )

@@ -11,8 +11,6 @@ from zeromethod.calibration import (
     KnownPress,
     Presses,
     Priors,
-    RestPositions,
-    RestReading,
     build,
     describe,
     fit,
@@ -30,14 +28,14 @@ def normalised(fitted: Fit, truth: Any, nominal: Rig) -> np.ndarray[Any, Any]:
     return np.array([(value - true[name]) / sigma[name] for name, value in fitted.values.items()])
 
 
-def test_without_data_the_priors_stand(nominal: Rig) -> None:
+def test_without_data_the_priors_stand(nominal):
     fitted = fit(Priors.of(nominal), [])
     assert fitted.values == pytest.approx(Priors.of(nominal).values(fitted.z))
     assert not fitted.z.any()
     np.testing.assert_allclose(fitted.covariance, np.eye(len(fitted.z)))
 
 
-def test_a_measured_parameter_is_weighed_with_its_prior(nominal: Rig) -> None:
+def test_a_measured_parameter_is_weighed_with_its_prior(nominal):
     """Two Gaussians, by hand: prior 0.5 +- 0.17, gauge 0.7 +- 0.1."""
     fitted = fit(Priors.of(nominal), [Direct("gap_mm", 0.7, 0.1)])
     weights = np.array([0.17, 0.1]) ** -2.0
@@ -48,7 +46,7 @@ def test_a_measured_parameter_is_weighed_with_its_prior(nominal: Rig) -> None:
     )
 
 
-def test_the_rest_map_is_fitted_to_its_noise(rest_fit: Fit) -> None:
+def test_the_rest_map_is_fitted_to_its_noise(rest_fit):
     (term,) = rest_fit.terms
     assert rest_fit.settled
     assert rest_fit.inflation == 1.0
@@ -57,20 +55,20 @@ def test_the_rest_map_is_fitted_to_its_noise(rest_fit: Fit) -> None:
     assert rest_fit.chi2_per_freedom == pytest.approx(1.0, abs=0.1)
 
 
-def test_stated_sigmas_of_the_parameters_are_true(rest_fit: Fit, truth: Any, nominal: Rig) -> None:
+def test_stated_sigmas_of_the_parameters_are_true(rest_fit, truth, nominal):
     left = normalised(rest_fit, truth, nominal)
     # uniform draws end at 1.73 sigma of their priors; what the data fix is Gaussian
     assert np.abs(left).max() < 4.0
     assert 0.4 < np.sqrt(np.mean(left**2)) < 1.5
 
 
-def test_a_rest_map_leaves_the_gap_and_the_lcds_place_open(rest_fit: Fit) -> None:
+def test_a_rest_map_leaves_the_gap_and_the_lcds_place_open(rest_fit):
     priors = rest_fit.priors
     for name in ("display.along_mm", "gap_mm", "prism.index", "prism.length_mm"):
         assert rest_fit.sigma[name] > 0.8 * priors.sigma[priors.names.index(name)]
 
 
-def test_presses_fix_the_lcds_place(rest_fit: Fit, press_fit: Fit) -> None:
+def test_presses_fix_the_lcds_place(rest_fit, press_fit):
     assert press_fit.settled
     assert press_fit.sigma["display.along_mm"] < 0.4 * rest_fit.sigma["display.along_mm"]
     press = press_fit.terms[-1]
@@ -78,7 +76,7 @@ def test_presses_fix_the_lcds_place(rest_fit: Fit, press_fit: Fit) -> None:
     assert np.abs(press.residual).max() < 2.5
 
 
-def test_wrong_orders_do_not_pull(positions: RestPositions, rest_fit: Fit, truth: Any, nominal: Rig) -> None:
+def test_wrong_orders_do_not_pull(positions, rest_fit, truth, nominal):
     """3 % of the nodes off by whole periods, a tenth of them together in a corner."""
     rng = np.random.default_rng(4)
     q = positions.q.copy()
@@ -101,9 +99,7 @@ def test_wrong_orders_do_not_pull(positions: RestPositions, rest_fit: Fit, truth
     assert np.abs(normalised(spoilt, truth, nominal)).max() < 4.0
 
 
-def test_a_mirror_that_is_not_flat_is_not_believed(
-    positions: RestPositions, rest_fit: Fit, nominal: Rig
-) -> None:
+def test_a_mirror_that_is_not_flat_is_not_believed(positions, rest_fit, nominal):
     """A smooth ripple of 0.1 px, five times the noise: neighbours err alike, so sigma must grow by more."""
     ripple = 0.1 * np.sin(positions.pixel[:, 0] / 20.0) * np.cos(positions.pixel[:, 1] / 17.0)
     fitted = fit(Priors.of(nominal), [replace(positions, q=positions.q + ripple[:, None])])
@@ -119,9 +115,7 @@ def only_the_lcds_place_unknown(truth: Any, off_mm: float) -> Priors:
     return Priors.of(rig, fixed)
 
 
-def test_one_wrong_press_among_three_is_weighed_down(
-    truth: Any, reading: RestReading, presses: Presses
-) -> None:
+def test_one_wrong_press_among_three_is_weighed_down(truth, reading, presses):
     wrong = truth.known_press(0.5)
     wrong = KnownPress("slipped", wrong.warp, wrong.depth_mm + 0.03, wrong.sigma_mm)
     three = Presses.of(reading, [*presses.presses, wrong])
@@ -131,7 +125,7 @@ def test_one_wrong_press_among_three_is_weighed_down(
     assert weight[:2].min() > 0.5
 
 
-def test_a_ball_of_known_radius_gives_what_a_press_gives(truth: Any, reading: RestReading) -> None:
+def test_a_ball_of_known_radius_gives_what_a_press_gives(truth, reading):
     """Ball of R = 800 mm, contact radius 11 mm, that lets the light be: curvature to 1 %."""
     x, y = truth.place(0.5, 0.5)
     warp = truth.warp(Mirror((Dent(Shape.BALL, x, y, 0.15, 800.0),)))
@@ -146,16 +140,14 @@ def test_a_ball_of_known_radius_gives_what_a_press_gives(truth: Any, reading: Re
     assert abs(off) < 2.0 * fitted.sigma["display.along_mm"]
 
 
-def test_a_ball_that_takes_the_light_is_named(
-    truth: Any, reading: RestReading, positions: RestPositions
-) -> None:
+def test_a_ball_that_takes_the_light_is_named(truth, reading, positions):
     x, y = truth.place(0.5, 0.5)
     warp = truth.warp(Mirror((Dent(Shape.BALL, x, y, 0.05, 150.0, contact_mm=2.7),)))
     with pytest.raises(MeasurementError, match="takes the light away"):
         KnownBall(reading, warp, 150.0, 0.1).prepared(truth.rig)
 
 
-def test_a_press_without_depth_is_named(truth: Any, reading: RestReading, nominal: Rig) -> None:
+def test_a_press_without_depth_is_named(truth, reading, nominal):
     empty = truth.warp(Mirror())
     lost = replace(empty, flags=np.ones_like(empty.flags))
     with pytest.raises(MeasurementError, match="press second"):
@@ -164,7 +156,7 @@ def test_a_press_without_depth_is_named(truth: Any, reading: RestReading, nomina
         Presses.of(reading, [KnownPress("third", empty, 0.0, 0.001)])
 
 
-def test_a_rig_that_sees_nothing_is_named(positions: RestPositions, nominal: Rig) -> None:
+def test_a_rig_that_sees_nothing_is_named(positions, nominal):
     blind = nominal.model_copy(
         update={"camera": nominal.camera.model_copy(update={"position_mm": (0.0, 0.0, 50.0)})}
     )

@@ -1,7 +1,5 @@
 """Calibrations on disk: where they lie, what they refuse, and that none is ever half there."""
 
-from __future__ import annotations
-
 import os
 import tomllib
 from datetime import UTC, datetime, timedelta
@@ -59,14 +57,14 @@ def made(rig_file: Path, when: datetime = TIME, **more: Any) -> Stored:
     return store(rig_file, document(**{"time": when, **more}), values, {"a/b": np.arange(6.0)})
 
 
-def test_folder_is_named_by_rig_and_time_and_two_in_one_second_are_both_kept(rig_file: Path) -> None:
+def test_folder_is_named_by_rig_and_time_and_two_in_one_second_are_both_kept(rig_file):
     first, second = made(rig_file), made(rig_file)
     assert first.folder == rig_file.parent / "calibrations" / "mine" / "2025-03-01T12-30-05"
     assert second.folder.name == "2025-03-01T12-30-05-2"
     assert calibrations(rig_file) == [first.folder, second.folder]
 
 
-def test_newest_is_the_last_made(rig_file: Path) -> None:
+def test_newest_is_the_last_made(rig_file):
     assert newest(rig_file) is None
     made(rig_file, TIME + timedelta(days=1), mark="late")
     made(rig_file, TIME, mark="early")
@@ -74,7 +72,7 @@ def test_newest_is_the_last_made(rig_file: Path) -> None:
     assert found.document["mark"] == "late"
 
 
-def test_calibrated_rig_keeps_its_owner_s_comments(rig_file: Path) -> None:
+def test_calibrated_rig_keeps_its_owner_s_comments(rig_file):
     stored = made(rig_file)
     assert load_rig(stored.rig_file).display.gamma == 2.15
     assert "# silicone rubber" in stored.rig_file.read_text()
@@ -82,7 +80,7 @@ def test_calibrated_rig_keeps_its_owner_s_comments(rig_file: Path) -> None:
     assert rig_file.read_bytes() == PACKAGED.read_bytes()
 
 
-def test_files_that_the_rig_names_are_found_from_the_folder(rig_file: Path) -> None:
+def test_files_that_the_rig_names_are_found_from_the_folder(rig_file):
     press = rig_file.parent / "tap.toml"
     press.write_bytes((PACKAGED.parents[1] / "presses" / "step.toml").read_bytes())
     np.save(rig_file.parent / "rest.npy", np.zeros((80, 100)))
@@ -94,7 +92,7 @@ def test_files_that_the_rig_names_are_found_from_the_folder(rig_file: Path) -> N
     assert os.path.samefile(rig.prism.rest.file, rig_file.parent / "rest.npy")
 
 
-def test_calibration_of_a_calibrated_rig_goes_into_the_same_home(rig_file: Path) -> None:
+def test_calibration_of_a_calibrated_rig_goes_into_the_same_home(rig_file):
     stored = made(rig_file)
     assert home_of(stored.rig_file) == stored.folder.parent
     assert home_of("simulated") == Path("calibrations", "simulated")
@@ -102,7 +100,7 @@ def test_calibration_of_a_calibrated_rig_goes_into_the_same_home(rig_file: Path)
     assert found.folder == stored.folder
 
 
-def test_what_is_no_number_is_left_out_of_the_document(rig_file: Path) -> None:
+def test_what_is_no_number_is_left_out_of_the_document(rig_file):
     stored = made(rig_file, nothing=float("nan"), none=None, some={"a": np.float64("inf"), "b": 1})
     assert "nothing" not in stored.document
     assert "none" not in stored.document
@@ -110,14 +108,14 @@ def test_what_is_no_number_is_left_out_of_the_document(rig_file: Path) -> None:
     assert stored.parameters == {"gap_mm": (0.51, 0.02)}
 
 
-def test_arrays_come_back_by_name(rig_file: Path) -> None:
+def test_arrays_come_back_by_name(rig_file):
     folder = made(rig_file).folder
     np.testing.assert_array_equal(load_arrays(folder)["a/b"], np.arange(6.0))
     with pytest.raises(InputError, match="a/c: missing"):
         load_arrays(folder, "a/c")
 
 
-def test_failure_on_the_way_leaves_no_calibration(rig_file: Path) -> None:
+def test_failure_on_the_way_leaves_no_calibration(rig_file):
     def fail(path: Path) -> None:
         raise OSError(28, "No space left on device")
 
@@ -137,19 +135,19 @@ def test_failure_on_the_way_leaves_no_calibration(rig_file: Path) -> None:
         ("schema_version = 1", "time: missing"),
     ],
 )
-def test_other_files_are_refused(rig_file: Path, text: str, words: str) -> None:
+def test_other_files_are_refused(rig_file, text, words):
     folder = made(rig_file).folder
     (folder / DOCUMENT).write_text(text)
     with pytest.raises(InputError, match=words):
         load(folder)
 
 
-def test_folder_without_calibration_is_refused(tmp_path: Path) -> None:
+def test_folder_without_calibration_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"calibration\.toml: No such file.*zeromethod calibrate made"):
         load(tmp_path)
 
 
-def test_damaged_arrays_are_refused(rig_file: Path) -> None:
+def test_damaged_arrays_are_refused(rig_file):
     folder = made(rig_file).folder
     (folder / ARRAYS).write_bytes(b"not HDF5")
     with pytest.raises(InputError, match="cannot be read"):
@@ -159,9 +157,7 @@ def test_damaged_arrays_are_refused(rig_file: Path) -> None:
     assert arrays_fault(folder) is ArraysFault.MISSING
 
 
-def test_whole_arrays_have_no_fault_and_a_rest_map_without_its_document_has(
-    rig_file: Path, tmp_path: Path
-) -> None:
+def test_whole_arrays_have_no_fault_and_a_rest_map_without_its_document_has(rig_file, tmp_path):
     arrays = {REST_MAP: np.zeros((2, 3, 2)), RAW_SUMS: np.zeros((4, 2, 3))}
     stored = store(rig_file, document(), {}, arrays)
     assert arrays_fault(stored.folder) is None
@@ -174,7 +170,7 @@ def test_whole_arrays_have_no_fault_and_a_rest_map_without_its_document_has(
     assert not lacks_document(stored.rig_file, tmp_path / "rest.npz")
 
 
-def test_document_is_toml_that_people_can_read(rig_file: Path) -> None:
+def test_document_is_toml_that_people_can_read(rig_file):
     text = (made(rig_file).folder / DOCUMENT).read_text()
     assert text.startswith("# What `zeromethod calibrate` found")
     assert tomllib.loads(text)["parameters"]["gap_mm"]["value"] == 0.51

@@ -1,16 +1,13 @@
 """A camera by itself: board drawn, found, and what its views give, against a planted camera."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 
 import charuco_pictures as boards
 import cv2
 import numpy as np
 import pytest
 
-from zeromethod.calibration import Fit, Intrinsics, Priors, RestPositions, fit
+from zeromethod.calibration import Intrinsics, Priors, fit
 from zeromethod.calibration.camera_file import ASSUMED_PERCENT, load_camera, save_camera
 from zeromethod.calibration.charuco import Board, NoView, View, board_of
 from zeromethod.calibration.intrinsics import CameraFit, fit_camera
@@ -39,7 +36,7 @@ def found(views: list[View]) -> CameraFit:
     return fit_camera(views, boards.BOARD, boards.SHAPE)
 
 
-def test_camera_is_found_within_its_sigma(found: CameraFit) -> None:
+def test_camera_is_found_within_its_sigma(found):
     one = found.intrinsics
     # nothing asks for more than k1, which is all that was planted
     assert tuple(one.names) == ("fx", "fy", "cx", "cy", "k1")
@@ -53,7 +50,7 @@ def test_camera_is_found_within_its_sigma(found: CameraFit) -> None:
     assert float(away @ np.linalg.solve(one.covariance, away)) < 20.5
 
 
-def test_exact_corners_give_the_exact_camera(views: list[View], found: CameraFit) -> None:
+def test_exact_corners_give_the_exact_camera(views, found):
     """Corners put where a known camera sees them, with noise: normalised errors over many draws."""
     rng = np.random.default_rng(1)
     away = []
@@ -67,7 +64,7 @@ def test_exact_corners_give_the_exact_camera(views: list[View], found: CameraFit
     assert 0.6 < np.sqrt(np.mean(np.square(away))) < 1.4
 
 
-def test_a_lens_with_more_terms_gets_them() -> None:
+def test_a_lens_with_more_terms_gets_them():
     rng = np.random.default_rng(3)
     lens = (-0.25, 1.5, 0.002, -0.003, 0.0)
     views = [found_in(boards.seen(p, rng, distortion=lens)) for p in boards.POSES_DEG[:8]]
@@ -79,7 +76,7 @@ def test_a_lens_with_more_terms_gets_them() -> None:
         assert abs(values[name] - true) < 3.5 * spread[name]
 
 
-def test_stray_corners_do_no_harm(views: list[View], found: CameraFit) -> None:
+def test_stray_corners_do_no_harm(views, found):
     strayed = views[0].pixel.copy()
     strayed[5] += (12.0, -7.0)
     again = fit_camera([replace(views[0], pixel=strayed), *views[1:]], boards.BOARD, boards.SHAPE)
@@ -88,14 +85,14 @@ def test_stray_corners_do_no_harm(views: list[View], found: CameraFit) -> None:
     np.testing.assert_allclose(again.intrinsics.values, found.intrinsics.values, atol=0.5 * sigma.min() + 1.0)
 
 
-def test_views_flat_on_leave_the_focal_length_open() -> None:
+def test_views_flat_on_leave_the_focal_length_open():
     rng = np.random.default_rng(2)
     views = [found_in(boards.seen((0.1 * n, 0, 30 * n), rng)) for n in range(4)]
     with pytest.raises(MeasurementError, match="tilt the board"):
         fit_camera(views, boards.BOARD, boards.SHAPE)
 
 
-def test_too_few_views_and_another_board_are_refused(views: list[View]) -> None:
+def test_too_few_views_and_another_board_are_refused(views):
     with pytest.raises(InputError, match="3 pictures with the board: at least 4"):
         fit_camera(views[:3], boards.BOARD, boards.SHAPE)
     wrong = Board(11, 6, 8.0, 6.0)
@@ -104,7 +101,7 @@ def test_too_few_views_and_another_board_are_refused(views: list[View]) -> None:
         fit_camera(kept, wrong, boards.SHAPE)
 
 
-def test_pictures_without_the_board_say_why() -> None:
+def test_pictures_without_the_board_say_why():
     rng = np.random.default_rng(4)
     image = boards.seen((30, 0, 0), rng)
     blank = np.full((200, 200), 90, np.uint8)
@@ -115,7 +112,7 @@ def test_pictures_without_the_board_say_why() -> None:
     assert boards.BOARD.find("a", narrow) is NoView.FEW_CORNERS
 
 
-def test_sixteen_bits_show_the_same_corners() -> None:
+def test_sixteen_bits_show_the_same_corners():
     rng = np.random.default_rng(5)
     image = boards.seen((20, 10, 0), rng)
     eight, twelve = found_in(image), found_in(image.astype(np.uint16) * 16)
@@ -135,13 +132,13 @@ def test_sixteen_bits_show_the_same_corners() -> None:
         ("50x50:5", "need 1250 markers"),
     ],
 )
-def test_boards_that_cannot_be_are_refused(text: str, words: str) -> None:
+def test_boards_that_cannot_be_are_refused(text, words):
     with pytest.raises(InputError, match=words) as refused:
         board_of(text)
     assert str(refused.value).startswith("--board: ")
 
 
-def test_corners_of_the_drawn_board_lie_where_it_says() -> None:
+def test_corners_of_the_drawn_board_lie_where_it_says():
     board, square_px = Board(6, 5, 10.0, 7.5), 60
     # as sharp as a lens, not as a drawing: between px a step has no place
     picture = cv2.GaussianBlur(board.picture(square_px), (0, 0), 1.0)
@@ -154,7 +151,7 @@ def test_corners_of_the_drawn_board_lie_where_it_says() -> None:
     np.testing.assert_allclose(view.pixel, place, atol=0.05)
 
 
-def test_file_keeps_values_and_covariance(found: CameraFit, tmp_path: Path) -> None:
+def test_file_keeps_values_and_covariance(found, tmp_path):
     path = tmp_path / "camera.toml"
     save_camera(path, found, str(boards.BOARD))
     loaded = load_camera(path)
@@ -175,9 +172,7 @@ def test_file_keeps_values_and_covariance(found: CameraFit, tmp_path: Path) -> N
         (("rms_px", "rms px"), "camera.toml"),
     ],
 )
-def test_other_files_are_refused(
-    change: tuple[str, str], words: str, found: CameraFit, tmp_path: Path
-) -> None:
+def test_other_files_are_refused(change, words, found, tmp_path):
     path = tmp_path / "camera.toml"
     save_camera(path, found, "a board")
     path.write_text(path.read_text().replace(*change))
@@ -206,7 +201,7 @@ projection_matrix:
 """
 
 
-def test_yaml_of_ros_gives_the_camera(tmp_path: Path) -> None:
+def test_yaml_of_ros_gives_the_camera(tmp_path):
     path = tmp_path / "camera.yaml"
     path.write_text(ROS)
     loaded = load_camera(path)
@@ -224,7 +219,7 @@ def test_yaml_of_ros_gives_the_camera(tmp_path: Path) -> None:
     np.testing.assert_allclose(tighter.spread, 0.1 * one.spread)
 
 
-def test_opencv_writes_what_is_read(tmp_path: Path) -> None:
+def test_opencv_writes_what_is_read(tmp_path):
     path = tmp_path / "camera.yml"
     file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     for name, value in (("image_width", 512), ("image_height", 384)):
@@ -250,7 +245,7 @@ def test_opencv_writes_what_is_read(tmp_path: Path) -> None:
         (("[1800.0", "[-1800.0"), "above 0"),
     ],
 )
-def test_other_yaml_is_refused(change: tuple[str, str], words: str, tmp_path: Path) -> None:
+def test_other_yaml_is_refused(change, words, tmp_path):
     path = tmp_path / "camera.yaml"
     path.write_text(ROS.replace(*change))
     with pytest.raises(InputError, match=words) as refused:
@@ -258,7 +253,7 @@ def test_other_yaml_is_refused(change: tuple[str, str], words: str, tmp_path: Pa
     assert "\n" not in str(refused.value)
 
 
-def test_sigmas_without_scatter_between_views_are_those_of_opencv(views: list[View]) -> None:
+def test_sigmas_without_scatter_between_views_are_those_of_opencv(views):
     """The covariance is OpenCV's where the pictures agree with each other."""
     rng = np.random.default_rng(6)
     noisy = [replace(v, pixel=v.pixel + 0.3 * rng.standard_normal(v.pixel.shape)) for v in views]
@@ -276,7 +271,7 @@ def test_sigmas_without_scatter_between_views_are_those_of_opencv(views: list[Vi
     np.testing.assert_allclose(factor, factor.mean(), rtol=1e-3)
 
 
-def test_fit_takes_the_camera_as_it_is_known(positions: RestPositions, rest_fit: Fit) -> None:
+def test_fit_takes_the_camera_as_it_is_known(positions, rest_fit):
     camera = rest_fit.rig.camera
     true = np.array([1.004 * camera.focal_px[0], 1.004 * camera.focal_px[1]])
     lens = Intrinsics(("fx", "fy"), true, np.diag((5e-4 * true) ** 2))

@@ -1,7 +1,5 @@
 """Planted faults of a display are found, named and sized; a sound one is not accused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -46,7 +44,7 @@ def patches(
     return light + noise * np.random.default_rng(seed).standard_normal((2, 3, 3))
 
 
-def test_dynamic_contrast_is_found_and_sized() -> None:
+def test_dynamic_contrast_is_found_and_sized():
     found = [surround(patches(seed, dimmed=0.2)) for seed in range(40)]
     assert_named(found[0][0], Fault.DYNAMIC_CONTRAST, "switch off dynamic contrast, local dimming")
     assert "-20.0 % of light on black" in found[0][0].words
@@ -56,7 +54,7 @@ def test_dynamic_contrast_is_found_and_sized() -> None:
         assert_sound(tone)
 
 
-def test_a_tone_curve_that_follows_the_picture_is_found() -> None:
+def test_a_tone_curve_that_follows_the_picture_is_found():
     gain, tone = surround(patches(0, tone=0.06))
     assert_named(tone, Fault.ADAPTIVE_TONE, "switch off adaptive contrast")
     assert tone.size == pytest.approx(0.06, abs=4 * tone.sigma)
@@ -65,7 +63,7 @@ def test_a_tone_curve_that_follows_the_picture_is_found() -> None:
 
 # 1 % of a frame's light would show at 5 sigma only
 @pytest.mark.parametrize("how", [{"glare": 0.05}, {"noise": 1.0}])
-def test_glare_and_noise_are_neither(how: dict[str, float]) -> None:
+def test_glare_and_noise_are_neither(how):
     for seed in range(40):
         for finding in surround(patches(seed, **how)):
             assert_sound(finding)
@@ -84,7 +82,7 @@ def levels(seed: int, own: float = 0.0, room: float = 0.0, count: int = FRAMES) 
     return times, white, 4 + beat[count:] + mean_noise[1]
 
 
-def test_a_flickering_backlight_is_found_and_sized() -> None:
+def test_a_flickering_backlight_is_found_and_sized():
     found = [flicker(*levels(seed, own=0.02), noise_grey=0.02) for seed in range(40)]
     backlight, room = found[0]
     assert_named(backlight, Fault.BACKLIGHT_FLICKER, "set it to full brightness")
@@ -93,7 +91,7 @@ def test_a_flickering_backlight_is_found_and_sized() -> None:
     assert 0.7 < np.sqrt(np.mean(z**2)) < 1.4
 
 
-def test_lamps_in_the_room_are_separated_from_the_backlight_with_their_rhythm() -> None:
+def test_lamps_in_the_room_are_separated_from_the_backlight_with_their_rhythm():
     backlight, room = flicker(*levels(1, room=0.02), noise_grey=0.02)
     assert_named(room, Fault.ROOM_LIGHT, "lamps")
     assert room.size == pytest.approx(0.02, rel=0.1)
@@ -101,7 +99,7 @@ def test_lamps_in_the_room_are_separated_from_the_backlight_with_their_rhythm() 
     assert_sound(backlight)
 
 
-def test_steady_light_and_slow_drift_are_no_flicker() -> None:
+def test_steady_light_and_slow_drift_are_no_flicker():
     for seed in range(40):
         times, white, black = levels(seed)
         drifting = white * np.linspace(1, 1.02, len(white))
@@ -109,7 +107,7 @@ def test_steady_light_and_slow_drift_are_no_flicker() -> None:
             assert_sound(finding)
 
 
-def test_too_few_frames_are_refused() -> None:
+def test_too_few_frames_are_refused():
     times, white, black = levels(0)
     with pytest.raises(InputError, match="eight or more"):
         flicker(times[:5], white[:5], black, 0.02)
@@ -135,7 +133,7 @@ def series(
 
 
 @pytest.mark.parametrize("period", [2, 4, 8])
-def test_temporal_dithering_far_below_the_noise_is_found_and_sized(period: int) -> None:
+def test_temporal_dithering_far_below_the_noise_is_found_and_sized(period):
     sizes = []
     for seed in range(8):
         found = temporal_dithering(
@@ -147,7 +145,7 @@ def test_temporal_dithering_far_below_the_noise_is_found_and_sized(period: int) 
     assert np.sqrt(np.mean(np.square(sizes))) < 2  # 8 normal numbers: below 1.7 in 99 of 100
 
 
-def test_noise_and_flicker_are_no_dithering() -> None:
+def test_noise_and_flicker_are_no_dithering():
     for seed in range(20):
         assert_sound(temporal_dithering([series(seed, gain=0.02)], [126], [STEP], LIT))
 
@@ -169,7 +167,7 @@ def fine(
     return halves, pair(200.0), pair(0.0)
 
 
-def test_spatial_dithering_is_found_among_pixels_of_unequal_gain() -> None:
+def test_spatial_dithering_is_found_among_pixels_of_unequal_gain():
     errors = []
     for seed in range(10):
         halves, white, black = fine(seed, 0.6)
@@ -181,7 +179,7 @@ def test_spatial_dithering_is_found_among_pixels_of_unequal_gain() -> None:
     assert np.abs(np.mean(errors)) < 0.03
 
 
-def test_pixels_of_unequal_gain_and_shading_are_no_dithering() -> None:
+def test_pixels_of_unequal_gain_and_shading_are_no_dithering():
     for seed in range(20):
         halves, white, black = fine(seed, 0.0)
         assert_sound(spatial_dithering(halves, [120, 126], [STEP, STEP], white, black, LIT))
@@ -201,7 +199,7 @@ def step(seed: int, overshoot: float, tau_s: float = 0.003, noise: float = 0.002
     return starts + 0.004, light.mean(axis=-1) + noise * rng.standard_normal((len(starts), 4))
 
 
-def test_overdrive_is_found_and_sized() -> None:
+def test_overdrive_is_found_and_sized():
     for seed in range(10):
         found = step_response(*step(seed, 0.15), "from code 64 to 192")
         assert_named(found.overdrive, Fault.OVERDRIVE, "switch off overdrive")
@@ -211,7 +209,7 @@ def test_overdrive_is_found_and_sized() -> None:
         assert 0.11 < found.overdrive.size < 0.155
 
 
-def test_a_slow_rise_is_no_overdrive() -> None:
+def test_a_slow_rise_is_no_overdrive():
     for seed in range(20):
         found = step_response(*step(seed, 0.0, tau_s=0.006), "")
         assert_sound(found.overdrive)
@@ -222,7 +220,7 @@ def test_a_slow_rise_is_no_overdrive() -> None:
         assert found.settled_s < found.stands_s <= 2 * found.settled_s
 
 
-def test_a_delay_is_waited_for_once_and_the_rise_twice() -> None:
+def test_a_delay_is_waited_for_once_and_the_rise_twice():
     for seed in range(10):
         times, light = step(seed, 0.0, tau_s=0.006)
         at_once = step_response(times, light, "")
@@ -234,7 +232,7 @@ def test_a_delay_is_waited_for_once_and_the_rise_twice() -> None:
         assert late.stands_s < 0.1 + 2 * at_once.settled_s + 0.006
 
 
-def test_light_that_never_settles_is_reported() -> None:
+def test_light_that_never_settles_is_reported():
     times, light = step(0, 0.0)
     found = step_response(times, light + 0.3 * times[:, None], "")
     assert np.isnan(found.settled_s)

@@ -1,7 +1,5 @@
 """Latency, scan-out and rise from frames of a changing panel: closed-form light, planted timing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -60,7 +58,7 @@ def seen(
         (-0.006, REFRESH_S, 0.004, 0.006),
     ],
 )
-def test_planted_timing_comes_back(latency_s: float, scanout_s: float, rise_s: float, fall_s: float) -> None:
+def test_planted_timing_comes_back(latency_s, scanout_s, rise_s, fall_s):
     found = fit_steps(seen(latency_s, scanout_s, rise_s, fall_s), ROUGH)
     # noise of 0.2 % of the swing on some 40 frames: tens of microseconds
     assert found.latency_s == pytest.approx(latency_s, abs=1e-4)
@@ -70,7 +68,7 @@ def test_planted_timing_comes_back(latency_s: float, scanout_s: float, rise_s: f
     assert not found.upwards
 
 
-def test_a_panel_that_scans_up_is_recognised() -> None:
+def test_a_panel_that_scans_up_is_recognised():
     # the last row first: the light of the first row comes a scan-out later
     steps = seen(0.01 + REFRESH_S, -REFRESH_S, 0.004, 0.004)
     found = fit_steps(steps, ROUGH)
@@ -79,7 +77,7 @@ def test_a_panel_that_scans_up_is_recognised() -> None:
     assert found.scanout_s == pytest.approx(REFRESH_S, abs=2e-4)
 
 
-def test_sigma_holds() -> None:
+def test_sigma_holds():
     truth = (0.012, REFRESH_S, 0.006, 0.009)
     z = []
     for seed in range(30):
@@ -92,19 +90,19 @@ def test_sigma_holds() -> None:
     assert 0.3 < rms < 1.2
 
 
-def test_frames_that_always_fall_on_the_same_part_of_a_change_are_refused() -> None:
+def test_frames_that_always_fall_on_the_same_part_of_a_change_are_refused():
     with pytest.raises(MeasurementError, match="fall on a change"):
         fit_steps(seen(0.001, 0.0, 1e-4, 1e-4, in_step=True, changes=6), ROUGH)
 
 
-def test_a_dark_camera_is_refused() -> None:
+def test_a_dark_camera_is_refused():
     steps = seen(0.0, REFRESH_S, 0.004, 0.004)
     dark = PanelSteps(steps.since_s, steps.exposure_s, steps.rising, np.full_like(steps.grey, 4.0), PLACE)
     with pytest.raises(MeasurementError, match="does not see the panel change"):
         fit_steps(dark, ROUGH)
 
 
-def test_only_what_is_known_goes_into_a_rig_file() -> None:
+def test_only_what_is_known_goes_into_a_rig_file():
     found = fit_steps(seen(0.0, REFRESH_S, 0.012, 0.004), ROUGH)
     values = found.rig_values()
     assert values["display.scan"] == "down"

@@ -5,11 +5,10 @@ from zeromethod.calibration.parameters import PARAMETERS, Priors, build, describ
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 
 
 @pytest.mark.parametrize("name", ["simulated", "paper", "virtual"])
-def test_every_parameter_of_a_rig_comes_back_as_it_was_set(name: str) -> None:
+def test_every_parameter_of_a_rig_comes_back_as_it_was_set(name):
     rig = load_rig(name)
     rng = np.random.default_rng(0)
     wanted = {
@@ -28,7 +27,7 @@ def test_every_parameter_of_a_rig_comes_back_as_it_was_set(name: str) -> None:
         assert changed.camera.pixel_mm == pytest.approx(scale * (rig.camera.pixel_mm or 0.0))
 
 
-def test_nothing_changed_is_the_same_rig() -> None:
+def test_nothing_changed_is_the_same_rig():
     rig = load_rig("simulated")
     u, v = np.array([100.0, 900.0]), np.array([50.0, 800.0])
     # rounding of the direction's angles, times 300 mm
@@ -37,7 +36,7 @@ def test_nothing_changed_is_the_same_rig() -> None:
     )
 
 
-def test_heading_turns_the_axis_from_x_to_z_and_elevation_lifts_it_to_y() -> None:
+def test_heading_turns_the_axis_from_x_to_z_and_elevation_lifts_it_to_y():
     rig = load_rig("simulated")
     straight = build(rig, {"camera.heading_deg": 180.0, "camera.elevation_deg": 30.0})
     axis = np.subtract(straight.camera.look_at_mm, straight.camera.position_mm)
@@ -48,12 +47,12 @@ def test_heading_turns_the_axis_from_x_to_z_and_elevation_lifts_it_to_y() -> Non
     np.testing.assert_allclose(axis / np.linalg.norm(axis), [0.0, 0.0, 1.0], atol=1e-12)
 
 
-def test_the_captured_face_follows_the_pattern_face() -> None:
+def test_the_captured_face_follows_the_pattern_face():
     rig = build(load_rig("simulated"), {"prism.pattern_angle_deg": 51.0})
     assert rig.prism.camera_angle_deg == pytest.approx(51.0)
 
 
-def test_a_gap_is_only_what_is_air() -> None:
+def test_a_gap_is_only_what_is_air():
     rig = load_rig("simulated")
     glued = rig.model_copy(
         update={"pattern_layers": (rig.pattern_layers[-1].model_copy(update={"index": 1.5}),)}
@@ -62,7 +61,7 @@ def test_a_gap_is_only_what_is_air() -> None:
     assert "gap_mm" not in describe(glued)
 
 
-def test_vectors_are_in_units_of_the_priors(nominal: Rig) -> None:
+def test_vectors_are_in_units_of_the_priors(nominal):
     priors = Priors.of(nominal, {"gap_mm": 0.02, "camera.k1": 0.0})
     assert "camera.k1" not in priors.names
     z = np.zeros(len(priors.names))
@@ -70,13 +69,13 @@ def test_vectors_are_in_units_of_the_priors(nominal: Rig) -> None:
     assert priors.values(z)["gap_mm"] == pytest.approx(nominal.pattern_layers[-1].thickness_mm + 0.04)
 
 
-def test_what_is_not_possible_is_cut_off(nominal: Rig) -> None:
+def test_what_is_not_possible_is_cut_off(nominal):
     priors = Priors.of(nominal)
     z = priors.within(np.full(len(priors.names), -50.0))
     assert priors.values(z)["gap_mm"] == 0.0
 
 
 @pytest.mark.parametrize(("name", "sigma"), [("gap", 0.1), ("gap_mm", -1.0), ("gap_mm", float("nan"))])
-def test_a_prior_that_cannot_be_is_refused(nominal: Rig, name: str, sigma: float) -> None:
+def test_a_prior_that_cannot_be_is_refused(nominal, name, sigma):
     with pytest.raises(InputError, match=f"prior: {name}"):
         Priors.of(nominal, {name: sigma})

@@ -1,7 +1,5 @@
 """Photon transfer: planted noise, black level, bends and bad pixels come back by name and number."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,7 +52,7 @@ class Camera:
     "camera",
     [Camera(), Camera(read=1.0, electrons=8.0), Camera(electrons=150.0), Camera(fixed=0.0, flicker=0.02)],
 )
-def test_planted_noise_comes_back_with_a_sigma_that_holds(camera: Camera) -> None:
+def test_planted_noise_comes_back_with_a_sigma_that_holds(camera):
     rng = np.random.default_rng(1)
     found = [measure_noise(camera.stills(rng), LIT) for _ in range(8)]
     away = [((one.electrons_per_grey or np.nan) - camera.electrons) / one.electrons_sigma for one in found]
@@ -68,7 +66,7 @@ def test_planted_noise_comes_back_with_a_sigma_that_holds(camera: Camera) -> Non
             assert float(one.variance(grey)) == pytest.approx(truth, rel=0.02)
 
 
-def test_the_black_level_is_known_within_bounds_and_that_is_reported() -> None:
+def test_the_black_level_is_known_within_bounds_and_that_is_reported():
     camera = Camera()
     found = measure_noise(camera.stills(np.random.default_rng(2)), LIT)
     assert found.black.low <= camera.black <= found.black.high
@@ -78,7 +76,7 @@ def test_the_black_level_is_known_within_bounds_and_that_is_reported() -> None:
     assert note.startswith("black level: between")
 
 
-def test_noise_that_the_floor_cuts_off_is_restored_and_the_black_level_named() -> None:
+def test_noise_that_the_floor_cuts_off_is_restored_and_the_black_level_named():
     camera = Camera(black=1.0)
     rng = np.random.default_rng(5)
     found = measure_noise(camera.stills(rng), LIT)
@@ -88,7 +86,7 @@ def test_noise_that_the_floor_cuts_off_is_restored_and_the_black_level_named() -
 
 
 @pytest.mark.parametrize(("black", "read"), [(0.7, 1.5), (4.0, 2.0), (-0.5, 2.0), (3.0, 1.0), (1.0, 0.6)])
-def test_cut_off_noise_has_its_closed_form(black: float, read: float) -> None:
+def test_cut_off_noise_has_its_closed_form(black, read):
     noise = np.random.default_rng(6).normal(black, read, 4_000_000)
     cut = np.maximum(np.rint(noise), 0)
     mean, variance = unclipped(float(cut.mean()), float(cut.var()))
@@ -100,7 +98,7 @@ def test_cut_off_noise_has_its_closed_form(black: float, read: float) -> None:
     assert unclipped(100.0, 4.0) == (100.0, 4.0)
 
 
-def test_a_black_level_at_the_floor_bends_no_line() -> None:
+def test_a_black_level_at_the_floor_bends_no_line():
     """A tenth of a percent of a variance shows here: cut-off noise must be restored as well as that."""
     rng = np.random.default_rng(13)
     shape, electrons = (400, 500), 150.0
@@ -117,7 +115,7 @@ def test_a_black_level_at_the_floor_bends_no_line() -> None:
         assert not any("no straight line" in note for note in found.notes)
 
 
-def test_a_flickering_backlight_is_no_noise_of_the_camera() -> None:
+def test_a_flickering_backlight_is_no_noise_of_the_camera():
     rng = np.random.default_rng(7)
     quiet = still(Camera(flicker=0.0).frames(150.0, rng), LIT, 255)
     flickers = still(Camera(flicker=0.05).frames(150.0, rng), LIT, 255)
@@ -126,7 +124,7 @@ def test_a_flickering_backlight_is_no_noise_of_the_camera() -> None:
     assert flickers.variance.mean() == pytest.approx(quiet.variance.mean(), rel=0.04)
 
 
-def test_pictures_too_bright_for_the_camera_are_left_out() -> None:
+def test_pictures_too_bright_for_the_camera_are_left_out():
     camera = Camera()
     rng = np.random.default_rng(8)
     found = measure_noise(camera.stills(rng, (*LEVELS, 260.0, 400.0)), LIT)
@@ -136,14 +134,14 @@ def test_pictures_too_bright_for_the_camera_are_left_out() -> None:
         measure_noise(camera.stills(rng, (500.0,)), LIT)
 
 
-def test_a_camera_with_a_gamma_of_its_own_is_reported() -> None:
+def test_a_camera_with_a_gamma_of_its_own_is_reported():
     rng = np.random.default_rng(9)
     frames = [255 * (np.maximum(Camera(black=4).frames(light, rng), 0) / 255) ** 0.45 for light in LEVELS]
     found = measure_noise([still(np.rint(one), LIT, 255) for one in frames], LIT)
     assert any("no straight line" in note for note in found.notes)
 
 
-def test_equally_dark_pictures_give_no_slope() -> None:
+def test_equally_dark_pictures_give_no_slope():
     camera = Camera()
     rng = np.random.default_rng(10)
     found = measure_noise(camera.stills(rng, (0.0, 0.0)), LIT)
@@ -153,7 +151,7 @@ def test_equally_dark_pictures_give_no_slope() -> None:
     assert any("equally dark" in note for note in found.notes)
 
 
-def test_bad_pixels_are_named_and_sound_ones_are_not() -> None:
+def test_bad_pixels_are_named_and_sound_ones_are_not():
     camera = Camera(fixed=0.02)
     rng = np.random.default_rng(11)
     planted = {
@@ -180,7 +178,7 @@ def test_bad_pixels_are_named_and_sound_ones_are_not() -> None:
     assert np.count_nonzero(found & BadPixel.NOISY) == 1
 
 
-def test_the_edge_of_the_mirror_is_not_dead() -> None:
+def test_the_edge_of_the_mirror_is_not_dead():
     camera = Camera()
     rng = np.random.default_rng(12)
     lit = np.zeros(SHAPE, dtype=np.bool_)
@@ -191,6 +189,6 @@ def test_the_edge_of_the_mirror_is_not_dead() -> None:
     assert not find_bad_pixels(stills[1], stills[0], lit, noise).any()
 
 
-def test_one_frame_is_no_still() -> None:
+def test_one_frame_is_no_still():
     with pytest.raises(InputError, match="two or more"):
         still(np.zeros((1, 4, 4)), np.ones((4, 4), dtype=np.bool_), 255)

@@ -1,7 +1,5 @@
 """What was measured by hand against the rest: planted contradictions of known size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -29,7 +27,7 @@ def contradicted(rig: Rig, sigmas: float, *names: str, gauge: float = 0.5) -> Fi
 
 
 @pytest.mark.parametrize("sigmas", [3.2, 3.7, 6.0])
-def test_a_pull_is_the_distance_of_two_values_over_both_sigmas(nominal: Rig, sigmas: float) -> None:
+def test_a_pull_is_the_distance_of_two_values_over_both_sigmas(nominal, sigmas):
     (found,) = pulls(contradicted(nominal, sigmas, "prism.pattern_angle_deg"))
     # exact for a straight line; the fit stops within 3 % of a posterior sigma
     assert found.sigmas == pytest.approx(sigmas, rel=0.02)
@@ -41,7 +39,7 @@ def test_a_pull_is_the_distance_of_two_values_over_both_sigmas(nominal: Rig, sig
 @pytest.mark.parametrize(
     ("sigmas", "level"), [(2.0, "good"), (3.2, "uncertain"), (3.7, "uncertain"), (4.5, "bad")]
 )
-def test_a_value_many_sigma_off_is_never_good_and_named(nominal: Rig, sigmas: float, level: str) -> None:
+def test_a_value_many_sigma_off_is_never_good_and_named(nominal, sigmas, level):
     verdict = judge(contradicted(nominal, sigmas, "prism.pattern_angle_deg"), ACCURATE)
     assert verdict.level == level, verdict
     if level != "good":
@@ -49,7 +47,7 @@ def test_a_value_many_sigma_off_is_never_good_and_named(nominal: Rig, sigmas: fl
         assert "measure it again, or raise its sigma in [priors]" in verdict.reason
 
 
-def test_many_values_a_little_off_are_not_good_either(nominal: Rig) -> None:
+def test_many_values_a_little_off_are_not_good_either(nominal):
     names = ("gap_mm", "prism.index", "prism.length_mm", "prism.pattern_angle_deg", "camera.x_mm")
     fitted = contradicted(nominal, 2.5, *names)
     assert pulls(fitted) == []
@@ -58,7 +56,7 @@ def test_many_values_a_little_off_are_not_good_either(nominal: Rig) -> None:
     assert judge(fitted, ACCURATE).level == Level.UNCERTAIN
 
 
-def test_true_sigmas_are_left_in_peace(nominal: Rig) -> None:
+def test_true_sigmas_are_left_in_peace(nominal):
     """Values by hand and by gauge both drawn from what is stated: 1.4 % of such benches pull one of five."""
     rng = np.random.default_rng(8)
     by_hand, priors = describe(nominal), Priors.of(nominal)
@@ -80,7 +78,7 @@ def test_true_sigmas_are_left_in_peace(nominal: Rig) -> None:
     assert named <= 7
 
 
-def test_the_wider_the_stated_sigma_the_smaller_the_pull(nominal: Rig) -> None:
+def test_the_wider_the_stated_sigma_the_smaller_the_pull(nominal):
     """A leg 0.2 mm off is 3.7 sigma of calipers, and nothing to a ruler that says so."""
     length_mm = describe(nominal)["prism.length_mm"]
     known = Direct("prism.length_mm", length_mm + 0.2, 0.02)

@@ -1,7 +1,5 @@
 """The measured response: planted panels come back with a true sigma, and make the drawn picture linear."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -53,7 +51,7 @@ def errors(found: MeasuredResponse, light: Float) -> Float:
 
 
 @pytest.mark.parametrize("gamma", [1.8, 2.0, 2.2, 2.4])
-def test_planted_gamma_comes_back_with_a_sigma_that_holds(gamma: float) -> None:
+def test_planted_gamma_comes_back_with_a_sigma_that_holds(gamma):
     found = [measured(evenly(SHARE**gamma, (1, 1)), seed) for seed in range(40)]
     z = np.array([(one.whole.gamma - gamma) / one.whole.gamma_sigma for one in found])
     # 40 normal numbers: rms 1 +- 0.11, two thirds of it again as sigma is estimated itself
@@ -65,14 +63,14 @@ def test_planted_gamma_comes_back_with_a_sigma_that_holds(gamma: float) -> None:
 
 @pytest.mark.parametrize("curve", [lambda x: x**1.8, lambda x: x**2.4, s_curve])
 @pytest.mark.parametrize("how", [{}, {"noise": 0.1, "unsteady": 0.0}, {"noise": 0.0, "unsteady": 0.003}])
-def test_sigma_of_the_light_covers_the_error(curve, how: dict[str, float]) -> None:
+def test_sigma_of_the_light_covers_the_error(curve, how):
     light = curve(SHARE)
     z = np.concatenate([errors(measured(evenly(light, (1, 1)), seed, **how), light) for seed in range(25)])
     assert 0.7 < np.sqrt(np.mean(z**2)) < 1.2
     assert np.mean(np.abs(z) < 2) > 0.92  # 0.95 were sigma exact and not judged from two passes
 
 
-def test_a_panel_that_is_no_power_law_gets_a_table() -> None:
+def test_a_panel_that_is_no_power_law_gets_a_table():
     found = measured(evenly(s_curve(SHARE)))
     assert found.whole.misfit > 0.003
     truth = s_curve(np.array(TABLE_CODES) / 255)
@@ -80,7 +78,7 @@ def test_a_panel_that_is_no_power_law_gets_a_table() -> None:
     assert np.max(np.abs(np.array(found.table()) - truth)) < 5 * np.max(found.whole.sigma) + 7e-4
 
 
-def test_every_viewing_angle_has_its_own_curve() -> None:
+def test_every_viewing_angle_has_its_own_curve():
     gammas = np.linspace(1.9, 2.3, 6).reshape(2, 3)
     light = SHARE[:, None, None] ** gammas
     found = measured(light)
@@ -95,7 +93,7 @@ def test_every_viewing_angle_has_its_own_curve() -> None:
     assert np.max(alike.spread()) < 5e-4
 
 
-def test_regions_that_are_not_lit_have_no_curve() -> None:
+def test_regions_that_are_not_lit_have_no_curve():
     grey, times = passes(evenly(SHARE**2.2), 0)
     grey[:, :, 0, 1] = np.nan
     found = measure_response(RAMP_CODES, grey, times)
@@ -103,7 +101,7 @@ def test_regions_that_are_not_lit_have_no_curve() -> None:
     assert found.tiles[1, 1].gamma == pytest.approx(2.2, abs=0.01)
 
 
-def test_a_warming_backlight_is_reported_and_taken_out() -> None:
+def test_a_warming_backlight_is_reported_and_taken_out():
     light = SHARE**2.2
     found = [measured(evenly(light), seed, drift=0.05) for seed in range(20)]
     z = np.array([(one.drift_per_minute - 0.05) / one.drift_sigma for one in found])
@@ -112,7 +110,7 @@ def test_a_warming_backlight_is_reported_and_taken_out() -> None:
     assert 0.7 < rms < 1.2
 
 
-def test_light_never_falls_and_is_nearer_the_truth_than_without_that() -> None:
+def test_light_never_falls_and_is_nearer_the_truth_than_without_that():
     light = np.where(SHARE < 0.15, 0.0, ((SHARE - 0.15) / 0.85).clip(0) ** 1.5)  # nothing but black at first
     grey, times = passes(evenly(light), 3, noise=0.3)
     found = measure_response(RAMP_CODES, grey, times)
@@ -130,7 +128,7 @@ def test_light_never_falls_and_is_nearer_the_truth_than_without_that() -> None:
 
 
 @pytest.mark.parametrize("curve", [lambda x: x**1.8, lambda x: x**2.4, s_curve])
-def test_fed_back_into_the_rig_it_makes_the_drawn_light_linear(curve) -> None:
+def test_fed_back_into_the_rig_it_makes_the_drawn_light_linear(curve):
     found = measured(evenly(curve(SHARE)))
     display = load_rig("simulated").display.model_copy(update={"response_light": found.table()})
     wanted = np.linspace(0.05, 0.95, 400)
@@ -141,7 +139,7 @@ def test_fed_back_into_the_rig_it_makes_the_drawn_light_linear(curve) -> None:
     assert np.max(np.abs(curve(uncorrected / 255) - wanted)) > 0.05
 
 
-def test_drift_and_tone_inversion_are_reported_with_what_to_do() -> None:
+def test_drift_and_tone_inversion_are_reported_with_what_to_do():
     sound = measured(evenly(SHARE**2.2))
     assert (sound.notes, sound.falling) == ((), ())
     assert any("warm up" in note for note in measured(evenly(SHARE**2.2), drift=0.05).notes)
@@ -152,7 +150,7 @@ def test_drift_and_tone_inversion_are_reported_with_what_to_do() -> None:
     assert any(f"falls at codes {RAMP_CODES[-3]}:" in note for note in falls.notes)
 
 
-def test_no_light_is_refused() -> None:
+def test_no_light_is_refused():
     with pytest.raises(MeasurementError, match=r"^response: white differs from black by"):
         measured(evenly(np.zeros(len(SHARE))))
     grey, times = passes(evenly(SHARE), 0)
@@ -161,18 +159,18 @@ def test_no_light_is_refused() -> None:
 
 
 @pytest.mark.parametrize("codes", [(0, 10, 20), (5, 100, 200, 255), (0, 100, 90, 255)])
-def test_codes_must_rise_from_end_to_end(codes: tuple[int, ...]) -> None:
+def test_codes_must_rise_from_end_to_end(codes):
     with pytest.raises(InputError, match="rising, from 0 to 255"):
         measure_response(codes, np.zeros((2, len(codes), 1, 1)), np.zeros((2, len(codes))))
 
 
-def test_one_pass_is_not_enough() -> None:
+def test_one_pass_is_not_enough():
     grey, times = passes(evenly(SHARE), 0)
     with pytest.raises(InputError, match="two or more passes"):
         measure_response(RAMP_CODES, grey[:1], times[:1])
 
 
-def test_a_kink_between_the_codes_shown_is_reported() -> None:
+def test_a_kink_between_the_codes_shown_is_reported():
     """What every second code does not predict of the rest may hide at half the distance, too."""
     smooth = [
         measured(evenly(curve(SHARE)), seed)
@@ -186,7 +184,7 @@ def test_a_kink_between_the_codes_shown_is_reported() -> None:
     assert any("unseen between the codes" in note for note in found.notes)
 
 
-def test_codes_need_not_be_equally_spaced() -> None:
+def test_codes_need_not_be_equally_spaced():
     codes = np.array([0, 12, 30, 60, 100, 150, 200, 255])
     grey, times = passes(evenly((codes / 255) ** 2.2), 0)
     found = measure_response(codes, grey, times)

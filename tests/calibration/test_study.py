@@ -15,7 +15,7 @@ def outcomes(nominal: Rig) -> list[Any]:
     return outcomes
 
 
-def test_other_presses_are_read_within_a_percent(outcomes: list[Any]) -> None:
+def test_other_presses_are_read_within_a_percent(outcomes):
     assert len(outcomes) == 3
     for outcome in outcomes:
         assert outcome.settled
@@ -25,7 +25,7 @@ def test_other_presses_are_read_within_a_percent(outcomes: list[Any]) -> None:
             assert outcome.rms < 2.0
 
 
-def test_stated_sigma_covers_the_error(outcomes: list[Any]) -> None:
+def test_stated_sigma_covers_the_error(outcomes):
     for outcome in outcomes:
         # three presses of one calibration err together, so nearly as one draw
         assert np.sqrt(np.mean(outcome.normalised**2)) < 3.0, outcome

@@ -9,9 +9,7 @@ from zeromethod.calibration import (
     DepthError,
     Direct,
     Fit,
-    Presses,
     Priors,
-    RestPositions,
     RestReading,
     depth_error,
     describe,
@@ -25,7 +23,6 @@ from zeromethod.calibration.verdict import tir_margin_deg
 from zeromethod.errors import MeasurementError
 from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.surface import peak
 
@@ -40,9 +37,7 @@ def with_covariance_of(error: DepthError, fitted: Fit) -> DepthError:
     return replace(error, covariance=fitted.covariance)
 
 
-def test_depth_depends_on_the_lcds_place_as_the_lever_says(
-    error: DepthError, rest_fit: Fit, truth: Any
-) -> None:
+def test_depth_depends_on_the_lcds_place_as_the_lever_says(error, rest_fit, truth):
     """Path over the LCD's distance from P0: a few % per mm, and more near P0, where the path is short."""
     column = rest_fit.priors.names.index("display.along_mm")
     per_mm = np.abs(error.sensitivity[:, column]) / rest_fit.priors.sigma[column]
@@ -54,16 +49,16 @@ def test_depth_depends_on_the_lcds_place_as_the_lever_says(
     assert by_x[0] > by_x[1] > by_x[2]
 
 
-def test_depth_does_not_depend_on_where_the_camera_points(error: DepthError, rest_fit: Fit) -> None:
+def test_depth_does_not_depend_on_where_the_camera_points(error, rest_fit):
     for name in ("camera.heading_deg", "camera.scale", "camera.k1"):
         assert not error.sensitivity[:, rest_fit.priors.names.index(name)].any()
 
 
-def test_the_rest_map_alone_leaves_percents(error: DepthError) -> None:
+def test_the_rest_map_alone_leaves_percents(error):
     assert np.all((error.percent > 2.0) & (error.percent < 15.0))
 
 
-def test_modes_over_the_view_say_at_the_regions_what_was_found_there(error: DepthError) -> None:
+def test_modes_over_the_view_say_at_the_regions_what_was_found_there(error):
     """A quadratic through nine regions: at them within a tenth, and few modes hold nearly all."""
     stated = GeometrySpec(known="calibrated", **error.modes)
     depth, x_mm, y_mm = stated.sigmas(error.x_mm, error.y_mm)
@@ -72,13 +67,13 @@ def test_modes_over_the_view_say_at_the_regions_what_was_found_there(error: Dept
     assert len(stated.depth) < 10
 
 
-def test_too_little_mirror_is_named(rest_fit: Fit, truth: Any) -> None:
+def test_too_little_mirror_is_named(rest_fit, truth):
     nothing = RestReading(truth.grid, np.full((*truth.grid.shape, 2), np.nan))
     with pytest.raises(MeasurementError, match="too little"):
         depth_error(rest_fit, truth.grid, nothing)
 
 
-def test_what_the_rest_map_cannot_separate_is_named(rest_fit: Fit, error: DepthError) -> None:
+def test_what_the_rest_map_cannot_separate_is_named(rest_fit, error):
     blends = open_combinations(rest_fit, error)
     together = [{name for name, _ in blend.parts} for blend in blends]
     assert {"camera.roll_deg", "display.turn_deg"} in together
@@ -92,9 +87,7 @@ def test_what_the_rest_map_cannot_separate_is_named(rest_fit: Fit, error: DepthE
     assert "moves together with" in turn.words
 
 
-def test_expected_gain_is_what_the_data_then_bring(
-    rest_fit: Fit, press_fit: Fit, error: DepthError, positions: RestPositions, presses: Presses
-) -> None:
+def test_expected_gain_is_what_the_data_then_bring(rest_fit, press_fit, error, positions, presses):
     promised = expected(rest_fit, error, presses)
     kept = with_covariance_of(error, press_fit).percent
     # first order: sensitivities change by the few percent that the rig moves
@@ -106,7 +99,7 @@ def test_expected_gain_is_what_the_data_then_bring(
     )
 
 
-def test_a_press_is_what_to_measure_after_the_rest_map(rest_fit: Fit, error: DepthError) -> None:
+def test_a_press_is_what_to_measure_after_the_rest_map(rest_fit, error):
     offers = gains(rest_fit, error)
     best = strongest(offers)
     assert best.what.startswith("a press of")
@@ -120,21 +113,19 @@ def test_a_press_is_what_to_measure_after_the_rest_map(rest_fit: Fit, error: Dep
     assert not any("gap" in offer.what for offer in gains(given, error))
 
 
-def test_a_calibration_without_presses_is_uncertain_and_says_what_to_do(
-    rest_fit: Fit, error: DepthError
-) -> None:
+def test_a_calibration_without_presses_is_uncertain_and_says_what_to_do(rest_fit, error):
     verdict = judge(rest_fit, error, gains(rest_fit, error))
     assert verdict.level == "uncertain"
     assert "measure next: a press" in verdict.reason
 
 
-def test_a_calibration_with_presses_is_good(press_fit: Fit, error: DepthError) -> None:
+def test_a_calibration_with_presses_is_good(press_fit, error):
     verdict = judge(press_fit, with_covariance_of(error, press_fit))
     assert verdict.level == "good", verdict
     assert "everything fits" in verdict.reason
 
 
-def test_the_most_important_reason_comes_first(press_fit: Fit, error: DepthError) -> None:
+def test_the_most_important_reason_comes_first(press_fit, error):
     good = with_covariance_of(error, press_fit)
     unsettled = replace(press_fit, settled=False)
     assert "did not settle" in judge(unsettled, good, usable_share=0.1).reason
@@ -152,14 +143,14 @@ def test_the_most_important_reason_comes_first(press_fit: Fit, error: DepthError
     assert "changed by 7.1 sigma" in moved.reason
 
 
-def test_a_prism_below_total_reflection_is_said_to_be(press_fit: Fit) -> None:
+def test_a_prism_below_total_reflection_is_said_to_be(press_fit):
     paper = fit(Priors.of(load_rig("paper")), [])
     # 45 degrees at n = 1.41, asin(1 / 1.41) = 45.17
     assert tir_margin_deg(paper) == pytest.approx(-0.17, abs=0.05)
     assert tir_margin_deg(press_fit) > 1.0
 
 
-def test_without_a_rest_map_the_rig_files_own_rest_is_taken(nominal: Rig, truth: Any) -> None:
+def test_without_a_rest_map_the_rig_files_own_rest_is_taken(nominal, truth):
     open_ones = {"display.along_mm", "gap_mm"}
     fixed = dict.fromkeys(set(describe(nominal)) - open_ones, 0.0)
     fitted = fit(Priors.of(nominal, fixed), [])
@@ -168,7 +159,7 @@ def test_without_a_rest_map_the_rig_files_own_rest_is_taken(nominal: Rig, truth:
     assert 4.0 < planned.percent[4] < 9.0
 
 
-def test_readings_of_benches_drawn_from_the_posterior_err_as_stated(rest_fit: Fit, error: DepthError) -> None:
+def test_readings_of_benches_drawn_from_the_posterior_err_as_stated(rest_fit, error):
     """Depth and place of a press on benches that the data allow, read through the fitted rig.
 
     Of 16 draws the rms over sigma lies within 1 +- 3 / sqrt(32).

@@ -1,7 +1,5 @@
 """A response that differs over the panel: planted exponents come back, and what is even stays even."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -34,7 +32,7 @@ def planted(slope_x: float, slope_y: float, seed: int = 0) -> MeasuredResponse:
 
 
 @pytest.mark.parametrize("slopes", [(0.15, 0.0), (-0.05, 0.1), (0.1, -0.2)])
-def test_planted_exponents_come_back(slopes: tuple[float, float]) -> None:
+def test_planted_exponents_come_back(slopes):
     found = planted(*slopes)
     corners = panel_exponents(found, places(), SIZE)
     assert corners is not None
@@ -48,7 +46,7 @@ def test_planted_exponents_come_back(slopes: tuple[float, float]) -> None:
             assert corners[row][column] == pytest.approx(wanted, abs=0.03)
 
 
-def test_within_the_view_the_light_comes_out_even() -> None:
+def test_within_the_view_the_light_comes_out_even():
     slopes = (0.1, -0.15)
     found = planted(*slopes)
     corners = np.array(panel_exponents(found, places(), SIZE))
@@ -67,7 +65,7 @@ def test_within_the_view_the_light_comes_out_even() -> None:
     assert by_place < 0.1 * by_one_curve
 
 
-def test_what_the_drawing_cannot_mend_is_left() -> None:
+def test_what_the_drawing_cannot_mend_is_left():
     found = planted(0.2, 0.0)
     assert spread_left(found, None) > 0.02
     corners = panel_exponents(found, places(), SIZE)
@@ -77,17 +75,17 @@ def test_what_the_drawing_cannot_mend_is_left() -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_an_even_panel_is_left_alone(seed: int) -> None:
+def test_an_even_panel_is_left_alone(seed):
     assert panel_exponents(planted(0.0, 0.0, seed), places(), SIZE) is None
 
 
-def test_tiles_of_unknown_place_and_too_few_tiles_give_nothing() -> None:
+def test_tiles_of_unknown_place_and_too_few_tiles_give_nothing():
     found, at = planted(0.2, 0.0), places()
     at[:, 1:] = np.nan
     assert panel_exponents(found, at, SIZE) is None
 
 
-def test_sigma_of_an_exponent_holds() -> None:
+def test_sigma_of_an_exponent_holds():
     z = []
     for seed in range(20):
         found = planted(0.0, 0.0, seed)

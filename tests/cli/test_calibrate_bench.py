@@ -1,7 +1,5 @@
 """`zeromethod calibrate` as a person meets it: a whole calibration, showing, comparing, refusals."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -49,7 +47,7 @@ def made(rig_file: Path) -> Result:
     )
 
 
-def test_whole_calibration_ends_in_a_folder_and_a_table(made: Result, rig_file: Path) -> None:
+def test_whole_calibration_ends_in_a_folder_and_a_table(made, rig_file):
     assert made.exit_code == 0, made.output
     (folder,) = calibrations(rig_file)
     assert "the LCD's turn in its plane" in made.output
@@ -60,7 +58,7 @@ def test_whole_calibration_ends_in_a_folder_and_a_table(made: Result, rig_file: 
     assert rig.display.driver == f"{MODULE}:PlantedDisplay"
 
 
-def test_document_names_devices_edges_and_what_to_measure_next(made: Result, rig_file: Path) -> None:
+def test_document_names_devices_edges_and_what_to_measure_next(made, rig_file):
     (folder,) = calibrations(rig_file)
     document = load(folder).document
     assert document["fingerprint"]["camera"]["serial"] == "0042"
@@ -77,7 +75,7 @@ def test_document_names_devices_edges_and_what_to_measure_next(made: Result, rig
     assert summary["parameters"] == document["parameters"]
 
 
-def test_camera_by_itself_is_taken_in_later(made: Result, rig_file: Path, tmp_path: Path) -> None:
+def test_camera_by_itself_is_taken_in_later(made, rig_file, tmp_path):
     folder, rig = calibrations(rig_file)[0], load_rig(rig_file)
     focal, size = rig.camera.focal_px[0], (rig.camera.rows, rig.camera.columns)
     sigma = np.array([1e-3 * focal, 1e-3 * focal, 0.05])
@@ -101,7 +99,7 @@ def test_camera_by_itself_is_taken_in_later(made: Result, rig_file: Path, tmp_pa
     assert_refused(without, "no ball was pressed")
 
 
-def test_show_prints_the_newest_or_the_one_named(made: Result, rig_file: Path) -> None:
+def test_show_prints_the_newest_or_the_one_named(made, rig_file):
     folder = calibrations(rig_file)[0]
     for arguments in (("--rig", rig_file, "--show"), ("--show", folder)):
         shown = calibrate(*arguments)
@@ -110,9 +108,7 @@ def test_show_prints_the_newest_or_the_one_named(made: Result, rig_file: Path) -
         assert "uncertain" in shown.output
 
 
-def test_evaluating_again_adds_what_was_measured_later_and_diff_shows_it(
-    made: Result, rig_file: Path, tmp_path: Path
-) -> None:
+def test_evaluating_again_adds_what_was_measured_later_and_diff_shows_it(made, rig_file, tmp_path):
     folder = calibrations(rig_file)[0]
     again = calibrate("--evaluate-again", folder, "--known", "gap_mm=0.62:0.01", "--output", tmp_path)
     assert again.exit_code == 0, again.output
@@ -129,13 +125,7 @@ def test_evaluating_again_adds_what_was_measured_later_and_diff_shows_it(
 
 
 @pytest.mark.parametrize(("level", "offered"), [("good", True), ("uncertain", True), ("bad", False)])
-def test_bad_calibration_is_not_offered_for_use(
-    level: str,
-    offered: bool,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_bad_calibration_is_not_offered_for_use(level, offered, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(calibrate_bench, "_print", lambda *_: None)
     stored = Stored(tmp_path / "my bench", {"verdict": {"level": level}})
     calibrate_bench._print_stored(Console(width=300), stored, None, " --display 1 --camera 0")
@@ -145,15 +135,13 @@ def test_bad_calibration_is_not_offered_for_use(
     assert (use in printed) is offered
 
 
-def test_arrays_that_are_missing_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_arrays_that_are_missing_are_reported(tmp_path, capsys):
     calibrate_bench._warn_of_arrays(Stored(tmp_path, {}))
     printed = capsys.readouterr().err
     assert printed == f"! {tmp_path / 'arrays.h5'}: missing: run and --evaluate-again will refuse it\n"
 
 
-def test_interrupted_before_the_rest_map_nothing_is_left(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_interrupted_before_the_rest_map_nothing_is_left(tmp_path, monkeypatch):
     def terminated(*_: object) -> None:
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(60.0)  # the signal's handler ends it at once
@@ -167,9 +155,7 @@ def test_interrupted_before_the_rest_map_nothing_is_left(
 
 
 @pytest.mark.parametrize("during", ["evaluate_or_keep", "_store"])
-def test_interrupted_later_what_was_recorded_is_stored(
-    during: str, made: Result, rig_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_interrupted_later_what_was_recorded_is_stored(during, made, rig_file, tmp_path, monkeypatch):
     recorded, _ = recall(calibrations(rig_file)[0])
     found = decode(recorded.rig.replace(recorded.values), recorded.rest)
     then = getattr(calibrate_bench, during)

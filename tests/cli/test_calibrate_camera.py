@@ -1,7 +1,5 @@
 """`zeromethod calibrate board` and `calibrate intrinsics` as a person meets them."""
 
-from __future__ import annotations
-
 import json
 import sys
 import tomllib
@@ -53,7 +51,7 @@ def bare(frames: list[Path]) -> Path:
     return path
 
 
-def test_pictures_give_a_file_with_the_camera(frames: list[Path], bare: Path, tmp_path: Path) -> None:
+def test_pictures_give_a_file_with_the_camera(frames, bare, tmp_path):
     output, summary = tmp_path / "camera.toml", tmp_path / "camera.json"
     result = calibrate(
         "intrinsics", *frames, bare, "--board", BOARD, "--output", output, "--summary", summary
@@ -70,7 +68,7 @@ def test_pictures_give_a_file_with_the_camera(frames: list[Path], bare: Path, tm
     assert figures["refused"] == {"bare.png": NoView.NO_MARKERS}
 
 
-def test_what_cannot_be_is_refused_on_one_line(frames: list[Path], bare: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_is_refused_on_one_line(frames, bare, tmp_path):
     output = ("--board", BOARD, "--output", tmp_path / "camera.toml")
     small = tmp_path / "small.png"
     cv2.imencode(".png", np.zeros((20, 30), np.uint8))[1].tofile(small)
@@ -125,8 +123,8 @@ class HandheldCamera:
     [((VIEWS,), f"view 1 of {VIEWS} taken"), ((VIEWS + 1, "--patience", 0.5), "no new view within 0.5 s")],
 )
 def test_live_views_are_taken_where_the_board_stands_still_and_waited_for_so_long(
-    wanted: tuple[object, ...], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    wanted, words, tmp_path, monkeypatch
+):
     module: Any = ModuleType("handheld")
     module.HandheldCamera = HandheldCamera
     monkeypatch.setitem(sys.modules, "handheld", module)
@@ -157,7 +155,7 @@ def physical_px_per_m(path: Path) -> int:
     return int.from_bytes(data[at : at + 4], "big")
 
 
-def test_printed_board_has_its_true_size_and_is_found(tmp_path: Path) -> None:
+def test_printed_board_has_its_true_size_and_is_found(tmp_path):
     output = tmp_path / "board.png"
     result = calibrate("board", "--board", "12x9:10", "--dpi", 300, "--output", output)
     assert result.exit_code == 0, result.output
@@ -170,7 +168,7 @@ def test_printed_board_has_its_true_size_and_is_found(tmp_path: Path) -> None:
     assert 1000.0 * width_px / physical_px_per_m(output) == pytest.approx(100.0, abs=0.02)
 
 
-def test_board_for_the_lcd_fills_it_in_whole_px(tmp_path: Path) -> None:
+def test_board_for_the_lcd_fills_it_in_whole_px(tmp_path):
     output, display = tmp_path / "board.png", load_rig("simulated").display
     # 40 px of 0.063 mm
     result = calibrate(
@@ -191,9 +189,7 @@ distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}
 """
 
 
-def test_a_file_without_sigmas_says_what_is_assumed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_without_sigmas_says_what_is_assumed(tmp_path, capsys):
     path = tmp_path / "camera.yaml"
     path.write_text(YAML)
     assumed = calibrate_bench._lens(path, None)

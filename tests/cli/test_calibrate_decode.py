@@ -77,7 +77,7 @@ BASIC = ("--periods", "16,18,19,23", "--shifts", "6")
 SEQUENCE = FringeSequence(PERIODS, equal_shifts(6))
 
 
-def test_images_give_the_rest_map_and_the_figures(decode: Decode, tmp_path: Path) -> None:
+def test_images_give_the_rest_map_and_the_figures(decode, tmp_path):
     paths, summary = images(tmp_path, capture(SEQUENCE)), tmp_path / "rest.json"
     code, out, err = decode(*paths, *BASIC, "--panel", *PANEL, "--summary", summary)
     assert (code, err) == (0, "")
@@ -94,7 +94,7 @@ def test_images_give_the_rest_map_and_the_figures(decode: Decode, tmp_path: Path
 
 
 @pytest.mark.parametrize("kind", ["tif", "pages", "npy", "npz", "float", "mixed"])
-def test_every_kind_of_file_gives_the_same_map(kind: str, decode: Decode, tmp_path: Path) -> None:
+def test_every_kind_of_file_gives_the_same_map(kind, decode, tmp_path):
     frames = capture(SEQUENCE, bits=12)
     stack, path = np.stack(frames), tmp_path / f"stack.{kind}"
     paths = [path.with_suffix(".tif" if kind == "pages" else ".npz" if kind == "npz" else ".npy")]
@@ -114,7 +114,7 @@ def test_every_kind_of_file_gives_the_same_map(kind: str, decode: Decode, tmp_pa
     check(tmp_path / "rest.npz")
 
 
-def test_unequal_shifts_other_axes_and_repeats(decode: Decode, tmp_path: Path) -> None:
+def test_unequal_shifts_other_axes_and_repeats(decode, tmp_path):
     degrees = (0, 50, 130, 170, 220, 300)
     sequence = FringeSequence(PERIODS, tuple(np.deg2rad(degrees)), ("rows", "columns"), 2)
     np.save(tmp_path / "stack.npy", np.stack(capture(sequence)))
@@ -147,9 +147,7 @@ def assert_one_line(outcome: tuple[int, str, str], words: str, folder: Path) -> 
         (("--rig", "nowhere.toml"), "nowhere.toml"),
     ],
 )
-def test_wrong_options_end_with_one_line(
-    change: tuple[str, str], words: str, decode: Decode, tmp_path: Path
-) -> None:
+def test_wrong_options_end_with_one_line(change, words, decode, tmp_path):
     paths = images(tmp_path, [np.zeros(SHAPE, np.uint8)] * SEQUENCE.frames)
     assert_one_line(decode(*paths, *BASIC, *change), words, tmp_path)
 
@@ -167,7 +165,7 @@ def test_wrong_options_end_with_one_line(
         ("torn.npz", b"PK\x03\x04 and no more"),
     ],
 )
-def test_wrong_files_end_with_one_line(name: str, content: object, decode: Decode, tmp_path: Path) -> None:
+def test_wrong_files_end_with_one_line(name, content, decode, tmp_path):
     paths = images(tmp_path, capture(SEQUENCE))
     bad = paths[5] = tmp_path / name
     if isinstance(content, bytes):
@@ -187,9 +185,7 @@ NOISE = np.random.default_rng(0).integers(90, 110, (SEQUENCE.frames, *SHAPE)).as
 @pytest.mark.parametrize(
     ("frames", "saturated"), [(0 * NOISE, False), (0 * NOISE + 255, True), (NOISE, False)]
 )
-def test_a_camera_that_sees_no_fringes_fails_with_the_reason(
-    frames: np.ndarray, saturated: bool, decode: Decode, tmp_path: Path
-) -> None:
+def test_a_camera_that_sees_no_fringes_fails_with_the_reason(frames, saturated, decode, tmp_path):
     np.save(tmp_path / "stack.npy", frames)
     code, out, err = decode(tmp_path / "stack.npy", *BASIC)
     assert code == 1

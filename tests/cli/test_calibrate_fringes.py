@@ -17,9 +17,7 @@ from zeromethod.warp.rest_map import RestMap
 OPTIONS = "--periods 16,20,22,25/16,19,23 --shifts 6 --axes rows,columns"
 
 
-def test_the_pictures_read_back_give_every_pixel_its_own_number(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_pictures_read_back_give_every_pixel_its_own_number(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     outcome = run(f"calibrate fringes {OPTIONS} --panel 160 96 --output fringes")
     assert (outcome.code, outcome.err) == (0, "")
@@ -37,7 +35,7 @@ def test_the_pictures_read_back_give_every_pixel_its_own_number(
     assert np.mean(np.abs(off) < 3 * rest.sigma_px) > 0.99
 
 
-def test_the_light_on_a_rigs_lcd_is_a_sine(tmp_path: Path) -> None:
+def test_the_light_on_a_rigs_lcd_is_a_sine(tmp_path):
     outcome = run(f"calibrate fringes --periods 16,20 --shifts 3 --rig virtual --output {tmp_path}")
     assert (outcome.code, outcome.err) == (0, "")
     display = load_rig("virtual").display
@@ -70,9 +68,7 @@ def tiny_files() -> Iterator[None]:
         "calibrate board --board 5x4:10 --dpi 50 --output board.png",
     ],
 )
-def test_a_disk_that_takes_no_picture_is_named_with_the_option(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
-) -> None:
+def test_a_disk_that_takes_no_picture_is_named_with_the_option(tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     code, _, err = run(command)
     assert code == 2

@@ -19,7 +19,7 @@ def rig_file(tmp_path: Path) -> Path:
     return small_rig_file(tmp_path / "bench.toml")
 
 
-def test_tables_pictures_and_summary(rig_file: Path, tmp_path: Path) -> None:
+def test_tables_pictures_and_summary(rig_file, tmp_path):
     figure, summary = tmp_path / "design.png", tmp_path / "design.json"
     code, out, err = run(
         "design", rig_file, "--figure", figure, "--summary", summary, "--vary", "angle=45:55:3",
@@ -46,7 +46,7 @@ def test_tables_pictures_and_summary(rig_file: Path, tmp_path: Path) -> None:
     assert figures["vary"][0]["tir_least_margin_deg"][0] < 0 < figures["vary"][0]["tir_least_margin_deg"][2]
 
 
-def test_45_degrees_with_silicone_is_warned_of() -> None:
+def test_45_degrees_with_silicone_is_warned_of():
     code, out, _ = run("design", "paper", *QUICK)
     assert code == 0
     words = " ".join(out.split())
@@ -55,7 +55,7 @@ def test_45_degrees_with_silicone_is_warned_of() -> None:
     assert "with both faces at 45.2 deg the whole view is beyond it" in words
 
 
-def test_a_real_bench_is_described_like_a_simulated_one(rig_file: Path, tmp_path: Path) -> None:
+def test_a_real_bench_is_described_like_a_simulated_one(rig_file, tmp_path):
     real = tmp_path / "real.toml"
     values = {"display.driver": "window", "display.monitor": 1, "camera.driver": "pylon", "camera.gain": 2.0}
     save_values(rig_file, values, real)
@@ -64,7 +64,7 @@ def test_a_real_bench_is_described_like_a_simulated_one(rig_file: Path, tmp_path
     assert "8 mm (as given)" in out
 
 
-def test_values_that_cannot_work_are_listed_with_their_reason(rig_file: Path) -> None:
+def test_values_that_cannot_work_are_listed_with_their_reason(rig_file):
     code, out, _ = run("design", rig_file, "--vary", "distance=20:300:2", *QUICK)
     assert code == 0
     assert "distance 20: simulated: camera.position_mm" in " ".join(out.split())

@@ -1,9 +1,6 @@
 """From `--display`, `--camera` and settings to the rig: what is taken over."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -52,9 +49,9 @@ GIVEN = {"exposure_s": 0.004, "gain": 6.0, "pixel_format": "Mono8", "region_px":
     ],
 )  # fmt: skip
 def test_options_take_the_place_of_what_the_rig_says_and_of_nothing_else(
-    own: dict[str, Any], options: dict[str, Any], changed: dict[str, Any],
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+    own, options, changed,
+    tmp_path, monkeypatch
+):  # fmt: skip
     monkeypatch.chdir(tmp_path)
     Path("a.y4m").touch()
     rig, alone = RIG.replace(own), options.get("camera_alone", False)
@@ -62,7 +59,7 @@ def test_options_take_the_place_of_what_the_rig_says_and_of_nothing_else(
     assert with_devices(rig, given, camera_alone=alone) == rig.replace(changed)
 
 
-def test_without_a_screen_the_reason_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_screen_the_reason_is_given(monkeypatch):
     def none() -> tuple[Monitor, ...]:
         raise InputError("display window: no screen: DISPLAY is not set")
 
@@ -71,7 +68,7 @@ def test_without_a_screen_the_reason_is_given(monkeypatch: pytest.MonkeyPatch) -
         with_devices(RIG, BenchOptions(monitor=1, address="0"))
 
 
-def test_given_options_are_named_as_they_are_typed() -> None:
+def test_given_options_are_named_as_they_are_typed():
     options = BenchOptions(monitor=0, gain=0.0, region_px=(0, 0, 1, 1))
     assert options.given == ("--display", "--camera-gain", "--region")
     assert BenchOptions().given == ()
@@ -89,13 +86,11 @@ def test_given_options_are_named_as_they_are_typed() -> None:
         ({"display.driver": "somebody.elses:Display"}, True),
     ],
 )
-def test_strips_are_as_the_rig_says_else_with_any_device_that_is_not_simulated(
-    own: dict[str, Any], coded: bool
-) -> None:
+def test_strips_are_as_the_rig_says_else_with_any_device_that_is_not_simulated(own, coded):
     assert RIG.replace(own).coded == coded
 
 
-def test_options_that_were_given_take_the_place_of_the_rigs_values() -> None:
+def test_options_that_were_given_take_the_place_of_the_rigs_values():
     assert with_given(RIG, None, display={"latency_s": None}, control={"gain": None}) == RIG
     rig = with_given(RIG, "step", display={"latency_s": -0.012}, simulation={"seed": 7})
     assert rig == RIG.replace({"scenario": "step", "display.latency_s": -0.012, "simulation.seed": 7})

@@ -1,7 +1,5 @@
 """`zeromethod devices` as a person meets it: the list, and the three ways of setting up."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os
@@ -53,8 +51,8 @@ def rig_file(tmp_path: Path) -> Path:
 
 
 def test_monitors_and_cameras_are_listed_as_run_takes_them_and_what_is_missing_for_more(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+    monkeypatch, tmp_path
+):
     monkeypatch.setattr("zeromethod.drivers.monitors.monitors", lambda: MONITORS)
     monkeypatch.setattr("zeromethod.drivers.listing.cameras", lambda: LISTING)
     code, out, err = run("devices", "--summary", tmp_path / "found.json")
@@ -75,9 +73,7 @@ def test_monitors_and_cameras_are_listed_as_run_takes_them_and_what_is_missing_f
     assert found["missing"][0]["install"] == "apt install libaravis-0.8-0"
 
 
-def test_without_a_screen_the_cameras_are_listed_all_the_same(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_without_a_screen_the_cameras_are_listed_all_the_same(monkeypatch, tmp_path):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr("zeromethod.drivers.listing.cameras", lambda: LISTING)
@@ -90,12 +86,8 @@ def test_without_a_screen_the_cameras_are_listed_all_the_same(
 
 @pytest.mark.parametrize(("drawing_per_s", "code"), [(90.0, 0), (21.0, 1)])
 def test_speed_says_whether_this_computer_is_fast_enough_and_which_part_is_slowest(
-    drawing_per_s: float,
-    code: int,
-    rig_file: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    drawing_per_s, code, rig_file, tmp_path, monkeypatch
+):
     def measured(rig: Rig, folder: Path, advance: Callable[[str], None]) -> dict[str, Any]:
         assert (rig.control.strips, folder) == ("edges", Path.cwd())
         rates = {"loop": 200.0, "drawing": drawing_per_s, "reading": 100.0, "recording": 150.0}
@@ -127,9 +119,7 @@ def test_speed_says_whether_this_computer_is_fast_enough_and_which_part_is_slowe
     assert json.loads(summary.read_text())["fast_enough"] is (code == 0)
 
 
-def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(
-    rig_file: Path, tmp_path: Path
-) -> None:
+def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(rig_file, tmp_path):
     save_values(rig_file, {"display.latency_s": 0.0213})
     arguments = ("devices --delay --seconds 0.5 --rig", rig_file)
     code, out, err = run(*arguments)
@@ -167,7 +157,7 @@ def test_a_planted_delay_comes_back_in_words_and_is_stored_with_the_rig_file(
     assert measured.sub("", after) == measured.sub("", before)
 
 
-def test_a_delay_that_cannot_be_measured_is_exit_code_1_and_nothing_is_stored(rig_file: Path) -> None:
+def test_a_delay_that_cannot_be_measured_is_exit_code_1_and_nothing_is_stored(rig_file):
     save_values(rig_file, {"simulation.peak_grey_share": 0.02})
     before = rig_file.read_text()
     code, out, err = run("devices --delay --write --seconds 0.3 --rig", rig_file)
@@ -177,7 +167,7 @@ def test_a_delay_that_cannot_be_measured_is_exit_code_1_and_nothing_is_stored(ri
     assert rig_file.read_text() == before
 
 
-def test_focus_shows_the_figures_and_what_to_do(rig_file: Path, tmp_path: Path) -> None:
+def test_focus_shows_the_figures_and_what_to_do(rig_file, tmp_path):
     save_values(rig_file, {"simulation.ambient": 0.2})
     summary = tmp_path / "focus.json"
     code, out, err = run("devices --focus --seconds 0.3 --rig", rig_file, "--summary", summary)
@@ -192,7 +182,7 @@ def test_focus_shows_the_figures_and_what_to_do(rig_file: Path, tmp_path: Path) 
     assert len(figures["advice"]) == 1
 
 
-def test_focus_ends_on_q_with_the_terminal_as_before(rig_file: Path, tmp_path: Path) -> None:
+def test_focus_ends_on_q_with_the_terminal_as_before(rig_file, tmp_path):
     """In a terminal of its own, where the table renews itself in place."""
     leader, follower = pty.openpty()
     process = start(
@@ -224,7 +214,7 @@ def test_focus_ends_on_q_with_the_terminal_as_before(rig_file: Path, tmp_path: P
     assert json.loads((tmp_path / "focus.json").read_text())["focus_score"] > 0.9
 
 
-def test_focus_keeps_the_last_figures_on_sigterm(rig_file: Path, tmp_path: Path) -> None:
+def test_focus_keeps_the_last_figures_on_sigterm(rig_file, tmp_path):
     process = start("devices --focus --seconds 1000 --summary focus.json --rig", rig_file, cwd=tmp_path)
     assert process.stdout is not None
     assert "is simulated" in process.stdout.readline()
@@ -251,7 +241,7 @@ def on(desktop: TwoMonitors, line: str, **options: Any) -> Outcome:
 
 
 @needs_two_monitors
-def test_the_monitors_of_a_desktop_are_listed_and_identified(desktop: TwoMonitors) -> None:
+def test_the_monitors_of_a_desktop_are_listed_and_identified(desktop):
     listed = on(desktop, "devices").out.splitlines()
     assert listed[1].split() == ["0", "DUMMY0", "640", "x", "480", "60.00", "Hz", "0,", "0", "primary"]
     assert listed[2].split() == ["1", "DUMMY1", "1280", "x", "800", "60.00", "Hz", "640,", "0"]
@@ -264,9 +254,7 @@ def test_the_monitors_of_a_desktop_are_listed_and_identified(desktop: TwoMonitor
 
 
 @needs_two_monitors
-def test_focus_on_a_real_monitor_sees_the_lcd_through_the_virtual_bench(
-    desktop: TwoMonitors, tmp_path: Path
-) -> None:
+def test_focus_on_a_real_monitor_sees_the_lcd_through_the_virtual_bench(desktop, tmp_path):
     pytest.importorskip("mss")
     line = "virtual-bench --port 0 --scenario none --forever"
     bench = start(line, env=desktop.environment, stderr=None)

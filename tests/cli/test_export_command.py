@@ -20,7 +20,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(tmp_path_factory.mktemp("session") / "session.h5", 0.4)
 
 
-def test_every_format_at_once_with_a_line_and_figures_of_each(session: Path, tmp_path: Path) -> None:
+def test_every_format_at_once_with_a_line_and_figures_of_each(session, tmp_path):
     summary = tmp_path / "summary.json"
     outputs = [tmp_path / name for name in NAMES]
     code, out, err = run("export", session, *outputs, "--summary", summary)
@@ -46,7 +46,7 @@ def test_every_format_at_once_with_a_line_and_figures_of_each(session: Path, tmp
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*NAMES, "summary.json"])
 
 
-def test_format_names_the_file_whatever_its_suffix(session: Path, tmp_path: Path) -> None:
+def test_format_names_the_file_whatever_its_suffix(session, tmp_path):
     (tmp_path / "track.txt").write_text("old")
     arguments = (session, tmp_path / "track.txt", "--format", "csv", "--from", 0.1, "--every", 2)
     code, out, _ = run("export", *arguments)

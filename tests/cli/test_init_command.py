@@ -1,7 +1,5 @@
 """`zeromethod init` as a person meets it: options, questions, refusals."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any
@@ -26,7 +24,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "my.toml"
 
 
-def test_without_options_it_is_the_packaged_bench_to_caliper_grade(path: Path) -> None:
+def test_without_options_it_is_the_packaged_bench_to_caliper_grade(path):
     assert init(path).exit_code == 0
     made, packaged = describe(load_rig(path)), describe(load_rig("simulated"))
     for name, value in packaged.items():
@@ -36,7 +34,7 @@ def test_without_options_it_is_the_packaged_bench_to_caliper_grade(path: Path) -
         ), name
 
 
-def test_starts_from_another_rig(path: Path) -> None:
+def test_starts_from_another_rig(path):
     assert init(path, "--from", "virtual").exit_code == 0
     found, given = load_rig(path).display, load_rig("virtual").display
     assert found.columns == given.columns
@@ -44,7 +42,7 @@ def test_starts_from_another_rig(path: Path) -> None:
     assert (found.scanout_s, found.rise_s) == (given.scanout_s, given.rise_s) == (0.0, 0.0)
 
 
-def test_options_end_up_in_the_file(path: Path) -> None:
+def test_options_end_up_in_the_file(path):
     options: dict[str, Any] = {
         "--pattern-angle": 52.5,
         "--leg": 55.0,
@@ -66,7 +64,7 @@ def test_options_end_up_in_the_file(path: Path) -> None:
     assert rig.name == "my"
 
 
-def test_camera_sees_the_lcd_by_the_mirror_whatever_the_prism(path: Path) -> None:
+def test_camera_sees_the_lcd_by_the_mirror_whatever_the_prism(path):
     options = ("--pattern-angle", 47, "--camera-angle", 55, "--leg", 50, "--lcd-along", 25)
     assert init(path, *options).exit_code == 0
     rig = load_rig(path)
@@ -77,14 +75,14 @@ def test_camera_sees_the_lcd_by_the_mirror_whatever_the_prism(path: Path) -> Non
     assert (q < (1920, 1080)).all()
 
 
-def test_camera_stands_on_the_camera_face_s_normal(path: Path) -> None:
+def test_camera_stands_on_the_camera_face_s_normal(path):
     init(path, "--camera-angle", 55, "--distance", 200)
     camera = load_rig(path).camera
     along, _, down = np.subtract(camera.look_at_mm, camera.position_mm)
     assert math.degrees(math.atan2(down, -along)) == pytest.approx(90 - 55, abs=1e-3)
 
 
-def test_focal_length_counts_how_near_the_lens_is_focused(path: Path) -> None:
+def test_focal_length_counts_how_near_the_lens_is_focused(path):
     init(path, "--lens", 50, "--pixel", 5, "--distance", 300)
     rig = load_rig(path)
     focus = 300 + 60 / 1.41
@@ -92,7 +90,7 @@ def test_focal_length_counts_how_near_the_lens_is_focused(path: Path) -> None:
     assert rig.camera.focal_px[0] == pytest.approx(1e3 / 5 / (1 / 50 - 1 / focus), rel=1e-4)
 
 
-def test_file_says_what_its_values_are(path: Path) -> None:
+def test_file_says_what_its_values_are(path):
     init(path)
     text = path.read_text()
     for words in (
@@ -104,7 +102,7 @@ def test_file_says_what_its_values_are(path: Path) -> None:
         assert words in text
 
 
-def test_answers_take_the_place_of_what_was_not_given(path: Path) -> None:
+def test_answers_take_the_place_of_what_was_not_given(path):
     result = init(path, "--ask", "--leg", 58, answers="51.5\n" + "\n" * 30)
     assert result.exit_code == 0
     prism = load_rig(path).prism
@@ -112,7 +110,7 @@ def test_answers_take_the_place_of_what_was_not_given(path: Path) -> None:
     assert "length of the pattern face" not in result.output
 
 
-def test_sigmas_and_aim_are_asked_with_the_values_and_used(path: Path) -> None:
+def test_sigmas_and_aim_are_asked_with_the_values_and_used(path):
     options = ("--angle-sigma", 0.05, "--leg-sigma", 0.5, "--lens-sigma", 3, "--aim-x", 50, "--aim-y", -2)
     assert init(path, *options).exit_code == 0
     rig = load_rig(path)
@@ -127,7 +125,7 @@ def test_sigmas_and_aim_are_asked_with_the_values_and_used(path: Path) -> None:
     assert sigma["display.along_mm"] == 1.2
 
 
-def test_enter_keeps_the_sigmas_and_an_aim_that_fits_the_prism(path: Path) -> None:
+def test_enter_keeps_the_sigmas_and_an_aim_that_fits_the_prism(path):
     result = init(path, "--ask", "--leg", 58, answers="\n" * 40)
     assert result.exit_code == 0
     rig = load_rig(path)
@@ -137,7 +135,7 @@ def test_enter_keeps_the_sigmas_and_an_aim_that_fits_the_prism(path: Path) -> No
     assert rig.camera.look_at_mm[0] == pytest.approx(0.545 * mirror_mm, abs=0.05)
 
 
-def test_nothing_is_overwritten_unless_forced(path: Path) -> None:
+def test_nothing_is_overwritten_unless_forced(path):
     path.write_text("mine")
     result = init(path)
     assert_refused(result, "--force")
@@ -146,13 +144,13 @@ def test_nothing_is_overwritten_unless_forced(path: Path) -> None:
     assert load_rig(path).name == "my"
 
 
-def test_input_that_ends_early_writes_nothing_and_says_so(path: Path) -> None:
+def test_input_that_ends_early_writes_nothing_and_says_so(path):
     result = init(path, "--ask", answers="50\n0.3\n50\n0.18\n")
     assert_refused(result, "the input ended at 'length of the pattern face")
     assert not path.exists()
 
 
-def test_answers_out_of_range_or_that_make_no_bench_are_asked_for_again(path: Path) -> None:
+def test_answers_out_of_range_or_that_make_no_bench_are_asked_for_again(path):
     # the last answer of the first round is an exposure longer than a frame
     result = init(path, "--ask", answers="-5\n51.5\n" + "\n" * 27 + "1\n" + "\n" * 28 + "0.01\n")
     assert result.exit_code == 0, result.output
@@ -161,7 +159,7 @@ def test_answers_out_of_range_or_that_make_no_bench_are_asked_for_again(path: Pa
     assert (rig.prism.pattern_angle_deg, rig.camera.exposure_s) == (51.5, 0.01)
 
 
-def test_a_name_with_blanks_is_quoted_in_what_to_type_next(tmp_path: Path) -> None:
+def test_a_name_with_blanks_is_quoted_in_what_to_type_next(tmp_path):
     path = tmp_path / "my bench.toml"
     assert f"zeromethod design '{path}'" in init(path).output
     assert "zeromethod run --rig 'my bench.toml'" in path.read_text()
@@ -171,6 +169,6 @@ def test_a_name_with_blanks_is_quoted_in_what_to_type_next(tmp_path: Path) -> No
     "arguments",
     [("--gap", 999, "--lcd-along", 3000), ("--width", 0.01), ("--pixel", 1e-300), ("--lens", "nan")],
 )
-def test_a_bench_that_cannot_be_is_not_written(arguments: tuple[object, ...], path: Path) -> None:
+def test_a_bench_that_cannot_be_is_not_written(arguments, path):
     assert init(path, *arguments).exit_code != 0
     assert not path.exists()

@@ -1,7 +1,5 @@
 """Keys of a running loop, typed into a pseudo-terminal."""
 
-from __future__ import annotations
-
 import os
 import pty
 import termios
@@ -44,7 +42,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
     os.close(keyboard)
 
 
-def test_keys_come_at_once_without_echo_and_the_terminal_is_put_back(terminal: Terminal) -> None:
+def test_keys_come_at_once_without_echo_and_the_terminal_is_put_back(terminal):
     assert terminal.modes == (True, True, True)
     with Keys(terminal.stream) as keys:
         assert keys.active
@@ -58,9 +56,7 @@ def test_keys_come_at_once_without_echo_and_the_terminal_is_put_back(terminal: T
     assert keys.pressed() == ""
 
 
-def test_the_terminal_is_put_back_when_a_run_fails_and_what_was_typed_is_forgotten(
-    terminal: Terminal,
-) -> None:
+def test_the_terminal_is_put_back_when_a_run_fails_and_what_was_typed_is_forgotten(terminal):
     def fail() -> None:
         terminal.type(b"rm -r\n")
         raise RuntimeError
@@ -73,7 +69,7 @@ def test_the_terminal_is_put_back_when_a_run_fails_and_what_was_typed_is_forgott
         os.read(terminal.stream.fileno(), 10)
 
 
-def test_keys_steer_the_loop_and_unknown_ones_do_nothing(terminal: Terminal) -> None:
+def test_keys_steer_the_loop_and_unknown_ones_do_nothing(terminal):
     loop = Mock(Loop, paused=False)
     with Keys(terminal.stream) as keys:
         on_wait = keys.for_loop(loop)
@@ -87,9 +83,7 @@ def test_keys_steer_the_loop_and_unknown_ones_do_nothing(terminal: Terminal) -> 
     assert loop.method_calls == [call.pause(True), call.pause(False), call.rezero(), call.stop()]
 
 
-def test_a_program_in_the_background_leaves_the_terminal_alone(
-    terminal: Terminal, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_program_in_the_background_leaves_the_terminal_alone(terminal, monkeypatch):
     monkeypatch.setattr(os, "tcgetpgrp", lambda _fd: os.getpgrp() + 1)
     with Keys(terminal.stream) as keys:
         assert not keys.active
@@ -98,9 +92,7 @@ def test_a_program_in_the_background_leaves_the_terminal_alone(
         assert keys.pressed() == ""
 
 
-def test_keys_stop_coming_while_the_program_is_in_the_background(
-    terminal: Terminal, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_keys_stop_coming_while_the_program_is_in_the_background(terminal, monkeypatch):
     with Keys(terminal.stream) as keys, monkeypatch.context() as patch:
         patch.setattr(os, "tcgetpgrp", lambda _fd: os.getpgrp() + 1)
         terminal.type(b"q")
@@ -111,7 +103,7 @@ def test_keys_stop_coming_while_the_program_is_in_the_background(
 
 
 @pytest.mark.parametrize("kind", ["no terminal", "file", "closed"])
-def test_without_a_terminal_there_are_no_keys(kind: str) -> None:
+def test_without_a_terminal_there_are_no_keys(kind):
     with open(os.devnull) as stream:
         if kind == "closed":
             stream.close()
@@ -120,7 +112,7 @@ def test_without_a_terminal_there_are_no_keys(kind: str) -> None:
             assert keys.pressed() == ""
 
 
-def test_a_terminal_that_goes_away_has_no_keys_and_does_no_harm() -> None:
+def test_a_terminal_that_goes_away_has_no_keys_and_does_no_harm():
     keyboard, side = pty.openpty()
     with open(side) as stream, pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "tcgetpgrp", lambda _fd: os.getpgrp())

@@ -37,7 +37,7 @@ def shifted(tmp_path: Path) -> tuple[Path, Path]:
     )
 
 
-def test_files_table_and_summary_give_the_planted_shift(shifted: tuple[Path, Path], tmp_path: Path) -> None:
+def test_files_table_and_summary_give_the_planted_shift(shifted, tmp_path):
     folder, summary = tmp_path / "results", tmp_path / "summary.json"
     code, out, err = run("measure", *shifted, "--output", folder, "--summary", summary)
     assert (code, err) == (0, "")
@@ -55,7 +55,7 @@ def test_files_table_and_summary_give_the_planted_shift(shifted: tuple[Path, Pat
     assert image["valid_share"] > 0.8
 
 
-def test_colour_and_sixteen_bits_are_read_as_grey(shifted: tuple[Path, Path], tmp_path: Path) -> None:
+def test_colour_and_sixteen_bits_are_read_as_grey(shifted, tmp_path):
     reference, moved = (cv2.imdecode(np.fromfile(path, np.uint8), 0) for path in shifted)
     colour = write(tmp_path / "colour.tif", np.repeat(reference[..., None], 3, axis=-1))
     deep = write(tmp_path / "deep.tif", moved.astype(np.uint16) * 256)
@@ -65,9 +65,7 @@ def test_colour_and_sixteen_bits_are_read_as_grey(shifted: tuple[Path, Path], tm
     assert image["displacement_median_px"] == pytest.approx(np.hypot(3, 2), abs=0.01)
 
 
-def test_an_image_without_anything_to_find_ends_with_1_after_the_rest_was_written(
-    shifted: tuple[Path, Path], tmp_path: Path
-) -> None:
+def test_an_image_without_anything_to_find_ends_with_1_after_the_rest_was_written(shifted, tmp_path):
     blank = write(tmp_path / "blank.png", np.full((120, 140), 90, np.uint8))
     folder = tmp_path / "results"
     code, out, err = run("measure", shifted[0], blank, shifted[1], "--output", folder)
@@ -82,7 +80,7 @@ def test_an_image_without_anything_to_find_ends_with_1_after_the_rest_was_writte
     }
 
 
-def test_a_texture_that_repeats_ends_with_1_and_advice(tmp_path: Path) -> None:
+def test_a_texture_that_repeats_ends_with_1_and_advice(tmp_path):
     v, u = np.mgrid[:160, :200]
     for name, moved in (("rest", 0), ("moved", 5)):
         grey = 120 + 40 * np.cos(np.pi / 8 * (u - moved)) + 40 * np.cos(np.pi / 8 * v)
@@ -111,9 +109,7 @@ def press(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
     return path, images[0], images[1]
 
 
-def test_depth_by_a_rig_that_was_not_calibrated_is_relative(
-    press: tuple[Path, Path, Path], tmp_path: Path
-) -> None:
+def test_depth_by_a_rig_that_was_not_calibrated_is_relative(press, tmp_path):
     rig, *images = press
     options = "--rig", rig, "--output", tmp_path / "out", "--summary", tmp_path / "summary.json"
     code, out, err = run("measure", *images, *options)
@@ -131,9 +127,7 @@ def test_depth_by_a_rig_that_was_not_calibrated_is_relative(
         assert not data["calibrated"]
 
 
-def test_a_rig_turns_a_static_texture_into_the_depth_of_a_press(
-    press: tuple[Path, Path, Path], tmp_path: Path
-) -> None:
+def test_a_rig_turns_a_static_texture_into_the_depth_of_a_press(press, tmp_path):
     _, *images = press
     path = small_rig_file(tmp_path / "exact.toml", {**BENCH_320, "geometry.known": "exact"})
     options = "--rig", path, "--output", tmp_path / "out", "--summary", tmp_path / "summary.json"

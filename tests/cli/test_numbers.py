@@ -1,7 +1,5 @@
 """Numbers of the command line, and that no two options of a command share a name."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 
@@ -25,13 +23,13 @@ from zeromethod.cli.numbers import Real, Whole
         (Whole(16, 16384), "1280.5", "1280.5: a whole number from 16 to 16384"),
     ],
 )
-def test_what_is_not_in_the_range_is_refused_with_it(kind: click.ParamType, text: str, allowed: str) -> None:
+def test_what_is_not_in_the_range_is_refused_with_it(kind, text, allowed):
     with pytest.raises(click.BadParameter) as refused:
         kind.convert(text, None, None)
     assert refused.value.message == allowed
 
 
-def test_what_is_in_the_range_is_taken() -> None:
+def test_what_is_in_the_range_is_taken():
     assert Real(0, 1, min_open=True).convert("1", None, None) == 1.0
     assert Whole(min=1).convert("7", None, None) == 7
 
@@ -49,6 +47,6 @@ def all_commands(group: click.Group, before: str = "") -> Iterator[tuple[str, cl
 @pytest.mark.parametrize(
     ("name", "command"), [pytest.param(*one, id=one[0]) for one in all_commands(commands)]
 )
-def test_no_option_takes_the_place_of_another(name: str, command: click.Command) -> None:
+def test_no_option_takes_the_place_of_another(name, command):
     twice = [key for key, count in Counter(one.name for one in command.params).items() if count > 1]
     assert not twice, name

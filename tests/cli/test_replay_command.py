@@ -20,7 +20,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(tmp_path_factory.mktemp("replay") / "session.h5", 0.45, rig=rig)
 
 
-def test_replay_from_warps_reports_no_difference(session: Path, tmp_path: Path) -> None:
+def test_replay_from_warps_reports_no_difference(session, tmp_path):
     summary, figure = tmp_path / "s.json", tmp_path / "f.png"
     code, out, err = run("replay", session, "--summary", summary, "--figure", figure)
     assert (code, err) == (0, "")
@@ -34,9 +34,7 @@ def test_replay_from_warps_reports_no_difference(session: Path, tmp_path: Path) 
     assert figure.read_bytes().startswith(b"\x89PNG")
 
 
-def test_replay_from_frames_with_another_setting_reports_what_it_changes(
-    session: Path, tmp_path: Path
-) -> None:
+def test_replay_from_frames_with_another_setting_reports_what_it_changes(session, tmp_path):
     summary = tmp_path / "s.json"
     line = "--mode from-frames --set camera.noise.read_grey=9 --from 0.1 --to 0.2"
     code, out, err = run("replay", session, line, "--summary", summary)
@@ -49,7 +47,7 @@ def test_replay_from_frames_with_another_setting_reports_what_it_changes(
     assert figures["sigma_lcd_px"]["replayed"] > figures["sigma_lcd_px"]["recorded"]
 
 
-def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp_path: Path) -> None:
+def test_the_loop_closed_again_is_compared_drawn_and_recorded(session, tmp_path):
     summary, figure, record = (tmp_path / name for name in ("s.json", "f.png", "again.h5"))
     files = ("--summary", summary, "--figure", figure, "--record", record)
     line = "--mode closed-loop --controller integrator --gain 0.2"
@@ -69,7 +67,7 @@ def test_the_loop_closed_again_is_compared_drawn_and_recorded(session: Path, tmp
         assert np.count_nonzero(again.steps["sensed"]) >= sessions["changed"]["frames"]
 
 
-def test_an_unchanged_loop_is_compared_with_the_recorded_session_alone(session: Path) -> None:
+def test_an_unchanged_loop_is_compared_with_the_recorded_session_alone(session):
     code, out, _ = run("replay", session, "--mode", "closed-loop", "--to", "0.15")
     assert code == 0
     assert "simulated" in out

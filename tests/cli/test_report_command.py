@@ -1,7 +1,5 @@
 """`zeromethod report` as a person meets it: a page next to the recording, the tail."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import signal
@@ -17,7 +15,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(tmp_path_factory.mktemp("recorded") / "press é.h5", 0.2)
 
 
-def test_the_page_lies_next_to_the_recording(recording: Path, tmp_path: Path) -> None:
+def test_the_page_lies_next_to_the_recording(recording, tmp_path):
     path = Path(shutil.copy(recording, tmp_path))
     summary = tmp_path / "figures.json"
     code, out, err = run("report", path, "--summary", summary)
@@ -33,13 +31,13 @@ def test_the_page_lies_next_to_the_recording(recording: Path, tmp_path: Path) ->
     assert figures["damaged"] == {}
 
 
-def test_the_page_goes_where_it_is_asked_to(recording: Path, tmp_path: Path) -> None:
+def test_the_page_goes_where_it_is_asked_to(recording, tmp_path):
     assert run("report", recording, "--output", tmp_path / "a.html")[0] == 0
     assert (tmp_path / "a.html").stat().st_size > 10_000
     assert not recording.with_suffix(".html").exists()
 
 
-def test_following_a_finished_recording_shows_how_it_ended(recording: Path) -> None:
+def test_following_a_finished_recording_shows_how_it_ended(recording):
     code, out, _ = run("report", "--follow", recording)
     assert code == 0
     assert "peak" in out
@@ -47,7 +45,7 @@ def test_following_a_finished_recording_shows_how_it_ended(recording: Path) -> N
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_wait_for_a_recording(number: signal.Signals, tmp_path: Path) -> None:
+def test_a_signal_ends_the_wait_for_a_recording(number, tmp_path):
     process = start("report --follow later.h5", cwd=tmp_path)
     try:
         assert process.stdout is not None

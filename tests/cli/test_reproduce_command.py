@@ -1,7 +1,5 @@
 """`zeromethod reproduce`: one quick run, its figures against the bars, its pictures."""
 
-from __future__ import annotations
-
 import json
 from types import SimpleNamespace
 

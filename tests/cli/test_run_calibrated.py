@@ -1,7 +1,5 @@
 """`run` on a rig file that a calibration has made."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -27,7 +25,7 @@ def outcome(rig: Path, *more: str) -> tuple[int, str]:
     return code, err
 
 
-def test_a_calibration_of_another_bench_is_refused_unless_forced(tmp_path: Path) -> None:
+def test_a_calibration_of_another_bench_is_refused_unless_forced(tmp_path):
     rig = calibrated(tmp_path, 0.004, days_ago=0)
     code, said = outcome(rig)
     assert code == 2
@@ -36,7 +34,7 @@ def test_a_calibration_of_another_bench_is_refused_unless_forced(tmp_path: Path)
     assert outcome(rig, "--force") == (0, "")
 
 
-def test_a_real_benchs_calibration_asks_for_its_devices(tmp_path: Path) -> None:
+def test_a_real_benchs_calibration_asks_for_its_devices(tmp_path):
     rig = calibrated(tmp_path, 0.008, days_ago=0)
     with (tmp_path / DOCUMENT).open("a") as document:
         document.write('driver = "opencv"\n[fingerprint.display]\ndriver = "window"\n')
@@ -45,7 +43,7 @@ def test_a_real_benchs_calibration_asks_for_its_devices(tmp_path: Path) -> None:
     assert outcome(rig, "--simulate") == (0, "")
 
 
-def test_the_simulated_twin_needs_no_measured_rest(tmp_path: Path) -> None:
+def test_the_simulated_twin_needs_no_measured_rest(tmp_path):
     rig = small_rig_file(tmp_path / "moved.toml", BENCH_160)
     rig.write_text(rig.read_text().replace("[camera]\n", '[camera]\nrest_map = "arrays.h5"\n', 1))
     code, said = outcome(rig)
@@ -54,7 +52,7 @@ def test_the_simulated_twin_needs_no_measured_rest(tmp_path: Path) -> None:
     assert outcome(rig, "--simulate") == (0, "")
 
 
-def test_an_old_calibration_is_warned_of(tmp_path: Path) -> None:
+def test_an_old_calibration_is_warned_of(tmp_path):
     code, said = outcome(calibrated(tmp_path, 0.008, days_ago=400))
     assert code == 0
     assert said.startswith("! ")

@@ -15,7 +15,7 @@ def small_rig(folder: Path) -> Path:
     return small_rig_file(folder / "small.toml")
 
 
-def test_a_press_is_nulled_and_read_with_figure_and_summary(tmp_path: Path) -> None:
+def test_a_press_is_nulled_and_read_with_figure_and_summary(tmp_path):
     figure, summary = tmp_path / "run.png", tmp_path / "run.json"
     line = "run --scenario step --seconds 0.6 --rig"
     code, out, err = run(line, small_rig(tmp_path), "--figure", figure, "--summary", summary)
@@ -42,7 +42,7 @@ class Camera(SimulatedCamera):
 """
 
 
-def test_ctrl_c_keeps_what_was_measured_and_exits_130(tmp_path: Path) -> None:
+def test_ctrl_c_keeps_what_was_measured_and_exits_130(tmp_path):
     rig = small_rig(tmp_path)
     rig.write_text(
         rig.read_text().replace('[camera]\ndriver = "simulated"', '[camera]\ndriver = "lab:Camera"')
@@ -60,19 +60,19 @@ def test_ctrl_c_keeps_what_was_measured_and_exits_130(tmp_path: Path) -> None:
     assert figures["frames"] > 0
 
 
-def test_without_arguments_the_commands_are_listed() -> None:
+def test_without_arguments_the_commands_are_listed():
     code, out, err = run()
     assert (code, err) == (0, "")
     assert "run" in out
 
 
-def test_help_shows_an_example() -> None:
+def test_help_shows_an_example():
     code, out, _ = run("run --help")
     assert code == 0
     assert "Example: zeromethod run" in out
 
 
-def test_a_run_whose_bench_moved_ends_with_1_and_says_what_to_do(tmp_path: Path) -> None:
+def test_a_run_whose_bench_moved_ends_with_1_and_says_what_to_do(tmp_path):
     bump = {"moved_at_frame": 10, "camera_turned_deg": [0.021, 0.0, 0.0]}
     values = BENCH_320 | {f"simulation.faults.{key}": value for key, value in bump.items()}
     rig = small_rig_file(tmp_path / "bumped.toml", values)

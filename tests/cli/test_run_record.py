@@ -1,11 +1,8 @@
 """`zeromethod run --record`: what a person sees of it."""
 
-from __future__ import annotations
-
 import json
 import resource
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +12,7 @@ from small_rigs import small_rig_file
 from zeromethod.recording.recording import Recording
 
 
-def test_a_recorded_run_is_the_run(tmp_path: Path) -> None:
+def test_a_recorded_run_is_the_run(tmp_path):
     rig, path, summary = small_rig_file(tmp_path / "small.toml"), tmp_path / "run.h5", tmp_path / "run.json"
     line = "run --scenario step --frames 30 --rig"
     code, out, err = run(line, rig, "--record", path, "--summary", summary)
@@ -38,7 +35,7 @@ def test_a_recorded_run_is_the_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("keep", "kept"), [("surface", {"surface"}), ("none", set())])
-def test_only_what_is_asked_for_is_kept(tmp_path: Path, keep: str, kept: set[str]) -> None:
+def test_only_what_is_asked_for_is_kept(tmp_path, keep, kept):
     rig, path = small_rig_file(tmp_path / "small.toml"), tmp_path / "run.h5"
     line = f"run --scenario step --frames 12 --keep {keep} --every 3 --rig"
     assert run(line, rig, "--record", path).code == 0
@@ -64,9 +61,7 @@ LIMIT = "the limit of a file's size, 8.39 MB (ulimit -f), is reached"
 
 
 @pytest.mark.usefixtures("small_files")
-def test_a_recording_that_was_ended_early_is_no_success(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recording_that_was_ended_early_is_no_success(tmp_path, monkeypatch):
     rig, path, summary = small_rig_file(tmp_path / "small.toml"), tmp_path / "run.h5", tmp_path / "run.json"
     monkeypatch.setattr("zeromethod.recording.line.RING_BYTES", 1 << 20)
     line = "run --scenario none --frames 12 --rig"
@@ -80,7 +75,7 @@ def test_a_recording_that_was_ended_early_is_no_success(
 
 
 @pytest.mark.usefixtures("small_files")
-def test_a_limit_of_file_sizes_is_not_called_memory(tmp_path: Path) -> None:
+def test_a_limit_of_file_sizes_is_not_called_memory(tmp_path):
     rig, path = small_rig_file(tmp_path / "small.toml"), tmp_path / "run.h5"
     code, _, err = run("run --scenario none --frames 3 --rig", rig, "--record", path)
     assert (code, err.count("\n")) == (2, 1)

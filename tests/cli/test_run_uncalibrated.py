@@ -1,7 +1,5 @@
 """`run` on a bench whose rig file comes straight from calipers: never locked, never an unmarked depth."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -36,7 +34,7 @@ def ran(rig_file: Path, folder: Path) -> Result:
     return typed(run_command, "--rig", rig_file, "--frames", 16, "--no-strips", *out)
 
 
-def test_it_says_so_measures_the_rest_and_points_to_calibrate(ran: Result, rig_file: Path) -> None:
+def test_it_says_so_measures_the_rest_and_points_to_calibrate(ran, rig_file):
     assert ran.exit_code == 1
     assert f"! {rig_file}: not calibrated" in ran.output
     assert f"zeromethod calibrate --rig {rig_file}" in ran.output
@@ -44,7 +42,7 @@ def test_it_says_so_measures_the_rest_and_points_to_calibrate(ran: Result, rig_f
     assert "depth is relative" in str(ran.exception)
 
 
-def test_summary_marks_depth_as_relative(ran: Result, folder: Path) -> None:
+def test_summary_marks_depth_as_relative(ran, folder):
     figures = json.loads((folder / "run.json").read_text())
     assert figures["state"] == "not calibrated"
     assert not figures["calibrated"]
@@ -54,7 +52,7 @@ def test_summary_marks_depth_as_relative(ran: Result, folder: Path) -> None:
     assert abs(figures["depth_peak_mm"]) < 5 * figures["depth_peak_sigma_mm"] + 5e-3
 
 
-def test_recording_is_never_locked_and_keeps_what_is_not_known(ran: Result, folder: Path) -> None:
+def test_recording_is_never_locked_and_keeps_what_is_not_known(ran, folder):
     with Recording(folder / "run.h5") as recording:
         states = {recording.state_of(row) for row in recording.steps}
         assert State.UNCALIBRATED in states

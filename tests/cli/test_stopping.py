@@ -1,7 +1,5 @@
 """How a run on devices of one's own ends: signals, keys, a closed window, with a camera that hangs."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty
@@ -12,7 +10,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import live_devices
 import pytest
@@ -125,9 +122,7 @@ def ended(process: subprocess.Popen[str]) -> tuple[int, float, str]:
         ("Steady", "HungScreen", signal.SIGINT),
     ],
 )
-def test_signals_end_a_run_whatever_hangs(
-    folder: Path, camera: str, display: str, number: signal.Signals
-) -> None:
+def test_signals_end_a_run_whatever_hangs(folder, camera, display, number):
     with running(folder, camera, display) as process:
         process.send_signal(number)
         code, seconds, err = ended(process)
@@ -136,7 +131,7 @@ def test_signals_end_a_run_whatever_hangs(
     assert "Traceback" not in err
 
 
-def test_a_closed_window_ends_a_run_with_its_reason_though_the_camera_hangs(folder: Path) -> None:
+def test_a_closed_window_ends_a_run_with_its_reason_though_the_camera_hangs(folder):
     with running(folder, "HungEye") as process:
         (folder / "closed").touch()
         code, seconds, err = ended(process)
@@ -146,7 +141,7 @@ def test_a_closed_window_ends_a_run_with_its_reason_though_the_camera_hangs(fold
     assert "Traceback" not in err
 
 
-def test_q_in_the_terminal_ends_a_run(folder: Path) -> None:
+def test_q_in_the_terminal_ends_a_run(folder):
     keyboard, side = pty.openpty()
     with running(folder, "Steady", terminal=side) as process:
         os.write(keyboard, b"q")
@@ -160,7 +155,7 @@ def test_q_in_the_terminal_ends_a_run(folder: Path) -> None:
     assert left & termios.ECHO
 
 
-def test_a_terminal_that_is_closed_ends_a_run_in_order(folder: Path) -> None:
+def test_a_terminal_that_is_closed_ends_a_run_in_order(folder):
     keyboard, side = pty.openpty()
     with running(folder, "Steady", terminal=side) as process:
         os.close(side)
@@ -178,7 +173,7 @@ time.sleep(30)
 """
 
 
-def test_ctrl_c_while_the_program_is_still_loading_is_quiet(tmp_path: Path) -> None:
+def test_ctrl_c_while_the_program_is_still_loading_is_quiet(tmp_path):
     (tmp_path / "click.py").write_text(INTERRUPTED_IMPORT)
     with start("run", env=os.environ | {"PYTHONPATH": str(tmp_path)}) as process:
         out, err = process.communicate(timeout=PATIENCE_S)
@@ -194,7 +189,7 @@ def ctrl_c() -> Iterator[Callable[[], object]]:
         signal.signal(number, handler)
 
 
-def test_the_first_signal_asks_and_the_second_insists(ctrl_c: Callable[[], object]) -> None:
+def test_the_first_signal_asks_and_the_second_insists(ctrl_c):
     asked: list[int] = []
 
     def interrupt() -> None:
@@ -215,7 +210,7 @@ def test_the_first_signal_asks_and_the_second_insists(ctrl_c: Callable[[], objec
     assert (ctrl_c(), signal.getsignal(signal.SIGTERM)) == before
 
 
-def test_what_nohup_has_ignored_stays_ignored(ctrl_c: Callable[[], object]) -> None:
+def test_what_nohup_has_ignored_stays_ignored(ctrl_c):
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     with stopped_by_signals():
         os.kill(os.getpid(), signal.SIGHUP)
@@ -230,9 +225,7 @@ def own(*_: object) -> None:
 @pytest.mark.parametrize(
     ("before", "after"), [(signal.SIG_IGN, signal.default_int_handler), (own, own)], ids=["ignored", "own"]
 )
-def test_ctrl_c_is_accepted_where_a_script_has_it_ignored(
-    ctrl_c: Callable[[], object], before: Any, after: Any
-) -> None:
+def test_ctrl_c_is_accepted_where_a_script_has_it_ignored(ctrl_c, before, after):
     signal.signal(signal.SIGINT, before)
     accept_ctrl_c()
     assert ctrl_c() is after

@@ -37,14 +37,14 @@ def study(*settings: str) -> None:
     Path("mine.toml").write_text(QUICK.format(settings="\n".join(settings)))
 
 
-def test_without_a_file_the_packaged_studies_are_listed() -> None:
+def test_without_a_file_the_packaged_studies_are_listed():
     code, out, _ = run("study")
     assert code == 0
     names = ["calibration-budget", "fold-limit", "gain-delay", "noise-floor"]
     assert [line.split()[0] for line in out.splitlines()] == names
 
 
-def test_table_picture_and_summary_are_written() -> None:
+def test_table_picture_and_summary_are_written():
     study()
     code, out, _ = run("study mine.toml --workers 1 --summary s.json")
     assert code == 0
@@ -63,7 +63,7 @@ def test_table_picture_and_summary_are_written() -> None:
     assert "--restart to begin again" in err
 
 
-def test_a_failed_run_is_reported_with_settings_and_seed() -> None:
+def test_a_failed_run_is_reported_with_settings_and_seed():
     study("fails_at = 2")
     code, _, err = run("study mine.toml --output out --workers 1")
     assert code == 1
@@ -72,13 +72,13 @@ def test_a_failed_run_is_reported_with_settings_and_seed() -> None:
     assert "1 of 4 runs failed" in err
 
 
-def test_help_says_that_the_file_may_be_left_out() -> None:
+def test_help_says_that_the_file_may_be_left_out():
     code, out, _ = run("study --help")
     assert code == 0
     assert out.splitlines()[0].endswith("[OPTIONS] [FILE]")
 
 
-def test_a_wrong_address_begins_nothing_and_forgets_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_address_begins_nothing_and_forgets_nothing(monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr(workers, "_CONNECT_S", 1)
     study()
@@ -95,7 +95,7 @@ def test_a_wrong_address_begins_nothing_and_forgets_nothing(monkeypatch: pytest.
     assert "4 runs, 4 of them from before" in out
 
 
-def test_a_killed_study_leaves_no_worker_and_goes_on() -> None:
+def test_a_killed_study_leaves_no_worker_and_goes_on():
     process = started("waits_at = 2")
     process.kill()
     process.communicate()
@@ -122,7 +122,7 @@ def started(settings: str) -> subprocess.Popen[str]:
     return process
 
 
-def test_a_stopped_study_ends_quickly_and_says_how_to_go_on() -> None:
+def test_a_stopped_study_ends_quickly_and_says_how_to_go_on():
     process = started("waits_at = 3")
     try:
         # to the workers as well, as a terminal does

@@ -1,7 +1,5 @@
 """Small simulated benches that stand otherwise than the rig file says, and their devices altered."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Advice from figures alone: thresholds, order, and words that name what to turn."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -32,12 +30,12 @@ FINE = FocusReport(
 )
 
 
-def test_a_good_bench_is_called_good_with_and_without_the_lcd() -> None:
+def test_a_good_bench_is_called_good_with_and_without_the_lcd():
     assert advice(FINE, RIG) == ()
     assert advice(FINE, RIG, UPRIGHT, flicker_share=0.002) == ()
 
 
-def test_the_exposure_is_named_that_would_do_where_the_frame_has_room_for_it() -> None:
+def test_the_exposure_is_named_that_would_do_where_the_frame_has_room_for_it():
     # (64 - 4) of (255 - 4) grey levels at 4 ms; 0.8 of full scale wants 4 ms x 0.8 x 251 / 60 = 13.4 ms
     rig = RIG.model_copy(update={"camera": RIG.camera.model_copy(update={"exposure_s": 0.004})})
     dim = replace(FINE, bright_grey=64.0, mean_grey=34.0)
@@ -46,26 +44,26 @@ def test_the_exposure_is_named_that_would_do_where_the_frame_has_room_for_it() -
     assert advice(dim, RIG)[0].startswith("too dark: 27 ms would be wanted, a frame lasts 16.7 ms: open the")
 
 
-def test_focus_that_differs_over_the_view_is_a_tilt() -> None:
+def test_focus_that_differs_over_the_view_is_a_tilt():
     modulation = FINE.modulation - 0.1 * np.arange(3)
     assert advice(replace(FINE, modulation=modulation), RIG)[0].startswith("sharp in places only")
     unseen = np.where(np.eye(3) > 0, np.nan, FINE.modulation)
     assert advice(replace(FINE, modulation=unseen), RIG) == ()
 
 
-def test_hidden_nodes_are_reported_with_the_dark_among_them() -> None:
+def test_hidden_nodes_are_reported_with_the_dark_among_them():
     (said,) = advice(replace(FINE, usable_share=0.7, dark_share=0.2), RIG)
     assert said.startswith(
         "only 70% of the view that should see the LCD is usable, 20% dark: clean the faces"
     )
 
 
-def test_flicker_asks_for_full_brightness_or_whole_periods() -> None:
+def test_flicker_asks_for_full_brightness_or_whole_periods():
     (said,) = advice(FINE, RIG, UPRIGHT, flicker_share=0.034)
     assert said.startswith("the light flickers by 3.4% from frame to frame: set the LCD to full brightness")
 
 
-def test_several_faults_are_reported_light_first_then_place_then_focus() -> None:
+def test_several_faults_are_reported_light_first_then_place_then_focus():
     report = replace(FINE, bright_grey=60.0, score=0.6, blur_px=2.6)
     seen = replace(UPRIGHT, stray_share=0.3, place=replace(PLACE, right_px=-30.0, down_px=0.2))
     said = advice(report, RIG, seen)
@@ -77,21 +75,21 @@ def test_several_faults_are_reported_light_first_then_place_then_focus() -> None
     ]
 
 
-def test_what_lies_elsewhere_is_not_called_dirty() -> None:
+def test_what_lies_elsewhere_is_not_called_dirty():
     """As straight from `init`: the target's own period is hardly there, half of the nodes are of no use."""
     report = replace(FINE, on_target=0.49, usable_share=0.45, alignment=None)
     (said,) = advice(report, RIG, replace(UPRIGHT, place=replace(PLACE, right_px=71.0)))
     assert said.startswith("the picture lies 71 px right of where the rig file expects it")
 
 
-def test_a_size_far_from_the_rig_files_is_not_called_out_of_focus() -> None:
+def test_a_size_far_from_the_rig_files_is_not_called_out_of_focus():
     report = replace(FINE, score=0.7, blur_px=2.2, alignment=None)
     seen = replace(UPRIGHT, place=replace(PLACE, wider=0.2, higher=0.2))
     (said,) = advice(report, RIG, seen)
     assert said.startswith("the picture is +20.0% wide and +20.0% high against the rig file")
 
 
-def test_without_the_lcd_a_picture_that_the_target_cannot_place_is_reported() -> None:
+def test_without_the_lcd_a_picture_that_the_target_cannot_place_is_reported():
     (said,) = advice(replace(FINE, alignment=None), RIG)
     assert said.startswith("the picture lies far from where the rig file expects it")
 
@@ -106,14 +104,12 @@ def test_without_the_lcd_a_picture_that_the_target_cannot_place_is_reported() ->
         (None, PLACE, "coarse"),  # mirrored: what the target says of its place means nothing
     ],
 )
-def test_the_target_gives_the_place_where_it_cannot_be_a_period_astray(
-    coarse: Alignment | None, fine: Alignment | None, taken: str
-) -> None:
+def test_the_target_gives_the_place_where_it_cannot_be_a_period_astray(coarse, fine, taken):
     place = placed(replace(FINE, alignment=fine), replace(UPRIGHT, place=coarse), 16)
     assert place is (fine if taken == "fine" else coarse)
 
 
-def test_the_lcd_is_to_be_looked_for_again_unless_it_is_seen_as_it_should_be() -> None:
+def test_the_lcd_is_to_be_looked_for_again_unless_it_is_seen_as_it_should_be():
     assert not misplaced(UPRIGHT, RIG)
     assert misplaced(Orientation(0.0), RIG)
     assert misplaced(replace(UPRIGHT, mirrored=True, place=None), RIG)

@@ -1,10 +1,7 @@
 """The check at the start of a day, on simulated benches that stand otherwise than they were calibrated."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -54,7 +51,7 @@ def untouched() -> DailyCheck:
     return checked(RIG, press_mm=0.1)
 
 
-def test_a_bench_as_it_was_calibrated_is_good(untouched: DailyCheck) -> None:
+def test_a_bench_as_it_was_calibrated_is_good(untouched):
     assert untouched.fitness is Fitness.GOOD, untouched.verdict
     assert [one.subject for one in untouched.findings] == list(Subject)[1:]
     assert untouched.figures["press_read_mm"] == pytest.approx(
@@ -62,7 +59,7 @@ def test_a_bench_as_it_was_calibrated_is_good(untouched: DailyCheck) -> None:
     )
 
 
-def test_a_camera_that_turned_is_a_drift_with_its_false_depth() -> None:
+def test_a_camera_that_turned_is_a_drift_with_its_false_depth():
     aim_mm = (RIG.camera.look_at_mm[0] + 0.02, *RIG.camera.look_at_mm[1:])
     found = of(checked(changed(RIG, camera={"look_at_mm": aim_mm})), Subject.REST)
     assert found.fitness is Fitness.DRIFTED
@@ -70,7 +67,7 @@ def test_a_camera_that_turned_is_a_drift_with_its_false_depth() -> None:
     assert "camera turned sideways" in found.words
 
 
-def test_a_bench_that_moved_far_is_to_be_calibrated_again() -> None:
+def test_a_bench_that_moved_far_is_to_be_calibrated_again():
     centre_mm = (RIG.display.centre_mm[0] + 0.6, RIG.display.centre_mm[1])
     # on the finer LCD: the coarse one's picture is too dim there to be measured at all
     found = checked(changed(nominal(), display={"centre_mm": centre_mm}), nominal())
@@ -78,32 +75,32 @@ def test_a_bench_that_moved_far_is_to_be_calibrated_again() -> None:
     assert found.worst.subject is Subject.REST
 
 
-def test_a_late_display_is_reported_with_its_delay() -> None:
+def test_a_late_display_is_reported_with_its_delay():
     found = of(checked(changed(RIG, display={"latency_s": 0.01})), Subject.DELAY)
     assert found.fitness is Fitness.DRIFTED
     # bar: what the delay's own test allows, a hundredth of a frame
     assert found.figures["delay_change_ms"] == pytest.approx(10.0, abs=0.17)
 
 
-def test_a_press_that_reads_wrong_asks_for_a_calibration() -> None:
+def test_a_press_that_reads_wrong_asks_for_a_calibration():
     found = checked(RIG, press_mm=0.11, true_mm=0.1)
     assert found.fitness is Fitness.RECALIBRATE
     assert found.worst.subject is Subject.PRESS
     assert found.figures["press_error_percent"] == pytest.approx(-100 / 11, abs=1.0)
 
 
-def test_a_dark_bench_is_not_fit_to_measure() -> None:
+def test_a_dark_bench_is_not_fit_to_measure():
     dark = changed(RIG, simulation={"peak_grey_share": 0.05})
     assert of(checked(dark), Subject.LIGHT).fitness is Fitness.UNFIT
 
 
-def test_a_lost_camera_ends_the_check_with_its_reason() -> None:
+def test_a_lost_camera_ends_the_check_with_its_reason():
     lost = RIG.replace({"simulation.faults.camera_lost_at_frame": 40})
     with pytest.raises(MeasurementError, match="the camera is lost"):
         checked(lost)
 
 
-def test_what_is_left_after_re_zeroing_is_that_of_a_traced_press() -> None:
+def test_what_is_left_after_re_zeroing_is_that_of_a_traced_press():
     percent = depth_percent_per_px(RIG)
     assert np.isfinite(percent).all()
     # between nothing and what a millimetre between LCD and P0 does, 5 %, with room for other places
@@ -111,7 +108,7 @@ def test_what_is_left_after_re_zeroing_is_that_of_a_traced_press() -> None:
     assert (percent < 10).all()
 
 
-def test_every_check_is_a_line_of_one_table(tmp_path: Path, untouched: DailyCheck) -> None:
+def test_every_check_is_a_line_of_one_table(tmp_path, untouched):
     path = tmp_path / "made" / "checks.csv"
     for _ in range(2):
         append_check(path, untouched)
@@ -124,7 +121,7 @@ def test_every_check_is_a_line_of_one_table(tmp_path: Path, untouched: DailyChec
     assert set(untouched.figures) <= set(COLUMNS)
 
 
-def test_the_table_lies_where_calibrations_go(tmp_path: Path) -> None:
+def test_the_table_lies_where_calibrations_go(tmp_path):
     rig_file = tmp_path / "mine.toml"
     rig_file.touch()
     assert log_of(rig_file) == tmp_path / "calibrations" / "mine" / "checks.csv"

@@ -1,7 +1,5 @@
 """Measuring the delay on the simulated bench: planted ones come back; bad benches are refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -39,7 +37,7 @@ def stamped(frame: Frame, late_s: float) -> Frame:
 
 
 @pytest.mark.parametrize("frames", [0.0, 0.3, 0.75, 1.0, 2.4, 4.0])
-def test_a_planted_delay_comes_back_within_a_tenth_of_a_frame(frames: float) -> None:
+def test_a_planted_delay_comes_back_within_a_tenth_of_a_frame(frames):
     result = measured(planted(display={"latency_s": frames * FRAME_S}))
     # bar: 0.1 frame. Noise of the strips is some 10 us; what is left is the clocks' jitter, 0.1 ms a frame.
     assert result.latency_s == pytest.approx(frames * FRAME_S, abs=0.01 * FRAME_S)
@@ -48,12 +46,12 @@ def test_a_planted_delay_comes_back_within_a_tenth_of_a_frame(frames: float) -> 
 
 
 @pytest.mark.parametrize("stamp_s", [-0.011, 0.004])
-def test_wrong_stamps_of_the_camera_are_part_of_the_delay(stamp_s: float) -> None:
+def test_wrong_stamps_of_the_camera_are_part_of_the_delay(stamp_s):
     result = measured(planted(display={"latency_s": 0.006}), alter=lambda frame: stamped(frame, stamp_s))
     assert result.latency_s == pytest.approx(0.006 + stamp_s, abs=0.01 * FRAME_S)
 
 
-def test_what_the_rig_file_said_before_does_not_matter() -> None:
+def test_what_the_rig_file_said_before_does_not_matter():
     truth = planted(display={"latency_s": 0.02})
     for believed_s in (0.0, 0.02, 0.09):
         believed = planted(display={"latency_s": believed_s})
@@ -70,7 +68,7 @@ def in_step(phase: float, exposure_s: float) -> Rig:
 
 
 @pytest.mark.parametrize("phase", [0.05, 0.12, 0.3, 0.6])
-def test_a_panel_in_step_with_the_camera_is_timed_as_well_as_its_exposures_allow(phase: float) -> None:
+def test_a_panel_in_step_with_the_camera_is_timed_as_well_as_its_exposures_allow(phase):
     """Exposures of 13.5 of 16.7 ms that see one picture alone leave 3.2 ms open, 1.6 to either side."""
     bench = in_step(phase, 0.0135)
     result = measured(bench, believed=bench)
@@ -78,7 +76,7 @@ def test_a_panel_in_step_with_the_camera_is_timed_as_well_as_its_exposures_allow
     assert abs(result.latency_s) < 3 * result.sigma_s + 1e-4
 
 
-def test_exposures_that_all_see_one_picture_alone_give_the_range_that_they_leave_open() -> None:
+def test_exposures_that_all_see_one_picture_alone_give_the_range_that_they_leave_open():
     bench = in_step(phase=0.1, exposure_s=0.008)  # 8.7 ms of delays are as good
     result = measured(bench, believed=bench)
     assert result.range_s is not None
@@ -95,7 +93,7 @@ def test_exposures_that_all_see_one_picture_alone_give_the_range_that_they_leave
     assert result.rig_values(0.03)["display.latency_s"] == round(result.latency_s, 6)
 
 
-def test_clocks_that_drift_past_each_other_are_waited_for() -> None:
+def test_clocks_that_drift_past_each_other_are_waited_for():
     """Half a frame a second apart, the first look sees a fifth of a refresh, and each picture alone."""
     bench = in_step(phase=0.3, exposure_s=0.008)
     drifting = planted_again(bench, camera_rate_hz=59.5)
@@ -111,7 +109,7 @@ def planted_again(bench: Rig, **simulation: float) -> Rig:
     return bench.model_copy(update={"simulation": bench.simulation.model_copy(update=simulation)})
 
 
-def test_the_rates_and_the_loops_delay_are_measured_with_it() -> None:
+def test_the_rates_and_the_loops_delay_are_measured_with_it():
     result = measured(RIG, seconds=1.0)
     # RIG's clocks: a refresh of 59.94 Hz is a thousandth off what the rig file says
     assert result.refresh_hz == pytest.approx(59.94, abs=0.01)
@@ -121,7 +119,7 @@ def test_the_rates_and_the_loops_delay_are_measured_with_it() -> None:
     assert result.frames >= result.read >= result.used > 0
 
 
-def test_a_delay_that_scatters_is_a_range() -> None:
+def test_a_delay_that_scatters_is_a_range():
     """Stamps that are off by 0 to 25 ms: as on a busy computer."""
     rng = np.random.default_rng(3)
     result = measured(RIG, 1.0, alter=lambda frame: stamped(frame, -float(rng.uniform(0, 0.025))))
@@ -131,19 +129,19 @@ def test_a_delay_that_scatters_is_a_range() -> None:
     assert result.range_s == pytest.approx((-0.02375, -0.00125), abs=0.003)
 
 
-def test_a_delay_that_comes_and_goes_is_not_measured() -> None:
+def test_a_delay_that_comes_and_goes_is_not_measured():
     """Stamps that are off by 0 to 80 ms: as on a computer that is too busy."""
     rng = np.random.default_rng(3)
     with pytest.raises(MeasurementError, match=r"^delay: it is not steady: .* computer too busy\?$"):
         measured(RIG, 1.0, alter=lambda frame: stamped(frame, -float(rng.uniform(0, 0.08))))
 
 
-def test_codes_that_cannot_be_read_are_refused() -> None:
+def test_codes_that_cannot_be_read_are_refused():
     with pytest.raises(MeasurementError, match=r"^delay: the codes of 0 of \d+ frames could be read, 8 are"):
         measured(RIG, alter=lambda frame: replace(frame, image=np.zeros_like(frame.image)))
 
 
-def test_frames_that_fit_no_order_of_pictures_are_not_blamed_on_focus() -> None:
+def test_frames_that_fit_no_order_of_pictures_are_not_blamed_on_focus():
     """Legible codes of pictures that were never next to each other: of a display that skips and repeats."""
     with pytest.raises(
         MeasurementError,
@@ -164,23 +162,23 @@ class Skipping:
         return replace(frame, image=(0.5 * (old + older)).astype(np.uint8))
 
 
-def test_a_view_without_room_for_codes_is_refused() -> None:
+def test_a_view_without_room_for_codes_is_refused():
     with pytest.raises(MeasurementError, match=r"^delay: .* no room for codes$"):
         measured(RIG, believed=planted(display={"centre_mm": (30.0, 34.0)}))
 
 
-def test_a_silent_camera_is_refused() -> None:
+def test_a_silent_camera_is_refused():
     with pytest.raises(MeasurementError, match=r"^delay: the camera gave no frame for 3 s$"):
         measured(RIG, 5, alter=failing(CameraTimeout("none")))
 
 
 @pytest.mark.parametrize("lost", [CameraLost("gone"), DisplayLost("gone")])
-def test_a_lost_device_passes(lost: Exception) -> None:
+def test_a_lost_device_passes(lost):
     with pytest.raises(type(lost)):
         measured(RIG, alter=failing(lost))
 
 
-def test_frames_are_counted_and_windows_polled(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frames_are_counted_and_windows_polled(monkeypatch):
     counted: list[int] = []
     polled: list[int] = []
     with open_devices(RIG) as devices:

@@ -1,7 +1,5 @@
 """Figures of one frame against what was drawn into it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -48,7 +46,7 @@ def seen(
 
 
 @pytest.mark.parametrize("blur_px", [0.0, 1.0, 2.0, 3.5])
-def test_score_and_blur_are_those_of_the_lens(meter: FocusMeter, blur_px: float) -> None:
+def test_score_and_blur_are_those_of_the_lens(meter, blur_px):
     report = meter.look(seen(blur_px))
     # noise of a node's modulation: 2 grey levels over 45 and some hundred pixels; the median of 100 nodes
     assert report.score == pytest.approx(np.exp(-2 * (np.pi * blur_px / PERIOD_PX) ** 2), abs=0.01)
@@ -59,15 +57,13 @@ def test_score_and_blur_are_those_of_the_lens(meter: FocusMeter, blur_px: float)
 @pytest.mark.parametrize(
     ("scale", "shift_px"), [((1.0, 1.0), (7.0, 5.0)), ((1.06, 0.95), (0.0, 0.0)), ((0.92, 1.09), (71.0, 3.0))]
 )
-def test_focus_is_judged_wherever_the_picture_lies_and_whatever_its_size(
-    meter: FocusMeter, scale: tuple[float, float], shift_px: tuple[float, float]
-) -> None:
+def test_focus_is_judged_wherever_the_picture_lies_and_whatever_its_size(meter, scale, shift_px):
     report = meter.look(seen(1.0, scale=scale, shift_px=shift_px))
     # of another size the picture spans parts of periods: 0.03 at a tenth more
     assert report.score == pytest.approx(np.exp(-2 * (np.pi / PERIOD_PX) ** 2), abs=0.03)
 
 
-def test_focus_is_given_region_by_region(meter: FocusMeter) -> None:
+def test_focus_is_given_region_by_region(meter):
     image = seen(0.0)
     image[:, 110:] = seen(3.0)[:, 110:]
     report = meter.look(image)
@@ -75,13 +71,13 @@ def test_focus_is_given_region_by_region(meter: FocusMeter) -> None:
     assert report.modulation[:, 2] == pytest.approx(np.exp(-2 * (np.pi * 3 / PERIOD_PX) ** 2), abs=0.06)
 
 
-def test_stray_light_lowers_the_score_unless_it_is_known(meter: FocusMeter) -> None:
+def test_stray_light_lowers_the_score_unless_it_is_known(meter):
     image = seen(stray=40.0)
     assert meter.look(image).score == pytest.approx(98 / 138, abs=0.01)
     assert meter.look(image, stray_grey=40.0).score == pytest.approx(1.0, abs=0.01)
 
 
-def test_greys_are_those_of_the_image(meter: FocusMeter) -> None:
+def test_greys_are_those_of_the_image(meter):
     image = seen()
     report = meter.look(image)
     assert report.mean_grey == pytest.approx(image.mean())
@@ -92,7 +88,7 @@ def test_greys_are_those_of_the_image(meter: FocusMeter) -> None:
     assert (report.saturated_share, report.dark_share, report.usable_share, report.seen_share) == (0, 0, 1, 1)
 
 
-def test_saturated_and_dark_parts_are_not_usable(meter: FocusMeter) -> None:
+def test_saturated_and_dark_parts_are_not_usable(meter):
     bright = seen(peak=320.0)
     report = meter.look(bright)
     assert report.saturated_share == pytest.approx(np.mean(bright == 255))
@@ -106,7 +102,7 @@ def test_saturated_and_dark_parts_are_not_usable(meter: FocusMeter) -> None:
     assert report.score == pytest.approx(1.0, abs=0.05)
 
 
-def test_no_light_has_no_score(meter: FocusMeter) -> None:
+def test_no_light_has_no_score(meter):
     report = meter.look(np.full((RIG.camera.rows, RIG.camera.columns), 4, np.uint8))
     assert np.isnan(report.score)
     assert np.isnan(report.blur_px)
@@ -117,9 +113,7 @@ def test_no_light_has_no_score(meter: FocusMeter) -> None:
     ("scale", "turn_deg", "shift_px"),
     [((1.0, 1.0), 0.0, (0.0, 0.0)), ((1.02, 0.98), 0.0, (0.0, 0.0)), ((1.0, 1.0), 1.5, (2.0, -3.0))],
 )
-def test_size_turn_and_place_are_those_of_the_picture(
-    meter: FocusMeter, scale: tuple[float, float], turn_deg: float, shift_px: tuple[float, float]
-) -> None:
+def test_size_turn_and_place_are_those_of_the_picture(meter, scale, turn_deg, shift_px):
     found = meter.look(seen(scale=scale, turn_deg=turn_deg, shift_px=shift_px)).alignment
     # a node's noise of 0.01 px over a view of 140 px; the linear fit leaves the square of a turn: 0.03 %
     assert (found.wider, found.higher) == pytest.approx((scale[0] - 1, scale[1] - 1), abs=1e-3)
@@ -127,6 +121,6 @@ def test_size_turn_and_place_are_those_of_the_picture(
     assert (found.right_px, found.down_px) == pytest.approx(shift_px, abs=0.1)
 
 
-def test_a_picture_of_another_shape_is_refused(meter: FocusMeter) -> None:
+def test_a_picture_of_another_shape_is_refused(meter):
     with pytest.raises(InputError):
         meter.look(np.zeros((64, 64), np.uint8))

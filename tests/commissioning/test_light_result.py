@@ -1,12 +1,9 @@
 """What a person reads of the light: every notable thing with what to do about it."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from zeromethod.calibration.falloff import Falloff
 from zeromethod.calibration.panel_faults import Fault, Finding
@@ -25,7 +22,7 @@ def result(light: np.ndarray, overdrive: float) -> LightResult:
     return LightResult(quiet, none, none, quiet, none, falloff, (finding,), none, 0.1, ("a note",))
 
 
-def test_everything_notable_is_said_with_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_everything_notable_is_said_with_what_to_do(monkeypatch):
     monkeypatch.setattr(light_result, "spread_left", lambda *_: 0.05)
     fault, region, viewing, note = result(DIM, 0.1).advice
     assert fault.startswith("overdrive: the light goes past: switch off overdrive")
@@ -35,6 +32,6 @@ def test_everything_notable_is_said_with_what_to_do(monkeypatch: pytest.MonkeyPa
     assert note == "a note"
 
 
-def test_what_is_well_is_not_mentioned(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_well_is_not_mentioned(monkeypatch):
     monkeypatch.setattr(light_result, "spread_left", lambda *_: 0.0)
     assert result(EVEN, 0.0).advice == ("a note",)

@@ -1,7 +1,5 @@
 """Plain pictures: how the LCD lies, from images that are its pictures themselves, turned over and moved."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -41,7 +39,7 @@ def judged(
     return plain.judge(images, BLACK, FULL)
 
 
-def test_pictures_light_the_right_and_lower_half_and_the_middle_of_the_view(plain: PlainPictures) -> None:
+def test_pictures_light_the_right_and_lower_half_and_the_middle_of_the_view(plain):
     black, white, right, lower, width, height = plain.pictures
     assert (black.min(), black.max(), white.min(), white.max()) == (0, 0, 255, 255)
     assert not right[:, :199].any()
@@ -55,7 +53,7 @@ def test_pictures_light_the_right_and_lower_half_and_the_middle_of_the_view(plai
         assert not picture[:, 200 + 57 :].any()
 
 
-def test_an_lcd_that_lies_as_it_should_is_upright_and_in_place(plain: PlainPictures) -> None:
+def test_an_lcd_that_lies_as_it_should_is_upright_and_in_place(plain):
     seen = judged(plain)
     assert seen.upright
     assert seen.seen_share == 1
@@ -67,7 +65,7 @@ def test_an_lcd_that_lies_as_it_should_is_upright_and_in_place(plain: PlainPictu
 
 @pytest.mark.parametrize("quarters", [1, 2, 3])
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_mirroring_and_quarter_turns_are_found(plain: PlainPictures, quarters: int, mirrored: bool) -> None:
+def test_mirroring_and_quarter_turns_are_found(plain, quarters, mirrored):
     def see(lcd: Image) -> Image:
         turned = np.rot90(lcd, -quarters)  # clockwise as it is looked at: from u towards v
         return turned[:, ::-1] if mirrored else turned
@@ -78,12 +76,12 @@ def test_mirroring_and_quarter_turns_are_found(plain: PlainPictures, quarters: i
     assert not seen.upright
 
 
-def test_shifts_are_found_with_their_direction(plain: PlainPictures) -> None:
+def test_shifts_are_found_with_their_direction(plain):
     place = judged(plain, lambda lcd: np.roll(lcd, (-21, 34), axis=(0, 1))).place
     assert (place.right_px, place.down_px) == pytest.approx((34, -21), abs=0.6)
 
 
-def test_size_is_found_by_the_middle_half(plain: PlainPictures) -> None:
+def test_size_is_found_by_the_middle_half(plain):
     from scipy.ndimage import zoom
 
     def see(lcd: Image) -> Image:
@@ -95,20 +93,20 @@ def test_size_is_found_by_the_middle_half(plain: PlainPictures) -> None:
     assert (place.wider, place.higher) == pytest.approx((0.25, 0.0), abs=0.015)
 
 
-def test_stray_light_is_what_stays_when_the_lcd_is_black(plain: PlainPictures) -> None:
+def test_stray_light_is_what_stays_when_the_lcd_is_black(plain):
     seen = judged(plain, light=0.5, stray=30.0)
     assert seen.stray_grey == pytest.approx(30, abs=0.1)
     assert seen.stray_share == pytest.approx(30 / (0.5 * 255), abs=0.002)
 
 
-def test_an_lcd_that_is_not_seen_is_not_guessed_at(plain: PlainPictures) -> None:
+def test_an_lcd_that_is_not_seen_is_not_guessed_at(plain):
     seen = judged(plain, light=0.0, stray=80.0)
     assert seen.seen_share == 0
     assert np.isnan(seen.turn_deg)
     assert seen.place is None
 
 
-def test_an_lcd_seen_in_a_corner_only_is_not_placed(plain: PlainPictures) -> None:
+def test_an_lcd_seen_in_a_corner_only_is_not_placed(plain):
     corner = np.zeros((400, 400))
     corner[72:152, 72:152] = 1
     seen = judged(plain, lambda lcd: (lcd * corner).astype(np.uint8))

@@ -1,7 +1,5 @@
 """Measuring latency, scan-out and rise on the simulated bench: planted ones come back."""
 
-from __future__ import annotations
-
 import pytest
 
 from zeromethod.calibration.panel_timing import StepTiming
@@ -22,7 +20,7 @@ def measured(truth: Rig, seconds: float = 1.0, believed: Rig = RIG) -> StepTimin
 @pytest.mark.parametrize(
     ("latency_s", "scanout_s", "rise_s"), [(0.002, None, 0.004), (0.03, 0.010, 0.012), (0.009, None, 0.020)]
 )
-def test_a_planted_panel_comes_back(latency_s: float, scanout_s: float | None, rise_s: float) -> None:
+def test_a_planted_panel_comes_back(latency_s, scanout_s, rise_s):
     truth = planted(display={"latency_s": latency_s, "scanout_s": scanout_s, "rise_s": rise_s})
     found = measured(truth)
     wanted_s = 1 / RIG.display.refresh_hz if scanout_s is None else scanout_s
@@ -33,12 +31,12 @@ def test_a_planted_panel_comes_back(latency_s: float, scanout_s: float | None, r
     assert not found.upwards
 
 
-def test_a_panel_that_scans_up_is_found_out() -> None:
+def test_a_panel_that_scans_up_is_found_out():
     found = measured(planted(display={"scan": "up", "latency_s": 0.004}))
     assert found.upwards
     assert found.latency_s == pytest.approx(0.004, abs=8e-4)
 
 
-def test_a_panel_that_is_off_is_refused() -> None:
+def test_a_panel_that_is_off_is_refused():
     with pytest.raises(MeasurementError, match="does not see the panel change"):
         measured(planted(display={"response_light": (0.0, 1e-9)}))

@@ -1,7 +1,5 @@
 """Pictures that have surely settled, on a computer that is too busy to stamp frames in time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import count
 
@@ -51,7 +49,7 @@ def light_of(rig: Rig, known_noise: bool) -> NDArray[np.float64]:
     return np.array(means)
 
 
-def test_frames_that_are_stamped_late_are_not_taken_for_the_new_picture() -> None:
+def test_frames_that_are_stamped_late_are_not_taken_for_the_new_picture():
     rig = SMALL_RIG
     full = rig.simulation.peak_grey_share * 255 - rig.camera.noise.black_grey
     expected = full * (np.array(CODES) / 255) ** GAMMA
@@ -61,7 +59,7 @@ def test_frames_that_are_stamped_late_are_not_taken_for_the_new_picture() -> Non
     assert np.max(np.abs(light_of(rig, False) - expected)) > 5
 
 
-def test_codes_that_look_alike_are_waited_for_no_longer_than_that() -> None:
+def test_codes_that_look_alike_are_waited_for_no_longer_than_that():
     rig = SMALL_RIG
     with open_devices(rig) as devices:
         settled = SettledPatterns(TimedPatterns(rig, devices, 0.0))
@@ -78,7 +76,7 @@ def test_codes_that_look_alike_are_waited_for_no_longer_than_that() -> None:
         assert 1e-9 * (devices.clock.now_ns() - before_ns) < 3.1 / rig.camera.rate_hz
 
 
-def test_frames_that_follow_a_change_are_waited_for_on_a_slow_camera() -> None:
+def test_frames_that_follow_a_change_are_waited_for_on_a_slow_camera():
     rig = SMALL_RIG
     slow = rig.model_copy(update={"camera": rig.camera.model_copy(update={"rate_hz": 12.0})})
     with open_devices(slow) as devices:

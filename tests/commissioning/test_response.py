@@ -1,7 +1,5 @@
 """Measuring the light on the simulated bench: its gamma, its noise and what is wrong with it come back."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -51,7 +49,7 @@ def result(shown: list[int]) -> LightResult:
         return measure_light(RIG, devices, lambda: shown.append(1))
 
 
-def test_planted_gamma_comes_back_with_its_sigma(result: LightResult) -> None:
+def test_planted_gamma_comes_back_with_its_sigma(result):
     whole = result.response.whole
     assert abs(whole.gamma - GAMMA) < 4 * whole.gamma_sigma
     assert whole.gamma_sigma < 0.002
@@ -63,7 +61,7 @@ def test_planted_gamma_comes_back_with_its_sigma(result: LightResult) -> None:
     assert result.response.spread().max() < 0.005
 
 
-def test_a_response_that_differs_over_the_panel_is_measured_and_drawn_away() -> None:
+def test_a_response_that_differs_over_the_panel_is_measured_and_drawn_away():
     planted = ((0.8, 1.0), (1.0, 1.2))
     truth = changed(TRUTH, display={"response_exponent": planted})
     with open_devices(truth) as devices:
@@ -79,7 +77,7 @@ def test_a_response_that_differs_over_the_panel_is_measured_and_drawn_away() -> 
     assert np.array(display.response_exponent) == pytest.approx(np.array(found.exponent), abs=1e-4)
 
 
-def test_planted_noise_comes_back_with_its_sigma(result: LightResult) -> None:
+def test_planted_noise_comes_back_with_its_sigma(result):
     noise = result.noise
     assert abs(noise.black.grey - BLACK) < 2 * noise.black.sigma
     assert abs(noise.read_grey - 1.6) < 2.5 * noise.read_sigma
@@ -91,7 +89,7 @@ def test_planted_noise_comes_back_with_its_sigma(result: LightResult) -> None:
     assert not result.bad_pixels.any()
 
 
-def test_a_sound_bench_is_not_accused(result: LightResult) -> None:
+def test_a_sound_bench_is_not_accused(result):
     assert {finding.fault for finding in result.findings} == set(Fault)
     assert [finding.words for finding in result.findings if finding.found] == []
     assert result.advice == result.noise.notes
@@ -99,13 +97,13 @@ def test_a_sound_bench_is_not_accused(result: LightResult) -> None:
     assert result.falloff.darkest > 0.9
 
 
-def test_every_picture_is_counted_and_held(result: LightResult, shown: list[int]) -> None:
+def test_every_picture_is_counted_and_held(result, shown):
     assert len(shown) == PICTURES
     # latency, scan-out and twelve time constants of a rise of 4 ms
     assert result.hold_s > 0.02 + 1 / 60 + 0.021
 
 
-def test_the_values_go_into_the_rig_file(result: LightResult, tmp_path: Any) -> None:
+def test_the_values_go_into_the_rig_file(result, tmp_path):
     path = tmp_path / "my.toml"
     path.write_text(resource("calibration", "rigs", "simulated.toml").read_text())
     save_values(path, result.rig_values())
@@ -130,9 +128,7 @@ def second_harmonic(display: Any, gl_context: Any) -> float:
     return float(max(spectrum[4, 0], spectrum[0, 8], spectrum[2, 4]) / first)
 
 
-def test_fed_back_into_the_rig_it_makes_the_drawn_picture_linear(
-    result: LightResult, gl_context: Any
-) -> None:
+def test_fed_back_into_the_rig_it_makes_the_drawn_picture_linear(result, gl_context):
     measured = BELIEVED.display.model_copy(update={"response_light": result.response.table()})
     # 8-bit codes leave some 1e-3
     assert second_harmonic(measured, gl_context) < 0.004
@@ -140,7 +136,7 @@ def test_fed_back_into_the_rig_it_makes_the_drawn_picture_linear(
     assert second_harmonic(BELIEVED.display, gl_context) > 0.01
 
 
-def test_a_dimming_and_flickering_backlight_is_named_with_what_to_do() -> None:
+def test_a_dimming_and_flickering_backlight_is_named_with_what_to_do():
     rng = np.random.default_rng(5)
     with open_devices(TRUTH) as devices:
         display, camera = devices.display, devices.camera
@@ -171,7 +167,7 @@ def test_a_dimming_and_flickering_backlight_is_named_with_what_to_do() -> None:
     assert abs(found.noise.read_grey - 1.6) < 4 * found.noise.read_sigma
 
 
-def test_a_panel_far_slower_than_its_rig_file_says_is_waited_for() -> None:
+def test_a_panel_far_slower_than_its_rig_file_says_is_waited_for():
     with open_devices(changed(TRUTH, display={"rise_s": 0.1})) as devices:
         found = measure_light(RIG, devices)
     assert found.hold_s > 0.4  # 4.6 time constants of 46 ms, twice, and latency
@@ -180,7 +176,7 @@ def test_a_panel_far_slower_than_its_rig_file_says_is_waited_for() -> None:
 
 
 @pytest.mark.parametrize("latency_s", [0.0, 0.05, 0.2])
-def test_frames_that_could_have_seen_the_picture_before_are_never_used(latency_s: float) -> None:
+def test_frames_that_could_have_seen_the_picture_before_are_never_used(latency_s):
     bench = changed(TRUTH, display={"latency_s": latency_s})
     with open_devices(bench) as devices:
         pictures = TimedPatterns(bench, devices, 0.0)
@@ -195,7 +191,7 @@ def test_frames_that_could_have_seen_the_picture_before_are_never_used(latency_s
     assert np.max(np.abs(light / whole - expected[:, None])) < 0.002
 
 
-def test_a_rig_file_that_knows_nothing_of_the_latency_is_saved_by_the_margin() -> None:
+def test_a_rig_file_that_knows_nothing_of_the_latency_is_saved_by_the_margin():
     with open_devices(changed(TRUTH, display={"latency_s": 0.08})) as devices:
         pictures = TimedPatterns(BELIEVED, devices, 0.1)
         for code in (0, 255):
@@ -203,7 +199,7 @@ def test_a_rig_file_that_knows_nothing_of_the_latency_is_saved_by_the_margin() -
             assert abs(frames[0].image.mean() - (BLACK if code == 0 else 204)) < 2
 
 
-def test_a_camera_that_does_not_see_the_lcd_is_refused() -> None:
+def test_a_camera_that_does_not_see_the_lcd_is_refused():
     faults = TRUTH.simulation.faults.model_copy(update={"light_off_frames": (0, 10_000)})
     with (
         open_devices(changed(TRUTH, simulation={"faults": faults})) as devices,
@@ -212,7 +208,7 @@ def test_a_camera_that_does_not_see_the_lcd_is_refused() -> None:
         measure_light(RIG, devices)
 
 
-def test_a_silent_camera_is_refused_and_a_lost_one_passes() -> None:
+def test_a_silent_camera_is_refused_and_a_lost_one_passes():
     for raised, expected in ((CameraTimeout("none"), MeasurementError), (CameraLost("gone"), CameraLost)):
         with open_devices(TRUTH) as devices:
             devices.camera = Altered(devices.camera, read=failing(raised))

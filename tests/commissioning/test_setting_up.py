@@ -1,10 +1,7 @@
 """Setting up by eye on the simulated bench: every planted fault brings its own advice, and nothing else."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import cv2
 import numpy as np
@@ -42,12 +39,12 @@ FOCAL_PX = 1125.0
         ({"camera": {"centre_px": (85.5, 63.5)}}, "the picture lies 6 px right of where"),
     ],
 )  # fmt: skip
-def test_a_planted_fault_brings_its_own_advice_and_no_other(fault: Any, words: str) -> None:
+def test_a_planted_fault_brings_its_own_advice_and_no_other(fault, words):
     (said,) = look(planted(**fault)).lines
     assert said.startswith(words)
 
 
-def test_over_exposure_is_reported_first_and_what_it_spoils_is_not() -> None:
+def test_over_exposure_is_reported_first_and_what_it_spoils_is_not():
     sight = look(planted(simulation={"peak_grey_share": 1.0, "ambient": 0.3}))
     assert sight.advice[0].startswith("saturated (")
     assert "shorten the exposure (now 8 ms)" in sight.advice[0]
@@ -55,25 +52,25 @@ def test_over_exposure_is_reported_first_and_what_it_spoils_is_not() -> None:
     assert sight.report.saturated_share == pytest.approx(np.mean(sight.frame.image == 255))
 
 
-def test_no_light_is_reported_before_what_follows_from_it() -> None:
+def test_no_light_is_reported_before_what_follows_from_it():
     sight = look(planted(simulation={"peak_grey_share": 0.002 + 4 / 255}))
     assert sight.advice[0].startswith("no light: lens cap, aperture")
 
 
-def test_an_lcd_out_of_view_is_not_seen() -> None:
+def test_an_lcd_out_of_view_is_not_seen():
     sight = look(planted(display={"centre_mm": (30.0, 200.0)}))
     assert any("the LCD is not seen" in said for said in sight.advice)
     assert not any("flickers" in said or "focus" in said for said in sight.advice)
     assert sight.place is None
 
 
-def test_where_the_picture_lies_is_known_to_a_tenth_of_a_pixel() -> None:
+def test_where_the_picture_lies_is_known_to_a_tenth_of_a_pixel():
     sight = look(planted(camera={"centre_px": (81.5, 60.5)}))
     # noise of a node 0.01 px, some hundred nodes; the view's middle sees another part of the keystone
     assert (sight.place.right_px, sight.place.down_px) == pytest.approx((2, -3), abs=0.1)
 
 
-def test_a_picture_too_far_off_for_the_target_is_placed_by_plain_pictures() -> None:
+def test_a_picture_too_far_off_for_the_target_is_placed_by_plain_pictures():
     # edges of the plain pictures lie on whole LCD px, 0.6 camera px here: of 64 px of picture, 1 %
     far = look(planted(camera={"centre_px": (79.5, 43.5)}))  # the target looks the same 16 px further on
     assert (far.place.right_px, far.place.down_px) == pytest.approx((0, -20), abs=1)
@@ -83,7 +80,7 @@ def test_a_picture_too_far_off_for_the_target_is_placed_by_plain_pictures() -> N
     assert len(large.advice) == 1
 
 
-def test_without_the_lcd_only_the_camera_is_judged() -> None:
+def test_without_the_lcd_only_the_camera_is_judged():
     """The simulated display shows an even grey before its first picture: a camera that looks at a wall."""
     sight = look(RIG, with_lcd=False)
     assert sight.seen is None
@@ -92,7 +89,7 @@ def test_without_the_lcd_only_the_camera_is_judged() -> None:
     assert sight.advice[0].startswith("no target is seen: is it on the LCD")
 
 
-def test_far_out_of_focus_the_lcd_is_seen_but_its_pattern_is_not() -> None:
+def test_far_out_of_focus_the_lcd_is_seen_but_its_pattern_is_not():
     with open_devices(RIG) as devices:
         camera = devices.camera
 
@@ -105,9 +102,7 @@ def test_far_out_of_focus_the_lcd_is_seen_but_its_pattern_is_not() -> None:
     assert sight.advice[0].startswith("far out of focus: the LCD is seen, its pattern is not")
 
 
-def test_the_lcd_is_looked_for_again_while_it_is_not_seen_as_it_should_be(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_lcd_is_looked_for_again_while_it_is_not_seen_as_it_should_be(monkeypatch):
     monkeypatch.setattr("zeromethod.commissioning.setting_up.LOOK_AGAIN_S", 0.1)
     shown: list[int] = []
 
@@ -136,7 +131,7 @@ def test_the_lcd_is_looked_for_again_while_it_is_not_seen_as_it_should_be(
         (DisplayLost("unplugged"), "the display is lost: unplugged"),
     ],
 )
-def test_a_device_that_fails_ends_it_with_the_reason(error: Exception, words: str) -> None:
+def test_a_device_that_fails_ends_it_with_the_reason(error, words):
     with open_devices(RIG) as devices:
         camera, left = devices.camera, iter(range(20))
 
@@ -151,7 +146,7 @@ def test_a_device_that_fails_ends_it_with_the_reason(error: Exception, words: st
     assert str(ended.value) == words
 
 
-def test_flicker_is_the_lights_swing_less_its_drift() -> None:
+def test_flicker_is_the_lights_swing_less_its_drift():
     greys = 4 + 100 * (1 + 0.03 * np.sin(np.arange(16) * 1.9)) + np.arange(16)
     flicker = Flicker(black_grey=4.0)
     shares = [flicker.note(float(grey)) for grey in greys]

@@ -10,7 +10,7 @@ from zeromethod.rig.model import ControlSpec
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 4, 6])
-def test_integrators_largest_gain_is_the_closed_form(frames: int) -> None:
+def test_integrators_largest_gain_is_the_closed_form(frames):
     control = ControlSpec(controller="integrator", gain=0.3, leak=0.0)
     margin = stability_margin(control, frames)
     expected = 2 * math.sin(math.pi / (4 * frames - 2))
@@ -20,7 +20,7 @@ def test_integrators_largest_gain_is_the_closed_form(frames: int) -> None:
 
 
 @pytest.mark.parametrize("frames", [1.0, 1.5, 2.3, 3.0])
-def test_margin_parts_runs_that_settle_from_runs_that_diverge(frames: float) -> None:
+def test_margin_parts_runs_that_settle_from_runs_that_diverge(frames):
     control = ControlSpec(controller="integrator", gain=0.3, leak=0.01)
     largest = stability_margin(control, frames).largest_gain
     whole = int(frames)
@@ -37,7 +37,7 @@ def test_margin_parts_runs_that_settle_from_runs_that_diverge(frames: float) -> 
     assert last(1.03 * largest) > 1.0
 
 
-def test_composition_is_stable_at_gain_1_whatever_the_delay() -> None:
+def test_composition_is_stable_at_gain_1_whatever_the_delay():
     for frames in (0.0, 1.0, 2.7, 5.0, 9.5):
         margin = stability_margin(ControlSpec(gain=1.0), frames)
         assert margin.margin > 1.0
@@ -45,7 +45,7 @@ def test_composition_is_stable_at_gain_1_whatever_the_delay() -> None:
         assert margin.largest_gain >= 2 / 1.9 - 1e-6
 
 
-def test_longer_delay_never_allows_more_gain_to_the_integrator() -> None:
+def test_longer_delay_never_allows_more_gain_to_the_integrator():
     control = ControlSpec(controller="integrator", gain=0.3)
     gains = [stability_margin(control, frames).largest_gain for frames in np.arange(1, 5, 0.25)]
     assert (np.diff(gains) <= 1e-9).all()

@@ -31,14 +31,14 @@ def unpredicted(bench: NodeBench) -> NodeBench:
 
 
 @pytest.mark.parametrize("scan", ["down", "up"])
-def test_a_steady_slide_leaves_a_fifth_of_the_residual(scan: str) -> None:
+def test_a_steady_slide_leaves_a_fifth_of_the_residual(scan):
     display = panel().model_copy(update={"scan": scan})
     truth = slide(100.0)
     predicted_bench, late = NodeBench(REST, truth, display), unpredicted(NodeBench(REST, truth, display))
     assert residuals(predicted_bench) < 0.2 * residuals(late)
 
 
-def test_the_estimate_is_not_predicted() -> None:
+def test_the_estimate_is_not_predicted():
     truth = slide(100.0)
     bench = NodeBench(REST, truth)
     inner = REST.grid.inner
@@ -52,7 +52,7 @@ def test_the_estimate_is_not_predicted() -> None:
 
 
 @pytest.mark.parametrize("at_s", 0.2 + np.arange(8) / 8 * FRAME_S)
-def test_a_sudden_press_is_not_predicted_wherever_it_falls_in_an_exposure(at_s: float) -> None:
+def test_a_sudden_press_is_not_predicted_wherever_it_falls_in_an_exposure(at_s):
     rest, pressed = np.zeros_like(REST.q), dent(REST, 6.0, **WIDE)
     bench = NodeBench(REST, lambda t: pressed if t > at_s else rest)
     for _ in bench.run(24):
@@ -61,7 +61,7 @@ def test_a_sudden_press_is_not_predicted_wherever_it_falls_in_an_exposure(at_s: 
         assert along < 0.01
 
 
-def test_a_mirror_at_rest_is_not_predicted() -> None:
+def test_a_mirror_at_rest_is_not_predicted():
     bench = NodeBench(REST, lambda t: np.zeros_like(REST.q))
     for _ in bench.run(60):
         controller = bench.circle.controller
@@ -69,13 +69,13 @@ def test_a_mirror_at_rest_is_not_predicted() -> None:
         assert np.sqrt(np.mean((controller.commanded - controller.estimate) ** 2)) < 0.001
 
 
-def test_the_end_of_a_motion_ends_the_prediction_within_the_delay() -> None:
+def test_the_end_of_a_motion_ends_the_prediction_within_the_delay():
     bench = NodeBench(REST, lambda t: slide(100.0)(min(t, 0.4)))
     quiet = [taken.residual_rms_px for taken in bench.run(36) if bench.mid_s > 0.4 + 7 * FRAME_S]
     assert max(quiet) < 0.02
 
 
-def test_the_horizon_is_the_median_age_from_the_first_panel_row() -> None:
+def test_the_horizon_is_the_median_age_from_the_first_panel_row():
     for upwards in (False, True):
         horizon = Horizon(upwards)
         assert horizon.age_s is None
@@ -99,13 +99,13 @@ def predicted(steps: int, step: np.ndarray, horizon_s: float) -> list[np.ndarray
     return shifts
 
 
-def test_a_prediction_waits_for_three_steps_that_agree() -> None:
+def test_a_prediction_waits_for_three_steps_that_agree():
     shifts = [float(shift.mean()) for shift in predicted(5, np.array([0.3, 0.3]), 0.03)]
     full = 0.3 * 0.03 / FRAME_S
     np.testing.assert_allclose(shifts, [0, 0, 0, full, full, full, 0], atol=1e-6)
 
 
-def test_a_large_prediction_builds_up_over_several_pictures() -> None:
+def test_a_large_prediction_builds_up_over_several_pictures():
     step = np.array([2.0, 0.0])
     shifts = np.array([shift[..., 0].max() for shift in predicted(11, step, 0.1)[:-1]])
     assert shifts[-1] == pytest.approx(2.0 * 0.1 / FRAME_S, rel=1e-6)
@@ -113,7 +113,7 @@ def test_a_large_prediction_builds_up_over_several_pictures() -> None:
     assert np.diff(shifts + 2.0 * np.arange(12)).max() <= 0.34 * 16 * LCD_PER_CAMERA
 
 
-def test_a_controller_of_low_gain_does_not_predict() -> None:
+def test_a_controller_of_low_gain_does_not_predict():
     bench = NodeBench(REST, slide(100.0), control=ControlSpec(gain=0.2))
     for _ in bench.run(20):
         np.testing.assert_array_equal(bench.circle.controller.commanded, bench.circle.controller.estimate)

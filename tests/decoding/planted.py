@@ -1,7 +1,5 @@
 """A camera that looks at an LCD through a smooth planted map: every frame is a formula plus noise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

@@ -16,7 +16,7 @@ UNEQUAL = tuple(np.deg2rad([0, 50, 130, 170, 220, 300]))
 
 
 @pytest.mark.parametrize("shifts", [equal_shifts(3), equal_shifts(6), equal_shifts(9)[::-1], UNEQUAL])
-def test_phases_are_exact_without_noise(shifts: tuple[float, ...]) -> None:
+def test_phases_are_exact_without_noise(shifts):
     sequence = FringeSequence((17.0, 20.0), shifts)
     bench = Bench((16, 24))
     frames = [
@@ -37,7 +37,7 @@ def test_phases_are_exact_without_noise(shifts: tuple[float, ...]) -> None:
 
 
 @pytest.mark.parametrize("count", [3, 4, 5, 6, 8])
-def test_a_panel_without_inverse_response_does_no_harm(count: int) -> None:
+def test_a_panel_without_inverse_response_does_no_harm(count):
     bench = Bench(gamma=2.2)
     found = measure_rest(
         bench.frames(sequence := FringeSequence(PERIODS, equal_shifts(count))), sequence, size_px=PANEL
@@ -55,7 +55,7 @@ def test_a_panel_without_inverse_response_does_no_harm(count: int) -> None:
         assert found.second_harmonic == pytest.approx(0.2, abs=0.03)
 
 
-def test_camera_noise_is_found_in_the_frames() -> None:
+def test_camera_noise_is_found_in_the_frames():
     # The view's light varies by four, so constant and slope can be separated.
     rows, cols = 128, 160
     bench = Bench(reflectance=np.linspace(0.25, 1.0, cols)[None, :] * np.ones((rows, 1)), electrons=20.0)
@@ -68,7 +68,7 @@ def test_camera_noise_is_found_in_the_frames() -> None:
     assert found.noise_found
 
 
-def test_scatter_beyond_the_stated_noise_widens_sigma() -> None:
+def test_scatter_beyond_the_stated_noise_widens_sigma():
     bench = Bench(read=4.0, electrons=1e6)
     sequence = FringeSequence(PERIODS, equal_shifts(6))
     found = measure_rest(bench.frames(sequence), sequence, size_px=PANEL, noise=NoiseModel.of_camera(2.0))
@@ -78,7 +78,7 @@ def test_scatter_beyond_the_stated_noise_widens_sigma() -> None:
     assert z.std() == pytest.approx(1.0, abs=0.02)
 
 
-def test_noise_of_a_few_pixels_is_not_guessed() -> None:
+def test_noise_of_a_few_pixels_is_not_guessed():
     assert fit_noise(np.full(10, 100.0), np.ones(10), 3) is None
 
 
@@ -93,14 +93,12 @@ def test_noise_of_a_few_pixels_is_not_guessed() -> None:
         ((16.0, 18.0), (0.0, 0.05, 0.1), "spread over the turn"),
     ],
 )
-def test_a_sequence_that_cannot_be_decoded_is_refused(
-    periods: tuple[float, ...], shifts: tuple[float, ...], words: str
-) -> None:
+def test_a_sequence_that_cannot_be_decoded_is_refused(periods, shifts, words):
     with pytest.raises(InputError, match=words):
         FringeSequence(periods, shifts)
 
 
-def test_pictures_are_what_the_decoder_expects() -> None:
+def test_pictures_are_what_the_decoder_expects():
     sequence = FringeSequence(choose_periods(160), equal_shifts(6))
     pictures = list(sequence.pictures(160, 96))
     assert len(pictures) == sequence.frames

@@ -14,7 +14,7 @@ BENCH = FringeBench(LADDER, shape=(180, 240), lit=0.6)
 
 
 @pytest.mark.parametrize("shifts", [3, 4, 6])
-def test_flicker_is_taken_out_and_what_is_left_is_in_sigma(shifts: int) -> None:
+def test_flicker_is_taken_out_and_what_is_left_is_in_sigma(shifts):
     off, pull, plain, shares = [], [], [], []
     for seed in range(4):
         bench = replace(BENCH, shifts=shifts, flicker=0.03, seed=seed)
@@ -34,7 +34,7 @@ def test_flicker_is_taken_out_and_what_is_left_is_in_sigma(shifts: int) -> None:
     assert np.std(np.concatenate(off)) < 0.8 * np.std(np.concatenate(plain))
 
 
-def test_steady_light_does_not_flicker() -> None:
+def test_steady_light_does_not_flicker():
     for ladder in (LADDER, (2133.0, 256.0, 30.0)):
         bench = replace(BENCH, periods_px=ladder)
         assert measure_rest(bench.frames(), bench.sequence, size_px=PANEL).flicker == 0.0

@@ -34,7 +34,7 @@ def gray_code(bench: Bench) -> tuple[np.ndarray, int]:
     return place, len(frames)
 
 
-def test_phase_shifting_beats_gray_code_with_like_many_frames() -> None:
+def test_phase_shifting_beats_gray_code_with_like_many_frames():
     bench = Bench((48, 60))
     coded, frames = gray_code(bench)
     sequence = FringeSequence(choose_periods(PANEL[0]), equal_shifts(6))

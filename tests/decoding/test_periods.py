@@ -42,7 +42,7 @@ def wrong_share(periods: tuple[float, ...], phase_sigma: float, seed: int = 0) -
     return float(np.mean(np.abs(found.x_px - x) > 4))
 
 
-def test_close_periods_confuse_places_and_spread_ones_do_not() -> None:
+def test_close_periods_confuse_places_and_spread_ones_do_not():
     near, spread = (127.0, 128.0), (9.0, 64.0, 128.0)
     sigma = brentq(lambda s: order_error(near, s, SIZE) - 0.22, 0.005, 0.03)
     assert order_error(spread, sigma, SIZE) < 1e-3
@@ -56,7 +56,7 @@ def test_close_periods_confuse_places_and_spread_ones_do_not() -> None:
     ("periods", "sigma"),
     [((9.0, 64.0, 128.0), 0.025), ((16.0, 18.0, 19.0), 0.11), ((24.0, 25.0, 26.0, 27.0), 0.1)],
 )
-def test_the_bound_predicts_the_share_of_wrong_orders(periods: tuple[float, ...], sigma: float) -> None:
+def test_the_bound_predicts_the_share_of_wrong_orders(periods, sigma):
     predicted, found = order_error(periods, sigma, SIZE), wrong_share(periods, sigma)
     assert 0.005 < predicted < 0.1  # rare enough for the union bound, common enough for 40,000 draws
     # 0.005 of 40,000 draws is known to 7 %. The bound counts rivals twice that are confused together; phases
@@ -64,7 +64,7 @@ def test_the_bound_predicts_the_share_of_wrong_orders(periods: tuple[float, ...]
     assert 0.7 * predicted < found < 1.25 * predicted
 
 
-def test_rivals_of_two_periods_lie_at_their_multiples() -> None:
+def test_rivals_of_two_periods_lie_at_their_multiples():
     # D = 127: period 127 is off by 0, period 128 by one px, 2 pi / 128; a compromise halves the square.
     offset, distance = rivals((127, 128), 1.0, 300)
     assert offset == pytest.approx([127.5, 255.0], abs=0.01)
@@ -72,7 +72,7 @@ def test_rivals_of_two_periods_lie_at_their_multiples() -> None:
 
 
 @pytest.mark.parametrize("size", [800, 1280, 1920, 2560, 3840])
-def test_default_periods_keep_every_place_apart(size: int) -> None:
+def test_default_periods_keep_every_place_apart(size):
     periods = choose_periods(size)
     assert len(periods) == 4
     assert rivals(periods, 1.0, size)[1].min() > SEPARATION_RAD
@@ -81,6 +81,6 @@ def test_default_periods_keep_every_place_apart(size: int) -> None:
     assert unambiguous_range(periods, 0.05) > size
 
 
-def test_the_longest_side_that_two_sine_waves_can_tell_is_their_beat() -> None:
+def test_the_longest_side_that_two_sine_waves_can_tell_is_their_beat():
     # Without noise 9 and 10 px coincide again at 90 px; the range ends where the best compromise lies.
     assert unambiguous_range((9, 10), 1e-4) == pytest.approx(89, abs=0.2)

@@ -38,7 +38,7 @@ def compare(bench: FringeBench, frames: np.ndarray, cropped: bool) -> RestMeasur
 
 @pytest.mark.parametrize("ladder", LADDERS, ids=len)
 @pytest.mark.parametrize("cropped", [False, True])
-def test_places_are_never_worse_than_plain_ones(ladder: tuple[float, ...], cropped: bool) -> None:
+def test_places_are_never_worse_than_plain_ones(ladder, cropped):
     bench = FringeBench(ladder, shape=(180, 240))
     frames = bench.frames()
     compare(bench, frames, cropped)
@@ -46,14 +46,14 @@ def test_places_are_never_worse_than_plain_ones(ladder: tuple[float, ...], cropp
 
 
 @pytest.mark.parametrize("lit", [0.03, 1.0])
-def test_the_dark_share_of_the_image_does_not_matter(lit: float) -> None:
+def test_the_dark_share_of_the_image_does_not_matter(lit):
     bench = FringeBench(LADDERS[1], shape=(240, 320) if lit < 1 else (90, 120), lit=lit)
     frames = bench.frames()
     compare(bench, frames, False)
     compare(bench, linearised(frames), False)
 
 
-def test_the_harmonic_of_three_shifts_is_taken_out_of_the_finest_period_too() -> None:
+def test_the_harmonic_of_three_shifts_is_taken_out_of_the_finest_period_too():
     bench = FringeBench(LADDERS[1], shifts=3, shape=(180, 240), lit=0.6)
     found = compare(bench, bench.frames(), True)
     # Second over first harmonic of (1/2 + 0.48 cos)^2.2, in the coarse periods that no blur damps.
@@ -62,14 +62,14 @@ def test_the_harmonic_of_three_shifts_is_taken_out_of_the_finest_period_too() ->
     assert found.folded_harmonic == pytest.approx(waves[2] / waves[1], abs=0.005)
 
 
-def test_a_harmonic_that_is_not_there_is_not_taken_out() -> None:
+def test_a_harmonic_that_is_not_there_is_not_taken_out():
     sequence = FringeSequence(LADDERS[1], equal_shifts(4))
     found = measure_rest(Bench((96, 120)).frames(sequence), sequence, size_px=PANEL)
     # Three standard deviations of 0.03 rad over 5000 pixels, four times that where coarse judges fine.
     assert found.folded_harmonic < 0.006
 
 
-def test_a_second_reflection_shows_in_a_ladder_too() -> None:
+def test_a_second_reflection_shows_in_a_ladder_too():
     sequence = FringeSequence(LADDERS[1], equal_shifts(4))
     doubled = np.zeros((128, 160), bool)
     doubled[:, 100:] = True
@@ -80,7 +80,7 @@ def test_a_second_reflection_shows_in_a_ladder_too() -> None:
     assert not named[:, :95].any()
 
 
-def test_each_axis_may_have_its_own_periods() -> None:
+def test_each_axis_may_have_its_own_periods():
     columns, rows = (190.0, 40.0, 16.0), (130.0, 20.0)
     sequence = FringeSequence(columns, equal_shifts(4), ("rows", "columns"), 2, rows)
     assert sequence.frames == 2 * (3 + 2) * 4
@@ -91,7 +91,7 @@ def test_each_axis_may_have_its_own_periods() -> None:
     assert np.abs(rest.lcd_px - at).max() < 1e-3
 
 
-def test_decoding_takes_no_more_than_ten_times_as_long_as_plain() -> None:
+def test_decoding_takes_no_more_than_ten_times_as_long_as_plain():
     bench = FringeBench(LADDERS[1])
     frames = bench.frames()
 
@@ -111,7 +111,7 @@ def test_decoding_takes_no_more_than_ten_times_as_long_as_plain() -> None:
     )  # some 5 times; small crops take more, see benchmarks/decoding.py
 
 
-def test_the_last_search_finds_what_the_neighbour_cannot_say() -> None:
+def test_the_last_search_finds_what_the_neighbour_cannot_say():
     # Every second pixel looks half the LCD away: no pixel's order follows from the one before.
     sequence = FringeSequence(choose_periods(PANEL[0]), equal_shifts(4))
     bench = Bench((40, 60))

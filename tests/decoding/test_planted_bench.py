@@ -43,7 +43,7 @@ def part(rows: slice, cols: slice) -> np.ndarray:
 
 
 @pytest.mark.parametrize("repeats", [1, 3])
-def test_every_place_is_found_within_its_sigma(repeats: int) -> None:
+def test_every_place_is_found_within_its_sigma(repeats):
     bench = Bench()
     found = measure(bench, replace(SEQUENCE, repeats=repeats))
     z = errors(bench, found)
@@ -60,14 +60,14 @@ def test_every_place_is_found_within_its_sigma(repeats: int) -> None:
     assert found.order_error < 1e-30
 
 
-def test_fringes_below_the_noise_are_refused_by_name() -> None:
+def test_fringes_below_the_noise_are_refused_by_name():
     # Amplitude 79 at best, its noise sqrt(2 / 6) x 32: four sigmas where eight are asked.
     found = measure_rest(Bench(read=32.0, electrons=1e6).frames(SEQUENCE), SEQUENCE, size_px=PANEL)
     assert named(found, Reason.NO_MODULATION).mean() > 0.99
     assert found.rest_map.valid.mean() < 0.01
 
 
-def test_wrong_orders_are_found_and_removed() -> None:
+def test_wrong_orders_are_found_and_removed():
     # Three periods that are only 0.5 rad apart: noise alone gets one in some hundred wrong.
     sequence = FringeSequence((16.0, 18.0, 19.0), equal_shifts(6))
     bench = Bench(read=14.0, electrons=1e6)
@@ -83,7 +83,7 @@ def test_wrong_orders_are_found_and_removed() -> None:
     assert rest.valid.mean() > 0.5
 
 
-def test_a_patch_of_wrong_orders_is_found_by_its_rim() -> None:
+def test_a_patch_of_wrong_orders_is_found_by_its_rim():
     # A patch shows another part of the LCD, 144 columns away: pixel by pixel as sound as its neighbours.
     bench = Bench()
     patch = part(slice(30, 60), slice(50, 90))
@@ -97,7 +97,7 @@ MIRROR = part(slice(20, 100), slice(30, 140))
 
 
 @pytest.mark.parametrize("around", [{"mirror": MIRROR}, {"reflectance": np.where(MIRROR, 1.0, 0.1)}])
-def test_what_is_not_mirror_or_a_face_that_reflects_a_little_is_named(around: dict[str, np.ndarray]) -> None:
+def test_what_is_not_mirror_or_a_face_that_reflects_a_little_is_named(around):
     bench = Bench(**around)
     found = measure(bench)
     assert np.array_equal(named(found, Reason.NO_MODULATION), ~MIRROR)
@@ -106,7 +106,7 @@ def test_what_is_not_mirror_or_a_face_that_reflects_a_little_is_named(around: di
 
 
 @pytest.mark.parametrize("offset", [(37.0, -23.0), (8.0, 3.0), (-150.0, 211.0)])
-def test_a_second_reflection_of_a_tenth_is_found_and_named(offset: tuple[float, float]) -> None:
+def test_a_second_reflection_of_a_tenth_is_found_and_named(offset):
     doubled = part(slice(None), slice(80, None))
     bench = Bench(ghost=0.1 * doubled, ghost_offset=offset)
     found = measure(bench)
@@ -122,7 +122,7 @@ def test_a_second_reflection_of_a_tenth_is_found_and_named(offset: tuple[float, 
     assert 0.05 < np.median(found.reflection[binary_erosion(doubled, iterations=5)]) < 0.15
 
 
-def test_a_second_reflection_that_drifts_over_the_first_is_left_out_whole() -> None:
+def test_a_second_reflection_that_drifts_over_the_first_is_left_out_whole():
     v, u = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
     found = measure(Bench(ghost=0.1, ghost_offset=(0.5 * (u - 80), 0.3 * (v - 64))))
     # Where both lie within a few px of each other the periods agree: the parts next to them show it.
@@ -131,9 +131,7 @@ def test_a_second_reflection_that_drifts_over_the_first_is_left_out_whole() -> N
 
 @pytest.mark.parametrize("gamma", [1.0, 2.2])
 @pytest.mark.parametrize("distance_px", [2.0, 3.0, 4.0, 5.0])
-def test_a_second_reflection_too_near_to_leave_out_is_reported_with_what_it_costs(
-    distance_px: float, gamma: float
-) -> None:
+def test_a_second_reflection_too_near_to_leave_out_is_reported_with_what_it_costs(distance_px, gamma):
     bench = Bench(ghost=0.1, ghost_offset=(distance_px, 0.0), gamma=gamma)
     found = measure(bench)
     off = float(np.nanmean((found.rest_map.lcd_px - bench.lcd)[..., 0]))
@@ -144,7 +142,7 @@ def test_a_second_reflection_too_near_to_leave_out_is_reported_with_what_it_cost
     assert 0.6 * 0.1 * found.near_px < off < 0.1 * found.near_px
 
 
-def test_a_bench_without_one_and_one_of_a_pixel_are_not_reported() -> None:
+def test_a_bench_without_one_and_one_of_a_pixel_are_not_reported():
     for seed in range(4):
         assert measure(Bench(seed=seed, gamma=2.2)).near_px == 0
         # what is not found at all costs less than this
@@ -152,7 +150,7 @@ def test_a_bench_without_one_and_one_of_a_pixel_are_not_reported() -> None:
         assert np.abs(np.nanmean(measure(near).rest_map.lcd_px - near.lcd, axis=(0, 1))).max() < 0.15
 
 
-def test_a_second_reflection_that_is_accepted_is_in_sigma() -> None:
+def test_a_second_reflection_that_is_accepted_is_in_sigma():
     bench = Bench(ghost=0.015)
     found = measure(bench)
     z = errors(bench, found)
@@ -169,7 +167,7 @@ def test_a_second_reflection_that_is_accepted_is_in_sigma() -> None:
         (range(48, 54), 0.6, 3),
     ],
 )
-def test_a_hand_in_the_light_is_found_and_named(frames: range, left: float, repeats: int) -> None:
+def test_a_hand_in_the_light_is_found_and_named(frames, left, repeats):
     hand = part(slice(40, 90), slice(60, 100))
     bench = Bench(shade=lambda number: np.where(hand, left, 1.0) if number in frames else 1.0)
     found = measure(bench, replace(SEQUENCE, repeats=repeats))
@@ -180,14 +178,14 @@ def test_a_hand_in_the_light_is_found_and_named(frames: range, left: float, repe
     assert found.count(Reason.SECOND_REFLECTION) < 0.01 * hand.sum()
 
 
-def test_a_backlight_that_drifts_is_no_hand() -> None:
+def test_a_backlight_that_drifts_is_no_hand():
     bench = Bench(shade=lambda number: 1.0 - 0.05 * (number // 6) / 8)
     found = measure(bench)
     assert found.count(Reason.DISTURBED) == 0
     assert found.light_drift == pytest.approx(0.5 * 0.05 * 7 / 8, abs=0.01)
 
 
-def test_dead_and_saturated_pixels_are_named() -> None:
+def test_dead_and_saturated_pixels_are_named():
     bench = Bench()
     frames = bench.frames(SEQUENCE)
     dead, hot = (20, 30), (60, 100)
@@ -204,7 +202,7 @@ def test_dead_and_saturated_pixels_are_named() -> None:
     assert named(found, Reason.DISTURBED)[bright].mean() > 0.9
 
 
-def test_pixels_at_a_dead_lcd_pixel_are_named() -> None:
+def test_pixels_at_a_dead_lcd_pixel_are_named():
     # They receive less light, and that from next to the dead pixel: amplitude 0.5, half a pixel away.
     bench = Bench(reflectance=np.where(part(slice(70, 72), slice(50, 52)), 0.5, 1.0))
     bench.lcd[70, 51, 0] += 0.5
@@ -213,7 +211,7 @@ def test_pixels_at_a_dead_lcd_pixel_are_named() -> None:
     assert found.count(Reason.DEAD) == 4
 
 
-def test_a_pixel_that_looks_elsewhere_is_named() -> None:
+def test_a_pixel_that_looks_elsewhere_is_named():
     bench = Bench()
     bench.lcd[50, 60, 1] += 0.8
     found = measure(bench)
@@ -221,7 +219,7 @@ def test_a_pixel_that_looks_elsewhere_is_named() -> None:
     assert found.count(Reason.DEAD) == 1
 
 
-def test_places_past_the_panel_are_named() -> None:
+def test_places_past_the_panel_are_named():
     bench = Bench()
     bench.lcd[..., 0] -= 306.0
     past = bench.lcd[..., 0] < -0.5
@@ -233,14 +231,14 @@ def test_places_past_the_panel_are_named() -> None:
     assert not masked[bench.lcd[..., 0] > -0.3].any()
 
 
-def test_without_a_panel_size_the_periods_say_how_far_to_look() -> None:
+def test_without_a_panel_size_the_periods_say_how_far_to_look():
     bench = Bench()
     found = measure_rest(bench.frames(SEQUENCE), SEQUENCE)
     assert found.size_px[0] > PANEL[0]
     assert errors(bench, found).std() == pytest.approx(1.0, abs=0.03)
 
 
-def test_a_view_of_640_x_512_takes_seconds() -> None:
+def test_a_view_of_640_x_512_takes_seconds():
     bench = Bench((512, 640))
     frames = bench.frames(SEQUENCE)
     measure(Bench((32, 40)))  # compiled or loaded before the clock starts

@@ -54,7 +54,7 @@ def errors_px(rig: Rig, found: RestMeasurement) -> np.ndarray:
     return found.rest_map.lcd_px - Optics(rig).rest_map(u, v)
 
 
-def test_the_rest_map_of_the_bench_is_found_though_its_response_is_not_known() -> None:
+def test_the_rest_map_of_the_bench_is_found_though_its_response_is_not_known():
     rig = part_of_view((280, 220))
     found = captured(rig, Response(1.0))
     off = errors_px(rig, found)
@@ -69,7 +69,7 @@ def test_the_rest_map_of_the_bench_is_found_though_its_response_is_not_known() -
     assert found.second_harmonic > 0.1
 
 
-def test_second_reflections_of_the_faces_are_found_and_named() -> None:
+def test_second_reflections_of_the_faces_are_found_and_named():
     rig = part_of_view((80, 60), ghost_faces=0.1)
     found = captured(rig, Response.from_rig(rig.display))
     rest = found.rest_map

@@ -13,7 +13,7 @@ def budget(computing_s: float = 0.0, **parts):
     return {step.name: step for step in delay_budget(SampledView(telecentric(**parts)), computing_s)}
 
 
-def test_the_sum_is_that_of_its_steps() -> None:
+def test_the_sum_is_that_of_its_steps():
     display = {"refresh_hz": 50.0, "latency_s": 0.03, "scanout_s": 0.0, "rise_s": 0.0}
     steps = budget(0.01, display=display, camera={"rate_hz": 25.0, "exposure_s": 0.02, "latency_s": 0.005})
     total = total_s(list(steps.values()))
@@ -22,7 +22,7 @@ def test_the_sum_is_that_of_its_steps() -> None:
     assert total.worst_s == pytest.approx(total.mean_s + 0.01 + 0.02)
 
 
-def test_scan_out_reaches_the_rows_that_are_seen() -> None:
+def test_scan_out_reaches_the_rows_that_are_seen():
     view = SampledView(telecentric(display={"scan": "down", "scanout_s": 0.01}))
     rows = view.trace.q[view.on_lcd][:, 1] / (view.rig.display.rows - 1)
     down = budget(display={"scan": "down", "scanout_s": 0.01})["scan-out to the rows in view"]
@@ -32,7 +32,7 @@ def test_scan_out_reaches_the_rows_that_are_seen() -> None:
     assert down.mean_s + up.mean_s == pytest.approx(0.01)
 
 
-def test_a_rise_from_10_to_90_percent_delays_by_its_time_constant() -> None:
+def test_a_rise_from_10_to_90_percent_delays_by_its_time_constant():
     rise = budget(display={"rise_s": 0.004})["rise of the pixels"].mean_s
     # mean delay of an exponential, by quadrature of 1 - step
     time_s = np.linspace(0, 0.1, 100001)
@@ -40,7 +40,7 @@ def test_a_rise_from_10_to_90_percent_delays_by_its_time_constant() -> None:
     assert rise == pytest.approx(np.trapezoid(np.exp(-time_s / tau_s), time_s), rel=1e-4)
 
 
-def test_a_simulated_camera_has_the_simulations_latency_unless_given() -> None:
+def test_a_simulated_camera_has_the_simulations_latency_unless_given():
     def latency_s(rig) -> float:
         return next(s.mean_s for s in delay_budget(SampledView(rig), 0.0) if s.name == "readout and transfer")
 

@@ -9,7 +9,7 @@ from zeromethod.design.figures import field_of_view
 from .design_benches import PIXEL_MM, telecentric
 
 
-def test_the_span_on_the_mirror_is_that_of_the_nodes(view: SampledView) -> None:
+def test_the_span_on_the_mirror_is_that_of_the_nodes(view):
     found = field_of_view(view)
     span = np.ptp(view.u_px) * PIXEL_MM / np.cos(np.radians(50.0))
     assert np.ptp(found["mirror_x_mm"]) == pytest.approx(span)
@@ -19,7 +19,7 @@ def test_the_span_on_the_mirror_is_that_of_the_nodes(view: SampledView) -> None:
     assert found["lost_share"] == {}
 
 
-def test_lost_rays_are_counted_by_reason() -> None:
+def test_lost_rays_are_counted_by_reason():
     # parallel rays over 1.5 times the 60 mm of the camera face
     view = SampledView(telecentric(pixel_mm=90.0 / 320, display={"columns": 3000, "rows": 2000}))
     found = field_of_view(view)

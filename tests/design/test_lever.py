@@ -17,7 +17,7 @@ def reach_mm(view: SampledView, layers: tuple) -> np.ndarray:
 
 
 @pytest.mark.parametrize("layers", [(), (GAP,), (PLATE, GAP)])
-def test_the_lcd_moves_by_twice_the_slope_times_the_path(layers: tuple) -> None:
+def test_the_lcd_moves_by_twice_the_slope_times_the_path(layers):
     view = SampledView(telecentric(layers=layers))
     reach, pitch = reach_mm(view, layers), view.rig.display.pitch_mm
     found = lever.lcd_px_per_mrad(view)
@@ -27,7 +27,7 @@ def test_the_lcd_moves_by_twice_the_slope_times_the_path(layers: tuple) -> None:
     np.testing.assert_allclose(found[view.on_lcd][:, 1], 2e-3 * COS * reach[view.on_lcd] / pitch, rtol=1e-9)
 
 
-def test_the_image_moves_by_as_many_of_its_own_pixels() -> None:
+def test_the_image_moves_by_as_many_of_its_own_pixels():
     view = SampledView(telecentric(layers=(GAP,)))
     reach = reach_mm(view, (GAP,))[view.on_lcd]
     # parallel rays at right angles: the image of the LCD has the camera's own scale
@@ -35,19 +35,19 @@ def test_the_image_moves_by_as_many_of_its_own_pixels() -> None:
     np.testing.assert_allclose(found, 2e-3 * np.outer(reach, [1.0, COS]) / PIXEL_MM, rtol=1e-6)
 
 
-def test_a_pixel_covers_more_of_the_mirror_along_x(view: SampledView) -> None:
+def test_a_pixel_covers_more_of_the_mirror_along_x(view):
     found = lever.mirror_mm_per_px(view)[view.on_lcd]
     np.testing.assert_allclose(found, [[PIXEL_MM / COS, PIXEL_MM]] * len(found), rtol=1e-6)
 
 
-def test_depth_per_pixel_is_the_slope_of_one_pixel_over_the_width_of_one_pixel(view: SampledView) -> None:
+def test_depth_per_pixel_is_the_slope_of_one_pixel_over_the_width_of_one_pixel(view):
     reach = reach_mm(view, ())[view.on_lcd]
     expected = 1e6 * PIXEL_MM**2 / (2 * reach * COS)  # the same along x and y
     found = lever.depth_nm_per_px(view)[view.on_lcd]
     np.testing.assert_allclose(found, np.stack([expected, expected], axis=-1), rtol=1e-6)
 
 
-def test_the_sharpest_bend_focuses_on_the_lcd(view: SampledView) -> None:
+def test_the_sharpest_bend_focuses_on_the_lcd(view):
     # a mirror of radius R at incidence i focuses parallel light at R cos(i) / 2 in the plane of incidence
     expected = COS / (2 * view.x_mm * SIN)
     np.testing.assert_allclose(
@@ -55,13 +55,13 @@ def test_the_sharpest_bend_focuses_on_the_lcd(view: SampledView) -> None:
     )
 
 
-def test_the_ring_of_a_gaussian_bends_0_446_times_as_much_as_its_middle() -> None:
+def test_the_ring_of_a_gaussian_bends_0_446_times_as_much_as_its_middle():
     r = np.linspace(0.0, 5.0, 20001)
     profile = np.exp(-(r**2) / 2)
     assert pytest.approx(((r**2 - 1) * profile).max(), rel=1e-6) == lever.GAUSSIAN_RING
 
 
-def test_the_depth_that_folds_grows_with_the_square_of_the_size(view: SampledView) -> None:
+def test_the_depth_that_folds_grows_with_the_square_of_the_size(view):
     curvature = lever.largest_curvature_per_mm(view)[view.on_lcd]
     np.testing.assert_allclose(
         lever.gaussian_fold_mm(view, 3.0)[view.on_lcd], 9 * curvature / lever.GAUSSIAN_RING

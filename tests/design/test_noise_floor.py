@@ -32,7 +32,7 @@ def image(rig, rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["cosines", "checker", "lattice", "noise"])
-def test_the_sensor_scatters_as_predicted(kind: str) -> None:
+def test_the_sensor_scatters_as_predicted(kind):
     rig = telecentric(camera={"psf_px": 0.0, "noise": NOISE}, target={"kind": kind})
     view = SampledView(rig)
     sensor = ResidualSensor.from_rig(rig, view.grid, light=Target.from_spec(rig.target).light)
@@ -46,13 +46,13 @@ def test_the_sensor_scatters_as_predicted(kind: str) -> None:
     assert measured == pytest.approx(predicted, rel=tolerance)
 
 
-def test_slope_noise_is_displacement_noise_by_the_lever(view: SampledView) -> None:
+def test_slope_noise_is_displacement_noise_by_the_lever(view):
     lever = 2 * view.x_mm * np.sin(np.radians(50.0)) / 0.1  # camera px per rad along x
     expected = 1e6 * displacement_sigma_px(view) / lever
     np.testing.assert_allclose(slope_sigma_urad(view)[view.on_lcd][:, 0], expected[view.on_lcd], rtol=1e-6)
 
 
-def test_depth_noise_follows_the_light() -> None:
+def test_depth_noise_follows_the_light():
     camera = {"noise": Noise(read_grey=2.0, black_grey=4.0)}
     quiet = SampledView(small(camera=camera))
     dim = SampledView(small(camera=camera, simulation={"peak_grey_share": 0.4}))
@@ -61,7 +61,7 @@ def test_depth_noise_follows_the_light() -> None:
     assert ratio == pytest.approx((0.8 * 255 - 4) / (0.4 * 255 - 4), rel=1e-3)
 
 
-def test_below_total_reflection_the_lost_light_counts() -> None:
+def test_below_total_reflection_the_lost_light_counts():
     lit, dim = (
         SampledView(telecentric(angle, camera={"noise": Noise(read_grey=2.0)})) for angle in (46.0, 45.0)
     )
@@ -70,7 +70,7 @@ def test_below_total_reflection_the_lost_light_counts() -> None:
     assert ratio == pytest.approx(2 / (s + p), rel=1e-3)
 
 
-def test_blur_takes_contrast_by_the_gaussians_transfer() -> None:
+def test_blur_takes_contrast_by_the_gaussians_transfer():
     sharp, soft = (contrast(telecentric(camera={"psf_px": psf})) for psf in (0.0, 2.0))
     expected = np.exp(-2 * (np.pi * 2.0 / 16) ** 2)
     assert soft.carrier / sharp.carrier == pytest.approx(expected, rel=1e-9)
@@ -78,7 +78,7 @@ def test_blur_takes_contrast_by_the_gaussians_transfer() -> None:
     assert sharp.carrier == pytest.approx(0.5 * 0.45 * np.sinc(1 / 16), rel=1e-9)
 
 
-def test_means_fall_with_the_root_of_the_frames_and_the_filter_with_its_gain() -> None:
+def test_means_fall_with_the_root_of_the_frames_and_the_filter_with_its_gain():
     found = noise_floor(SampledView(small(control={"gain": 0.5})))
     by_frames = {one["frames"]: one["depth_rms_nm"] for one in found["averaged"]}
     assert by_frames[100] == pytest.approx(found["depth_rms_nm"] / 10)
@@ -86,7 +86,7 @@ def test_means_fall_with_the_root_of_the_frames_and_the_filter_with_its_gain() -
     assert found["filter_share"] == pytest.approx(np.sqrt(1 / 3))
 
 
-def test_lcd_pixels_beat_only_where_they_fold_onto_the_carrier() -> None:
+def test_lcd_pixels_beat_only_where_they_fold_onto_the_carrier():
     # 1.0625 LCD px per camera px: the grid is seen as waves of 16 camera px, as long as the carrier's
     pitch_mm = 0.1 / 1.0625
     display = {"pitch_mm": pitch_mm, "columns": 1000, "rows": 800, "fill_factor": (0.9, 0.85)}

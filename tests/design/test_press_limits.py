@@ -27,9 +27,7 @@ def fine() -> SampledView:
 
 
 @pytest.mark.parametrize(("sigma_mm", "folds_mm"), [(1.0, 0.031), (2.0, 0.117)])
-def test_a_gaussian_folds_where_its_ring_focuses_on_the_lcd(
-    fine: SampledView, sigma_mm: float, folds_mm: float
-) -> None:
+def test_a_gaussian_folds_where_its_ring_focuses_on_the_lcd(fine, sigma_mm, folds_mm):
     limit = press_limit(fine, PressKind(Shape.GAUSSIAN, sigma_mm), X_MM, 0.0)
     # folds_mm: a ray tracer of its own; 3 % of search, 2 % of area left, the finite distance of nodes
     assert limit.fold_mm == pytest.approx(folds_mm, rel=0.07)
@@ -40,13 +38,13 @@ def test_a_gaussian_folds_where_its_ring_focuses_on_the_lcd(
     assert 0.95 * even / longer < limit.fold_mm < even
 
 
-def test_drawing_ends_before_folding(fine: SampledView) -> None:
+def test_drawing_ends_before_folding(fine):
     limit = press_limit(fine, PressKind(Shape.GAUSSIAN, 1.0), X_MM, 0.0)
     assert 0.0 < limit.nulled_mm < limit.fold_mm
     assert limit.because in {"too fine for the LCD", "fold"}
 
 
-def test_total_reflection_ends_where_the_steepest_slope_eats_the_margin(fine: SampledView) -> None:
+def test_total_reflection_ends_where_the_steepest_slope_eats_the_margin(fine):
     sigma_mm = 1.0
     limit = press_limit(fine, PressKind(Shape.GAUSSIAN, sigma_mm), X_MM, 0.0)
     margin = np.radians(50.0) - np.arcsin(1 / 1.41)
@@ -56,33 +54,33 @@ def test_total_reflection_ends_where_the_steepest_slope_eats_the_margin(fine: Sa
     assert 0.97 * expected < limit.total_mm < 1.01 * expected
 
 
-def test_below_the_critical_angle_no_press_is_total() -> None:
+def test_below_the_critical_angle_no_press_is_total():
     view = SampledView(telecentric(45.0))
     assert press_limit(view, PressKind(Shape.GAUSSIAN, 3.0), 42.0, 0.0).total_mm == 0.0
 
 
-def test_a_place_that_is_not_seen_says_so(fine: SampledView) -> None:
+def test_a_place_that_is_not_seen_says_so(fine):
     limit = press_limit(fine, PressKind(Shape.GAUSSIAN, 1.0), X_MM + 30.0, 0.0)
     assert (limit.nulled_mm, limit.because) == (0.0, "not seen")
 
 
-def test_a_target_finer_than_the_lcd_is_named() -> None:
+def test_a_target_finer_than_the_lcd_is_named():
     view = SampledView(telecentric(pixel_mm=0.03, target={"period_px": 8}))  # 3.8 LCD px per period
     limit = press_limit(view, PressKind(Shape.GAUSSIAN, 1.0), 38.0, 0.0)
     assert (limit.nulled_mm, limit.because) == (0.0, "too fine for the LCD at rest")
 
 
 @pytest.mark.parametrize("text", ["gaussian", "gaussian:0", "gaussian:-1", "map:2", "ball:x", "cone:nan", ""])
-def test_what_is_no_press_is_refused(text: str) -> None:
+def test_what_is_no_press_is_refused(text):
     with pytest.raises(InputError, match="--press"):
         PressKind.parse(text)
 
 
-def test_a_press_reads_as_it_is_written() -> None:
+def test_a_press_reads_as_it_is_written():
     assert str(PressKind.parse("ball:12.5")) == "ball:12.5"
 
 
-def test_between_the_places_the_map_is_what_the_rays_say() -> None:
+def test_between_the_places_the_map_is_what_the_rays_say():
     view = SampledView(telecentric(pixel_mm=0.1))
     kind = PressKind(Shape.GAUSSIAN, 3.0)
     known = [

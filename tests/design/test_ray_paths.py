@@ -20,7 +20,7 @@ def oblique() -> tuple[Optics, list]:
     return optics, ray_paths(optics, np.array([40.0, 160.0, 280.0]), np.array([30.0, 128.0, 220.0]))
 
 
-def test_rays_bend_as_snell_says_and_reflect_evenly(oblique: tuple[Optics, list]) -> None:
+def test_rays_bend_as_snell_says_and_reflect_evenly(oblique):
     optics, rays = oblique
     camera, pattern = optics.prism.camera_face.normal, optics.prism.pattern_face.normal
     for ray in rays:
@@ -36,14 +36,14 @@ def test_rays_bend_as_snell_says_and_reflect_evenly(oblique: tuple[Optics, list]
         np.testing.assert_allclose(along[3][:2], along[2][:2], atol=1e-9)
 
 
-def test_rays_end_where_the_trace_does(oblique: tuple[Optics, list]) -> None:
+def test_rays_end_where_the_trace_does(oblique):
     optics, rays = oblique
     trace = optics.trace(np.array([160.0]), np.array([128.0]), optics.rest)
     np.testing.assert_allclose(rays[1].points[-1], optics.lcd_to_world(trace.q)[0])
     np.testing.assert_allclose(rays[1].points[3], trace.point[0])
 
 
-def test_a_ray_that_misses_the_prism_ends_at_the_camera() -> None:
+def test_a_ray_that_misses_the_prism_ends_at_the_camera():
     optics = Optics(telecentric(pixel_mm=90.0 / 320))
     (ray,) = ray_paths(optics, np.array([0.0]), np.array([127.5]))
     assert ray.lost is Lost.MISSES_CAMERA_FACE

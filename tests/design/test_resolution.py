@@ -12,7 +12,7 @@ from .design_benches import PUPIL_AWAY_MM, at_centre, small, telecentric
 SIN, COS = np.sin(np.radians(50.0)), np.cos(np.radians(50.0))
 
 
-def test_the_footprint_of_parallel_rays_is_their_cone_at_the_path(view: SampledView) -> None:
+def test_the_footprint_of_parallel_rays_is_their_cone_at_the_path(view):
     found = footprint_mm(view, 5.0)[view.on_lcd]
     # a pupil of 5 mm at 150 mm: a cone in air, narrower by the index in rubber, 1 / cos wider along x
     across = 5.0 / PUPIL_AWAY_MM / 1.41 * view.x_mm[view.on_lcd] * SIN
@@ -20,7 +20,7 @@ def test_the_footprint_of_parallel_rays_is_their_cone_at_the_path(view: SampledV
     np.testing.assert_allclose(found, np.outer(across, [1 / COS, 1.0]), rtol=1e-4)
 
 
-def test_the_footprint_of_a_lens_follows_similar_triangles() -> None:
+def test_the_footprint_of_a_lens_follows_similar_triangles():
     view = SampledView(small())
     middle = at_centre(view, view.trace.point)
     rubber = float(view.optics.prism.camera_face.depth_below(middle)), middle[0] * SIN
@@ -32,7 +32,7 @@ def test_the_footprint_of_a_lens_follows_similar_triangles() -> None:
     np.testing.assert_allclose(found, [across / COS, across], rtol=5e-3)
 
 
-def test_rays_from_the_pupils_rim_to_one_lcd_point_span_the_footprint() -> None:
+def test_rays_from_the_pupils_rim_to_one_lcd_point_span_the_footprint():
     rig = small()
     view = SampledView(rig)
     j, i = view.u_px.shape[0] // 3, view.u_px.shape[1] // 4
@@ -53,7 +53,7 @@ def test_rays_from_the_pupils_rim_to_one_lcd_point_span_the_footprint() -> None:
     assert abs(points[0] - points[1]) == pytest.approx(footprint_mm(view, 5.0)[j, i, 0], rel=2e-3)
 
 
-def test_half_heights_are_those_of_triangle_and_disc() -> None:
+def test_half_heights_are_those_of_triangle_and_disc():
     view = SampledView(telecentric(camera={"psf_px": 0.0}))
     found = resolution(view, 5.0)
     # a uniform disc passes half where 2 J1(x) / x = 1/2, x = 2.21509

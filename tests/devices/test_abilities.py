@@ -1,7 +1,5 @@
 """Optional abilities of devices: asked for safely, whatever somebody else's device has by those names."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -60,30 +58,28 @@ def run_of(
     ],
     ids=["text", "number", "dict", "method", "other script", "other phases", "no method"],
 )
-def test_a_scenario_of_another_kind_is_no_script(scenario: object) -> None:
+def test_a_scenario_of_another_kind_is_no_script(scenario):
     assert abilities.script_of(SimpleNamespace(scenario=scenario)) is None
 
 
 @pytest.mark.parametrize(
     "own", [{"scenario": "weekly", "truth": "as it is"}, {"truth": lambda: "the whole truth"}]
 )
-def test_a_lab_camera_may_have_a_scenario_and_a_truth_of_its_own(
-    monkeypatch: pytest.MonkeyPatch, own: dict[str, Any]
-) -> None:
+def test_a_lab_camera_may_have_a_scenario_and_a_truth_of_its_own(monkeypatch, own):
     figures = run_of(monkeypatch, lambda _camera: own)
     assert figures["frames"] == FRAMES
     assert figures["truth"] is None
     assert figures["nulled_frames"] > 0
 
 
-def test_truth_reports_errors_without_a_scenario(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_truth_reports_errors_without_a_scenario(monkeypatch):
     figures = run_of(monkeypatch, lambda camera: {"truth": camera.truth})
     assert figures["truth"]["frames"] == figures["nulled_frames"] > 0
     # at rest at first: the depth error is noise alone, far below a micrometre
     assert 0.0 < figures["truth"]["depth_rms_error_um"] < 1.0
 
 
-def test_the_simulated_camera_declares_its_abilities() -> None:
+def test_the_simulated_camera_declares_its_abilities():
     rig = small_rig(8)
     with open_devices(rig) as devices:
         assert isinstance(devices.camera, TruthfulCamera)
@@ -110,7 +106,7 @@ def asked(device: object) -> dict[str, Any]:
     return {name: getattr(abilities, name)(device) for name in NONE}
 
 
-def test_abilities_are_taken_as_they_are_and_others_are_none() -> None:
+def test_abilities_are_taken_as_they_are_and_others_are_none():
     poll = [1].clear
     own = SimpleNamespace(
         poll=poll,

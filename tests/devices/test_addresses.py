@@ -1,6 +1,3 @@
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from zeromethod.devices.addresses import camera_driver, with_camera
@@ -26,11 +23,11 @@ RIG = load_rig("simulated")
         ("simulated", "simulated", {}),
     ],
 )
-def test_an_address_names_a_driver_and_its_camera(address: str, driver: str, options: Any) -> None:
+def test_an_address_names_a_driver_and_its_camera(address, driver, options):
     assert camera_driver(address) == (driver, options)
 
 
-def test_a_file_is_opened_by_opencv_whatever_its_name(tmp_path: Path) -> None:
+def test_a_file_is_opened_by_opencv_whatever_its_name(tmp_path):
     film = tmp_path / "a:b"
     film.touch()
     assert camera_driver(str(film)) == ("opencv", {"source": str(film)})
@@ -39,20 +36,20 @@ def test_a_file_is_opened_by_opencv_whatever_its_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "address", ["", "-1", "pylon:", "nothing.mp4", "tcp://", "1.5", "pylno", "a.b:", "a b:C"]
 )
-def test_anything_else_is_refused_with_what_is_allowed(address: str) -> None:
+def test_anything_else_is_refused_with_what_is_allowed(address):
     with pytest.raises(InputError, match=r"^--camera: .*: allowed: an index \(0\), a URL .*pylon") as error:
         camera_driver(address)
     assert "\n" not in str(error.value)
 
 
-def test_a_rig_gets_the_camera_and_keeps_its_optics() -> None:
+def test_a_rig_gets_the_camera_and_keeps_its_optics():
     rig = with_camera(RIG, "pylon:17", {"gain": 3.0})
     assert (rig.camera.driver, rig.camera.model_extra, rig.camera.gain) == ("pylon", {"serial": "17"}, 3.0)
     assert rig.camera.focal_px == RIG.camera.focal_px
     assert RIG.camera.driver == "simulated"
 
 
-def test_options_stay_with_their_driver() -> None:
+def test_options_stay_with_their_driver():
     here = with_camera(RIG, "0", {"lost_after_s": 3.0})
     assert with_camera(here, "tcp://a:1").camera.model_extra == {"source": "tcp://a:1", "lost_after_s": 3.0}
     assert with_camera(here, "pylon").camera.model_extra == {}
@@ -69,6 +66,6 @@ def test_options_stay_with_their_driver() -> None:
         ),
     ],
 )
-def test_a_setting_that_is_not_allowed_is_refused_in_one_line(settings: Any, message: str) -> None:
+def test_a_setting_that_is_not_allowed_is_refused_in_one_line(settings, message):
     with pytest.raises(InputError, match=message):
         with_camera(RIG, "0", settings)

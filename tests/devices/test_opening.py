@@ -1,4 +1,3 @@
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -110,23 +109,23 @@ def rig(
     return RIG.model_copy(update={"camera": CameraSpec(**cameras), "display": DisplaySpec(**displays)})
 
 
-def test_display_opens_first_and_closes_last() -> None:
+def test_display_opens_first_and_closes_last():
     with open_devices(rig()) as devices:
         assert devices.camera.display is devices.display  # type: ignore[attr-defined]
     assert LOG == ["display opened on 0", "camera  opened at 60.0", "camera closed", "display closed"]
 
 
-def test_extra_keys_reach_the_driver_that_names_them() -> None:
+def test_extra_keys_reach_the_driver_that_names_them():
     with open_devices(rig(camera_keys={"serial": "X7"}, display_keys={"monitor": 1})):
         assert LOG == ["display opened on 1", "camera X7 opened at 60.0"]
 
 
-def test_an_option_that_the_driver_does_not_have_is_refused_with_those_it_has() -> None:
+def test_an_option_that_the_driver_does_not_have_is_refused_with_those_it_has():
     with pytest.raises(InputError, match=r"^camera.serail: 'X7': unknown option .* rate_hz, serial$"):
         open_devices(rig(camera_keys={"serail": "X7"}))
 
 
-def test_a_driver_that_takes_anything_gets_the_keys_of_its_table_and_the_clock() -> None:
+def test_a_driver_that_takes_anything_gets_the_keys_of_its_table_and_the_clock():
     given = {"exposure_s": 0.004, "rate_hz": 50.0, "serial": "X7"}
     camera = CameraSpec.model_construct(
         _fields_set={"driver", "exposure_s", "rate_hz"},
@@ -140,7 +139,7 @@ def test_a_driver_that_takes_anything_gets_the_keys_of_its_table_and_the_clock()
 
 
 @pytest.mark.parametrize("keys", [{"gain": 2.0}, {"trigger": "software"}, {"pixel_format": "Mono8"}])
-def test_a_setting_that_the_driver_would_not_apply_is_refused(keys: dict[str, Any]) -> None:
+def test_a_setting_that_the_driver_would_not_apply_is_refused(keys):
     (name,) = keys
     with pytest.raises(InputError, match=rf"^camera\.{name}: .*: driver '.*' cannot set it$"):
         open_devices(rig(camera_keys=keys))
@@ -148,12 +147,12 @@ def test_a_setting_that_the_driver_would_not_apply_is_refused(keys: dict[str, An
         assert devices.camera.options[name] == keys[name]  # type: ignore[attr-defined]
 
 
-def test_a_missing_option_is_named() -> None:
+def test_a_missing_option_is_named():
     with pytest.raises(InputError, match=r"^camera.serial: missing"):
         open_devices(rig("NeedyCamera"))
 
 
-def test_devices_that_take_a_clock_share_a_simulated_one() -> None:
+def test_devices_that_take_a_clock_share_a_simulated_one():
     with open_devices(rig("ClockedCamera", "ClockedDisplay")) as devices:
         assert isinstance(devices.clock, SimulatedClock)
         assert devices.camera.clock is devices.display.clock is devices.clock  # type: ignore[attr-defined]
@@ -162,12 +161,12 @@ def test_devices_that_take_a_clock_share_a_simulated_one() -> None:
 @pytest.mark.parametrize(
     ("camera", "display"), [("PlainCamera", "ClockedDisplay"), ("ClockedCamera", "PlainDisplay")]
 )
-def test_one_device_in_host_time_puts_the_run_in_host_time(camera: str, display: str) -> None:
+def test_one_device_in_host_time_puts_the_run_in_host_time(camera, display):
     with open_devices(rig(camera, display)) as devices:
         assert isinstance(devices.clock, HostClock)
 
 
-def test_a_clock_that_is_given_wins() -> None:
+def test_a_clock_that_is_given_wins():
     clock = SimulatedClock(7)
     with open_devices(rig(), clock) as devices:
         assert devices.clock is clock
@@ -182,20 +181,20 @@ def test_a_clock_that_is_given_wins() -> None:
         ("NoCamera", "not a camera: lacks bits, read, close"),
     ],
 )
-def test_a_camera_that_will_not_do_is_refused_and_the_display_closed(camera: str, message: str) -> None:
+def test_a_camera_that_will_not_do_is_refused_and_the_display_closed(camera, message):
     with pytest.raises(InputError, match=message) as error:
         open_devices(rig(camera))
     assert "\n" not in str(error.value)
     assert LOG[-1] == "display closed"
 
 
-def test_a_display_of_another_size_is_refused() -> None:
+def test_a_display_of_another_size_is_refused():
     with pytest.raises(InputError, match=r"^display: the device's size is \(10, 10\)"):
         open_devices(rig(display="SmallDisplay"))
     assert LOG[-1] == "display closed"
 
 
-def test_the_camera_can_be_opened_again() -> None:
+def test_the_camera_can_be_opened_again():
     devices = open_devices(rig())
     first = devices.camera
     assert devices.reopen_camera() is devices.camera is not first
@@ -214,14 +213,12 @@ def test_the_camera_can_be_opened_again() -> None:
         ("display", f"{__name__}:LOG", "not callable"),
     ],
 )
-def test_names_that_are_no_driver_are_refused(kind: opening.Kind, name: str, message: str) -> None:
+def test_names_that_are_no_driver_are_refused(kind, name, message):
     with pytest.raises(InputError, match=message):
         load_driver(kind, name)
 
 
-def test_a_package_in_the_working_directory_has_drivers(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_package_in_the_working_directory_has_drivers(tmp_path, monkeypatch):
     (tmp_path / "lab_for_test").mkdir()
     (tmp_path / "lab_for_test" / "cameras.py").write_text("class Ours:\n    pass\n")
     (tmp_path / "broken_lab.py").write_text("raise RuntimeError('sdk\\nnot found')\n")
@@ -232,6 +229,6 @@ def test_a_package_in_the_working_directory_has_drivers(
         load_driver("camera", "broken_lab:Camera")
 
 
-def test_the_simulated_devices_are_known_by_name() -> None:
+def test_the_simulated_devices_are_known_by_name():
     assert load_driver("camera", "simulated").__name__ == "SimulatedCamera"
     assert load_driver("display", "simulated").__name__ == "SimulatedDisplay"

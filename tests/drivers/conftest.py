@@ -1,7 +1,5 @@
 """A desktop with two monitors for the tests of windows; glfw is imported on it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The grabbing thread, with sources that hang, fail and wait to be asked."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable
@@ -50,7 +48,7 @@ def opened(source: Callable[[], Scripted], timeout_s: float = PATIENCE_S) -> Gra
     return GrabbedCamera("test", source, timeout_s)
 
 
-def test_it_is_a_camera_whose_device_is_used_by_one_thread_only() -> None:
+def test_it_is_a_camera_whose_device_is_used_by_one_thread_only():
     sources: list[Scripted] = []
     camera = opened(lambda: sources.append(Scripted(every_10_ms)) or sources[-1])  # type: ignore[func-returns-value]
     assert isinstance(camera, Camera)
@@ -68,7 +66,7 @@ def test_it_is_a_camera_whose_device_is_used_by_one_thread_only() -> None:
         camera.read(0.1)
 
 
-def test_a_hung_device_times_out_and_is_closed_once_it_answers() -> None:
+def test_a_hung_device_times_out_and_is_closed_once_it_answers():
     answer = threading.Event()
     source = Scripted(lambda _: answer.wait() and None)
     camera = opened(lambda: source)
@@ -81,7 +79,7 @@ def test_a_hung_device_times_out_and_is_closed_once_it_answers() -> None:
     assert source.closed.wait(PATIENCE_S)
 
 
-def test_a_device_that_hangs_while_it_is_opened_is_given_up_and_closed_later() -> None:
+def test_a_device_that_hangs_while_it_is_opened_is_given_up_and_closed_later():
     answer, source = threading.Event(), Scripted(every_10_ms)
 
     def slow() -> Scripted:
@@ -98,14 +96,14 @@ def test_a_device_that_hangs_while_it_is_opened_is_given_up_and_closed_later() -
     ("error", "message"),
     [(CameraLost("unplugged"), "^unplugged$"), (OSError("bus\nreset"), "^OSError: bus reset$")],
 )
-def test_whatever_the_device_raises_later_is_a_lost_camera(error: Exception, message: str) -> None:
+def test_whatever_the_device_raises_later_is_a_lost_camera(error, message):
     camera = opened(lambda: Scripted(raising(error)))
     with pytest.raises(CameraLost, match=message):
         camera.read(PATIENCE_S)
     camera.close()
 
 
-def test_on_demand_each_read_takes_one_exposure() -> None:
+def test_on_demand_each_read_takes_one_exposure():
     source = Scripted(frame, on_demand=True)
     camera = opened(lambda: source)
     time.sleep(0.2)
@@ -116,7 +114,7 @@ def test_on_demand_each_read_takes_one_exposure() -> None:
     camera.close()
 
 
-def test_frames_lost_before_they_arrived_count_as_dropped_and_once() -> None:
+def test_frames_lost_before_they_arrived_count_as_dropped_and_once():
     go = threading.Event()
 
     def script(call: int) -> Frame | None:
@@ -140,7 +138,7 @@ def test_frames_lost_before_they_arrived_count_as_dropped_and_once() -> None:
     camera.close()
 
 
-def test_the_last_frame_is_read_before_the_loss_which_stays() -> None:
+def test_the_last_frame_is_read_before_the_loss_which_stays():
     def script(call: int) -> Frame:
         if call == 2:
             raise CameraLost("pulled out")
@@ -156,7 +154,7 @@ def test_the_last_frame_is_read_before_the_loss_which_stays() -> None:
     camera.close()
 
 
-def test_closing_wakes_who_reads() -> None:
+def test_closing_wakes_who_reads():
     camera = opened(lambda: Scripted(lambda _: time.sleep(0.01)))
     threading.Timer(0.1, camera.close).start()
     with pytest.raises(CameraLost, match=r"^it is closed$"):

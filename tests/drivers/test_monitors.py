@@ -1,7 +1,5 @@
 """Warnings of monitors and outputs, and screens that do not answer."""
 
-from __future__ import annotations
-
 import os
 import socket
 import subprocess
@@ -23,7 +21,7 @@ RIGHT = Output("RIGHT", 640, 0, 800, 600, 60.0)
 MONITOR = Monitor(3, "HDMI-1", 800, 600, 59.94, 640, 0, 1.0, False)
 
 
-def test_nothing_is_reported_of_outputs_side_by_side() -> None:
+def test_nothing_is_reported_of_outputs_side_by_side():
     assert output_warnings("LEFT", [LEFT, RIGHT]) == output_warnings("RIGHT", [LEFT, RIGHT]) == []
 
 
@@ -36,21 +34,21 @@ def test_nothing_is_reported_of_outputs_side_by_side() -> None:
         ({"x": 639}, "LEFT shows the same part of the desktop (mirrored outputs)"),
     ],
 )
-def test_changes_of_an_output_to_its_picture_are_reported(change: dict[str, int], said: str) -> None:
+def test_changes_of_an_output_to_its_picture_are_reported(change, said):
     assert output_warnings("RIGHT", [LEFT, replace(RIGHT, **change)]) == [f"RIGHT: {said}"]
 
 
 @pytest.mark.parametrize("top", [255 / 256, 1.0])
-def test_a_ramp_that_servers_call_linear_is_linear(top: float) -> None:
+def test_a_ramp_that_servers_call_linear_is_linear(top):
     assert ramp_warnings("A", [np.linspace(0, top, 256)] * 3) == []
 
 
-def test_a_warm_blue_is_reported() -> None:
+def test_a_warm_blue_is_reported():
     linear = np.linspace(0, 1, 1024)
     assert "changes greys by up to 30%" in ramp_warnings("A", [linear, linear, 0.7 * linear])[0]
 
 
-def test_the_identify_picture_shows_the_outermost_pixels_and_single_ones() -> None:
+def test_the_identify_picture_shows_the_outermost_pixels_and_single_ones():
     image = identify_picture(MONITOR)
     assert image.shape == (600, 800)
     for edge in (image[0], image[-1], image[:, 0], image[:, -1]):
@@ -72,9 +70,7 @@ def test_the_identify_picture_shows_the_outermost_pixels_and_single_ones() -> No
         (2.0, False, (10, 300)),
     ],
 )
-def test_p0_is_at_the_edge_that_the_mounting_puts_there(
-    turn_deg: float, mirrored: bool, place: tuple[float, float]
-) -> None:
+def test_p0_is_at_the_edge_that_the_mounting_puts_there(turn_deg, mirrored, place):
     assert p0_place(MONITOR, turn_deg, mirrored, 10) == place
 
 
@@ -112,22 +108,18 @@ def said_on(display: str | None) -> tuple[str, str]:
         (":99999", "X11: Failed to open display :99999"),
     ],
 )
-def test_importing_needs_no_screen_and_opening_names_what_is_missing(
-    display: str | None, message: str
-) -> None:
+def test_importing_needs_no_screen_and_opening_names_what_is_missing(display, message):
     assert said_on(display) == (f"display window: {message}", "")
 
 
-def test_a_server_that_never_answers_is_not_waited_for() -> None:
+def test_a_server_that_never_answers_is_not_waited_for():
     with socket.create_server(("127.0.0.1", 0)) as silent, takes(0.6, 20):
         name = f"127.0.0.1:{silent.getsockname()[1] - 6000}"  # X11 over TCP
         said, _ = said_on(name)
     assert said == f"display window: the X server {name} does not answer within 0.3 s"
 
 
-def test_a_monitor_is_claimed_once_per_desktop_and_free_after_its_release(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_monitor_is_claimed_once_per_desktop_and_free_after_its_release(monkeypatch):
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setenv("DISPLAY", ":4711")
     first, second = Claim(0), Claim(1)

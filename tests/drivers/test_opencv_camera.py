@@ -1,7 +1,5 @@
 """Streams, files and local cameras through OpenCV, from servers of the test's own with known frames."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import subprocess
@@ -108,13 +106,13 @@ def assert_sent_arrives(server: StreamServer, camera: OpenCVCamera, count: int =
 
 
 @pytest.mark.parametrize("bits", [8, 12, 16])
-def test_streamed_grey_levels_arrive_bit_for_bit(streamed: Streamed, bits: int) -> None:
+def test_streamed_grey_levels_arrive_bit_for_bit(streamed, bits):
     server, camera = streamed(bits)
     assert (camera.shape, camera.bits) == ((ROWS, COLUMNS), bits)
     assert_sent_arrives(server, camera, 5)
 
 
-def test_a_slow_reader_gets_the_newest_frame_and_the_count_of_the_others(streamed: Streamed) -> None:
+def test_a_slow_reader_gets_the_newest_frame_and_the_count_of_the_others(streamed):
     server, camera = streamed()
     sent, counted = frames(8, 10), camera._counted
     for image in sent:
@@ -126,7 +124,7 @@ def test_a_slow_reader_gets_the_newest_frame_and_the_count_of_the_others(streame
     assert (received.dropped, received.number) == (9, camera.first.number + 10)
 
 
-def test_the_middle_of_the_exposure_follows_from_the_receipt(streamed: Streamed) -> None:
+def test_the_middle_of_the_exposure_follows_from_the_receipt(streamed):
     server, camera = streamed(exposure_s=0.010, latency_s=0.020)
     for image in frames(8, 3):
         before_ns = time.monotonic_ns()
@@ -136,7 +134,7 @@ def test_the_middle_of_the_exposure_follows_from_the_receipt(streamed: Streamed)
         assert frame.exposure_ns == 10_000_000
 
 
-def test_a_stream_that_stalls_times_out_and_goes_on_unharmed(streamed: Streamed) -> None:
+def test_a_stream_that_stalls_times_out_and_goes_on_unharmed(streamed):
     server, camera = streamed()
     for _ in range(3):
         with takes(0, SOON_S), pytest.raises(CameraTimeout, match=r"^no frame within 0\.2 s$"):
@@ -144,16 +142,14 @@ def test_a_stream_that_stalls_times_out_and_goes_on_unharmed(streamed: Streamed)
     assert_sent_arrives(server, camera)
 
 
-def test_a_stream_that_stays_silent_is_lost(streamed: Streamed) -> None:
+def test_a_stream_that_stays_silent_is_lost(streamed):
     _, camera = streamed(lost_after_s=1.2)
     with pytest.raises(CameraLost, match="silent for 1 s"):
         camera.read(BUSY_S)
 
 
 @pytest.mark.parametrize("half_a_frame", [False, True])
-def test_a_connection_that_ends_is_a_lost_camera_and_can_be_opened_again(
-    streamed: Streamed, half_a_frame: bool
-) -> None:
+def test_a_connection_that_ends_is_a_lost_camera_and_can_be_opened_again(streamed, half_a_frame):
     server, camera = streamed()
     if half_a_frame:  # it is never shown
         server._client.sendall(b"FRAME\n" + frames(8, 1)[0].tobytes()[: COLUMNS * ROWS // 2])  # type: ignore[union-attr]
@@ -172,13 +168,13 @@ camera.read(60)
 """
 
 
-def test_a_silent_stream_does_not_keep_the_program_from_ending(serve: Any) -> None:
+def test_a_silent_stream_does_not_keep_the_program_from_ending(serve):
     command = [sys.executable, "-c", ENDING, serve().url]
     run = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert (run.stdout, run.stderr) == ("", "")
 
 
-def test_a_region_is_cut_out(streamed: Streamed) -> None:
+def test_a_region_is_cut_out(streamed):
     server, camera = streamed(16, columns=96, rows=64, region_px=(10, 20, 96, 64))
     assert camera.shape == (64, 96)
     (sent,) = frames(16, 1)
@@ -196,16 +192,12 @@ def test_a_region_is_cut_out(streamed: Streamed) -> None:
         (8, {"trigger": "software"}, r'^camera\.trigger: "software": allowed: "free"'),
     ],
 )
-def test_settings_that_a_stream_does_not_have_are_refused(
-    serve: Any, open_camera: Any, bits: int, options: dict[str, Any], message: str
-) -> None:
+def test_settings_that_a_stream_does_not_have_are_refused(serve, open_camera, bits, options, message):
     with pytest.raises(InputError, match=message):
         open_camera(serve(bits).url, **options)
 
 
-def test_a_stream_that_is_not_there_is_refused_without_its_password(
-    open_camera: Any, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_stream_that_is_not_there_is_refused_without_its_password(open_camera, capfd):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
     with pytest.raises(InputError, match="cannot be opened") as error:
@@ -215,7 +207,7 @@ def test_a_stream_that_is_not_there_is_refused_without_its_password(
     assert capfd.readouterr().err == ""
 
 
-def test_a_server_that_never_speaks_is_given_up(open_camera: Any) -> None:
+def test_a_server_that_never_speaks_is_given_up(open_camera):
     mute = socket.create_server(("127.0.0.1", 0))
     with mute, takes(0, SOON_S), pytest.raises((InputError, CameraLost)):
         open_camera(f"tcp://127.0.0.1:{mute.getsockname()[1]}", open_timeout_s=0.5)
@@ -245,9 +237,7 @@ def http_url() -> Iterator[str]:
         yield f"http://127.0.0.1:{server.getsockname()[1]}/"
 
 
-def test_compressed_pictures_over_http_are_grey_within_what_jpeg_loses(
-    http_url: str, open_camera: Any
-) -> None:
+def test_compressed_pictures_over_http_are_grey_within_what_jpeg_loses(http_url, open_camera):
     camera = open_camera(http_url + "video")
     for _ in range(3):
         frame = camera.read(BUSY_S)
@@ -262,7 +252,7 @@ def film(path: Path, images: list[NDArray[Any]], rate_hz: int) -> Path:
     return path
 
 
-def test_a_file_plays_at_its_own_rate_and_is_lost_at_its_end(tmp_path: Path, open_camera: Any) -> None:
+def test_a_file_plays_at_its_own_rate_and_is_lost_at_its_end(tmp_path, open_camera):
     images = frames(16, 6)
     camera = open_camera(str(film(tmp_path / "film.y4m", images, 5)), bits=16)
     received = [camera.read(BUSY_S) for _ in images]
@@ -273,7 +263,7 @@ def test_a_file_plays_at_its_own_rate_and_is_lost_at_its_end(tmp_path: Path, ope
         camera.read(BUSY_S)
 
 
-def test_a_file_that_plays_on_is_skipped_like_a_camera(tmp_path: Path, open_camera: Any) -> None:
+def test_a_file_that_plays_on_is_skipped_like_a_camera(tmp_path, open_camera):
     images = frames(8, 40)
     camera = open_camera(str(film(tmp_path / "film.y4m", images, 50)))
     camera.read(BUSY_S)
@@ -285,7 +275,7 @@ def test_a_file_that_plays_on_is_skipped_like_a_camera(tmp_path: Path, open_came
 
 
 @pytest.mark.parametrize("name", ["missing.mp4", "text.mp4"])
-def test_a_file_that_is_no_film_is_refused(tmp_path: Path, open_camera: Any, name: str) -> None:
+def test_a_file_that_is_no_film_is_refused(tmp_path, open_camera, name):
     (tmp_path / "text.mp4").write_text("no film")
     with pytest.raises(InputError, match=r"^camera\.source: .*(no such file|cannot be opened)"):
         open_camera(str(tmp_path / name))

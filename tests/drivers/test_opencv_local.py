@@ -61,7 +61,7 @@ def local(monkeypatch: pytest.MonkeyPatch) -> type[LocalCapture]:
     return LocalCapture
 
 
-def test_a_local_camera_is_set_up_by_the_rig(local: type[LocalCapture], open_camera: Any) -> None:
+def test_a_local_camera_is_set_up_by_the_rig(local, open_camera):
     camera = open_camera(0, bits=12, pixel_format="Mono16", exposure_s=0.004)
     assert camera.bits == 12
     taken = local.last.taken
@@ -77,9 +77,7 @@ def read_on(camera: OpenCVCamera, shapes: set[tuple[int, ...]]) -> None:
         shapes.add(camera.read(BUSY_S).image.shape)
 
 
-def test_a_camera_whose_frames_change_is_lost_before_a_wrong_one_is_shown(
-    local: type[LocalCapture], open_camera: Any
-) -> None:
+def test_a_camera_whose_frames_change_is_lost_before_a_wrong_one_is_shown(local, open_camera):
     camera = open_camera(0, bits=16)
     shapes: set[tuple[int, ...]] = set()
     with pytest.raises(
@@ -97,13 +95,7 @@ def test_a_camera_whose_frames_change_is_lost_before_a_wrong_one_is_shown(
         ({"exposure_s": 0.001}, r"^camera\.exposure_s: 0\.001: the camera makes 0\.003 of it$"),
     ],
 )
-def test_settings_that_a_local_camera_refuses_are_reported(
-    local: type[LocalCapture],
-    open_camera: Any,
-    options: dict[str, Any],
-    message: str,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_settings_that_a_local_camera_refuses_are_reported(local, open_camera, options, message, monkeypatch):
     monkeypatch.setattr(local, "least_exposure", 30.0)
     with pytest.raises(InputError, match=message):
         open_camera(0, bits=16, **options)

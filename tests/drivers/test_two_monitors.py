@@ -67,9 +67,7 @@ def fill(code: int, delay_s: float = 0.0) -> object:
     return render
 
 
-def test_the_chosen_monitor_shows_the_picture_bit_for_bit_and_the_other_nothing(
-    desktop: TwoMonitors, display: WindowDisplay
-) -> None:
+def test_the_chosen_monitor_shows_the_picture_bit_for_bit_and_the_other_nothing(desktop, display):
     other = grab(desktop, 0)
     for seed in (3, 4):
         image = speckle(display, seed)
@@ -78,7 +76,7 @@ def test_the_chosen_monitor_shows_the_picture_bit_for_bit_and_the_other_nothing(
     np.testing.assert_array_equal(grab(desktop, 0), other)
 
 
-def test_another_thread_draws_while_the_main_one_polls(desktop: TwoMonitors, display: WindowDisplay) -> None:
+def test_another_thread_draws_while_the_main_one_polls(desktop, display):
     display.show(speckle(display))  # the first picture may well come from the main thread
     image = speckle(display, 7)
 
@@ -96,9 +94,7 @@ def test_another_thread_draws_while_the_main_one_polls(desktop: TwoMonitors, dis
     np.testing.assert_array_equal(grab(desktop, 1)[..., 0], speckle(display))
 
 
-def test_a_thread_that_draws_learns_that_the_display_is_lost(
-    desktop: TwoMonitors, display: WindowDisplay
-) -> None:
+def test_a_thread_that_draws_learns_that_the_display_is_lost(desktop, display):
     def draw() -> None:
         while True:
             display.draw(fill(9))
@@ -115,7 +111,7 @@ def best_share(phases: NDArray[np.float64], width: float) -> float:
     return float((apart <= width).mean(axis=1).max())
 
 
-def test_presentations_sit_on_the_refreshes(display: WindowDisplay) -> None:
+def test_presentations_sit_on_the_refreshes(display):
     """Swaps do not block here, so the refreshes are the clock's.
 
     A busy machine makes pictures late, never early, so what is asked for survives that: no more pictures
@@ -134,7 +130,7 @@ def test_presentations_sit_on_the_refreshes(display: WindowDisplay) -> None:
     assert any("swaps do not wait" in said for said in display.warnings)
 
 
-def test_a_late_picture_drops_refreshes(display: WindowDisplay) -> None:
+def test_a_late_picture_drops_refreshes(display):
     """At least the refreshes missed by drawing for 2.5 periods, unless a busy machine asks too late."""
     display.draw(fill(1))
 
@@ -146,7 +142,7 @@ def test_a_late_picture_drops_refreshes(display: WindowDisplay) -> None:
     eventually(lambda: missed() >= 2)
 
 
-def test_a_monitor_switched_off_is_a_lost_display(desktop: TwoMonitors, display: WindowDisplay) -> None:
+def test_a_monitor_switched_off_is_a_lost_display(desktop, display):
     display.show(speckle(display))
     desktop.xrandr("--output", "DUMMY1", "--off")
     assert poll_until_lost(display) == "display window: it lost its monitor"
@@ -154,9 +150,7 @@ def test_a_monitor_switched_off_is_a_lost_display(desktop: TwoMonitors, display:
         display.show(speckle(display))
 
 
-def test_a_monitor_that_moved_or_changed_its_mode_is_a_lost_display(
-    desktop: TwoMonitors, display: WindowDisplay
-) -> None:
+def test_a_monitor_that_moved_or_changed_its_mode_is_a_lost_display(desktop, display):
     display.show(speckle(display))
     desktop.xrandr("--output", "DUMMY1", "--pos", "0x480")
     assert "at 640, 0 of the desktop; its monitor is at 0, 480" in poll_until_lost(display)
@@ -175,19 +169,19 @@ ALLOWED = "allowed: 0 (DUMMY0, 640 x 480, 60.00 Hz, at 0, 0), 1 (DUMMY1, 800 x 6
     ],
 )
 def test_monitors_that_are_unknown_or_set_otherwise_are_refused(
-    open_window: Open, size: tuple[int, int], refresh_hz: float, monitor: int, message: str
-) -> None:
+    open_window, size, refresh_hz, monitor, message
+):
     with pytest.raises(InputError) as refused:
         open_window(size, refresh_hz, monitor)
     assert str(refused.value) == f"display.monitor: {message}"
 
 
-def test_a_clean_desktop_gives_no_warning_but_that_of_unpaced_swaps(display: WindowDisplay) -> None:
+def test_a_clean_desktop_gives_no_warning_but_that_of_unpaced_swaps(display):
     assert [said for said in display.warnings if "swaps do not wait" not in said] == []
     assert not display.asleep
 
 
-def test_mirrored_outputs_are_reported(desktop: TwoMonitors) -> None:
+def test_mirrored_outputs_are_reported(desktop):
     from zeromethod.drivers.monitors import monitors
 
     desktop.xrandr("--output", "DUMMY1", "--pos", "0x0")
@@ -197,9 +191,7 @@ def test_mirrored_outputs_are_reported(desktop: TwoMonitors) -> None:
         )
 
 
-def test_night_mode_is_reported_also_when_it_comes_during_the_run(
-    desktop: TwoMonitors, display: WindowDisplay, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_night_mode_is_reported_also_when_it_comes_during_the_run(desktop, display, monkeypatch):
     monkeypatch.setattr("zeromethod.drivers.window._LOOK_AGAIN_S", 0.05)
     desktop.xrandr("--output", "DUMMY1", "--gamma", "1:0.9:0.7")
     said: list[str] = []
@@ -214,7 +206,7 @@ def test_night_mode_is_reported_also_when_it_comes_during_the_run(
     assert said[0].startswith("DUMMY1: its gamma ramp changes greys by up to 13% (night mode")
 
 
-def test_the_monitors_are_listed_as_they_are_set(desktop: TwoMonitors) -> None:
+def test_the_monitors_are_listed_as_they_are_set(desktop):
     from zeromethod.drivers.monitors import Monitor, monitors
 
     assert monitors() == (
@@ -240,7 +232,7 @@ def saver_is_on() -> bool:
     return info[2] == 1
 
 
-def test_the_screen_saver_stays_off_while_a_window_is_open(desktop: TwoMonitors, open_window: Open) -> None:
+def test_the_screen_saver_stays_off_while_a_window_is_open(desktop, open_window):
     """In a plain window: for full-screen ones glfw turns the timer off, too."""
     subprocess.run(["xset", "s", "1", "1"], env=desktop.environment, check=True, timeout=10)
     try:
@@ -255,7 +247,7 @@ def test_the_screen_saver_stays_off_while_a_window_is_open(desktop: TwoMonitors,
         subprocess.run(["xset", "s", "0"], env=desktop.environment, check=True, timeout=10)
 
 
-def test_an_lcd_asleep_is_reported(display: WindowDisplay, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_lcd_asleep_is_reported(display, monkeypatch):
     """The dummy driver has no power saving, so that the server's answer is made up."""
     monkeypatch.setattr("zeromethod.drivers.window._LOOK_AGAIN_S", 0.0)
     monkeypatch.setattr("zeromethod.drivers.xserver.XServer.asleep", lambda server: "standby")
@@ -264,9 +256,7 @@ def test_an_lcd_asleep_is_reported(display: WindowDisplay, monkeypatch: pytest.M
     assert display.warnings[0] == "the LCD is asleep (power saving: standby)"
 
 
-def test_each_monitor_identifies_itself_until_a_key_is_pressed(
-    desktop: TwoMonitors, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_each_monitor_identifies_itself_until_a_key_is_pressed(desktop, monkeypatch):
     import glfw
 
     from zeromethod.drivers import identify
@@ -287,7 +277,7 @@ def test_each_monitor_identifies_itself_until_a_key_is_pressed(
         np.testing.assert_array_equal(picture, identify.identify_picture(monitor))
 
 
-def test_one_monitor_identifies_itself_for_a_time(desktop: TwoMonitors) -> None:
+def test_one_monitor_identifies_itself_for_a_time(desktop):
     from zeromethod.drivers.identify import identify
 
     with takes(0.2, SOON_S):

@@ -68,9 +68,7 @@ def pattern(context: moderngl.Context) -> tuple[PatternRenderer, NDArray[np.floa
 
 
 @pytest.mark.parametrize("size", [SIZE, (333, 217)])
-def test_a_shown_picture_is_on_the_screen_bit_for_bit_which_was_black(
-    desktop: TwoMonitors, open_window: Open, size: tuple[int, int]
-) -> None:
+def test_a_shown_picture_is_on_the_screen_bit_for_bit_which_was_black(desktop, open_window, size):
     display = open_window(size)
     assert not grabbed(desktop, display).any()
     for image in (speckle(size), speckle(size)[::-1]):
@@ -80,8 +78,8 @@ def test_a_shown_picture_is_on_the_screen_bit_for_bit_which_was_black(
 
 
 def test_the_drawn_warp_is_on_the_screen_bit_for_bit_and_other_contexts_keep_theirs(
-    desktop: TwoMonitors, display: WindowDisplay, gl_context: moderngl.Context
-) -> None:
+    desktop, display, gl_context
+):
     assert isinstance(display, DrawingDisplay)
     other, q = pattern(gl_context)
     expected = other.image(q)
@@ -99,7 +97,7 @@ def test_the_drawn_warp_is_on_the_screen_bit_for_bit_and_other_contexts_keep_the
         np.testing.assert_array_equal(other.image(q), expected)
 
 
-def test_a_picture_of_another_shape_is_refused(display: WindowDisplay) -> None:
+def test_a_picture_of_another_shape_is_refused(display):
     with pytest.raises(
         InputError, match=r"^picture: shape \(330, 421\), uint8: allowed \(330, 420\), uint8$"
     ):
@@ -108,9 +106,7 @@ def test_a_picture_of_another_shape_is_refused(display: WindowDisplay) -> None:
 
 # a swap that blocks does so for no whole refresh here, so that waiting twice would show
 @pytest.mark.parametrize(("swap", "apart"), [(0.01, 1.0), (0.8, 0.8)], ids=["not blocking", "blocking"])
-def test_pictures_come_at_the_refresh_or_when_the_swap_is_done(
-    open_window: Open, monkeypatch: pytest.MonkeyPatch, swap: float, apart: float
-) -> None:
+def test_pictures_come_at_the_refresh_or_when_the_swap_is_done(open_window, monkeypatch, swap, apart):
     """On a clock that only the swaps and the driver's own waiting move."""
     import glfw
 
@@ -155,9 +151,7 @@ def _break(glfw: Any, _window: Any, patch: pytest.MonkeyPatch) -> None:
         (_break, "Invalid window hint 0xFFFFFFFF"),
     ],
 )
-def test_a_window_that_cannot_serve_is_a_lost_display_in_one_line(
-    display: WindowDisplay, monkeypatch: pytest.MonkeyPatch, fault: Callable[..., None], words: str
-) -> None:
+def test_a_window_that_cannot_serve_is_a_lost_display_in_one_line(display, monkeypatch, fault, words):
     import glfw
 
     display.show(speckle())
@@ -167,7 +161,7 @@ def test_a_window_that_cannot_serve_is_a_lost_display_in_one_line(
         display.show(speckle())
 
 
-def test_closing_twice_is_harmless_and_ends_it(open_window: Open, display: WindowDisplay) -> None:
+def test_closing_twice_is_harmless_and_ends_it(open_window, display):
     for _ in range(2):
         display.close()
     with pytest.raises(DisplayLost, match=r"^display window: it is closed$"):
@@ -175,9 +169,7 @@ def test_closing_twice_is_harmless_and_ends_it(open_window: Open, display: Windo
     open_window(SIZE).show(speckle())
 
 
-def test_closing_does_not_wait_for_a_swap_that_hangs(
-    display: WindowDisplay, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_closing_does_not_wait_for_a_swap_that_hangs(display, monkeypatch):
     import glfw
 
     swapping, end = threading.Event(), threading.Event()
@@ -195,16 +187,14 @@ def test_closing_does_not_wait_for_a_swap_that_hangs(
     drawing.exception(PATIENCE_S)
 
 
-def test_a_failed_opening_leaves_other_windows_alone(
-    desktop: TwoMonitors, open_window: Open, display: WindowDisplay
-) -> None:
+def test_a_failed_opening_leaves_other_windows_alone(desktop, open_window, display):
     with pytest.raises(InputError):
         open_window(SIZE, monitor=7)
     display.show(speckle())
     np.testing.assert_array_equal(grabbed(desktop, display), grey(speckle()))
 
 
-def test_a_rig_file_finds_it_by_name(desktop: TwoMonitors) -> None:
+def test_a_rig_file_finds_it_by_name(desktop):
     from zeromethod.drivers.window import WindowDisplay
 
     assert load_driver("display", "window") is WindowDisplay

@@ -1,7 +1,5 @@
 """A recording of planted surfaces: what an export must say is known in closed form."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache

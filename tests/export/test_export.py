@@ -2,7 +2,6 @@
 
 import shutil
 import weakref
-from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -37,9 +36,7 @@ def refused(recording: Recording, name: str, selection: Selection | None = None)
         ((), ("a.mcap",), "an MCAP file needs frames, surface: frames, surface not kept"),
     ],
 )
-def test_what_keep_left_out_is_named(
-    with_only: Callable[..., Path], kept: tuple[str, ...], names: tuple[str, ...], words: str
-) -> None:
+def test_what_keep_left_out_is_named(with_only, kept, names, words):
     with Recording(with_only(*kept)) as recording:
         for name in names:
             assert words in refused(recording, name)
@@ -47,7 +44,7 @@ def test_what_keep_left_out_is_named(
         assert len(prepare(recording, Path("a.csv")).selected.steps) == 9
 
 
-def test_a_time_with_nothing_in_it_is_refused(recording: Recording) -> None:
+def test_a_time_with_nothing_in_it_is_refused(recording):
     found = refused(recording, "a.npz", Selection(from_s=0.13, to_s=0.17))
     assert "no surface recorded from 0.13 to 0.170 s; the recording is 0.220 s long" in found
     assert "--at: 3: the recording ends at 0.220 s" in refused(recording, "a.ply", Selection(at_s=3.0))
@@ -56,9 +53,7 @@ def test_a_time_with_nothing_in_it_is_refused(recording: Recording) -> None:
             Selection(**wrong)
 
 
-def test_an_unknown_suffix_and_a_missing_library_say_what_to_do(
-    recording: Recording, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unknown_suffix_and_a_missing_library_say_what_to_do(recording, monkeypatch):
     assert "must end in .npz, .tif" in refused(recording, "a.obj")
     monkeypatch.setitem(__import__("sys").modules, "tifffile", None)
     assert refused(recording, "a.tif") == (
@@ -67,7 +62,7 @@ def test_an_unknown_suffix_and_a_missing_library_say_what_to_do(
 
 
 @pytest.mark.parametrize("suffix", list(SUFFIXES))
-def test_no_format_leaves_half_a_file(suffix: str, recording: Recording, tmp_path: Path) -> None:
+def test_no_format_leaves_half_a_file(suffix, recording, tmp_path):
     def stop() -> None:
         raise KeyboardInterrupt
 
@@ -95,9 +90,7 @@ def damaged_copy(planted, path: Path, name: str, *at: int) -> Path:
 @pytest.mark.parametrize(
     ("suffix", "name"), [*((suffix, "surface/depth_mm") for suffix in STREAMED), (".mp4", "frames/image")]
 )
-def test_what_is_damaged_is_left_out_and_the_rest_written(
-    suffix: str, name: str, planted, tmp_path: Path
-) -> None:
+def test_what_is_damaged_is_left_out_and_the_rest_written(suffix, name, planted, tmp_path):
     # of the first reading: that which places a lattice
     path = damaged_copy(planted, tmp_path / "damaged.h5", name, 0, 20, 20)
     output = tmp_path / f"a{suffix}"
@@ -114,7 +107,7 @@ def test_what_is_damaged_is_left_out_and_the_rest_written(
 
 
 @pytest.mark.parametrize("suffix", [suffix for suffix, form in SUFFIXES.items() if form in MESHES])
-def test_a_mesh_of_a_damaged_surface_is_refused(suffix: str, planted, tmp_path: Path) -> None:
+def test_a_mesh_of_a_damaged_surface_is_refused(suffix, planted, tmp_path):
     path = damaged_copy(planted, tmp_path / "damaged.h5", "surface/depth_mm", -1, 20, 20)
     with Recording(path) as recording:
         with pytest.raises(InputError, match=r"the surface at 0\.220 s is damaged: give another time"):
@@ -123,7 +116,7 @@ def test_a_mesh_of_a_damaged_surface_is_refused(suffix: str, planted, tmp_path: 
     assert not (tmp_path / f"a{suffix}").exists()
 
 
-def test_a_track_says_which_peak_is_damaged(planted, tmp_path: Path) -> None:
+def test_a_track_says_which_peak_is_damaged(planted, tmp_path):
     path = damaged_copy(planted, tmp_path / "damaged.h5", "peaks/table", 3)
     with Recording(path) as recording, pytest.warns(DamagedWarning, match="peaks/table"):
         assert prepare(recording, tmp_path / "a.csv").write() == {"times": 9, "peaks": 7}
@@ -133,16 +126,14 @@ def test_a_track_says_which_peak_is_damaged(planted, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("pitch_mm", [float("nan"), float("inf"), 0.0, -1.0])
-def test_a_pitch_that_is_no_length_is_refused(pitch_mm: float, recording: Recording, tmp_path: Path) -> None:
+def test_a_pitch_that_is_no_length_is_refused(pitch_mm, recording, tmp_path):
     with pytest.raises(InputError, match=r"^--pitch: .*: a finite number of mm above 0$"):
         prepare(recording, tmp_path / "a.tif", pitch_mm=pitch_mm).write()
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("suffix", STREAMED)
-def test_few_of_the_maps_are_in_memory_at_a_time(
-    suffix: str, recording: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_few_of_the_maps_are_in_memory_at_a_time(suffix, recording, tmp_path, monkeypatch):
     alive: list[weakref.ref] = []
     most = 0
     read = recording.surface

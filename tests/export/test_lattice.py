@@ -21,7 +21,7 @@ def dent(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("turned", [1, -1])
-def test_a_dent_comes_out_where_it_is_and_as_deep(turned: int) -> None:
+def test_a_dent_comes_out_where_it_is_and_as_deep(turned):
     x, y = view(turned)
     lattice = MapLattice.covering(x, y, 0.5)
     known = np.ones(x.shape, bool)
@@ -36,7 +36,7 @@ def test_a_dent_comes_out_where_it_is_and_as_deep(turned: int) -> None:
     assert inside.mean() > 0.7
 
 
-def test_nothing_is_given_beyond_the_nodes_or_next_to_an_invalid_one() -> None:
+def test_nothing_is_given_beyond_the_nodes_or_next_to_an_invalid_one():
     x, y = view()
     known = np.ones(x.shape, bool)
     known[10, 20] = False
@@ -50,7 +50,7 @@ def test_nothing_is_given_beyond_the_nodes_or_next_to_an_invalid_one() -> None:
     assert np.isfinite(found[(np.abs(at_y) < 10) & (hole > 3.0) & (at_x > 11) & (at_x < 70)]).all()
 
 
-def test_a_second_map_of_moved_nodes_needs_no_new_start() -> None:
+def test_a_second_map_of_moved_nodes_needs_no_new_start():
     x, y = view()
     lattice = MapLattice.covering(x, y, 0.5)
     resampled = Resampler(lattice)
@@ -65,7 +65,7 @@ def test_a_second_map_of_moved_nodes_needs_no_new_start() -> None:
     assert both.sum() > 0.99 * np.isfinite(fresh).sum()
 
 
-def test_the_pitch_is_the_finer_of_the_nodes_own_and_the_origin_a_multiple() -> None:
+def test_the_pitch_is_the_finer_of_the_nodes_own_and_the_origin_a_multiple():
     x, y = view()
     lattice = MapLattice.covering(x, y)
     finer = min(np.median(np.hypot(np.diff(x, axis=a), np.diff(y, axis=a))) for a in (0, 1))
@@ -76,6 +76,6 @@ def test_the_pitch_is_the_finer_of_the_nodes_own_and_the_origin_a_multiple() -> 
 
 
 @pytest.mark.parametrize("pitch", [1e-4, 1e4])
-def test_a_pitch_that_gives_no_picture_is_refused(pitch: float) -> None:
+def test_a_pitch_that_gives_no_picture_is_refused(pitch):
     with pytest.raises(InputError, match=r"--pitch: .* mm: gives .* at least 2 x 2"):
         MapLattice.covering(*view(), pitch)

@@ -1,6 +1,5 @@
 """The MCAP file as the reference reader decodes it: ROS 2 types, metres, Unix time."""
 
-from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
@@ -24,7 +23,7 @@ def decoded(path: Path) -> dict[str, list]:
     return found
 
 
-def test_messages_are_standard_types_in_metres(planted, recording, tmp_path: Path) -> None:
+def test_messages_are_standard_types_in_metres(planted, recording, tmp_path):
     prepare(recording, tmp_path / "a.mcap").write()
     topics = decoded(tmp_path / "a.mcap")
     assert {topic: (messages[0][0], len(messages)) for topic, messages in topics.items()} == {
@@ -54,7 +53,7 @@ def test_messages_are_standard_types_in_metres(planted, recording, tmp_path: Pat
     assert points[:, 4] == pytest.approx(1e-7, rel=1e-6)
 
 
-def test_frames_come_as_they_were_at_their_unix_time(planted, recording, tmp_path: Path) -> None:
+def test_frames_come_as_they_were_at_their_unix_time(planted, recording, tmp_path):
     prepare(recording, tmp_path / "a.mcap").write()
     messages = decoded(tmp_path / "a.mcap")["/zeromethod/camera/image"]
     started = datetime.fromisoformat(recording.started_utc).timestamp()
@@ -66,7 +65,7 @@ def test_frames_come_as_they_were_at_their_unix_time(planted, recording, tmp_pat
         assert image.header.stamp.sec * 10**9 + image.header.stamp.nanosec == log_ns
 
 
-def test_what_was_not_kept_is_left_out(with_only: Callable[..., Path], tmp_path: Path) -> None:
+def test_what_was_not_kept_is_left_out(with_only, tmp_path):
     with Recording(with_only("surface")) as recording:
         prepare(recording, tmp_path / "a.mcap").write()
     topics = decoded(tmp_path / "a.mcap")

@@ -1,7 +1,5 @@
 """Meshes as trimesh reads them: millimetres, the dent's own volume, no triangle over what was not read."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -15,7 +13,7 @@ DEEPEST_MM, WIDTH_MM, CENTRE_MM = 0.2, 6.0, (42.0, 3.0)
 
 
 @pytest.mark.parametrize("form", ["ply", "stl"])
-def test_the_deepest_time_is_a_mesh_in_mm(form: str, recording, tmp_path: Path) -> None:
+def test_the_deepest_time_is_a_mesh_in_mm(form, recording, tmp_path):
     path = tmp_path / f"a.{form}"
     figures = prepare(recording, path).write()
     assert figures["time_s"] == pytest.approx(0.22)
@@ -37,7 +35,7 @@ def test_the_deepest_time_is_a_mesh_in_mm(form: str, recording, tmp_path: Path) 
     assert mesh.face_normals[:, 2].min() > 0.9
 
 
-def test_vertices_carry_depth_and_sigma_and_the_header_the_unit(planted, recording, tmp_path: Path) -> None:
+def test_vertices_carry_depth_and_sigma_and_the_header_the_unit(planted, recording, tmp_path):
     path = tmp_path / "a.ply"
     figures = prepare(recording, path, selection=Selection(at_s=0.041)).write()
     # Step 3, at 0.04 s, is the nearest.
@@ -50,7 +48,7 @@ def test_vertices_carry_depth_and_sigma_and_the_header_the_unit(planted, recordi
     assert raw["sigma_depth_mm"] == pytest.approx(1e-4, rel=1e-6)
 
 
-def test_nodes_that_were_not_read_leave_a_hole(recording, tmp_path: Path) -> None:
+def test_nodes_that_were_not_read_leave_a_hole(recording, tmp_path):
     prepare(recording, tmp_path / "a.stl").write()
     surface = recording.surface(9)
     hole = surface.contact
@@ -61,7 +59,7 @@ def test_nodes_that_were_not_read_leave_a_hole(recording, tmp_path: Path) -> Non
     assert len(mesh.outline().entities) == 2
 
 
-def test_on_a_curved_mirror_depth_starts_at_its_rest(recording) -> None:
+def test_on_a_curved_mirror_depth_starts_at_its_rest(recording):
     surface, rest = recording.surface(9), Sphere(200.0, (40.0, 0.0))
     points = surface_points(surface, rest)
     j, i = 12, 20

@@ -1,7 +1,6 @@
 """The .npz: planted maps, their places and times, and units that can be read off the file."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ ROUNDED = 1e-6
 """Relative: single precision keeps 24 bits."""
 
 
-def test_maps_places_and_times_are_those_recorded(planted, recording, tmp_path: Path) -> None:
+def test_maps_places_and_times_are_those_recorded(planted, recording, tmp_path):
     prepare(recording, tmp_path / "a.npz").write()
     with np.load(tmp_path / "a.npz", allow_pickle=False) as data:
         assert data["step"].tolist() == list(range(2, 10))
@@ -32,7 +31,7 @@ def test_maps_places_and_times_are_those_recorded(planted, recording, tmp_path: 
         assert data["slope"].shape == (8, rows, cols, 2)
 
 
-def test_every_array_states_its_unit(recording, tmp_path: Path) -> None:
+def test_every_array_states_its_unit(recording, tmp_path):
     prepare(recording, tmp_path / "a.npz").write()
     with np.load(tmp_path / "a.npz", allow_pickle=False) as data:
         about = json.loads(str(data["about"]))
@@ -46,7 +45,7 @@ def test_every_array_states_its_unit(recording, tmp_path: Path) -> None:
     assert "name" in about["rig"]
 
 
-def test_a_part_of_the_time_and_every_other_frame(planted, recording, tmp_path: Path) -> None:
+def test_a_part_of_the_time_and_every_other_frame(planted, recording, tmp_path):
     selection = Selection(from_s=0.04, to_s=0.2, every=2)
     assert prepare(recording, tmp_path / "a.npz", selection=selection).write()["times"] == 3
     with np.load(tmp_path / "a.npz") as data:

@@ -1,6 +1,5 @@
 """The TIFF as tifffile and any other reader of OME or plain TIFF finds it."""
 
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,7 +14,7 @@ WIDTH_MM = 6.0
 OME = {"ome": "http://www.openmicroscopy.org/Schemas/OME/2016-06"}
 
 
-def test_pages_are_maps_in_mm_on_the_lattice_given(planted, recording, tmp_path: Path) -> None:
+def test_pages_are_maps_in_mm_on_the_lattice_given(planted, recording, tmp_path):
     figures = prepare(recording, tmp_path / "a.tif", pitch_mm=0.5).write()
     with tifffile.TiffFile(tmp_path / "a.tif") as file:
         assert file.series[0].axes == "TCYX"
@@ -37,7 +36,7 @@ def test_pages_are_maps_in_mm_on_the_lattice_given(planted, recording, tmp_path:
         assert np.abs(slope - planted.slope_at(step, x, y))[read].max() < 1e-2 * steepest
 
 
-def test_spacing_names_and_times_carry_their_units(planted, recording, tmp_path: Path) -> None:
+def test_spacing_names_and_times_carry_their_units(planted, recording, tmp_path):
     figures = prepare(recording, tmp_path / "a.tif").write()
     with tifffile.TiffFile(tmp_path / "a.tif") as file:
         page = file.pages[0]
@@ -62,6 +61,6 @@ def test_spacing_names_and_times_carry_their_units(planted, recording, tmp_path:
         assert (float(plane.get("PositionX")), plane.get("PositionXUnit")) == (figures["x0_mm"], "mm")
 
 
-def test_a_single_time_is_a_tiff_as_well(recording, tmp_path: Path) -> None:
+def test_a_single_time_is_a_tiff_as_well(recording, tmp_path):
     prepare(recording, tmp_path / "a.tiff", selection=Selection(from_s=0.1, to_s=0.1)).write()
     assert tifffile.imread(tmp_path / "a.tiff").shape[0] == 3

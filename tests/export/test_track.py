@@ -1,14 +1,13 @@
 """The peak's track as CSV."""
 
 import csv
-from pathlib import Path
 
 import pytest
 
 from zeromethod.export import prepare
 
 
-def test_one_line_per_step_empty_where_nothing_was_read(planted, recording, tmp_path: Path) -> None:
+def test_one_line_per_step_empty_where_nothing_was_read(planted, recording, tmp_path):
     assert prepare(recording, tmp_path / "a.csv").write() == {"times": 9, "peaks": 8}
     with (tmp_path / "a.csv").open(newline="") as file:
         lines = list(csv.DictReader(file))

@@ -31,7 +31,7 @@ def video(planted, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict
         return path, prepare(recording, path).write()
 
 
-def test_the_video_keeps_the_recordings_pace(video: tuple[Path, dict]) -> None:
+def test_the_video_keeps_the_recordings_pace(video):
     path, figures = video
     # Steps 2 to 9 are 0.02 to 0.22 s: 11 frames of 20 ms, the 3 that are missing shown as the one before.
     assert (figures["frames"], figures["rate_hz"]) == (11, pytest.approx(50.0))
@@ -49,7 +49,7 @@ def test_the_video_keeps_the_recordings_pace(video: tuple[Path, dict]) -> None:
 
 
 @pytest.mark.skipif(shutil.which("ffprobe") is None, reason="ffprobe (package ffmpeg) is not installed")
-def test_ffprobe_reads_it(video: tuple[Path, dict]) -> None:
+def test_ffprobe_reads_it(video):
     path, figures = video
     probe = subprocess.run(
         ["ffprobe", "-v", "error", "-count_frames", "-show_streams", "-of", "json", path],
@@ -63,12 +63,12 @@ def test_ffprobe_reads_it(video: tuple[Path, dict]) -> None:
     assert float(stream["duration"]) == pytest.approx(figures["length_s"], abs=1e-3)
 
 
-def test_one_frame_is_a_video_as_well(recording, tmp_path: Path) -> None:
+def test_one_frame_is_a_video_as_well(recording, tmp_path):
     prepare(recording, tmp_path / "a.mp4", selection=Selection(from_s=0.1, to_s=0.1)).write()
     assert len(frames_of(tmp_path / "a.mp4")) == 1
 
 
-def test_panels_show_the_frame_the_residual_and_the_dent_in_its_place(planted, recording) -> None:
+def test_panels_show_the_frame_the_residual_and_the_dent_in_its_place(planted, recording):
     surface, inner = recording.surface(9), recording.grid.inner
     x_mm, y_mm = surface.x_mm[inner], surface.y_mm[inner]
     lattice = MapLattice.covering(x_mm, y_mm)
@@ -93,7 +93,7 @@ def test_panels_show_the_frame_the_residual_and_the_dent_in_its_place(planted, r
     assert (shown[depth] == GREY).all(axis=-1).any()
 
 
-def test_scales_hold_the_largest_peak_and_whole_decades_of_residual() -> None:
+def test_scales_hold_the_largest_peak_and_whole_decades_of_residual():
     image = np.tile(np.arange(200, dtype=np.uint16), (100, 1))
     scales = Scales.of([image], np.array([np.nan, 0.02, 0.03, 4.0]), np.array([np.nan, -0.05, 0.02]))
     assert scales.grey == pytest.approx(199, abs=1)

@@ -24,7 +24,7 @@ def _follow(bench: CodedBench, frames: int) -> tuple[DelayWatch, list[bool]]:
 
 
 @pytest.mark.parametrize("tenths", range(0, 41))
-def test_planted_delay_of_0_to_4_frames_comes_back_within_a_hundredth_of_a_frame(tenths: int) -> None:
+def test_planted_delay_of_0_to_4_frames_comes_back_within_a_hundredth_of_a_frame(tenths):
     # half of it in the display, half in the camera's stamps, which say too late when a frame was taken
     planted_s = tenths / 10 / 60
     bench = CodedBench(refresh_hz=59.94, phase=0.37, delay_s=planted_s / 2, stamp_s=planted_s / 2)
@@ -36,14 +36,14 @@ def test_planted_delay_of_0_to_4_frames_comes_back_within_a_hundredth_of_a_frame
     assert all(used)
 
 
-def test_stamps_that_come_early_make_the_delay_negative() -> None:
+def test_stamps_that_come_early_make_the_delay_negative():
     watch, _ = _follow(CodedBench(refresh_hz=59.94, stamp_s=-0.012), 20)
     assert watch.estimator.value_ns == pytest.approx(-12 * MS, abs=0.01 * FRAME_NS)
 
 
 @pytest.mark.parametrize("rates", [(59.94, 60), (60, 60), (60, 50), (60, 30), (120, 60), (60, 59.94)])
 @pytest.mark.parametrize("phase", np.arange(0, 1, 0.2).round(1).tolist())
-def test_no_rate_or_phase_hides_the_delay(rates: tuple[float, float], phase: float) -> None:
+def test_no_rate_or_phase_hides_the_delay(rates, phase):
     refresh, camera = rates
     bench = CodedBench(
         display=panel(refresh), refresh_hz=refresh, camera_hz=camera, phase=phase, delay_s=0.009
@@ -60,7 +60,7 @@ def test_no_rate_or_phase_hides_the_delay(rates: tuple[float, float], phase: flo
 
 @pytest.mark.parametrize("scan", ["down", "up"])
 @pytest.mark.parametrize(("exposure_s", "rise_s"), [(0.002, 0.0), (0.004, 0.006), (0.016, 0.006)])
-def test_exposure_rise_and_scan_direction_are_taken_in(scan: str, exposure_s: float, rise_s: float) -> None:
+def test_exposure_rise_and_scan_direction_are_taken_in(scan, exposure_s, rise_s):
     bench = CodedBench(
         display=panel(rise_s=rise_s, scan=scan),
         refresh_hz=59.0,
@@ -73,7 +73,7 @@ def test_exposure_rise_and_scan_direction_are_taken_in(scan: str, exposure_s: fl
     assert all(used)
 
 
-def test_frame_that_saw_one_picture_alone_only_bounds_the_delay() -> None:
+def test_frame_that_saw_one_picture_alone_only_bounds_the_delay():
     bench = CodedBench(camera_hz=15, exposure_s=0.004, phase=0.0, display=panel(rise_s=0.0))
     for frame in bench.frames(6):
         found = match(reader().read(frame.image), bench.log, frame, bench.timing, WIDE)
@@ -84,7 +84,7 @@ def test_frame_that_saw_one_picture_alone_only_bounds_the_delay() -> None:
     assert found.high_ns - found.low_ns > 20 * MS
 
 
-def test_single_wrong_bit_or_a_code_that_was_not_shown_is_never_used() -> None:
+def test_single_wrong_bit_or_a_code_that_was_not_shown_is_never_used():
     for wrong in range(16):
         bench = CodedBench(refresh_hz=59.94, delay_s=0.011, wrong={30: wrong})
         watch, used = _follow(bench, 40)
@@ -106,7 +106,7 @@ def _last_read() -> tuple[CodedBench, Frame, tuple[StripReading, ...]]:
     return bench, *last
 
 
-def test_single_frames_that_a_busy_computer_stamps_late_are_used_with_their_own_delay() -> None:
+def test_single_frames_that_a_busy_computer_stamps_late_are_used_with_their_own_delay():
     """One frame in ten is stamped two to five refreshes late: its codes say all the same what it saw."""
     rng = np.random.default_rng(4)
     bench = CodedBench(refresh_hz=59.94, delay_s=0.012)
@@ -125,7 +125,7 @@ def test_single_frames_that_a_busy_computer_stamps_late_are_used_with_their_own_
     assert watch.estimator.value_ns == pytest.approx(12 * MS, abs=0.01 * FRAME_NS)
 
 
-def test_flipped_cell_is_a_contradiction() -> None:
+def test_flipped_cell_is_a_contradiction():
     bench, frame, readings = _last_read()
     span = (11 * MS - 2.5 * FRAME_NS, 11 * MS + 2.5 * FRAME_NS)
     good = match(readings, bench.log, frame, bench.timing, span)
@@ -142,7 +142,7 @@ def test_flipped_cell_is_a_contradiction() -> None:
         assert not bad.fits
 
 
-def test_bit_and_check_that_disagree_are_not_used() -> None:
+def test_bit_and_check_that_disagree_are_not_used():
     bench, frame, readings = _last_read()
     mixed = next(one for one in readings if one.code is None)
     levels = mixed.levels.copy()
@@ -153,7 +153,7 @@ def test_bit_and_check_that_disagree_are_not_used() -> None:
     assert not bad.fits
 
 
-def test_strips_that_cannot_be_read_leave_the_rigs_then_the_running_delay() -> None:
+def test_strips_that_cannot_be_read_leave_the_rigs_then_the_running_delay():
     bench = CodedBench(refresh_hz=59.94, delay_s=0.02)
     watch = DelayWatch(reader(), bench.timing, 60.0)
     dark = np.zeros((192, 320), np.uint8)
@@ -167,7 +167,7 @@ def test_strips_that_cannot_be_read_leave_the_rigs_then_the_running_delay() -> N
             assert timing.latency_ns == pytest.approx(20 * MS, abs=0.01 * FRAME_NS)
 
 
-def test_delay_that_changes_for_good_is_found_again() -> None:
+def test_delay_that_changes_for_good_is_found_again():
     bench = CodedBench(refresh_hz=59.94, delay_s=0.0)
     watch = DelayWatch(reader(), bench.timing, 60.0)
     for n, frame in enumerate(bench.frames(120)):

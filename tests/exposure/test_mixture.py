@@ -54,9 +54,7 @@ def largest(error: np.ndarray, mixed: np.ndarray) -> float:
 @pytest.mark.parametrize("kind", ["cosines", "checker"])
 @pytest.mark.parametrize("shares", [[0.25, 0.75], [0.5, 0.5], [0.9, 0.1], [0.2, 0.5, 0.3]])
 @pytest.mark.parametrize("spread_px", [1.5, 3.0, 5.0])
-def test_planted_mixes_are_read_as_if_there_were_one_picture(
-    kind: str, shares: list[float], spread_px: float
-) -> None:
+def test_planted_mixes_are_read_as_if_there_were_one_picture(kind, shares, spread_px):
     peak = spread_px * LCD_PER_CAMERA
     pictures = [dent(REST, peak * k / (len(shares) - 1)) for k in range(len(shares))]
     error, mixed = read(pictures, shares, dent(REST, 0.7 * peak), kind)
@@ -65,7 +63,7 @@ def test_planted_mixes_are_read_as_if_there_were_one_picture(
     assert largest(error, mixed.mixed) < 0.015 * (spread_px / 5) ** 2
 
 
-def test_without_the_bias_the_same_mixes_are_misread() -> None:
+def test_without_the_bias_the_same_mixes_are_misread():
     peak = 5 * LCD_PER_CAMERA
     _, mixed = read([dent(REST, 0.0), dent(REST, peak)], [0.75, 0.25], dent(REST, 0.7 * peak))
     assert mixed.bias_px is not None
@@ -91,9 +89,7 @@ def test_without_the_bias_the_same_mixes_are_misread() -> None:
         (0.2, 16.0, True),
     ],
 )
-def test_a_mix_is_refused_where_half_the_carrier_is_lost_on_the_way(
-    share: float, moved_px: float, mixed: bool
-) -> None:
+def test_a_mix_is_refused_where_half_the_carrier_is_lost_on_the_way(share, moved_px, mixed):
     # |1 - w + w exp(i k s)|: 0.5 at a third of a period for halves, 1 - 2 w at half a period; a whole
     # period leaves everything, but which of two orders is meant is not known. At 0.2 and half a period or
     # more the bias is over 1 px
@@ -101,7 +97,7 @@ def test_a_mix_is_refused_where_half_the_carrier_is_lost_on_the_way(
     assert np.all(got.mixed == mixed)
 
 
-def test_pictures_that_differ_by_noise_are_one() -> None:
+def test_pictures_that_differ_by_noise_are_one():
     got = of_two(0.05, 0.5, "cosines")
     assert got.bias_px is not None
     assert not got.bias_px.any()
@@ -109,13 +105,13 @@ def test_pictures_that_differ_by_noise_are_one() -> None:
 
 
 @pytest.mark.parametrize(("moved_px", "mixed"), [(1.9, False), (2.1, True)])
-def test_without_carriers_the_spread_decides(moved_px: float, mixed: bool) -> None:
+def test_without_carriers_the_spread_decides(moved_px, mixed):
     got = of_two(np.array([moved_px * LCD_PER_CAMERA, 0.0]), 0.5, "noise")
     assert got.bias_px is None
     assert np.all(got.mixed == mixed)
 
 
-def test_the_short_polynomials_are_good_to_a_thousandth_of_the_noise() -> None:
+def test_the_short_polynomials_are_good_to_a_thousandth_of_the_noise():
     x = np.linspace(-1, 1, 301)
     # 4e-6 rad are 1e-5 px
     assert max(abs(_arctan(one) - np.arctan(one)) for one in x) < 4e-6

@@ -33,7 +33,7 @@ def logged(*entries: tuple[float, float]) -> PresentationLog:
 
 
 @pytest.mark.parametrize("change_ms", [-20.0, -3.0, 1.0, 6.0, 8.0, 9.0])
-def test_light_of_a_change_is_the_integral_of_its_rise(change_ms: float) -> None:
+def test_light_of_a_change_is_the_integral_of_its_rise(change_ms):
     tau = 0.004 / math.log(9)
 
     def light(t: float) -> float:
@@ -46,7 +46,7 @@ def test_light_of_a_change_is_the_integral_of_its_rise(change_ms: float) -> None
     assert got == pytest.approx(expected, abs=1e-9)  # quad's own error
 
 
-def test_rise_is_from_10_to_90_percent() -> None:
+def test_rise_is_from_10_to_90_percent():
     # an exposure of 2 ns is an instant: 10 % and 90 % of the light are rise_s apart
     tau = TIMING.tau_ns
     at_10, at_90 = -tau * math.log(0.9), -tau * math.log(0.1)
@@ -55,26 +55,26 @@ def test_rise_is_from_10_to_90_percent() -> None:
         assert lit_share(-1.0, 1.0, np.array([-after]), tau)[0] == pytest.approx(light, abs=1e-6)
 
 
-def test_weights_add_up_to_one_in_every_row() -> None:
+def test_weights_add_up_to_one_in_every_row():
     times = np.array([0, 17, 33, 50], dtype=np.int64) * MS
     weights, dark = entry_weights(times, True, frame(52), TIMING)
     np.testing.assert_allclose(weights.sum(axis=0) + dark, 1, atol=1e-12)
     assert weights.min() >= 0
 
 
-def test_a_picture_alone_is_returned_as_it_was_logged() -> None:
+def test_a_picture_alone_is_returned_as_it_was_logged():
     observed = paired(logged((0, 0.0), (16, 1.0)), 80)
     assert observed.mixture is None
     assert observed.entries.tolist() == [16 * MS]
     np.testing.assert_array_equal(observed.shown.q, REST.q + np.array([1.0, 0.0]))
 
 
-def test_a_picture_that_starts_after_the_exposure_has_no_part() -> None:
+def test_a_picture_that_starts_after_the_exposure_has_no_part():
     observed = paired(logged((0, 0.0), (90, 5.0)), 80)
     np.testing.assert_array_equal(observed.shown.q, REST.q)
 
 
-def test_nothing_is_shown_before_the_first_picture_is_lit() -> None:
+def test_nothing_is_shown_before_the_first_picture_is_lit():
     log = logged((0, 0.0))
     assert pair(PresentationLog((3, 3)), frame(80), TIMING, REST.q, REST.grid, "cosines") is None
     assert pair(log, frame(-10), TIMING, REST.q, REST.grid, "cosines") is None
@@ -83,7 +83,7 @@ def test_nothing_is_shown_before_the_first_picture_is_lit() -> None:
     assert pair(log, frame(40), TIMING, REST.q, REST.grid, "cosines") is not None
 
 
-def test_rows_that_change_first_show_more_of_the_new_picture() -> None:
+def test_rows_that_change_first_show_more_of_the_new_picture():
     log = logged((0, 0.0), (60, 1.0))
     observed = paired(log, 70)
     moved = observed.shown.q[..., 0] - REST.q[..., 0]
@@ -96,7 +96,7 @@ def test_rows_that_change_first_show_more_of_the_new_picture() -> None:
     np.testing.assert_allclose(observed_up.shown.q[::-1, 5, 0] - REST.q[::-1, 5, 0], moved[:, 5], atol=5e-3)
 
 
-def test_the_mix_weighs_pictures_by_the_light_of_their_row() -> None:
+def test_the_mix_weighs_pictures_by_the_light_of_their_row():
     observed = paired(logged((0, 0.0), (60, 1.0)), 70)
     row = REST.q[4, 5, 1]
     change_ns = 60e6 + row / (PANEL[1] - 1) * 1e9 / 60
@@ -105,7 +105,7 @@ def test_the_mix_weighs_pictures_by_the_light_of_their_row() -> None:
     assert observed.shown.q[4, 5, 0] - REST.q[4, 5, 0] == pytest.approx(new, abs=1e-4)
 
 
-def test_the_age_of_what_is_shown_is_weighted_by_its_light() -> None:
+def test_the_age_of_what_is_shown_is_weighted_by_its_light():
     log = PresentationLog(REST.q.shape[:2])
     log.record(0, REST.q)
     log.record(60 * MS, REST.q, source_ns=30 * MS)
@@ -121,7 +121,7 @@ def test_the_age_of_what_is_shown_is_weighted_by_its_light() -> None:
     assert mixed.age_ns[0] == pytest.approx(50 * MS, rel=1e-3)
 
 
-def test_a_log_that_was_overwritten_takes_its_oldest_entry_for_all_before() -> None:
+def test_a_log_that_was_overwritten_takes_its_oldest_entry_for_all_before():
     log = PresentationLog(REST.q.shape[:2], capacity=2)
     for at_ms in (0, 16, 33):
         log.record(at_ms * MS, REST.q)

@@ -8,7 +8,7 @@ def warp(value: float) -> np.ndarray:
     return np.full((3, 4, 2), value)
 
 
-def test_entries_come_back_in_order_oldest_first() -> None:
+def test_entries_come_back_in_order_oldest_first():
     log = PresentationLog((3, 4), capacity=4)
     for k in range(3):
         log.record(10 * k, warp(k))
@@ -17,7 +17,7 @@ def test_entries_come_back_in_order_oldest_first() -> None:
     assert log.complete
 
 
-def test_the_oldest_entry_is_overwritten_when_the_ring_is_full() -> None:
+def test_the_oldest_entry_is_overwritten_when_the_ring_is_full():
     log = PresentationLog((3, 4), capacity=4)
     for k in range(7):
         log.record(10 * k, warp(k))
@@ -27,7 +27,7 @@ def test_the_oldest_entry_is_overwritten_when_the_ring_is_full() -> None:
     assert not log.complete
 
 
-def test_the_log_keeps_its_own_copy() -> None:
+def test_the_log_keeps_its_own_copy():
     log = PresentationLog((3, 4))
     q = warp(1)
     log.record(0, q)
@@ -35,7 +35,7 @@ def test_the_log_keeps_its_own_copy() -> None:
     assert log.warp(0)[0, 0, 0] == 1
 
 
-def test_time_must_not_run_backwards() -> None:
+def test_time_must_not_run_backwards():
     log = PresentationLog((3, 4))
     log.record(100, warp(0))
     with pytest.raises(ValueError, match="before the picture"):

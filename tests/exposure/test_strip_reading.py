@@ -17,7 +17,7 @@ def _mixed(older: int, newer: int, weight: float) -> np.ndarray:
     return (1 - weight) * _bits(older) + weight * _bits(newer)
 
 
-def test_every_code_is_read() -> None:
+def test_every_code_is_read():
     for code in range(CODES):
         other = (code + 3) % CODES
         found = READER.read(noisy(picture(_bits(code), _bits(other)), code))
@@ -25,7 +25,7 @@ def test_every_code_is_read() -> None:
 
 
 @pytest.mark.parametrize("weight", [0.1, 0.25, 0.5, 0.9])
-def test_grey_bit_and_check_give_the_weight_of_the_newer_picture(weight: float) -> None:
+def test_grey_bit_and_check_give_the_weight_of_the_newer_picture(weight):
     first, last = READER.read(noisy(picture(_mixed(6, 7, weight), _bits(7))))
     # 2 grey of noise on 186 of swing, over some 80 px a cell: 0.001; four times that, and a grey's rounding
     np.testing.assert_allclose(first.levels, _mixed(6, 7, weight), atol=0.006)
@@ -33,7 +33,7 @@ def test_grey_bit_and_check_give_the_weight_of_the_newer_picture(weight: float) 
     assert last.code == 7
 
 
-def test_brightness_along_the_strip_and_stray_light_do_not_matter() -> None:
+def test_brightness_along_the_strip_and_stray_light_do_not_matter():
     gradient = np.linspace(0.5, 1.1, SHAPE[1])
     first, _ = READER.read(noisy(4 + gradient * (picture(_mixed(2, 3, 0.3), _bits(3)) - 4) + 15))
     # the light is linear along the strip, 2.4 % of it per cell; what stray light adds to a contrast that is
@@ -41,12 +41,12 @@ def test_brightness_along_the_strip_and_stray_light_do_not_matter() -> None:
     np.testing.assert_allclose(first.levels, _mixed(2, 3, 0.3), atol=0.05)
 
 
-def test_displacement_along_the_strip_by_a_fifth_of_a_cell_does_not_matter() -> None:
+def test_displacement_along_the_strip_by_a_fifth_of_a_cell_does_not_matter():
     moved = np.roll(picture(_bits(9), _bits(9)), round(STRIPS.first.unit_px / 5), axis=1)
     assert [reading.code for reading in READER.read(noisy(moved))] == [9, 9]
 
 
-def test_target_pulled_into_a_strip_makes_it_unread_and_leaves_the_other() -> None:
+def test_target_pulled_into_a_strip_makes_it_unread_and_leaves_the_other():
     grey = picture(_bits(4), _bits(4))
     grey[:16] = np.roll(grey, -10, axis=0)[:16]
     found = READER.read(noisy(grey))
@@ -54,7 +54,7 @@ def test_target_pulled_into_a_strip_makes_it_unread_and_leaves_the_other() -> No
     assert found[0].panel_rows is STRIPS.last.panel_rows
 
 
-def test_clipped_faint_and_dark_strips_are_not_read() -> None:
+def test_clipped_faint_and_dark_strips_are_not_read():
     grey = picture(_bits(4), _bits(4))
     assert len(READER.read(noisy(grey))) == 2
     assert READER.read(noisy(grey * 1.4)) == ()
@@ -64,7 +64,7 @@ def test_clipped_faint_and_dark_strips_are_not_read() -> None:
     assert READER.read(noisy(grey * 0.15 + 150)) == ()
 
 
-def test_sixteen_bit_frames_are_read_alike() -> None:
+def test_sixteen_bit_frames_are_read_alike():
     grey = np.rint(picture(_mixed(12, 13, 0.4), _bits(13)) * 16).astype(np.uint16)
     found = reader(12).read(grey)
     # black is taken as 4 of 4095 and not 64: that only lowers the contrast, which is measured

@@ -1,7 +1,5 @@
 """Contexts of both backends: they draw, live side by side, nest, and fail in one line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import moderngl
@@ -40,29 +38,25 @@ def create(monkeypatch: pytest.MonkeyPatch) -> Iterator[Create]:
         ctx.release()
 
 
-def test_context_is_core_3_3_or_newer(gl_context: moderngl.Context) -> None:
+def test_context_is_core_3_3_or_newer(gl_context):
     assert gl_context.version_code >= 330
 
 
 @pytest.mark.parametrize(("forced", "opened"), [("", "egl"), ("egl", "egl"), ("osmesa", "osmesa")])
-def test_the_variable_chooses_and_without_it_egl_comes_first(
-    create: Create, monkeypatch: pytest.MonkeyPatch, forced: str, opened: str
-) -> None:
+def test_the_variable_chooses_and_without_it_egl_comes_first(create, monkeypatch, forced, opened):
     (other,) = {*BACKENDS} - {opened}
     monkeypatch.setitem(context.BACKENDS, other, lambda: pytest.fail("the other one was tried"))
     create(forced)
 
 
-def test_new_context_is_current_many_can_be_made_and_released_twice(create: Create, gl_backend: str) -> None:
+def test_new_context_is_current_many_can_be_made_and_released_twice(create, gl_backend):
     for _ in range(25):
         ctx = create(gl_backend)
         assert cleared(ctx, GREEN) == [0, 255, 0, 255]
         ctx.release()
 
 
-def test_making_a_context_inside_a_block_does_not_steal_it(
-    create: Create, gl_context: moderngl.Context, gl_backend: str
-) -> None:
+def test_making_a_context_inside_a_block_does_not_steal_it(create, gl_context, gl_backend):
     other = create(gl_backend)
     with gl_context:
         assert cleared(gl_context, RED) == [255, 0, 0, 255]
@@ -73,7 +67,7 @@ def test_making_a_context_inside_a_block_does_not_steal_it(
 
 @pytest.mark.parametrize("outer", BACKENDS)
 @pytest.mark.parametrize("inner", BACKENDS)
-def test_blocks_nest_across_contexts_and_backends(create: Create, outer: str, inner: str) -> None:
+def test_blocks_nest_across_contexts_and_backends(create, outer, inner):
     first, second = create(outer), create(inner)
     for _ in range(3):
         with first:
@@ -86,7 +80,7 @@ def test_blocks_nest_across_contexts_and_backends(create: Create, outer: str, in
     assert (first.error, second.error) == ("GL_NO_ERROR", "GL_NO_ERROR")
 
 
-def test_what_one_context_holds_is_untouched_by_the_other(create: Create) -> None:
+def test_what_one_context_holds_is_untouched_by_the_other(create):
     contexts = [create(backend) for backend in (*BACKENDS, *BACKENDS)]
     framebuffers = []
     for level, ctx in enumerate(contexts):
@@ -99,7 +93,7 @@ def test_what_one_context_holds_is_untouched_by_the_other(create: Create) -> Non
         assert values.tolist() == [float(level)] * 16
 
 
-def test_forgotten_objects_wait_to_be_collected(gl_context: moderngl.Context) -> None:
+def test_forgotten_objects_wait_to_be_collected(gl_context):
     collect(gl_context)
     kept, released = gl_context.buffer(reserve=16), gl_context.buffer(reserve=16)
     gl_context.buffer(reserve=16)
@@ -110,7 +104,7 @@ def test_forgotten_objects_wait_to_be_collected(gl_context: moderngl.Context) ->
 
 
 @pytest.mark.parametrize("value", ["cuda", "EGL", "egl,osmesa"])
-def test_unknown_backend_is_refused(create: Create, value: str) -> None:
+def test_unknown_backend_is_refused(create, value):
     with pytest.raises(InputError, match=f"^ZEROMETHOD_GL: '{value}': allowed are egl, osmesa$"):
         create(value)
 
@@ -128,7 +122,7 @@ def nothing_installed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("nothing_installed")
-def test_when_nothing_works_one_line_names_reasons_and_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_when_nothing_works_one_line_names_reasons_and_packages(monkeypatch):
     monkeypatch.delenv(VARIABLE, raising=False)
     with pytest.raises(InputError) as caught:
         create_context()
@@ -141,16 +135,14 @@ def test_when_nothing_works_one_line_names_reasons_and_packages(monkeypatch: pyt
 
 @pytest.mark.usefixtures("nothing_installed")
 def test_forcing_a_backend_that_fails_does_not_fall_back_and_leaves_the_current_context_current(
-    create: Create, gl_context: moderngl.Context, gl_backend: str
-) -> None:
+    create, gl_context, gl_backend
+):
     with pytest.raises(InputError, match=f"\\({gl_backend}: [^)]*\\): install "):
         create(gl_backend)
     assert cleared(gl_context, GREEN) == [0, 255, 0, 255]
 
 
-def test_egl_devices_that_are_closed_to_the_user_are_skipped(
-    create: Create, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_egl_devices_that_are_closed_to_the_user_are_skipped(create, monkeypatch):
     real = context._open_egl
 
     def gpu_first(device: int) -> object:
@@ -162,7 +154,7 @@ def test_egl_devices_that_are_closed_to_the_user_are_skipped(
     assert cleared(create("egl"), GREEN) == [0, 255, 0, 255]
 
 
-def test_without_a_system_library_the_wheel_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_system_library_the_wheel_is_named(monkeypatch):
     def not_installed(name: str) -> None:
         raise osmesa.metadata.PackageNotFoundError(name)
 

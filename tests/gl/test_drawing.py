@@ -1,7 +1,5 @@
 """What shaders write is what is read back, bit for bit, on both backends."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import moderngl
@@ -69,7 +67,7 @@ def texels(texture: moderngl.Texture) -> np.ndarray:
     return np.frombuffer(texture.read(alignment=1), kind).reshape(texture.height, texture.width, -1)
 
 
-def test_eight_bit_pattern_comes_back_bit_exact(gl_context: moderngl.Context) -> None:
+def test_eight_bit_pattern_comes_back_bit_exact(gl_context):
     target = gl_context.texture(SIZE, 4, dtype="f1")
     draw(gl_context, "pattern.frag", target)
     y, x = np.mgrid[: SIZE[1], : SIZE[0]]
@@ -78,9 +76,7 @@ def test_eight_bit_pattern_comes_back_bit_exact(gl_context: moderngl.Context) ->
 
 
 @pytest.mark.parametrize("components", [1, 2, 4])
-def test_float_textures_are_render_targets_of_full_precision(
-    gl_context: moderngl.Context, components: int
-) -> None:
+def test_float_textures_are_render_targets_of_full_precision(gl_context, components):
     target = gl_context.texture(SIZE, components, dtype="f4")
     draw(gl_context, "floats.frag", target)
     y, x = np.mgrid[: SIZE[1], : SIZE[0]].astype(np.float64)
@@ -90,9 +86,7 @@ def test_float_textures_are_render_targets_of_full_precision(
 
 
 @pytest.mark.parametrize("components", [1, 2, 4])
-def test_texel_fetch_returns_what_was_uploaded_bit_exact(
-    gl_context: moderngl.Context, components: int
-) -> None:
+def test_texel_fetch_returns_what_was_uploaded_bit_exact(gl_context, components):
     rng = np.random.default_rng(1)
     values = rng.normal(scale=1e3, size=(*SIZE[::-1], components)).astype(np.float32)
     source = gl_context.texture(SIZE, components, values.tobytes(), dtype="f4", alignment=1)
@@ -102,7 +96,7 @@ def test_texel_fetch_returns_what_was_uploaded_bit_exact(
     assert np.array_equal(texels(target), values[::-1, ::-1])
 
 
-def test_a_texture_just_drawn_can_be_fetched_by_the_next_pass(gl_context: moderngl.Context) -> None:
+def test_a_texture_just_drawn_can_be_fetched_by_the_next_pass(gl_context):
     first, second = (gl_context.texture(SIZE, 4, dtype="f4") for _ in range(2))
     draw(gl_context, "floats.frag", first)
     first.use(location=0)

@@ -1,10 +1,7 @@
 """Shader files: includes, defines, and errors that name file and line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
-import moderngl
 import pytest
 
 from zeromethod.gl import program, shader
@@ -29,13 +26,13 @@ def write(folder: Path, **files: str) -> None:
         (folder / name.replace("_", ".")).write_text(version + text)
 
 
-def test_includes_stand_in_place_and_only_once(folder: Path) -> None:
+def test_includes_stand_in_place_and_only_once(folder):
     main = '#include "a.glsl"\n  #include "b.glsl"  \nmain\n'
     write(folder, main_frag=main, a_glsl='#include "b.glsl"\na\n', b_glsl="b\n")
     assert shader_source("main.frag") == "#version 330\nb\na\nmain\n"
 
 
-def test_defines_follow_the_version(folder: Path) -> None:
+def test_defines_follow_the_version(folder):
     write(folder, main_frag="main\n")
     source = shader_source("main.frag", N=3, SCALE=2.0, SMALL=1e-7, ON=True, KIND="vec2")
     defined = ["N 3", "SCALE 2.0", "SMALL 1e-07", "ON 1", "KIND vec2"]
@@ -61,14 +58,14 @@ def test_defines_follow_the_version(folder: Path) -> None:
         ),
     ],
 )
-def test_bad_includes_name_their_place(folder: Path, files: dict[str, str], message: str) -> None:
+def test_bad_includes_name_their_place(folder, files, message):
     write(folder, **files)
     with pytest.raises(RuntimeError, match=message):
         shader_source("main.frag")
 
 
 @pytest.mark.parametrize("text", ["void main() {}\n", ""])
-def test_a_shader_without_its_version_is_refused(folder: Path, text: str) -> None:
+def test_a_shader_without_its_version_is_refused(folder, text):
     (folder / "main.frag").write_text(text)
     with pytest.raises(RuntimeError, match=r"^main\.frag:1: a shader starts with #version$"):
         shader_source("main.frag")
@@ -90,16 +87,14 @@ INCLUDING = '#include "a.glsl"\nout float f;\nvoid main() { f = 1.0; }\n'
         ),
     ],
 )
-def test_compile_errors_name_file_and_line(
-    gl_context: moderngl.Context, folder: Path, files: dict[str, str], place: str
-) -> None:
+def test_compile_errors_name_file_and_line(gl_context, folder, files, place):
     write(folder, **{"main_vert": VERTEX} | files)
     with pytest.raises(RuntimeError, match=place) as caught:
         program(gl_context, "main.vert", "main.frag", SCALE=1.0)
     assert "\n" not in str(caught.value)
 
 
-def test_link_errors_name_the_files(gl_context: moderngl.Context, folder: Path) -> None:
+def test_link_errors_name_the_files(gl_context, folder):
     write(
         folder,
         main_vert="out vec2 a;\nvoid main() { a = vec2(1.0); gl_Position = vec4(0.0); }\n",

@@ -4,8 +4,6 @@ The panel is integrated numerically, so that the timing model is held against so
 Between the strips there is the target, as the camera sees it when nulled.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field

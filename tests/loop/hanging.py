@@ -1,7 +1,5 @@
 """Cameras that answer from a list, waiting for other threads, and limits on how long something takes."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """A loop over a screen and an eye of somebody's own, at rest: where faults are planted."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

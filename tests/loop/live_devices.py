@@ -4,8 +4,6 @@ Nothing here knows the loop; of the package it uses the contract (`zeromethod.de
 the rays of the mirror at rest. The real ones live in the host's time, the simulated ones on the run's clock.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from typing import Any

@@ -4,8 +4,6 @@ The panel is integrated numerically (many instants per exposure), so that the co
 held against something that is not itself. The sensing window is taken as perfect, unwrapping as well.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field

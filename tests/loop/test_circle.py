@@ -40,7 +40,7 @@ def rms(x: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(x))))
 
 
-def test_a_press_past_half_a_period_is_nulled_in_two_corrections_at_most() -> None:
+def test_a_press_past_half_a_period_is_nulled_in_two_corrections_at_most():
     peak = 0.75 * PERIOD_PX * LCD_PER_CAMERA
     bench = NodeBench(rest_warp(256), lambda t: pressed if t > 0.2 else 0 * pressed)
     pressed = dent(bench.rest, peak)
@@ -54,7 +54,7 @@ def test_a_press_past_half_a_period_is_nulled_in_two_corrections_at_most() -> No
     assert rms(bench.error_px()) < 0.01
 
 
-def test_the_command_at_rest_has_less_than_0_4_of_one_frames_noise() -> None:
+def test_the_command_at_rest_has_less_than_0_4_of_one_frames_noise():
     bench = NodeBench(REST, step(0.0))
     errors, single = [], []
     for k, taken in enumerate(bench.run(90)):
@@ -68,7 +68,7 @@ def test_the_command_at_rest_has_less_than_0_4_of_one_frames_noise() -> None:
     assert filtered.sigma[REST.grid.inner].mean() == pytest.approx(SIGMA_PX * LCD_PER_CAMERA / 3, rel=0.25)
 
 
-def test_a_press_raises_the_gain_to_its_limit_within_the_frame_that_shows_it() -> None:
+def test_a_press_raises_the_gain_to_its_limit_within_the_frame_that_shows_it():
     pressed = dent(REST, 2.0, **SMALL)
     bench = NodeBench(REST, step(2.0))
     for taken in bench.run(24):
@@ -80,7 +80,7 @@ def test_a_press_raises_the_gain_to_its_limit_within_the_frame_that_shows_it() -
     assert bench.circle.controller.gain[clear].min() > 0.99
 
 
-def test_a_held_dent_keeps_its_depth_for_500_frames() -> None:
+def test_a_held_dent_keeps_its_depth_for_500_frames():
     truth = dent(REST, 5.0, **SMALL)
     bench = NodeBench(REST, lambda t: truth)
     early: list[np.ndarray] = []
@@ -101,7 +101,7 @@ def test_a_held_dent_keeps_its_depth_for_500_frames() -> None:
 
 
 @pytest.mark.parametrize("delay_frames", [1, 2, 3, 4])
-def test_delay_makes_the_composition_late_but_not_unstable(delay_frames: int) -> None:
+def test_delay_makes_the_composition_late_but_not_unstable(delay_frames):
     bench = NodeBench(REST, step(6.0), display=panel(latency_s=(delay_frames - 1) / 60))
     frames = frames_to_null(bench)
     assert frames is not None
@@ -115,9 +115,7 @@ def test_delay_makes_the_composition_late_but_not_unstable(delay_frames: int) ->
 @pytest.mark.parametrize(
     ("exposure_s", "rise_s"), [(0.002, 0.004), (0.008, 0.006), (0.016, 0.004), (0.016, 0.006)]
 )
-def test_no_phase_rate_or_exposure_starves_the_loop(
-    phase: float, refresh_hz: float, exposure_s: float, rise_s: float
-) -> None:
+def test_no_phase_rate_or_exposure_starves_the_loop(phase, refresh_hz, exposure_s, rise_s):
     bench = NodeBench(
         REST, step(6.0), display=panel(rise_s, refresh_hz), exposure_s=exposure_s, phase=float(phase)
     )
@@ -126,7 +124,7 @@ def test_no_phase_rate_or_exposure_starves_the_loop(
     assert frames <= 8  # delay of up to two frames: twice that, and four
 
 
-def test_mixed_pictures_freeze_the_command_and_are_flagged() -> None:
+def test_mixed_pictures_freeze_the_command_and_are_flagged():
     bench = NodeBench(REST, step(6.0), exposure_s=0.016)
     before = None
     held = 0
@@ -148,7 +146,7 @@ def test_mixed_pictures_freeze_the_command_and_are_flagged() -> None:
     assert held >= 1
 
 
-def test_a_slide_is_followed_without_being_taken_for_mixed() -> None:
+def test_a_slide_is_followed_without_being_taken_for_mixed():
     def truth(t: float) -> np.ndarray:
         return dent(REST, 5.0, shift_px=-15 + 60 * max(t - 0.1, 0), **SMALL)
 
@@ -162,7 +160,7 @@ def test_a_slide_is_followed_without_being_taken_for_mixed() -> None:
             assert rms(wrong) < 1.5 * SIGMA_PX
 
 
-def test_the_integrator_is_slower_leaks_and_diverges_with_delay() -> None:
+def test_the_integrator_is_slower_leaks_and_diverges_with_delay():
     def integrator(gain: float, leak: float = 0.01, **bench: object) -> NodeBench:
         control = ControlSpec(controller="integrator", gain=gain, leak=leak)
         return NodeBench(REST, step(6.0), control=control, **bench)  # type: ignore[arg-type]
@@ -194,7 +192,7 @@ def test_the_integrator_is_slower_leaks_and_diverges_with_delay() -> None:
     assert later > 2 * max(early, rms(truth))
 
 
-def test_the_state_at_rest_is_distinguished_from_a_light_press() -> None:
+def test_the_state_at_rest_is_distinguished_from_a_light_press():
     for peak, resting in [(0.0, True), (0.5, False)]:
         bench = NodeBench(REST, step(peak, at_s=0.0))
         *_, taken = bench.run(30)

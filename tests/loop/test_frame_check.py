@@ -53,7 +53,7 @@ def fresh(camera: CameraSpec = CAMERA) -> FrameCheck:
         ({"dropped": None}, "dropped is None, not a number"),
     ],
 )
-def test_frames_that_no_camera_may_give_break_the_contract(change: dict[str, Any], words: str) -> None:
+def test_frames_that_no_camera_may_give_break_the_contract(change, words):
     check = fresh()
     verdict = check.look_at(check.timed(replace(frame(1), **change)), LATER_NS)
     assert verdict.wrong
@@ -61,20 +61,20 @@ def test_frames_that_no_camera_may_give_break_the_contract(change: dict[str, Any
     assert words in verdict.refusal.words
 
 
-def test_more_than_8_bits_come_as_uint16() -> None:
+def test_more_than_8_bits_come_as_uint16():
     check = FrameCheck(CAMERA.model_copy(update={"bits": 12}))
     assert check.look_at(frame(0, image().astype(np.uint16)), LATER_NS).refusal is None
     assert check.look_at(frame(1), LATER_NS).wrong
 
 
-def test_an_identical_image_is_a_repeat_whatever_its_number() -> None:
+def test_an_identical_image_is_a_repeat_whatever_its_number():
     check, pixels = fresh(), image()
     assert check.look_at(frame(1, pixels), 27 * MS).refusal is None
     assert check.look_at(frame(2, pixels.copy()), 44 * MS).events == (Event.FRAME_REPEATED,)
     assert check.look_at(frame(3), 61 * MS).refusal is None
 
 
-def test_a_part_left_from_the_frame_before_is_a_tear() -> None:
+def test_a_part_left_from_the_frame_before_is_a_tear():
     check, old, new = fresh(), image(), image()
     check.look_at(frame(1, old), 27 * MS)
     new[SHAPE[0] // 2 :] = old[SHAPE[0] // 2 :]
@@ -89,14 +89,14 @@ def test_a_part_left_from_the_frame_before_is_a_tear() -> None:
     [(CAMERA.model_copy(update={"noise": Noise()}), image()), (CAMERA, np.zeros(SHAPE, np.uint8))],
     ids=["a camera without noise", "no light"],
 )
-def test_equal_images_that_prove_nothing_are_used(camera: CameraSpec, pixels: np.ndarray) -> None:
+def test_equal_images_that_prove_nothing_are_used(camera, pixels):
     check = fresh(camera)
     for number in (1, 2, 3):
         assert check.look_at(frame(number, pixels), LATER_NS).refusal is None
 
 
 @pytest.mark.parametrize("number_and_time", [(4, 200 * MS), (5, 200 * MS), (6, 80 * MS)])
-def test_number_and_time_must_rise(number_and_time: tuple[int, int]) -> None:
+def test_number_and_time_must_rise(number_and_time):
     check = fresh()
     check.look_at(frame(5), LATER_NS)
     number, time_ns = number_and_time
@@ -113,9 +113,7 @@ def test_number_and_time_must_rise(number_and_time: tuple[int, int]) -> None:
         (frame(1), 60, (Event.FRAME_LATE,)),
     ],
 )
-def test_good_frames_pass_dropped_and_late_ones_are_named(
-    given: Frame, age_ms: int, events: tuple[Event, ...]
-) -> None:
+def test_good_frames_pass_dropped_and_late_ones_are_named(given, age_ms, events):
     check = fresh()
     verdict = check.look_at(given, given.time_ns + age_ms * MS)
     assert (verdict.events, verdict.refusal) == (events, None)
@@ -123,7 +121,7 @@ def test_good_frames_pass_dropped_and_late_ones_are_named(
         assert check.look_at(frame(number), 17 * MS * number + 10 * MS).events == ()
 
 
-def test_a_reopened_camera_may_count_from_the_start() -> None:
+def test_a_reopened_camera_may_count_from_the_start():
     check = fresh()
     check.look_at(frame(100), 100 * LATER_NS)
     check.restart()

@@ -1,14 +1,12 @@
 """Requests to a running loop: to freeze, to pause, to take a new zero, to stop."""
 
-from __future__ import annotations
-
 import threading
 import time
 
 import numpy as np
 import pytest
 from hanging import SOON_S
-from live_bench import Bench, bench, frozen, notes
+from live_bench import bench, frozen, notes
 
 from zeromethod.loop import drawing, frame_source
 from zeromethod.loop.events import Event
@@ -19,7 +17,7 @@ AWAY_LCD_PX = (1.5, -0.75)
 
 
 @pytest.mark.parametrize(("real", "display"), [(False, "Screen"), (True, "RealScreen"), (True, "Canvas")])
-def test_devices_of_a_labs_own_by_import_path_null_what_they_see(real: bool, display: str) -> None:
+def test_devices_of_a_labs_own_by_import_path_null_what_they_see(real, display):
     with bench(real, display) as b:
         assert b.loop.live == real
         b.eye.away_px = np.array(AWAY_LCD_PX)
@@ -34,7 +32,7 @@ def test_devices_of_a_labs_own_by_import_path_null_what_they_see(real: bool, dis
         np.testing.assert_allclose(commanded, AWAY_LCD_PX, atol=0.03)
 
 
-def test_frozen_and_paused_loops_measure_and_keep_the_picture(either: Bench) -> None:
+def test_frozen_and_paused_loops_measure_and_keep_the_picture(either):
     for ask, state in ((either.loop.freeze, State.HOLDING), (either.loop.pause, State.PAUSED)):
         ask(True)
         # what was commanded before is still shown, once
@@ -60,7 +58,7 @@ def test_frozen_and_paused_loops_measure_and_keep_the_picture(either: Bench) -> 
     assert not either.loop.paused
 
 
-def test_a_new_zero_takes_slow_drift_out_of_the_reading(either: Bench) -> None:
+def test_a_new_zero_takes_slow_drift_out_of_the_reading(either):
     either.eye.away_px = np.array([1.0, -0.5])
     either.until(lambda step: step.state is State.MOVED)
     either.settle()
@@ -78,7 +76,7 @@ def test_a_new_zero_takes_slow_drift_out_of_the_reading(either: Bench) -> None:
     np.testing.assert_allclose(step.commanded.q, before.commanded.q, atol=0.3)
 
 
-def test_a_press_is_not_called_zero(simulated: Bench) -> None:
+def test_a_press_is_not_called_zero(simulated):
     rows, columns = simulated.eye.shape
     y, x = np.mgrid[:rows, :columns].astype(float)
     away = np.stack([x - columns / 2, y - rows / 2], axis=-1) / 16
@@ -90,13 +88,13 @@ def test_a_press_is_not_called_zero(simulated: Bench) -> None:
     assert simulated.loop.zero is None
 
 
-def test_the_waits_of_an_ending_run_add_up_to_less_than_a_second() -> None:
+def test_the_waits_of_an_ending_run_add_up_to_less_than_a_second():
     waits_s = frame_source.SLICE_S + drawing.CLOSING_S + reading.CLOSING_S
     assert waits_s < 1
 
 
 @pytest.mark.parametrize("what", ["nothing", "camera", "display", "both"])
-def test_a_stopped_loop_ends_whatever_hangs(real: Bench, what: str) -> None:
+def test_a_stopped_loop_ends_whatever_hangs(real, what):
     if what in {"camera", "both"}:
         real.eye.before_read = real.hang
     if what in {"display", "both"}:
@@ -115,7 +113,7 @@ def test_a_stopped_loop_ends_whatever_hangs(real: Bench, what: str) -> None:
     assert all(real.loop.ended.number > step.number for step in steps)
 
 
-def test_the_screen_is_driven_from_one_thread_and_polled_from_the_callers() -> None:
+def test_the_screen_is_driven_from_one_thread_and_polled_from_the_callers():
     with bench(real=True) as b:
         drawn_in, read_in = set(), set()
         b.screen.before_show = lambda _count: drawn_in.add(threading.current_thread().name)

@@ -1,7 +1,5 @@
 """Every fault of the display in a closed loop: it is named, the warp stays, it ends well."""
 
-from __future__ import annotations
-
 import re
 import threading
 from types import SimpleNamespace
@@ -9,7 +7,7 @@ from unittest.mock import Mock, patch
 
 import pytest
 from hanging import SOON_S, eventually, raising, takes
-from live_bench import GOOD, Bench, bench, frozen, notes
+from live_bench import GOOD, bench, frozen, notes
 from live_devices import Window, small_rig
 
 from zeromethod.clock import HostClock
@@ -21,7 +19,7 @@ from zeromethod.rig.tables import ControlSpec
 
 
 @pytest.mark.parametrize(("real", "display"), [(False, "Screen"), (True, "Window"), (True, "Canvas")])
-def test_a_display_lost_while_drawing_ends_the_run(real: bool, display: str) -> None:
+def test_a_display_lost_while_drawing_ends_the_run(real, display):
     with bench(real, display) as b:
         b.screen.before_show = raising(DisplayLost("the window is closed"))
         last = b.to_end()[-1]
@@ -29,7 +27,7 @@ def test_a_display_lost_while_drawing_ends_the_run(real: bool, display: str) -> 
         assert last.reason == "the display is lost: the window is closed"
 
 
-def test_a_monitor_unplugged_is_noticed_while_the_camera_is_waited_for(real: Bench) -> None:
+def test_a_monitor_unplugged_is_noticed_while_the_camera_is_waited_for(real):
     real.eye.before_read = real.hang
     real.screen.on_poll = raising(DisplayLost("monitor 1 is unplugged"))
     with takes(0, SOON_S):
@@ -41,7 +39,7 @@ def test_a_monitor_unplugged_is_noticed_while_the_camera_is_waited_for(real: Ben
 
 
 @pytest.mark.parametrize("display", ["Window", "Canvas"])
-def test_a_display_that_hangs_is_given_up_after_its_timeout(display: str) -> None:
+def test_a_display_that_hangs_is_given_up_after_its_timeout(display):
     with bench(real=True, display=display) as b:
         b.screen.before_show = b.hang
         b.loop._screen._drawing._timeout_s = 0.2
@@ -53,7 +51,7 @@ def test_a_display_that_hangs_is_given_up_after_its_timeout(display: str) -> Non
             b.loop.close()
 
 
-def test_a_picture_is_waited_for_longer_than_a_frame() -> None:
+def test_a_picture_is_waited_for_longer_than_a_frame():
     rig = small_rig()
     rig = rig.replace({"control.timeout_s": ControlSpec().timeout_s})
     with patch("zeromethod.loop.loop.Drawing") as drawing, Loop(rig, Mock(), SimpleNamespace(), HostClock()):
@@ -61,16 +59,14 @@ def test_a_picture_is_waited_for_longer_than_a_frame() -> None:
         assert drawing.call_args.args[2] > 2 * 1.6
 
 
-def test_a_display_whose_state_cannot_be_asked_for_ends_the_run(
-    real: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_display_whose_state_cannot_be_asked_for_ends_the_run(real, monkeypatch):
     monkeypatch.setattr(Window, "asleep", property(raising(OSError("no display"))), raising=False)
     last = real.to_end()[-1]
     assert last.events[-1] is Event.DEVICE_BROKEN
     assert "no display" in last.reason
 
 
-def test_a_display_that_sleeps_is_waited_for(real: Bench) -> None:
+def test_a_display_that_sleeps_is_waited_for(real):
     assert real.loop.step().state in GOOD
     real.screen.asleep = True
     steps = real.step(4)
@@ -82,7 +78,7 @@ def test_a_display_that_sleeps_is_waited_for(real: Bench) -> None:
     real.settle()
 
 
-def test_warnings_of_a_display_are_shown_once(real: Bench) -> None:
+def test_warnings_of_a_display_are_shown_once(real):
     real.screen.warnings = ("outputs are mirrored", "night mode is on")
     steps = real.step(4)
     assert notes(steps) == "outputs are mirrored\nnight mode is on"
@@ -93,7 +89,7 @@ def test_warnings_of_a_display_are_shown_once(real: Bench) -> None:
     assert all(step.state in GOOD for step in steps)
 
 
-def test_a_picture_that_was_wiped_off_is_drawn_again_though_the_camera_receives_no_light(real: Bench) -> None:
+def test_a_picture_that_was_wiped_off_is_drawn_again_though_the_camera_receives_no_light(real):
     real.loop.pause()
     real.step(2)
     drawing = real.loop._screen._drawing._worker

@@ -1,7 +1,5 @@
 """Every fault of camera, light and time in a closed loop: it is named, the warp stays, it ends well."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable, Iterator
@@ -10,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hanging import PATIENCE_S, SOON_S, raising, takes
-from live_bench import GOOD, TIMEOUT_S, Bench, bench, both_times, frozen, notes
+from live_bench import GOOD, TIMEOUT_S, bench, both_times, frozen, notes
 from live_devices import Eye, small_rig
 
 from zeromethod.devices.opening import Devices, open_devices
@@ -23,7 +21,7 @@ from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import State
 
 
-def test_a_camera_that_times_out_is_waited_for(either: Bench) -> None:
+def test_a_camera_that_times_out_is_waited_for(either):
     clock = either.devices.clock
     before = either.loop.step()
     first = either.eye.reads
@@ -45,7 +43,7 @@ def test_a_camera_that_times_out_is_waited_for(either: Bench) -> None:
     either.settle()
 
 
-def test_a_camera_that_hangs_is_left_and_opened_again(real: Bench) -> None:
+def test_a_camera_that_hangs_is_left_and_opened_again(real):
     before, old = real.loop.step(), real.eye
     old.before_read = real.hang
     # three time-outs of 0.2 s and a grace of 0.1 s, half a second's pause
@@ -61,7 +59,7 @@ def test_a_camera_that_hangs_is_left_and_opened_again(real: Bench) -> None:
     real.settle()
 
 
-def test_a_camera_that_is_lost_comes_back(either: Bench) -> None:
+def test_a_camera_that_is_lost_comes_back(either):
     before, old = either.loop.step(), either.eye
     old.before_read = raising(CameraLost("unplugged"))
     old.close = raising(RuntimeError("no such device"))  # type: ignore[method-assign]
@@ -80,7 +78,7 @@ def quick_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @both_times
 @pytest.mark.usefixtures("quick_attempts")
-def test_a_loose_plug_is_followed_three_times_a_minute_and_then_ends_the_run(in_real_time: bool) -> None:
+def test_a_loose_plug_is_followed_three_times_a_minute_and_then_ends_the_run(in_real_time):
     opened: list[Eye] = []
 
     def reopen(devices: Devices) -> Callable[[], Eye]:
@@ -109,9 +107,7 @@ def test_a_loose_plug_is_followed_three_times_a_minute_and_then_ends_the_run(in_
         (CameraLost("gone"), [State.FAULT], Event.CAMERA_LOST, "the camera is lost: gone"),
     ],
 )
-def test_a_camera_without_a_way_back_ends_the_run(
-    in_real_time: bool, trouble: Exception, states: list[State], event: Event, words: str
-) -> None:
+def test_a_camera_without_a_way_back_ends_the_run(in_real_time, trouble, states, event, words):
     with bench(in_real_time, reopen=lambda _devices: None) as b:
         b.eye.before_read = raising(trouble)
         steps = list(b.loop.run())
@@ -124,7 +120,7 @@ def test_a_camera_without_a_way_back_ends_the_run(
 
 @both_times
 @pytest.mark.usefixtures("quick_attempts")
-def test_a_camera_that_stays_away_ends_the_run_when_its_time_is_up(in_real_time: bool) -> None:
+def test_a_camera_that_stays_away_ends_the_run_when_its_time_is_up(in_real_time):
     attempts: list[int] = []
 
     def never() -> Eye:
@@ -148,7 +144,7 @@ def one_row_short(frame: Frame) -> Frame:
     return replace(frame, image=frame.image[:-1])
 
 
-def test_wrong_frames_are_faults_and_the_next_good_one_ends_them(simulated: Bench) -> None:
+def test_wrong_frames_are_faults_and_the_next_good_one_ends_them(simulated):
     before = simulated.loop.step()
     simulated.eye.alter = one_row_short
     steps = simulated.step(3)
@@ -162,7 +158,7 @@ def test_wrong_frames_are_faults_and_the_next_good_one_ends_them(simulated: Benc
     simulated.settle()
 
 
-def test_nothing_but_wrong_frames_ends_the_run(either: Bench) -> None:
+def test_nothing_but_wrong_frames_ends_the_run(either):
     either.eye.alter = one_row_short
     steps = either.to_end()
     assert steps[-1].state is State.FAULT
@@ -194,16 +190,14 @@ def test_nothing_but_wrong_frames_ends_the_run(either: Bench) -> None:
         ("screen", "show", lambda _image: None, "TypeError in "),
     ],
 )
-def test_a_driver_that_breaks_its_contract_ends_the_run_and_is_named(
-    either: Bench, device: str, member: str, breakage: Callable[..., object], words: str
-) -> None:
+def test_a_driver_that_breaks_its_contract_ends_the_run_and_is_named(either, device, member, breakage, words):
     setattr(getattr(either, device), member, breakage)
     steps = either.to_end()
     assert (steps[-1].state, steps[-1].events[-1]) == (State.FAULT, Event.DEVICE_BROKEN)
     assert re.match(words, steps[-1].reason)
 
 
-def test_frames_of_numpy_numbers_and_read_only_images_cost_nothing(simulated: Bench) -> None:
+def test_frames_of_numpy_numbers_and_read_only_images_cost_nothing(simulated):
     def bare(frame: Frame) -> Frame:
         image = np.frombuffer(frame.image.tobytes(), np.uint8).reshape(frame.image.shape)
         assert not image.flags.writeable
@@ -217,7 +211,7 @@ def test_frames_of_numpy_numbers_and_read_only_images_cost_nothing(simulated: Be
     assert max(step.loop_ms for step in steps) < 500
 
 
-def test_too_much_light_is_reported_with_what_helps(either: Bench) -> None:
+def test_too_much_light_is_reported_with_what_helps(either):
     before = either.loop.step()
     either.eye.light = lambda _time_s: 4.0
     steps = either.until(lambda step: Event.SATURATED in step.events) + either.step(3)
@@ -229,7 +223,7 @@ def test_too_much_light_is_reported_with_what_helps(either: Bench) -> None:
     either.settle()
 
 
-def test_light_that_goes_out_is_waited_for(either: Bench) -> None:
+def test_light_that_goes_out_is_waited_for(either):
     either.eye.light = lambda _time_s: 0.0
     (*_, first) = either.until(lambda step: Event.LIGHT_OFF in step.events)
     steps = either.step(4)
@@ -248,7 +242,7 @@ def fresh() -> Iterator[tuple[Loop, Eye]]:
         yield Loop(rig, devices.camera, devices.display, devices.clock), devices.camera  # type: ignore[misc]
 
 
-def test_a_run_may_begin_in_the_dark(fresh: tuple[Loop, Eye]) -> None:
+def test_a_run_may_begin_in_the_dark(fresh):
     loop, eye = fresh
     eye.light = lambda _time_s: 0.0
     dark = [loop.step() for _ in range(6)]
@@ -258,7 +252,7 @@ def test_a_run_may_begin_in_the_dark(fresh: tuple[Loop, Eye]) -> None:
     assert [loop.step().state for _ in range(6)][-1] in GOOD
 
 
-def test_a_loop_frozen_from_the_start_shows_rest_and_keeps_its_state(fresh: tuple[Loop, Eye]) -> None:
+def test_a_loop_frozen_from_the_start_shows_rest_and_keeps_its_state(fresh):
     loop, eye = fresh
     eye.away_px = 0.5
     loop.freeze()
@@ -270,7 +264,7 @@ def test_a_loop_frozen_from_the_start_shows_rest_and_keeps_its_state(fresh: tupl
     assert steps[-1].measured is not None
 
 
-def test_a_backlight_that_beats_with_the_exposure_is_named_and_does_no_harm(simulated: Bench) -> None:
+def test_a_backlight_that_beats_with_the_exposure_is_named_and_does_no_harm(simulated):
     # switched at 123 Hz, observed 60 times a second: 3 Hz
     simulated.eye.light = lambda time_s: 1 + 0.1 * np.sin(2 * np.pi * 123 * time_s)
     steps = simulated.step(90)
@@ -284,7 +278,7 @@ def test_a_backlight_that_beats_with_the_exposure_is_named_and_does_no_harm(simu
 
 
 @pytest.mark.parametrize("jump_s", [-30.0, 30.0])
-def test_a_camera_clock_that_jumps_is_followed(either: Bench, jump_s: float) -> None:
+def test_a_camera_clock_that_jumps_is_followed(either, jump_s):
     before = either.loop.step()
     either.eye.alter = lambda frame: replace(frame, time_ns=frame.time_ns + round(1e9 * jump_s))
     steps = either.until(lambda step: Event.CLOCK_JUMPED in step.events)
@@ -298,7 +292,7 @@ def test_a_camera_clock_that_jumps_is_followed(either: Bench, jump_s: float) -> 
     assert before.time_ns < after.time_ns < before.time_ns + 20e9
 
 
-def test_a_host_that_was_suspended_waits_for_fresh_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_host_that_was_suspended_waits_for_fresh_frames(monkeypatch):
     slept = [0]
     monkeypatch.setattr(display_watch, "slept_ns", lambda: slept[0])
     monkeypatch.setattr(display_watch, "RESYNC_S", PATIENCE_S)
@@ -314,7 +308,7 @@ def test_a_host_that_was_suspended_waits_for_fresh_frames(monkeypatch: pytest.Mo
         b.settle()
 
 
-def test_a_program_that_stood_still_says_so(real: Bench) -> None:
+def test_a_program_that_stood_still_says_so(real):
     real.loop.step()
     watch = real.loop._watch._clock
     assert watch is not None

@@ -30,7 +30,7 @@ def noise(count: int, size: float = 0.002) -> np.ndarray:
 # from three cycles in the window to half the frame rate, where every other frame is brighter
 @pytest.mark.parametrize("hz", [1.6, 3.0, 7.3, 17.0, 29.0, 30.0])
 @pytest.mark.parametrize("size", [0.02, 0.2])
-def test_a_planted_beat_is_found_with_its_frequency_and_size(hz: float, size: float) -> None:
+def test_a_planted_beat_is_found_with_its_frequency_and_size(hz, size):
     t = frames()
     # at half the frame rate a sine is sampled at its zeros, a cosine at its peaks
     light = 100 * (1 + size * np.cos(2 * np.pi * hz * t) + noise(len(t)))
@@ -41,7 +41,7 @@ def test_a_planted_beat_is_found_with_its_frequency_and_size(hz: float, size: fl
     assert found == pytest.approx(size * (2**0.5 if hz == RATE_HZ / 2 else 1), rel=0.15)
 
 
-def test_a_beat_is_found_across_gaps_and_on_top_of_drift() -> None:
+def test_a_beat_is_found_across_gaps_and_on_top_of_drift():
     t = np.delete(frames(), [5, 6, 7, 40, 41, 77])
     light = 80 * (1 + 0.3 * t + 0.05 * np.sin(2 * np.pi * 5.2 * t))
     found_hz, found = beat(t, light)
@@ -65,7 +65,7 @@ QUIET = {
 
 @pytest.mark.parametrize("kind", QUIET)
 @pytest.mark.parametrize("count", [FEWEST_FRAMES, FLICKER_FRAMES])
-def test_other_changes_of_the_light_are_not_called_a_beat(kind: str, count: int) -> None:
+def test_other_changes_of_the_light_are_not_called_a_beat(kind, count):
     t = frames(count)
     hz, size = beat(t, 100 * (1 + QUIET[kind](t) + noise(count, 1e-4)))
     assert size == 0
@@ -81,7 +81,7 @@ def test_other_changes_of_the_light_are_not_called_a_beat(kind: str, count: int)
         (np.arange(3.0), np.array([1.0, 2.0, 1.0])),
     ],
 )
-def test_light_without_variation_has_no_beat(times: np.ndarray, light: np.ndarray) -> None:
+def test_light_without_variation_has_no_beat(times, light):
     assert beat(times, light)[1] == 0
 
 
@@ -94,7 +94,7 @@ def residual(mean_grey: float, saturated: int = 0) -> Residual:
     )
 
 
-def test_a_beat_is_reported_once_enough_frames_show_it_until_it_is_gone() -> None:
+def test_a_beat_is_reported_once_enough_frames_show_it_until_it_is_gone():
     quality = LightQuality(SEEN, black_grey=4)
     said = []
     for k in range(4 * FLICKER_FRAMES):
@@ -108,7 +108,7 @@ def test_a_beat_is_reported_once_enough_frames_show_it_until_it_is_gone() -> Non
     assert "4 Hz" in said[2 * FLICKER_FRAMES - 1][0].words
 
 
-def test_saturation_is_reported_above_a_twentieth_of_the_view() -> None:
+def test_saturation_is_reported_above_a_twentieth_of_the_view():
     quality = LightQuality(SEEN, black_grey=4)
     assert quality.look(residual(100, saturated=2), 0) == []
     (notice,) = quality.look(residual(100, saturated=12), 1)
@@ -116,7 +116,7 @@ def test_saturation_is_reported_above_a_twentieth_of_the_view() -> None:
     assert notice.words.startswith("25 % of the view is too bright")
 
 
-def test_where_no_node_is_visible_nothing_is_reported() -> None:
+def test_where_no_node_is_visible_nothing_is_reported():
     assert LightQuality(np.zeros_like(SEEN), 4).look(residual(100, saturated=48), 0) == []
 
 
@@ -127,14 +127,12 @@ def test_where_no_node_is_visible_nothing_is_reported() -> None:
         (0, [100 * 0.99**k for k in range(300)], [False] * 300),  # slow change is followed
     ],
 )
-def test_light_that_goes_out_is_noticed_and_its_return_too(
-    black_grey: float, levels: list[float], off: list[bool]
-) -> None:
+def test_light_that_goes_out_is_noticed_and_its_return_too(black_grey, levels, off):
     watch = LightWatch(SEEN, black_grey)
     assert [watch.is_off(np.full(SEEN.shape, level, np.float32)) for level in levels] == off
 
 
-def test_a_touch_in_a_part_of_the_view_is_not_the_light() -> None:
+def test_a_touch_in_a_part_of_the_view_is_not_the_light():
     watch = LightWatch(SEEN, black_grey=4)
     touched = np.full(SEEN.shape, 100, np.float32)
     assert not watch.is_off(touched)

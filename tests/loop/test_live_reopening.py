@@ -1,7 +1,5 @@
 """Devices lost, opened again and closed, any of which may hang."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable
@@ -38,9 +36,7 @@ class Port:
 
 
 @pytest.mark.parametrize("for_s", [0.2, 10.0, 60.0])
-def test_a_camera_is_tried_for_the_time_that_is_set_and_when_that_is_up(
-    for_s: float,
-) -> None:
+def test_a_camera_is_tried_for_the_time_that_is_set_and_when_that_is_up(for_s):
     port, clock = Port(fails=99), SimulatedClock()
     what = Reopener(port, clock, live=False, for_s=for_s)
     tried_s = []
@@ -53,7 +49,7 @@ def test_a_camera_is_tried_for_the_time_that_is_set_and_when_that_is_up(
     assert what.attempt() is None
 
 
-def test_a_camera_that_reboots_comes_back() -> None:
+def test_a_camera_that_reboots_comes_back():
     """Half a minute is three attempts of 8 s more than the first."""
     clock = SimulatedClock()
 
@@ -69,7 +65,7 @@ def test_a_camera_that_reboots_comes_back() -> None:
     assert 30e9 <= clock.now_ns() <= 38e9
 
 
-def test_a_loose_plug_is_followed_three_times_a_minute() -> None:
+def test_a_loose_plug_is_followed_three_times_a_minute():
     port, clock = Port(fails=0), SimulatedClock()
     what = Reopener(port, clock, live=False, for_s=60.0)
     assert [what.attempt() for _ in range(3)] == [port] * 3
@@ -108,7 +104,7 @@ def hangs_first(hung: threading.Event, late: Camera, then: Camera) -> tuple[Call
     return open_camera, calls
 
 
-def test_reopening_says_what_it_does_and_gives_up_when_the_time_is_up() -> None:
+def test_reopening_says_what_it_does_and_gives_up_when_the_time_is_up():
     what = Reopener(Port(fails=99), SimulatedClock(), live=True, for_s=4.0)
     assert what.plan == ""
     plans = set()
@@ -121,9 +117,7 @@ def test_reopening_says_what_it_does_and_gives_up_when_the_time_is_up() -> None:
     assert what.attempt() is None
 
 
-def test_an_opening_that_hangs_counts_as_failed_and_its_camera_is_closed_when_it_comes(
-    hung: threading.Event,
-) -> None:
+def test_an_opening_that_hangs_counts_as_failed_and_its_camera_is_closed_when_it_comes(hung):
     late, good, clock = Camera(), Camera(), SimulatedClock()
     reopen, calls = hangs_first(hung, late, good)
     what = Reopener(reopen, clock, live=True, for_s=60.0)
@@ -141,7 +135,7 @@ def test_an_opening_that_hangs_counts_as_failed_and_its_camera_is_closed_when_it
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_camera_that_is_being_opened_when_the_run_ends_is_closed(hung: threading.Event) -> None:
+def test_a_camera_that_is_being_opened_when_the_run_ends_is_closed(hung):
     camera = Camera()
     reopen, _ = hangs_first(hung, camera, Camera())
     source = FrameSource(Camera(CameraLost("gone")), reopen, HostClock(), 0.2, lambda: None, 60.0)  # type: ignore[arg-type]
@@ -155,7 +149,7 @@ def test_a_camera_that_is_being_opened_when_the_run_ends_is_closed(hung: threadi
 
 
 @pytest.mark.usefixtures("quick")
-def test_errors_that_a_driver_may_not_raise_pass_through_reopening() -> None:
+def test_errors_that_a_driver_may_not_raise_pass_through_reopening():
     with pytest.raises(AttributeError, match="typo"):
         attempts(Reopener(raising(AttributeError("typo")), HostClock(), live=True, for_s=60.0))
 
@@ -167,7 +161,7 @@ def devices(open_camera: Callable[[], Any], display: Any = None) -> Devices:
     return Devices(Camera(), display or Camera(), HostClock(), open_camera)  # type: ignore[arg-type]
 
 
-def test_reopening_does_without_the_lost_cameras_close(hung: threading.Event) -> None:
+def test_reopening_does_without_the_lost_cameras_close(hung):
     fresh = Camera()
     for close in (lambda: hung.wait(PATIENCE_S), raising(RuntimeError("no device"))):
         what = devices(lambda: fresh)
@@ -177,7 +171,7 @@ def test_reopening_does_without_the_lost_cameras_close(hung: threading.Event) ->
         assert what.camera is fresh  # type: ignore[comparison-overlap]
 
 
-def test_a_camera_that_opens_late_does_not_take_the_place_of_a_newer_one(hung: threading.Event) -> None:
+def test_a_camera_that_opens_late_does_not_take_the_place_of_a_newer_one(hung):
     late, newer = Camera(), Camera()
     open_camera, calls = hangs_first(hung, late, newer)
     what = devices(open_camera)
@@ -191,7 +185,7 @@ def test_a_camera_that_opens_late_does_not_take_the_place_of_a_newer_one(hung: t
 
 
 @pytest.mark.parametrize("which", ["camera", "display", "both"])
-def test_devices_that_hang_when_closed_are_left_within_their_time(which: str, hung: threading.Event) -> None:
+def test_devices_that_hang_when_closed_are_left_within_their_time(which, hung):
     what = devices(Camera)
     for name in ("camera", "display"):
         if which in {name, "both"}:
@@ -200,7 +194,7 @@ def test_devices_that_hang_when_closed_are_left_within_their_time(which: str, hu
         what.close(CLOSING_S)
 
 
-def test_a_device_that_cannot_be_closed_is_reported_and_the_other_closed_all_the_same() -> None:
+def test_a_device_that_cannot_be_closed_is_reported_and_the_other_closed_all_the_same():
     what = devices(Camera)
     what.camera.close = raising(RuntimeError("busy"))  # type: ignore[method-assign]
     with pytest.raises(MeasurementError, match=r"^camera: cannot be closed: busy$"):
@@ -208,7 +202,7 @@ def test_a_device_that_cannot_be_closed_is_reported_and_the_other_closed_all_the
     assert what.display.closed == 1  # type: ignore[attr-defined]
 
 
-def test_windows_are_closed_in_the_callers_thread() -> None:
+def test_windows_are_closed_in_the_callers_thread():
     where: list[threading.Thread] = []
     for name in ("poll", "other"):
         display = Camera()

@@ -1,7 +1,5 @@
 """The threads round the loop, each alone: newest only, no waiting for devices. See also test_worker.py."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -35,7 +33,7 @@ def captured() -> Iterator[Captured]:
         capture.close()
 
 
-def test_a_captured_camera_is_read_only_when_a_frame_is_wanted(captured: Captured) -> None:
+def test_a_captured_camera_is_read_only_when_a_frame_is_wanted(captured):
     camera = Camera("a", "b")
     capture = captured(camera)
     time.sleep(0.02)
@@ -47,9 +45,7 @@ def test_a_captured_camera_is_read_only_when_a_frame_is_wanted(captured: Capture
     assert capture.read(PATIENCE_S) == "b"
 
 
-def test_a_camera_that_hangs_times_out_and_its_late_frame_is_not_lost(
-    captured: Captured, hung: threading.Event
-) -> None:
+def test_a_camera_that_hangs_times_out_and_its_late_frame_is_not_lost(captured, hung):
     def late() -> str:
         hung.wait(PATIENCE_S)
         return "late"
@@ -67,9 +63,7 @@ def test_a_camera_that_hangs_times_out_and_its_late_frame_is_not_lost(
     assert [capture.read(PATIENCE_S), capture.read(PATIENCE_S)] == ["late", "next"]
 
 
-def test_a_late_answer_that_there_was_no_frame_is_not_counted_twice(
-    captured: Captured, hung: threading.Event
-) -> None:
+def test_a_late_answer_that_there_was_no_frame_is_not_counted_twice(captured, hung):
     def slow() -> CameraTimeout:
         hung.wait(PATIENCE_S)
         return CameraTimeout()
@@ -114,7 +108,7 @@ def collected(what: Drawing, count: int) -> list[Drawn]:
     return found
 
 
-def test_only_the_newest_picture_is_shown_when_the_display_is_slow() -> None:
+def test_only_the_newest_picture_is_shown_when_the_display_is_slow():
     pen = Pen()
     pen.go.clear()
     what = drawing_with(pen)
@@ -133,7 +127,7 @@ def test_only_the_newest_picture_is_shown_when_the_display_is_slow() -> None:
 
 @pytest.mark.parametrize("live", [True, False])
 @pytest.mark.parametrize("coded", [True, False])
-def test_codes_run_round_and_are_left_out_where_there_are_no_strips(live: bool, coded: bool) -> None:
+def test_codes_run_round_and_are_left_out_where_there_are_no_strips(live, coded):
     what = drawing_with(Pen(), coded=coded, live=live)
     codes = []
     for k in range(CODES + 2):
@@ -143,9 +137,7 @@ def test_codes_run_round_and_are_left_out_where_there_are_no_strips(live: bool, 
     what.close()
 
 
-def test_a_display_that_hangs_is_lost_after_its_timeout_but_not_while_it_prepares(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_display_that_hangs_is_lost_after_its_timeout_but_not_while_it_prepares(monkeypatch):
     pen = Pen()
     what = drawing_with(pen, timeout_s=0.05)
     pen.go.clear()
@@ -171,9 +163,7 @@ def test_a_display_that_hangs_is_lost_after_its_timeout_but_not_while_it_prepare
     eventually(lambda: pen.closed)
 
 
-def test_a_drawer_that_cannot_be_made_in_time_is_refused(
-    monkeypatch: pytest.MonkeyPatch, hung: threading.Event
-) -> None:
+def test_a_drawer_that_cannot_be_made_in_time_is_refused(monkeypatch, hung):
     monkeypatch.setattr(drawing, "OPENING_S", 0.1)
     with pytest.raises(InputError, match=r"display: not ready to be drawn on within 0\.1 s"):
         Drawing(lambda: hung.wait(PATIENCE_S), coded=False, timeout_s=1, live=True)  # type: ignore[arg-type,return-value]

@@ -1,7 +1,5 @@
 """What is watched apart from the frames, the notices to the operator, and garbage collection."""
 
-from __future__ import annotations
-
 import gc
 import sys
 import time
@@ -13,7 +11,7 @@ from zeromethod.loop.events import QUIET_STEPS, Event, Notice, Notices
 from zeromethod.loop.paused_gc import COLLECTED_ABOVE, SWITCH_S, PausedGC
 
 
-def test_displays_without_such_members_raise_no_notice() -> None:
+def test_displays_without_such_members_raise_no_notice():
     watch = DisplayWatch(object(), None)  # type: ignore[arg-type]
     watch.poll()
     assert watch.look(0) == []
@@ -21,7 +19,7 @@ def test_displays_without_such_members_raise_no_notice() -> None:
     assert watch.stale(10**12) is None
 
 
-def test_frames_are_stale_for_a_while_after_time_stood_still() -> None:
+def test_frames_are_stale_for_a_while_after_time_stood_still():
     watch = DisplayWatch(object(), 0.5)  # type: ignore[arg-type]
     second = 10**9
     assert watch.stale(0) is None
@@ -33,9 +31,7 @@ def test_frames_are_stale_for_a_while_after_time_stood_still() -> None:
     assert watch.stale(11 * second + round(1.1e9 * RESYNC_S)) is None
 
 
-def test_a_clock_watch_knows_standing_still_from_waiting_and_from_suspension(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_clock_watch_knows_standing_still_from_waiting_and_from_suspension(monkeypatch):
     slept = [3 * 10**9]
     monkeypatch.setattr("zeromethod.loop.display_watch.slept_ns", lambda: slept[0])
     watch = ClockWatch(longest_wait_s=1.0)
@@ -53,14 +49,14 @@ def test_a_clock_watch_knows_standing_still_from_waiting_and_from_suspension(
         assert watch.look(now_ns) == words
 
 
-def test_a_host_that_did_not_sleep_says_so() -> None:
+def test_a_host_that_did_not_sleep_says_so():
     first = slept_ns()
     time.sleep(0.01)
     # two clocks read one after the other: microseconds, or a switch of threads
     assert abs(slept_ns() - first) < 50_000_000
 
 
-def test_notices_are_shown_when_an_event_begins_and_not_while_it_goes_on() -> None:
+def test_notices_are_shown_when_an_event_begins_and_not_while_it_goes_on():
     notices = Notices()
     for expected in [("it beats",), (), (), (), ()]:
         notices.add(Notice(Event.FLICKER, "it beats"))
@@ -75,7 +71,7 @@ def test_notices_are_shown_when_an_event_begins_and_not_while_it_goes_on() -> No
     assert notices.take() == ("it beats again",)
 
 
-def test_warnings_are_kept_apart_by_their_words() -> None:
+def test_warnings_are_kept_apart_by_their_words():
     notices = Notices()
     for words in ("mirrored", "night mode", "mirrored"):
         notices.add(Notice(Event.DISPLAY_WARNING, words))
@@ -86,7 +82,7 @@ def test_warnings_are_kept_apart_by_their_words() -> None:
 
 
 @pytest.mark.parametrize("enabled", [True, False])
-def test_paused_collection_puts_everything_back(enabled: bool) -> None:
+def test_paused_collection_puts_everything_back(enabled):
     was_enabled, switch_s = gc.isenabled(), sys.getswitchinterval()
     try:
         (gc.enable if enabled else gc.disable)()
@@ -108,7 +104,7 @@ def test_paused_collection_puts_everything_back(enabled: bool) -> None:
         sys.setswitchinterval(switch_s)
 
 
-def test_garbage_is_collected_when_idle_and_only_then() -> None:
+def test_garbage_is_collected_when_idle_and_only_then():
     class Knot:
         alive = 0
 

@@ -39,7 +39,7 @@ def drift(shift: float = 0.8, turn: float = 0.004, bend: float = 0.3) -> np.ndar
     return np.stack([shift + turn * y + bent, -0.5 * shift - turn * x], axis=-1)
 
 
-def test_planted_drift_comes_back_to_the_noise_of_eight_frames() -> None:
+def test_planted_drift_comes_back_to_the_noise_of_eight_frames():
     for away in (drift(), np.zeros_like(REST.q)):
         zero = taken(*[away] * FRAMES)
         assert isinstance(zero, np.ndarray)
@@ -57,27 +57,27 @@ def test_planted_drift_comes_back_to_the_noise_of_eight_frames() -> None:
         (0.0, (1.0, 24.0, 70.0)),  # off the middle
     ],
 )
-def test_a_press_is_refused(drifted: float, press: tuple[float, ...]) -> None:
+def test_a_press_is_refused(drifted, press):
     away = drift(drifted, drifted / 300, drifted / 3) + dent(REST, *press)
     found = taken(*[away] * FRAMES)
     assert isinstance(found, NoZero)
     assert found.reason.startswith("something presses: a dent of")
 
 
-def test_a_mirror_that_moves_is_refused() -> None:
+def test_a_mirror_that_moves_is_refused():
     found = taken(*np.linspace(0, 1, FRAMES))
     assert found == NoZero("the mirror moves")
     slow = taken(*np.linspace(0, 0.05, FRAMES))  # 0.025 px between the halves: drift goes on as ever
     assert isinstance(slow, np.ndarray)
 
 
-def test_too_much_is_no_drift() -> None:
+def test_too_much_is_no_drift():
     found = taken(*[drift(LARGEST_LCD_PX + 0.5)] * FRAMES)
     assert isinstance(found, NoZero)
     assert "more than drift (3)" in found.reason
 
 
-def test_half_a_mirror_is_not_enough() -> None:
+def test_half_a_mirror_is_not_enough():
     hidden = np.zeros_like(REST.visible)
     hidden[: int(0.6 * len(hidden))] = True
     assert taken(*[0.0] * FRAMES, hidden=hidden) == NoZero("too much of the mirror is hidden")
@@ -88,7 +88,7 @@ def test_half_a_mirror_is_not_enough() -> None:
     assert np.abs(zero - drift()).max() < 0.05
 
 
-def test_frames_that_are_not_nulled_do_not_count_and_patience_ends() -> None:
+def test_frames_that_are_not_nulled_do_not_count_and_patience_ends():
     taking = ZeroTaking(REST)
     for _ in range(FRAMES - 1):
         assert taking.take(warp(0.0), 0.01) is None

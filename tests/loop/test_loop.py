@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hanging import raising
-from live_bench import GOOD, Bench
+from live_bench import GOOD
 
 from benchmarks.against_peers.open_loop import coarser
 from zeromethod.devices.opening import open_devices
@@ -18,7 +18,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Faults, Rig
 
 
-def test_three_quiet_frames_at_rest_make_the_loop_rest(simulated: Bench) -> None:
+def test_three_quiet_frames_at_rest_make_the_loop_rest(simulated):
     assert [step.state for step in simulated.first[-3:]] == [State.NULLING, State.NULLING, State.RESTING]
     last = simulated.first[-1]
     assert last.measured is not None
@@ -27,7 +27,7 @@ def test_three_quiet_frames_at_rest_make_the_loop_rest(simulated: Bench) -> None
     assert last.loop_ms > 0
 
 
-def test_every_step_owns_its_arrays(simulated: Bench) -> None:
+def test_every_step_owns_its_arrays(simulated):
     before = simulated.first[-1]
     simulated.eye.away_px = np.array([2.0, 0.0])
     after = simulated.step(6)
@@ -39,7 +39,7 @@ def test_every_step_owns_its_arrays(simulated: Bench) -> None:
     assert np.abs(after[-1].commanded.q - before.commanded.q).max() > 1
 
 
-def test_stopping_and_interrupting_leave_the_loop_stopped(simulated: Bench) -> None:
+def test_stopping_and_interrupting_leave_the_loop_stopped(simulated):
     loop = simulated.loop
     assert len(list(loop.run(frames=3))) == 3
     assert loop.status.state is State.STOPPED
@@ -72,7 +72,7 @@ def run(rig: Rig, frames: int) -> list[Step]:
         return list(loop.run(frames=frames))
 
 
-def test_the_simulated_bench_locks_at_rest_and_on_a_sudden_press() -> None:
+def test_the_simulated_bench_locks_at_rest_and_on_a_sudden_press():
     rig = bench("step")
     steps = run(rig, 32)
     before = [s for s in steps if s.state is State.RESTING]
@@ -108,9 +108,7 @@ def test_the_simulated_bench_locks_at_rest_and_on_a_sudden_press() -> None:
         ({"display_lost_at_show": 6}, Event.DISPLAY_LOST, State.FAULT),
     ],
 )
-def test_planted_faults_are_named_survived_and_never_measured_wrong(
-    faults: dict[str, Any], event: Event, state: State | None
-) -> None:
+def test_planted_faults_are_named_survived_and_never_measured_wrong(faults, event, state):
     steps = run(bench("none", faults=Faults(**faults)), 22)
     named = [s for s in steps if event in s.events]
     assert named

@@ -1,7 +1,5 @@
 """Marks on the prism's frame: a camera that turned is distinguished from a press while the press lasts."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -89,7 +87,7 @@ def loop_of(rig: Rig, discs: tuple[tuple[float, float], ...] = MARKS) -> Iterato
 
 # a quarter of a pixel of this camera is one of the whole one: 23 um of false depth
 @pytest.mark.parametrize("pan_px", [0.25, 1.0])
-def test_a_camera_that_turns_under_a_press_is_named_and_never_locked_again(pan_px: float) -> None:
+def test_a_camera_that_turns_under_a_press_is_named_and_never_locked_again(pan_px):
     with loop_of(wide("step", pan_px)) as (loop, _):
         steps = list(loop.run(frames=BUMP + 16))
     frames = [step for step in steps if step.frame_number is not None]
@@ -105,7 +103,7 @@ def test_a_camera_that_turns_under_a_press_is_named_and_never_locked_again(pan_p
     assert sum(Event.BENCH_MOVED in step.events for step in steps) == 1
 
 
-def test_presses_and_a_hand_before_a_mark_are_no_motion() -> None:
+def test_presses_and_a_hand_before_a_mark_are_no_motion():
     with loop_of(wide("step")) as (loop, marked):
         marked.covered_from = BUMP
         steps = list(loop.run(frames=BUMP + 30))
@@ -113,7 +111,7 @@ def test_presses_and_a_hand_before_a_mark_are_no_motion() -> None:
     assert steps[-1].state in GOOD
 
 
-def test_re_zeroed_the_marks_are_where_they_belong() -> None:
+def test_re_zeroed_the_marks_are_where_they_belong():
     with loop_of(wide("none", 0.25)) as (loop, _):
         moved = list(loop.run(frames=BUMP + 10))
         assert moved[-1].state is State.MOVED
@@ -122,7 +120,7 @@ def test_re_zeroed_the_marks_are_where_they_belong() -> None:
     assert again[-1].state is State.RESTING
 
 
-def test_a_place_without_a_mark_is_said_once() -> None:
+def test_a_place_without_a_mark_is_said_once():
     with loop_of(wide("none"), MARKS[1:]) as (loop, _):
         steps = list(loop.run(frames=24))
     notes = [note for step in steps for note in step.notes if "contrast" in note]
@@ -130,7 +128,7 @@ def test_a_place_without_a_mark_is_said_once() -> None:
     assert steps[-1].state is State.RESTING
 
 
-def test_a_mark_in_the_mirror_or_beyond_the_image_is_refused() -> None:
+def test_a_mark_in_the_mirror_or_beyond_the_image_is_refused():
     in_the_mirror = wide("none", marks_px=((200.0, 128.0),))
     with (
         pytest.raises(InputError, match=r"surface.marks_px: \[200.0, 128.0\]: 48 px or more from all"),

@@ -1,8 +1,6 @@
 """Nulls of narrow dents against planted truth: pictures drawn, blurred at the panel and by the lens,
 sensed."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -12,7 +12,7 @@ def _note(dwell: PatternDwell, frames: int, unusable: bool = False, residual: fl
         dwell.note(unusable, residual)
 
 
-def test_every_picture_is_presented_while_the_loop_locks() -> None:
+def test_every_picture_is_presented_while_the_loop_locks():
     dwell = PatternDwell(FRAME_NS)
     dwell.presented(0)
     _note(dwell, 200)
@@ -20,14 +20,14 @@ def test_every_picture_is_presented_while_the_loop_locks() -> None:
     assert dwell.may_present(1)
 
 
-def test_single_mixed_frames_change_nothing() -> None:
+def test_single_mixed_frames_change_nothing():
     dwell = PatternDwell(FRAME_NS)
     for n in range(300):
         dwell.note(n % 4 == 0, 0.01)
     assert dwell.period_frames == 1
 
 
-def test_pictures_stay_longer_where_frames_remain_mixed_or_far_from_null() -> None:
+def test_pictures_stay_longer_where_frames_remain_mixed_or_far_from_null():
     for unusable, residual in ((True, math.nan), (False, 0.5)):
         dwell = PatternDwell(FRAME_NS)
         _note(dwell, RAISE_FRAMES, unusable, residual)
@@ -36,7 +36,7 @@ def test_pictures_stay_longer_where_frames_remain_mixed_or_far_from_null() -> No
         assert dwell.period_frames == LONGEST_FRAMES
 
 
-def test_motion_does_not_lengthen_what_strips_tell_apart() -> None:
+def test_motion_does_not_lengthen_what_strips_tell_apart():
     dwell = PatternDwell(FRAME_NS, timed=True)
     _note(dwell, 10 * RAISE_FRAMES, residual=0.5)
     assert dwell.period_frames == 1
@@ -44,7 +44,7 @@ def test_motion_does_not_lengthen_what_strips_tell_apart() -> None:
     assert dwell.period_frames == 2
 
 
-def test_a_picture_stays_for_its_period_and_no_longer() -> None:
+def test_a_picture_stays_for_its_period_and_no_longer():
     dwell = PatternDwell(FRAME_NS)
     _note(dwell, RAISE_FRAMES, unusable=True)
     dwell.presented(1000)
@@ -52,14 +52,14 @@ def test_a_picture_stays_for_its_period_and_no_longer() -> None:
     assert dwell.may_present(round(1000 + 1.6 * FRAME_NS))
 
 
-def test_period_shortens_again_after_quiet_frames() -> None:
+def test_period_shortens_again_after_quiet_frames():
     dwell = PatternDwell(FRAME_NS)
     _note(dwell, RAISE_FRAMES, unusable=True)
     _note(dwell, LOWER_FRAMES)
     assert dwell.period_frames == 1
 
 
-def test_shortening_that_fails_is_tried_less_and_less_often() -> None:
+def test_shortening_that_fails_is_tried_less_and_less_often():
     dwell = PatternDwell(FRAME_NS)
     _note(dwell, RAISE_FRAMES, unusable=True)
     quiet = []

@@ -37,15 +37,13 @@ def follow(state: State, nulled: int, *steps: StepOutcome) -> list[State]:
     ],
     ids=["large residual", "few nodes", "no light", "failed device", "stop"],
 )
-def test_some_steps_mean_the_same_in_any_state(
-    state: State, step: StepOutcome, after: State, reason: str
-) -> None:
+def test_some_steps_mean_the_same_in_any_state(state, step, after, reason):
     assert next_status(Status(state, "", LOCK_FRAMES), step) == Status(after, reason, 0)
 
 
 @pytest.mark.parametrize("state", [State.MOVED, State.UNCALIBRATED])
 @pytest.mark.parametrize("at_rest", [False, True])
-def test_a_doubt_takes_the_place_of_locked_and_resting_until_it_is_gone(state: State, at_rest: bool) -> None:
+def test_a_doubt_takes_the_place_of_locked_and_resting_until_it_is_gone(state, at_rest):
     doubted = replace(AT_REST if at_rest else QUIET, doubt=Doubt(state, "why"))
     assert follow(NULLING, 0, doubted, doubted, doubted, QUIET) == [NULLING, NULLING, state, LOCKED]
     assert next_status(Status(LOCKED, "", LOCK_FRAMES), doubted).reason == "why"
@@ -53,13 +51,13 @@ def test_a_doubt_takes_the_place_of_locked_and_resting_until_it_is_gone(state: S
 
 
 @pytest.mark.parametrize("step", [QUIET, LOUD, BLIND, HELD, FAILED, STOP])
-def test_stopping_is_final(step: StepOutcome) -> None:
+def test_stopping_is_final(step):
     stopped = Status(State.STOPPED, "asked to")
     assert next_status(stopped, step) == stopped
 
 
 @pytest.mark.parametrize("state", RUNNING)
-def test_no_new_information_means_holding_but_does_not_hide_starting_lost_or_fault(state: State) -> None:
+def test_no_new_information_means_holding_but_does_not_hide_starting_lost_or_fault(state):
     after = state if state in {State.STARTING, State.LOST, State.FAULT} else State.HOLDING
     assert next_status(Status(state, "", 2), HELD) == Status(after, "held", 2)
 
@@ -83,10 +81,10 @@ def test_no_new_information_means_holding_but_does_not_hide_starting_lost_or_fau
         "out of lost",
     ],
 )
-def test_sequences_of_steps(state: State, nulled: int, steps: list[StepOutcome], states: list[State]) -> None:
+def test_sequences_of_steps(state, nulled, steps, states):
     assert follow(state, nulled, *steps) == states
 
 
-def test_it_begins_starting_and_states_are_words() -> None:
+def test_it_begins_starting_and_states_are_words():
     assert Status().state is State.STARTING
     assert str(State.LOCKED) == "locked"

@@ -1,7 +1,5 @@
 """Rays in a plane by vectors and root finding: nothing of the paper's equations."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Lattice crossings against the closed form of the warp that drew them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter

@@ -1,7 +1,5 @@
 """The paper's section 5 on the simulated bench: what its method reads of a planted press, and why."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Textures and planted displacements: images whose motion is known exactly, because both are formulas."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import cv2

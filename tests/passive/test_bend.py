@@ -1,7 +1,5 @@
 """What bends of the warp do to depth off still images: sigma holds the planted truth."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest
@@ -47,14 +45,14 @@ def readings() -> list[tuple[float, float, float]]:
     )
 
 
-def test_depth_of_a_dent_lies_within_its_sigma(readings: list[tuple[float, float, float]]) -> None:
+def test_depth_of_a_dent_lies_within_its_sigma(readings):
     for planted_mm, read_mm, sigma_mm in readings:
         # Noise alone would say 0.05 %; the reading is up to 0.5 % low.
         assert abs(read_mm - planted_mm) < 3.0 * sigma_mm
         assert sigma_mm < 0.01 * planted_mm
 
 
-def test_a_narrow_dent_keeps_its_nodes_where_single_points_are_not_sure() -> None:
+def test_a_narrow_dent_keeps_its_nodes_where_single_points_are_not_sure():
     seeds = [0, 1, 3, 4]
     dents = [
         Dent(Shape.GAUSSIAN, x_mm=42.0 - seed, y_mm=seed - 2.0, depth_mm=0.1, size_mm=3.0) for seed in seeds
@@ -66,7 +64,7 @@ def test_a_narrow_dent_keeps_its_nodes_where_single_points_are_not_sure() -> Non
         assert sigma_mm < 0.013 * planted_mm
 
 
-def test_a_blur_lowers_a_wave_as_a_gaussian_does() -> None:
+def test_a_blur_lowers_a_wave_as_a_gaussian_does():
     v, u = np.mgrid[:40, :40] * 8.0
     k, variance = 2 * np.pi / 200.0, 4.0
     off = np.stack([np.cos(k * u), np.cos(k * v)], axis=-1)
@@ -77,7 +75,7 @@ def test_a_blur_lowers_a_wave_as_a_gaussian_does() -> None:
     np.testing.assert_allclose(got, np.exp(-0.5 * k**2 * variance) * off[2:-2, 2:-2], atol=2e-5)
 
 
-def test_the_size_of_specks_is_that_of_the_blur_that_made_them() -> None:
+def test_the_size_of_specks_is_that_of_the_blur_that_made_them():
     rng = np.random.default_rng(0)
     grey = cv2.GaussianBlur(rng.normal(size=(400, 400)), (0, 0), 2.0)
     grey = 100.0 + 40.0 * grey / grey.std()

@@ -23,7 +23,7 @@ def errors(found: Displacement, field) -> np.ndarray:
 @pytest.mark.parametrize(
     ("texture", "share"), [(planted.speckle(), 0.9), (planted.lattice(), 0.85), (planted.checker(), 0.85)]
 )
-def test_any_texture_gives_a_planted_bump_below_a_hundredth_of_a_pixel(texture, share: float) -> None:
+def test_any_texture_gives_a_planted_bump_below_a_hundredth_of_a_pixel(texture, share):
     field = planted.bump(2.5, 40.0)
     found = matched(texture, field)
     # The border's points, whose pixels may have left the image, are the rest.
@@ -32,19 +32,19 @@ def test_any_texture_gives_a_planted_bump_below_a_hundredth_of_a_pixel(texture, 
     assert np.sqrt(np.mean(errors(found, field) ** 2)) < 0.01
 
 
-def test_what_moved_right_and_down_is_positive() -> None:
+def test_what_moved_right_and_down_is_positive():
     found = matched(planted.speckle(), lambda u, v: (0 * u + 3.25, 0 * v + 1.75))
     assert np.median(found.du[found.valid]) == pytest.approx(3.25, abs=0.002)
     assert np.median(found.dv[found.valid]) == pytest.approx(1.75, abs=0.002)
 
 
-def test_points_are_centres_of_squares_on_whole_pixels() -> None:
+def test_points_are_centres_of_squares_on_whole_pixels():
     found = matched(planted.speckle(), planted.lens(0.0), spacing_px=7)
     np.testing.assert_array_equal(found.u[0, :3], [3.0, 10.0, 17.0])
     np.testing.assert_array_equal(found.v[:3, 0], [3.0, 10.0, 17.0])
 
 
-def test_speckle_is_found_again_tens_of_pixels_away() -> None:
+def test_speckle_is_found_again_tens_of_pixels_away():
     field = planted.bump(3.0, 50.0)
 
     def far(u, v):
@@ -58,7 +58,7 @@ def test_speckle_is_found_again_tens_of_pixels_away() -> None:
 
 
 @pytest.mark.parametrize("texture", [planted.lattice(), planted.checker()])
-def test_a_regular_texture_is_followed_over_more_than_a_period_from_where_it_rests(texture) -> None:
+def test_a_regular_texture_is_followed_over_more_than_a_period_from_where_it_rests(texture):
     # Half of a period is 8 px (lattice) and 10 px (checker's diagonal); the corners move by 16 px.
     field = planted.lens(0.1)
     found = matched(texture, field)
@@ -68,7 +68,7 @@ def test_a_regular_texture_is_followed_over_more_than_a_period_from_where_it_res
     assert np.abs(errors(found, field)).max() < 0.2
 
 
-def test_the_frame_before_carries_a_regular_texture_over_any_number_of_periods() -> None:
+def test_the_frame_before_carries_a_regular_texture_over_any_number_of_periods():
     before = None
     texture = planted.lattice()
     for height in (6.0, 12.0, 18.0, 24.0):
@@ -82,7 +82,7 @@ def test_the_frame_before_carries_a_regular_texture_over_any_number_of_periods()
     assert np.abs(before.dv - dv)[middle].max() < 0.1
 
 
-def test_brightness_and_contrast_may_change_smoothly() -> None:
+def test_brightness_and_contrast_may_change_smoothly():
     field = planted.bump(2.0, 40.0)
     reference, image = planted.pair(planted.speckle(), field)
     ramp = np.linspace(0.8, 1.1, image.shape[1])
@@ -94,7 +94,7 @@ def test_brightness_and_contrast_may_change_smoothly() -> None:
     assert np.sqrt(np.mean(error**2)) < 0.02
 
 
-def test_a_hole_is_not_valid_and_does_not_harm_its_neighbours() -> None:
+def test_a_hole_is_not_valid_and_does_not_harm_its_neighbours():
     field = planted.bump(2.0, 40.0)
     reference, image = planted.pair(planted.speckle(), field, noise_grey=1.0)
     image[80:120, 110:150] = 30.0 + np.random.default_rng(2).normal(size=(40, 40))
@@ -107,7 +107,7 @@ def test_a_hole_is_not_valid_and_does_not_harm_its_neighbours() -> None:
     assert np.percentile(np.abs(errors(found, field)), 99) < 0.1
 
 
-def test_an_even_image_and_another_scene_give_nothing() -> None:
+def test_an_even_image_and_another_scene_give_nothing():
     reference, image = planted.pair(planted.speckle(), planted.lens(0.0), noise_grey=1.0)
     other, _ = planted.pair(planted.speckle(seed=9), planted.lens(0.0), noise_grey=1.0)
     assert not correlate(reference, np.full_like(image, 90.0)).valid.any()
@@ -115,7 +115,7 @@ def test_an_even_image_and_another_scene_give_nothing() -> None:
 
 
 @pytest.mark.parametrize("noise_grey", [2.0, 6.0])
-def test_sigma_is_the_scatter_of_repeated_measurements(noise_grey: float) -> None:
+def test_sigma_is_the_scatter_of_repeated_measurements(noise_grey):
     field = planted.lens(0.004)
     texture = planted.speckle()
     deviations, variances = [], []
@@ -133,7 +133,7 @@ def test_sigma_is_the_scatter_of_repeated_measurements(noise_grey: float) -> Non
     assert 0.88 < ratio < 1.15
 
 
-def test_more_bits_of_the_same_picture_change_nothing() -> None:
+def test_more_bits_of_the_same_picture_change_nothing():
     reference, image = planted.pair(planted.speckle(), planted.bump(2.0, 40.0), noise_grey=2.0)
     eight = correlate(*(np.clip(np.rint(g), 0, 255).astype(np.uint8) for g in (reference, image)))
     sixteen = correlate(*(np.clip(np.rint(257 * g), 0, 65535).astype(np.uint16) for g in (reference, image)))
@@ -155,7 +155,7 @@ def test_more_bits_of_the_same_picture_change_nothing() -> None:
         ({"window_px": 1.0}, "window"),
     ],
 )
-def test_what_cannot_be_compared_is_refused(change: dict, words: str) -> None:
+def test_what_cannot_be_compared_is_refused(change, words):
     given = {"reference": np.zeros((60, 60)), "image": np.zeros((60, 60))} | change
     with pytest.raises(InputError, match=words):
         correlate(**given)

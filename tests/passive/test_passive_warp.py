@@ -1,7 +1,5 @@
 """From displacement to the bench's nodes: what single points that are not sure, and holes, leave of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -29,14 +27,14 @@ def with_doubt(doubt: Doubt, rows: slice, cols: slice) -> Displacement:
     return replace(found, doubts=doubts)
 
 
-def test_a_single_point_that_is_less_sure_takes_no_node_away() -> None:
+def test_a_single_point_that_is_less_sure_takes_no_node_away():
     u, v = nodes()
     for doubt in (Doubt.TEXTURE, Doubt.UNSETTLED):
         found = rest_pixels(with_doubt(doubt, slice(14, 15), slice(20, 22)), u, v)
         np.testing.assert_allclose(found, np.stack([u - 2.0, v - 1.0], axis=-1), atol=1e-6)
 
 
-def test_what_does_not_match_and_larger_holes_are_not_bridged() -> None:
+def test_what_does_not_match_and_larger_holes_are_not_bridged():
     u, v = nodes()
     for doubt, size in ((Doubt.MISMATCH, 1), (Doubt.ORDER, 1), (Doubt.TEXTURE, 3)):
         found = rest_pixels(with_doubt(doubt, slice(14, 14 + size), slice(20, 20 + size)), u, v)

@@ -22,7 +22,7 @@ def planted_dic(found, k: int) -> np.ndarray:
 
 
 @needs_data
-def test_dic_challenge_within_the_bars_over_the_whole_image() -> None:
+def test_dic_challenge_within_the_bars_over_the_whole_image():
     k = 400
     reference = read_grey(DATA / "dic" / "Reference.tif")
     found = correlate(reference, read_grey(DATA / "dic" / f"P200_K{k}_N2.tif"))
@@ -40,7 +40,7 @@ def test_dic_challenge_within_the_bars_over_the_whole_image() -> None:
 
 
 @needs_data
-def test_checkerboard_field_is_smooth_and_grows_smoothly_over_all_photographs() -> None:
+def test_checkerboard_field_is_smooth_and_grows_smoothly_over_all_photographs():
     folder = DATA / "checkerboard"
     reference = read_grey(folder / "image01.tif")
     before, grown, last = None, [], None

@@ -43,7 +43,7 @@ def seen(texture, field, noise_grey: float = 1.0):
 @pytest.mark.parametrize(
     "texture", [dots(24.0), dots(40.0), grating, ramp, planted.lattice(), planted.checker()]
 )
-def test_a_picture_has_not_moved_against_itself(texture) -> None:
+def test_a_picture_has_not_moved_against_itself(texture):
     reference = seen(texture, shift(0.0, 0.0), noise_grey=0.0)[0]
     # Of this size, the coarsest level has a size that OpenCV transforms in place.
     reference = cv2.resize(reference, (320, 240))
@@ -52,13 +52,13 @@ def test_a_picture_has_not_moved_against_itself(texture) -> None:
 
 
 @pytest.mark.parametrize("texture", [grating, ramp, lambda u, v: 120.0 + 0.0 * u])
-def test_what_determines_nothing_along_one_direction_is_not_valid(texture) -> None:
+def test_what_determines_nothing_along_one_direction_is_not_valid(texture):
     # The noise of two pictures has gradients, too, but they do not move with the picture.
     found = correlate(*seen(texture, shift(1.3, 0.6)))
     assert found.valid.mean() < 0.02
 
 
-def test_a_regular_texture_that_moved_as_a_whole_is_doubtful() -> None:
+def test_a_regular_texture_that_moved_as_a_whole_is_doubtful():
     for texture, moved in ((planted.lattice(), 13.0), (planted.lattice(), 3.0), (dots(24.0), 22.0)):
         found = correlate(*seen(texture, shift(moved, 1.0)))
         assert not found.valid.any()
@@ -66,7 +66,7 @@ def test_a_regular_texture_that_moved_as_a_whole_is_doubtful() -> None:
 
 
 @pytest.mark.parametrize(("texture", "period_px"), [(planted.lattice(), 16.0), (dots(24.0), 24.0)])
-def test_the_largest_shift_tells_by_how_many_periods_a_regular_texture_moved(texture, period_px) -> None:
+def test_the_largest_shift_tells_by_how_many_periods_a_regular_texture_moved(texture, period_px):
     images = seen(texture, shift(3.0, 1.0))
     found = correlate(*images, largest_shift_px=0.45 * period_px)
     assert found.valid.mean() > 0.75
@@ -79,7 +79,7 @@ def test_the_largest_shift_tells_by_how_many_periods_a_regular_texture_moved(tex
 
 
 @pytest.mark.parametrize("moved", [0.0, 0.3])
-def test_a_regular_texture_near_rest_is_read_as_such(moved: float) -> None:
+def test_a_regular_texture_near_rest_is_read_as_such(moved):
     # Nearer to rest than 3 % of the square root of the period's area: 0.47 and 0.70 px.
     for texture in (planted.lattice(), dots(24.0)):
         found = correlate(*seen(texture, shift(moved, 0.0)))
@@ -89,7 +89,7 @@ def test_a_regular_texture_near_rest_is_read_as_such(moved: float) -> None:
 
 
 @pytest.mark.parametrize("pitch_px", [24.0, 40.0])
-def test_sigma_holds_for_few_dots(pitch_px: float) -> None:
+def test_sigma_holds_for_few_dots(pitch_px):
     pulls = []
     for seed in range(3):
         images = planted.pair(dots(pitch_px), shift(0.2, 0.1), 2.0, seed)
@@ -100,7 +100,7 @@ def test_sigma_holds_for_few_dots(pitch_px: float) -> None:
     assert 0.75 < np.sqrt(np.mean(np.concatenate(pulls) ** 2)) < 1.3
 
 
-def test_few_dots_have_few_points_beyond_three_sigma() -> None:
+def test_few_dots_have_few_points_beyond_three_sigma():
     wrong, valid, sigma = 0, 0, []
     for seed in range(4):
         images = planted.pair(dots(40.0), shift(0.4, 0.2), 1.0, seed)
@@ -117,7 +117,7 @@ def test_few_dots_have_few_points_beyond_three_sigma() -> None:
 
 @pytest.mark.parametrize("texture", [planted.speckle(), dots(24.0)])
 @pytest.mark.parametrize("moved", [0.1, 0.4, 1.3])
-def test_a_frame_that_stands_still_does_not_pull_valid_points_towards_rest(texture, moved) -> None:
+def test_a_frame_that_stands_still_does_not_pull_valid_points_towards_rest(texture, moved):
     inside = (slice(45, 155), slice(50, 210))
     images = seen(texture, shift(moved, 0.0))
     framed = [np.full_like(image, 10) for image in images]
@@ -131,7 +131,7 @@ def test_a_frame_that_stands_still_does_not_pull_valid_points_towards_rest(textu
     assert wrong.sum() < 0.03 * found.valid.sum()
 
 
-def test_a_mark_in_a_regular_texture_tells_by_how_many_periods_it_moved() -> None:
+def test_a_mark_in_a_regular_texture_tells_by_how_many_periods_it_moved():
     def marked(u, v):
         near = np.hypot(u - 130, v - 100) < 60
         return np.where(near, planted.speckle()(u, v), planted.lattice()(u, v))
@@ -141,7 +141,7 @@ def test_a_mark_in_a_regular_texture_tells_by_how_many_periods_it_moved() -> Non
     assert np.percentile(np.abs(found.du - 3.0)[found.valid], 99) < 0.1
 
 
-def test_the_middle_of_a_dark_hole_is_not_valid() -> None:
+def test_the_middle_of_a_dark_hole_is_not_valid():
     for noise in (0.0, 1.0):
         found = correlate(*seen(holed, shift(2.3, 1.1), noise))
         inside = np.hypot(found.u - 131, found.v - 100) < 30

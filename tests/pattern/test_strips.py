@@ -23,7 +23,7 @@ def _strips(q: np.ndarray) -> Strips:
     return strips
 
 
-def test_from_code_to_code_exactly_one_gray_bit_and_the_check_change() -> None:
+def test_from_code_to_code_exactly_one_gray_bit_and_the_check_change():
     codes = np.array([bits_of(code) for code in range(CODES)])
     assert len({tuple(bits) for bits in codes}) == CODES
     changes = codes != np.roll(codes, -1, axis=0)
@@ -31,7 +31,7 @@ def test_from_code_to_code_exactly_one_gray_bit_and_the_check_change() -> None:
     assert changes[:, 4].all()
 
 
-def test_strips_lie_where_the_panels_first_and_last_rows_are_visible() -> None:
+def test_strips_lie_where_the_panels_first_and_last_rows_are_visible():
     strips = _strips(PLAIN)
     assert strips.along_u
     assert (strips.first.edge_px, strips.last.edge_px) == (15.5, 175.5)
@@ -44,7 +44,7 @@ def test_strips_lie_where_the_panels_first_and_last_rows_are_visible() -> None:
     assert turned.last.panel_rows[0] == pytest.approx(10 + 0.9 * 313.5)
 
 
-def test_strip_moves_in_to_where_the_panel_is_visible_and_needs_room() -> None:
+def test_strip_moves_in_to_where_the_panel_is_visible_and_needs_room():
     beyond = PLAIN - np.array([0.0, 80.0])  # image rows up to 30 look past the panel
     assert _strips(beyond).first.edge_px == 32 + 15.5
     # only 120 camera px of the edge see the panel: cells of 6 px could not be read
@@ -52,13 +52,13 @@ def test_strip_moves_in_to_where_the_panel_is_visible_and_needs_room() -> None:
     assert Strips.of(GRID, PLAIN - np.array([0.0, 160.0]), NO_RAY, SIZE) is None
 
 
-def test_nodes_whose_window_touches_a_strip_are_covered_and_no_others() -> None:
+def test_nodes_whose_window_touches_a_strip_are_covered_and_no_others():
     # windows are 15 px to either side
     np.testing.assert_array_equal(_strips(PLAIN).covered(GRID), (V - 15 <= 15) | (V + 15 >= 176))
 
 
 @pytest.mark.parametrize("q", [PLAIN, TURNED], ids=["top and bottom", "left and right"])
-def test_code_is_drawn_in_the_strips_and_nothing_else_changes(gl_context, q: np.ndarray) -> None:
+def test_code_is_drawn_in_the_strips_and_nothing_else_changes(gl_context, q):
     strips = _strips(q)
     renderer = PatternRenderer(gl_context, GRID, q, SIZE, TARGET, RESPONSE, strips)
     without = PatternRenderer(gl_context, GRID, q, SIZE, TARGET, RESPONSE)
@@ -84,7 +84,7 @@ def test_code_is_drawn_in_the_strips_and_nothing_else_changes(gl_context, q: np.
         np.testing.assert_array_equal(coded[strip], np.where(lit, white, black)[strip])
 
 
-def test_mean_light_of_a_strip_is_the_targets_whatever_the_code(gl_context) -> None:
+def test_mean_light_of_a_strip_is_the_targets_whatever_the_code(gl_context):
     strips = _strips(PLAIN)
     renderer = PatternRenderer(gl_context, GRID, PLAIN, SIZE, TARGET, Response(1.0), strips)
     for code in range(CODES):

@@ -1,7 +1,5 @@
 """Readings of planted depth, and what a subscriber makes of messages."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

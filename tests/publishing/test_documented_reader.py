@@ -1,7 +1,5 @@
 """The ten lines in docs/live-output.md read what is published."""
 
-from __future__ import annotations
-
 import re
 import threading
 from pathlib import Path
@@ -25,7 +23,7 @@ class _Enough(Exception):
     """Ends the documented reader's endless loop."""
 
 
-def test_the_documented_reader_has_ten_lines_and_reads_state_peak_and_maps() -> None:
+def test_the_documented_reader_has_ten_lines_and_reads_state_peak_and_maps():
     (code,) = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
     assert len([line for line in code.splitlines() if line]) == 10
     surface, deepest = dent(0.2)
@@ -66,7 +64,7 @@ def test_the_documented_reader_has_ten_lines_and_reads_state_peak_and_maps() -> 
     np.testing.assert_allclose(names["maps"]["slope"], surface.slope, rtol=2**-24, atol=1e-30)
 
 
-def test_every_key_and_map_is_documented_and_no_other() -> None:
+def test_every_key_and_map_is_documented_and_no_other():
     from zeromethod.publishing import ContactEvent
     from zeromethod.publishing.message import encode
 

@@ -13,7 +13,7 @@ def message(step, contacts=()):
     return decoded(encode(step, session="s", unix_time_ns=1234, touching=bool(contacts), contacts=contacts))
 
 
-def test_the_maps_come_back_with_their_values_and_holes() -> None:
+def test_the_maps_come_back_with_their_values_and_holes():
     surface, deepest = dent(0.2, time_ns=2**60 + 1)
     _, maps = message(a_step(7, (surface, deepest)))
     for name in ("depth_mm", "sigma_depth_mm", "slope", "x_mm", "y_mm"):
@@ -24,7 +24,7 @@ def test_the_maps_come_back_with_their_values_and_holes() -> None:
     np.testing.assert_array_equal(maps["contact"], surface.contact)
 
 
-def test_the_header_has_time_state_peak_and_where_it_is() -> None:
+def test_the_header_has_time_state_peak_and_where_it_is():
     step = a_step(
         7, dent(0.2), time_ns=2**60 + 1, frame_number=11, dropped=2, residual_rms_px=0.013, valid_share=0.9
     )
@@ -45,7 +45,7 @@ def test_the_header_has_time_state_peak_and_where_it_is() -> None:
     assert header["pose"]["matrix"] == [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 
 
-def test_a_step_without_a_reading_has_its_state_and_has_no_maps() -> None:
+def test_a_step_without_a_reading_has_its_state_and_has_no_maps():
     header, maps = message(a_step(3, state=State.FAULT))
     assert header["state"] == "fault"
     assert header["peak"] is None
@@ -54,7 +54,7 @@ def test_a_step_without_a_reading_has_its_state_and_has_no_maps() -> None:
     assert not maps
 
 
-def test_what_is_not_known_is_null() -> None:
+def test_what_is_not_known_is_null():
     surface, _ = dent()
     nan = float("nan")
     dark = ContactEvent(4, "began", 17, 1.0, 2.0, nan)

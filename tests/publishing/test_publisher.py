@@ -1,7 +1,5 @@
 """The publisher's promises, kept against subscribers in this process and in one that is stopped."""
 
-from __future__ import annotations
-
 import signal
 import socket
 import subprocess
@@ -64,7 +62,7 @@ def resident_bytes() -> int:
     return 4096 * pages
 
 
-def test_a_stopped_subscriber_costs_neither_time_nor_memory_and_then_gets_the_newest() -> None:
+def test_a_stopped_subscriber_costs_neither_time_nor_memory_and_then_gets_the_newest():
     shape = NodeGrid((1024, 1280)).shape
     reading, count = dent(0.1, shape=shape), 200
     with Publisher(ANY_PORT, HostClock()) as publisher:
@@ -101,7 +99,7 @@ def _line_within(process: subprocess.Popen[str], seconds: float) -> bool:
     return bool(poller.poll(1e3 * seconds))
 
 
-def test_unix_time_is_that_of_the_frame_whatever_the_runs_clock_says() -> None:
+def test_unix_time_is_that_of_the_frame_whatever_the_runs_clock_says():
     clock = SimulatedClock(start_ns=5_000_000_000)
     with Publisher(ANY_PORT, clock) as publisher, subscriber(publisher) as listening:
         before_ns = time.time_ns()
@@ -111,7 +109,7 @@ def test_unix_time_is_that_of_the_frame_whatever_the_runs_clock_says() -> None:
         assert header["time_ns"] == 4_970_000_000
 
 
-def test_contact_events_are_repeated_for_those_who_skip_messages() -> None:
+def test_contact_events_are_repeated_for_those_who_skip_messages():
     with Publisher(ANY_PORT, HostClock()) as publisher, subscriber(publisher) as listening:
         for number in range(1, 21 * 6 + 1):  # ten touches and as many ends, then a touch
             depth_mm = 0.1 if (number - 1) // 3 % 2 == 0 else 0.0
@@ -124,7 +122,7 @@ def test_contact_events_are_repeated_for_those_who_skip_messages() -> None:
         assert not header["touching"]
 
 
-def test_the_last_message_still_leaves() -> None:
+def test_the_last_message_still_leaves():
     with Publisher(ANY_PORT, HostClock()) as publisher, subscriber(publisher) as listening:
         publisher.publish(a_step(8, dent(0.1, shape=NodeGrid((1024, 1280)).shape)))
         publisher.publish(a_step(9, state=State.STOPPED))
@@ -134,7 +132,7 @@ def test_the_last_message_still_leaves() -> None:
         assert header["state"] == "stopped"
 
 
-def test_every_publisher_is_a_session_of_its_own_and_closing_frees_the_address() -> None:
+def test_every_publisher_is_a_session_of_its_own_and_closing_frees_the_address():
     sessions = set()
     address = ANY_PORT
     for _ in range(2):
@@ -161,14 +159,14 @@ def test_every_publisher_is_a_session_of_its_own_and_closing_frees_the_address()
         "",
     ],
 )
-def test_an_address_that_cannot_be_bound_is_refused_in_one_line(address: str) -> None:
+def test_an_address_that_cannot_be_bound_is_refused_in_one_line(address):
     with pytest.raises(InputError, match=r"^--publish: '.*': .+: tcp://HOST:PORT .*$") as refusal:
         Publisher(address, HostClock())
     assert "\n" not in str(refusal.value)
     assert address in str(refusal.value)
 
 
-def test_a_port_in_use_is_refused_in_one_line() -> None:
+def test_a_port_in_use_is_refused_in_one_line():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -177,7 +175,7 @@ def test_a_port_in_use_is_refused_in_one_line() -> None:
             Publisher(address, HostClock())
 
 
-def test_without_pyzmq_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pyzmq_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "zmq", None)
     with pytest.raises(InputError, match=r"pip install 'zeromethod\[publish\]'"):
         Publisher(ANY_PORT, HostClock())

@@ -1,7 +1,5 @@
 """Recordings that a disk or a copy has damaged: reported soon, and never taken for measurements."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys
@@ -79,9 +77,7 @@ for path in sys.argv[1:]:
 
 
 @pytest.mark.parametrize("how", ["ended", "cut"])
-def test_where_the_order_of_the_file_is_damaged_it_is_refused_and_not_waited_for(
-    how: str, files: dict[str, Path], tmp_path: Path
-) -> None:
+def test_where_the_order_of_the_file_is_damaged_it_is_refused_and_not_waited_for(how, files, tmp_path):
     starts = (48, 600, 3000)
     paths = [damaged(files[how], tmp_path / f"at-{start}.h5", start, 100) for start in starts]
     # a process of its own: what hangs in the HDF5 library cannot be interrupted
@@ -93,7 +89,7 @@ def test_where_the_order_of_the_file_is_damaged_it_is_refused_and_not_waited_for
     assert all("cannot be read" in line for line in reported)
 
 
-def test_a_file_that_a_killed_writer_left_reads_as_the_same(files: dict[str, Path]) -> None:
+def test_a_file_that_a_killed_writer_left_reads_as_the_same(files):
     with Recording(files["cut"]) as cut, Recording(files["ended"]) as ended:
         assert (cut.complete, ended.complete) == (False, True)
         assert len(cut.steps) == STEPS
@@ -103,7 +99,7 @@ def test_a_file_that_a_killed_writer_left_reads_as_the_same(files: dict[str, Pat
 
 @pytest.mark.parametrize("how", ["ended", "cut"])
 @pytest.mark.parametrize("name", ["steps/table", "surface", "warps/measured/q", "rest/flags"])
-def test_what_cannot_be_read_is_named(how: str, name: str, files: dict[str, Path], tmp_path: Path) -> None:
+def test_what_cannot_be_read_is_named(how, name, files, tmp_path):
     with h5py.File(files[how], "r", swmr=True) as file:
         start = h5py.h5o.get_info(file[name].id).addr
     path = damaged(files[how], tmp_path / "damaged.h5", start + 8, 4)
@@ -113,9 +109,7 @@ def test_what_cannot_be_read_is_named(how: str, name: str, files: dict[str, Path
 
 
 @pytest.mark.parametrize("how", ["ended", "cut"])
-def test_a_damaged_array_is_left_out_and_its_dataset_reported_once(
-    how: str, files: dict[str, Path], tmp_path: Path
-) -> None:
+def test_a_damaged_array_is_left_out_and_its_dataset_reported_once(how, files, tmp_path):
     path = files[how]
     # one bit of a frame, and eight bytes of a warp
     start = place(path, "frames/image", 3)
@@ -137,7 +131,7 @@ def test_a_damaged_array_is_left_out_and_its_dataset_reported_once(
 
 
 @pytest.mark.parametrize("how", ["ended", "cut"])
-def test_all_that_is_damaged_is_counted_in_silence(how: str, files: dict[str, Path], tmp_path: Path) -> None:
+def test_all_that_is_damaged_is_counted_in_silence(how, files, tmp_path):
     path = tmp_path / "damaged.h5"
     shutil.copy(files[how], path)
     for name, item in (
@@ -166,9 +160,7 @@ def test_all_that_is_damaged_is_counted_in_silence(how: str, files: dict[str, Pa
 
 
 @pytest.mark.parametrize("table", ["steps", "peaks", "presentation_log"])
-def test_a_damaged_row_is_left_out_of_its_table_and_counted(
-    table: str, files: dict[str, Path], tmp_path: Path
-) -> None:
+def test_a_damaged_row_is_left_out_of_its_table_and_counted(table, files, tmp_path):
     path = files["ended"]
     with h5py.File(path, "r") as file:
         row_bytes = file[f"{table}/table"].dtype.itemsize
@@ -200,9 +192,7 @@ def test_a_damaged_row_is_left_out_of_its_table_and_counted(
     ],
     ids=str,
 )
-def test_a_peak_that_contradicts_its_surface_is_left_out(
-    changed: dict[str, float], files: dict[str, Path], tmp_path: Path
-) -> None:
+def test_a_peak_that_contradicts_its_surface_is_left_out(changed, files, tmp_path):
     path = tmp_path / "damaged.h5"
     shutil.copy(files["ended"], path)
     with h5py.File(path, "r+", libver="latest") as file:
@@ -217,7 +207,7 @@ def test_a_peak_that_contradicts_its_surface_is_left_out(
         assert list(found.peaks["step"]) == [1, 2, 3, 4, *range(6, STEPS + 1)]
 
 
-def test_states_and_events_go_by_the_words_in_the_file(files: dict[str, Path], tmp_path: Path) -> None:
+def test_states_and_events_go_by_the_words_in_the_file(files, tmp_path):
     """As in a recording made before a state was added in the middle: another order, and one fewer."""
     path = tmp_path / "before.h5"
     shutil.copy(files["ended"], path)
@@ -243,14 +233,14 @@ def test_states_and_events_go_by_the_words_in_the_file(files: dict[str, Path], t
         _ = found.steps
 
 
-def test_nothing_is_counted_where_nothing_is_damaged(files: dict[str, Path]) -> None:
+def test_nothing_is_counted_where_nothing_is_damaged(files):
     for path in files.values():
         with Recording(path) as found:
             assert found.damaged() == {}
     assert damaged_words({}) == ""
 
 
-def test_of_a_recording_that_goes_on_what_is_complete_is_checked(path: Path) -> None:
+def test_of_a_recording_that_goes_on_what_is_complete_is_checked(path):
     with recorder(path) as recording, Recording(path) as along:
         for number in range(1, 30):
             recording.add_step(a_step(number))
@@ -259,7 +249,7 @@ def test_of_a_recording_that_goes_on_what_is_complete_is_checked(path: Path) -> 
         eventually(lambda: recording.waiting_bytes == 0)
 
 
-def test_a_damaged_surface_has_no_valid_node(files: dict[str, Path], tmp_path: Path) -> None:
+def test_a_damaged_surface_has_no_valid_node(files, tmp_path):
     path = files["ended"]
     path = damaged(path, tmp_path / "damaged.h5", place(path, "surface/slope", 2) + 64, 8)
     with Recording(path) as found:
@@ -272,7 +262,7 @@ def test_a_damaged_surface_has_no_valid_node(files: dict[str, Path], tmp_path: P
         assert found.surface(4) is not None
 
 
-def test_arrays_are_never_given_for_another_step(files: dict[str, Path], tmp_path: Path) -> None:
+def test_arrays_are_never_given_for_another_step(files, tmp_path):
     path = files["ended"]
     path = damaged(path, tmp_path / "damaged.h5", place(path, "frames/step") + 8, 1)
     with Recording(path) as found:
@@ -283,14 +273,14 @@ def test_arrays_are_never_given_for_another_step(files: dict[str, Path], tmp_pat
         np.testing.assert_array_equal(found.image(3), a_step(3).image)
 
 
-def test_a_rest_that_is_damaged_is_refused(files: dict[str, Path], tmp_path: Path) -> None:
+def test_a_rest_that_is_damaged_is_refused(files, tmp_path):
     path = files["ended"]
     path = damaged(path, tmp_path / "damaged.h5", place(path, "rest/q") + 800, 1)
     with Recording(path) as found, pytest.raises(InputError, match=r"damaged\.h5: rest/q: damaged"):
         _ = found.rest
 
 
-def test_where_warnings_are_errors_every_damaged_array_is_one(files: dict[str, Path], tmp_path: Path) -> None:
+def test_where_warnings_are_errors_every_damaged_array_is_one(files, tmp_path):
     path = files["ended"]
     path = damaged(path, tmp_path / "damaged.h5", place(path, "frames/image", 3), 4)
     with Recording(path) as found, warnings.catch_warnings():
@@ -311,9 +301,7 @@ with h5py.File(sys.argv[1], "r+", libver="latest", locking=False) as file:
 """
 
 
-def test_what_is_written_after_a_file_was_opened_whole_is_seen(
-    files: dict[str, Path], tmp_path: Path
-) -> None:
+def test_what_is_written_after_a_file_was_opened_whole_is_seen(files, tmp_path):
     path = tmp_path / "more.h5"
     shutil.copy(files["ended"], path)
     with Recording(path) as found:

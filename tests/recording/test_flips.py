@@ -1,7 +1,5 @@
 """Single bits flipped anywhere in a recording: reported, refused in one line, or without any effect."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
@@ -121,7 +119,7 @@ def flips(path: Path) -> list[tuple[str, int, int]]:
     return found
 
 
-def test_no_flipped_bit_changes_a_figure_in_silence(whole: Path, tmp_path: Path) -> None:
+def test_no_flipped_bit_changes_a_figure_in_silence(whole, tmp_path):
     content = whole.read_bytes()
     expected, nothing = contents(whole)
     assert nothing == {}

@@ -1,11 +1,8 @@
 """What becomes of a recording when its disk is full, and when there is room again."""
 
-from __future__ import annotations
-
 import errno
 import resource
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,7 +23,7 @@ def fill_disk(recording: Recorder, size: int) -> None:
     resource.prlimit(recording.writer_id, resource.RLIMIT_FSIZE, (size, size))
 
 
-def test_a_full_disk_ends_the_arrays_and_not_the_tables(path: Path) -> None:
+def test_a_full_disk_ends_the_arrays_and_not_the_tables(path):
     room = 8
     with recorder(path) as recording:
         fill_disk(recording, TABLES_BYTES + room * sizes().step)
@@ -56,9 +53,7 @@ def test_a_full_disk_ends_the_arrays_and_not_the_tables(path: Path) -> None:
 
 
 @pytest.mark.parametrize("left", [0.3, 0.6, 0.9])
-def test_what_is_small_enough_for_a_full_disk_does_not_make_it_one_that_was_full(
-    path: Path, left: float
-) -> None:
+def test_what_is_small_enough_for_a_full_disk_does_not_make_it_one_that_was_full(path, left):
     with recorder(path) as recording:
         # the arrays of a reading are smaller than those of a step
         fill_disk(recording, TABLES_BYTES + int((4 + left) * sizes().step))
@@ -88,7 +83,7 @@ class Disk:
         pass
 
 
-def test_room_is_reported_again_once_as_much_fits_as_did_not(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_room_is_reported_again_once_as_much_fits_as_did_not(monkeypatch):
     disk = Disk(room=15)
     writing = Writing(disk, memoryview(bytes(100)), -1)  # type: ignore[arg-type]
     reported: list[Topic] = []
@@ -106,7 +101,7 @@ def test_room_is_reported_again_once_as_much_fits_as_did_not(monkeypatch: pytest
     assert [take(5), take(5), take(20)] == [[], [Topic.ROOM], []]
 
 
-def test_where_even_tables_have_no_room_the_file_stays_readable(path: Path) -> None:
+def test_where_even_tables_have_no_room_the_file_stays_readable(path):
     bare = {"image": None, "residual": None, "measured": None, "shown": None, "presented": ()}
     with recorder(path, keep=()) as recording:
         fill_disk(recording, 3 << 20)
@@ -130,9 +125,7 @@ def test_where_even_tables_have_no_room_the_file_stays_readable(path: Path) -> N
     ("disk_mb", "least"),
     [(6, "less than 3 MB free"), (20, "less than 3 MB free"), (200, "less than 18 MB free")],
 )
-def test_the_room_left_for_tables_goes_with_that_of_the_disk(
-    disk_mb: int, least: str, path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_room_left_for_tables_goes_with_that_of_the_disk(disk_mb, least, path, monkeypatch):
     with recorder(path) as recording:
         parts = list(recording._parts)
     size = path.stat().st_size

@@ -1,7 +1,5 @@
 """Opening a file at the moment at which another process begins to write it."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -40,7 +38,7 @@ def begun(path: Path, then: str) -> subprocess.Popen[str]:
     return process
 
 
-def test_a_writer_that_just_begins_is_waited_for(tmp_path: Path) -> None:
+def test_a_writer_that_just_begins_is_waited_for(tmp_path):
     with begun(tmp_path / "a.h5", "go on") as process, open_along(tmp_path / "a.h5") as file:
         assert process.stdout is not None
         assert process.stdout.readline() == "written along\n"
@@ -48,9 +46,7 @@ def test_a_writer_that_just_begins_is_waited_for(tmp_path: Path) -> None:
         process.communicate()
 
 
-def test_one_that_was_killed_as_it_began_is_refused_after_a_while(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_one_that_was_killed_as_it_began_is_refused_after_a_while(tmp_path, monkeypatch):
     monkeypatch.setattr(opening, "BEGINNING_S", 1.0)
     with begun(tmp_path / "a.h5", "die") as process:
         process.communicate()

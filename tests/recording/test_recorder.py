@@ -1,7 +1,5 @@
 """Recordings when the disk, the run or the process that writes stops."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal
@@ -57,7 +55,7 @@ def running(path: Path, steps: int, then: str = "time.sleep(1000)") -> Iterator[
             process.kill()
 
 
-def test_killed_in_the_middle_all_but_the_newest_is_there(path: Path) -> None:
+def test_killed_in_the_middle_all_but_the_newest_is_there(path):
     with running(path, 10**9) as process:
         assert process.stdout is not None
         writer = int(process.stdout.readline())
@@ -94,7 +92,7 @@ def test_killed_in_the_middle_all_but_the_newest_is_there(path: Path) -> None:
         assert len(file["frames/image"]) >= flushed
 
 
-def test_what_was_handed_over_is_soon_there_though_nothing_follows(path: Path) -> None:
+def test_what_was_handed_over_is_soon_there_though_nothing_follows(path):
     with running(path, 20) as process:
         assert process.stdout is not None
         writer = int(process.stdout.readline())
@@ -114,7 +112,7 @@ def test_what_was_handed_over_is_soon_there_though_nothing_follows(path: Path) -
 
 
 @pytest.mark.parametrize("then", ["raise SystemExit", "import os; os.kill(os.getpid(), 9)"])
-def test_without_an_end_the_recording_still_gets_one(path: Path, then: str) -> None:
+def test_without_an_end_the_recording_still_gets_one(path, then):
     with running(path, 10, f"time.sleep(0.5); {then}") as process:
         assert process.stdout is not None
         writer = int(process.stdout.readline())
@@ -138,7 +136,7 @@ with h5py.File(sys.argv[1], "r", swmr=True) as file:
 """
 
 
-def test_another_process_reads_along_with_h5py_alone(path: Path) -> None:
+def test_another_process_reads_along_with_h5py_alone(path):
     with recorder(path) as recording:
         for number in range(1, 6):
             recording.add_step(a_step(number))
@@ -154,7 +152,7 @@ def test_another_process_reads_along_with_h5py_alone(path: Path) -> None:
         assert len(found.steps) == 8
 
 
-def test_a_disk_that_takes_nothing_holds_nobody_up(path: Path) -> None:
+def test_a_disk_that_takes_nothing_holds_nobody_up(path):
     room = 10
     # but for the numbers that go with the arrays
     most = room * (sizes().step + 100)
@@ -189,7 +187,7 @@ def test_a_disk_that_takes_nothing_holds_nobody_up(path: Path) -> None:
                 np.testing.assert_array_equal(q, shown)
 
 
-def test_in_simulated_time_the_disk_is_waited_for(path: Path) -> None:
+def test_in_simulated_time_the_disk_is_waited_for(path):
     with recorder(path, waiting_bytes=2 * (sizes().step + 100)) as recording:
         for number in range(1, 41):
             recording.add_step(a_step(number))
@@ -203,9 +201,7 @@ def frames_kept(found: Recording) -> int:
     return int(np.isin(found.steps_with("frames"), found.steps["number"]).sum())
 
 
-def test_when_what_writes_is_killed_the_run_goes_on_and_every_frame_is_accounted_for(
-    path: Path,
-) -> None:
+def test_when_what_writes_is_killed_the_run_goes_on_and_every_frame_is_accounted_for(path):
     handed = 0
     with recorder(path) as recording:
 
@@ -236,7 +232,7 @@ def test_when_what_writes_is_killed_the_run_goes_on_and_every_frame_is_accounted
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="niceness is asked of Linux")
-def test_what_writes_hears_no_ctrl_c_and_leaves_the_cores_to_the_loop(path: Path) -> None:
+def test_what_writes_hears_no_ctrl_c_and_leaves_the_cores_to_the_loop(path):
     with recorder(path) as recording:
         writer = recording.writer_id
         assert os.getpgid(writer) != os.getpgid(0)
@@ -245,7 +241,7 @@ def test_what_writes_hears_no_ctrl_c_and_leaves_the_cores_to_the_loop(path: Path
         assert os.getpriority(os.PRIO_PROCESS, writer) == max(NICENESS, os.getpriority(os.PRIO_PROCESS, 0))
 
 
-def test_a_start_that_fails_leaves_nothing_behind(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_start_that_fails_leaves_nothing_behind(path, monkeypatch):
 
     def no_memory(size: int) -> None:
         raise OSError(errno.EFBIG, "File too large")
@@ -261,9 +257,7 @@ def test_a_start_that_fails_leaves_nothing_behind(path: Path, monkeypatch: pytes
         assert len(found.steps) == 1
 
 
-def test_a_disk_that_takes_nothing_does_not_keep_the_run_from_ending(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_takes_nothing_does_not_keep_the_run_from_ending(path, monkeypatch):
     monkeypatch.setattr("zeromethod.recording.recorder.CLOSING_S", 0.3)
     recording = recorder(path)
     os.kill(recording.writer_id, signal.SIGSTOP)
@@ -281,7 +275,7 @@ def test_a_disk_that_takes_nothing_does_not_keep_the_run_from_ending(
         assert len(found.steps) == 30
 
 
-def test_frames_that_the_camera_lost_are_records(path: Path) -> None:
+def test_frames_that_the_camera_lost_are_records(path):
     wrong = np.zeros((4, 4), np.uint8)
     with recorder(path) as recording:
         recording.add_step(a_step(1))
@@ -299,7 +293,7 @@ def test_frames_that_the_camera_lost_are_records(path: Path) -> None:
         assert found.events_of(found.row(2)) == (Event.FRAMES_DROPPED,)
 
 
-def test_words_of_any_length_and_script_are_kept_as_far_as_they_fit(path: Path) -> None:
+def test_words_of_any_length_and_script_are_kept_as_far_as_they_fit(path):
     with recorder(path, keep=()) as recording:
         recording.add_step(a_step(1, reason="µ" * 200, notes=("first", "zweite Ä")))
     with Recording(path) as found:
@@ -308,7 +302,7 @@ def test_words_of_any_length_and_script_are_kept_as_far_as_they_fit(path: Path) 
         assert [found.text(row["text"]) for row in found.notes] == ["first", "zweite Ä"]
 
 
-def test_a_zero_is_kept_once_with_its_first_step(path: Path) -> None:
+def test_a_zero_is_kept_once_with_its_first_step(path):
     zero = np.full_like(bench()[1].q, 0.125)
     with recorder(path) as recording:
         for number in range(1, 6):
@@ -320,7 +314,7 @@ def test_a_zero_is_kept_once_with_its_first_step(path: Path) -> None:
             np.testing.assert_array_equal(found.zero(number), zero)
 
 
-def test_readings_are_kept_with_their_steps(path: Path) -> None:
+def test_readings_are_kept_with_their_steps(path):
     with recorder(path) as recording:
         for number in range(1, 4):
             recording.add_step(a_step(number))

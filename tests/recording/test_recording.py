@@ -1,7 +1,5 @@
 """What was recorded is what was measured."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
@@ -53,7 +51,7 @@ def opened(truth: Truth) -> Iterator[Recording]:
         yield recording
 
 
-def test_what_replay_needs_is_there_bit_for_bit(truth: Truth, opened: Recording) -> None:
+def test_what_replay_needs_is_there_bit_for_bit(truth, opened):
     assert len(truth.steps) > 15
     measured = 0
     for step in truth.steps:
@@ -79,7 +77,7 @@ def test_what_replay_needs_is_there_bit_for_bit(truth: Truth, opened: Recording)
     assert measured > 10
 
 
-def test_all_pictures_are_there_with_their_warps(truth: Truth, opened: Recording) -> None:
+def test_all_pictures_are_there_with_their_warps(truth, opened):
     shown = [
         (one, step.number - (index < step.presented_before))
         for step in truth.steps
@@ -95,7 +93,7 @@ def test_all_pictures_are_there_with_their_warps(truth: Truth, opened: Recording
         assert q.tobytes() == one.q.tobytes()
 
 
-def test_the_rest_is_as_single_precision_has_it(truth: Truth, opened: Recording) -> None:
+def test_the_rest_is_as_single_precision_has_it(truth, opened):
     for step in truth.steps:
         if step.residual is None or step.shown.q is None:
             continue
@@ -117,7 +115,7 @@ def test_the_rest_is_as_single_precision_has_it(truth: Truth, opened: Recording)
         assert (found.anchor.mode, found.time_ns) == (surface.anchor.mode, surface.time_ns)
 
 
-def test_steps_keep_figures_states_and_words(truth: Truth, opened: Recording) -> None:
+def test_steps_keep_figures_states_and_words(truth, opened):
     assert opened.complete
     # and how it ended
     assert len(opened.steps) == len(truth.steps) + 1
@@ -140,13 +138,13 @@ def test_steps_keep_figures_states_and_words(truth: Truth, opened: Recording) ->
         assert row["time_s"] == pytest.approx(1e-9 * (steps[number].time_ns - start_ns), abs=1e-12)
 
 
-def test_a_recording_describes_itself_in_one_line(truth: Truth, opened: Recording) -> None:
+def test_a_recording_describes_itself_in_one_line(truth, opened):
     frames = sum(step.frame_number is not None for step in truth.steps)
     seconds = f"{opened.seconds:.1f} s, {frames} frames"
     assert repr(opened) == f"<Recording {truth.path}: {seconds}, rig simulated, complete>"
 
 
-def test_rig_and_rest_are_those_of_the_run(opened: Recording) -> None:
+def test_rig_and_rest_are_those_of_the_run(opened):
     rig = small_rig()
     assert opened.rig == rig
     assert opened.live is False
@@ -163,7 +161,7 @@ def test_rig_and_rest_are_those_of_the_run(opened: Recording) -> None:
     np.testing.assert_allclose(again.depth_mm, then.depth_mm, atol=1e-5)
 
 
-def test_every_dataset_states_its_units_and_meaning(truth: Truth) -> None:
+def test_every_dataset_states_its_units_and_meaning(truth):
     silent: list[str] = []
     tables: list[str] = []
 
@@ -186,7 +184,7 @@ def test_every_dataset_states_its_units_and_meaning(truth: Truth) -> None:
     assert sum(name.endswith("/checksums") for name in tables) == 13
 
 
-def test_a_frame_is_one_chunk(truth: Truth) -> None:
+def test_a_frame_is_one_chunk(truth):
     with h5py.File(truth.path, "r", swmr=True) as file:
         frames = file["frames/image"]
         assert frames.chunks == (1, *frames.shape[1:])
@@ -194,7 +192,7 @@ def test_a_frame_is_one_chunk(truth: Truth) -> None:
 
 
 @pytest.mark.parametrize("keep", [("frames",), ("surface",), ()])
-def test_only_what_is_asked_for_is_kept(path: Path, keep: tuple[str, ...]) -> None:
+def test_only_what_is_asked_for_is_kept(path, keep):
     path = recorded(path, 0.15, keep=keep)
     with Recording(path) as found:
         assert found.kept == set(keep)
@@ -205,7 +203,7 @@ def test_only_what_is_asked_for_is_kept(path: Path, keep: tuple[str, ...]) -> No
         assert found.picture_q(0) is None
 
 
-def test_arrays_of_every_third_step(path: Path) -> None:
+def test_arrays_of_every_third_step(path):
     path = recorded(path, 0.25, every=3)
     with Recording(path) as found:
         assert list(np.diff(found.steps["number"])) == [1] * (len(found.steps) - 1)
@@ -217,7 +215,7 @@ def test_arrays_of_every_third_step(path: Path) -> None:
         assert found.picture_q(0) is None
 
 
-def test_compressed_it_is_the_same(path: Path, truth: Truth) -> None:
+def test_compressed_it_is_the_same(path, truth):
     path = recorded(path, 0.15, compress=True)
     with Recording(path) as found, Recording(truth.path) as plain:
         for number in found.steps_with("warps/measured"):
@@ -242,7 +240,7 @@ def _changed(truth: Truth, path: Path, **attributes: object) -> Path:
 
 
 @pytest.mark.parametrize("share", [0.9999, 0.5, 0.001, 0.000005])
-def test_a_file_that_was_cut_short_is_refused_at_once(share: float, truth: Truth, tmp_path: Path) -> None:
+def test_a_file_that_was_cut_short_is_refused_at_once(share, truth, tmp_path):
     whole = truth.path.read_bytes()
     path = tmp_path / "cut.h5"
     path.write_bytes(whole[: max(int(share * len(whole)), 20)])
@@ -250,7 +248,7 @@ def test_a_file_that_was_cut_short_is_refused_at_once(share: float, truth: Truth
         Recording(path)
 
 
-def test_another_schema_is_refused_with_a_clear_word(truth: Truth, tmp_path: Path) -> None:
+def test_another_schema_is_refused_with_a_clear_word(truth, tmp_path):
     path = _changed(truth, tmp_path / "first.h5", schema_version=1, zeromethod_version="0.1.0")
     with pytest.raises(RefusedRecording) as refused:
         Recording(path)
@@ -261,7 +259,7 @@ def test_another_schema_is_refused_with_a_clear_word(truth: Truth, tmp_path: Pat
     )
 
 
-def test_what_is_no_recording_is_refused(truth: Truth, tmp_path: Path) -> None:
+def test_what_is_no_recording_is_refused(truth, tmp_path):
     with pytest.raises(InputError, match="no recording of zeromethod"):
         Recording(_changed(truth, tmp_path / "other.h5", schema="something else"))
     text = tmp_path / "text.h5"
@@ -272,7 +270,7 @@ def test_what_is_no_recording_is_refused(truth: Truth, tmp_path: Path) -> None:
         Recording(tmp_path / "missing.h5")
 
 
-def test_a_file_that_the_rig_names_comes_along(tmp_path: Path) -> None:
+def test_a_file_that_the_rig_names_comes_along(tmp_path):
     press = tmp_path / "mine.toml"
     press.write_text(
         '[[press]]\nshape="gaussian"\nsigma_mm=5.0\npath=[{time_s=0.0,x_mm=42.0,y_mm=0.0,depth_mm=0.1}]\n'
@@ -286,20 +284,20 @@ def test_a_file_that_the_rig_names_comes_along(tmp_path: Path) -> None:
     assert not folder.exists()
 
 
-def test_an_existing_file_is_never_replaced(truth: Truth) -> None:
+def test_an_existing_file_is_never_replaced(truth):
     before = truth.path.read_bytes()
     with pytest.raises(InputError, match="is there already"):
         recorded(truth.path, 0.1)
     assert truth.path.read_bytes() == before
 
 
-def test_keep_names_are_checked(path: Path) -> None:
+def test_keep_names_are_checked(path):
     with pytest.raises(InputError, match=f"'warp': of {', '.join(KEEP)}"):
         recorded(path, 0.1, keep=("warp",))
     assert not (path).exists()
 
 
-def test_the_documented_examples_read_a_recording(truth: Truth, tmp_path: Path) -> None:
+def test_the_documented_examples_read_a_recording(truth, tmp_path):
     text = (Path(__file__).parents[2] / "docs" / "recording.md").read_text()
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     assert len(blocks) == 2

@@ -18,6 +18,6 @@ from zeromethod.recording.status import Condition, RecorderStatus
         (RecorderStatus(Condition.STOPPED, 0, "no reason"), "recording stopped: no reason"),
     ],
 )
-def test_every_condition_has_its_sentence(status: RecorderStatus, words: str) -> None:
+def test_every_condition_has_its_sentence(status, words):
     assert str(status) == words
     assert status.note == f"recording: {words or 'all is kept again'}"

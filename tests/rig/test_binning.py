@@ -1,7 +1,5 @@
 """A binned rig is the same bench with larger pixels."""
 
-from __future__ import annotations
-
 import pytest
 
 from zeromethod.errors import InputError
@@ -20,17 +18,17 @@ def view(name: str, factor: int) -> list[float]:
 
 
 @pytest.mark.parametrize("factor", [2, 4, 8])
-def test_binning_keeps_the_view(factor: int) -> None:
+def test_binning_keeps_the_view(factor):
     # rounding of a few float operations only
     assert view("simulated", factor) == pytest.approx(view("simulated", 1), rel=1e-12)
 
 
-def test_binning_by_one_changes_nothing() -> None:
+def test_binning_by_one_changes_nothing():
     for name in ("simulated", "paper"):
         assert binned(load_rig(name), 1) == load_rig(name)
 
 
-def test_orthographic_pixels_grow() -> None:
+def test_orthographic_pixels_grow():
     rig = load_rig("paper")
     even = rig.model_copy(update={"camera": rig.camera.model_copy(update={"columns": 624})})
     camera = binned(even, 2).camera
@@ -41,11 +39,11 @@ def test_orthographic_pixels_grow() -> None:
 
 
 @pytest.mark.parametrize("factor", [3, 0, -2, 2.0, True])
-def test_factor_that_does_not_divide_is_refused(factor: int) -> None:
+def test_factor_that_does_not_divide_is_refused(factor):
     with pytest.raises(InputError, match=r"a whole number that divides 1280 and 1024 camera px$"):
         binned(load_rig("simulated"), factor)
 
 
-def test_factor_that_leaves_too_few_pixels_is_refused() -> None:
+def test_factor_that_leaves_too_few_pixels_is_refused():
     with pytest.raises(InputError, match="binning: 32: one that leaves at least 64 camera px"):
         binned(load_rig("simulated"), 32)

@@ -1,7 +1,5 @@
 """Every refusal of a rig file: one line with file, key, value and what is allowed."""
 
-from __future__ import annotations
-
 import datetime
 import math
 import tomllib
@@ -41,13 +39,13 @@ def refusal(tmp_path: Path, text: str | bytes) -> str:
 
 
 @pytest.mark.parametrize("name", packaged_rigs())
-def test_packaged_rigs_load_by_bare_name_and_by_path(name: str) -> None:
+def test_packaged_rigs_load_by_bare_name_and_by_path(name):
     assert load_rig(name) == load_rig(resource("calibration", "rigs", f"{name}.toml"))
     assert load_rig(name).name == name
     assert {"simulated", "paper"} <= set(packaged_rigs())
 
 
-def test_unknown_bare_name_lists_the_packaged_ones() -> None:
+def test_unknown_bare_name_lists_the_packaged_ones():
     with pytest.raises(
         InputError, match=r'^rig: "simulate": a file, or one of the packaged paper, simulated, virtual$'
     ):
@@ -55,12 +53,12 @@ def test_unknown_bare_name_lists_the_packaged_ones() -> None:
 
 
 @pytest.mark.parametrize(("name", "reason"), [("nowhere.toml", "No such file or directory"), ("", "Is a")])
-def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, name: str, reason: str) -> None:
+def test_a_file_that_cannot_be_read_is_named(tmp_path, name, reason):
     with pytest.raises(InputError, match=f"{name}: cannot be read: {reason}"):
         load_rig(tmp_path / name)
 
 
-def test_text_that_is_not_utf8_or_not_toml_is_refused_with_its_place(tmp_path: Path) -> None:
+def test_text_that_is_not_utf8_or_not_toml_is_refused_with_its_place(tmp_path):
     assert refusal(tmp_path, b'name = "\xff"\n') == "byte 8: not UTF-8: a rig file is UTF-8 text"
     assert "line 3" in refusal(tmp_path, "schema_version = 1\n\nname = \n")
 
@@ -149,9 +147,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("values", "message"), REFUSED, ids=lambda case: str(case)[:40])
-def test_wrong_keys_and_values_are_refused_alike_in_a_file_and_in_an_edit(
-    tmp_path: Path, values: dict[str, Any], message: str
-) -> None:
+def test_wrong_keys_and_values_are_refused_alike_in_a_file_and_in_an_edit(tmp_path, values, message):
     said = refusal(tmp_path, changed(values))
     assert said.startswith(message)
     with pytest.raises(InputError) as caught:
@@ -168,13 +164,13 @@ def test_wrong_keys_and_values_are_refused_alike_in_a_file_and_in_an_edit(
         {"prism.pattern_length_mm": 60},  # whole numbers are numbers
     ],
 )
-def test_the_limits_themselves_are_allowed(tmp_path: Path, values: dict[str, Any]) -> None:
+def test_the_limits_themselves_are_allowed(tmp_path, values):
     file = tmp_path / "rig.toml"
     file.write_text(changed(values))
     assert load_rig(file) == load_rig("simulated").replace(values)
 
 
-def test_an_older_file_is_refused_with_what_to_rename(tmp_path: Path) -> None:
+def test_an_older_file_is_refused_with_what_to_rename(tmp_path):
     text = SIMULATED.replace("schema_version = 2", "schema_version = 1")
     assert refusal(tmp_path, text) == "schema_version: 1: 2 is what this version of zeromethod reads"
     for new, old in (("scenario", "press"), ("pattern_length_mm", "leg_mm"), ("fill_factor", "fill")):
@@ -187,7 +183,7 @@ def test_an_older_file_is_refused_with_what_to_rename(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("table", ["camera", "display"])
-def test_only_drivers_of_others_take_options_of_their_own(tmp_path: Path, table: str) -> None:
+def test_only_drivers_of_others_take_options_of_their_own(tmp_path, table):
     file = tmp_path / "rig.toml"
     own = {f"{table}.serial": "A1"}
     file.write_text(changed({f"{table}.driver": "other"} | own))
@@ -197,7 +193,7 @@ def test_only_drivers_of_others_take_options_of_their_own(tmp_path: Path, table:
         assert refusal(tmp_path, text).startswith(f"{table}.serial: unknown key: ")
 
 
-def test_files_lie_relative_to_the_rig_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_lie_relative_to_the_rig_file(tmp_path, monkeypatch):
     folder = tmp_path / "bench"
     folder.mkdir()
     np.save(folder / "rest.npy", np.zeros((4, 4)))

@@ -1,7 +1,5 @@
 """The paper's bench: numbers of the paper, and rays that land where its comments say."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -9,7 +7,7 @@ import pytest
 from zeromethod.rig.load import load_rig
 
 
-def test_every_ray_through_the_camera_face_lands_on_the_display() -> None:
+def test_every_ray_through_the_camera_face_lands_on_the_display():
     # 45/45 degrees and a camera square to the camera face: a ray at distance w from R0 along that face
     # leaves the pattern face square at the same distance from R0's mirror image, leg - w from P0.
     rig = load_rig("paper")
@@ -32,7 +30,7 @@ def test_every_ray_through_the_camera_face_lands_on_the_display() -> None:
     assert max(across) < rig.prism.width_mm / 2
 
 
-def test_centre_ray_is_just_below_total_reflection_as_the_comment_says() -> None:
+def test_centre_ray_is_just_below_total_reflection_as_the_comment_says():
     rig = load_rig("paper")
     incidence, n = math.radians(45), rig.prism.index
     assert math.degrees(math.asin(1 / n)) - 45 == pytest.approx(0.17, abs=0.005)

@@ -1,9 +1,6 @@
 """Edits of a rig are checked as rig files are, and a rig says what it is in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +12,7 @@ from zeromethod.rig.model import CameraSpec, ControlSpec, Layer, Prism, Rig
 RIG = load_rig("simulated")
 
 
-def test_dotted_keys_change_their_value_and_no_other() -> None:
+def test_dotted_keys_change_their_value_and_no_other():
     changed = RIG.replace(
         {
             "display.pitch_mm": 0.06,
@@ -38,7 +35,7 @@ def test_dotted_keys_change_their_value_and_no_other() -> None:
     assert changed.replace(back | {"simulation": RIG.simulation, "scenario": "default"}) == RIG
 
 
-def test_dotted_keys_may_be_keywords_and_tables_be_given_whole() -> None:
+def test_dotted_keys_may_be_keywords_and_tables_be_given_whole():
     assert RIG.replace(**{"display.pitch_mm": 0.06}) == RIG.replace({"display.pitch_mm": 0.06})
     control = ControlSpec(gain=0.5)
     assert RIG.replace(control=control).control == control
@@ -48,7 +45,7 @@ def test_dotted_keys_may_be_keywords_and_tables_be_given_whole() -> None:
     )
 
 
-def test_none_takes_a_key_out() -> None:
+def test_none_takes_a_key_out():
     by_mirror = RIG.replace({"prism.pattern_length_mm": None, "prism.mirror_length_mm": 77.0})
     assert by_mirror.prism.pattern_length_mm is None
     assert RIG.replace({"display.gamma": None}).display.gamma == 1.0
@@ -65,14 +62,14 @@ def test_none_takes_a_key_out() -> None:
         ({"camera.rest_map": Path("no.npz")}, 'camera.rest_map: "no.npz": an existing .npz or .h5 file'),
     ],
 )
-def test_keys_that_lead_nowhere_are_refused(values: dict[str, Any], message: str) -> None:
+def test_keys_that_lead_nowhere_are_refused(values, message):
     with pytest.raises(InputError) as caught:
         RIG.replace(values)
     assert str(caught.value).startswith(f"rig: {message}")
     assert "\n" not in str(caught.value)
 
 
-def test_tables_made_by_hand_are_refused_in_the_same_words() -> None:
+def test_tables_made_by_hand_are_refused_in_the_same_words():
     with pytest.raises(InputError, match=r"^Layer: index: 0\.9: a number at least 1 and at most 4$"):
         Layer(index=0.9, thickness_mm=1.0)
     with pytest.raises(InputError, match=r"^ControlSpec: gian: unknown key: did you mean gain\?$"):
@@ -83,7 +80,7 @@ def test_tables_made_by_hand_are_refused_in_the_same_words() -> None:
         RIG.model_copy(update={"press": "none"})
 
 
-def test_a_rig_and_its_tables_say_what_they_are() -> None:
+def test_a_rig_and_its_tables_say_what_they_are():
     assert repr(RIG) == "Rig('simulated', camera 1280x1024 @ 60 Hz, LCD 1920x1080, prism 50/50 deg)"
     assert str(RIG) == repr(RIG)
     assert repr(RIG.camera) == "CameraSpec('simulated', 1280x1024 px @ 60 Hz, 8 bits, perspective)"

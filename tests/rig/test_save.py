@@ -1,7 +1,5 @@
 """Values go back into a rig file without harm to the rest of it."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
@@ -21,12 +19,12 @@ def file(tmp_path: Path) -> Path:
     return Path(shutil.copy(SIMULATED, tmp_path / "rig.toml"))
 
 
-def test_saving_nothing_changes_no_byte(file: Path) -> None:
+def test_saving_nothing_changes_no_byte(file):
     save_values(file, {})
     assert file.read_bytes() == SIMULATED.read_bytes()
 
 
-def test_a_saved_value_changes_its_line_only(file: Path) -> None:
+def test_a_saved_value_changes_its_line_only(file):
     save_values(file, {"display.rise_s": 0.005})
     before, after = SIMULATED.read_text().splitlines(), file.read_text().splitlines()
     (line,) = (b for a, b in zip(before, after, strict=True) if a != b)
@@ -34,7 +32,7 @@ def test_a_saved_value_changes_its_line_only(file: Path) -> None:
     assert line.endswith("# 10 to 90 % of a step in light")
 
 
-def test_saved_values_are_read_back_exactly(file: Path) -> None:
+def test_saved_values_are_read_back_exactly(file):
     values = {
         "camera.position_mm": np.array([1 / 3, -2e-17, -198.5]),
         "camera.focal_px": (8301.25, np.float64(8299.5)),
@@ -50,7 +48,7 @@ def test_saved_values_are_read_back_exactly(file: Path) -> None:
     assert [line.split("#")[1] for line in file.read_text().splitlines() if "#" in line] == comments
 
 
-def test_line_ends_and_links_are_kept(file: Path) -> None:
+def test_line_ends_and_links_are_kept(file):
     file.write_bytes(file.read_bytes().replace(b"\n", b"\r\n"))
     link = file.with_name("link.toml")
     link.symlink_to(file)
@@ -60,7 +58,7 @@ def test_line_ends_and_links_are_kept(file: Path) -> None:
     assert file.read_bytes().count(b"\r\n") == file.read_bytes().count(b"\n")
 
 
-def test_destination_leaves_the_original_alone(file: Path, tmp_path: Path) -> None:
+def test_destination_leaves_the_original_alone(file, tmp_path):
     copy = tmp_path / "calibrated.toml"
     save_values(file, {"prism.index": 1.405}, destination=copy)
     assert file.read_bytes() == SIMULATED.read_bytes()
@@ -81,7 +79,7 @@ def test_destination_leaves_the_original_alone(file: Path, tmp_path: Path) -> No
         ({"prism.index": object}, "a value of TOML"),
     ],
 )
-def test_refused_values_leave_the_file_as_it_was(file: Path, values: dict[str, object], message: str) -> None:
+def test_refused_values_leave_the_file_as_it_was(file, values, message):
     with pytest.raises(InputError, match=message) as caught:
         save_values(file, values)
     assert "\n" not in str(caught.value)
@@ -89,7 +87,7 @@ def test_refused_values_leave_the_file_as_it_was(file: Path, values: dict[str, o
     assert [path.name for path in file.parent.iterdir()] == ["rig.toml"]
 
 
-def test_a_failed_write_leaves_the_old_file_whole(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_write_leaves_the_old_file_whole(file, monkeypatch):
     def full_disk(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -100,13 +98,13 @@ def test_a_failed_write_leaves_the_old_file_whole(file: Path, monkeypatch: pytes
     assert [path.name for path in file.parent.iterdir()] == ["rig.toml"]
 
 
-def test_the_files_mode_is_kept(file: Path) -> None:
+def test_the_files_mode_is_kept(file):
     file.chmod(0o640)
     save_values(file, {"prism.index": 1.42})
     assert file.stat().st_mode & 0o777 == 0o640
 
 
-def test_a_file_that_is_not_toml_is_refused(file: Path) -> None:
+def test_a_file_that_is_not_toml_is_refused(file):
     file.write_text("a = = 1\n")
     with pytest.raises(InputError, match="not TOML"):
         save_values(file, {"prism.index": 1.42})

@@ -22,7 +22,7 @@ def kinked() -> np.ndarray:
     return np.clip(1 - 0.05 * np.sqrt(np.clip(150 - u, 0, None)), 0.45, 1).astype(np.float32)
 
 
-def test_a_kink_of_the_light_costs_nothing_when_it_was_predicted(sensor: ResidualSensor) -> None:
+def test_a_kink_of_the_light_costs_nothing_when_it_was_predicted(sensor):
     image, share = camera(kinked() * observed(cosines, 0.4, -0.2)), kinked()
     unlevelled = sensor.measure(image).copy()
     predicted = sensor.measure(image, light_share=share)
@@ -32,7 +32,7 @@ def test_a_kink_of_the_light_costs_nothing_when_it_was_predicted(sensor: Residua
     assert wrong.max() < 5  # of 2000 numbers, at a bias below one sigma
 
 
-def test_sigma_is_that_of_the_light_there_was(sensor: ResidualSensor) -> None:
+def test_sigma_is_that_of_the_light_there_was(sensor):
     share = kinked()
     light = share * observed(cosines)
     frames = [sensor.measure(camera(light, seed), light_share=share).copy() for seed in range(40)]
@@ -46,7 +46,7 @@ def test_sigma_is_that_of_the_light_there_was(sensor: ResidualSensor) -> None:
 
 
 @pytest.mark.parametrize("left", [0.05, 0.1, 0.2])
-def test_a_touch_in_dim_and_in_bright_places_is_still_light_lost(sensor: ResidualSensor, left: float) -> None:
+def test_a_touch_in_dim_and_in_bright_places_is_still_light_lost(sensor, left):
     rest, share = observed(cosines), kinked()
     sensor.set_reference(sensor.measure(camera(rest)))
     u, v = pixels()
@@ -60,7 +60,7 @@ def test_a_touch_in_dim_and_in_bright_places_is_still_light_lost(sensor: Residua
         assert residual.valid[INNER][beyond].all()
 
 
-def test_dimming_by_fresnel_alone_is_not_light_lost(sensor: ResidualSensor) -> None:
+def test_dimming_by_fresnel_alone_is_not_light_lost(sensor):
     rest = observed(cosines)
     sensor.set_reference(sensor.measure(camera(rest)))
     dim = np.full(SHAPE, 0.25, np.float32)
@@ -68,14 +68,14 @@ def test_dimming_by_fresnel_alone_is_not_light_lost(sensor: ResidualSensor) -> N
     assert sensor.measure(camera(dim * rest), light_share=dim).valid[INNER].all()
 
 
-def test_levelled_grey_is_that_of_full_light_and_clipping_stays_clipping() -> None:
+def test_levelled_grey_is_that_of_full_light_and_clipping_stays_clipping():
     image = np.array([[4, 54, 255, 204]], np.uint8)
     out = np.empty((1, 4), np.float32)
     level(image, np.array([[0.5, 0.5, 0.5, 0.5]], np.float32), 4.0, 255, out)
     assert out.tolist() == [[4.0, 104.0, 255.0, 254.0]]
 
 
-def test_read_noise_counts_inversely_and_shot_noise_by_the_root() -> None:
+def test_read_noise_counts_inversely_and_shot_noise_by_the_root():
     share, grey = np.array([0.25], np.float32), np.array([104.0], np.float32)
     assert noise_factor(grey, share, Noise(read_grey=2.0, electrons_per_grey=None)) == pytest.approx(4.0)
     faint = Noise(read_grey=0.0, electrons_per_grey=0.01)

@@ -1,7 +1,5 @@
 """A bench that moves in mid-run is named, its readings count for nobody, until the zero is taken again."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest
@@ -24,9 +22,7 @@ def rig(press: str, known: tuple[KnownRest, ...] = (), follow: bool = False, **f
 
 
 @pytest.mark.parametrize("known", [(), BOTH_SIDES])
-def test_a_bump_is_named_within_ten_frames_and_stays_until_the_zero_is_taken(
-    known: tuple[KnownRest, ...],
-) -> None:
+def test_a_bump_is_named_within_ten_frames_and_stays_until_the_zero_is_taken(known):
     with zm.Session(rig("none", known)) as session:
         steps = list(session.run(frames=BUMP + 14))
         # the first steps have no frame of their own; frames are numbered from 0
@@ -49,7 +45,7 @@ def test_a_bump_is_named_within_ten_frames_and_stays_until_the_zero_is_taken(
         assert abs(again[-1].peak.depth_mm) < 1.5e-3
 
 
-def test_followed_the_readings_go_on() -> None:
+def test_followed_the_readings_go_on():
     with zm.Session(rig("none", follow=True)) as session:
         steps = list(session.run(frames=BUMP + 20))
     assert sum(Event.BENCH_FOLLOWED in step.events for step in steps) >= 1
@@ -58,7 +54,7 @@ def test_followed_the_readings_go_on() -> None:
     assert abs(steps[-1].peak.depth_mm) < 3 * steps[-1].peak.sigma_mm + 1e-3
 
 
-def test_a_rim_that_is_not_at_rest_is_named() -> None:
+def test_a_rim_that_is_not_at_rest_is_named():
     in_the_middle = (KnownRest(x_mm=(36.0, 44.0), y_mm=(-5.0, 5.0)),)
     still = Faults()
     bench = rig("step", in_the_middle)

@@ -1,7 +1,5 @@
 """How late surfaces are, and how many frames were read: figures of a run."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,7 +24,7 @@ def step(number: int, time_ns: int) -> zm.Step:
     )  # fmt: skip
 
 
-def test_latency_is_from_mid_exposure_until_the_surface_was_published() -> None:
+def test_latency_is_from_mid_exposure_until_the_surface_was_published():
     clock = SimpleNamespace(now_ns=5_000_000)
 
     def read(one: zm.Step) -> zm.Step:
@@ -43,7 +41,7 @@ def test_latency_is_from_mid_exposure_until_the_surface_was_published() -> None:
     assert one.latency_ms == pytest.approx(4 + 20 + 3)
 
 
-def test_frames_that_were_not_read_are_counted_and_their_longest_run() -> None:
+def test_frames_that_were_not_read_are_counted_and_their_longest_run():
     def record(readable: bool, was_read: bool) -> StepFigures:
         read_ms = 1.0 if was_read else float("nan")
         return StepFigures(
@@ -55,7 +53,7 @@ def test_frames_that_were_not_read_are_counted_and_their_longest_run() -> None:
     assert figures == {"frames_to_read": 6, "frames_read": 3, "longest_unread": 2}
 
 
-def test_a_live_run_states_how_late_its_surfaces_are() -> None:
+def test_a_live_run_states_how_late_its_surfaces_are():
     rig = small_rig("live_devices:RealEye", "live_devices:RealScreen").replace({"control.timeout_s": 5.0})
     with zm.Session(rig) as session:
         steps = list(session.run(frames=30))
@@ -66,7 +64,7 @@ def test_a_live_run_states_how_late_its_surfaces_are() -> None:
     assert 0 < figures["frames_read"] <= figures["frames_to_read"] <= 30
 
 
-def test_simulated_time_has_no_latency_and_every_frame_is_read() -> None:
+def test_simulated_time_has_no_latency_and_every_frame_is_read():
     with zm.Session(simulated_rig("hold")) as session:
         list(session.run(frames=12))
         figures = session.figures

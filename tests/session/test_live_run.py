@@ -1,7 +1,5 @@
 """A run in real time: read alongside the loop, published to the end, ended in order."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal
@@ -73,7 +71,7 @@ def running(*names: str) -> list[str]:
     return [thread.name for thread in threading.enumerate() if thread.name in names]
 
 
-def test_reading_takes_the_newest_only_and_never_waits() -> None:
+def test_reading_takes_the_newest_only_and_never_waits():
     reader, published = Reader(), Published()
     reading = StepReader(reader, published, live=True)
     started = time.monotonic()
@@ -90,7 +88,7 @@ def test_reading_takes_the_newest_only_and_never_waits() -> None:
     assert published.steps[1].surface == "surface 39"
 
 
-def test_turns_without_a_measurement_are_published_in_their_place() -> None:
+def test_turns_without_a_measurement_are_published_in_their_place():
     reader, published = Reader(), Published()
     reading = StepReader(reader, published, live=True)
     reading.post(Turn(0))  # type: ignore[arg-type]
@@ -107,7 +105,7 @@ def test_turns_without_a_measurement_are_published_in_their_place() -> None:
 
 
 @pytest.mark.parametrize("when", ["post", "close"])
-def test_what_reading_raises_surfaces_once(when: str) -> None:
+def test_what_reading_raises_surfaces_once(when):
     reader = Reader()
     reader.error = ZeroDivisionError("in the reader")
     reader.go.set()
@@ -123,7 +121,7 @@ def test_what_reading_raises_surfaces_once(when: str) -> None:
     reading.close()
 
 
-def test_a_reading_that_takes_for_ever_does_not_keep_a_run_from_ending() -> None:
+def test_a_reading_that_takes_for_ever_does_not_keep_a_run_from_ending():
     reader = Reader()
     reading = StepReader(reader, None, live=True)
     reading.post(Turn(0))  # type: ignore[arg-type]
@@ -134,7 +132,7 @@ def test_a_reading_that_takes_for_ever_does_not_keep_a_run_from_ending() -> None
     reader.go.set()
 
 
-def test_reading_in_turn_reads_all() -> None:
+def test_reading_in_turn_reads_all():
     reader, published = Reader(), Published()
     reader.go.set()
     reading = StepReader(reader, published, live=False)
@@ -165,7 +163,7 @@ def read(run: Session) -> list[StepFigures]:
 
 
 @pytest.mark.parametrize("real", [False, True], ids=["simulated", "real"])
-def test_a_run_reads_depth_and_publishes_to_the_end(real: bool) -> None:
+def test_a_run_reads_depth_and_publishes_to_the_end(real):
     with session(real) as (run, published):
         eye: Eye = run.devices.camera  # type: ignore[attr-defined]
         rows, columns = eye.shape
@@ -195,7 +193,7 @@ def test_a_run_reads_depth_and_publishes_to_the_end(real: bool) -> None:
     eventually(lambda: not running("read surface", "drawing"))
 
 
-def test_an_interrupted_run_keeps_what_it_has_and_ends_though_the_camera_hangs() -> None:
+def test_an_interrupted_run_keeps_what_it_has_and_ends_though_the_camera_hangs():
     with session() as (run, published):
         eye: Eye = run.devices.camera  # type: ignore[attr-defined]
         hung, hangs = threading.Event(), threading.Event()
@@ -225,7 +223,7 @@ def test_an_interrupted_run_keeps_what_it_has_and_ends_though_the_camera_hangs()
     assert summarise(run.result)["nulled_frames"] > 0
 
 
-def test_a_window_that_is_closed_ends_the_run_with_its_reason_and_the_session() -> None:
+def test_a_window_that_is_closed_ends_the_run_with_its_reason_and_the_session():
     with session(window=True) as (run, published):
         window = run.devices.display  # type: ignore[attr-defined]
 
@@ -243,7 +241,7 @@ def test_a_window_that_is_closed_ends_the_run_with_its_reason_and_the_session() 
     assert published.steps[-1].reason == "the display is lost: its window was closed"
 
 
-def test_a_run_left_half_way_ends_its_threads() -> None:
+def test_a_run_left_half_way_ends_its_threads():
     with session() as (run, published):
         steps = run.run()
         for _ in range(8):
@@ -255,7 +253,7 @@ def test_a_run_left_half_way_ends_its_threads() -> None:
     eventually(lambda: not running("drawing"))
 
 
-def test_a_run_whose_reading_process_is_killed_tells_it_and_reads_on() -> None:
+def test_a_run_whose_reading_process_is_killed_tells_it_and_reads_on():
     with session() as (run, _):
         killed, before = False, 0
         for record in run.run(seconds=60):
@@ -271,7 +269,7 @@ def test_a_run_whose_reading_process_is_killed_tells_it_and_reads_on() -> None:
     ]
 
 
-def test_a_run_reads_though_no_process_can_be_started_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_reads_though_no_process_can_be_started_for_it(monkeypatch):
     def refuse(*_arguments: object, **_streams: object) -> Any:
         raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
@@ -289,7 +287,7 @@ def lose(_reads: int) -> None:
     raise CameraLost("cable [1/2] is out")
 
 
-def test_the_operator_sees_the_state_and_why_and_every_note() -> None:
+def test_the_operator_sees_the_state_and_why_and_every_note():
     with session(real=False) as (run, _):
         eye: Eye = run.devices.camera  # type: ignore[attr-defined]
         out = StringIO()

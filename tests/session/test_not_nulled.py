@@ -1,7 +1,5 @@
 """Whether a run held the null, by its states alone."""
 
-from __future__ import annotations
-
 import pytest
 
 from zeromethod.loop.state import State
@@ -36,7 +34,5 @@ def records(*parts: tuple[State, float], phase: str = "") -> list[StepFigures]:
         (((N, 3),), "hold", "during the hold"),
     ],
 )
-def test_a_run_that_is_not_nulled_when_it_should_be_says_when(
-    parts: tuple[tuple[State, float], ...], phase: str, when: str | None
-) -> None:
+def test_a_run_that_is_not_nulled_when_it_should_be_says_when(parts, phase, when):
     assert not_nulled(records(*parts, phase=phase)) == when

@@ -1,11 +1,8 @@
 """A session as a person uses it: run, look, run again; closed, interrupted, recorded, on any devices."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -38,7 +35,7 @@ def session() -> Iterator[zm.Session]:
 @pytest.mark.parametrize(
     ("scatter_ms", "words"), [(0.5, "delay 20.0 ms"), (30.0, "not steady: it scatters by")]
 )
-def test_the_delay_is_told_once_and_only_when_its_scatter_is_known(session, scatter_ms, words) -> None:
+def test_the_delay_is_told_once_and_only_when_its_scatter_is_known(session, scatter_ms, words):
     estimator = DelayEstimator(0.0, 16.7e6)
     loop = SimpleNamespace(delay=SimpleNamespace(estimator=estimator), horizon_s=0.03)
     said: list[str] = []
@@ -56,7 +53,7 @@ def test_the_delay_is_told_once_and_only_when_its_scatter_is_known(session, scat
     assert (session.result.margin is None) == (scatter_ms > 10)
 
 
-def test_a_second_run_locks_at_once_and_steps_and_time_go_on(session: zm.Session) -> None:
+def test_a_second_run_locks_at_once_and_steps_and_time_go_on(session):
     first = list(session.run(seconds=0.6))
     assert first[-1].state is zm.State.LOCKED
     assert first[-1].peak is not None
@@ -75,7 +72,7 @@ def test_a_second_run_locks_at_once_and_steps_and_time_go_on(session: zm.Session
     assert session.result.dropped == 0
 
 
-def test_figures_are_those_of_both_runs(session: zm.Session) -> None:
+def test_figures_are_those_of_both_runs(session):
     list(session.run(frames=6))
     assert session.figures["frames"] == 6
     list(session.run(frames=4))
@@ -85,7 +82,7 @@ def test_figures_are_those_of_both_runs(session: zm.Session) -> None:
     assert session.figures["state"] == str(session.result.records[-1].state)
 
 
-def test_a_run_that_is_left_ends_when_the_next_one_begins(session: zm.Session) -> None:
+def test_a_run_that_is_left_ends_when_the_next_one_begins(session):
     steps = session.run()
     for _ in range(3):
         next(steps)
@@ -95,14 +92,14 @@ def test_a_run_that_is_left_ends_when_the_next_one_begins(session: zm.Session) -
     assert [step.number for step in again] == [5, 6]
 
 
-def test_another_run_may_begin_in_the_body_of_a_loop(session: zm.Session) -> None:
+def test_another_run_may_begin_in_the_body_of_a_loop(session):
     for step in session.run(frames=30):
         if step.number == 3:
             assert len(list(session.run(frames=2))) == 2
     assert session.result.frames == 5
 
 
-def test_an_error_in_the_callers_body_ends_the_run_and_the_session_closes() -> None:
+def test_an_error_in_the_callers_body_ends_the_run_and_the_session_closes():
     session = zm.Session(simulated_rig("none"))
 
     def broken() -> None:
@@ -118,7 +115,7 @@ def test_an_error_in_the_callers_body_ends_the_run_and_the_session_closes() -> N
     assert session.result.frames == 3
 
 
-def test_after_an_error_in_the_callers_body_the_session_runs_on(session: zm.Session) -> None:
+def test_after_an_error_in_the_callers_body_the_session_runs_on(session):
     def broken() -> None:
         for _ in session.run(seconds=10):
             raise ZeroDivisionError("mine")
@@ -128,7 +125,7 @@ def test_after_an_error_in_the_callers_body_the_session_runs_on(session: zm.Sess
     assert [step.number for step in session.run(frames=2)] == [3, 4]
 
 
-def test_a_closed_session_refuses_in_one_line_and_closes_again() -> None:
+def test_a_closed_session_refuses_in_one_line_and_closes_again():
     session = zm.Session(simulated_rig("none"))
     steps = session.run(frames=8)
     next(steps)
@@ -141,7 +138,7 @@ def test_a_closed_session_refuses_in_one_line_and_closes_again() -> None:
     assert session.result.frames == 1
 
 
-def test_an_interrupt_ends_one_run_and_not_the_next(session: zm.Session) -> None:
+def test_an_interrupt_ends_one_run_and_not_the_next(session):
     for step in session.run(seconds=10):
         if step.number == 3:
             session.interrupt()
@@ -153,13 +150,13 @@ def test_an_interrupt_ends_one_run_and_not_the_next(session: zm.Session) -> None
     assert len(list(session.run(frames=2))) == 2
 
 
-def test_an_interrupt_before_the_first_run_ends_it(session: zm.Session) -> None:
+def test_an_interrupt_before_the_first_run_ends_it(session):
     session.interrupt()
     assert list(session.run(frames=5)) == []
     assert session.result.interrupted
 
 
-def test_ctrl_c_in_the_loop_ends_the_run_with_what_it_has(session: zm.Session) -> None:
+def test_ctrl_c_in_the_loop_ends_the_run_with_what_it_has(session):
     def press() -> None:
         if session.loop._steps == 4:
             raise KeyboardInterrupt
@@ -169,7 +166,7 @@ def test_ctrl_c_in_the_loop_ends_the_run_with_what_it_has(session: zm.Session) -
     assert session.result.interrupted
 
 
-def test_ctrl_c_in_the_callers_body_is_the_callers(session: zm.Session) -> None:
+def test_ctrl_c_in_the_callers_body_is_the_callers(session):
     def press() -> None:
         for _ in session.run(frames=10):
             raise KeyboardInterrupt
@@ -179,7 +176,7 @@ def test_ctrl_c_in_the_callers_body_is_the_callers(session: zm.Session) -> None:
     assert len(list(session.run(frames=2))) == 2
 
 
-def test_devices_that_were_given_stay_open() -> None:
+def test_devices_that_were_given_stay_open():
     rig = simulated_rig("none")
     with zm.open_devices(rig) as devices:
         for _ in range(2):
@@ -188,7 +185,7 @@ def test_devices_that_were_given_stay_open() -> None:
         assert devices.camera.read(1.0).image.shape == devices.camera.shape
 
 
-def test_an_unknown_rig_is_refused_in_one_line() -> None:
+def test_an_unknown_rig_is_refused_in_one_line():
     with pytest.raises(zm.InputError) as refused:
         zm.Session("simulatedd")
     assert "simulatedd" in str(refused.value)
@@ -196,7 +193,7 @@ def test_an_unknown_rig_is_refused_in_one_line() -> None:
     assert "\n" not in str(refused.value)
 
 
-def test_a_recording_holds_both_runs_and_reads_again_bit_for_bit(tmp_path: Path) -> None:
+def test_a_recording_holds_both_runs_and_reads_again_bit_for_bit(tmp_path):
     path = tmp_path / "two.h5"
     with zm.Session(simulated_rig("hold"), record=path) as session:
         numbers = [step.number for _ in range(2) for step in session.run(frames=5)]
@@ -212,7 +209,7 @@ def test_a_recording_holds_both_runs_and_reads_again_bit_for_bit(tmp_path: Path)
         zm.Session(simulated_rig("hold"), record=path)
 
 
-def test_run_by_itself_gives_the_result() -> None:
+def test_run_by_itself_gives_the_result():
     seen: list[zm.Step] = []
     result = zm.run(simulated_rig("none"), frames=4, on_step=seen.append)
     assert result.frames == len(seen) == 4
@@ -235,7 +232,7 @@ def until_read(session: zm.Session) -> list[zm.Step]:
 
 
 @pytest.mark.timeout(200)
-def test_live_a_second_run_reads_on_without_a_new_process_and_drops_nothing_between() -> None:
+def test_live_a_second_run_reads_on_without_a_new_process_and_drops_nothing_between():
     with zm.Session(live_rig()) as session:
         first = until_read(session)
         process = session._surfaces._process
@@ -252,7 +249,7 @@ def test_live_a_second_run_reads_on_without_a_new_process_and_drops_nothing_betw
     assert process._process.returncode is not None
 
 
-def test_live_a_camera_that_came_back_serves_the_next_run() -> None:
+def test_live_a_camera_that_came_back_serves_the_next_run():
     def lose(_reads: int) -> None:
         raise CameraLost("cable is out")
 
@@ -266,9 +263,7 @@ def test_live_a_camera_that_came_back_serves_the_next_run() -> None:
         assert {step.state for step in session.run(frames=12)} & NULLED
 
 
-def test_live_an_error_in_reading_ends_the_run_and_the_next_one_reads(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_live_an_error_in_reading_ends_the_run_and_the_next_one_reads(monkeypatch):
     def broken(_step: object) -> Any:
         raise FloatingPointError("surface")
 
@@ -283,7 +278,7 @@ def test_live_an_error_in_reading_ends_the_run_and_the_next_one_reads(
         assert read, (session, session.result.events, session.result.notes)
 
 
-def test_live_a_caller_that_is_slow_gets_the_newest_frames() -> None:
+def test_live_a_caller_that_is_slow_gets_the_newest_frames():
     with zm.Session(live_rig()) as session:
         for _ in session.run(frames=6):
             time.sleep(0.1)
@@ -291,9 +286,7 @@ def test_live_a_caller_that_is_slow_gets_the_newest_frames() -> None:
         assert len(list(session.run(frames=3))) == 3
 
 
-def test_every_run_closes_its_reader_even_when_its_caller_leaves(
-    session: zm.Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_run_closes_its_reader_even_when_its_caller_leaves(session, monkeypatch):
     closed: list[StepReader] = []
     close = StepReader.close
     monkeypatch.setattr(StepReader, "close", lambda self: (closed.append(self), close(self))[1])
@@ -302,7 +295,7 @@ def test_every_run_closes_its_reader_even_when_its_caller_leaves(
     assert len(closed) == 2
 
 
-def test_a_session_publishes_at_an_address() -> None:
+def test_a_session_publishes_at_an_address():
     zmq = pytest.importorskip("zmq")
     with zm.Session(simulated_rig("none"), publisher="tcp://127.0.0.1:*") as session:
         context = zmq.Context()

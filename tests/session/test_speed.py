@@ -1,7 +1,5 @@
 """Speed of this computer on a rig's frames: what is measured, and what the verdict rests on."""
 
-from pathlib import Path
-
 import pytest
 from recorded_run import small_rig
 
@@ -15,7 +13,7 @@ def _short_recording(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(speed, "RECORDING_S", 0.5)
 
 
-def test_every_part_is_held_against_the_rate_of_the_camera(tmp_path: Path) -> None:
+def test_every_part_is_held_against_the_rate_of_the_camera(tmp_path):
     words = []
     figures = measure_speed(small_rig(), tmp_path, words.append)
     parts, rate_hz = figures["parts"], figures["camera_rate_hz"]
@@ -34,7 +32,7 @@ def test_every_part_is_held_against_the_rate_of_the_camera(tmp_path: Path) -> No
     assert parts[figures["bottleneck"]]["frames_per_s"] == slowest
 
 
-def test_recording_counts_whole_frames_and_leaves_no_file(tmp_path: Path) -> None:
+def test_recording_counts_whole_frames_and_leaves_no_file(tmp_path):
     rig = small_rig()
     recording = measure_speed(rig, tmp_path, lambda _: None)["parts"]["recording"]
     image_mb = rig.camera.columns * rig.camera.rows / 1e6
@@ -43,13 +41,13 @@ def test_recording_counts_whole_frames_and_leaves_no_file(tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_bench_without_light_is_not_timed(tmp_path: Path) -> None:
+def test_a_bench_without_light_is_not_timed(tmp_path):
     rig = small_rig()
     dark = rig.model_copy(update={"simulation": rig.simulation.model_copy(update={"peak_grey_share": 1e-6})})
     with pytest.raises(MeasurementError, match="was not measured"):
         measure_speed(dark, tmp_path, lambda _: None)
 
 
-def test_percentiles_are_of_what_is_finite() -> None:
+def test_percentiles_are_of_what_is_finite():
     assert percentiles([1.0, float("nan"), 3.0])["median"] == 2.0
     assert percentiles([float("nan")]) == {"median": None, "p90": None, "p99": None}

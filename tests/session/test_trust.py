@@ -1,7 +1,5 @@
 """Whether a session trusts its rig's geometry, and what its readings state where it does not."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -52,14 +50,14 @@ def rest_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_simulated_bench_of_this_very_rig_is_known() -> None:
+def test_a_simulated_bench_of_this_very_rig_is_known():
     with zm.Session(planted.nominal()) as session:
         states = [step.state for step in session.run(frames=10)]
         assert session.rig.geometry == GeometrySpec()
     assert states[-1] in {zm.State.LOCKED, zm.State.RESTING}
 
 
-def test_a_press_on_an_uncalibrated_bench_is_relative_and_within_its_sigma(rest_map: Path) -> None:
+def test_a_press_on_an_uncalibrated_bench_is_relative_and_within_its_sigma(rest_map):
     given = planted.nominal().replace({"camera.rest_map": rest_map})
     with bench(pressed=True) as devices, zm.Session(given, devices=devices) as session:
         steps = list(session.run(frames=24))
@@ -75,7 +73,7 @@ def test_a_press_on_an_uncalibrated_bench_is_relative_and_within_its_sigma(rest_
     assert abs(last.peak.y_mm + 1.0) < 3.0 * last.peak.sigma_y_mm
 
 
-def test_without_a_measured_rest_depth_is_known_to_its_size_at_best() -> None:
+def test_without_a_measured_rest_depth_is_known_to_its_size_at_best():
     with bench() as devices, zm.Session(planted.nominal(), devices=devices) as session:
         steps = list(session.run(frames=12))
     assert not {step.state for step in steps} & {zm.State.LOCKED, zm.State.RESTING}
@@ -85,7 +83,7 @@ def test_without_a_measured_rest_depth_is_known_to_its_size_at_best() -> None:
         assert step.peak is None or step.peak.sigma_mm >= abs(step.peak.depth_mm)
 
 
-def test_an_operator_may_declare_a_geometry_exact() -> None:
+def test_an_operator_may_declare_a_geometry_exact():
     given = planted.nominal().replace({"geometry.known": "exact"})
     with bench() as devices, zm.Session(given, devices=devices) as session:
         steps = list(session.run(frames=4))

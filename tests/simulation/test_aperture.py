@@ -50,7 +50,7 @@ def light() -> np.ndarray:
 @pytest.mark.parametrize("stripes", [1, 3])
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("psf_px", [0.0, 0.7])
-def test_footprints_along_the_axes_are_exact(light, stripes: int, turned: bool, psf_px: float) -> None:
+def test_footprints_along_the_axes_are_exact(light, stripes, turned, psf_px):
     rng = np.random.default_rng(1)
     q = rng.uniform([-1, -1], [30, 20], (60, 2))  # some reach beyond the panel
     zero = np.zeros(60)
@@ -67,7 +67,7 @@ def test_footprints_along_the_axes_are_exact(light, stripes: int, turned: bool, 
 
 
 @pytest.mark.parametrize("psf_px", [0.05, 0.3, 0.7, 2.0])
-def test_an_edge_on_the_lcd_gives_box_times_gaussian(psf_px: float) -> None:
+def test_an_edge_on_the_lcd_gives_box_times_gaussian(psf_px):
     light = np.zeros((40, 80))
     light[:, 40:] = 1.0
     u = np.linspace(-4, 4, 33)
@@ -90,7 +90,7 @@ def test_an_edge_on_the_lcd_gives_box_times_gaussian(psf_px: float) -> None:
     ],
     ids=["turned by 30 deg", "sheared by 0.1", "sheared by 0.35"],
 )
-def test_lens_on_turned_and_sheared_footprints(light, by_u, by_v, tolerance: float) -> None:
+def test_lens_on_turned_and_sheared_footprints(light, by_u, by_v, tolerance):
     q = np.random.default_rng(3).uniform([4, 4], [25, 15], (60, 2))
     sides = [np.tile(0.6 * np.array(side), (60, 1)) for side in (by_u, by_v)]
     got = gathered(light, q, *sides, (0.9, 0.85), 1, 0.7)
@@ -99,7 +99,7 @@ def test_lens_on_turned_and_sheared_footprints(light, by_u, by_v, tolerance: flo
     assert expected.std() > 0.1
 
 
-def test_turned_footprints_are_close(light) -> None:
+def test_turned_footprints_are_close(light):
     rng = np.random.default_rng(2)
     q = rng.uniform([3, 3], [26, 16], (60, 2))
     angle = rng.uniform(0, 2 * np.pi, 60)
@@ -115,9 +115,7 @@ def test_turned_footprints_are_close(light) -> None:
     ("psf_px", "beyond", "cells", "rel"),
     [(0.0, 0, (37, 23), 1e-12), (0.9, 6, (40, 24), 5e-5)],  # with a lens, cut at 4 sigma, also around it
 )
-def test_light_is_shared_out_without_loss_or_gain(
-    light, psf_px: float, beyond: int, cells, rel: float
-) -> None:
+def test_light_is_shared_out_without_loss_or_gain(light, psf_px, beyond, cells, rel):
     """Footprints that tile the panel gather all of its light, whatever the fill."""
     step = np.array([30, 20]) / cells
     u, v = np.meshgrid(*(np.arange(-beyond, count + beyond) for count in cells))
@@ -127,7 +125,7 @@ def test_light_is_shared_out_without_loss_or_gain(
     assert got.sum() * step.prod() == pytest.approx(light.sum(), rel=rel)
 
 
-def test_full_fill_on_a_pixel_grid_gives_the_pixels_back(light) -> None:
+def test_full_fill_on_a_pixel_grid_gives_the_pixels_back(light):
     u, v = np.meshgrid(np.arange(30.0), np.arange(20.0))
     q = np.stack((u.ravel(), v.ravel()), axis=-1)
     ones = np.tile([1.0, 0.0], (len(q), 1))

@@ -22,14 +22,12 @@ def rig() -> Rig:
     return rig.model_copy(update={"simulation": rig.simulation.model_copy(update={"faults": faults})})
 
 
-def test_it_comes_evenly_over_its_frames_and_stays(rig: Rig) -> None:
+def test_it_comes_evenly_over_its_frames_and_stays(rig):
     assert [moved_share(rig, frame) for frame in (0, 9, 10, 11, 12, 13, 500)] == [0, 0, 0.25, 0.5, 0.75, 1, 1]
 
 
 @pytest.mark.parametrize("renderer", [GpuRenderer, NumpyRenderer])
-def test_camera_and_lcd_are_drawn_where_they_then_are(
-    rig: Rig, renderer: type[GpuRenderer] | type[NumpyRenderer]
-) -> None:
+def test_camera_and_lcd_are_drawn_where_they_then_are(rig, renderer):
     drawn, true = renderer(rig), moved_rig(rig, 1.0)
     drawn.move(true)
     q, _ = drawn.ray_map(Mirror())

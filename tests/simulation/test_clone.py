@@ -27,7 +27,7 @@ def real(rig: Rig, **more: dict) -> Rig:
     return rig.replace(lab | latency | changes)
 
 
-def test_only_what_belongs_to_the_devices_goes(make_rig) -> None:
+def test_only_what_belongs_to_the_devices_goes(make_rig):
     rig = real(make_rig())
     clone = simulated_clone(rig)
     assert clone.display.driver == clone.camera.driver == "simulated"
@@ -45,7 +45,7 @@ def test_only_what_belongs_to_the_devices_goes(make_rig) -> None:
     assert clone.model_dump(exclude=others) == rig.model_dump(exclude=others)
 
 
-def test_what_the_rig_file_gave_is_still_what_is_given(make_rig) -> None:
+def test_what_the_rig_file_gave_is_still_what_is_given(make_rig):
     rig = real(make_rig())
     clone = simulated_clone(rig)
     assert clone.camera.model_fields_set == rig.camera.model_fields_set & set(CameraSpec.model_fields) - {
@@ -53,16 +53,14 @@ def test_what_the_rig_file_gave_is_still_what_is_given(make_rig) -> None:
     }  # fmt: skip
 
 
-def test_the_cameras_latency_becomes_the_simulated_ones(make_rig) -> None:
+def test_the_cameras_latency_becomes_the_simulated_ones(make_rig):
     assert simulated_clone(real(make_rig())).simulation.camera_latency_s == 0.011
     given = real(make_rig(), simulation={"camera_latency_s": 0.002})
     assert simulated_clone(given).simulation.camera_latency_s == 0.002
 
 
 @pytest.mark.parametrize(("display_s", "camera_s", "left_s"), [(-0.004, 0.011, 0.007), (-0.02, 0.011, 0.0)])
-def test_a_display_that_seems_to_come_early_does_not(
-    make_rig, display_s: float, camera_s: float, left_s: float
-) -> None:
+def test_a_display_that_seems_to_come_early_does_not(make_rig, display_s, camera_s, left_s):
     rig = real(make_rig(), display={"latency_s": display_s}, camera={"latency_s": camera_s})
     clone = simulated_clone(rig)
     assert clone.display.latency_s == 0.0
@@ -70,21 +68,21 @@ def test_a_display_that_seems_to_come_early_does_not(
     assert clone.simulation.camera_latency_s == pytest.approx(left_s)
 
 
-def test_a_simulated_rig_is_its_own_clone(make_rig) -> None:
+def test_a_simulated_rig_is_its_own_clone(make_rig):
     rig = make_rig()
     assert simulated_clone(rig) is rig
     clone = simulated_clone(real(rig))
     assert simulated_clone(clone) is clone
 
 
-def test_the_given_rig_is_left_alone(make_rig) -> None:
+def test_the_given_rig_is_left_alone(make_rig):
     rig = real(make_rig())
     before = rig.model_dump()
     simulated_clone(rig)
     assert rig.model_dump() == before
 
 
-def test_the_clone_opens_and_gives_frames_at_the_real_rate(make_rig) -> None:
+def test_the_clone_opens_and_gives_frames_at_the_real_rate(make_rig):
     clone = simulated_clone(real(make_rig(), camera={"rate_hz": 40.0}))
     with open_devices(clone) as devices:
         frames = [devices.camera.read(1.0) for _ in range(3)]

@@ -40,12 +40,12 @@ def healthy(make_rig) -> list:
     return Bench(make_rig).frames(8)
 
 
-def test_dropped_frames_are_skipped_and_counted(make_rig) -> None:
+def test_dropped_frames_are_skipped_and_counted(make_rig):
     frames = Bench(make_rig, drop_frames=(2, 3)).frames(4)
     assert [(f.number, f.dropped) for f in frames] == [(0, 0), (1, 0), (4, 2), (5, 0)]
 
 
-def test_a_repeated_frame_is_the_old_image_under_a_new_number(make_rig, healthy) -> None:
+def test_a_repeated_frame_is_the_old_image_under_a_new_number(make_rig, healthy):
     frames = Bench(make_rig, repeat_frames=(3, 4)).frames(6)
     assert [f.number for f in frames] == [0, 1, 2, 3, 4, 5]
     assert [f.dropped for f in frames] == [0] * 6
@@ -55,7 +55,7 @@ def test_a_repeated_frame_is_the_old_image_under_a_new_number(make_rig, healthy)
     np.testing.assert_array_equal(frames[5].image, healthy[5].image)
 
 
-def test_a_torn_frame_ends_with_the_frame_before_it(make_rig, healthy) -> None:
+def test_a_torn_frame_ends_with_the_frame_before_it(make_rig, healthy):
     frames = Bench(make_rig, torn_frames=(3,)).frames(5)
     np.testing.assert_array_equal(frames[3].image[:32], healthy[3].image[:32])
     np.testing.assert_array_equal(frames[3].image[32:], healthy[2].image[32:])
@@ -63,7 +63,7 @@ def test_a_torn_frame_ends_with_the_frame_before_it(make_rig, healthy) -> None:
     np.testing.assert_array_equal(frames[4].image, healthy[4].image)
 
 
-def test_a_late_frame_has_the_right_time_and_the_newest_follows_it(make_rig, healthy) -> None:
+def test_a_late_frame_has_the_right_time_and_the_newest_follows_it(make_rig, healthy):
     bench = Bench(make_rig, late_frames=(3,), late_s=0.05)
     frames = bench.frames(3)
     late = bench.shown_frame()
@@ -77,7 +77,7 @@ def test_a_late_frame_has_the_right_time_and_the_newest_follows_it(make_rig, hea
     assert [f.number for f in frames] == [0, 1, 2]
 
 
-def test_frames_behind_a_late_one_wait_for_it(make_rig) -> None:
+def test_frames_behind_a_late_one_wait_for_it(make_rig):
     bench = Bench(make_rig, late_frames=(3,), late_s=0.05)
     bench.frames(3)
     # frame 4 would be there, 3 is still on its way
@@ -89,7 +89,7 @@ def test_frames_behind_a_late_one_wait_for_it(make_rig) -> None:
     assert np.all(np.diff([delivery.arrival_ns(n) for n in range(12)]) > 0)
 
 
-def test_a_stall_times_out_until_it_is_over(make_rig) -> None:
+def test_a_stall_times_out_until_it_is_over(make_rig):
     bench = Bench(make_rig, stall_at_frame=2, stall_s=0.3)
     assert [f.number for f in bench.frames(2)] == [0, 1]
     before = bench.clock.now_ns()
@@ -101,7 +101,7 @@ def test_a_stall_times_out_until_it_is_over(make_rig) -> None:
     assert frame.dropped == 18
 
 
-def test_a_lost_camera_stays_lost_until_reopened_when_it_is_back(make_rig) -> None:
+def test_a_lost_camera_stays_lost_until_reopened_when_it_is_back(make_rig):
     bench = Bench(make_rig, camera_lost_at_frame=3, camera_back_after_s=0.2)
     assert [f.number for f in bench.frames(3)] == [0, 1, 2]
     with pytest.raises(CameraLost):
@@ -121,7 +121,7 @@ def test_a_lost_camera_stays_lost_until_reopened_when_it_is_back(make_rig) -> No
     assert [f.dropped for f in frames] == [0, 0, 0]
 
 
-def test_a_camera_lost_for_good_never_opens_again(make_rig) -> None:
+def test_a_camera_lost_for_good_never_opens_again(make_rig):
     bench = Bench(make_rig, camera_lost_at_frame=1)
     bench.clock.sleep_until_ns(10**12)
     with pytest.raises(CameraLost):
@@ -130,7 +130,7 @@ def test_a_camera_lost_for_good_never_opens_again(make_rig) -> None:
         SimulatedCamera(bench.rig, bench.clock, bench.display)
 
 
-def test_a_short_wait_before_the_loss_only_times_out(make_rig) -> None:
+def test_a_short_wait_before_the_loss_only_times_out(make_rig):
     bench = Bench(make_rig, camera_lost_at_frame=1)
     assert bench.camera.read(1.0).number == 0
     with pytest.raises(CameraTimeout):
@@ -139,7 +139,7 @@ def test_a_short_wait_before_the_loss_only_times_out(make_rig) -> None:
         bench.camera.read(1.0)
 
 
-def test_the_display_is_lost_at_its_show(make_rig) -> None:
+def test_the_display_is_lost_at_its_show(make_rig):
     bench = Bench(make_rig, display_lost_at_show=2)
     bench.show()
     bench.show()
@@ -148,7 +148,7 @@ def test_the_display_is_lost_at_its_show(make_rig) -> None:
             bench.show()
 
 
-def test_with_the_light_off_only_ambient_light_is_left(make_rig) -> None:
+def test_with_the_light_off_only_ambient_light_is_left(make_rig):
     bench = Bench(make_rig, simulation={"ambient": 0.1}, light_off_frames=(2, 3))
     means = [float(frame.image.mean()) for frame in bench.frames(6)]
     dark = 4.0 + 0.1 * (0.8 * 255 - 4)

@@ -1,7 +1,5 @@
 """From LCD codes to camera light: apertures, blur, ghosts, mixing; against integrals and the numpy bench."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 
@@ -75,7 +73,7 @@ def context() -> Iterator[moderngl.Context]:
 
 
 @pytest.mark.parametrize("fill", [(1.0, 1.0), (0.9, 0.85)])
-def test_white_panel_gives_the_reflectance(fill: tuple[float, float], gl_context: moderngl.Context) -> None:
+def test_white_panel_gives_the_reflectance(fill, gl_context):
     rig = _sharp(display={"fill_factor": fill, "polarisation_deg": 90.0}, prism={"index": 1.33})
     renderer = GpuRenderer(rig, gl_context)
     light = _light(renderer, rig, np.full((rig.display.rows, rig.display.columns), 255, np.uint8), PRESSED)
@@ -146,9 +144,7 @@ def _integrated(
     ],
     ids=str,
 )
-def test_apertures_are_integrated_over_the_pixels_response(
-    display: dict[str, object], psf_px: float, mirror: Mirror, tolerance: float, context: moderngl.Context
-) -> None:
+def test_apertures_are_integrated_over_the_pixels_response(display, psf_px, mirror, tolerance, context):
     rig = _window(psf_px, **display)
     codes = _codes(rig)
     renderer = GpuRenderer(rig, context)
@@ -173,7 +169,7 @@ BENCHES = {
 
 @pytest.mark.parametrize("name", BENCHES)
 @pytest.mark.parametrize("mirror", [PRESSED, BALL], ids=["gaussian", "ball"])
-def test_agrees_with_the_numpy_bench(name: str, mirror: Mirror, context: moderngl.Context) -> None:
+def test_agrees_with_the_numpy_bench(name, mirror, context):
     rig = BENCHES[name]()
     codes = _codes(rig)
     light, expected = _both(context, rig, codes, mirror)
@@ -184,16 +180,14 @@ def test_agrees_with_the_numpy_bench(name: str, mirror: Mirror, context: moderng
 
 
 @pytest.mark.parametrize("psf_px", [0.0, 0.7])
-def test_lens_and_apertures_agree_with_the_numpy_bench_at_full_resolution(
-    psf_px: float, context: moderngl.Context
-) -> None:
+def test_lens_and_apertures_agree_with_the_numpy_bench_at_full_resolution(psf_px, context):
     rig = _window(psf_px)
     light, expected = _both(context, rig, _codes(rig), REST)
     # float32 of positions up to 1000 px: 6e-5 px on the border of an aperture of noise
     np.testing.assert_allclose(light, expected, atol=4e-4)
 
 
-def test_each_place_of_the_panel_has_its_own_response(gl_context: moderngl.Context) -> None:
+def test_each_place_of_the_panel_has_its_own_response(gl_context):
     """A panel drawn through the inverse of every place's response is evenly lit, and agrees with numpy's."""
     exponent = ((0.7, 1.0, 1.2), (1.0, 1.1, 1.5))
     rig = _sharp(display={"gamma": 2.2, "response_exponent": exponent})
@@ -208,7 +202,7 @@ def test_each_place_of_the_panel_has_its_own_response(gl_context: moderngl.Conte
     np.testing.assert_allclose(lit[0][inside], lit[1][inside], atol=1e-3)
 
 
-def test_rows_mix_pictures_in_light_and_pieces_add(context: moderngl.Context) -> None:
+def test_rows_mix_pictures_in_light_and_pieces_add(context):
     rig = _sharp(display={"gamma": 2.2})
     renderer, reference = GpuRenderer(rig, context), NumpyRenderer(rig)
     share = np.linspace(0.0, 1.0, rig.display.rows).astype(np.float32) ** 2
@@ -225,7 +219,7 @@ def test_rows_mix_pictures_in_light_and_pieces_add(context: moderngl.Context) ->
     np.testing.assert_allclose(images[0], images[1], atol=3e-3)
 
 
-def test_moving_press_and_changing_pictures_are_never_shown_from_memory(context: moderngl.Context) -> None:
+def test_moving_press_and_changing_pictures_are_never_shown_from_memory(context):
     """A renderer that has drawn much else gives what a fresh one gives."""
     rig = _sharp()
     old = GpuRenderer(rig, context)
@@ -239,7 +233,7 @@ def test_moving_press_and_changing_pictures_are_never_shown_from_memory(context:
     fresh.close()
 
 
-def test_pictures_are_drawn_like_a_window_with_row_0_on_top(gl_context: moderngl.Context) -> None:
+def test_pictures_are_drawn_like_a_window_with_row_0_on_top(gl_context):
     rig = _sharp(display={"gamma": 1.0})
     renderer = GpuRenderer(rig, gl_context)
     handle, framebuffer = renderer.new_picture()
@@ -255,14 +249,14 @@ def test_pictures_are_drawn_like_a_window_with_row_0_on_top(gl_context: moderngl
     renderer.close()
 
 
-def test_no_picture_leaves_the_ambient_light(context: moderngl.Context) -> None:
+def test_no_picture_leaves_the_ambient_light(context):
     renderer = GpuRenderer(_sharp(simulation={"ambient": 0.02}), context)
     np.testing.assert_allclose(renderer.expose([]), 0.02, rtol=1e-6)
     np.testing.assert_allclose(renderer.expose([Piece(1.0, REST, [])]), 0.02, rtol=1e-6)
     renderer.close()
 
 
-def test_closes_twice_and_leaves_the_callers_context_alive(context: moderngl.Context) -> None:
+def test_closes_twice_and_leaves_the_callers_context_alive(context):
     renderer = GpuRenderer(_sharp(), context)
     assert isinstance(renderer, BenchRenderer)
     renderer.close()

@@ -1,9 +1,6 @@
 """The ray shader against the exact float64 ray model, which shares nothing with it but the rig file."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from pathlib import Path
 
 import moderngl
 import numpy as np
@@ -67,7 +64,7 @@ def _compare(rig: Rig, mirror: Mirror, context: moderngl.Context) -> tuple[Trace
     [(), (GAUSSIAN,), (BALL,), (CONE,), (EDGE,), (MAP,), (GAUSSIAN, BALL, BULGE, MAP, SMALL_MAP)],
     ids=lambda dents: "+".join(dent.shape for dent in dents) or "rest",
 )
-def test_every_dent_agrees_with_the_exact_rays(dents: tuple[Dent, ...], gl_context: moderngl.Context) -> None:
+def test_every_dent_agrees_with_the_exact_rays(dents, gl_context):
     _, both = _compare(quarter(), Mirror(dents), gl_context)
     assert both.mean() > 0.9
 
@@ -102,12 +99,12 @@ RIGS: dict[str, Callable[[], Rig]] = {
 
 
 @pytest.mark.parametrize("name", RIGS)
-def test_every_bench_agrees_with_the_exact_rays(name: str, gl_context: moderngl.Context) -> None:
+def test_every_bench_agrees_with_the_exact_rays(name, gl_context):
     _, both = _compare(RIGS[name](), Mirror((GAUSSIAN,)), gl_context)
     assert both.mean() > 0.3
 
 
-def test_pixels_past_the_lens_models_turning_point_see_nothing(gl_context: moderngl.Context) -> None:
+def test_pixels_past_the_lens_models_turning_point_see_nothing(gl_context):
     rig = quarter(camera={"distortion": (-60.0, 0.0, 0.0, 0.0, 0.0)})
     renderer = GpuRenderer(rig, gl_context)
     q, _ = renderer.ray_map(Mirror())
@@ -119,9 +116,7 @@ def test_pixels_past_the_lens_models_turning_point_see_nothing(gl_context: moder
     assert np.mean(np.isfinite(q[..., 0]) != truly) < 1e-3
 
 
-def test_rest_map_agrees_with_the_exact_rays_beyond_its_border_too(
-    tmp_path: Path, gl_context: moderngl.Context
-) -> None:
+def test_rest_map_agrees_with_the_exact_rays_beyond_its_border_too(tmp_path, gl_context):
     heights = np.random.default_rng(1).normal(0.0, 0.01, (15, 19)) + 0.3
     np.save(tmp_path / "rest.npy", heights)
     rest = RestSurface(shape="map", file=tmp_path / "rest.npy", pitch_mm=2.5, origin_mm=(20.0, -14.0))
@@ -129,9 +124,7 @@ def test_rest_map_agrees_with_the_exact_rays_beyond_its_border_too(
 
 
 @pytest.mark.parametrize("polarisation_deg", [None, 0.0, 90.0, 30.0])
-def test_reflectance_across_the_critical_angle(
-    polarisation_deg: float | None, gl_context: moderngl.Context
-) -> None:
+def test_reflectance_across_the_critical_angle(polarisation_deg, gl_context):
     # its centre ray is 0.17 degrees below total reflection
     rig = with_tables(load_rig("paper"), display={"polarisation_deg": polarisation_deg})
     truth, both = _compare(rig, Mirror((GAUSSIAN,)), gl_context)

@@ -1,7 +1,5 @@
 """The lens's Gaussian as the shader gets it, and what it does for the measurement."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
@@ -28,7 +26,7 @@ COLUMNS, ROWS = 192, 128
 
 
 @pytest.mark.parametrize("psf_px", [LEAST_PSF_PX, 0.1, 0.175, 0.7, 1.3, 5.0])
-def test_shaders_polynomial_is_box_times_gaussian(psf_px: float) -> None:
+def test_shaders_polynomial_is_box_times_gaussian(psf_px):
     defines = lens_defines(psf_px)
     reach = float(defines["REACH"])
     x = np.linspace(-reach, reach, 1001).astype(np.float32)
@@ -40,7 +38,7 @@ def test_shaders_polynomial_is_box_times_gaussian(psf_px: float) -> None:
     np.testing.assert_allclose(got, expected, atol=1e-5)
 
 
-def test_no_lens_is_the_bare_pixel() -> None:
+def test_no_lens_is_the_bare_pixel():
     # a box of 1 px has that standard deviation
     assert lens_defines(0.0) == {"LENS": 0, "REACH": 0.5, "SPREAD": pytest.approx(12**-0.5)}
 
@@ -93,7 +91,7 @@ def _bias_px(renderer: BenchRenderer, rig: Rig) -> float:
 
 
 @pytest.mark.parametrize("kind", ["gpu", "numpy"])
-def test_lens_takes_away_the_bias_of_the_lcd_grid(kind: str) -> None:
+def test_lens_takes_away_the_bias_of_the_lcd_grid(kind):
     """The grid of apertures beats with the camera's pixels, unless the lens blurs it before they sample."""
     bias = []
     for psf_px in (0.0, 0.7):

@@ -34,7 +34,7 @@ def depth_at(press: MovingMap, time_ms: float) -> float:
     return float(Mirror((dent,)).depth(*PLACE)[0])
 
 
-def test_depth_goes_straight_from_map_to_map_and_stands_still_beyond_them() -> None:
+def test_depth_goes_straight_from_map_to_map_and_stands_still_beyond_them():
     press = moving([10, 20, 40], [0.0, 0.1, 0.3])
     whole = depth_at(press, 20)
     assert depth_at(press, 15) == pytest.approx(0.5 * whole)
@@ -43,20 +43,20 @@ def test_depth_goes_straight_from_map_to_map_and_stands_still_beyond_them() -> N
     assert depth_at(press, 90) == depth_at(press, 40) == pytest.approx(3.0 * whole)
 
 
-def test_the_same_instant_is_the_same_mirror_so_that_it_is_traced_once() -> None:
+def test_the_same_instant_is_the_same_mirror_so_that_it_is_traced_once():
     press = moving([10, 20], [0.0, 0.1])
     assert press.dent_at(12 * MS) is press.dent_at(12 * MS)
     assert press.dent_at(30 * MS) is press.dent_at(40 * MS)
 
 
-def test_an_exposure_is_cut_only_where_the_velocity_jumps_visibly() -> None:
+def test_an_exposure_is_cut_only_where_the_velocity_jumps_visibly():
     press = moving([0, 10, 20, 30], [0.0, 0.0, 0.1, 0.2])
     assert press.bends_ns(0, 40 * MS) == (10 * MS, 30 * MS)
     assert press.bends_ns(10 * MS, 30 * MS) == ()  # at its borders it needs no cut
     assert moving([0, 10, 20], [0.0, 0.4 * BEND_MM, 0.0]).bends_ns(0, 20 * MS) == ()
 
 
-def test_a_motion_that_no_frame_shows_is_none() -> None:
+def test_a_motion_that_no_frame_shows_is_none():
     assert not moving([0, 10], [0.0, 0.5 * STILL_MM]).moving(0, 10 * MS)
     press = moving([0, 10, 20], [0.0, 0.1, 0.1])
     assert press.moving(4 * MS, 12 * MS)
@@ -64,13 +64,13 @@ def test_a_motion_that_no_frame_shows_is_none() -> None:
     assert not press.moving(30 * MS, 40 * MS)
 
 
-def test_a_mirror_without_maps_is_at_rest() -> None:
+def test_a_mirror_without_maps_is_at_rest():
     press = MovingMap(LATTICE, [], lambda index: bump(0.1))
     assert press.dent_at(0) is None
     assert not press.moving(0, 10)
 
 
-def test_the_pieces_of_an_exposure_average_to_the_motion_in_it(make_rig) -> None:
+def test_the_pieces_of_an_exposure_average_to_the_motion_in_it(make_rig):
     scenario = Scenario("recorded", (moving([0, 10, 20], [0.0, 0.1, 0.0]),), 0.02)
     pieces = exposure_pieces(
         scenario, SimulatedPanel(make_rig().display, 60.0), [Presentation(-200 * MS, 1)], 6 * MS, 16 * MS
@@ -81,7 +81,7 @@ def test_the_pieces_of_an_exposure_average_to_the_motion_in_it(make_rig) -> None
     assert depth == pytest.approx(0.74 * whole, rel=1e-6)
 
 
-def test_both_renderers_see_it_as_the_exact_rays_do(make_rig) -> None:
+def test_both_renderers_see_it_as_the_exact_rays_do(make_rig):
     rig = make_rig()
     v, u = np.mgrid[0 : rig.camera.rows, 0 : rig.camera.columns].astype(np.float64)
     optics = Optics(rig)

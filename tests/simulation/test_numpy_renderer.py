@@ -33,7 +33,7 @@ def arriving(rig, mirror=DENTED) -> np.ndarray:
     return reflectance > 0
 
 
-def test_a_white_lcd_without_gaps_gives_light_one_wherever_rays_arrive(make_rig) -> None:
+def test_a_white_lcd_without_gaps_gives_light_one_wherever_rays_arrive(make_rig):
     rig = make_rig(display=FULL)
     light = exposed(rig, grey(rig, 255))
     assert light.dtype == np.float32
@@ -43,14 +43,14 @@ def test_a_white_lcd_without_gaps_gives_light_one_wherever_rays_arrive(make_rig)
     np.testing.assert_allclose(light[arrives], 1.0, atol=2e-6)
 
 
-def test_apertures_are_normalised_by_their_fill(make_rig) -> None:
+def test_apertures_are_normalised_by_their_fill(make_rig):
     rig = make_rig(display={"fill_factor": (0.6, 0.5), "gamma": 1.0, "stripes": "rgb"})
     light = exposed(rig, grey(rig, 255))
     # not normalised it were 0.3; the beat of camera and LCD lattice over a finite view leaves some 0.3 %
     assert light[arriving(rig)].mean() == pytest.approx(1.0, abs=0.01)
 
 
-def test_light_follows_the_response(make_rig) -> None:
+def test_light_follows_the_response(make_rig):
     rig = make_rig(display=FULL | {"gamma": 2.2})
     light = exposed(rig, grey(rig, 128))
     np.testing.assert_allclose(light[arriving(rig)], (128 / 255) ** 2.2, rtol=1e-5)
@@ -60,7 +60,7 @@ def test_light_follows_the_response(make_rig) -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_a_ramp_on_the_lcd_is_seen_where_the_exact_rays_end(make_rig, axis: int) -> None:
+def test_a_ramp_on_the_lcd_is_seen_where_the_exact_rays_end(make_rig, axis):
     rig = make_rig(display=FULL)
     size = (rig.display.columns, rig.display.rows)
     ramp = np.rint(np.arange(size[axis]) / (size[axis] - 1) * 255).astype(np.uint8)
@@ -75,7 +75,7 @@ def test_a_ramp_on_the_lcd_is_seen_where_the_exact_rays_end(make_rig, axis: int)
     np.testing.assert_allclose(light[known], exact[known] / (size[axis] - 1), atol=0.6 / 255)
 
 
-def test_what_touches_takes_the_light_inside_its_contact(make_rig) -> None:
+def test_what_touches_takes_the_light_inside_its_contact(make_rig):
     rig = make_rig(display=FULL)
     ball = Mirror((Dent(Shape.BALL, 38.6, 0.0, 0.05, 60.0, contact_mm=1.7, touch_reflectance=0.05),))
     light = exposed(rig, grey(rig, 255), ball)
@@ -86,7 +86,7 @@ def test_what_touches_takes_the_light_inside_its_contact(make_rig) -> None:
     np.testing.assert_allclose(light[arriving(rig, ball) & (r > 2.1)], 1.0, atol=2e-6)
 
 
-def test_below_total_reflection_the_light_is_fresnels_share(make_rig) -> None:
+def test_below_total_reflection_the_light_is_fresnels_share(make_rig):
     rig = make_rig(display=FULL)
     prism = rig.prism.model_copy(update={"index": 1.30})  # critical angle 50.3 deg: half the view is below
     rig = rig.model_copy(update={"prism": prism})
@@ -99,13 +99,13 @@ def test_below_total_reflection_the_light_is_fresnels_share(make_rig) -> None:
     np.testing.assert_allclose(light[dimmed], trace.reflectance[dimmed], atol=2e-6)
 
 
-def test_ambient_light_is_added_and_blur_keeps_uniform_light(make_rig) -> None:
+def test_ambient_light_is_added_and_blur_keeps_uniform_light(make_rig):
     rig = make_rig(display=FULL, camera={"psf_px": 1.2}, simulation={"ambient": 0.07})
     dark = exposed(rig, grey(rig, 0))
     np.testing.assert_allclose(dark, 0.07, atol=1e-6)
 
 
-def test_blur_is_a_gaussian_of_psf_px(make_rig) -> None:
+def test_blur_is_a_gaussian_of_psf_px(make_rig):
     sharp, soft = (make_rig(display=FULL, camera={"psf_px": s}) for s in (0.0, 1.5))
     picture = grey(sharp, 0)
     picture[:, 240:] = 255
@@ -120,7 +120,7 @@ def test_blur_is_a_gaussian_of_psf_px(make_rig) -> None:
     assert spreads[1] - spreads[0] == pytest.approx(1.5**2, rel=0.01)
 
 
-def test_pieces_and_pictures_mix_as_light(make_rig) -> None:
+def test_pieces_and_pictures_mix_as_light(make_rig):
     rig = make_rig(display=FULL | {"gamma": 2.2})
     renderer = NumpyRenderer(rig)
     black, white, middle = (renderer.upload(grey(rig, code)) for code in (0, 255, 128))
@@ -134,7 +134,7 @@ def test_pieces_and_pictures_mix_as_light(make_rig) -> None:
     np.testing.assert_allclose(light[both], 0.25 * 0.5 + 0.75 * (128 / 255) ** 2.2, rtol=1e-5)
 
 
-def test_gap_ghost_is_displaced_by_the_double_bounce(make_rig) -> None:
+def test_gap_ghost_is_displaced_by_the_double_bounce(make_rig):
     """Flat mirror, 50/50 prism: a ray leaves the pattern face at the angle at which it entered."""
     rig = make_rig(simulation={"ghost_gap": 0.04})
     optics = Optics(rig)
@@ -154,7 +154,7 @@ def test_gap_ghost_is_displaced_by_the_double_bounce(make_rig) -> None:
     assert np.all(outwards[known & (shift_px > 0.05)] > 0)
 
 
-def test_faces_ghost_follows_the_ray_unfolded_in_the_five_planes(make_rig) -> None:
+def test_faces_ghost_follows_the_ray_unfolded_in_the_five_planes(make_rig):
     """A ray's line after a reflection is its mirror image in the plane: independent of any intersection."""
     rig = make_rig(simulation={"ghost_faces": 0.02})
     optics = Optics(rig)
@@ -174,14 +174,14 @@ def test_faces_ghost_follows_the_ray_unfolded_in_the_five_planes(make_rig) -> No
     assert ghost.gain.max() == pytest.approx(0.02)
 
 
-def test_ghosts_add_their_light(make_rig) -> None:
+def test_ghosts_add_their_light(make_rig):
     rig = make_rig(display=FULL, simulation={"ghost_faces": 0.02, "ghost_gap": 0.03})
     light = exposed(rig, grey(rig, 255), Mirror())
     assert light[32, 40] == pytest.approx(1.05, abs=1e-5)
 
 
 @pytest.mark.parametrize("kind", [NumpyRenderer, GpuRenderer])
-def test_wrong_pictures_are_refused_in_one_line(make_rig, kind) -> None:
+def test_wrong_pictures_are_refused_in_one_line(make_rig, kind):
     renderer: BenchRenderer = kind(make_rig())
     for bad in (np.zeros((3, 4), np.uint8), np.zeros((270, 480), np.float32)):
         refusal = f"picture: {bad.shape} {bad.dtype}: allowed is (270, 480) uint8"

@@ -34,7 +34,7 @@ def stepped(panel_rig, presentations, from_s: float, to_s: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("scan", ["down", "up"])
-def test_shares_match_stepping_through_time(make_rig, scan: str) -> None:
+def test_shares_match_stepping_through_time(make_rig, scan):
     timing = {"rows": 16, "scanout_s": 0.012, "latency_s": 0.003, "rise_s": 0.004, "scan": scan}
     rig = make_rig(display=timing)
     shown = [Presentation(0, 7), Presentation(5 * MS, 8), Presentation(20 * MS, 9)]
@@ -45,7 +45,7 @@ def test_shares_match_stepping_through_time(make_rig, scan: str) -> None:
         np.testing.assert_allclose(share, row, atol=2e-3)
 
 
-def test_shares_add_up_to_one_and_settled_pictures_are_left_out(make_rig) -> None:
+def test_shares_add_up_to_one_and_settled_pictures_are_left_out(make_rig):
     rig = make_rig()
     shown = [Presentation(k * 16 * MS, k) for k in range(12)]
     got = SimulatedPanel(rig.display, 60.0).weights(shown, 150 * MS, 158 * MS)
@@ -54,14 +54,14 @@ def test_shares_add_up_to_one_and_settled_pictures_are_left_out(make_rig) -> Non
     assert all(share.dtype == np.float32 for _, share in got)
 
 
-def test_first_picture_is_shown_since_ever(make_rig) -> None:
+def test_first_picture_is_shown_since_ever(make_rig):
     panel = SimulatedPanel(make_rig().display, 60.0)
     ((handle, share),) = panel.weights([Presentation(50 * MS, 3)], 0, 8 * MS)
     assert handle == 3
     assert np.all(share == 1.0)
 
 
-def test_rows_change_when_the_scan_reaches_them(make_rig) -> None:
+def test_rows_change_when_the_scan_reaches_them(make_rig):
     rig = make_rig(display={"rows": 101, "scanout_s": 0.010, "latency_s": 0.002, "rise_s": 0.0})
     panel = SimulatedPanel(rig.display, 60.0)
     shown = [Presentation(0, 1), Presentation(0, 2)]
@@ -70,7 +70,7 @@ def test_rows_change_when_the_scan_reaches_them(make_rig) -> None:
     np.testing.assert_allclose(shares[2][[0, 40, 50, 60, 100]], [1, 1, 0.5, 0, 0], atol=1e-6)
 
 
-def test_rise_takes_from_10_to_90_percent_in_rise_s(make_rig) -> None:
+def test_rise_takes_from_10_to_90_percent_in_rise_s(make_rig):
     rig = make_rig(display={"scanout_s": 0.0, "latency_s": 0.0, "rise_s": 0.005})
     panel = SimulatedPanel(rig.display, 60.0)
     shown = [Presentation(0, 1), Presentation(0, 2)]
@@ -80,7 +80,7 @@ def test_rise_takes_from_10_to_90_percent_in_rise_s(make_rig) -> None:
         assert dict(panel.weights(shown, at, at))[2][0] == pytest.approx(level, abs=1e-6)
 
 
-def test_a_picture_is_forgotten_only_when_it_gives_no_light(make_rig) -> None:
+def test_a_picture_is_forgotten_only_when_it_gives_no_light(make_rig):
     panel = SimulatedPanel(make_rig().display, 60.0)
     shown = [Presentation(0, 1), Presentation(16 * MS, 2)]
     gone = panel.forgotten_at(16 * MS)

@@ -19,7 +19,7 @@ DENTS = [
 
 
 @pytest.mark.parametrize("dent", DENTS, ids=lambda d: f"{d.shape}{d.depth_mm:+}")
-def test_slope_is_the_derivative_of_depth(dent: Dent) -> None:
+def test_slope_is_the_derivative_of_depth(dent):
     mirror = Mirror((dent,))
     rng = np.random.default_rng(0)
     x, y = 1.0 + rng.uniform(-4, 4, 400), -2.0 + rng.uniform(-4, 4, 400)
@@ -34,7 +34,7 @@ def test_slope_is_the_derivative_of_depth(dent: Dent) -> None:
 
 
 @pytest.mark.parametrize("shape", [Shape.BALL, Shape.CONE])
-def test_depth_is_continuous_at_the_contacts_rim_and_a_balls_slope_too(shape: Shape) -> None:
+def test_depth_is_continuous_at_the_contacts_rim_and_a_balls_slope_too(shape):
     dent = Dent(shape, 0.0, 0.0, 0.3, 2.0)
     a, step = contact_radius_mm(shape, 0.3, 2.0), 1e-10
     mirror = Mirror((dent,))
@@ -47,7 +47,7 @@ def test_depth_is_continuous_at_the_contacts_rim_and_a_balls_slope_too(shape: Sh
 
 
 @pytest.mark.parametrize(("shape", "limit"), [(Shape.BALL, 4 / (3 * np.pi)), (Shape.CONE, 1 / np.pi)])
-def test_far_field_falls_like_one_over_r(shape: Shape, limit: float) -> None:
+def test_far_field_falls_like_one_over_r(shape, limit):
     dent = Dent(shape, 0.0, 0.0, 0.3, 2.0)
     a = contact_radius_mm(shape, 0.3, 2.0)
     far = np.array([100.0, 200.0, 400.0]) * a
@@ -55,14 +55,14 @@ def test_far_field_falls_like_one_over_r(shape: Shape, limit: float) -> None:
     np.testing.assert_allclose(Mirror((dent,)).depth(far, 0.0) * far, limit * 0.3 * a, rtol=1e-4)
 
 
-def test_hertz_contact_radius_and_profile_under_a_ball() -> None:
+def test_hertz_contact_radius_and_profile_under_a_ball():
     mirror = Mirror((Dent(Shape.BALL, 0.0, 0.0, 0.2, 5.0),))
     assert contact_radius_mm(Shape.BALL, 0.2, 5.0) == pytest.approx(1.0)
     assert float(mirror.depth(1.0, 0.0)) == pytest.approx(0.1)  # d0 / 2 at the rim
     assert float(mirror.depth(0.4, 0.3)) == pytest.approx(0.2 - 0.25 / 10)
 
 
-def test_edge_is_long_along_its_angle_from_x_towards_y() -> None:
+def test_edge_is_long_along_its_angle_from_x_towards_y():
     mirror = Mirror((Dent(Shape.EDGE, 0.0, 0.0, 0.1, 0.5, length_mm=8.0, angle_deg=90.0),))
     assert float(mirror.depth(0.0, 0.0)) == pytest.approx(0.1)
     assert float(mirror.depth(0.0, 2.0)) == pytest.approx(0.1, rel=1e-4)  # 4 sigma from its end
@@ -72,7 +72,7 @@ def test_edge_is_long_along_its_angle_from_x_towards_y() -> None:
     assert float(tilted.depth(1.0, -1.0)) == pytest.approx(0.1 * np.exp(-4.0))
 
 
-def test_map_has_rows_along_y_and_gives_its_samples_back() -> None:
+def test_map_has_rows_along_y_and_gives_its_samples_back():
     samples = np.zeros((9, 11))
     samples[6, 3] = 1.0
     mirror = Mirror((Dent(Shape.MAP, 10.0, 20.0, 0.5, 0.25, map=samples),))
@@ -83,7 +83,7 @@ def test_map_has_rows_along_y_and_gives_its_samples_back() -> None:
     assert float(turned.depth(30.0, 20.0)) == 0.0
 
 
-def test_map_of_a_gaussian_reads_as_the_gaussian() -> None:
+def test_map_of_a_gaussian_reads_as_the_gaussian():
     at = np.arange(-24, 25) * 0.25
     sigma = 1.0
     mirror = Mirror((Dent(Shape.MAP, 0, 0, 0.2, 0.25, map=np.exp(-(at[:, None] ** 2 + at**2) / 2)),))
@@ -93,7 +93,7 @@ def test_map_of_a_gaussian_reads_as_the_gaussian() -> None:
     np.testing.assert_allclose(mirror.depth(x, y), truth.depth(x, y), atol=1.2e-5)
 
 
-def test_dents_add_up_and_no_dents_is_rest() -> None:
+def test_dents_add_up_and_no_dents_is_rest():
     a, b = DENTS[0], DENTS[5]
     x, y = np.linspace(-3, 4, 9), np.linspace(-4, 2, 7)[:, None]
     both = Mirror((a, b)).depth(x, y)
@@ -102,7 +102,7 @@ def test_dents_add_up_and_no_dents_is_rest() -> None:
     assert not Mirror().depth(x, y).any()
 
 
-def test_reflection_is_lost_only_where_a_pressed_object_touches() -> None:
+def test_reflection_is_lost_only_where_a_pressed_object_touches():
     touching = Dent(Shape.BALL, 0.0, 0.0, 0.2, 5.0, contact_mm=1.0, touch_reflectance=0.1)
     factor = Mirror((touching,)).reflectance_factor([0.0, 0.99, 1.01], 0.0)
     np.testing.assert_array_equal(factor, [0.1, 0.1, 1.0])
@@ -115,7 +115,7 @@ def test_reflection_is_lost_only_where_a_pressed_object_touches() -> None:
     )
 
 
-def test_mirrors_with_equal_numbers_are_equal_so_that_ray_maps_can_be_kept() -> None:
+def test_mirrors_with_equal_numbers_are_equal_so_that_ray_maps_can_be_kept():
     assert Mirror((Dent(Shape.CONE, 1, 2, 3, 4),)) == Mirror((Dent(Shape.CONE, 1, 2, 3, 4),))
     assert Mirror((Dent(Shape.CONE, 1, 2, 3, 4),)) != Mirror((Dent(Shape.CONE, 1, 2, 3, 4.1),))
     map_a, map_b = np.eye(4), np.eye(4)

@@ -31,7 +31,7 @@ def inside() -> tuple[np.ndarray, np.ndarray]:
     return np.meshgrid(np.linspace(27, 61, 90), np.linspace(-11, 11, 70))
 
 
-def test_a_press_between_the_points_is_what_it_was_at_them(scattered: ScatteredMap) -> None:
+def test_a_press_between_the_points_is_what_it_was_at_them(scattered):
     x_mm, y_mm = nodes()
     found = mirror(scattered, scattered.fit(x_mm, y_mm, PRESS.depth(x_mm, y_mm)))
     # a cubic spline of pitch h is off by some (h / sigma)^4 of a Gaussian: 1e-4 of 0.2 mm; ten times that
@@ -40,14 +40,14 @@ def test_a_press_between_the_points_is_what_it_was_at_them(scattered: ScatteredM
     assert np.sqrt(np.mean(off**2)) < 3e-5
 
 
-def test_points_that_moved_are_fitted_where_they_are(scattered: ScatteredMap) -> None:
+def test_points_that_moved_are_fitted_where_they_are(scattered):
     x_mm, y_mm = nodes()
     moved_x, moved_y = x_mm + 0.2 * np.sin(x_mm), y_mm - 0.15
     found = mirror(scattered, scattered.fit(moved_x, moved_y, PRESS.depth(moved_x, moved_y)))
     assert np.abs(found.depth(moved_x, moved_y) - PRESS.depth(moved_x, moved_y)).max() < 1e-4
 
 
-def test_what_is_pressed_at_the_border_fades_to_rest_without_a_kink(scattered: ScatteredMap) -> None:
+def test_what_is_pressed_at_the_border_fades_to_rest_without_a_kink(scattered):
     x_mm, y_mm = nodes()
     found = mirror(scattered, scattered.fit(x_mm, y_mm, np.full(x_mm.shape, 0.1)))
     beyond = x_mm.max() + np.linspace(0.0, (FADE_PITCHES + 3) * PITCH_MM, 400)
@@ -60,10 +60,10 @@ def test_what_is_pressed_at_the_border_fades_to_rest_without_a_kink(scattered: S
     assert np.abs(np.diff(slope)).max() < 0.1 * step_mm  # curvature stays below 0.1 / mm: no kink
 
 
-def test_no_depth_is_rest_everywhere(scattered: ScatteredMap) -> None:
+def test_no_depth_is_rest_everywhere(scattered):
     assert not scattered.fit(*nodes(), np.zeros(nodes()[0].shape)).any()
 
 
-def test_a_handful_of_points_is_no_mirror() -> None:
+def test_a_handful_of_points_is_no_mirror():
     with pytest.raises(InputError, match="15 points"):
         ScatteredMap(np.arange(15.0), np.arange(15.0), 1.0)

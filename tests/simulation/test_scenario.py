@@ -24,14 +24,14 @@ def written(folder: Path, text: str) -> Path:
 @pytest.mark.parametrize(
     "path", sorted(resource("calibration", "presses").glob("*.toml")), ids=lambda p: p.stem
 )
-def test_every_packaged_scenario_loads_and_its_phases_lie_in_it(path: Path) -> None:
+def test_every_packaged_scenario_loads_and_its_phases_lie_in_it(path):
     scenario = load_scenario(path.stem)
     assert scenario.name == path.stem
     assert all(phase.to_s <= scenario.duration_s for phase in scenario.phases)
     assert scenario.mirror_at(0).dents == ()
 
 
-def test_default_comes_down_holds_slides_and_lifts() -> None:
+def test_default_comes_down_holds_slides_and_lifts():
     scenario = load_scenario("default")
     assert scenario.mirror_at(ns(0.3)).dents == ()
     (half_down,) = scenario.mirror_at(ns(0.425)).dents
@@ -46,7 +46,7 @@ def test_default_comes_down_holds_slides_and_lifts() -> None:
     assert names == ["untouched", "press", "hold", "slide", "settle", "lift", "rest", None]
 
 
-def test_motion_is_neither_rest_nor_hold_nor_a_jump() -> None:
+def test_motion_is_neither_rest_nor_hold_nor_a_jump():
     default, step = load_scenario("default"), load_scenario("step")
     assert not default.moving(ns(0.0), ns(0.35))
     assert default.moving(ns(0.34), ns(0.36))
@@ -57,25 +57,25 @@ def test_motion_is_neither_rest_nor_hold_nor_a_jump() -> None:
     assert step.bends_ns(ns(0.2), ns(1.0)) == ()  # at its border an exposure needs no cut
 
 
-def test_a_jump_is_complete_at_its_own_time() -> None:
+def test_a_jump_is_complete_at_its_own_time():
     step = load_scenario("step")
     assert step.mirror_at(ns(0.2) - 1).dents == ()
     assert step.mirror_at(ns(0.2)).dents[0].depth_mm == 0.2
 
 
-def test_a_mirror_that_stands_still_is_the_same_mirror() -> None:
+def test_a_mirror_that_stands_still_is_the_same_mirror():
     default = load_scenario("default")
     assert default.mirror_at(ns(0.6)) == default.mirror_at(ns(0.9))
 
 
-def test_a_touching_ball_covers_its_hertz_contact_at_every_depth() -> None:
+def test_a_touching_ball_covers_its_hertz_contact_at_every_depth():
     ball = load_scenario("ball")
     for time_s in (0.375, 0.8):
         (dent,) = ball.mirror_at(ns(time_s)).dents
         assert dent.contact_mm == pytest.approx(np.sqrt(150.0 * dent.depth_mm))
 
 
-def test_map_file_lies_next_to_the_press_file(tmp_path: Path) -> None:
+def test_map_file_lies_next_to_the_press_file(tmp_path):
     np.save(tmp_path / "h.npy", np.ones((4, 6)))
     scenario = load_scenario(written(tmp_path, MAP.replace("pitch_mm = 1", "pitch_mm = 0.5")))
     assert float(scenario.mirror_at(0).depth(1.25, 2.25)) == pytest.approx(0.3)
@@ -105,7 +105,7 @@ BACK = "[[press]]\nshape = 'ball'\nradius_mm = 3\npath = [{time_s=1,x_mm=0,y_mm=
         (MAP, "press[0].file: "),
     ],
 )
-def test_bad_press_files_are_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+def test_bad_press_files_are_refused_in_one_line(tmp_path, text, message):
     file = written(tmp_path, text)
     with pytest.raises(InputError) as caught:
         load_scenario(file)
@@ -114,12 +114,12 @@ def test_bad_press_files_are_refused_in_one_line(tmp_path: Path, text: str, mess
 
 
 @pytest.mark.parametrize("bad", [np.ones(5), np.full((4, 4), np.nan), np.array([["a", "b"]])], ids=str)
-def test_maps_that_are_no_maps_are_refused(tmp_path: Path, bad: np.ndarray) -> None:
+def test_maps_that_are_no_maps_are_refused(tmp_path, bad):
     np.save(tmp_path / "h.npy", bad)
     with pytest.raises(InputError, match=r"h\.npy"):
         load_scenario(written(tmp_path, MAP))
 
 
-def test_unknown_name_lists_the_packaged_ones() -> None:
+def test_unknown_name_lists_the_packaged_ones():
     with pytest.raises(InputError, match=r"nope.*default.*step"):
         load_scenario("nope")

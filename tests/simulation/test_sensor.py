@@ -9,7 +9,7 @@ QUIET = {"read_grey": 0.0, "black_grey": 4.0}
 
 
 @pytest.mark.parametrize(("bits", "dtype"), [(8, np.uint8), (12, np.uint16), (16, np.uint16)])
-def test_white_is_the_peak_share_of_full_scale_and_dark_the_black_level(make_rig, bits: int, dtype) -> None:
+def test_white_is_the_peak_share_of_full_scale_and_dark_the_black_level(make_rig, bits, dtype):
     sensor = Sensor(make_rig(camera={"bits": bits, "noise": QUIET}))
     light = np.tile(np.array([0.0, 0.5, 1.0, 5.0], np.float32), (2, 1))
     image = sensor.image(light, 0)
@@ -19,7 +19,7 @@ def test_white_is_the_peak_share_of_full_scale_and_dark_the_black_level(make_rig
     np.testing.assert_array_equal(image, [expected, expected])
 
 
-def test_variance_is_read_noise_shot_noise_and_rounding(make_rig) -> None:
+def test_variance_is_read_noise_shot_noise_and_rounding(make_rig):
     noise = {"read_grey": 2.0, "electrons_per_grey": 20.0, "black_grey": 10.0}
     rig = make_rig(camera={"noise": noise})
     shape = rig.camera.rows, rig.camera.columns
@@ -33,7 +33,7 @@ def test_variance_is_read_noise_shot_noise_and_rounding(make_rig) -> None:
         assert grey.mean() == pytest.approx(10 + level * peak, abs=0.03)
 
 
-def test_noise_depends_on_seed_and_frame_number_alone(make_rig) -> None:
+def test_noise_depends_on_seed_and_frame_number_alone(make_rig):
     rig, other = make_rig(), make_rig(simulation={"seed": 1})
     light = np.full((rig.camera.rows, rig.camera.columns), 0.5, np.float32)
     sensor = Sensor(rig)

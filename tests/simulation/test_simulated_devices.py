@@ -28,7 +28,7 @@ def grey(rig, code: int) -> np.ndarray:
     return np.full((rig.display.rows, rig.display.columns), code, np.uint8)
 
 
-def test_devices_meet_the_protocols(make_rig) -> None:
+def test_devices_meet_the_protocols(make_rig):
     _, display, camera = opened(make_rig())
     assert isinstance(camera, protocols.Camera)
     assert isinstance(display, protocols.Display)
@@ -39,7 +39,7 @@ def test_devices_meet_the_protocols(make_rig) -> None:
     assert (camera.bits, display.refresh_hz) == (8, 60.0)
 
 
-def test_on_the_gpu_a_drawn_picture_is_seen_as_a_shown_one(make_rig, gl_backend, monkeypatch) -> None:
+def test_on_the_gpu_a_drawn_picture_is_seen_as_a_shown_one(make_rig, gl_backend, monkeypatch):
     monkeypatch.setenv(VARIABLE, gl_backend)
     rig = make_rig(display={"fill_factor": (1.0, 1.0)}, camera=QUIET, simulation=EXACT | {"renderer": "gpu"})
     medians = []
@@ -57,7 +57,7 @@ def test_on_the_gpu_a_drawn_picture_is_seen_as_a_shown_one(make_rig, gl_backend,
     assert medians[0] == medians[1] == np.rint((200 / 255) ** 2.2 * 0.8 * 255)
 
 
-def test_a_picture_comes_at_the_first_refresh_strictly_after_the_call(make_rig) -> None:
+def test_a_picture_comes_at_the_first_refresh_strictly_after_the_call(make_rig):
     rig = make_rig(simulation=EXACT | {"display_refresh_hz": 50.0})
     clock, display, _ = opened(rig)
     assert display.show(grey(rig, 0)) == 20_000_000
@@ -67,7 +67,7 @@ def test_a_picture_comes_at_the_first_refresh_strictly_after_the_call(make_rig) 
     assert display.show(grey(rig, 0)) == 60_000_000
 
 
-def test_frames_are_stamped_mid_exposure_and_come_half_an_exposure_and_the_latency_later(make_rig) -> None:
+def test_frames_are_stamped_mid_exposure_and_come_half_an_exposure_and_the_latency_later(make_rig):
     rig = make_rig(simulation=EXACT | {"camera_latency_s": 0.005})
     clock, _, camera = opened(rig)
     for number in range(3):
@@ -79,7 +79,7 @@ def test_frames_are_stamped_mid_exposure_and_come_half_an_exposure_and_the_laten
         assert frame.image.dtype == np.uint8
 
 
-def test_read_returns_the_newest_frame_once_and_counts_those_it_skipped(make_rig) -> None:
+def test_read_returns_the_newest_frame_once_and_counts_those_it_skipped(make_rig):
     clock, _, camera = opened(make_rig(simulation=EXACT))
     assert camera.read(1.0).number == 0
     clock.sleep_until_ns(200_000_000)
@@ -92,7 +92,7 @@ def test_read_returns_the_newest_frame_once_and_counts_those_it_skipped(make_rig
     assert clock.now_ns() > 200_000_000
 
 
-def test_a_timeout_moves_the_clock_by_the_time_waited_and_loses_nothing(make_rig) -> None:
+def test_a_timeout_moves_the_clock_by_the_time_waited_and_loses_nothing(make_rig):
     clock, _, camera = opened(make_rig(simulation=EXACT))
     with pytest.raises(protocols.CameraTimeout):
         camera.read(0.010)
@@ -103,7 +103,7 @@ def test_a_timeout_moves_the_clock_by_the_time_waited_and_loses_nothing(make_rig
 
 
 @pytest.mark.parametrize("opened_ns", [100_000_000, 105_000_000])  # frame 6 starts at 105 ms
-def test_a_camera_opened_later_starts_with_a_frame_exposed_after_that(make_rig, opened_ns: int) -> None:
+def test_a_camera_opened_later_starts_with_a_frame_exposed_after_that(make_rig, opened_ns):
     rig = make_rig(simulation=EXACT)
     clock = SimulatedClock(opened_ns)
     display = SimulatedDisplay(rig, clock)
@@ -112,7 +112,7 @@ def test_a_camera_opened_later_starts_with_a_frame_exposed_after_that(make_rig, 
     assert (frame.number, frame.dropped) == (6, 0)
 
 
-def test_before_the_first_picture_the_panel_shows_the_targets_mean_light(make_rig) -> None:
+def test_before_the_first_picture_the_panel_shows_the_targets_mean_light(make_rig):
     rig = make_rig(display={"fill_factor": (1.0, 1.0)}, camera=QUIET, simulation=EXACT)
     _, _, camera = opened(rig)
     response = Response.from_rig(rig.display)
@@ -121,7 +121,7 @@ def test_before_the_first_picture_the_panel_shows_the_targets_mean_light(make_ri
     assert np.median(camera.read(1.0).image) == np.rint(light * 0.8 * 255)
 
 
-def test_a_frame_mixes_the_pictures_by_the_time_they_were_shown(make_rig) -> None:
+def test_a_frame_mixes_the_pictures_by_the_time_they_were_shown(make_rig):
     for phase, expected in ((0.3, 0.0), (0.7, 0.5)):
         rig = make_rig(
             display=FAST_LCD, camera=QUIET | {"exposure_s": 0.010}, simulation=EXACT | {"camera_phase": phase}
@@ -148,7 +148,7 @@ def run_of(rig, reads: list[int]) -> dict[int, np.ndarray]:
     return images
 
 
-def test_a_frame_is_the_same_whatever_was_read_before(make_rig) -> None:
+def test_a_frame_is_the_same_whatever_was_read_before(make_rig):
     rig = make_rig(press="hold", simulation={"seed": 4, "camera_jitter_s": 2e-4, "display_jitter_s": 1e-4})
     every, some, again = (run_of(rig, reads) for reads in ([1] * 12, [4, 4, 4], [1] * 12))
     assert set(some) < set(every)
@@ -157,7 +157,7 @@ def test_a_frame_is_the_same_whatever_was_read_before(make_rig) -> None:
     assert all(np.array_equal(every[n], again[n]) for n in every)
 
 
-def test_another_seed_gives_other_noise_and_other_jitter(make_rig) -> None:
+def test_another_seed_gives_other_noise_and_other_jitter(make_rig):
     one, two = (
         opened(make_rig(simulation={"seed": seed, "camera_jitter_s": 2e-4}))[2].read(1.0) for seed in (0, 1)
     )
@@ -165,13 +165,13 @@ def test_another_seed_gives_other_noise_and_other_jitter(make_rig) -> None:
     assert not np.array_equal(one.image, two.image)
 
 
-def test_truth_is_the_scenarios_mirror(make_rig) -> None:
+def test_truth_is_the_scenarios_mirror(make_rig):
     _, _, camera = opened(make_rig(press="hold"))
     assert camera.scenario.name == "hold"
     assert camera.truth(10**9).dents[0].depth_mm == 0.2
 
 
-def test_old_pictures_are_let_go(make_rig) -> None:
+def test_old_pictures_are_let_go(make_rig):
     rig = make_rig()
     _, display, camera = opened(rig)
     for _ in range(20):
@@ -184,7 +184,7 @@ def test_old_pictures_are_let_go(make_rig) -> None:
     assert len(display.presentations) <= 4
 
 
-def test_closing_twice_is_safe_and_closed_devices_are_lost(make_rig) -> None:
+def test_closing_twice_is_safe_and_closed_devices_are_lost(make_rig):
     rig = make_rig()
     _, display, camera = opened(rig)
     for device in (camera, camera, display, display):
@@ -195,7 +195,7 @@ def test_closing_twice_is_safe_and_closed_devices_are_lost(make_rig) -> None:
         display.show(grey(rig, 0))
 
 
-def test_bad_input_is_refused(make_rig) -> None:
+def test_bad_input_is_refused(make_rig):
     rig = make_rig()
     clock, display, _ = opened(rig)
     with pytest.raises(InputError, match=r"display\.driver 'simulated'"):
@@ -215,13 +215,13 @@ def panel(make_rig) -> SimulatedPanel:
     return SimulatedPanel(make_rig().display, 60.0)
 
 
-def test_a_still_mirror_is_one_piece(panel) -> None:
+def test_a_still_mirror_is_one_piece(panel):
     (piece,) = exposure_pieces(load_scenario("default"), panel, SHOWN, 600 * MS, 608 * MS)
     assert piece.weight == 1.0
     assert piece.mirror == load_scenario("default").mirror_at(604 * MS)
 
 
-def test_a_moving_mirror_is_seen_at_the_two_gauss_legendre_instants(panel) -> None:
+def test_a_moving_mirror_is_seen_at_the_two_gauss_legendre_instants(panel):
     scenario = load_scenario("default")
     pieces = exposure_pieces(scenario, panel, SHOWN, 1500 * MS, 1508 * MS)
     x_mm = np.array([piece.mirror.dents[0].x_mm for piece in pieces])
@@ -232,14 +232,14 @@ def test_a_moving_mirror_is_seen_at_the_two_gauss_legendre_instants(panel) -> No
     assert weights @ (x_mm - weights @ x_mm) ** 2 == pytest.approx(half_mm**2 / 3, rel=1e-5)  # its variance
 
 
-def test_a_jump_inside_the_exposure_gives_each_side_its_share(panel) -> None:
+def test_a_jump_inside_the_exposure_gives_each_side_its_share(panel):
     before, after = exposure_pieces(load_scenario("step"), panel, SHOWN, 198 * MS, 206 * MS)
     assert (before.weight, after.weight) == pytest.approx((0.25, 0.75))
     assert before.mirror.dents == ()
     assert after.mirror.dents[0].depth_mm == 0.2
 
 
-def test_the_panels_light_over_all_pieces_is_that_of_the_whole_exposure(panel) -> None:
+def test_the_panels_light_over_all_pieces_is_that_of_the_whole_exposure(panel):
     pieces = exposure_pieces(load_scenario("default"), panel, SHOWN, 496 * MS, 511 * MS)
     assert len(pieces) == 3  # moving until 500 ms, then still
     whole = dict(panel.weights(SHOWN, 496 * MS, 511 * MS))
@@ -247,6 +247,6 @@ def test_the_panels_light_over_all_pieces_is_that_of_the_whole_exposure(panel) -
     np.testing.assert_allclose(total, whole[2], atol=2e-5)
 
 
-def test_light_off_leaves_the_pictures_without_light(panel) -> None:
+def test_light_off_leaves_the_pictures_without_light(panel):
     (piece,) = exposure_pieces(load_scenario("none"), panel, SHOWN, 0, 8 * MS, lit=False)
     assert not any(share.any() for _, share in piece.pictures)

@@ -1,7 +1,5 @@
 """The virtual bench: its stream, its truth, its rays, and a real X monitor that comes back bent."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import re
@@ -77,7 +75,7 @@ def received_frame(client: socket.socket, bits: int = 8) -> NDArray[Any]:
 
 
 @pytest.mark.parametrize(("bits", "kind"), [(8, b"mono"), (12, b"mono16")])
-def test_a_plain_socket_reader_gets_every_bit(bits: int, kind: bytes) -> None:
+def test_a_plain_socket_reader_gets_every_bit(bits, kind):
     rng = np.random.default_rng(1)
     dtype = np.uint8 if bits == 8 else np.uint16
     with serving(bits) as server, client_of(server.port) as client:
@@ -88,11 +86,11 @@ def test_a_plain_socket_reader_gets_every_bit(bits: int, kind: bytes) -> None:
             np.testing.assert_array_equal(received_frame(client, bits), image)
 
 
-def test_a_rate_that_is_no_whole_number_is_a_fraction() -> None:
+def test_a_rate_that_is_no_whole_number_is_a_fraction():
     assert b" F25:2 " in stream_header(COLUMNS, ROWS, 12.5, 8)
 
 
-def test_a_slow_reader_gets_the_newest_frame_and_holds_nobody_up() -> None:
+def test_a_slow_reader_gets_the_newest_frame_and_holds_nobody_up():
     with serving() as server, client_of(server.port, buffer=4096) as client:
         eventually(lambda: server.connected)
         started = time.monotonic()
@@ -107,7 +105,7 @@ def test_a_slow_reader_gets_the_newest_frame_and_holds_nobody_up() -> None:
         assert received_frame(client)[0, 0] == 99
 
 
-def test_a_new_client_is_served_once_the_one_before_has_gone() -> None:
+def test_a_new_client_is_served_once_the_one_before_has_gone():
     image = np.arange(COLUMNS * ROWS, dtype=np.uint8).reshape(ROWS, COLUMNS)
     with serving() as server:
         assert not server.put(image)  # nobody is there
@@ -119,7 +117,7 @@ def test_a_new_client_is_served_once_the_one_before_has_gone() -> None:
             eventually(lambda: not server.connected)
 
 
-def test_closing_ends_a_client_that_does_not_read() -> None:
+def test_closing_ends_a_client_that_does_not_read():
     with serving() as server, client_of(server.port, buffer=4096):
         eventually(lambda: server.connected)
         server.put(np.zeros((ROWS, COLUMNS), np.uint8))
@@ -132,7 +130,7 @@ def truth_lines(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
-def test_the_truth_is_written_line_by_line_as_the_press_file_has_it(tmp_path: Path) -> None:
+def test_the_truth_is_written_line_by_line_as_the_press_file_has_it(tmp_path):
     rig = load_rig("virtual")
     scenario = load_scenario(rig.scenario)
     performance = Performance(scenario, loops=2)
@@ -170,14 +168,14 @@ def test_the_truth_is_written_line_by_line_as_the_press_file_has_it(tmp_path: Pa
     assert performance.over(start_ns + 40_000_000_000)
 
 
-def test_before_it_is_started_nothing_presses() -> None:
+def test_before_it_is_started_nothing_presses():
     performance = Performance(load_scenario("step"))
     assert not performance.begun
     assert performance.at(10**12) == (performance.at(0))
     assert not performance.at(0).mirror.dents
 
 
-def test_two_dents_are_deepest_between_them() -> None:
+def test_two_dents_are_deepest_between_them():
     # two equal Gaussians 1.6 sigma apart add up to one peak in the middle: 2 d exp(-0.8^2 / 2)
     dents = [Dent(Shape.GAUSSIAN, x, 2.0, 0.1, 5.0) for x in (38.0, 46.0)]
     found = deepest(Mirror(tuple(dents)))
@@ -188,7 +186,7 @@ def test_two_dents_are_deepest_between_them() -> None:
 SILENT = {"camera.noise.read_grey": 0.0, "camera.noise.electrons_per_grey": None}
 
 
-def test_an_exposure_across_two_pictures_mixes_their_light() -> None:
+def test_an_exposure_across_two_pictures_mixes_their_light():
     rig = binned(load_rig("virtual").replace(SILENT), 2)
     size = rig.display.rows, rig.display.columns
     dark, bright = np.zeros(size, np.uint8), np.full(size, 200, np.uint8)
@@ -204,7 +202,7 @@ def test_an_exposure_across_two_pictures_mixes_their_light() -> None:
     bender.close()
 
 
-def test_pictures_that_do_not_change_are_one() -> None:
+def test_pictures_that_do_not_change_are_one():
     a, b = np.zeros((2, 2), np.uint8), np.ones((2, 2), np.uint8)
     found = [(int(picture[0, 0]), share) for picture, share in merged([a, a.copy(), b, a])]
     assert found == [(0, 0.5), (1, 0.25), (0, 0.25)]
@@ -226,7 +224,7 @@ class Counting:
         pass
 
 
-def test_exposures_come_at_the_cameras_rate_and_what_fails_is_reported() -> None:
+def test_exposures_come_at_the_cameras_rate_and_what_fails_is_reported():
     camera = load_rig("virtual").camera.model_copy(update={"rate_hz": 50.0})
     exposer = Exposer(camera, Counting)
     taken: list[Exposure] = []
@@ -292,9 +290,7 @@ def picture(shape: tuple[int, int]) -> NDArray[np.uint8]:
     return np.rint(60 + 25 * waves + 60 * col / shape[1] + 20 * row / shape[0]).astype(np.uint8)
 
 
-def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_asked(
-    desktop: two_monitors.TwoMonitors, tmp_path: Path
-) -> None:
+def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_asked(desktop, tmp_path):
     file = tmp_path / "silent.toml"
     save_values(resource("calibration", "rigs", "virtual.toml"), SILENT, file)
     rig = load_rig(file)
@@ -356,9 +352,7 @@ def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_asked(
         (["--monitor", "1"], {"DISPLAY": ""}, "no screen: DISPLAY is not set"),
     ],
 )
-def test_what_cannot_be_used_is_refused_in_one_line(
-    desktop: two_monitors.TwoMonitors, arguments: list[str], environment: dict[str, str], said: str
-) -> None:
+def test_what_cannot_be_used_is_refused_in_one_line(desktop, arguments, environment, said):
     bench = virtual_bench(desktop.environment | environment, arguments)
     _, errors = bench.communicate(timeout=PATIENCE_S)
     assert bench.returncode == 2
@@ -366,7 +360,7 @@ def test_what_cannot_be_used_is_refused_in_one_line(
     assert errors.count("\n") == 1
 
 
-def test_a_port_in_use_is_bad_input(desktop: two_monitors.TwoMonitors) -> None:
+def test_a_port_in_use_is_bad_input(desktop):
     with serving() as server:
         bench = virtual_bench(desktop.environment, ["--port", str(server.port)])
         _, errors = bench.communicate(timeout=PATIENCE_S)
@@ -374,7 +368,7 @@ def test_a_port_in_use_is_bad_input(desktop: two_monitors.TwoMonitors) -> None:
     assert re.match(rf"zeromethod: --port: {server.port}: .*in use\n$", errors)
 
 
-def test_without_mss_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_mss_the_extra_is_named(monkeypatch):
     from zeromethod.simulation.virtual_bench import grab
 
     monkeypatch.setattr(grab, "find_spec", lambda _: None)
@@ -382,7 +376,7 @@ def test_without_mss_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None
         grab.find_monitor(0, SIZE)
 
 
-def test_no_thread_is_left_behind() -> None:
+def test_no_thread_is_left_behind():
     before = set(threading.enumerate())
     with serving() as server:
         server.close()

@@ -1,7 +1,5 @@
 """Studies of runs that take next to no time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A procedure of a lab's own, for the tests: it can be made to fail, to wait, to take its process along."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

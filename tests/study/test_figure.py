@@ -48,7 +48,7 @@ def draw(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Any]:
     return drawn
 
 
-def test_lines_are_medians_of_what_did_not_fail(draw: Callable[..., Any]) -> None:
+def test_lines_are_medians_of_what_did_not_fail(draw):
     figure = draw('x = "control.gain"')
     (axis,) = figure.axes
     assert axis.lines[0].get_xydata().tolist() == [[0.5, 2.0], [1.0, 4.5]]
@@ -56,13 +56,13 @@ def test_lines_are_medians_of_what_did_not_fail(draw: Callable[..., Any]) -> Non
     assert "1 of them failed" in figure._supxlabel.get_text()
 
 
-def test_words_stand_in_their_order(draw: Callable[..., Any]) -> None:
+def test_words_stand_in_their_order(draw):
     (axis,) = draw('x = "state"').axes
     assert axis.lines[0].get_xydata().tolist() == [[0.0, 2.0], [1.0, 4.5]]
     assert [label.get_text() for label in axis.get_xticklabels()] == ["locked", "lost"]
 
 
-def test_two_hues_differ_by_style_and_colour(draw: Callable[..., Any]) -> None:
+def test_two_hues_differ_by_style_and_colour(draw):
     (axis,) = draw('x = "run"\nhue = ["state", "repeat"]\n').axes
     # the failed run has nothing to show
     looks = [(line.get_label(), line.get_linestyle(), line.get_color()) for line in axis.lines]
@@ -75,7 +75,7 @@ def test_two_hues_differ_by_style_and_colour(draw: Callable[..., Any]) -> None:
     ]
 
 
-def test_a_study_without_a_figure_gets_one_that_fits() -> None:
+def test_a_study_without_a_figure_gets_one_that_fits():
     one = default_figure(parse_study(HEAD, Path("s.toml")), ROWS)
     assert (one.x, one.y, one.hue) == ("control.gain", "depth_peak_mm", ())
     without = parse_study('schema_version = 1\ntitle = "t"\n', Path("s.toml"))
@@ -83,7 +83,7 @@ def test_a_study_without_a_figure_gets_one_that_fits() -> None:
     assert default_figure(without, rows).x == "run"
 
 
-def test_the_legend_covers_no_line(draw: Callable[..., Any]) -> None:
+def test_the_legend_covers_no_line(draw):
     figure = draw('x = "run"\nhue = ["control.gain"]\n')
     (axis,), (legend,) = figure.axes, figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["control.gain 0.5", "control.gain 1"]
@@ -91,9 +91,7 @@ def test_the_legend_covers_no_line(draw: Callable[..., Any]) -> None:
 
 
 @pytest.mark.parametrize("scale", ["log", "loglog"])
-def test_a_logarithmic_axis_of_less_than_a_decade_has_plain_numbers(
-    draw: Callable[..., Any], scale: str
-) -> None:
+def test_a_logarithmic_axis_of_less_than_a_decade_has_plain_numbers(draw, scale):
     rows = [row | {"depth_peak_mm": 0.0102 + 0.0003 * row["run"], "run": row["run"] + 1} for row in ROWS[:3]]
     (axis,) = draw(f'x = "run"\nscale = "{scale}"\n', rows).axes
     labels = [label.get_text() for label in axis.get_yticklabels()]

@@ -29,7 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_unchanged_settings_read_the_recorded_depths(folder: Path) -> None:
+def test_unchanged_settings_read_the_recorded_depths(folder):
     same, other = tasks(parse_study(STUDY, folder / "s.toml"))
     figures = carry_out(same)["figures"]
     assert figures["change_rms_um"] == 0.0
@@ -41,7 +41,7 @@ def test_unchanged_settings_read_the_recorded_depths(folder: Path) -> None:
     assert anchored["change_rms_um"] > 0.0
 
 
-def test_what_is_no_recording_fails_its_run_alone(folder: Path) -> None:
+def test_what_is_no_recording_fails_its_run_alone(folder):
     (folder / "day" / "zz.h5").write_text("no")
     found = [carry_out(task) for task in tasks(parse_study(STUDY, folder / "s.toml"))[::2]]
     (folder / "day" / "zz.h5").unlink()
@@ -49,7 +49,7 @@ def test_what_is_no_recording_fails_its_run_alone(folder: Path) -> None:
     assert "zz.h5" in found[1]["failure"]
 
 
-def test_settings_are_checked_before_a_recording_is_opened(folder: Path) -> None:
+def test_settings_are_checked_before_a_recording_is_opened(folder):
     with pytest.raises(
         InputError, match=r's\.toml: grid: "surface\.known": unknown key: did you mean surface\.known_rest\?'
     ):

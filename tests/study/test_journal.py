@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet
@@ -33,7 +32,7 @@ class Here:
             raise KeyboardInterrupt
 
 
-def test_an_interrupted_study_goes_on_where_it_stood(squares: Squares, tmp_path: Path) -> None:
+def test_an_interrupted_study_goes_on_where_it_stood(squares, tmp_path):
     whole = run_study(squares(), tmp_path / "whole", Here())
     with pytest.raises(KeyboardInterrupt):
         run_study(squares(), tmp_path / "cut", Here(most=2))
@@ -45,7 +44,7 @@ def test_an_interrupted_study_goes_on_where_it_stood(squares: Squares, tmp_path:
     assert (tmp_path / "cut" / TABLE).read_bytes() == (tmp_path / "whole" / TABLE).read_bytes()
 
 
-def test_a_line_cut_off_by_a_crash_is_done_again(squares: Squares, tmp_path: Path) -> None:
+def test_a_line_cut_off_by_a_crash_is_done_again(squares, tmp_path):
     run_study(squares(), tmp_path, Here())
     journal = tmp_path / JOURNAL
     journal.write_bytes(journal.read_bytes()[:-20])
@@ -56,7 +55,7 @@ def test_a_line_cut_off_by_a_crash_is_done_again(squares: Squares, tmp_path: Pat
 
 
 @pytest.mark.parametrize("damage", ['{"run": 3, "tr', '{"run": 3}', "[]", "\0\0\0"])
-def test_a_damaged_line_costs_only_its_own_run(squares: Squares, tmp_path: Path, damage: str) -> None:
+def test_a_damaged_line_costs_only_its_own_run(squares, tmp_path, damage):
     whole = run_study(squares(), tmp_path / "whole", Here())
     run_study(squares(), tmp_path / "a", Here())
     journal = tmp_path / "a" / JOURNAL
@@ -76,7 +75,7 @@ def test_a_damaged_line_costs_only_its_own_run(squares: Squares, tmp_path: Path,
     )
 
 
-def test_a_line_of_rubbish_at_the_end_costs_nothing(squares: Squares, tmp_path: Path) -> None:
+def test_a_line_of_rubbish_at_the_end_costs_nothing(squares, tmp_path):
     run_study(squares(), tmp_path, Here())
     with (tmp_path / JOURNAL).open("a") as journal:
         journal.write('{"run": 3, "tr\n')
@@ -85,7 +84,7 @@ def test_a_line_of_rubbish_at_the_end_costs_nothing(squares: Squares, tmp_path: 
     assert again.runs == []
 
 
-def test_a_damaged_head_is_reported(squares: Squares, tmp_path: Path) -> None:
+def test_a_damaged_head_is_reported(squares, tmp_path):
     run_study(squares(), tmp_path, Here())
     journal = tmp_path / JOURNAL
     journal.write_text("x" + journal.read_text())
@@ -93,7 +92,7 @@ def test_a_damaged_head_is_reported(squares: Squares, tmp_path: Path) -> None:
         run_study(squares(), tmp_path, Here())
 
 
-def test_another_limit_does_not_make_another_study(squares: Squares, tmp_path: Path) -> None:
+def test_another_limit_does_not_make_another_study(squares, tmp_path):
     run_study(squares(), tmp_path, Here())
     assert run_study(squares(limit_s=9.0), tmp_path, Here()).before == 6
 
@@ -106,9 +105,7 @@ def test_another_limit_does_not_make_another_study(squares: Squares, tmp_path: P
         (7, "", 3, "is of 6 runs, the file now has 7"),
     ],
 )
-def test_other_settings_do_not_get_mixed_in(
-    squares: Squares, tmp_path: Path, count: int, setting: str, seed: int, reported: str
-) -> None:
+def test_other_settings_do_not_get_mixed_in(squares, tmp_path, count, setting, seed, reported):
     run_study(squares(), tmp_path, Here())
     changed = squares(count, setting, seed=seed)
     with pytest.raises(InputError, match=reported):
@@ -119,7 +116,7 @@ def test_other_settings_do_not_get_mixed_in(
 
 
 @pytest.mark.parametrize("rest", ["", '{"run": 0, "se'])
-def test_a_folder_without_a_finished_run_is_free(squares: Squares, tmp_path: Path, rest: str) -> None:
+def test_a_folder_without_a_finished_run_is_free(squares, tmp_path, rest):
     with pytest.raises(KeyboardInterrupt):
         run_study(squares(), tmp_path, Here(most=0))
     with (tmp_path / JOURNAL).open("a") as journal:
@@ -133,14 +130,14 @@ def test_a_folder_without_a_finished_run_is_free(squares: Squares, tmp_path: Pat
     assert again.runs == []
 
 
-def test_a_file_of_something_else_is_not_overwritten(squares: Squares, tmp_path: Path) -> None:
+def test_a_file_of_something_else_is_not_overwritten(squares, tmp_path):
     (tmp_path / JOURNAL).write_text('{"of": "another program"}\n')
     with pytest.raises(InputError, match="was written by a version that kept its runs otherwise"):
         run_study(squares(), tmp_path, Here())
     assert (tmp_path / JOURNAL).read_text() == '{"of": "another program"}\n'
 
 
-def test_a_changed_rig_file_counts_as_other_settings(squares: Squares, tmp_path: Path) -> None:
+def test_a_changed_rig_file_counts_as_other_settings(squares, tmp_path):
     rig = tmp_path / "mine.toml"
     text = resource("calibration", "rigs", "simulated.toml").read_text()
     rig.write_text(text)
@@ -151,7 +148,7 @@ def test_a_changed_rig_file_counts_as_other_settings(squares: Squares, tmp_path:
         run_study(squares(3, '"rig.file" = "mine.toml"'), tmp_path / "out", Here())
 
 
-def test_another_versions_runs_are_refused(squares: Squares, tmp_path: Path) -> None:
+def test_another_versions_runs_are_refused(squares, tmp_path):
     run_study(squares(), tmp_path, Here())
     journal = tmp_path / JOURNAL
     head, *rest = journal.read_text().splitlines()
@@ -162,7 +159,7 @@ def test_another_versions_runs_are_refused(squares: Squares, tmp_path: Path) -> 
         run_study(squares(), tmp_path, Here())
 
 
-def test_two_studies_do_not_share_a_folder(squares: Squares, tmp_path: Path) -> None:
+def test_two_studies_do_not_share_a_folder(squares, tmp_path):
     class Twice(Here):
         def outcomes(self, tasks: Sequence[Task]) -> Iterator[dict[str, Any]]:
             with pytest.raises(InputError, match="a study is being run there"):
@@ -172,7 +169,7 @@ def test_two_studies_do_not_share_a_folder(squares: Squares, tmp_path: Path) -> 
     assert len(run_study(squares(), tmp_path, Twice()).rows) == 6
 
 
-def test_failed_runs_are_done_again_only_when_asked(squares: Squares, tmp_path: Path) -> None:
+def test_failed_runs_are_done_again_only_when_asked(squares, tmp_path):
     results = run_study(squares(6, "fails_at = 4"), tmp_path, Here())
     assert [(row["run"], row["failure"]) for row in results.failures] == [(4, "no 4")]
     kept, again = Here(), Here()
@@ -182,7 +179,7 @@ def test_failed_runs_are_done_again_only_when_asked(squares: Squares, tmp_path: 
     assert again.runs == [4]
 
 
-def test_whole_numbers_without_bound_do_not_lose_the_table(squares: Squares, tmp_path: Path) -> None:
+def test_whole_numbers_without_bound_do_not_lose_the_table(squares, tmp_path):
     big = 10**30
     study = squares(2, f"fails_at = {big}")
     study = parse_study(study.text.replace("x = [0, 1]", f"x = [2, {10**10}, {big}]"), study.path)
@@ -192,7 +189,7 @@ def test_whole_numbers_without_bound_do_not_lose_the_table(squares: Squares, tmp
     assert table["x"].to_pylist() == ["2", str(10**10), str(big)]
 
 
-def test_the_table_says_what_its_columns_mean(squares: Squares, tmp_path: Path) -> None:
+def test_the_table_says_what_its_columns_mean(squares, tmp_path):
     study = squares(3, "fails_at = 1")
     run_study(study, tmp_path, Here())
     table = pyarrow.parquet.read_table(tmp_path / TABLE)

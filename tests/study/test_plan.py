@@ -19,7 +19,7 @@ def study(text: str) -> Study:
     return parse_study(HEAD + text, Path("s.toml"))
 
 
-def test_a_grid_holds_every_combination_with_its_own_seed() -> None:
+def test_a_grid_holds_every_combination_with_its_own_seed():
     found = tasks(study('[grid]\n"control.gain" = [0.5, 1.0]\n"camera.psf_px" = [0.5, 0.7, 0.9]\n'))
     pairs = [(task.rig.control.gain, task.rig.camera.psf_px) for task in found]
     assert pairs == [(0.5, 0.5), (0.5, 0.7), (0.5, 0.9), (1.0, 0.5), (1.0, 0.7), (1.0, 0.9)]
@@ -28,7 +28,7 @@ def test_a_grid_holds_every_combination_with_its_own_seed() -> None:
     assert found[0].rig.camera.columns == 160
 
 
-def test_the_same_is_drawn_at_every_point_of_the_grid() -> None:
+def test_the_same_is_drawn_at_every_point_of_the_grid():
     text = 'repeats = 3\n[grid]\n"control.gain" = [0.5, 1.0]\n'
     head = HEAD.replace("frames = 4", "frames = 4\nrepeats = 3")
     text = '[grid]\n"control.gain" = [0.5, 1.0]\n[random]\n"camera.psf_px" = { uniform = [0.2, 1.0] }\n'
@@ -37,7 +37,7 @@ def test_the_same_is_drawn_at_every_point_of_the_grid() -> None:
     assert len(set(blurs)) == 3
 
 
-def test_press_and_planted_settings_go_where_they_belong() -> None:
+def test_press_and_planted_settings_go_where_they_belong():
     text = '"press.depth_mm" = 0.1\n"bench.prism.index" = 1.42\n[press]\nsize_mm = 3\n'
     (task,) = tasks(study(text))
     assert task.press is not None
@@ -48,12 +48,12 @@ def test_press_and_planted_settings_go_where_they_belong() -> None:
     assert task.bench.simulation == task.rig.simulation
 
 
-def test_dotted_keys_need_no_quotes() -> None:
+def test_dotted_keys_need_no_quotes():
     (first, second) = tasks(study("[grid]\ncontrol.gain = [0.5, 1.0]\n"))
     assert (first.rig.control.gain, second.rig.control.gain) == (0.5, 1.0)
 
 
-def test_a_task_survives_its_way_to_a_worker() -> None:
+def test_a_task_survives_its_way_to_a_worker():
     (task,) = tasks(study('"bench.prism.index" = 1.42\n[press]\ndepth_mm = 0.1\n'))
     assert pickle.loads(pickle.dumps(task)) == task
 
@@ -101,7 +101,7 @@ def test_a_task_survives_its_way_to_a_worker() -> None:
         ("[random]\ncontrol.gain = {}\n", "s.toml: random.control.gain: a table: one of { uniform"),
     ],
 )
-def test_an_error_is_reported_in_one_line_by_file_and_key(text: str, message: str) -> None:
+def test_an_error_is_reported_in_one_line_by_file_and_key(text, message):
     with pytest.raises(InputError) as caught:
         tasks(study(text))
     assert message in str(caught.value)
@@ -127,14 +127,14 @@ def test_an_error_is_reported_in_one_line_by_file_and_key(text: str, message: st
         ),
     ],
 )
-def test_a_mistyped_word_of_a_table_of_values_is_reported(given: str, message: str) -> None:
+def test_a_mistyped_word_of_a_table_of_values_is_reported(given, message):
     words = "from, to, steps, scale" if message.startswith("grid") else "uniform, log_uniform, normal, choice"
     with pytest.raises(InputError) as caught:
         tasks(parse_study(f"{given}\n{HEAD}", Path("s.toml")))
     assert str(caught.value) == f"s.toml: {message}: one of {words}"
 
 
-def test_what_a_press_has_by_default_is_in_the_manual() -> None:
+def test_what_a_press_has_by_default_is_in_the_manual():
     manual = (Path(__file__).parents[2] / "docs" / "study.md").read_text()
     documented: dict[str, str] = {}
     for keys, defaults in re.findall(r"^\| (`[a-z_`, ]+`) \| (.+?) \|", manual, re.MULTILINE):
@@ -163,19 +163,19 @@ def test_what_a_press_has_by_default_is_in_the_manual() -> None:
         ("a =", "not TOML"),
     ],
 )
-def test_a_file_that_is_no_study_is_refused(text: str, message: str) -> None:
+def test_a_file_that_is_no_study_is_refused(text, message):
     with pytest.raises(InputError, match=r"^s\.toml: ") as caught:
         tasks(parse_study(text, Path("s.toml")))
     assert message in str(caught.value)
 
 
-def test_a_missing_study_names_the_packaged_ones() -> None:
+def test_a_missing_study_names_the_packaged_ones():
     with pytest.raises(InputError, match="packaged calibration-budget, fold-limit, gain-delay, noise-floor"):
         load_study("fold")
 
 
 @pytest.mark.parametrize("name", packaged_studies())
-def test_packaged_studies_are_sound(name: str) -> None:
+def test_packaged_studies_are_sound(name):
     packaged = load_study(name)
     assert len(tasks(packaged)) == packaged.count
     assert packaged.table.figure is not None

@@ -37,7 +37,7 @@ def outcome(procedure: str, text: str, frames: int = 6) -> dict[str, Any]:
     return figures
 
 
-def test_a_run_reads_the_press_of_the_study() -> None:
+def test_a_run_reads_the_press_of_the_study():
     figures = outcome("run", "[press]\ndepth_mm = 0.02\nat_s = 0.06\n", frames=24)
     assert figures["truth.depth_peak_mm"] == pytest.approx(0.02, rel=1e-3)
     # the peak's stated sigma is 1.5 % here: nodes lie eight times further apart than the full camera's, and
@@ -51,7 +51,7 @@ def test_a_run_reads_the_press_of_the_study() -> None:
     assert figures["locked_share"] == pytest.approx(locked / 20)
 
 
-def test_a_wrong_rig_file_shows_in_the_first_residual_and_in_the_reading() -> None:
+def test_a_wrong_rig_file_shows_in_the_first_residual_and_in_the_reading():
     press, rolled_deg = 'scenario = "none"\n', 1.0
     rolled = f'{press}"bench.camera.roll_deg" = {rolled_deg}\n'
     # the first frame that is lit: the image is turned about its middle
@@ -67,7 +67,7 @@ def test_a_wrong_rig_file_shows_in_the_first_residual_and_in_the_reading() -> No
     assert wrong["untouched.depth_rms_nm"] > 50 * right["untouched.depth_rms_nm"]
 
 
-def test_averaging_takes_noise_away_with_the_root_of_the_frames() -> None:
+def test_averaging_takes_noise_away_with_the_root_of_the_frames():
     noisy = 'scenario = "none"\n"camera.noise.read_grey" = 8.0\naveraged_frames = '
     drawn, stated = {}, {}
     for count in (1, 16):
@@ -84,7 +84,7 @@ def test_averaging_takes_noise_away_with_the_root_of_the_frames() -> None:
     assert drawn[16] / stated[16] == pytest.approx(1.0, rel=0.3)
 
 
-def test_fold_limits_agree_with_the_curvature_alone() -> None:
+def test_fold_limits_agree_with_the_curvature_alone():
     text = 'schema_version = 1\ntitle = "t"\nprocedure = "design"\n[grid]\nsize_mm = [1.0, 2.0, 4.0]\n'
     found = [carry_out(task)["figures"] for task in tasks(parse_study(text, Path("s.toml")))]
     first_order = np.array([one["closed_form_mm"] for one in found])
@@ -100,7 +100,7 @@ def test_fold_limits_agree_with_the_curvature_alone() -> None:
     assert {one["because"] for one in found} == {"too fine for the LCD"}
 
 
-def test_more_evidence_leaves_less_error_of_depth() -> None:
+def test_more_evidence_leaves_less_error_of_depth():
     text = (
         'schema_version = 1\ntitle = "t"\nprocedure = "depth_error"\n[rig]\nbinning = 8\n[set]\n'
         "target.period_px = 8\n[grid]\n"
@@ -120,9 +120,7 @@ def test_more_evidence_leaves_less_error_of_depth() -> None:
         ("design", 'shape = "star"', "star"),
     ],
 )
-def test_a_setting_that_the_procedure_does_not_have_fails_the_run(
-    procedure: str, setting: str, reason: str
-) -> None:
+def test_a_setting_that_the_procedure_does_not_have_fails_the_run(procedure, setting, reason):
     (task,) = tasks(parse_study(SMALL.format(procedure=procedure, frames=2) + setting, Path("s.toml")))
     found = carry_out(task)
     assert found["figures"] is None

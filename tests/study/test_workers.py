@@ -21,7 +21,7 @@ distributed = pytest.importorskip("distributed")
 Squares = Callable[..., Study]
 
 
-def test_runs_that_kill_their_worker_or_hang_fail_alone(squares: Squares, tmp_path: Path) -> None:
+def test_runs_that_kill_their_worker_or_hang_fail_alone(squares, tmp_path):
     study = squares(6, "kills_at = 3", "waits_at = 1", f'mark = "{tmp_path / "waiting"}"', limit_s=4.0)
     started = time.monotonic()
     results = run_study(study, tmp_path, Workers(1))
@@ -35,9 +35,7 @@ def test_runs_that_kill_their_worker_or_hang_fail_alone(squares: Squares, tmp_pa
     assert [row["square"] for row in results.rows if row["run"] not in {1, 3}] == [0, 4, 16, 25]
 
 
-def test_a_scheduler_that_is_slow_or_forgets_its_workers_fails_no_run(
-    squares: Squares, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scheduler_that_is_slow_or_forgets_its_workers_fails_no_run(squares, tmp_path, monkeypatch):
     known, result, calls = distributed.Client.nthreads, distributed.Future.result, itertools.count()
 
     def nthreads(client: Any) -> Any:
@@ -58,9 +56,7 @@ def test_a_scheduler_that_is_slow_or_forgets_its_workers_fails_no_run(
     assert [row["square"] for row in results.rows] == [x * x for x in range(20)]
 
 
-def test_workers_listen_on_loopback_alone_and_end_at_once_when_the_study_does(
-    squares: Squares, tmp_path: Path
-) -> None:
+def test_workers_listen_on_loopback_alone_and_end_at_once_when_the_study_does(squares, tmp_path):
     mark = tmp_path / "waiting"
     study = squares(4, "waits_at = 3", f'mark = "{mark}"')
     pids = set()
@@ -84,9 +80,7 @@ def test_workers_listen_on_loopback_alone_and_end_at_once_when_the_study_does(
             os.kill(pid, 0)
 
 
-def test_workers_that_cannot_start_are_reported(
-    squares: Squares, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_workers_that_cannot_start_are_reported(squares, tmp_path, monkeypatch):
     study = squares()
     (tmp_path / "sitecustomize.py").write_text("raise SystemExit('no such package')")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
@@ -103,9 +97,7 @@ def empty(own: None) -> Iterator[Any]:
         yield running
 
 
-def test_a_cluster_without_workers_is_reported_and_goes_on_when_one_comes(
-    empty: Any, squares: Squares, tmp_path: Path
-) -> None:
+def test_a_cluster_without_workers_is_reported_and_goes_on_when_one_comes(empty, squares, tmp_path):
     reported_s: list[float] = []
     lines: list[str] = []
 

@@ -32,7 +32,7 @@ def calibrated() -> Bench:
     return Bench(small_rig().model_copy(update={"geometry": PLANTED}))
 
 
-def test_depths_sigma_is_that_of_noise_and_of_the_geometry(exact: Bench, calibrated: Bench) -> None:
+def test_depths_sigma_is_that_of_noise_and_of_the_geometry(exact, calibrated):
     plain, stated = exact.reader.read(exact.warp(DENT)), calibrated.reader.read(calibrated.warp(DENT))
     np.testing.assert_array_equal(stated.depth_mm, plain.depth_mm)
     along = (stated.x_mm - CENTRE_MM) / 10.0
@@ -45,7 +45,7 @@ def test_depths_sigma_is_that_of_noise_and_of_the_geometry(exact: Bench, calibra
     assert not plain.sigma_x_mm.any()
 
 
-def test_what_is_open_does_not_average_out(exact: Bench, calibrated: Bench) -> None:
+def test_what_is_open_does_not_average_out(exact, calibrated):
     surface = calibrated.reader.read(calibrated.warp(DENT))
     covariance = calibrated.reader.covariance(surface)
     weights = np.where(surface.valid & (surface.depth_mm > 0.1), 1.0, 0.0)
@@ -62,7 +62,7 @@ def test_what_is_open_does_not_average_out(exact: Bench, calibrated: Bench) -> N
     assert exact.reader.covariance(plain).variance_of(weights).geometry == 0.0
 
 
-def test_a_peak_states_its_own_depth_and_place(exact: Bench, calibrated: Bench) -> None:
+def test_a_peak_states_its_own_depth_and_place(exact, calibrated):
     plain = peak(exact.reader.read(exact.warp(DENT)))
     stated = peak(calibrated.reader.read(calibrated.warp(DENT)))
     geometry = stated.depth_mm * np.hypot(SHARE, TILT * 0.5)
@@ -72,7 +72,7 @@ def test_a_peak_states_its_own_depth_and_place(exact: Bench, calibrated: Bench) 
 
 
 @pytest.mark.parametrize("depth_mm", [0.05, 0.2])
-def test_a_peaks_place_scatters_with_noise_as_stated(exact: Bench, depth_mm: float) -> None:
+def test_a_peaks_place_scatters_with_noise_as_stated(exact, depth_mm):
     """40 draws: rms over sigma within a factor of two, of which draws alone take 11 %."""
     dent, rng = Gauss(depth_mm, CENTRE_MM, 1.0, 6.0), np.random.default_rng(1)
     peaks = [peak(exact.reader.read(exact.warp(dent, rng))) for _ in range(40)]

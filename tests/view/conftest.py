@@ -1,7 +1,5 @@
 """One recording for all that look at one, and copies of it with other contents."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

@@ -1,13 +1,10 @@
 """A recording followed while it is made, in silence, and to its end."""
 
-from __future__ import annotations
-
 import io
 import os
 import threading
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from hanging import eventually
@@ -27,7 +24,7 @@ PATIENCE_S = 60.0
 KNOWN = Glance(1.0, State.LOCKED, "nulled", 60.0, 0.012, 0.2, 5e-5)
 
 
-def test_a_run_is_followed_from_before_its_start_through_a_silence_to_its_end(tmp_path: Path) -> None:
+def test_a_run_is_followed_from_before_its_start_through_a_silence_to_its_end(tmp_path):
     path, out = tmp_path / "run.h5", io.StringIO()
 
     def fall_silent(loop: Loop, step: Step) -> None:
@@ -51,7 +48,7 @@ def test_a_run_is_followed_from_before_its_start_through_a_silence_to_its_end(tm
     assert f"peak {peak_um:.2f} µm" in lines[-2]
 
 
-def test_rate_is_that_of_the_frames_of_the_last_seconds(recording_path: Path) -> None:
+def test_rate_is_that_of_the_frames_of_the_last_seconds(recording_path):
     with Recording(recording_path) as recording:
         tail = Tail(recording)
         assert tail.grown()
@@ -61,7 +58,7 @@ def test_rate_is_that_of_the_frames_of_the_last_seconds(recording_path: Path) ->
     assert glance.rate_hz == pytest.approx(60.0, rel=0.01)
 
 
-def test_without_a_terminal_there_is_a_line_per_second_and_one_word_of_silence() -> None:
+def test_without_a_terminal_there_is_a_line_per_second_and_one_word_of_silence():
     out, clock = io.StringIO(), [0.0]
     with FollowDisplay(Console(file=out, width=200), now=lambda: clock[0]) as display:
         for tick in range(30):
@@ -77,7 +74,7 @@ def test_without_a_terminal_there_is_a_line_per_second_and_one_word_of_silence()
     assert lines[0].endswith("locked  60.0 frames/s  residual 0.012 px  peak 200.00 µm (sigma 0.05)")
 
 
-def test_a_terminal_has_one_line_that_says_how_long_nothing_came() -> None:
+def test_a_terminal_has_one_line_that_says_how_long_nothing_came():
     out = io.StringIO()
     with FollowDisplay(Console(file=out, width=120, force_terminal=True)) as display:
         display.show(replace(KNOWN, dropped=3), silent_s=7.4)
@@ -85,12 +82,12 @@ def test_a_terminal_has_one_line_that_says_how_long_nothing_came() -> None:
     assert "dropped 3" in out.getvalue()
 
 
-def test_a_fault_shows_its_reason_in_place_of_figures() -> None:
+def test_a_fault_shows_its_reason_in_place_of_figures():
     assert replace(KNOWN, state=State.FAULT, reason="the camera is lost").words() == "the camera is lost"
     assert Glance().words() == ""
 
 
-def test_a_file_that_is_no_recording_is_refused_at_once(tmp_path: Path) -> None:
+def test_a_file_that_is_no_recording_is_refused_at_once(tmp_path):
     path = tmp_path / "notes.h5"
     path.write_text("not HDF5")
     os.utime(path, (time.time() - 60,) * 2)
@@ -98,9 +95,7 @@ def test_a_file_that_is_no_recording_is_refused_at_once(tmp_path: Path) -> None:
         follow(path, Console(file=io.StringIO()), sleep=lambda _: pytest.fail("it waits"))
 
 
-def test_a_file_that_has_just_been_made_is_given_time_to_become_one(
-    recording_path: Path, tmp_path: Path
-) -> None:
+def test_a_file_that_has_just_been_made_is_given_time_to_become_one(recording_path, tmp_path):
     path, out = tmp_path / "begun.h5", io.StringIO()
     path.write_bytes(b"")
     follow(

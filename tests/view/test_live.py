@@ -1,7 +1,5 @@
 """The live line: what it shows of the states that are recorded."""
 
-from __future__ import annotations
-
 from io import StringIO
 
 import numpy as np
@@ -23,22 +21,22 @@ def shown(*states: State) -> list[State]:
 
 
 @pytest.mark.parametrize("frames", [1, 5, 17])
-def test_a_few_frames_that_may_not_be_used_do_not_flash(frames: int) -> None:
+def test_a_few_frames_that_may_not_be_used_do_not_flash(frames):
     assert shown(L, *[H] * frames, L) == [L] * (frames + 2)
 
 
-def test_holding_that_lasts_is_shown() -> None:
+def test_holding_that_lasts_is_shown():
     seen = shown(L, *[H] * 30)
     # 0.3 s at 60 frames a second
     assert seen == [L] * 19 + [H] * 12
 
 
 @pytest.mark.parametrize("state", [State.NULLING, State.LOST, State.FAULT, State.UNCALIBRATED, State.MOVED])
-def test_every_other_state_is_shown_at_once(state: State) -> None:
+def test_every_other_state_is_shown_at_once(state):
     assert shown(L, state, H, L) == [L, state, state, L]
 
 
-def test_no_figure_that_is_not_known_is_shown() -> None:
+def test_no_figure_that_is_not_known_is_shown():
     nothing = Warp.drawn(np.zeros((4, 4, 2)), Role.COMMANDED, 0)
     step = Step(number=1, time_ns=0, time_s=0.0, state=State.STARTING, commanded=nothing, filtered=nothing)
     console = Console(file=StringIO(), force_terminal=True, width=120)

@@ -1,7 +1,5 @@
 """The page of a recording: true to the tables, whole in itself, whatever is missing."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -38,7 +36,7 @@ def page(recording_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Page
     return page_of(Path(shutil.copy(recording_path, tmp_path_factory.mktemp("page") / "press.h5")))
 
 
-def test_page_is_whole_in_itself(page: Page) -> None:
+def test_page_is_whole_in_itself(page):
     assert {"h1", "table", "svg", "details"} <= set(page.tags)
     assert not {"script", "link", "iframe", "object", "embed"} & set(page.tags)
     assert page.refers
@@ -47,7 +45,7 @@ def test_page_is_whole_in_itself(page: Page) -> None:
     assert len(page.ids) == len(set(page.ids))
 
 
-def test_frames_that_are_not_read_are_not_called_drops(recording_path: Path, page: Page) -> None:
+def test_frames_that_are_not_read_are_not_called_drops(recording_path, page):
     with Recording(recording_path) as recording:
         figures = summarise_recording(recording)
     # the loop starts on a panel that is not lit yet
@@ -58,7 +56,7 @@ def test_frames_that_are_not_read_are_not_called_drops(recording_path: Path, pag
     assert "items damaged none" in page.text
 
 
-def test_every_text_from_the_recording_is_escaped(edited: Edited) -> None:
+def test_every_text_from_the_recording_is_escaped(edited):
     def fill(file: h5py.File) -> None:
         file.attrs["command_line"] = f"zeromethod run {HOSTILE}"
         file.attrs["gl_renderer"] = HOSTILE
@@ -72,7 +70,7 @@ def test_every_text_from_the_recording_is_escaped(edited: Edited) -> None:
         assert said in page.text
 
 
-def test_figures_are_those_of_the_tables_and_of_the_planted_press(recording_path: Path) -> None:
+def test_figures_are_those_of_the_tables_and_of_the_planted_press(recording_path):
     with Recording(recording_path) as recording:
         figures = summarise_recording(recording)
         steps, peaks = recording.steps, recording.peaks
@@ -93,7 +91,7 @@ def test_figures_are_those_of_the_tables_and_of_the_planted_press(recording_path
     assert largest["depth_mm"] == peaks["depth_mm"][np.isin(peaks["step"], steps["number"][nulled])].max()
 
 
-def test_depth_is_shown_when_first_locked_at_its_largest_and_at_the_end(recording_path: Path) -> None:
+def test_depth_is_shown_when_first_locked_at_its_largest_and_at_the_end(recording_path):
     with Recording(recording_path) as recording:
         shown = key_steps(recording)
         locked = [int(row["number"]) for row in recording.steps if str(recording.state_of(row)) == "locked"]
@@ -103,7 +101,7 @@ def test_depth_is_shown_when_first_locked_at_its_largest_and_at_the_end(recordin
         assert names["last"] == recording.steps_with("surface")[-1]
 
 
-def test_peak_is_given_to_two_digits_of_its_sigma() -> None:
+def test_peak_is_given_to_two_digits_of_its_sigma():
     peak = {"depth_mm": 0.2012345, "sigma_mm": 5.1e-5, "x_mm": 30.0, "y_mm": -1e-9, "time_s": 1.0}
     peak |= {"state": "locked", "x_sigma_mm": 1e-3, "y_sigma_mm": float("nan")}
     assert peak_words(peak) == "201.234 ± 0.051 µm at x = 30.00, y = 0.00 mm, 1.00 s, locked"
@@ -156,16 +154,14 @@ MISSING = [
 
 
 @pytest.mark.parametrize(("change", "words", "pictures"), MISSING)
-def test_what_is_missing_is_said_and_leaves_the_rest_of_the_page(
-    edited: Edited, change: Callable[[h5py.File], None], words: list[str], pictures: int
-) -> None:
+def test_what_is_missing_is_said_and_leaves_the_rest_of_the_page(edited, change, words, pictures):
     page = page_of(edited(change))
     for said in words:
         assert said in page.text
     assert page.tags.count("svg") == pictures
 
 
-def test_recording_that_was_not_closed_says_so(edited: Edited) -> None:
+def test_recording_that_was_not_closed_says_so(edited):
     path = edited(lambda file: file["complete"].write_direct(np.array(0, np.uint8)))
     # so that it was written just now, however long the page takes
     os.utime(path, (time.time() + 3600,) * 2)
@@ -174,7 +170,7 @@ def test_recording_that_was_not_closed_says_so(edited: Edited) -> None:
     assert "was cut off" in page_of(path).text
 
 
-def test_peaks_and_surfaces_of_steps_that_were_not_flushed_do_no_harm(edited: Edited) -> None:
+def test_peaks_and_surfaces_of_steps_that_were_not_flushed_do_no_harm(edited):
     path = edited(lambda file: file["steps/table"].resize(20, axis=0))
     page = page_of(path)
     with Recording(path) as recording:
@@ -205,7 +201,7 @@ def document(made: datetime) -> str:
     )
 
 
-def test_calibration_is_shown_with_sigma_verdict_and_age(edited: Edited) -> None:
+def test_calibration_is_shown_with_sigma_verdict_and_age(edited):
     def calibrate(file: h5py.File) -> None:
         started = datetime.fromisoformat(file.attrs["started_utc"]).astimezone(UTC)
         file.attrs["calibration"] = document((started - timedelta(days=40)).replace(microsecond=0))
@@ -218,9 +214,7 @@ def test_calibration_is_shown_with_sigma_verdict_and_age(edited: Edited) -> None
     assert "also the lamp ages" in page.text
 
 
-def test_an_interrupted_page_leaves_the_old_one(
-    recording_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_page_leaves_the_old_one(recording_path, tmp_path, monkeypatch):
     output = tmp_path / "page.html"
     output.write_text("before")
     monkeypatch.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
@@ -247,12 +241,12 @@ def unread(file: h5py.File, rows: slice) -> None:
 
 
 @pytest.mark.parametrize("rows", [slice(-1, None), slice(None)], ids=["the last", "all"])
-def test_surfaces_without_a_number_make_a_page(edited: Edited, rows: slice) -> None:
+def test_surfaces_without_a_number_make_a_page(edited, rows):
     page = page_of(edited(lambda file: unread(file, rows)))
     assert page.source.count(">nothing was read<") == (1 if rows.start else page.tags.count("svg") - 1)
 
 
-def test_surfaces_of_which_nothing_was_read_or_half_has_no_place_keep_their_maps(edited: Edited) -> None:
+def test_surfaces_of_which_nothing_was_read_or_half_has_no_place_keep_their_maps(edited):
     def strike(file: h5py.File) -> None:
         file["surface/valid"][-1] = False
         for name in ("x_mm", "y_mm", "depth_mm"):
@@ -266,7 +260,7 @@ def test_surfaces_of_which_nothing_was_read_or_half_has_no_place_keep_their_maps
 
 
 @pytest.mark.parametrize("steps", [1, 9, 10])
-def test_a_short_recording_has_no_empty_curve(edited: Edited, steps: int) -> None:
+def test_a_short_recording_has_no_empty_curve(edited, steps):
     path = edited(lambda file: file["steps/table"].resize(steps, axis=0))
     with Recording(path) as recording:
         frames = np.count_nonzero(recording.steps["frame_number"] >= 0)
@@ -275,7 +269,7 @@ def test_a_short_recording_has_no_empty_curve(edited: Edited, steps: int) -> Non
     assert (said in page.text) == ("frames per second" not in page.source.split("</svg>")[0]) == (frames < 10)
 
 
-def test_a_curve_within_a_decade_has_plain_numbers(edited: Edited) -> None:
+def test_a_curve_within_a_decade_has_plain_numbers(edited):
     def narrow(file: h5py.File) -> None:
         steps = file["steps/table"][()]
         steps["residual_rms_px"] = np.linspace(0.0102, 0.0118, len(steps))
@@ -286,9 +280,7 @@ def test_a_curve_within_a_decade_has_plain_numbers(edited: Edited) -> None:
     assert re.search(r">0\.01\d\d?</text>", svg)
 
 
-def test_all_that_is_damaged_is_counted_though_no_map_shows_it(
-    recording_path: Path, edited: Edited, tmp_path: Path
-) -> None:
+def test_all_that_is_damaged_is_counted_though_no_map_shows_it(recording_path, edited, tmp_path):
     def strike(file: h5py.File) -> None:
         with Recording(recording_path) as whole:
             shown = key_steps(whole)

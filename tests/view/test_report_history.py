@@ -1,7 +1,5 @@
 """States, drops and faults with their times."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,7 +17,7 @@ from zeromethod.view.report_history import Episode, Happening, episodes, happeni
 Edited = Callable[[Callable[[h5py.File], object]], Path]
 
 
-def test_equal_events_close_in_time_make_one_line() -> None:
+def test_equal_events_close_in_time_make_one_line():
     single = [
         Happening(0.0, 0.0, "late frame", 1, "a"),
         Happening(0.5, 0.5, "torn frame", 1, ""),
@@ -33,7 +31,7 @@ def test_equal_events_close_in_time_make_one_line() -> None:
     ]
 
 
-def test_shares_are_of_time_not_of_steps() -> None:
+def test_shares_are_of_time_not_of_steps():
     times = ((0.0, 1.0, State.FAULT), (1.0, 4.0, State.LOCKED), (4.0, 4.0, State.STOPPED))
     spent = [Episode(*one, "") for one in times]
     assert shares(spent) == {"locked": 0.75, "fault": 0.25}
@@ -41,7 +39,7 @@ def test_shares_are_of_time_not_of_steps() -> None:
     assert shares([]) == {}
 
 
-def test_a_fault_and_drops_are_listed_with_time_count_and_reason(edited: Edited) -> None:
+def test_a_fault_and_drops_are_listed_with_time_count_and_reason(edited):
     def plant(file: h5py.File) -> None:
         table = file["steps/table"]
         steps = table[()]
@@ -64,14 +62,14 @@ def test_a_fault_and_drops_are_listed_with_time_count_and_reason(edited: Edited)
     assert (fault.start_s, fault.end_s) == (at[10], at[13])
 
 
-def test_episodes_follow_each_other_without_gaps(recording_path: Path) -> None:
+def test_episodes_follow_each_other_without_gaps(recording_path):
     with Recording(recording_path) as recording:
         found, seconds = episodes(recording), recording.seconds
     assert [one.end_s for one in found[:-1]] == [one.start_s for one in found[1:]]
     assert (found[0].start_s, found[-1].end_s) == (0.0, pytest.approx(seconds))
 
 
-def test_a_long_curve_keeps_its_spikes_and_its_gaps() -> None:
+def test_a_long_curve_keeps_its_spikes_and_its_gaps():
     x = np.arange(100_000.0)
     y = np.sin(x / 5000)
     y[12_345], y[54_321], y[70_000:80_000] = 7.0, -7.0, np.nan

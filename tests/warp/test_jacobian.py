@@ -85,7 +85,7 @@ def test_nan_is_undrawable_and_spares_its_neighbours():
     assert not flags.any()
 
 
-def test_areas_at_rest_that_are_known_change_no_flag() -> None:
+def test_areas_at_rest_that_are_known_change_no_flag():
     q, rest = _rest().copy(), _rest()
     q[3:9, 4:8] = q[3:9, 7:3:-1]  # mirrored
     np.testing.assert_array_equal(

@@ -16,7 +16,7 @@ def noisy(rng: np.random.Generator, flags: np.ndarray, time_ns: int) -> Warp:
     return Warp(q, np.full(q.shape, SIGMA), flags, time_ns)
 
 
-def test_each_node_is_the_mean_of_the_frames_in_which_it_was_valid() -> None:
+def test_each_node_is_the_mean_of_the_frames_in_which_it_was_valid():
     rng = np.random.default_rng(0)
     warps = []
     for frame in range(8):
@@ -33,7 +33,7 @@ def test_each_node_is_the_mean_of_the_frames_in_which_it_was_valid() -> None:
     assert mean.time_ns == 3
 
 
-def test_the_mean_of_one_is_that_one() -> None:
+def test_the_mean_of_one_is_that_one():
     one = noisy(np.random.default_rng(1), np.zeros(SHAPE, np.uint16), 7)
     mean = mean_warp([one])
     np.testing.assert_array_equal(mean.q, one.q)

@@ -53,7 +53,7 @@ def with_map(rig: Rig, rest_map: RestMap, path: Path) -> tuple[Rig, Rest]:
     return rig, Rest.of(rig, Optics(rig))
 
 
-def test_the_measured_rest_is_the_rest_of_the_loop(believed, bench, rest_map, tmp_path) -> None:
+def test_the_measured_rest_is_the_rest_of_the_loop(believed, bench, rest_map, tmp_path):
     _, rest = with_map(believed, rest_map, tmp_path / "rest.npz")
     by_geometry = Rest.of(believed, Optics(believed))
     truth = bench.rest_map(*by_geometry.grid.mesh())
@@ -64,9 +64,7 @@ def test_the_measured_rest_is_the_rest_of_the_loop(believed, bench, rest_map, tm
     assert np.abs(by_geometry.q[visible] - truth[visible]).max() > 1.0
 
 
-def test_a_press_is_read_on_the_rays_that_the_measured_rest_names(
-    believed, bench, rest_map, tmp_path
-) -> None:
+def test_a_press_is_read_on_the_rays_that_the_measured_rest_names(believed, bench, rest_map, tmp_path):
     rig, rest = with_map(believed, rest_map, tmp_path / "rest.npz")
     pixels = NodeGrid(rest.grid.image_shape, rest.grid.period_px).mesh()
     x, y, _ = np.median(bench.trace(*pixels, bench.rest).point[rest.visible], axis=0).tolist()
@@ -80,9 +78,7 @@ def test_a_press_is_read_on_the_rays_that_the_measured_rest_names(
     assert found.depth_mm == pytest.approx(DEPTH_MM, rel=3e-3)
 
 
-def test_nodes_that_the_rest_map_leaves_out_are_drawn_and_not_visible(
-    believed, bench, rest_map, tmp_path
-) -> None:
+def test_nodes_that_the_rest_map_leaves_out_are_drawn_and_not_visible(believed, bench, rest_map, tmp_path):
     valid, reason, lcd = rest_map.valid.copy(), rest_map.reason.copy(), rest_map.lcd_px.copy()
     hole = slice(100, 140), slice(120, 180)
     valid[hole], reason[hole], lcd[hole] = False, int(Reason.SECOND_REFLECTION), np.nan
@@ -95,12 +91,12 @@ def test_nodes_that_the_rest_map_leaves_out_are_drawn_and_not_visible(
     np.testing.assert_allclose(rest.q[inside], bench.rest_map(u, v)[inside], atol=0.2)
 
 
-def test_a_rest_map_of_another_camera_is_refused(believed: Rig, rest_map: RestMap, tmp_path: Path) -> None:
+def test_a_rest_map_of_another_camera_is_refused(believed, rest_map, tmp_path):
     with pytest.raises(InputError, match=r"320 x 256 px: the camera has 1280 x 1024"):
         with_map(load_rig("simulated"), rest_map, tmp_path / "rest.npz")
 
 
-def test_a_rest_map_lies_next_to_its_rig_file(rest_map: RestMap, tmp_path: Path) -> None:
+def test_a_rest_map_lies_next_to_its_rig_file(rest_map, tmp_path):
     source = tmp_path / "mine.toml"
     source.write_text(read_text(Path("calibration/rigs/simulated.toml")))
     with pytest.raises(InputError, match=r"camera.rest_map: .rest.npz.: an existing .npz or .h5 file"):

@@ -1,7 +1,5 @@
 """The rest map as a file and as a measured warp."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from decoding.planted import smooth_map
@@ -37,7 +35,7 @@ def true_nodes() -> np.ndarray:
     return smooth_map(SHAPE)[np.ix_(GRID.v_px[4:-4].astype(int), GRID.u_px[4:-4].astype(int))]
 
 
-def test_nodes_of_the_warp_lie_on_the_map_within_sigma() -> None:
+def test_nodes_of_the_warp_lie_on_the_map_within_sigma():
     warp = noisy().warp(GRID)
     assert warp.valid[GRID.inner].all()
     assert not warp.valid[:4].any()
@@ -48,7 +46,7 @@ def test_nodes_of_the_warp_lie_on_the_map_within_sigma() -> None:
     assert np.median(warp.sigma[GRID.inner]) == pytest.approx(0.03 * np.sqrt(3.6 / 81), rel=0.03)
 
 
-def test_a_few_lost_pixels_cost_no_node_and_many_do_by_name() -> None:
+def test_a_few_lost_pixels_cost_no_node_and_many_do_by_name():
     rest = noisy()
     rng = np.random.default_rng(0)
     speckled = without(rest, rng.random(SHAPE) < 0.1, Reason.DEAD)
@@ -69,12 +67,12 @@ def test_a_few_lost_pixels_cost_no_node_and_many_do_by_name() -> None:
         assert warp.valid[12, 18]
 
 
-def test_a_warp_of_another_camera_is_refused() -> None:
+def test_a_warp_of_another_camera_is_refused():
     with pytest.raises(InputError, match="320 x 256 px: the camera has 640 x 512"):
         noisy().warp(NodeGrid((512, 640), 16))
 
 
-def test_saved_and_loaded_maps_are_the_same(tmp_path: Path) -> None:
+def test_saved_and_loaded_maps_are_the_same(tmp_path):
     rest = without(noisy(), np.eye(*SHAPE, dtype=bool), Reason.DEAD)
     rest.save(tmp_path / "rest.npz")
     again = RestMap.load(tmp_path / "rest.npz")
@@ -84,7 +82,7 @@ def test_saved_and_loaded_maps_are_the_same(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"no archive", None])
-def test_what_is_no_rest_map_is_refused_in_one_line(tmp_path: Path, content: bytes | None) -> None:
+def test_what_is_no_rest_map_is_refused_in_one_line(tmp_path, content):
     path = tmp_path / "rest.npz"
     if content is None:
         np.savez(path, column=np.zeros((3, 3)))
@@ -95,6 +93,6 @@ def test_what_is_no_rest_map_is_refused_in_one_line(tmp_path: Path, content: byt
     assert "\n" not in str(refused.value)
 
 
-def test_a_missing_rest_map_is_refused(tmp_path: Path) -> None:
+def test_a_missing_rest_map_is_refused(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         RestMap.load(tmp_path / "none.npz")

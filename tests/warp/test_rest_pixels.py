@@ -34,7 +34,7 @@ def grid(believed: Rig) -> NodeGrid:
     return NodeGrid.of_rig(believed)
 
 
-def test_pixels_of_the_measured_rest_have_the_true_rays(believed: Rig, true: Optics, grid: NodeGrid) -> None:
+def test_pixels_of_the_measured_rest_have_the_true_rays(believed, true, grid):
     ideal = Optics(believed)
     pixels = rest_pixels(ideal, np.stack(grid.mesh(), axis=-1), true.rest_map(*grid.mesh()))
     _, found = ideal.camera_rays(pixels[..., 0], pixels[..., 1])
@@ -43,7 +43,7 @@ def test_pixels_of_the_measured_rest_have_the_true_rays(believed: Rig, true: Opt
     assert np.max(np.abs((found - wanted)[grid.inner])) < 1e-11
 
 
-def test_an_unknown_rest_leaves_the_pixel(believed: Rig, true: Optics, grid: NodeGrid) -> None:
+def test_an_unknown_rest_leaves_the_pixel(believed, true, grid):
     q_rest = true.rest_map(*grid.mesh())
     q_rest[5, 7] = np.nan
     u, v = RestGrid.of(grid, Optics(believed), q_rest).mesh()
@@ -51,7 +51,7 @@ def test_an_unknown_rest_leaves_the_pixel(believed: Rig, true: Optics, grid: Nod
     assert u[5, 8] != grid.u_px[8]
 
 
-def test_a_reader_on_them_reads_what_a_reader_that_knows_the_lens_reads(believed, true, grid) -> None:
+def test_a_reader_on_them_reads_what_a_reader_that_knows_the_lens_reads(believed, true, grid):
     flags = np.where(grid.measurable, 0, Flag.OUTSIDE).astype(np.uint16)
     q = true.trace(*grid.mesh(), Dented(true.rest, PRESS)).q
     warp = Warp(q, np.full(q.shape, 0.01), flags, 0)

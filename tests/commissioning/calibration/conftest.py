@@ -1,7 +1,5 @@
 """One small bench, recorded and evaluated once for all tests."""
 
-from __future__ import annotations
-
 import pytest
 
 from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, evaluate, record

@@ -1,7 +1,5 @@
 """A small simulated bench that stands otherwise than its rig file says, pressed when it is asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field

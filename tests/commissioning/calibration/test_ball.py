@@ -1,9 +1,6 @@
 """A ball of known radius, asked for after the presses, kept, and taken in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,7 +32,7 @@ def pressed() -> tuple[Recorded, list[str]]:
     return recorded, hand.lines
 
 
-def test_ball_is_asked_for_and_taken(pressed: tuple[Recorded, list[str]]) -> None:
+def test_ball_is_asked_for_and_taken(pressed):
     recorded, lines = pressed
     assert "press 1 of 1: press the ball of 800 mm radius in now, and hold still" in lines
     assert recorded.failure is None
@@ -43,7 +40,7 @@ def test_ball_is_asked_for_and_taken(pressed: tuple[Recorded, list[str]]) -> Non
     assert recorded.presses.ball is not None
 
 
-def test_ball_gives_depth_and_survives_the_disk(pressed: tuple[Recorded, list[str]], tmp_path: Path) -> None:
+def test_ball_gives_depth_and_survives_the_disk(pressed, tmp_path):
     recorded, _ = pressed
     found = evaluate(recorded)
     (term,) = (term for term in found.fitted.terms if term.measurement.name == "ball")
@@ -56,7 +53,7 @@ def test_ball_gives_depth_and_survives_the_disk(pressed: tuple[Recorded, list[st
     np.testing.assert_array_equal(again.presses.ball.q, recorded.presses.ball.q)  # type: ignore[union-attr]
 
 
-def test_ball_that_shows_too_little_is_left_out_and_said(pressed: tuple[Recorded, list[str]]) -> None:
+def test_ball_that_shows_too_little_is_left_out_and_said(pressed):
     recorded, _ = pressed
     # a ball of a tenth of the radius would have a contact of a third: too few nodes
     found = evaluate(replace(recorded, plan=replace(PLAN, ball_mm=(20.0, 0.1))))

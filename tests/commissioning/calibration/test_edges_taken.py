@@ -1,7 +1,5 @@
 """The mirror's edges, found while a bench is calibrated, and what they bring."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -42,7 +40,7 @@ def seen() -> tuple[Recorded, RestMeasurement]:
         return record(wide(), devices, PLAN)
 
 
-def test_edges_in_view_are_found_reported_and_taken(seen: tuple[Recorded, RestMeasurement]) -> None:
+def test_edges_in_view_are_found_reported_and_taken(seen):
     hand = Listener()
     found = evaluate(*seen, prompts=hand)
     edges = [term.measurement for term in found.fitted.terms if isinstance(term.measurement, MirrorEdge)]
@@ -59,9 +57,7 @@ def test_edges_in_view_are_found_reported_and_taken(seen: tuple[Recorded, RestMe
     assert found.depth_percent < 0.6 * without.depth_percent
 
 
-def test_an_edge_by_hand_takes_the_place_of_the_one_found(
-    seen: tuple[Recorded, RestMeasurement],
-) -> None:
+def test_an_edge_by_hand_takes_the_place_of_the_one_found(seen):
     given = MirrorEdge("R0", np.array([[70.0, 32.0]]), 3.0)
     found = evaluate(replace(seen[0], plan=replace(PLAN, known=(given,))), seen[1])
     (edge,) = (term.measurement for term in found.fitted.terms if term.measurement.name == "edge R0")

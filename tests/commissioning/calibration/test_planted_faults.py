@@ -1,7 +1,5 @@
 """Trouble planted in a whole calibration: what the person reads names it, and depth is right without it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
@@ -115,9 +113,7 @@ def calibration(troubled: tuple[Recorded, RestMeasurement, Trouble]) -> Calibrat
         (Reason.DEAD, DEAD, 0),
     ],
 )
-def test_each_is_found_where_it_is_and_under_its_name(
-    troubled: tuple[Recorded, RestMeasurement, Trouble], reason: Reason, planted: Mask, rim_px: int
-) -> None:
+def test_each_is_found_where_it_is_and_under_its_name(troubled, reason, planted, rim_px):
     rest = troubled[1].rest_map
     named = (rest.reason & int(reason)) != 0
     if rim_px:
@@ -130,7 +126,7 @@ def test_each_is_found_where_it_is_and_under_its_name(
     assert np.count_nonzero(named & ~around) <= 0.002 * rest.reason.size
 
 
-def test_what_is_left_is_right(troubled: tuple[Recorded, RestMeasurement, Trouble]) -> None:
+def test_what_is_left_is_right(troubled):
     rig, rest = truth(nominal()), troubled[1].rest_map
     v, u = np.mgrid[: rig.camera.rows, : rig.camera.columns].astype(float)
     apart = (rest.lcd_px - Optics(rig).rest_map(u, v))[rest.valid]
@@ -140,9 +136,7 @@ def test_what_is_left_is_right(troubled: tuple[Recorded, RestMeasurement, Troubl
     assert np.abs(apart).max() < 2.0
 
 
-def test_the_person_reads_of_each(
-    troubled: tuple[Recorded, RestMeasurement, Trouble], calibration: Calibration
-) -> None:
+def test_the_person_reads_of_each(troubled, calibration):
     notes = "\n".join(rest_notes(troubled[1]))
     for words in ("second reflection", "a hand in the light", "whole fringe periods off", "dead: "):
         assert words in notes
@@ -155,11 +149,11 @@ def test_the_person_reads_of_each(
         assert counts[name] > 0
 
 
-def test_a_sound_bench_is_not_accused(session: tuple[Recorded, RestMeasurement, Hand]) -> None:
+def test_a_sound_bench_is_not_accused(session):
     assert rest_notes(session[1]) == ()
 
 
-def test_depth_is_not_silently_wrong(calibration: Calibration) -> None:
+def test_depth_is_not_silently_wrong(calibration):
     """Either the verdict says so, or known presses and another one are read within what is stated."""
     assert calibration.recorded.failure is None
     assert calibration.verdict.level != "bad"

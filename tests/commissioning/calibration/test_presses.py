@@ -1,7 +1,5 @@
 """When a press counts as pressed, still and lifted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -25,7 +23,7 @@ def warp(rng: np.random.Generator, dent_px: float = 0.0, lost: bool = False) -> 
     return Warp(q + NOISE_PX * rng.standard_normal(q.shape), np.full(q.shape, NOISE_PX), flags, 0)
 
 
-def test_rest_is_the_mean_of_the_first_frames() -> None:
+def test_rest_is_the_mean_of_the_first_frames():
     rng = np.random.default_rng(1)
     watch = PressWatch(16)
     changes = [watch.take(warp(rng)) for _ in range(16)]
@@ -44,7 +42,7 @@ def rested(rng: np.random.Generator) -> PressWatch:
     return watch
 
 
-def test_noise_alone_is_no_press() -> None:
+def test_noise_alone_is_no_press():
     rng = np.random.default_rng(2)
     watch = rested(rng)
     for _ in range(192):
@@ -52,7 +50,7 @@ def test_noise_alone_is_no_press() -> None:
     assert watch.phase is Phase.COMING
 
 
-def test_press_is_taken_only_once_it_stands() -> None:
+def test_press_is_taken_only_once_it_stands():
     rng = np.random.default_rng(3)
     watch = rested(rng)
     for dent in np.linspace(2.0, 12.0, 30):
@@ -67,7 +65,7 @@ def test_press_is_taken_only_once_it_stands() -> None:
     assert np.abs(away.mean(axis=(0, 1))).max() < 0.02
 
 
-def test_step_that_is_not_nulled_begins_the_row_again() -> None:
+def test_step_that_is_not_nulled_begins_the_row_again():
     rng = np.random.default_rng(4)
     watch = PressWatch(8)
     for number in range(15):
@@ -77,7 +75,7 @@ def test_step_that_is_not_nulled_begins_the_row_again() -> None:
     assert watch.phase is Phase.COMING
 
 
-def test_press_that_goes_before_it_was_taken_is_waited_for_again() -> None:
+def test_press_that_goes_before_it_was_taken_is_waited_for_again():
     rng = np.random.default_rng(5)
     watch = rested(rng)
     watch.take(warp(rng, 9.0))
@@ -87,7 +85,7 @@ def test_press_that_goes_before_it_was_taken_is_waited_for_again() -> None:
     assert not watch.pressed
 
 
-def test_press_that_never_comes_is_named_and_rest_is_kept() -> None:
+def test_press_that_never_comes_is_named_and_rest_is_kept():
     rig = nominal()
     with (
         open_devices(rig) as devices,
@@ -98,7 +96,7 @@ def test_press_that_never_comes_is_named_and_rest_is_kept() -> None:
     assert not ended.value.interrupted
 
 
-def test_ctrl_c_keeps_the_presses_before_it() -> None:
+def test_ctrl_c_keeps_the_presses_before_it():
     rig = nominal()
 
     class Impatient(Hand):

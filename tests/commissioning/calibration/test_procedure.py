@@ -1,10 +1,7 @@
 """A bench that stands otherwise than its rig file says, from first picture to verdict, unattended."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,17 +9,17 @@ from crooked_bench import OFF
 
 from zeromethod.calibration import describe, judge
 from zeromethod.calibration.shortfall import Lack, Part
-from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, evaluate, procedure, record
+from zeromethod.commissioning.calibration import Plan, evaluate, procedure, record
 from zeromethod.commissioning.delay import DelayResult
 from zeromethod.devices.opening import open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.optics import Optics
 
 from .conftest import DEPTHS_MM, PLACES_MM
-from .planted import LATENCY_S, Hand, nominal, quarter, read_elsewhere, truth
+from .planted import LATENCY_S, nominal, quarter, read_elsewhere, truth
 
 
-def test_the_person_is_asked_in_order(hand: Hand) -> None:
+def test_the_person_is_asked_in_order(hand):
     asked = [line for line in hand.lines if line.startswith("press")]
     assert asked == [
         "press 1 of 2: press 0.2 mm deep now, and hold still",
@@ -33,7 +30,7 @@ def test_the_person_is_asked_in_order(hand: Hand) -> None:
     assert "do not touch" in hand.lines[0]
 
 
-def test_every_part_has_a_bar_that_comes_to_its_end(hand: Hand) -> None:
+def test_every_part_has_a_bar_that_comes_to_its_end(hand):
     assert list(hand.counts) == [
         "settling",
         "rest map",
@@ -47,19 +44,19 @@ def test_every_part_has_a_bar_that_comes_to_its_end(hand: Hand) -> None:
     assert all(done == total for words, (done, total) in hand.counts.items() if words != "delay")
 
 
-def test_pictures_are_held_until_they_stand(recorded: Recorded) -> None:
+def test_pictures_are_held_until_they_stand(recorded):
     # delay, scan-out, and the rise of 4 ms (10 to 90 %) down to a hundredth: the least that is right
     least_s = LATENCY_S + 1 / 60 + np.log(100) / np.log(9) * 0.004
     assert least_s < recorded.settling.hold_s < least_s + 4 / 60
 
 
-def test_delay_is_that_of_the_bench(recorded: Recorded) -> None:
+def test_delay_is_that_of_the_bench(recorded):
     # a fiftieth of a refresh
     assert recorded.delay.latency_s == pytest.approx(LATENCY_S, abs=3e-4)
     assert recorded.values["display.latency_s"] == pytest.approx(LATENCY_S, abs=3e-4)
 
 
-def test_rest_map_is_that_of_the_bench(calibration: Calibration) -> None:
+def test_rest_map_is_that_of_the_bench(calibration):
     rig = truth(nominal())
     rest = calibration.rest.rest_map
     v, u = np.mgrid[: rig.camera.rows, : rig.camera.columns].astype(float)
@@ -69,7 +66,7 @@ def test_rest_map_is_that_of_the_bench(calibration: Calibration) -> None:
     assert np.sqrt(np.mean(apart**2)) < 0.05
 
 
-def test_parameters_are_within_their_stated_sigma(calibration: Calibration) -> None:
+def test_parameters_are_within_their_stated_sigma(calibration):
     given = describe(nominal())
     true = {name: value + OFF.get(name, 0.0) for name, value in given.items()}
     sigma = calibration.fitted.sigma
@@ -78,7 +75,7 @@ def test_parameters_are_within_their_stated_sigma(calibration: Calibration) -> N
     assert np.max(np.abs(away)) < 3.3
 
 
-def test_known_presses_are_read_as_known(calibration: Calibration) -> None:
+def test_known_presses_are_read_as_known(calibration):
     read = [peak.depth_mm for peak in calibration.peaks]
     assert read == pytest.approx(DEPTHS_MM, rel=0.004)
     for peak, (x, y) in zip(calibration.peaks, PLACES_MM, strict=True):
@@ -86,7 +83,7 @@ def test_known_presses_are_read_as_known(calibration: Calibration) -> None:
         assert np.hypot(peak.x_mm - x, peak.y_mm - y) < 3.0
 
 
-def test_another_press_is_read_in_millimetres(calibration: Calibration) -> None:
+def test_another_press_is_read_in_millimetres(calibration):
     """Elsewhere, of another depth and width, its warp by exact rays through the true bench."""
     read_mm, true_mm = read_elsewhere(calibration, 41.0)
     assert read_mm == pytest.approx(true_mm, rel=0.01)
@@ -94,7 +91,7 @@ def test_another_press_is_read_in_millimetres(calibration: Calibration) -> None:
     assert calibration.depth_percent < 1.0
 
 
-def test_nothing_but_what_was_left_out_speaks_against_it(calibration: Calibration) -> None:
+def test_nothing_but_what_was_left_out_speaks_against_it(calibration):
     assert calibration.verdict.level == "uncertain"
     left_out = "light: left out: the rig file's response and noise hold, unmeasured"
     assert calibration.verdict.findings == (left_out,)
@@ -104,7 +101,7 @@ def test_nothing_but_what_was_left_out_speaks_against_it(calibration: Calibratio
     assert calibration.drift_px < 0.05
 
 
-def test_lcd_that_is_not_seen_is_said() -> None:
+def test_lcd_that_is_not_seen_is_said():
     rig = quarter()
     dark = rig.simulation.model_copy(update={"peak_grey_share": 0.02})
     with (
@@ -114,7 +111,7 @@ def test_lcd_that_is_not_seen_is_said() -> None:
         record(rig, devices, Plan())
 
 
-def test_what_was_measured_outlives_a_press_that_never_comes() -> None:
+def test_what_was_measured_outlives_a_press_that_never_comes():
     rig = quarter()
     plan = Plan((0.2,), light=False, delay=False, rest_frames=1, press_frames=4, patience_s=0.3)
     with open_devices(rig) as devices:
@@ -134,9 +131,9 @@ def test_what_was_measured_outlives_a_press_that_never_comes() -> None:
     ],
 )
 def test_a_delay_that_was_not_measured_is_never_good(
-    outcome: Any, believed_s: float, lack: Lack, latency_s: float | None, level: str,
-    calibration: Calibration, monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+    outcome, believed_s, lack, latency_s, level,
+    calibration, monkeypatch
+):  # fmt: skip
     """Neither codes nor changes of the picture time the panel; a range replaces what it contradicts."""
 
     def timed(*_: object) -> DelayResult:
@@ -163,7 +160,7 @@ def test_a_delay_that_was_not_measured_is_never_good(
     assert judged.level == level
 
 
-def test_rest_map_outlives_ctrl_c_in_a_later_step(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rest_map_outlives_ctrl_c_in_a_later_step(monkeypatch):
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
@@ -183,7 +180,7 @@ def test_rest_map_outlives_ctrl_c_in_a_later_step(monkeypatch: pytest.MonkeyPatc
     assert rest.rest_map.valid.mean() > 0.9
 
 
-def test_camera_lost_on_the_way_names_the_step() -> None:
+def test_camera_lost_on_the_way_names_the_step():
     rig = quarter()
     faults = rig.simulation.faults.model_copy(update={"camera_lost_at_frame": 20})
     simulation = rig.simulation.model_copy(update={"faults": faults})
@@ -195,6 +192,6 @@ def test_camera_lost_on_the_way_names_the_step() -> None:
 
 
 @pytest.mark.parametrize(("key", "value"), [("press_depths_mm", (0.2, -0.1)), ("press_sigma_mm", 0.0)])
-def test_plans_that_cannot_be_are_refused(key: str, value: object) -> None:
+def test_plans_that_cannot_be_are_refused(key, value):
     with pytest.raises(InputError, match="above 0"):
         Plan(**{key: value})

@@ -1,7 +1,5 @@
 """Pictures of the rest map have settled, whatever a busy computer's stamps say."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 
@@ -46,7 +44,7 @@ class LateStamps(TimedPatterns):
 
 
 @pytest.mark.parametrize("late", [0, 1, 3])
-def test_frames_that_come_late_are_not_counted(late: int) -> None:
+def test_frames_that_come_late_are_not_counted(late):
     rig, sequence = nominal(), sequence_for(nominal())
     found = capture(rig, LateStamps(late), sequence, 2, variance_grey2=NOISE**2 + 1 / 12)
     true = capture(rig, LateStamps(0), sequence, 2)
@@ -55,13 +53,13 @@ def test_frames_that_come_late_are_not_counted(late: int) -> None:
     assert np.abs(apart).max() < 8 * NOISE
 
 
-def test_picture_that_never_settles_is_refused() -> None:
+def test_picture_that_never_settles_is_refused():
     rig, sequence = nominal(), sequence_for(nominal())
     with pytest.raises(MeasurementError, match="does not settle"):
         capture(rig, LateStamps(0), sequence, 2, variance_grey2=0.1 * NOISE**2)
 
 
-def test_noise_found_while_settling_is_the_camera_s() -> None:
+def test_noise_found_while_settling_is_the_camera_s():
     rig = nominal()
     with open_devices(rig) as devices:
         found = settle(rig, devices)
@@ -72,7 +70,7 @@ def test_noise_found_while_settling_is_the_camera_s() -> None:
     assert found.variance_grey2 == pytest.approx(white, rel=0.2)
 
 
-def test_decoding_needs_no_more_than_what_was_captured() -> None:
+def test_decoding_needs_no_more_than_what_was_captured():
     rig, sequence = nominal(), sequence_for(nominal())
     with open_devices(rig) as devices:
         pictures = TimedPatterns(rig, devices, 0.05)

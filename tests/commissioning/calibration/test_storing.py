@@ -1,7 +1,5 @@
 """A calibration as a folder, and back: nothing that matters is lost."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
@@ -41,7 +39,7 @@ def stored(calibration: Calibration, rig_file: Path) -> Stored:
     return store_calibration(calibration, rig_file, pictures=pictures)
 
 
-def test_folder_lies_next_to_the_rig_and_is_whole(stored: Stored, rig_file: Path) -> None:
+def test_folder_lies_next_to_the_rig_and_is_whole(stored, rig_file):
     assert stored.folder.parent == rig_file.parent / "calibrations" / "mine"
     names = {path.name for path in stored.folder.iterdir()}
     assert names == {"calibration.toml", "rig.toml", "given.toml", "arrays.h5", "calibration.png"}
@@ -49,7 +47,7 @@ def test_folder_lies_next_to_the_rig_and_is_whole(stored: Stored, rig_file: Path
     assert (stored.folder / "calibration.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_calibrated_rig_file_is_the_fitted_rig(stored: Stored, calibration: Calibration) -> None:
+def test_calibrated_rig_file_is_the_fitted_rig(stored, calibration):
     kept, fitted = describe(load_rig(stored.rig_file)), describe(calibration.rig)
     # ten digits; directions are taken back out of positions
     assert kept == pytest.approx(fitted, rel=1e-8, abs=1e-7)
@@ -58,7 +56,7 @@ def test_calibrated_rig_file_is_the_fitted_rig(stored: Stored, calibration: Cali
     assert describe(load_rig(stored.folder / "given.toml")) == pytest.approx(describe(nominal()))
 
 
-def test_calibrated_rig_file_states_what_is_left_open(stored: Stored, calibration: Calibration) -> None:
+def test_calibrated_rig_file_states_what_is_left_open(stored, calibration):
     stated = load_rig(stored.rig_file).geometry
     assert stated.known == "calibrated"
     assert stated.date == stored.document["time"].isoformat()
@@ -69,7 +67,7 @@ def test_calibrated_rig_file_states_what_is_left_open(stored: Stored, calibratio
     np.testing.assert_allclose(place, error.place_mm, rtol=0.1)
 
 
-def test_document_states_parameters_presses_and_verdict(stored: Stored, calibration: Calibration) -> None:
+def test_document_states_parameters_presses_and_verdict(stored, calibration):
     document = stored.document
     for name, (value, sigma) in stored.parameters.items():
         assert value == pytest.approx(calibration.fitted.values[name], rel=1e-6, abs=1e-9)
@@ -79,7 +77,7 @@ def test_document_states_parameters_presses_and_verdict(stored: Stored, calibrat
     assert document["depth_error"]["percent"] == pytest.approx(calibration.depth_percent, rel=1e-6)
 
 
-def test_newest_and_own_calibration_are_found(stored: Stored, rig_file: Path) -> None:
+def test_newest_and_own_calibration_are_found(stored, rig_file):
     found = newest(rig_file)
     assert found.folder == stored.folder
     of_rig = calibration_of(stored.rig_file)
@@ -87,27 +85,27 @@ def test_newest_and_own_calibration_are_found(stored: Stored, rig_file: Path) ->
     assert calibration_of(rig_file) is None
 
 
-def test_fingerprint_fits_the_bench_and_no_other(stored: Stored) -> None:
+def test_fingerprint_fits_the_bench_and_no_other(stored):
     rig = nominal()
     assert check(stored.fingerprint, rig) == []
     longer = rig.model_copy(update={"camera": rig.camera.model_copy(update={"exposure_s": 0.004})})
     assert check(stored.fingerprint, longer) == ["exposure, s: calibrated with 0.008, now 0.004"]
 
 
-def test_age_is_warned_of_after_a_month(stored: Stored) -> None:
+def test_age_is_warned_of_after_a_month(stored):
     made = stored.document["time"]
     assert stored.age_warning(made + timedelta(days=29)) is None
     assert "40 days old" in str(stored.age_warning(made + timedelta(days=40)))
 
 
-def test_rest_map_and_covariance_are_in_the_arrays(stored: Stored, calibration: Calibration) -> None:
+def test_rest_map_and_covariance_are_in_the_arrays(stored, calibration):
     arrays = load_arrays(stored.folder, "rest_map/lcd_px", "rest_map/valid", "fit/covariance")
     np.testing.assert_array_equal(arrays["rest_map/lcd_px"], calibration.rest.rest_map.lcd_px)
     np.testing.assert_array_equal(arrays["rest_map/valid"], calibration.rest.rest_map.valid)
     np.testing.assert_array_equal(arrays["fit/covariance"], calibration.fitted.covariance)
 
 
-def test_what_was_known_by_hand_comes_back(calibration: Calibration, rig_file: Path, tmp_path: Path) -> None:
+def test_what_was_known_by_hand_comes_back(calibration, rig_file, tmp_path):
     known = (Direct("gap_mm", 0.6, 0.01), MirrorEdge("R0", np.array([[120.5, 64.0]]), 2.0))
     plan = replace(calibration.recorded.plan, known=known)
     with_known = replace(calibration, recorded=replace(calibration.recorded, plan=plan))
@@ -119,7 +117,7 @@ def test_what_was_known_by_hand_comes_back(calibration: Calibration, rig_file: P
     assert (edge.edge, edge.pixel.tolist(), edge.sigma_px) == ("R0", [[120.5, 64.0]], 2.0)
 
 
-def test_what_was_recorded_evaluates_to_the_same_again(stored: Stored, calibration: Calibration) -> None:
+def test_what_was_recorded_evaluates_to_the_same_again(stored, calibration):
     recorded, _ = recall(stored.folder)
     np.testing.assert_array_equal(recorded.rest.sums, calibration.recorded.rest.sums)
     again = evaluate(recorded)
@@ -128,9 +126,7 @@ def test_what_was_recorded_evaluates_to_the_same_again(stored: Stored, calibrati
         assert again.fitted.values[name] == pytest.approx(value, abs=0.05 * calibration.fitted.sigma[name])
 
 
-def test_recording_outlives_an_evaluation_that_fails(
-    calibration: Calibration, rig_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_recording_outlives_an_evaluation_that_fails(calibration, rig_file, tmp_path, monkeypatch):
     def unseen(presses: Presses, rig: Rig, with_sigma: bool = True) -> list[Peak]:
         if presses.presses[0].depth_mm in DEPTHS_MM:
             raise MeasurementError("press 1: not seen")

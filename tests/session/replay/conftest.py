@@ -1,7 +1,5 @@
 """Short recordings of a small simulated bench."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The loop closed again over the mirror of a recording."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from recorded_run import recorded
@@ -38,7 +36,7 @@ def was(session) -> Track:
         return recorded_track(recording, Window.of(recording))
 
 
-def test_the_mirror_is_where_it_was_read(session, recording) -> None:
+def test_the_mirror_is_where_it_was_read(session, recording):
     window = Window.of(recording)
     mirror = RecordedMirror(recording, window)
     scenario = mirror.scenario("again")
@@ -50,7 +48,7 @@ def test_the_mirror_is_where_it_was_read(session, recording) -> None:
         assert np.sqrt(np.mean(off**2)) < 5e-4
 
 
-def test_at_rest_the_noise_of_single_readings_does_not_move_it(session, recording) -> None:
+def test_at_rest_the_noise_of_single_readings_does_not_move_it(session, recording):
     mirror = RecordedMirror(recording, Window.of(recording))
     scenario = mirror.scenario("again")
     steps = [int(step) for step in recording.steps_with("surface")]
@@ -64,7 +62,7 @@ def test_at_rest_the_noise_of_single_readings_does_not_move_it(session, recordin
     assert np.mean(moved) < 0.5 * np.mean(read)
 
 
-def test_unchanged_it_does_what_the_session_did(was: Track, unchanged: Track) -> None:
+def test_unchanged_it_does_what_the_session_did(was, unchanged):
     recorded_figures, again = figures_of(was), figures_of(unchanged)
     assert again["frames"] == recorded_figures["frames"]
     assert again["depth_peak_mm"] == pytest.approx(0.1, rel=0.03)
@@ -75,7 +73,7 @@ def test_unchanged_it_does_what_the_session_did(was: Track, unchanged: Track) ->
     assert again["depth_error_um"] < 1.0
 
 
-def test_the_same_seed_is_the_same_session_bit_for_bit(session, recording, unchanged: Track) -> None:
+def test_the_same_seed_is_the_same_session_bit_for_bit(session, recording, unchanged):
     again = closed_loop(recording, [])
     assert len(again.points) == len(unchanged.points)
     assert np.array_equal(again.moved, unchanged.moved, equal_nan=True)
@@ -84,7 +82,7 @@ def test_the_same_seed_is_the_same_session_bit_for_bit(session, recording, uncha
         assert np.array_equal(again.values(name), unchanged.values(name), equal_nan=True)
 
 
-def test_a_later_panel_lags_more_and_rejects_less(recording, unchanged: Track) -> None:
+def test_a_later_panel_lags_more_and_rejects_less(recording, unchanged):
     slow = figures_of(closed_loop(recording, ["display.latency_s=0.03"]))
     known = figures_of(unchanged)
     # a quarter is left of 30 ms by the command's lead, which a press of 0.2 s cannot use in full
@@ -92,13 +90,13 @@ def test_a_later_panel_lags_more_and_rejects_less(recording, unchanged: Track) -
     assert slow["left_by_hz"]["2-4"] > 1.2 * known["left_by_hz"]["2-4"]
 
 
-def test_a_timid_integrator_nulls_the_same_mirror_worse(recording, unchanged: Track) -> None:
+def test_a_timid_integrator_nulls_the_same_mirror_worse(recording, unchanged):
     timid = figures_of(closed_loop(recording, ["control.controller=integrator", "control.gain=0.1"]))
     assert timid["residual_rms_px"] > 1.5 * figures_of(unchanged)["residual_rms_px"]
     assert timid["nulled_share"] < figures_of(unchanged)["nulled_share"]
 
 
-def test_a_part_begins_locked_though_the_mirror_is_pressed(recording) -> None:
+def test_a_part_begins_locked_though_the_mirror_is_pressed(recording):
     # pressed down at 0.35 s, held until 0.55 s
     track = closed_loop(recording, [], Window.of(recording, 0.46, 0.54))
     assert len(track.points) >= 4
@@ -107,7 +105,7 @@ def test_a_part_begins_locked_though_the_mirror_is_pressed(recording) -> None:
     assert 0 <= track.time_s[0] < 0.02
 
 
-def test_it_can_be_recorded_and_that_sensed_again(recording, tmp_path: Path, unchanged: Track) -> None:
+def test_it_can_be_recorded_and_that_sensed_again(recording, tmp_path, unchanged):
     path = tmp_path / "again.h5"
     closed_loop(recording, [], Window.of(recording, None, 0.3), record=path, command_line="replay")
     with Recording(path) as again:
@@ -121,13 +119,13 @@ def test_it_can_be_recorded_and_that_sensed_again(recording, tmp_path: Path, unc
         )
 
 
-def test_a_recording_without_surfaces_moves_no_mirror(session, tmp_path: Path) -> None:
+def test_a_recording_without_surfaces_moves_no_mirror(session, tmp_path):
     path = recorded(tmp_path / "r.h5", 0.15, rig=session.rig, keep=("warps",))
     with Recording(path) as opened, pytest.raises(InputError, match="recorded without surfaces"):
         RecordedMirror(opened, Window.of(opened))
 
 
-def test_a_real_bench_becomes_a_simulated_one_with_its_delays() -> None:
+def test_a_real_bench_becomes_a_simulated_one_with_its_delays():
     rig = with_settings(
         load_rig("simulated"),
         [

@@ -31,19 +31,19 @@ def swing(time_s: float) -> float:
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.033, -0.010])
-def test_lag_is_the_delay_of_what_was_shown(delay_s: float) -> None:
+def test_lag_is_the_delay_of_what_was_shown(delay_s):
     # to a millisecond: velocity over two frames is (sin x) / x = 0.996 of the truth at 1.5 Hz
     assert lag_ms(made_up(swing, delay_s)) == pytest.approx(1e3 * delay_s, abs=1.0)
 
 
-def test_at_rest_there_is_no_lag_and_no_rejection() -> None:
+def test_at_rest_there_is_no_lag_and_no_rejection():
     track = made_up(lambda time_s: 0.0, 0.033)
     assert lag_ms(track) is None
     assert not np.isfinite(rejection(track)[1]).any()
     assert all(value is None for value in figures_of(track)["left_by_hz"].values())
 
 
-def test_noise_alone_does_not_pass_for_what_is_left() -> None:
+def test_noise_alone_does_not_pass_for_what_is_left():
     # shown is where the mirror is: nothing is left, though shown - measured is all noise, half as large as
     # the motion
     track = made_up(lambda time_s: 0.05 * np.sin(2 * np.pi * 3.0 * time_s), 0.0, frames=800)
@@ -52,7 +52,7 @@ def test_noise_alone_does_not_pass_for_what_is_left() -> None:
 
 
 @pytest.mark.parametrize("at_hz", [1.0, 3.0, 7.0])
-def test_a_delay_leaves_of_each_frequency_what_it_must(at_hz: float) -> None:
+def test_a_delay_leaves_of_each_frequency_what_it_must(at_hz):
     delay_s = 0.03
     track = made_up(lambda time_s: 3.0 * np.sin(2 * np.pi * at_hz * time_s), delay_s, frames=400)
     frequency_hz, left = rejection(track)
@@ -61,7 +61,7 @@ def test_a_delay_leaves_of_each_frequency_what_it_must(at_hz: float) -> None:
     assert left[np.argmin(np.abs(frequency_hz - at_hz))] == pytest.approx(expected, rel=0.03)
 
 
-def test_gaps_in_the_measurement_are_bridged() -> None:
+def test_gaps_in_the_measurement_are_bridged():
     track = made_up(swing, 0.03, frames=400)
     whole = rejection(track)[1]
     for point in track.points[10::20]:
@@ -74,12 +74,12 @@ def test_gaps_in_the_measurement_are_bridged() -> None:
     assert lag_ms(track) == pytest.approx(30.0, abs=1.0)
 
 
-def test_a_few_frames_have_no_spectrum() -> None:
+def test_a_few_frames_have_no_spectrum():
     assert rejection(made_up(swing, 0.03, frames=10))[0].size == 0
     assert figures_of(Track("empty"))["frames"] == 0
 
 
-def test_bands_are_octaves_with_none_where_nothing_moves() -> None:
+def test_bands_are_octaves_with_none_where_nothing_moves():
     found = bands(np.array([1.2, 1.8, 3.0, 5.0]), np.array([0.3, 0.4, np.nan, 2.0]))
     assert found["1-2"] == pytest.approx(np.sqrt((0.09 + 0.16) / 2))
     assert found["2-4"] is None
@@ -87,7 +87,7 @@ def test_bands_are_octaves_with_none_where_nothing_moves() -> None:
     assert found["16-32"] is None
 
 
-def test_figures_separate_nulled_frames_and_the_deep_ones() -> None:
+def test_figures_separate_nulled_frames_and_the_deep_ones():
     nothing = np.full((NODES, 2), np.nan)
     track = Track(
         "truth known",

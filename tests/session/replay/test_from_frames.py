@@ -1,7 +1,6 @@
 """Recorded frames through the loop's own circle again."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +30,7 @@ def assert_all_equal(path: Path, least: int) -> None:
     assert depths.different == []
 
 
-def test_unchanged_frames_come_to_the_recorded_numbers_bit_for_bit(session, recording) -> None:
+def test_unchanged_frames_come_to_the_recorded_numbers_bit_for_bit(session, recording):
     warps, depths = replay_from_frames(recording, recording.rig, Window.of(recording))
     sensed = [step for step in session.steps if step.sensed]
     assert warps.steps == len(sensed) > 40
@@ -42,7 +41,7 @@ def test_unchanged_frames_come_to_the_recorded_numbers_bit_for_bit(session, reco
     assert warps.warp.largest == warps.commanded.largest == warps.residual.largest == 0.0
 
 
-def test_frames_that_were_faulty_and_a_new_zero_are_gone_through_alike(session, tmp_path: Path) -> None:
+def test_frames_that_were_faulty_and_a_new_zero_are_gone_through_alike(session, tmp_path):
     faults = session.rig.simulation.faults.model_copy(
         update={"repeat_frames": (12,), "drop_frames": (15, 16), "light_off_frames": (8, 9)}
     )
@@ -62,7 +61,7 @@ def test_frames_that_were_faulty_and_a_new_zero_are_gone_through_alike(session, 
     assert_all_equal(path, 30)
 
 
-def test_coded_strips_are_read_again(tmp_path: Path) -> None:
+def test_coded_strips_are_read_again(tmp_path):
     rig = with_settings(coarser(load_rig("simulated"), 4), ["control.strips=edges", "scenario=step"])
     path = recorded(tmp_path / "r.h5", 0.25, rig=rig)
     with Recording(path) as opened:
@@ -70,7 +69,7 @@ def test_coded_strips_are_read_again(tmp_path: Path) -> None:
     assert_all_equal(path, 10)
 
 
-def test_a_session_in_real_time_is_gone_through_in_its_own_order(session, tmp_path: Path) -> None:
+def test_a_session_in_real_time_is_gone_through_in_its_own_order(session, tmp_path):
     simulation = session.rig.simulation.model_copy(update={"renderer": "numpy"})
     rig = session.rig.model_copy(update={"simulation": simulation})
     path, optics = tmp_path / "r.h5", Optics(rig)
@@ -86,7 +85,7 @@ def test_a_session_in_real_time_is_gone_through_in_its_own_order(session, tmp_pa
     assert_all_equal(path, 3)
 
 
-def test_more_noise_makes_sigma_larger_and_leaves_the_warps(recording) -> None:
+def test_more_noise_makes_sigma_larger_and_leaves_the_warps(recording):
     rig = with_settings(recording.rig, ["camera.noise.read_grey=8.0", "camera.noise.electrons_per_grey=1e9"])
     warps, _ = replay_from_frames(recording, rig, Window.of(recording, 0.4, 0.5))
     sigmas = warps.figures["sigma_lcd_px"]
@@ -96,7 +95,7 @@ def test_more_noise_makes_sigma_larger_and_leaves_the_warps(recording) -> None:
     assert len(warps.different) == warps.steps
 
 
-def test_a_part_is_sensed_as_within_the_whole(recording) -> None:
+def test_a_part_is_sensed_as_within_the_whole(recording):
     warps, depths = replay_from_frames(recording, recording.rig, Window.of(recording, 0.5, 0.7))
     assert 10 < warps.steps < 15
     assert warps.different == depths.different == []
@@ -110,16 +109,14 @@ def test_a_part_is_sensed_as_within_the_whole(recording) -> None:
         (("frames", "warps"), 2, "only every 2th frame"),
     ],
 )
-def test_what_is_missing_is_reported_in_one_line(
-    session, tmp_path: Path, keep, every: int, word: str
-) -> None:
+def test_what_is_missing_is_reported_in_one_line(session, tmp_path, keep, every, word):
     path = recorded(tmp_path / "r.h5", 0.15, rig=session.rig, keep=keep, every=every)
     with Recording(path) as opened, pytest.raises(InputError, match=word) as caught:
         replay_from_frames(opened, opened.rig, Window.of(opened))
     assert "\n" not in str(caught.value)
 
 
-def test_a_frame_that_was_not_kept_ends_what_can_be_sensed(session, tmp_path: Path, monkeypatch) -> None:
+def test_a_frame_that_was_not_kept_ends_what_can_be_sensed(session, tmp_path, monkeypatch):
     with Recording(session.path) as opened:
         missing = int(opened.steps["number"][20])
         whole = opened.frame
@@ -132,9 +129,7 @@ def test_a_frame_that_was_not_kept_ends_what_can_be_sensed(session, tmp_path: Pa
 
 
 @pytest.mark.parametrize("name", ["pictures/q", "frames/image"])
-def test_what_is_damaged_ends_what_can_be_sensed_and_is_not_called_unkept(
-    session, damaged: Callable[..., Path], name: str
-) -> None:
+def test_what_is_damaged_ends_what_can_be_sensed_and_is_not_called_unkept(session, damaged, name):
     step = session.steps[25].number
     with Recording(session.path) as opened:
         after = opened.presentation_log["after_step"]
@@ -157,7 +152,7 @@ def test_what_is_damaged_ends_what_can_be_sensed_and_is_not_called_unkept(
     assert warps.different == []
 
 
-def test_where_the_first_picture_is_damaged_nothing_can_be_sensed(damaged: Callable[..., Path]) -> None:
+def test_where_the_first_picture_is_damaged_nothing_can_be_sensed(damaged):
     with (
         Recording(damaged("pictures/q", 0)) as opened,
         pytest.warns(DamagedWarning),
@@ -166,7 +161,7 @@ def test_where_the_first_picture_is_damaged_nothing_can_be_sensed(damaged: Calla
         replay_from_frames(opened, opened.rig, Window.of(opened))
 
 
-def test_recorded_warps_that_are_damaged_are_no_difference(session, damaged: Callable[..., Path]) -> None:
+def test_recorded_warps_that_are_damaged_are_no_difference(session, damaged):
     step = list(session.readings)[4]
     with Recording(damaged("warps/measured/q", step)) as opened, pytest.warns(DamagedWarning):
         warps, _ = replay_from_frames(opened, opened.rig, Window.of(opened, None, 0.4))

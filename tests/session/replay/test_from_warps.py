@@ -1,7 +1,6 @@
 """Reading again what was recorded."""
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -27,7 +26,7 @@ def whole(session) -> Iterator[DepthDifferences]:
         yield replay_from_warps(opened, opened.rig, Window.of(opened))
 
 
-def test_unchanged_readings_are_the_recorded_ones_bit_for_bit(session, whole: DepthDifferences) -> None:
+def test_unchanged_readings_are_the_recorded_ones_bit_for_bit(session, whole):
     again = whole
     assert again.steps == len(session.readings) > 40
     assert again.different == []
@@ -46,13 +45,13 @@ def deeper_by(depth_mm: float, session, recording) -> tuple[int, DepthDifference
     return step, again
 
 
-def test_a_reading_that_differs_is_reported(session, recording) -> None:
+def test_a_reading_that_differs_is_reported(session, recording):
     step, again = deeper_by(1e-6, session, recording)
     assert again.different == [step]
     assert again.depth.largest == pytest.approx(1e-6, rel=1e-3)
 
 
-def test_other_surface_settings_read_as_a_reader_with_them_does(recording) -> None:
+def test_other_surface_settings_read_as_a_reader_with_them_does(recording):
     rig = with_settings(recording.rig, [KNOWN_REST])
     again = replay_from_warps(recording, rig, Window.of(recording, None, 0.4))
     assert len(again.different) == again.steps
@@ -62,7 +61,7 @@ def test_other_surface_settings_read_as_a_reader_with_them_does(recording) -> No
     assert again.replayed_mm == expected
 
 
-def test_a_part_is_read_as_within_the_whole_and_reported_alone(recording, whole: DepthDifferences) -> None:
+def test_a_part_is_read_as_within_the_whole_and_reported_alone(recording, whole):
     times: list[float] = []
     part = replay_from_warps(recording, recording.rig, Window.of(recording, 0.3, 0.6), on_step=times.append)
     assert 15 < part.steps < 20
@@ -76,13 +75,13 @@ def test_a_part_is_read_as_within_the_whole_and_reported_alone(recording, whole:
     assert times[0] < 0.1
 
 
-def test_without_warps_there_is_nothing_to_read(session, tmp_path: Path) -> None:
+def test_without_warps_there_is_nothing_to_read(session, tmp_path):
     path = recorded(tmp_path / "r.h5", 0.15, rig=session.rig, keep=("surface",))
     with Recording(path) as opened, pytest.raises(InputError, match="recorded without warps"):
         replay_from_warps(opened, opened.rig, Window.of(opened))
 
 
-def test_every_third_warp_can_be_read(session, tmp_path: Path) -> None:
+def test_every_third_warp_can_be_read(session, tmp_path):
     path = recorded(tmp_path / "r.h5", 0.3, rig=session.rig, keep=("warps", "surface"), every=3)
     with Recording(path) as opened:
         again = replay_from_warps(opened, opened.rig, Window.of(opened))
@@ -93,12 +92,12 @@ def test_every_third_warp_can_be_read(session, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("setting", "word"), [("camera.bits=12", "camera.bits: 12"), ("target.contrast=0.5", "target")]
 )
-def test_what_was_photographed_cannot_be_changed(recording, setting: str, word: str) -> None:
+def test_what_was_photographed_cannot_be_changed(recording, setting, word):
     with pytest.raises(InputError, match=word):
         replay_from_warps(recording, with_settings(recording.rig, [setting]), Window.of(recording))
 
 
-def test_other_geometry_gives_other_rays(recording) -> None:
+def test_other_geometry_gives_other_rays(recording):
     rig = with_settings(recording.rig, ["display.centre_mm=[30.0, 0.5]"])
     again = replay_from_warps(recording, rig, Window.of(recording, 0.4, 0.5))
     assert len(again.different) == again.steps
@@ -110,9 +109,7 @@ def cells(figures: dict) -> dict[str, list[str]]:
     return {label: rest for label, *rest in zip(*columns, strict=True)}
 
 
-def test_what_is_damaged_is_counted_and_kept_out_of_the_shares(
-    session, whole: DepthDifferences, damaged: Callable[..., Path]
-) -> None:
+def test_what_is_damaged_is_counted_and_kept_out_of_the_shares(session, whole, damaged):
     steps = list(session.readings)
     # the newest, so that all readings before are those of a reader that saw all
     path = damaged("warps/measured/q", *steps[-2:])
@@ -135,7 +132,7 @@ def test_what_is_damaged_is_counted_and_kept_out_of_the_shares(
     assert not any("damaged" in label for label in cells(undamaged))
 
 
-def test_where_all_warps_are_damaged_it_is_reported(session, damaged: Callable[..., Path]) -> None:
+def test_where_all_warps_are_damaged_it_is_reported(session, damaged):
     path = damaged("warps/measured/sigma", *session.readings)
     found = f"all {len(session.readings)} warps are damaged"
     with (
@@ -146,7 +143,7 @@ def test_where_all_warps_are_damaged_it_is_reported(session, damaged: Callable[.
         replay_from_warps(opened, opened.rig, Window.of(opened))
 
 
-def test_differences_over_all_nodes_are_not_the_peaks(session, recording) -> None:
+def test_differences_over_all_nodes_are_not_the_peaks(session, recording):
     _, again = deeper_by(1e-5, session, recording)
     figures = again.figures
     assert figures["depth_difference_rms_nm"] == pytest.approx([10.0], rel=1e-2)

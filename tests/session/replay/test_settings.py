@@ -7,7 +7,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.session.replay.settings import with_settings
 
 
-def test_settings_are_those_of_a_rig_file() -> None:
+def test_settings_are_those_of_a_rig_file():
     rig = load_rig("simulated")
     changed = with_settings(
         rig,
@@ -27,7 +27,7 @@ def test_settings_are_those_of_a_rig_file() -> None:
     assert rig.control.gain == 1.0
 
 
-def test_later_settings_win_and_none_leaves_the_rig_as_it_is() -> None:
+def test_later_settings_win_and_none_leaves_the_rig_as_it_is():
     rig = load_rig("paper")
     assert with_settings(rig, ["control.gain=0.5", "control.gain=0.25"]).control.gain == 0.25
     assert with_settings(rig, []) is rig
@@ -46,7 +46,7 @@ def test_later_settings_win_and_none_leaves_the_rig_as_it_is() -> None:
         ("name.first=1", "a dotted key of a rig file"),
     ],
 )
-def test_what_is_no_setting_is_refused_in_one_line(setting: str, word: str) -> None:
+def test_what_is_no_setting_is_refused_in_one_line(setting, word):
     with pytest.raises(InputError, match=word) as caught:
         with_settings(load_rig("simulated"), [setting])
     assert "\n" not in str(caught.value)

@@ -7,7 +7,7 @@ from zeromethod.session.replay import window
 from zeromethod.session.replay.window import Pace, Window
 
 
-def test_a_window_counts_from_the_first_frame(recording) -> None:
+def test_a_window_counts_from_the_first_frame(recording):
     whole, part = Window.of(recording), Window.of(recording, 0.2, 0.5)
     steps = recording.steps
     assert whole.from_start
@@ -29,12 +29,12 @@ def test_a_window_counts_from_the_first_frame(recording) -> None:
         (None, float("nan"), "--to"),
     ],
 )
-def test_times_outside_the_recording_are_refused(recording, from_s, to_s, word: str) -> None:
+def test_times_outside_the_recording_are_refused(recording, from_s, to_s, word):
     with pytest.raises(InputError, match=word):
         Window.of(recording, from_s, to_s)
 
 
-def test_where_a_recording_ends_is_reported_as_everywhere(recording) -> None:
+def test_where_a_recording_ends_is_reported_as_everywhere(recording):
     steps = recording.steps
     # the step that ended it has no frame
     assert steps["frame_number"][-1] < 0
@@ -45,7 +45,7 @@ def test_where_a_recording_ends_is_reported_as_everywhere(recording) -> None:
         Window.of(recording, 5.0)
 
 
-def test_a_pace_holds_to_its_speed_and_no_pace_to_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pace_holds_to_its_speed_and_no_pace_to_none(monkeypatch):
     slept: list[float] = []
     clock = iter([100.0, 100.01, 100.2])
     monkeypatch.setattr(window.time, "sleep", slept.append)
