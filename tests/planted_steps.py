@@ -8,12 +8,9 @@ from typing import Any
 import numpy as np
 from recorded_run import small_rig
 
+from zeromethod import Optics, Rig, State, Step
 from zeromethod.loop.drawing import Drawn
-from zeromethod.loop.state import State
-from zeromethod.loop.step import Step
-from zeromethod.optics import Optics
 from zeromethod.recording.recorder import Recorder
-from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Anchor, Peak, Surface
 from zeromethod.warp.rest import Rest

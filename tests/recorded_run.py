@@ -8,17 +8,11 @@ import h5py
 import numpy as np
 
 from benchmarks.against_peers.open_loop import coarser
+from zeromethod import Loop, Optics, Peak, Rig, Step, Surface, SurfaceReader, load_rig, open_devices, peak
 from zeromethod.devices.abilities import script_of
-from zeromethod.devices.opening import open_devices
-from zeromethod.loop.loop import Loop
-from zeromethod.loop.step import Step
-from zeromethod.optics import Optics
 from zeromethod.recording.checksums import canonical, checksum_of, checksums_of
 from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.schema import KEEP, TABLES
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
-from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 
 
 def small_rig(press: str = "step", seed: int = 0) -> Rig:

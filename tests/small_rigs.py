@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod import binned, load_rig
 from zeromethod.resources import resource
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Layer, Rig
 from zeromethod.rig.save import save_values
 

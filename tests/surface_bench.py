@@ -4,16 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from zeromethod import NodeGrid, Surface, SurfaceReader, Warp, binned, load_rig
 from zeromethod.optics import Dented, DepthField, Optics
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import KnownRest, RestSurface, Rig, SurfaceSpec
-from zeromethod.surface import Surface, SurfaceReader
-from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.jacobian import jacobian
 from zeromethod.warp.overlap import component_correlation
 from zeromethod.warp.validity import Flag
-from zeromethod.warp.warp import Warp
 
 RESIDUAL_SIGMA_PX = 0.013
 """Noise of one frame's residual, camera px (2 grey levels in 8 bits)."""

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from zeromethod import binned, load_rig
 from zeromethod.optics import Dented, Flat, Optics, Sphere
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Layer
 
 U, V = np.array([159.5]), np.array([127.5])

@@ -9,13 +9,12 @@ import sys
 import threading
 from typing import Any
 
-from zeromethod.rig.load import load_rig
+from zeromethod import limit_threads, load_rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.simulation.virtual_bench.bench import Bender, Performance, VirtualBench
 from zeromethod.simulation.virtual_bench.grab import MonitorGrabber, find_monitor
 from zeromethod.simulation.virtual_bench.stream import FrameServer, stream_header
-from zeromethod.thread_limits import limit_threads
 
 MOVE_S = 0.5
 PAD_MM = 5.0

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import calibration_study as study
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
+from zeromethod import binned, load_rig
 
 pytestmark = pytest.mark.long
 

@@ -9,9 +9,8 @@ import pytest
 
 import zeromethod as zm
 from benchmarks.rigs import small_rig
+from zeromethod import RunResult, summarise
 from zeromethod.loop.state import LOCK_RESIDUAL_PX
-from zeromethod.session.result import RunResult
-from zeromethod.session.summary import summarise
 
 PROMISED = {
     "frames", "state", "lock_frames", "residual_px_rms", "usable_share", "valid_share", "depth_peak_mm",

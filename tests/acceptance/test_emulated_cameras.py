@@ -16,11 +16,8 @@ import pytest
 from fake_gige_camera import ADDRESS, FakeGigECamera
 from numpy.typing import NDArray
 
-from zeromethod import Loop, load_rig, open_devices
+from zeromethod import Event, Loop, State, Step, load_rig, open_devices
 from zeromethod.drivers.aravis_library import LIBRARY
-from zeromethod.loop.events import Event
-from zeromethod.loop.state import State
-from zeromethod.loop.step import Step
 from zeromethod.pattern import Target
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
 

@@ -15,18 +15,15 @@ import pytest
 from crooked_bench import GAMMA, OFF, crooked
 from two_monitors import TwoMonitors, missing, start
 
+from zeromethod import NodeGrid, Rig, Warp, load_rig
 from zeromethod.calibration import KnownPress, Presses, RestReading, describe
 from zeromethod.calibration.folder import Stored, newest
 from zeromethod.commissioning.calibration.evaluation import geometry_values
 from zeromethod.optics import Dented, Optics
 from zeromethod.resources import resource
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 from zeromethod.rig.save import save_values
 from zeromethod.simulation.press import Dent, Mirror, Shape
-from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.validity import Flag
-from zeromethod.warp.warp import Warp
 
 pytest.importorskip("mss")
 

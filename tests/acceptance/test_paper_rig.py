@@ -6,15 +6,9 @@ import numpy as np
 import pytest
 from small_rigs import paper
 
-from zeromethod.devices.opening import open_devices
-from zeromethod.loop.state import State
+from zeromethod import NodeGrid, RunResult, Session, State, load_rig, open_devices, run
 from zeromethod.optics import Dented, Optics
-from zeromethod.rig.load import load_rig
-from zeromethod.session.result import RunResult
-from zeromethod.session.session import Session
-from zeromethod.session.whole_run import run
 from zeromethod.surface.comparison import AT_REST, usable_nodes
-from zeromethod.warp.grid import NodeGrid
 
 
 def scenario(

@@ -12,11 +12,9 @@ import numpy as np
 import pytest
 from small_rigs import BENCH_160, small_rig_file
 
+from zeromethod import Optics, SurfaceReader, load_rig
 from zeromethod.devices.protocols import Frame
 from zeromethod.loop.assembly import make_circle
-from zeromethod.optics import Optics
-from zeromethod.rig.load import load_rig
-from zeromethod.surface import SurfaceReader
 
 REFERENCE = Path(__file__).parents[1] / "data" / "reference.npz"
 

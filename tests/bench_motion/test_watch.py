@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from surface_bench import Bench, Gauss, Several, Tail, small_rig
 
+from zeromethod import SurfaceReader, Warp
 from zeromethod.bench_motion.modes import BenchModes
 from zeromethod.bench_motion.watch import FRAMES, BenchWatch
 from zeromethod.optics import Dented, DepthField, Optics
 from zeromethod.rig.model import Faults, Rig
 from zeromethod.simulation.bump import moved_rig
-from zeromethod.surface import SurfaceReader
 from zeromethod.warp.rest import Rest
-from zeromethod.warp.warp import Warp
 
 FLAT = Several((Gauss(0.0, 0.0, 0.0, 1.0),))
 PX_DEG = np.degrees(4 / 9000)

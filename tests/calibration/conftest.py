@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks import calibration_study as study
+from zeromethod import Rig, binned, load_rig
 from zeromethod.calibration import Fit, Presses, Priors, RestPositions, RestReading, fit
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Mirror
 
 

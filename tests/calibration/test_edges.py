@@ -7,6 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from benchmarks import calibration_study as study
+from zeromethod import NodeGrid, Optics, Rig, binned, load_rig
 from zeromethod.calibration import Fit, MirrorEdge, Priors, RestPositions, fit
 from zeromethod.calibration.edges import EdgeSearch, NoEdge, find_edges
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
@@ -14,15 +15,10 @@ from zeromethod.decoding import Reason
 from zeromethod.decoding.fringes import FringeSequence, equal_shifts
 from zeromethod.decoding.measuring import RestMeasurement, measure_rest
 from zeromethod.decoding.noise import NoiseModel
-from zeromethod.optics import Optics
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
-from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_map import RestMap
 
 WIDE_FOCAL_PX, BINNING = 5600.0, 8

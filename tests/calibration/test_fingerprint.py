@@ -4,9 +4,8 @@ from typing import Any
 
 import pytest
 
+from zeromethod import Rig, load_rig
 from zeromethod.calibration.fingerprint import WORDS, check, take_fingerprint
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 
 
 class Camera:

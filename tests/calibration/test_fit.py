@@ -4,6 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from zeromethod import InputError, MeasurementError, Rig
 from zeromethod.calibration import (
     Direct,
     Fit,
@@ -15,8 +16,6 @@ from zeromethod.calibration import (
     describe,
     fit,
 )
-from zeromethod.errors import InputError, MeasurementError
-from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
 
 

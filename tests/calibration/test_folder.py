@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from zeromethod import InputError, load_rig
 from zeromethod.calibration.folder import (
     ARRAYS,
     DOCUMENT,
@@ -26,8 +27,6 @@ from zeromethod.calibration.folder import (
     newest,
     store,
 )
-from zeromethod.errors import InputError
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 
 TIME = datetime(2025, 3, 1, 12, 30, 5, tzinfo=UTC)

@@ -1,13 +1,11 @@
 import numpy as np
 import pytest
 
+from zeromethod import InputError, Optics, load_rig
 from zeromethod.calibration import Direct, Intrinsics, MirrorEdge, Priors, RestReading
 from zeromethod.calibration.fitting import jacobian
 from zeromethod.calibration.measurements import MARGIN_MM, well_inside
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
-from zeromethod.errors import InputError
-from zeromethod.optics import Optics
-from zeromethod.rig.load import load_rig
 
 
 def test_the_rest_map_is_that_of_the_rig(truth, positions):

@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
+from zeromethod import InputError, Optics, load_rig
 from zeromethod.calibration.parameters import PARAMETERS, Priors, build, describe
-from zeromethod.errors import InputError
-from zeromethod.optics import Optics
-from zeromethod.rig.load import load_rig
 
 
 @pytest.mark.parametrize("name", ["simulated", "paper", "virtual"])

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from zeromethod import InputError, MeasurementError, load_rig
 from zeromethod.calibration.response import RAMP_CODES, TABLE_CODES, MeasuredResponse, measure_response
-from zeromethod.errors import InputError, MeasurementError
 from zeromethod.pattern.response import Response
-from zeromethod.rig.load import load_rig
 
 Float = NDArray[np.float64]
 

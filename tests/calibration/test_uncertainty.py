@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from benchmarks import calibration_study as study
+from zeromethod import MeasurementError, load_rig, peak
 from zeromethod.calibration import (
     DepthError,
     Direct,
@@ -20,11 +21,8 @@ from zeromethod.calibration import (
 )
 from zeromethod.calibration.uncertainty import expected, strongest
 from zeromethod.calibration.verdict import tir_margin_deg
-from zeromethod.errors import MeasurementError
 from zeromethod.rig.geometry import GeometrySpec
-from zeromethod.rig.load import load_rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
-from zeromethod.surface import peak
 
 
 @pytest.fixture(scope="module")

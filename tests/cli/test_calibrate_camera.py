@@ -15,14 +15,13 @@ from click.testing import Result
 from commands import assert_refused, typed
 from small_rigs import small_rig_file
 
+from zeromethod import InputError, load_rig
 from zeromethod.calibration.camera_file import load_camera
 from zeromethod.calibration.charuco import Board, NoView, View, board_of
 from zeromethod.cli import calibrate_bench
 from zeromethod.cli.calibrate import calibrate_command
 from zeromethod.clock import Clock
 from zeromethod.devices.protocols import CameraTimeout, Frame
-from zeromethod.errors import InputError
-from zeromethod.rig.load import load_rig
 
 BOARD, OTHER = "9x7:8:6", NoView.OTHER_BOARD
 HELD, VIEWS = 3, 6

@@ -4,10 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from zeromethod import InputError, load_rig
 from zeromethod.cli.device_options import BenchOptions, with_devices, with_given
 from zeromethod.drivers.monitors import Monitor
-from zeromethod.errors import InputError
-from zeromethod.rig.load import load_rig
 
 RIG = load_rig("simulated")
 MONITORS = (

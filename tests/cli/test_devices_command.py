@@ -19,10 +19,9 @@ from small_rigs import BENCH_160, small_rig_file
 from two_monitors import TwoMonitors, missing
 from two_monitors import start as start_desktop
 
+from zeromethod import Rig, load_rig
 from zeromethod.drivers.listing import Found, Listing, Missing
 from zeromethod.drivers.monitors import Monitor
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 from zeromethod.rig.save import save_values
 
 MONITORS = (

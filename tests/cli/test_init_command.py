@@ -9,10 +9,9 @@ import pytest
 from click.testing import Result
 from commands import assert_refused, typed
 
+from zeromethod import Optics, load_rig
 from zeromethod.calibration import PARAMETERS, Priors, describe
 from zeromethod.cli.init import init_command
-from zeromethod.optics import Optics
-from zeromethod.rig.load import load_rig
 
 
 def init(*arguments: object, answers: str | None = None) -> Result:

@@ -9,8 +9,7 @@ from command_line import run
 from recorded_run import recorded
 
 from benchmarks.against_peers.open_loop import coarser
-from zeromethod.recording.recording import Recording
-from zeromethod.rig.load import load_rig
+from zeromethod import Recording, load_rig
 
 
 @pytest.fixture(scope="module")

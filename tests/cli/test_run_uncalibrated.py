@@ -9,9 +9,8 @@ from click.testing import Result
 from commands import typed
 from commissioning.calibration import planted
 
+from zeromethod import Recording, State
 from zeromethod.cli.run import run_command
-from zeromethod.loop.state import State
-from zeromethod.recording.recording import Recording
 
 
 @pytest.fixture(scope="module")

@@ -3,11 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
+from zeromethod import Rig, binned, load_rig, open_devices
 from zeromethod.commissioning.setting_up import SettingUp, Sight
-from zeromethod.devices.opening import open_devices
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 
 
 def coarse(rig: Rig, camera: int = 8, lcd: int = 4) -> Rig:

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 from small_rigs import SMALL_LCD, with_tables
 
+from zeromethod import MeasurementError, Rig, check_bench, open_devices
 from zeromethod.commissioning.daily_check import check
-from zeromethod.commissioning.daily_check.check import check_bench
 from zeromethod.commissioning.daily_check.findings import DailyCheck, Finding, Fitness, Subject
 from zeromethod.commissioning.daily_check.log import COLUMNS, append_check, log_of
 from zeromethod.commissioning.daily_check.rest import depth_percent_per_px
-from zeromethod.devices.opening import open_devices
-from zeromethod.errors import MeasurementError
-from zeromethod.rig.model import Rig
 
 from .calibration.planted import Hand, nominal
 from .setting_up_benches import changed

@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from zeromethod import MeasurementError, Rig, open_devices
 from zeromethod.commissioning.delay import LEAST_FRAMES, DelayResult, measure_delay
-from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost, Frame
-from zeromethod.errors import MeasurementError
-from zeromethod.rig.model import Rig
 
 from .setting_up_benches import RIG, Altered, failing, planted
 

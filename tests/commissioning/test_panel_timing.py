@@ -2,11 +2,9 @@
 
 import pytest
 
+from zeromethod import MeasurementError, Rig, open_devices
 from zeromethod.calibration.panel_timing import StepTiming
 from zeromethod.commissioning.panel_timing import measure_panel_timing
-from zeromethod.devices.opening import open_devices
-from zeromethod.errors import MeasurementError
-from zeromethod.rig.model import Rig
 
 from .setting_up_benches import RIG, planted
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from zeromethod import Rig, open_devices
 from zeromethod.commissioning.patterns import SettledPatterns, TimedPatterns, uniform_pattern
-from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import Frame
-from zeromethod.rig.model import Rig
 
 from .setting_up_benches import SMALL_RIG, Altered
 

@@ -7,16 +7,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from zeromethod import MeasurementError, Optics, load_rig, open_devices
 from zeromethod.calibration.panel_faults import Fault
 from zeromethod.commissioning.patterns import TimedPatterns
 from zeromethod.commissioning.response import PICTURES, LightResult, measure_light
-from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
-from zeromethod.errors import MeasurementError
-from zeromethod.optics import Optics
 from zeromethod.pattern import PatternRenderer, Response, Target
 from zeromethod.resources import resource
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 from zeromethod.warp.rest import Rest
 

@@ -7,11 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
+from zeromethod import Devices, MeasurementError, open_devices
 from zeromethod.commissioning.advice import GOOD
 from zeromethod.commissioning.setting_up import Flicker, SettingUp, Sight
-from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost, Frame
-from zeromethod.errors import MeasurementError
 
 from .setting_up_benches import RIG, Altered, look, planted
 

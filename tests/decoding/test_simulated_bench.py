@@ -3,15 +3,13 @@
 import numpy as np
 import pytest
 
+from zeromethod import Optics, Rig, load_rig
 from zeromethod.decoding import Reason
 from zeromethod.decoding.fringes import FringeSequence, equal_shifts
 from zeromethod.decoding.measuring import RestMeasurement, measure_rest
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.periods import choose_periods
-from zeromethod.optics import Optics
 from zeromethod.pattern import Response
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Piece

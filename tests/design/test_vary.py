@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
+from zeromethod import InputError, Optics
 from zeromethod.design import Variation, curves, varied
 from zeromethod.design.tir import incidence_deg
 from zeromethod.design.vary import smallest_total_angle
-from zeromethod.errors import InputError
-from zeromethod.optics import Optics
 
 from .design_benches import GAP, small, telecentric
 

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.rigs import small_rig
+from zeromethod import Rig, Session, open_devices
 from zeromethod.clock import SimulatedClock
 from zeromethod.devices import abilities
-from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import PollingDisplay, ScriptedCamera, TruthfulCamera
-from zeromethod.rig.model import Rig
-from zeromethod.session.session import Session
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.press import Mirror
 

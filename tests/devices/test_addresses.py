@@ -1,8 +1,7 @@
 import pytest
 
+from zeromethod import InputError, load_rig
 from zeromethod.devices.addresses import camera_driver, with_camera
-from zeromethod.errors import InputError
-from zeromethod.rig.load import load_rig
 
 RIG = load_rig("simulated")
 

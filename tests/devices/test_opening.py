@@ -3,13 +3,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from zeromethod import InputError, binned, load_rig
 from zeromethod.clock import HostClock, SimulatedClock
 from zeromethod.devices import opening
 from zeromethod.devices.opening import load_driver, open_devices
 from zeromethod.devices.protocols import CameraLost, Frame
-from zeromethod.errors import InputError
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import CameraSpec, DisplaySpec, Rig
 
 RIG = binned(load_rig("simulated"), 8)

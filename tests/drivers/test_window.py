@@ -14,12 +14,11 @@ from hanging import PATIENCE_S, SOON_S, takes
 from numpy.typing import NDArray
 from two_monitors import TwoMonitors
 
+from zeromethod import InputError, NodeGrid
 from zeromethod.clock import SimulatedClock
 from zeromethod.devices.opening import load_driver
 from zeromethod.devices.protocols import DisplayLost, DrawingDisplay
-from zeromethod.errors import InputError
 from zeromethod.pattern import PatternRenderer, Response, Target
-from zeromethod.warp.grid import NodeGrid
 from zeromethod.worker import in_thread
 
 if TYPE_CHECKING:

@@ -9,11 +9,8 @@ import numpy as np
 import pytest
 from recorded_run import small_rig
 
-from zeromethod.loop.state import State
-from zeromethod.loop.step import Step
-from zeromethod.optics import Optics
+from zeromethod import Optics, Recording, State, Step
 from zeromethod.recording.recorder import Recorder
-from zeromethod.recording.recording import Recording
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Anchor, Peak, Surface
 from zeromethod.warp.rest import Rest

@@ -8,10 +8,9 @@ import h5py
 import numpy as np
 import pytest
 
-from zeromethod.errors import InputError
+from zeromethod import InputError, Recording
 from zeromethod.export import MESHES, SUFFIXES, Selection, prepare
 from zeromethod.recording import DamagedWarning
-from zeromethod.recording.recording import Recording
 
 STREAMED = [suffix for suffix, form in SUFFIXES.items() if form in {"npz", "tiff", "mcap", "mp4"}]
 

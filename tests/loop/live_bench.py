@@ -11,10 +11,7 @@ import pytest
 from hanging import PATIENCE_S
 from live_devices import Eye, Window, small_rig
 
-from zeromethod.devices.opening import Devices, open_devices
-from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import State
-from zeromethod.loop.step import Step
+from zeromethod import Devices, Loop, State, Step, open_devices
 
 GOOD = {State.LOCKED, State.RESTING}
 TIMEOUT_S = small_rig().control.timeout_s

@@ -12,13 +12,11 @@ import moderngl
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from zeromethod import Optics, binned, load_rig
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Frame
 from zeromethod.gl import create_context
-from zeromethod.optics import Optics
-from zeromethod.rig.binning import binned
 from zeromethod.rig.geometry import GeometrySpec
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import DisplaySpec, Rig
 
 KEPT = 8

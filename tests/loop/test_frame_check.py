@@ -4,11 +4,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from zeromethod import Event, binned, load_rig
 from zeromethod.devices.protocols import Frame
-from zeromethod.loop.events import Event
 from zeromethod.loop.frame_check import FrameCheck
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import CameraSpec, Noise
 
 CAMERA = binned(load_rig("simulated"), 8).camera

@@ -8,9 +8,8 @@ import pytest
 from hanging import SOON_S
 from live_bench import bench, frozen, notes
 
+from zeromethod import Event, State
 from zeromethod.loop import drawing, frame_source
-from zeromethod.loop.events import Event
-from zeromethod.loop.state import State
 from zeromethod.session import reading
 
 AWAY_LCD_PX = (1.5, -0.75)

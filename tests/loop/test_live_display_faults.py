@@ -10,11 +10,9 @@ from hanging import SOON_S, eventually, raising, takes
 from live_bench import GOOD, bench, frozen, notes
 from live_devices import Window, small_rig
 
+from zeromethod import Event, Loop, State
 from zeromethod.clock import HostClock
 from zeromethod.devices.protocols import DisplayLost
-from zeromethod.loop.events import Event
-from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import State
 from zeromethod.rig.tables import ControlSpec
 
 

@@ -11,14 +11,10 @@ from hanging import PATIENCE_S, SOON_S, raising, takes
 from live_bench import GOOD, TIMEOUT_S, bench, both_times, frozen, notes
 from live_devices import Eye, small_rig
 
-from zeromethod.devices.opening import Devices, open_devices
+from zeromethod import Devices, Event, InputError, Loop, State, open_devices
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
-from zeromethod.errors import InputError
 from zeromethod.loop import display_watch, reopening
 from zeromethod.loop import loop as loop_module
-from zeromethod.loop.events import Event
-from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import State
 
 
 def test_a_camera_that_times_out_is_waited_for(either):

@@ -9,12 +9,8 @@ from hanging import raising
 from live_bench import GOOD
 
 from benchmarks.against_peers.open_loop import coarser
-from zeromethod.devices.opening import open_devices
-from zeromethod.loop.events import Event
-from zeromethod.loop.loop import Loop
+from zeromethod import Event, Loop, Step, load_rig, open_devices
 from zeromethod.loop.state import LOCK_RESIDUAL_PX, State
-from zeromethod.loop.step import Step
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Faults, Rig
 
 

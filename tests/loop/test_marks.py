@@ -9,12 +9,8 @@ import numpy as np
 import pytest
 from small_rigs import SMALL_LCD, quarter
 
-from zeromethod.devices.opening import open_devices
+from zeromethod import Event, InputError, Loop, State, open_devices
 from zeromethod.devices.protocols import Frame
-from zeromethod.errors import InputError
-from zeromethod.loop.events import Event
-from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import State
 from zeromethod.rig.model import Faults, Rig
 from zeromethod.simulation.bump import moved_share
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from zeromethod.errors import InputError
+from zeromethod import InputError, load_rig
 from zeromethod.optics import check_geometry
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Layer
 
 from .optics_shapes import small

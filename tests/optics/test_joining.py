@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from zeromethod.optics import Optics
-from zeromethod.rig.load import load_rig
+from zeromethod import Optics, load_rig
 from zeromethod.rig.model import Layer
 
 STACKS = {

@@ -5,14 +5,13 @@ import numpy as np
 import pytest
 from small_rigs import quarter
 
+from zeromethod import Measurement, Warp
 from zeromethod.passive.bend import blurred, speck_px2
-from zeromethod.passive.measure import Measurement
 from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.renderer import Piece
 from zeromethod.simulation.sensor import Sensor
-from zeromethod.warp.warp import Warp
 
 
 def read(dents: list[Dent], seeds: list[int]) -> list[tuple[float, float, float]]:

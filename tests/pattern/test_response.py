@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from zeromethod.errors import InputError
+from zeromethod import InputError, load_rig
 from zeromethod.pattern import Response
-from zeromethod.rig.load import load_rig
 
 
 @pytest.mark.parametrize("response", [Response(), Response(2.2), Response(1, (0.01, 0.1, 0.4, 0.9))])

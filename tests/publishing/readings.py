@@ -5,9 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.loop.events import Event
-from zeromethod.loop.state import State
-from zeromethod.loop.step import Step
+from zeromethod import Event, State, Step
 from zeromethod.surface import Anchor, Peak, Surface, peak
 from zeromethod.warp.warp import Role, Warp
 

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from zeromethod.loop.state import State
+from zeromethod import Peak, State
 from zeromethod.publishing import ContactEvent
 from zeromethod.publishing.message import encode
-from zeromethod.surface import Peak
 
 from .readings import a_step, decoded, dent
 

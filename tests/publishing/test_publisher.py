@@ -12,11 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from zeromethod import InputError, NodeGrid, State
 from zeromethod.clock import HostClock, SimulatedClock
-from zeromethod.errors import InputError
-from zeromethod.loop.state import State
 from zeromethod.publishing import Publisher
-from zeromethod.warp.grid import NodeGrid
 
 from .readings import TOPIC, a_step, decoded, dent
 

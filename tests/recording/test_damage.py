@@ -14,12 +14,9 @@ from hanging import eventually
 from planted_steps import a_step, read, recorder
 from recorded_run import sum_again
 
-from zeromethod.errors import InputError
-from zeromethod.loop.events import Event
-from zeromethod.loop.state import State
+from zeromethod import Event, InputError, Recording, State
 from zeromethod.recording import DamagedWarning
 from zeromethod.recording.damage import KINDS, damaged_words
-from zeromethod.recording.recording import Recording
 from zeromethod.recording.writing import FLUSH_S
 
 STEPS = 8

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from planted_steps import a_step, read, recorder
 
-from zeromethod.errors import InputError
+from zeromethod import InputError, Recording
 from zeromethod.recording import DamagedWarning
-from zeromethod.recording.recording import Recording
 
 STEPS = 3
 PER_DATASET = 2

@@ -18,11 +18,9 @@ from hanging import PATIENCE_S, SOON_S, eventually
 from planted_steps import a_step, bench, reading, recorder, sizes
 from processes import has_ended
 
+from zeromethod import Event, InputError, Recording
 from zeromethod.child_process import NICENESS
-from zeromethod.errors import InputError
-from zeromethod.loop.events import Event
 from zeromethod.recording import writing
-from zeromethod.recording.recording import Recording
 from zeromethod.recording.status import Condition, RecorderStatus
 
 RUN = """

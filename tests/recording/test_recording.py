@@ -13,14 +13,9 @@ import numpy as np
 import pytest
 from recorded_run import recorded, small_rig
 
-from zeromethod.errors import InputError
-from zeromethod.loop.loop import Loop
-from zeromethod.loop.step import Step
-from zeromethod.optics import Optics
+from zeromethod import InputError, Loop, Optics, Peak, Recording, Step, Surface, SurfaceReader
 from zeromethod.recording.opening import Refusal, RefusedRecording
-from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
-from zeromethod.surface import Peak, Surface, SurfaceReader
 
 
 @dataclass

@@ -2,9 +2,7 @@
 
 import pytest
 
-from zeromethod.errors import InputError
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
+from zeromethod import InputError, binned, load_rig
 
 
 def view(name: str, factor: int) -> list[float]:

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zeromethod.errors import InputError
-from zeromethod.rig.load import load_rig
+from zeromethod import InputError, load_rig
 from zeromethod.rig.model import CameraSpec, ControlSpec, Layer, Prism, Rig
 
 RIG = load_rig("simulated")

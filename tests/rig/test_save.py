@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zeromethod.errors import InputError
+from zeromethod import InputError, load_rig
 from zeromethod.resources import resource
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 
 SIMULATED = resource("calibration", "rigs", "simulated.toml")

@@ -16,15 +16,12 @@ from hanging import PATIENCE_S, SOON_S, eventually
 from live_devices import Eye, small_rig
 from rich.console import Console
 
-from zeromethod.devices.opening import open_devices
+from zeromethod import MeasurementError, Session, open_devices, summarise
 from zeromethod.devices.protocols import CameraLost, DisplayLost
-from zeromethod.errors import MeasurementError
 from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import StepFigures
 from zeromethod.session import surfaces as process
 from zeromethod.session.reading import CLOSING_S, StepReader
-from zeromethod.session.session import Session
-from zeromethod.session.summary import summarise
 from zeromethod.view.live import LiveStatus
 
 

@@ -15,11 +15,10 @@ from hanging import PATIENCE_S, eventually
 from processes import has_ended
 from surface_bench import Bench, Gauss, small_rig
 
+from zeromethod import InputError, SurfaceReader, peak
 from zeromethod.child_process import NICENESS
-from zeromethod.errors import InputError
 from zeromethod.session import surfaces as process_module
 from zeromethod.session.surfaces import ReadingLost, SurfaceProcess
-from zeromethod.surface import SurfaceReader, peak
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,7 @@ from typing import Any
 
 import pytest
 
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
+from zeromethod import Rig, binned, load_rig
 
 MakeRig = Callable[..., Rig]
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from small_rigs import BENCH_160
 
-from zeromethod.optics import Optics
-from zeromethod.rig.load import load_rig
+from zeromethod import Optics, load_rig
 from zeromethod.rig.model import Faults, Rig
 from zeromethod.simulation.bump import moved_rig, moved_share
 from zeromethod.simulation.gpu import GpuRenderer

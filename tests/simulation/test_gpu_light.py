@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 from small_rigs import quarter, with_tables
 
+from zeromethod import Rig, load_rig
 from zeromethod.gl import create_context
 from zeromethod.optics import Dented, Optics
 from zeromethod.pattern import Response
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu import GpuRenderer
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Dent, Mirror, Shape

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 from small_rigs import with_tables
 
+from zeromethod import NodeGrid, Optics, load_rig
 from zeromethod.gl import create_context
-from zeromethod.optics import Optics
 from zeromethod.pattern import Target
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Noise, Rig
 from zeromethod.sensing import ResidualSensor
 from zeromethod.simulation.gpu import GpuRenderer
@@ -20,7 +19,6 @@ from zeromethod.simulation.gpu_lens import LEAST_PSF_PX, before, lens_defines
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import BenchRenderer, Piece
-from zeromethod.warp.grid import NodeGrid
 
 COLUMNS, ROWS = 192, 128
 

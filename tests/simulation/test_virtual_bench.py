@@ -19,10 +19,8 @@ import two_monitors
 from hanging import PATIENCE_S, SOON_S, eventually
 from numpy.typing import NDArray
 
-from zeromethod.errors import InputError
+from zeromethod import InputError, binned, load_rig
 from zeromethod.resources import resource
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
 from zeromethod.rig.save import save_values
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Dent, Mirror, Shape

@@ -3,8 +3,7 @@
 import pytest
 from surface_bench import Bench, small_rig
 
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
+from zeromethod import binned, load_rig
 
 
 @pytest.fixture(scope="module")

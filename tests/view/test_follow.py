@@ -11,11 +11,7 @@ from hanging import eventually
 from recorded_run import recorded
 from rich.console import Console
 
-from zeromethod.errors import InputError
-from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import State
-from zeromethod.loop.step import Step
-from zeromethod.recording.recording import Recording
+from zeromethod import InputError, Loop, Recording, State, Step
 from zeromethod.view.follow import PERIOD_S, FollowDisplay, Glance, Tail, follow
 
 PATIENCE_S = 60.0

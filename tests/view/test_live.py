@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from zeromethod.loop.state import State
-from zeromethod.loop.step import Step
+from zeromethod import State, Step
 from zeromethod.view.live import LastingState, LiveStatus
 from zeromethod.warp.warp import Role, Warp
 

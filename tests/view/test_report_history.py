@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from report_page import add_row
 
-from zeromethod.loop.state import State
-from zeromethod.recording.recording import Recording
+from zeromethod import Recording, State
 from zeromethod.recording.schema import EVENTS, STATES
 from zeromethod.view.report_figures import thinned
 from zeromethod.view.report_history import Episode, Happening, episodes, happenings, merged, shares

@@ -6,20 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from zeromethod import InputError, NodeGrid, Rig, SurfaceReader, Warp, binned, peak
 from zeromethod.calibration import build, describe
-from zeromethod.errors import InputError
 from zeromethod.optics import Dented, Optics
-from zeromethod.rig.binning import binned
 from zeromethod.rig.load import load_rig, parse_rig, read_text
-from zeromethod.rig.model import Rig
 from zeromethod.rig.save import save_values
 from zeromethod.simulation.press import Dent, Mirror, Shape
-from zeromethod.surface import SurfaceReader, peak
-from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.rest_map import Reason, RestMap
 from zeromethod.warp.rest_pixels import RestGrid
-from zeromethod.warp.warp import Warp
 
 NOISE_PX = 0.03
 DEPTH_MM = 0.2

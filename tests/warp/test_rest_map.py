@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from decoding.planted import smooth_map
 
+from zeromethod import InputError, NodeGrid
 from zeromethod.decoding import Reason
-from zeromethod.errors import InputError
-from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_map import RestMap
 from zeromethod.warp.validity import Flag
 

@@ -3,16 +3,11 @@
 import numpy as np
 import pytest
 
+from zeromethod import NodeGrid, Rig, SurfaceReader, Warp, binned, load_rig, peak
 from zeromethod.optics import Dented, Optics
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Dent, Mirror, Shape
-from zeromethod.surface import SurfaceReader, peak
-from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.rest_pixels import RestGrid, rest_pixels
 from zeromethod.warp.validity import Flag
-from zeromethod.warp.warp import Warp
 
 PRESS = Mirror((Dent(Shape.GAUSSIAN, 37.0, 4.0, 0.2, 5.0),))
 

@@ -2,10 +2,8 @@
 
 import pytest
 
+from zeromethod import RestMeasurement, limit_threads, open_devices
 from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, evaluate, record
-from zeromethod.decoding.measuring import RestMeasurement
-from zeromethod.devices.opening import open_devices
-from zeromethod.thread_limits import limit_threads
 
 from .planted import Hand, nominal, truth
 

@@ -10,21 +10,16 @@ import numpy as np
 from crooked_bench import crooked
 from small_rigs import small_rig_file
 
+from zeromethod import Calibration, Devices, Rig, Warp, binned, load_rig
 from zeromethod.calibration import KnownPress, Presses, RestReading
 from zeromethod.clock import Clock
-from zeromethod.commissioning.calibration import Calibration
-from zeromethod.devices.opening import Devices
 from zeromethod.optics import Dented, Optics
-from zeromethod.rig.binning import binned
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.display import SimulatedDisplay
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Mirror, Shape
 from zeromethod.simulation.scenario import Scenario
 from zeromethod.warp.validity import Flag
-from zeromethod.warp.warp import Warp
 
 LATENCY_S = 0.02
 LEAD_S, MOVE_S, HOLD_S = 0.1, 0.05, 0.6

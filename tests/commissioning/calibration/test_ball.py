@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from zeromethod import Rig, open_devices
 from zeromethod.commissioning.calibration import Plan, Recorded, evaluate, recall, record, store_calibration
-from zeromethod.devices.opening import open_devices
-from zeromethod.rig.model import Rig
 from zeromethod.simulation.press import Shape
 
 from .planted import Hand, quarter, truth

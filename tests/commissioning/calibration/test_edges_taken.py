@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from zeromethod import RestMeasurement, Rig, open_devices
 from zeromethod.calibration import MirrorEdge
 from zeromethod.commissioning.calibration import Plan, Recorded, evaluate, record
 from zeromethod.commissioning.calibration.prompts import Silent
-from zeromethod.decoding.measuring import RestMeasurement
-from zeromethod.devices.opening import open_devices
-from zeromethod.rig.model import Rig
 
 from .planted import quarter, truth
 

@@ -10,15 +10,12 @@ from commissioning.setting_up_benches import Altered
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion
 
+from zeromethod import Optics, RestMeasurement, limit_threads, open_devices
 from zeromethod.commissioning.calibration import Calibration, Plan, Recorded, evaluate, record
 from zeromethod.commissioning.calibration.rest import rest_notes
 from zeromethod.commissioning.calibration.storing import document_of
 from zeromethod.decoding import Reason
-from zeromethod.decoding.measuring import RestMeasurement
-from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import Frame
-from zeromethod.optics import Optics
-from zeromethod.thread_limits import limit_threads
 
 from .planted import Hand, nominal, read_elsewhere, truth
 

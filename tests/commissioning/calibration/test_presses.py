@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
+from zeromethod import Warp, open_devices
 from zeromethod.commissioning.calibration.presses import Phase, PressesEndedError, PressWatch, record_presses
-from zeromethod.devices.opening import open_devices
-from zeromethod.warp.warp import Warp
 
 from .planted import Hand, nominal
 

@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 from crooked_bench import OFF
 
+from zeromethod import DelayResult, InputError, MeasurementError, Optics, open_devices
 from zeromethod.calibration import describe, judge
 from zeromethod.calibration.shortfall import Lack, Part
 from zeromethod.commissioning.calibration import Plan, evaluate, procedure, record
-from zeromethod.commissioning.delay import DelayResult
-from zeromethod.devices.opening import open_devices
-from zeromethod.errors import InputError, MeasurementError
-from zeromethod.optics import Optics
 
 from .conftest import DEPTHS_MM, PLACES_MM
 from .planted import LATENCY_S, nominal, quarter, read_elsewhere, truth

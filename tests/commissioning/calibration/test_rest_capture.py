@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from zeromethod import MeasurementError, open_devices
 from zeromethod.commissioning.calibration.rest import capture, decode, sequence_for
 from zeromethod.commissioning.calibration.settling import settle
 from zeromethod.commissioning.patterns import TimedPatterns
-from zeromethod.devices.opening import open_devices
 from zeromethod.devices.protocols import Frame
-from zeromethod.errors import MeasurementError
 
 from .planted import nominal
 

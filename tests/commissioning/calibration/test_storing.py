@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from zeromethod import MeasurementError, Peak, Rig, load_rig
 from zeromethod.calibration import Direct, MirrorEdge, Presses, describe
 from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import Stored, calibration_of, calibrations, load_arrays, newest
@@ -17,10 +18,6 @@ from zeromethod.commissioning.calibration import (
     recall,
     store_calibration,
 )
-from zeromethod.errors import MeasurementError
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
-from zeromethod.surface import Peak
 from zeromethod.view.calibration_figure import draw_calibration
 
 from . import planted

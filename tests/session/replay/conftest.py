@@ -10,12 +10,7 @@ import pytest
 from recorded_run import recorded
 
 from benchmarks.against_peers.open_loop import coarser
-from zeromethod.loop.loop import Loop
-from zeromethod.loop.step import Step
-from zeromethod.recording.recording import Recording
-from zeromethod.rig.load import load_rig
-from zeromethod.rig.model import Rig
-from zeromethod.surface import Peak, Surface
+from zeromethod import Loop, Peak, Recording, Rig, Step, Surface, load_rig
 
 PRESS = """
 [[press]]

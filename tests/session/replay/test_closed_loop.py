@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from recorded_run import recorded
 
-from zeromethod.errors import InputError
-from zeromethod.recording.recording import Recording
-from zeromethod.rig.load import load_rig
+from zeromethod import InputError, Recording, load_rig
 from zeromethod.session.replay.closed_loop import ClosedLoopReplay, recorded_track, simulated_bench
 from zeromethod.session.replay.comparison import figures_of
 from zeromethod.session.replay.from_frames import replay_from_frames

@@ -8,15 +8,10 @@ import pytest
 from recorded_run import recorded
 
 from benchmarks.against_peers.open_loop import coarser
+from zeromethod import InputError, Loop, Optics, Recording, load_rig, open_devices
 from zeromethod.clock import HostClock
-from zeromethod.devices.opening import open_devices
-from zeromethod.errors import InputError
-from zeromethod.loop.loop import Loop
-from zeromethod.optics import Optics
 from zeromethod.recording import DamagedWarning
 from zeromethod.recording.recorder import Recorder
-from zeromethod.recording.recording import Recording
-from zeromethod.rig.load import load_rig
 from zeromethod.session.replay.from_frames import replay_from_frames
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.window import Window

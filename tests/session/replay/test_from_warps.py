@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 from recorded_run import recorded
 
-from zeromethod.errors import InputError
-from zeromethod.optics import Optics
+from zeromethod import InputError, Optics, Recording, SurfaceReader, peak
 from zeromethod.recording import DamagedWarning
-from zeromethod.recording.recording import Recording
 from zeromethod.session.replay.differences import DepthDifferences
 from zeromethod.session.replay.from_warps import replay_from_warps
 from zeromethod.session.replay.settings import with_settings
 from zeromethod.session.replay.window import Window
-from zeromethod.surface import SurfaceReader, peak
 from zeromethod.view.replay_table import differences_table
 
 KNOWN_REST = "surface.known_rest=[{x_mm=[8.0, 20.0], y_mm=[-18.0, 18.0]}]"

@@ -2,8 +2,7 @@
 
 import pytest
 
-from zeromethod.errors import InputError
-from zeromethod.rig.load import load_rig
+from zeromethod import InputError, load_rig
 from zeromethod.session.replay.settings import with_settings
 
 
