@@ -1,5 +1,7 @@
 """A bench that stands otherwise than its rig file says, by about a caliper's sigma in everything."""
 
+from small_rigs import with_tables
+
 from zeromethod.calibration import build, describe
 from zeromethod.rig.model import Rig
 
@@ -25,4 +27,4 @@ def crooked(given: Rig) -> Rig:
     """The bench as it is, whose rig file says `given`."""
     middle = describe(given)
     rig = build(given, {name: middle[name] + off for name, off in OFF.items()})
-    return rig.model_copy(update={"display": rig.display.model_copy(update={"gamma": GAMMA})})
+    return with_tables(rig, display={"gamma": GAMMA})

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from small_rigs import with_tables
 
 from benchmarks.against_peers.open_loop import coarser
 from zeromethod import Loop, Optics, Peak, Rig, Step, Surface, SurfaceReader, load_rig, open_devices, peak
@@ -17,9 +18,7 @@ from zeromethod.recording.schema import KEEP, TABLES
 
 def small_rig(press: str = "step", seed: int = 0) -> Rig:
     """The packaged bench at a quarter of the pixels on each axis, of camera and LCD."""
-    rig = coarser(load_rig("simulated"), 4)
-    simulation = rig.simulation.model_copy(update={"seed": seed})
-    return rig.model_copy(update={"scenario": press, "simulation": simulation})
+    return with_tables(coarser(load_rig("simulated"), 4), scenario=press, simulation={"seed": seed})
 
 
 def sum_again(file: h5py.File) -> None:

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from small_rigs import quarter
 
-from zeromethod import binned, load_rig
+from zeromethod import load_rig
 from zeromethod.optics import Dented, Flat, Optics, Sphere
 from zeromethod.rig.model import Layer
 
@@ -12,8 +13,7 @@ U, V = np.array([159.5]), np.array([127.5])
 
 def bench(**parts):
     """Optics of the simulated rig at 320 x 256, each part updated by a dict."""
-    rig = binned(load_rig("simulated"), 4)
-    return Optics(rig.model_copy(update={k: getattr(rig, k).model_copy(update=v) for k, v in parts.items()}))
+    return Optics(quarter(**parts))
 
 
 class Slope:
@@ -199,10 +199,9 @@ def test_a_positive_radius_bulges_out_of_the_rubber():
 
 def test_layers_are_listed_from_the_rubber_outwards():
     """Of a plate and an air gap the last listed is the gap, which alone varies in front of a tilted panel."""
-    rig = binned(load_rig("simulated"), 4)
     plate, air = Layer(index=1.5, thickness_mm=2.0), Layer(index=1.0, thickness_mm=1.0)
-    display = rig.display.model_copy(update={"tilt_deg": (0.0, 1.0), "centre_mm": (20.0, 0.0)})
-    optics = Optics(rig.model_copy(update={"pattern_layers": (plate, air), "display": display}))
+    display = {"tilt_deg": (0.0, 1.0), "centre_mm": (20.0, 0.0)}
+    optics = Optics(quarter(pattern_layers=(plate, air), display=display))
     face, point = optics.prism.pattern_face, np.array([[38.0, 0.0, 0.0]])
     q = np.array([[1100.0, 539.5]])
     target = optics.lcd_to_world(q)

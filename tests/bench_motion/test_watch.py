@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_rigs import with_tables
 from surface_bench import Bench, Gauss, Several, Tail, small_rig
 
 from zeromethod import SurfaceReader, Warp
@@ -34,8 +35,7 @@ def bumped(
     rig: Rig, turned_deg: tuple[float, ...] = (0, 0, 0), slid_mm: tuple[float, ...] = (0, 0)
 ) -> Optics:
     faults = Faults(moved_at_frame=0, camera_turned_deg=turned_deg, display_slid_mm=slid_mm)  # type: ignore[arg-type]
-    simulation = rig.simulation.model_copy(update={"faults": faults})
-    return Optics(moved_rig(rig.model_copy(update={"simulation": simulation}), 1.0))
+    return Optics(moved_rig(with_tables(rig, simulation={"faults": faults}), 1.0))
 
 
 def seen(bench: Bench, dent: DepthField, noise: np.random.Generator, true: Optics | None = None) -> Warp:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from small_rigs import with_tables
 
 from benchmarks import calibration_study as study
 from zeromethod import NodeGrid, Optics, Rig, binned, load_rig
@@ -27,12 +28,9 @@ LCD_NOISE_PX, LIGHT = 0.05, 50.0
 
 def wide(focal_px: float = WIDE_FOCAL_PX) -> Rig:
     """The packaged bench by a lens that sees both edges, 160 x 128 px, on an LCD of half the resolution."""
-    rig = load_rig("simulated")
-    camera = rig.camera.model_copy(update={"focal_px": (focal_px, focal_px)})
-    lcd = rig.display.model_copy(update={"columns": 960, "rows": 540, "pitch_mm": 2 * rig.display.pitch_mm})
-    return binned(rig.model_copy(update={"camera": camera}), BINNING).model_copy(
-        update={"display": lcd, "scenario": "none"}
-    )
+    lcd = {"columns": 960, "rows": 540, "pitch_mm": 0.126}
+    camera = {"focal_px": (focal_px, focal_px)}
+    return binned(with_tables(load_rig("simulated"), camera=camera, display=lcd, scenario="none"), BINNING)
 
 
 def mesh(rig: Rig) -> tuple[np.ndarray, np.ndarray]:
@@ -151,7 +149,7 @@ def test_camera_on_its_side_finds_them_along_rows(drawn):
             "centre_px": (camera.rows - 1 - camera.centre_px[1], camera.centre_px[0]),
             "roll_deg": camera.roll_deg - 90.0,
         }
-        return rig.model_copy(update={"camera": camera.model_copy(update=update)})
+        return with_tables(rig, camera=update)
 
     bench, nominal = turned(upright), turned(wide())
     found = searched(nominal, measured(bench, mirror_light(bench), np.random.default_rng(8)))
@@ -199,8 +197,7 @@ def test_the_end_of_the_lcd_is_no_edge():
     x = mirror_point(optics, u, v)[..., 0]
     first = float(np.nanmin(lcd[(x > 0.5) & (x < 1.5), 0]))
     shifted = rig.display.centre_mm[0] + first * rig.display.pitch_mm
-    display = rig.display.model_copy(update={"centre_mm": (shifted, 0.0)})
-    short = rig.model_copy(update={"display": display})
+    short = with_tables(rig, display={"centre_mm": (shifted, 0.0)})
     found = searched(short, measured(short, mirror_light(short), np.random.default_rng(11)))
     assert found[0].found is NoEdge.LCD_ENDS
     assert isinstance(found[1].found, MirrorEdge)

@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+from small_rigs import with_tables
 
 from zeromethod import Rig, load_rig
 from zeromethod.calibration.fingerprint import WORDS, check, take_fingerprint
@@ -18,8 +19,7 @@ class Display:
 
 
 def changed(table: str, **values: Any) -> Rig:
-    rig = load_rig("simulated")
-    return rig.model_copy(update={table: getattr(rig, table).model_copy(update=values)})
+    return with_tables(load_rig("simulated"), **{table: values})
 
 
 @pytest.mark.parametrize(

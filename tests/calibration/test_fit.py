@@ -3,6 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_rigs import with_tables
 
 from zeromethod import InputError, MeasurementError, Rig
 from zeromethod.calibration import (
@@ -156,8 +157,6 @@ def test_a_press_without_depth_is_named(truth, reading, nominal):
 
 
 def test_a_rig_that_sees_nothing_is_named(positions, nominal):
-    blind = nominal.model_copy(
-        update={"camera": nominal.camera.model_copy(update={"position_mm": (0.0, 0.0, 50.0)})}
-    )
+    blind = with_tables(nominal, camera={"position_mm": (0.0, 0.0, 50.0)})
     with pytest.raises(MeasurementError, match="rest map"):
         fit(Priors.of(blind), [positions])

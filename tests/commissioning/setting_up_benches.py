@@ -3,20 +3,17 @@
 from collections.abc import Callable
 from typing import Any
 
+from small_rigs import with_tables
+
 from zeromethod import Rig, binned, load_rig, open_devices
 from zeromethod.commissioning.setting_up import SettingUp, Sight
 
 
 def coarse(rig: Rig, camera: int = 8, lcd: int = 4) -> Rig:
     """The same bench with fewer pixels on each axis, of camera and LCD, by these factors: quick."""
-    display = rig.display
-    values = {
-        "columns": display.columns // lcd,
-        "rows": display.rows // lcd,
-        "pitch_mm": lcd * display.pitch_mm,
-    }
-    small = {"display": display.model_copy(update=values), "scenario": "none"}
-    return binned(rig, camera).model_copy(update=small)
+    of_lcd = rig.display
+    small = {"columns": of_lcd.columns // lcd, "rows": of_lcd.rows // lcd, "pitch_mm": lcd * of_lcd.pitch_mm}
+    return with_tables(binned(rig, camera), display=small, scenario="none")
 
 
 RIG = coarse(load_rig("simulated"))
@@ -26,16 +23,9 @@ SMALL_RIG = coarse(load_rig("simulated"), 16, 8)
 """The same bench with 80 x 64 camera px."""
 
 
-def changed(rig: Rig, **tables: dict[str, Any]) -> Rig:
-    """Rig with other values in its tables."""
-    return rig.model_copy(
-        update={name: getattr(rig, name).model_copy(update=values) for name, values in tables.items()}
-    )
-
-
 def planted(**tables: dict[str, Any]) -> Rig:
     """The bench as it truly stands: tables of `RIG` with other values."""
-    return changed(RIG, **tables)
+    return with_tables(RIG, **tables)
 
 
 def look(truth: Rig, seconds: float = 0.01, with_lcd: bool = True) -> Sight:

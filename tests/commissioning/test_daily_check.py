@@ -15,7 +15,6 @@ from zeromethod.commissioning.daily_check.log import COLUMNS, append_check, log_
 from zeromethod.commissioning.daily_check.rest import depth_percent_per_px
 
 from .calibration.planted import Hand, nominal
-from .setting_up_benches import changed
 
 RIG = with_tables(nominal(), display=SMALL_LCD)
 MIDDLE_MM = (40.0, 0.0)
@@ -58,7 +57,7 @@ def test_a_bench_as_it_was_calibrated_is_good(untouched):
 
 def test_a_camera_that_turned_is_a_drift_with_its_false_depth():
     aim_mm = (RIG.camera.look_at_mm[0] + 0.02, *RIG.camera.look_at_mm[1:])
-    found = of(checked(changed(RIG, camera={"look_at_mm": aim_mm})), Subject.REST)
+    found = of(checked(with_tables(RIG, camera={"look_at_mm": aim_mm})), Subject.REST)
     assert found.fitness is Fitness.DRIFTED
     assert "re-zero" in found.words
     assert "camera turned sideways" in found.words
@@ -67,13 +66,13 @@ def test_a_camera_that_turned_is_a_drift_with_its_false_depth():
 def test_a_bench_that_moved_far_is_to_be_calibrated_again():
     centre_mm = (RIG.display.centre_mm[0] + 0.6, RIG.display.centre_mm[1])
     # on the finer LCD: the coarse one's picture is too dim there to be measured at all
-    found = checked(changed(nominal(), display={"centre_mm": centre_mm}), nominal())
+    found = checked(with_tables(nominal(), display={"centre_mm": centre_mm}), nominal())
     assert found.fitness is Fitness.RECALIBRATE
     assert found.worst.subject is Subject.REST
 
 
 def test_a_late_display_is_reported_with_its_delay():
-    found = of(checked(changed(RIG, display={"latency_s": 0.01})), Subject.DELAY)
+    found = of(checked(with_tables(RIG, display={"latency_s": 0.01})), Subject.DELAY)
     assert found.fitness is Fitness.DRIFTED
     # bar: what the delay's own test allows, a hundredth of a frame
     assert found.figures["delay_change_ms"] == pytest.approx(10.0, abs=0.17)
@@ -87,7 +86,7 @@ def test_a_press_that_reads_wrong_asks_for_a_calibration():
 
 
 def test_a_dark_bench_is_not_fit_to_measure():
-    dark = changed(RIG, simulation={"peak_grey_share": 0.05})
+    dark = with_tables(RIG, simulation={"peak_grey_share": 0.05})
     assert of(checked(dark), Subject.LIGHT).fitness is Fitness.UNFIT
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from small_rigs import with_tables
 
 from zeromethod import MeasurementError, Optics, load_rig, open_devices
 from zeromethod.calibration.panel_faults import Fault
@@ -17,7 +18,7 @@ from zeromethod.resources import resource
 from zeromethod.rig.save import save_values
 from zeromethod.warp.rest import Rest
 
-from .setting_up_benches import SMALL_RIG, Altered, changed, failing
+from .setting_up_benches import SMALL_RIG, Altered, failing
 
 Float = NDArray[np.float64]
 
@@ -31,8 +32,8 @@ BELIEVED = SMALL_RIG
 NOISE = BELIEVED.camera.noise.model_copy(
     update={"read_grey": 1.6, "electrons_per_grey": 25.0, "black_grey": BLACK}
 )
-TRUTH = changed(BELIEVED, display={"gamma": GAMMA, "latency_s": 0.02}, camera={"noise": NOISE})
-RIG = changed(BELIEVED, display={"latency_s": 0.02})
+TRUTH = with_tables(BELIEVED, display={"gamma": GAMMA, "latency_s": 0.02}, camera={"noise": NOISE})
+RIG = with_tables(BELIEVED, display={"latency_s": 0.02})
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +61,7 @@ def test_planted_gamma_comes_back_with_its_sigma(result):
 
 def test_a_response_that_differs_over_the_panel_is_measured_and_drawn_away():
     planted = ((0.8, 1.0), (1.0, 1.2))
-    truth = changed(TRUTH, display={"response_exponent": planted})
+    truth = with_tables(TRUTH, display={"response_exponent": planted})
     with open_devices(truth) as devices:
         found = measure_light(RIG, devices)
     assert found.exponent is not None
@@ -165,7 +166,7 @@ def test_a_dimming_and_flickering_backlight_is_named_with_what_to_do():
 
 
 def test_a_panel_far_slower_than_its_rig_file_says_is_waited_for():
-    with open_devices(changed(TRUTH, display={"rise_s": 0.1})) as devices:
+    with open_devices(with_tables(TRUTH, display={"rise_s": 0.1})) as devices:
         found = measure_light(RIG, devices)
     assert found.hold_s > 0.4  # 4.6 time constants of 46 ms, twice, and latency
     assert abs(found.response.whole.gamma - GAMMA) < 4 * found.response.whole.gamma_sigma
@@ -174,7 +175,7 @@ def test_a_panel_far_slower_than_its_rig_file_says_is_waited_for():
 
 @pytest.mark.parametrize("latency_s", [0.0, 0.05, 0.2])
 def test_frames_that_could_have_seen_the_picture_before_are_never_used(latency_s):
-    bench = changed(TRUTH, display={"latency_s": latency_s})
+    bench = with_tables(TRUTH, display={"latency_s": latency_s})
     with open_devices(bench) as devices:
         pictures = TimedPatterns(bench, devices, 0.0)
         means = []
@@ -189,7 +190,7 @@ def test_frames_that_could_have_seen_the_picture_before_are_never_used(latency_s
 
 
 def test_a_rig_file_that_knows_nothing_of_the_latency_is_saved_by_the_margin():
-    with open_devices(changed(TRUTH, display={"latency_s": 0.08})) as devices:
+    with open_devices(with_tables(TRUTH, display={"latency_s": 0.08})) as devices:
         pictures = TimedPatterns(BELIEVED, devices, 0.1)
         for code in (0, 255):
             frames = pictures.frames(np.full((135, 240), code, np.uint8), 1)
@@ -199,7 +200,7 @@ def test_a_rig_file_that_knows_nothing_of_the_latency_is_saved_by_the_margin():
 def test_a_camera_that_does_not_see_the_lcd_is_refused():
     faults = TRUTH.simulation.faults.model_copy(update={"light_off_frames": (0, 10_000)})
     with (
-        open_devices(changed(TRUTH, simulation={"faults": faults})) as devices,
+        open_devices(with_tables(TRUTH, simulation={"faults": faults})) as devices,
         pytest.raises(MeasurementError, match=r"^response: the white LCD is .* brighter than the black one"),
     ):
         measure_light(RIG, devices)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from small_rigs import with_tables
 
 from zeromethod import Optics, Rig, load_rig
 from zeromethod.decoding import Reason
@@ -23,12 +24,7 @@ def part_of_view(first_px: tuple[int, int], **simulation: float) -> Rig:
     rig = load_rig("virtual")
     centre = tuple(c - f for c, f in zip(rig.camera.centre_px, first_px, strict=True))
     size = {"columns": SHAPE[1], "rows": SHAPE[0], "centre_px": centre}
-    return rig.model_copy(
-        update={
-            "camera": rig.camera.model_copy(update=size),
-            "simulation": rig.simulation.model_copy(update=simulation),
-        }
-    )
+    return with_tables(rig, camera=size, simulation=simulation)
 
 
 def captured(rig: Rig, response: Response) -> RestMeasurement:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from small_rigs import with_tables
 
 from zeromethod.design import SampledView
 from zeromethod.design.resolution import footprint_mm, resolution
@@ -40,9 +41,7 @@ def test_rays_from_the_pupils_rim_to_one_lcd_point_span_the_footprint():
     points = []
     for sign in (1, -1):
         position = view.optics.camera.position + sign * 2.5 * view.optics.camera.u_axis
-        moved = rig.model_copy(
-            update={"camera": rig.camera.model_copy(update={"position_mm": tuple(position)})}
-        )
+        moved = with_tables(rig, camera={"position_mm": tuple(position)})
         u = view.u_px[j, i] + np.linspace(-8, 8, 65)
         v = np.full_like(u, view.v_px[j, i])
         trace = Optics(moved).trace(u, v, view.optics.rest)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hanging import raising
 from live_bench import GOOD
+from small_rigs import with_tables
 
 from benchmarks.against_peers.open_loop import coarser
 from zeromethod import Event, Loop, Step, load_rig, open_devices
@@ -57,9 +58,7 @@ def test_stopping_and_interrupting_leave_the_loop_stopped(simulated):
 
 
 def bench(press: str, factor: int = 4, **simulation: Any) -> Rig:
-    rig = coarser(load_rig("simulated"), factor)
-    changed = rig.simulation.model_copy(update=simulation)
-    return rig.model_copy(update={"scenario": press, "simulation": changed})
+    return with_tables(coarser(load_rig("simulated"), factor), scenario=press, simulation=simulation)
 
 
 def run(rig: Rig, frames: int) -> list[Step]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_rigs import SMALL_LCD, quarter
+from small_rigs import SMALL_LCD, quarter, with_tables
 
 from zeromethod import Event, InputError, Loop, State, open_devices
 from zeromethod.devices.protocols import Frame
@@ -24,19 +24,11 @@ GOOD = {State.LOCKED, State.RESTING}
 
 def wide(press: str, pan_px: float = 0.0, **surface: Any) -> Rig:
     """The small bench with a camera whose left 96 columns see no LCD, turned sideways at frame `BUMP`."""
-    bench = quarter(display=SMALL_LCD)
-    camera = bench.camera.model_copy(update={"columns": 440, "centre_px": (279.5, 127.5)})
-    assert camera.focal_px is not None
-    turn_deg = float(np.degrees(np.arctan(pan_px / camera.focal_px[0])))
+    bench = quarter(display=SMALL_LCD, camera={"columns": 440, "centre_px": (279.5, 127.5)}, scenario=press)
+    assert bench.camera.focal_px is not None
+    turn_deg = float(np.degrees(np.arctan(pan_px / bench.camera.focal_px[0])))
     faults = Faults(moved_at_frame=BUMP if pan_px else None, camera_turned_deg=(turn_deg, 0.0, 0.0))
-    return bench.model_copy(
-        update={
-            "camera": camera,
-            "surface": bench.surface.model_copy(update={"marks_px": MARKS, **surface}),
-            "simulation": bench.simulation.model_copy(update={"faults": faults}),
-            "scenario": press,
-        }
-    )
+    return with_tables(bench, surface={"marks_px": MARKS, **surface}, simulation={"faults": faults})
 
 
 class Marked:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from small_rigs import with_tables
 
 from zeromethod import Optics, load_rig
 from zeromethod.rig.model import Layer
@@ -20,9 +21,8 @@ STACKS = {
 
 @pytest.mark.parametrize("layers", STACKS.values(), ids=STACKS)
 def test_slopes_are_those_of_the_model(layers):
-    rig = load_rig("simulated")
-    tilted = rig.display.model_copy(update={"tilt_deg": (0.4, -0.3), "turn_deg": 2.0})
-    optics = Optics(rig.model_copy(update={"pattern_layers": layers, "display": tilted}))
+    tilted = {"tilt_deg": (0.4, -0.3), "turn_deg": 2.0}
+    optics = Optics(with_tables(load_rig("simulated"), pattern_layers=layers, display=tilted))
     generator = np.random.default_rng(0)
     count = 1000  # whole blocks and a part of one
     x, y = generator.uniform(5.0, 70.0, count), generator.uniform(-15.0, 15.0, count)

@@ -1,6 +1,7 @@
 """A binned rig is the same bench with larger pixels."""
 
 import pytest
+from small_rigs import with_tables
 
 from zeromethod import InputError, binned, load_rig
 
@@ -28,8 +29,7 @@ def test_binning_by_one_changes_nothing():
 
 def test_orthographic_pixels_grow():
     rig = load_rig("paper")
-    even = rig.model_copy(update={"camera": rig.camera.model_copy(update={"columns": 624})})
-    camera = binned(even, 2).camera
+    camera = binned(with_tables(rig, camera={"columns": 624}), 2).camera
     assert (camera.columns, camera.rows) == (312, 196)
     assert camera.pixel_mm == 0.2
     # the outer edge of the first column, in mm from the pixel that looks along the axis

@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from small_rigs import SMALL_LCD, quarter
+from small_rigs import SMALL_LCD, quarter, with_tables
 
 import zeromethod as zm
 from zeromethod.loop.events import Event
@@ -16,9 +16,8 @@ STEP_FRAME = 9  # of scenario "step"
 
 def rig(press: str, known: tuple[KnownRest, ...] = (), follow: bool = False, **faults: Any) -> Rig:
     planted = Faults(moved_at_frame=BUMP, camera_turned_deg=(0.021, 0.0, 0.0), **faults)
-    bench = quarter(display=SMALL_LCD, surface={"known_rest": known}, simulation={"faults": planted})
-    control = bench.control.model_copy(update={"follow_bench": follow})
-    return bench.model_copy(update={"scenario": press, "control": control})
+    tables = {"surface": {"known_rest": known}, "simulation": {"faults": planted}}
+    return quarter(display=SMALL_LCD, scenario=press, control={"follow_bench": follow}, **tables)
 
 
 @pytest.mark.parametrize("known", [(), BOTH_SIDES])
@@ -56,10 +55,7 @@ def test_followed_the_readings_go_on():
 
 def test_a_rim_that_is_not_at_rest_is_named():
     in_the_middle = (KnownRest(x_mm=(36.0, 44.0), y_mm=(-5.0, 5.0)),)
-    still = Faults()
-    bench = rig("step", in_the_middle)
-    bench = bench.model_copy(update={"simulation": bench.simulation.model_copy(update={"faults": still})})
-    with zm.Session(bench) as session:
+    with zm.Session(with_tables(rig("step", in_the_middle), simulation={"faults": Faults()})) as session:
         steps = list(session.run(frames=30))
     assert steps[-1].state is zm.State.MOVED
     assert "or the rim is not at rest" in steps[-1].reason

@@ -2,6 +2,7 @@
 
 import pytest
 from recorded_run import small_rig
+from small_rigs import with_tables
 
 from zeromethod.errors import MeasurementError
 from zeromethod.session import speed
@@ -42,8 +43,7 @@ def test_recording_counts_whole_frames_and_leaves_no_file(tmp_path):
 
 
 def test_a_bench_without_light_is_not_timed(tmp_path):
-    rig = small_rig()
-    dark = rig.model_copy(update={"simulation": rig.simulation.model_copy(update={"peak_grey_share": 1e-6})})
+    dark = with_tables(small_rig(), simulation={"peak_grey_share": 1e-6})
     with pytest.raises(MeasurementError, match="was not measured"):
         measure_speed(dark, tmp_path, lambda _: None)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small_rigs import BENCH_160
+from small_rigs import BENCH_160, with_tables
 
 from zeromethod import Optics, load_rig
 from zeromethod.rig.model import Faults, Rig
@@ -17,8 +17,7 @@ def rig() -> Rig:
     faults = Faults(
         moved_at_frame=10, moved_over_frames=3, camera_turned_deg=(0.1, 0.0, 0.0), display_slid_mm=(0.5, 0.2)
     )
-    rig = load_rig("simulated").replace(BENCH_160)
-    return rig.model_copy(update={"simulation": rig.simulation.model_copy(update={"faults": faults})})
+    return with_tables(load_rig("simulated").replace(BENCH_160), simulation={"faults": faults})
 
 
 def test_it_comes_evenly_over_its_frames_and_stays(rig):

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from small_rigs import with_tables
 
 from zeromethod.errors import InputError
 from zeromethod.optics import Dented, Lost, Optics
@@ -87,9 +88,8 @@ def test_what_touches_takes_the_light_inside_its_contact(make_rig):
 
 
 def test_below_total_reflection_the_light_is_fresnels_share(make_rig):
-    rig = make_rig(display=FULL)
-    prism = rig.prism.model_copy(update={"index": 1.30})  # critical angle 50.3 deg: half the view is below
-    rig = rig.model_copy(update={"prism": prism})
+    # critical angle 50.3 deg: half the view is below
+    rig = with_tables(make_rig(display=FULL), prism={"index": 1.30})
     v, u = np.mgrid[0 : rig.camera.rows, 0 : rig.camera.columns].astype(float)
     optics = Optics(rig)
     trace = optics.trace(u, v, optics.rest)

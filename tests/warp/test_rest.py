@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_rigs import with_tables
 
 from zeromethod import InputError, NodeGrid, Rig, SurfaceReader, Warp, binned, peak
 from zeromethod.calibration import build, describe
@@ -44,7 +45,7 @@ def rest_map(bench: Optics) -> RestMap:
 def with_map(rig: Rig, rest_map: RestMap, path: Path) -> tuple[Rig, Rest]:
     """The rig with a rest map, and its warp at rest."""
     rest_map.save(path)
-    rig = rig.model_copy(update={"camera": rig.camera.model_copy(update={"rest_map": path})})
+    rig = with_tables(rig, camera={"rest_map": path})
     return rig, Rest.of(rig, Optics(rig))
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from small_rigs import with_tables
 
 from zeromethod import NodeGrid, Rig, SurfaceReader, Warp, binned, load_rig, peak
 from zeromethod.optics import Dented, Optics
@@ -21,7 +22,7 @@ def believed() -> Rig:
 def true(believed: Rig) -> Optics:
     # 2 % at the corner, 0.09 of the focal length from the middle, and an optical centre off by some px
     changes = {"distortion": (2.4, 0.0, 1e-3, 0.0, 0.0), "centre_px": (163.0, 125.0)}
-    return Optics(believed.model_copy(update={"camera": believed.camera.model_copy(update=changes)}))
+    return Optics(with_tables(believed, camera=changes))
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ from pathlib import Path
 import h5py
 import pytest
 from recorded_run import recorded
+from small_rigs import with_tables
 
 from benchmarks.against_peers.open_loop import coarser
 from zeromethod import Loop, Peak, Recording, Rig, Step, Surface, load_rig
@@ -40,8 +41,7 @@ class Session:
 
 def small(**simulation: object) -> Rig:
     """The packaged bench with 8 times larger pixels of camera and LCD."""
-    rig = coarser(load_rig("simulated"), 8)
-    return rig.model_copy(update={"simulation": rig.simulation.model_copy(update=simulation)})
+    return with_tables(coarser(load_rig("simulated"), 8), simulation=simulation)
 
 
 @pytest.fixture(scope="session")

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recorded_run import recorded
+from small_rigs import with_tables
 
 from benchmarks.against_peers.open_loop import coarser
 from zeromethod import InputError, Loop, Optics, Recording, load_rig, open_devices
@@ -40,8 +41,7 @@ def test_frames_that_were_faulty_and_a_new_zero_are_gone_through_alike(session, 
     faults = session.rig.simulation.faults.model_copy(
         update={"repeat_frames": (12,), "drop_frames": (15, 16), "light_off_frames": (8, 9)}
     )
-    simulation = session.rig.simulation.model_copy(update={"faults": faults})
-    rig = session.rig.model_copy(update={"scenario": "none", "simulation": simulation})
+    rig = with_tables(session.rig, scenario="none", simulation={"faults": faults})
     zeros = []
 
     def on_step(loop: Loop, step: object) -> None:
@@ -65,8 +65,7 @@ def test_coded_strips_are_read_again(tmp_path):
 
 
 def test_a_session_in_real_time_is_gone_through_in_its_own_order(session, tmp_path):
-    simulation = session.rig.simulation.model_copy(update={"renderer": "numpy"})
-    rig = session.rig.model_copy(update={"simulation": simulation})
+    rig = with_tables(session.rig, simulation={"renderer": "numpy"})
     path, optics = tmp_path / "r.h5", Optics(rig)
     with (
         open_devices(rig, HostClock()) as devices,
