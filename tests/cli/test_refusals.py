@@ -38,7 +38,16 @@ CALIBRATE = "calibrate --rig simulated"
 BOARD = "calibrate board --output board.png --board 12x9:10"
 FRINGES = "calibrate fringes --periods 16,18 --shifts 6"
 LOOP_ONLY = "only with --mode closed-loop"
-HELPERS = {"__init__", "report", "rigs", "live_running", "memory_devices", "fringe_bench", "against_peers"}
+HELPERS = {
+    "__init__",
+    "report",
+    "rigs",
+    "dents",
+    "live_running",
+    "memory_devices",
+    "fringe_bench",
+    "against_peers",
+}
 BENCHMARKS = sorted({path.stem for path in Path(str(benchmarks.__file__)).parent.glob("*.py")} - HELPERS)
 
 REFUSALS = [

@@ -180,8 +180,8 @@ def _closing_slope(bench: _Bench, m: Float, w: Float) -> float:
         return float(d + (bench.length - l) * np.tan(theta))
 
     start = float(_first(bench, m[0], w[0], 0.0, None)[1])
-    try:
-        found = newton(missed, start, x1=start + 1e-4, tol=1e-12, maxiter=30)
-    except RuntimeError as error:
-        raise MeasurementError("lattice: no slope at P0 brings the series of rises to d = 0 at L0") from error
+    found, how = newton(missed, start, x1=start + 1e-4, tol=1e-12, maxiter=30, full_output=True, disp=False)
+    # Beyond a right angle tan repeats itself: what is found there is no slope of a surface.
+    if not (how.converged and abs(found) < np.pi / 2):
+        raise MeasurementError("lattice: no slope at P0 brings the series of rises to d = 0 at L0")
     return float(found)

@@ -214,7 +214,8 @@ class SlopeIntegrator:
         changed = share_changed(variance, self._variance, self.island, _KEEP_FACTOR) > _KEEP_SHARE
         if same and not changed:
             return self.island
-        typical = 2 * np.count_nonzero(self.island) / sum_on(1.0 / variance, self.island)
+        with np.errstate(divide="ignore"):  # off the island
+            typical = 2 * np.count_nonzero(self.island) / sum_on(1.0 / variance, self.island)
         relative = np.where(self.island[..., None], variance, 0.0) / typical
         if changed:
             self._variance = relative

@@ -16,6 +16,8 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, fill_in, share_changed
 
 _SAMPLES_PER_AXIS = 13
+_AROUND = np.array([-6, -4, -2, -1, 0, 1, 2, 4, 6])
+_BLURS = (3, 3), (15, 15)
 _SAMPLES_AROUND_HOLES = 48
 _BATCH = 32
 _KEEP_SHARE = 0.05
@@ -164,7 +166,7 @@ class DepthNoise:
         island = self._integrator.island.copy()
         noise = noise.on(island)
         linear = self._integrator.linear(x_mm, y_mm)
-        nodes = sample_nodes(island)
+        nodes = np.union1d(sample_nodes(island), _at_narrowest(power, island))
         variance = sampled_variance(linear, noise, nodes, weights)
         places = np.argwhere(np.ones(island.shape, bool)).astype(np.float64)
         # Nodes whose own depth is the anchor have none.
@@ -248,6 +250,24 @@ def sampled_variance(
         weights.reshape(len(part), -1)[np.arange(len(part)), part] += 1.0
         found.append(noise.variance_of(linear.slope_weights(weights, _SOLVED)))
     return np.concatenate(found) if found else np.zeros(0)
+
+
+def _at_narrowest(power: Float, island: Mask) -> NDArray[np.intp]:
+    """Flat numbers of island nodes where noise is most above that around: a narrow dent's bends do that."""
+    known = island.astype(np.float64)
+    near, wide = (
+        cv2.blur(np.where(island, power, 0.0), size) / np.maximum(cv2.blur(known, size), 1e-9)
+        for size in _BLURS
+    )
+    excess = np.where(island, near / np.maximum(wide, 1e-300), 0.0)
+    row, col = np.unravel_index(int(np.argmax(excess)), island.shape)
+    rows, cols = (
+        (at + _AROUND)[(at + _AROUND >= 0) & (at + _AROUND < n)]
+        for at, n in zip((row, col), island.shape, strict=True)
+    )
+    chosen = np.zeros(island.shape, bool)
+    chosen[np.ix_(rows, cols)] = True
+    return np.flatnonzero(chosen & island)
 
 
 def sample_nodes(island: Mask) -> NDArray[np.intp]:
