@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from zeromethod.cli.compiling import say
 from zeromethod.compiling import compile_ahead, kernels_of
 
 
@@ -13,5 +14,5 @@ def compile_command() -> None:
 
     It takes half a minute on two quiet cores, and nothing where all is compiled already.
     """
-    compile_ahead(kernels_of(), lambda words: click.echo(words, err=True))
+    compile_ahead(kernels_of(), say)
     click.echo("compiled: all that the commands are known to need")

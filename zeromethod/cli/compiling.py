@@ -7,10 +7,11 @@ import click
 from zeromethod.compiling import report_compiling
 
 
-def _say(words: str) -> None:
+def say(words: str) -> None:
+    """Say on standard error how far compiling is."""
     click.echo(words, err=True)
 
 
 def say_compiling() -> None:
     """Say on standard error, from now on, when something must be compiled."""
-    report_compiling(_say, ahead=True)
+    report_compiling(say, ahead=True)

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.far_field_laws import Nodes
 from zeromethod.surface.far_field_posterior import Prior, posterior
+from zeromethod.surface.node_passes import diagonal
 
 _NO_LAW = 2.0
 """Sigma over the bound where too few nodes are left for a law."""
@@ -75,8 +76,7 @@ def fit_far_field(
     seen, quiet = _evenly(island), _evenly(anchor)
     if len(seen[0]) < _LEAST_NODES or not range_mm > 0.0:
         return FarField(0.0, _NO_LAW * bound_mm)
-    diagonal_mm = float(np.hypot(np.ptp(x_mm[island]), np.ptp(y_mm[island])))
-    prior = Prior(range_mm, rest_mm, bound_mm, hidden_mm, diagonal_mm)
+    prior = Prior(range_mm, rest_mm, bound_mm, hidden_mm, diagonal(x_mm, y_mm, island))
     nodes, still = (
         Nodes(
             *(field[*at, axis] for field in (slope, variance, scale_gradient) for axis in (0, 1)),
