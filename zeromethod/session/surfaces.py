@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import pickle
 import subprocess
@@ -13,6 +14,7 @@ import traceback
 from collections.abc import Iterator
 from typing import Any
 
+from zeromethod.array_exchange import NONE, ArrayExchange, shared_memory
 from zeromethod.child_process import ignore_signals, lower_priority, start_process, take_output
 from zeromethod.compiling import report_compiling
 from zeromethod.optics import Optics
@@ -21,6 +23,9 @@ from zeromethod.surface import Peak, Surface, SurfaceReader, peak
 from zeromethod.thread_limits import limit_threads
 from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.warp import Warp
+
+_BYTES_PER_NODE = 400
+"""Shared memory: twice what the arrays of two surfaces take, as parts cut off are one of their own."""
 
 PATIENCE_S = 5.0
 """How long a reading may take before its process is given up; it takes some 20 ms."""
@@ -38,10 +43,18 @@ class SurfaceProcess:
         self._turn = threading.Lock()
         self._asked_s: float | None = None
         self._why = ""
+        memory = shared_memory("zeromethod surfaces", _BYTES_PER_NODE * math.prod(grid.shape))
+        self._exchange = ArrayExchange(memory)
+        shared: dict[str, Any] = {} if memory == NONE else {"pass_fds": (memory,)}
         try:
-            self._process = start_process(__name__, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+            self._process = start_process(
+                __name__, str(memory), stdin=subprocess.PIPE, stdout=subprocess.PIPE, **shared
+            )
         except OSError as error:
             raise ReadingLost(f"it does not start: {error.strerror}") from None
+        finally:
+            if memory != NONE:
+                os.close(memory)
         self._setting: tuple[Rig, NodeGrid] | None = rig, grid
 
     @property
@@ -70,12 +83,9 @@ class SurfaceProcess:
         assert given is not None
         assert answers is not None
         try:
-            if self._setting is not None:
-                pickle.dump(self._setting, given, pickle.HIGHEST_PROTOCOL)
-                self._setting = None
-            pickle.dump(warp, given, pickle.HIGHEST_PROTOCOL)
-            given.flush()
-            return pickle.load(answers)
+            self._exchange.send((self._setting, warp), given)
+            self._setting = None
+            return self._exchange.receive(answers)
         except (EOFError, OSError, ValueError, pickle.UnpicklingError):
             raise ReadingLost(self._why or self._end()) from None
 
@@ -163,32 +173,36 @@ class Surfaces:
         )
 
 
-def _serve() -> None:
+def _serve(exchange: ArrayExchange) -> None:
     requests = sys.stdin.buffer
     with take_output() as answers:
-        rig, grid = pickle.load(requests)
         reader: SurfaceReader | None = None
+        setting: Any = None
         while True:
-            warp = pickle.load(requests)
+            first, warp = exchange.receive(requests)
+            setting = first or setting
             answer: object
             try:
+                rig, grid = setting
                 reader = reader or SurfaceReader(rig, Optics(rig), grid)
                 surface = reader.follow(warp)
                 answer = surface, peak(surface)
             except Exception as error:
                 error.add_note(f"In the process that reads surfaces: {traceback.format_exc()}")
                 answer = error
-            pickle.dump(answer, answers, pickle.HIGHEST_PROTOCOL)
-            answers.flush()
+            exchange.send(answer, answers)
             lower_priority()  # not before the first one: the run waits for it
 
 
 def main() -> None:
-    """Settings, then warps come in at standard input, surfaces with their peaks go out at standard output."""
+    """Warps come in at standard input, surfaces with their peaks go out at standard output.
+
+    The first one comes with rig and grid. Argument: the file descriptor of the memory for their arrays.
+    """
     ignore_signals()
     limit_threads()
     report_compiling(lambda words: sys.stderr.writelines((words, "\n")))
     try:
-        _serve()
+        _serve(ArrayExchange(int(sys.argv[1])))
     except (EOFError, BrokenPipeError):
         os._exit(0)  # the run is over, and nobody listens
