@@ -30,16 +30,16 @@ _ROWS = 10
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _offsets(point: Float, q: Float, frame: Float, inner_mm: float, s: Float) -> None:
+def _offsets(point: Float, q: Float, part: slice, frame: Float, inner_mm: float, s: Float) -> None:
     """Into the block `s`: way to the LCD across the slabs' normal, thickness of the first and last slab."""
     ox, oy, oz = frame[0]
     cx, cy, cz = frame[1]
     rx, ry, rz = frame[2]
     nx, ny, nz = frame[3]
     ex, ey, ez = frame[4]
-    for i in range(point.shape[1]):
-        px, py, pz = point[0, i], point[1, i], point[2, i]
-        u, v = q[0, i], q[1, i]
+    (x_mm, y_mm, z_mm), (us, vs) = (point[0, part], point[1, part], point[2, part]), (q[0, part], q[1, part])
+    for i in range(len(us)):
+        px, py, pz, u, v = x_mm[i], y_mm[i], z_mm[i], us[i], vs[i]
         x, y, z = ox + u * cx + v * rx - px, oy + u * cy + v * ry - py, oz + u * cz + v * rz - pz
         along = x * nx + y * ny + z * nz
         rubber = (ex - px) * nx + (ey - py) * ny + (ez - pz) * nz
@@ -93,10 +93,10 @@ def _step(indices: Float, thicknesses: Float, size: int, s: Float) -> int:
         for i in range(size):
             t = s[row + i] if varies else thicknesses[k]
             w = s[_W + i]
-            square = a + b * w * w
-            part = t / np.sqrt(square)
+            per = 1.0 / np.sqrt(a + b * w * w)
+            part = t * per
             s[_VALUE + i] += part
-            s[_GAIN + i] += a * part / square
+            s[_GAIN + i] += a * part * per * per
     unsettled = 0
     for i in range(size):
         w = s[_W + i]
@@ -110,39 +110,72 @@ def _step(indices: Float, thicknesses: Float, size: int, s: Float) -> int:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _add_slopes(direction: Float, normal: Float, indices: Float, s: Float, slope: Float) -> None:
-    """Bisect rays and their ways on, which leave at tangents `_W`."""
+def _add_slopes(
+    direction: Float,
+    way: Float,
+    part: slice,
+    normal: Float,
+    indices: Float,
+    s: Float,
+    slope: Float,
+    rate: Float,
+) -> None:
+    """Bisect rays and their ways on, which leave at tangents `_W`; how that changes as the points move."""
     nx, ny, nz = normal
     least, first = indices.min(), indices[0]
     b = first * first - least * least
-    for i in range(direction.shape[1]):
-        w = s[_W + i] + s[_STEP + i]
-        scale = 1.0 / (first * np.sqrt(1.0 + w * w))
-        cosine = np.sqrt(first * first + b * w * w) * scale
-        shift = s[_SHIFT + i]
-        heading = least * w * scale / shift if shift > 0.0 else 0.0 * w
-        bx = direction[0, i] - heading * s[_X + i] - cosine * nx
-        by = direction[1, i] - heading * s[_Y + i] - cosine * ny
-        bz = direction[2, i] - heading * s[_Z + i] - cosine * nz
-        slope[0, i] += bx / bz
-        slope[1, i] += by / bz
+    to_x, to_y, to_z = direction[0, part], direction[1, part], direction[2, part]
+    way_x, way_y, way_z = way[0, part], way[1, part], way[2, part]
+    slope_x, slope_y, rate_x, rate_y = slope[0, part], slope[1, part], rate[0, part], rate[1, part]
+    for i in range(len(to_x)):
+        w, shift = s[_W + i] + s[_STEP + i], s[_SHIFT + i]
+        flat, bent = 1.0 / np.sqrt(1.0 + w * w), 1.0 / np.sqrt(first * first + b * w * w)
+        sine, cosine = least * w * flat / first, flat / (first * bent)
+        per = 1.0 / shift if shift > 0.0 else 0.0 * w
+        x, y, z = s[_X + i] * per, s[_Y + i] * per, s[_Z + i] * per
+        bx = to_x[i] - sine * x - cosine * nx
+        by = to_y[i] - sine * y - cosine * ny
+        bz = to_z[i] - sine * z - cosine * nz
+        slope_x[i] += bx / bz
+        slope_y[i] += by / bz
+        # a point that moves has a shorter way through the first slab, and another one across
+        mx, my, mz = way_x[i], way_y[i], way_z[i]
+        along = mx * nx + my * ny + mz * nz
+        mx, my, mz = mx - along * nx, my - along * ny, mz - along * nz
+        nearer = mx * x + my * y + mz * z
+        turn = (along * least * w * bent - nearer) / (least * s[_GAIN + i])
+        steeper, across = turn * least * flat * flat * flat / first, sine * per
+        shorter = steeper * sine / cosine
+        dx = steeper * x - across * (mx - nearer * x) - shorter * nx
+        dy = steeper * y - across * (my - nearer * y) - shorter * ny
+        dz = steeper * z - across * (mz - nearer * z) - shorter * nz
+        rate_x[i] += (bx / bz * dz - dx) / bz
+        rate_y[i] += (by / bz * dz - dy) / bz
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _slopes(
-    direction: Float, point: Float, q: Float, frame: Float, indices: Float, thicknesses: Float, slope: Float
+    direction: Float,
+    point: Float,
+    q: Float,
+    way: Float,
+    frame: Float,
+    indices: Float,
+    thicknesses: Float,
+    slope: Float,
+    rate: Float,
 ) -> None:
     s = np.empty(_ROWS * _BLOCK)
     inner_mm = thicknesses[1:-1].sum()
     for start in range(0, direction.shape[1], _BLOCK):
         part = slice(start, min(start + _BLOCK, direction.shape[1]))
         size = part.stop - part.start
-        _offsets(point[:, part], q[:, part], frame, inner_mm, s)
+        _offsets(point, q, part, frame, inner_mm, s)
         _begin(indices, thicknesses, size, s)
         for _ in range(_ITERATIONS):
             if _step(indices, thicknesses, size, s) == 0:
                 break
-        _add_slopes(direction[:, part], frame[3], indices, s, slope[:, part])
+        _add_slopes(direction, way, part, frame[3], indices, s, slope, rate)
 
 
 @dataclass(frozen=True)
@@ -166,9 +199,13 @@ class Joining:
         indices = np.array([*(n for n, _ in slabs), last_index])
         return cls(frame, indices, np.array([*(t for _, t in slabs), 0.0]))
 
-    def add_slope(self, direction: Float, point: Float, q: Float, slope: Float) -> None:
+    def add_slope(
+        self, direction: Float, point: Float, q: Float, way: Float, slope: Float, rate: Float
+    ) -> None:
         """Add to `slope` (2, n) the slope against z = const that sends rays on to LCD positions.
 
-        direction, point: (3, n) in the rubber and mm, q: (2, n) LCD px. NaN where no ray joins the two.
+        And to `rate` (2, n) what it changes by as the points move along their `way` (3, n). direction, point:
+        (3, n) in the rubber and mm, q: (2, n) LCD px. NaN where no ray joins the two.
         """
-        _slopes(direction, point, q, self.frame, self.indices, self.thicknesses_mm, slope)
+        slabs = self.frame, self.indices, self.thicknesses_mm
+        _slopes(direction, point, q, way, *slabs, slope, rate)

@@ -18,7 +18,15 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
-from zeromethod.surface.quiet import agreeing, block_slope, quiet_sums, quiet_weights
+from zeromethod.surface.quiet import (
+    agreeing,
+    mask,
+    over_noise,
+    quiet_sums,
+    quiet_weights,
+    shortest_interval,
+    squared,
+)
 from zeromethod.warp.overlap import shared_nodes
 
 _BLOCK_SHARE = 0.056
@@ -28,6 +36,10 @@ _RING_SHARE = 0.16
 _CORE_SHARE = 0.6
 """Share of the ring's weight that must agree on the constant: a smaller flat top is outvoted."""
 _MIN_NODES = 16
+_SAME_MM, _MOST_CHOICES = 5e-8, 8
+"""Change of the anchor's depth below which its nodes are the same, and how often they are chosen at most."""
+_LEAST_FALL, _MOST_FALL = 0.1, 2.0
+"""How fast what a choice is off falls with what was taken out of its slopes, at least and at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,51 +114,98 @@ def known_misfit(
     return replace(fit, sigma_mm=float(np.sqrt(max(off2, 0.0)))), elsewhere / reading.scale
 
 
-def fit_quiet(
-    slope: Float,
-    variance: Float,
-    depth_mm: Float,
-    scale: Float,
-    x_mm: Float,
-    y_mm: Float,
-    island: Mask,
-    correlation: Float,
-) -> RestFit:
-    """Weights of the quietest nodes in the border ring.
+class Quiet:
+    """The quietest nodes in the border ring of one reading."""
 
-    slope, variance: (rows, cols, 2) of depth's slope, rad and rad^2. depth_mm: any depth with that slope.
-    scale: h. correlation: of the noise of nodes 0, 1, 2, ... apart along one axis.
-    """
-    width = max(2, round(_RING_SHARE * min(island.shape)))
-    ring = island.copy()
-    ring[width:-width, width:-width] = False
-    if np.count_nonzero(ring) < _MIN_NODES:
-        ring = island
-    constant = depth_mm / scale
-    block = 2 * max(1, round(0.5 * _BLOCK_SHARE * min(island.shape))) + 1
-    averaging = mean_noise_gain(correlation, block) ** 2
-    slope2, noise2, ratio = block_slope(slope, variance, island, averaging, block)
-    # the largest nearby, as a dent's centre is flat too
-    nearby = np.asarray(cv2.dilate(slope2, np.ones((block, block), np.uint8)), np.float64)
-    weights, away, lever2, values, heavy = quiet_weights(
-        nearby, noise2, constant, scale, x_mm, y_mm, ring, island
-    )
-    agreeing(weights, constant, *_shortest_interval(values, heavy))
-    shared = shared_nodes(correlation)
-    # whether the slopes are more than noise
-    if not ratio > 1.0 + 5.0 * float(np.sqrt(shared / np.count_nonzero(island))):
-        return RestFit("quiet", weights, 0.0)
-    implied, own, seen, noise, squares = quiet_sums(
-        weights, away, lever2, scale, slope, variance, slope2, noise2
-    )
-    # Mean depth / h by the slope if depth decays as 1/r around the deepest node: depth A/r has radial slope
-    # -depth/r. Only the part above twice its noise counts; a field that decays faster is overestimated.
-    signed = np.sqrt(max(implied * implied - 4.0 * shared * own, 0.0))
-    blocks = 1.0 / squares / (block + len(correlation)) ** 2
-    # A bound without direction, for dents that fill the view, less the part that noise can cause.
-    hidden = noise * 3.0 * np.sqrt(2.0 / max(blocks, 1.0))
-    unsigned = np.sqrt(max(seen - noise - hidden, 0.0))
-    return RestFit("quiet", weights, float(max(signed, unsigned)), 0.0, float(np.sqrt(hidden)))
+    def __init__(
+        self,
+        slope: Float,
+        variance: Float,
+        gradient: Float,
+        constant_mm: Float,
+        scale: Float,
+        x_mm: Float,
+        y_mm: Float,
+        island: Mask,
+        correlation: Float,
+    ) -> None:
+        """slope, variance, gradient: (rows, cols, 2) of depth's slope, rad and rad^2, and of the scale h, 1/mm.
+
+        constant_mm: any depth with that slope, over h. correlation: of the noise of nodes 0, 1, 2, ... apart
+        along one axis.
+        """
+        self._slope, self._variance, self._gradient = slope, variance, gradient
+        self._constant, self._scale, self._island = constant_mm, scale, island
+        self._place, self._correlation = (x_mm, y_mm), correlation
+        width = max(2, round(_RING_SHARE * min(island.shape)))
+        ring = island.copy()
+        ring[width:-width, width:-width] = False
+        self._ring = ring if np.count_nonzero(ring) >= _MIN_NODES else island
+        self._block = 2 * max(1, round(0.5 * _BLOCK_SHARE * min(island.shape))) + 1
+        self._slopes, variances, self._gradients = (self._sums(one) for one in (slope, variance, gradient))
+        share = np.maximum(self._gradients[..., 2], 1.0 / self._block**2)
+        averaging = mean_noise_gain(correlation, self._block) ** 2
+        self._noise2 = (variances[..., 0] + variances[..., 1]) * averaging / share**2
+
+    def _sums(self, values: Float) -> Float:
+        """Means (rows, cols, n + 1) over blocks of values on the island, else 0; the last is its share."""
+        masked = np.empty((*self._island.shape, values.shape[2] + 1))
+        mask(values, self._island, masked)
+        size = self._block, self._block
+        return np.asarray(cv2.boxFilter(masked, -1, size, borderType=cv2.BORDER_CONSTANT), np.float64)
+
+    def fit(self, contained_mm: float, most: int = _MOST_CHOICES) -> tuple[RestFit, float]:
+        """Nodes chosen by their slopes less a multiple of the gradient, and their mean of depth / h.
+
+        contained_mm: multiple to begin with; then that mean, by secants, until it is the same.
+        """
+        step_mm = off_mm = 0.0
+        for k in range(most):
+            weights, *sums = self._choose(contained_mm)
+            at_mm = float(np.vdot(weights, self._constant))
+            before_mm, off_mm = off_mm, at_mm - contained_mm
+            if abs(off_mm) < _SAME_MM:
+                break
+            falls = min(max((before_mm - off_mm) / step_mm, _LEAST_FALL), _MOST_FALL) if k else 1.0
+            step_mm = off_mm / falls
+            contained_mm += step_mm
+        return self._bounded(at_mm, weights, *sums), at_mm
+
+    def _choose(self, contained_mm: float) -> tuple[Float, Float, Float, Float]:
+        """Weights (rows, cols), way from the deepest node, its square, and the squared slope around."""
+        slope2 = np.empty(self._island.shape)
+        squared(self._slopes, self._gradients, contained_mm, self._block, self._island, slope2)
+        # the largest nearby, as a dent's centre is flat too
+        nearby = np.asarray(cv2.dilate(slope2, np.ones((self._block, self._block), np.uint8)), np.float64)
+        weights, away, lever2, values, heavy = quiet_weights(
+            nearby, self._noise2, self._constant, self._scale, *self._place, self._ring, self._island
+        )
+        order = np.argsort(values)
+        agreeing(weights, self._constant, *shortest_interval(values[order], heavy[order], _CORE_SHARE))
+        return weights, away, lever2, slope2
+
+    def _bounded(
+        self, contained_mm: float, weights: Float, away: Float, lever2: Float, slope2: Float
+    ) -> RestFit:
+        """The fit with what depth its nodes may still have, if they have a mean of this."""
+        read = self._slope, self._gradient, contained_mm, self._variance
+        shared = shared_nodes(self._correlation)
+        # whether the slopes are more than noise
+        count = np.count_nonzero(self._island)
+        if not over_noise(*read, self._island) > 1.0 + 5.0 * float(np.sqrt(shared / count)):
+            return RestFit("quiet", weights, 0.0)
+        implied, own, seen, noise, squares = quiet_sums(
+            weights, away, lever2, self._scale, *read, slope2, self._noise2
+        )
+        # Mean depth / h by the slope if depth decays as 1/r around the deepest node: depth A/r has radial
+        # slope -depth/r. Only the part above twice its noise counts; a field that decays faster is
+        # overestimated.
+        signed = np.sqrt(max(implied * implied - 4.0 * shared * own, 0.0))
+        blocks = 1.0 / squares / (self._block + len(self._correlation)) ** 2
+        # A bound without direction, for dents that fill the view, less the part that noise can cause.
+        hidden = noise * 3.0 * np.sqrt(2.0 / max(blocks, 1.0))
+        unsigned = np.sqrt(max(seen - noise - hidden, 0.0))
+        return RestFit("quiet", weights, float(max(signed, unsigned)), 0.0, float(np.sqrt(hidden)))
 
 
 def mean_noise_gain(correlation: Float, count: int) -> float:
@@ -156,15 +215,3 @@ def mean_noise_gain(correlation: Float, count: int) -> float:
     rho[: min(count, len(correlation))] = correlation[:count]
     pairs = np.where(lags == 0, count, 2 * (count - lags))
     return float((pairs * rho).sum() / count**2)
-
-
-def _shortest_interval(values: Float, weights: Float) -> tuple[float, float]:
-    """Shortest interval that contains the core share of the weight."""
-    order = np.argsort(values)
-    values, total = values[order], np.cumsum(weights[order])
-    start = np.concatenate([[0.0], total[:-1]])
-    end = np.searchsorted(total, start + _CORE_SHARE * total[-1] * (1 - 1e-12))
-    fits = end < len(values)
-    first, last = np.flatnonzero(fits), end[fits]
-    best = int(np.argmin(values[last] - values[first]))
-    return float(values[first[best]]), float(values[last[best]])

@@ -14,32 +14,28 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
-from zeromethod.surface.anchor import RestFit, fit_known, fit_quiet, known_nodes
+from zeromethod.surface.anchor import Quiet, RestFit, fit_known, known_nodes
 from zeromethod.surface.far_field import FarField, fit_far_field
 
-_NEARLY_MM = 3e-4
-"""Change of depth below which nodes are chosen; then they are kept, so that the passes converge."""
-_FIXED_MM = 3e-7
-"""Step of a far field from which it is kept."""
-_SHARP_MM = 2e-6
-"""The same where its sigma is as small: choosing again changes a hundredth of either."""
+_AGAIN_MM = 1e-4
+"""Step of the constant above which it is found again: what is found depends on it by less than 1 in 2000."""
 _DOUBTFUL_MM = 1e-3
 """Sigma of the constant above which nodes may be chosen in several ways."""
 _FAR_MM = 0.02
 """Far field above which to take it out of the slopes to first order is too rough for choosing nodes."""
 _MOST_FITS = 6
+LOG=None
 
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """What one pass read, (rows, cols): depth as it began, and what depth / h lacks by its slopes."""
+    """What one pass read, (rows, cols): depth by slopes (..., 2) with their variance at points (..., 2 or 3)."""
 
     slope: Float
     variance: Float
     point: Float
     island: Mask
     depth: Float
-    error: Float
 
 
 class Anchors:
@@ -52,25 +48,24 @@ class Anchors:
         self._known_rest, self._correlation = known_rest, correlation
         self.scale, self._gradient = scale, scale_gradient
 
-    def nodes(self, read: Pass, contained_mm: float) -> RestFit:
-        """Nodes that count as at rest, with the bound of their depth / h.
+    def nodes(self, read: Pass, contained_mm: float, most: int = 8) -> tuple[RestFit, float]:
+        """Nodes that count as at rest, with the bound of their depth / h, and the mean of that.
 
-        contained_mm: multiple of h in the depth, which is taken out.
+        contained_mm: multiple of h in the depth, to begin with. most: times that quiet nodes are chosen.
         """
         x, y = read.point[..., 0], read.point[..., 1]
         known = known_nodes(self._known_rest, x, y) & read.island
+        ratio = read.depth / self.scale
         if known.any():
-            return fit_known(known, self.scale)
-        depth = read.depth + self.scale * read.error
-        slope = read.slope - contained_mm * self._gradient
-        return fit_quiet(slope, read.variance, depth, self.scale, x, y, read.island, self._correlation)
+            fit = fit_known(known, self.scale)
+            return fit, mean(fit.weights, ratio)
+        fields = read.slope, read.variance, self._gradient, ratio, self.scale, x, y, read.island
+        return Quiet(*fields, self._correlation).fit(contained_mm, most)
 
-    def far_field(self, nodes: RestFit, read: Pass, at_mm: float) -> FarField:
-        """Far field of a surface whose quiet `nodes` have a mean depth / h of `at_mm`."""
-        depth = read.depth + self.scale * read.error
-        depth += self.scale * (at_mm - mean(nodes.weights, depth / self.scale))
+    def far_field(self, nodes: RestFit, read: Pass) -> FarField:
+        """Far field of a surface with these quiet nodes."""
         x, y = read.point[..., 0], read.point[..., 1]
-        fields = (read.slope, read.variance, depth, self.scale, self._gradient, x, y, read.island)
+        fields = (read.slope, read.variance, read.depth, self.scale, self._gradient, x, y, read.island)
         return fit_far_field(*fields, nodes.weights, nodes.sigma_mm, nodes.hidden_mm)
 
 
@@ -81,50 +76,28 @@ class Anchoring:
         """weights: of nodes whose mean depth / h is kept until the anchor is chosen; None: chosen at once."""
         self._anchors, self._weights = anchors, weights
         self._fits = 0
-        self._chosen: RestFit | None = None
-        self._again = True
         self.fit: RestFit | None = None
         self.fixed = False
 
-    def constant(self, read: Pass) -> float:
-        """Multiple of h, mm, to add to a pass's depth and error."""
+    def shape(self, read: Pass, error: Float) -> Float:
+        """Step of depth (rows, cols), mm, by its error over h, that keeps the constant."""
         if self._weights is None:
-            self._weights = self._anchors.nodes(read, 0.0).weights
-        ratio = read.depth / self._anchors.scale
-        kept_mm = mean(self._weights, ratio)
-        if not self.fixed and (self._fits or self._moved_mm(read) < _NEARLY_MM):
-            self._choose(read)
-        to_mm = kept_mm if self.fit is None else self.fit.far_field_mm
-        return to_mm - mean(self._weights, ratio + read.error)
+            self._weights = self._anchors.nodes(read, 0.0, 1)[0].weights
+        return self._anchors.scale * (error - mean(self._weights, error)) * read.island
 
-    def _moved_mm(self, read: Pass) -> float:
-        """Largest change of depth by a pass whose constant is kept."""
-        assert self._weights is not None
-        off_mm = -mean(self._weights, read.error)
-        return largest(self._anchors.scale * (read.error + off_mm) * read.island)
-
-    def _choose(self, read: Pass) -> None:
-        """Choose nodes by this pass, and the far field once these have the constant of the ones before."""
-        assert self._weights is not None
+    def choose(self, read: Pass) -> float:
+        """Choose nodes and the far field; multiple of h to add to depth, mm."""
         self._fits += 1
-        ratio = read.depth / self._anchors.scale
-        chosen = self._chosen
-        if chosen is None or self._again:
-            before, made = self._weights, ratio + read.error
-            self._chosen = chosen = self._anchors.nodes(read, mean(before, ratio))
-            self._weights = chosen.weights
-            if self._fits == 1 and abs(mean(chosen.weights, made) - mean(before, made)) > _NEARLY_MM:
-                return
-        at_mm, fit = mean(chosen.weights, ratio), chosen
+        assert self._weights is not None
+        chosen, at_mm = self._anchors.nodes(read, mean(self._weights, read.depth / self._anchors.scale))
+        self._weights, fit = chosen.weights, chosen
         if chosen.hidden_mm > 0.0:
-            found = self._anchors.far_field(chosen, read, at_mm)
+            found = self._anchors.far_field(chosen, read)
             fit = replace(chosen, far_field_mm=at_mm - found.constant_mm, sigma_mm=found.sigma_mm)
-        step_mm = abs(fit.far_field_mm - at_mm)
-        fixed_mm = _SHARP_MM if fit.sigma_mm < _SHARP_MM else _FIXED_MM
-        moves = step_mm > (fixed_mm if chosen.hidden_mm else _NEARLY_MM)
-        self._again = moves and abs(fit.far_field_mm) < _FAR_MM
-        self.fixed = self._fits == _MOST_FITS or not moves
+        step_mm = fit.far_field_mm - at_mm
+        self.fixed = abs(step_mm) < _AGAIN_MM or self._fits == _MOST_FITS
         self.fit = fit
+        return step_mm
 
     @property
     def doubtful(self) -> bool:

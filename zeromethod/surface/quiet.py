@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numba
 import numpy as np
 
@@ -11,53 +10,51 @@ from zeromethod.surface.node_passes import deepest_node, diagonal
 
 _NEGLIGIBLE = 0.02
 """Share of the largest weight that is taken off all, down to 0."""
+_TIE = 0.1
+"""Length over the shortest interval's above which one counts nothing."""
 _WITHIN = 1.5
 """Lengths of the core's interval outside it at which weights have fallen to 0, from 1 one length before."""
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _masked(slope: Float, variance: Float, island: Mask, out: Float) -> float:
-    """Both slopes, both variances and 1 where there is a node; mean square of slope over its sigma."""
-    rows, cols = island.shape
-    total, count = 0.0, 0
-    for i in range(rows):
-        for j in range(cols):
-            if island[i, j]:
-                count += 1
-                out[i, j, 4] = 1.0
-                for axis in range(2):
-                    s, v = slope[i, j, axis], variance[i, j, axis]
-                    out[i, j, axis], out[i, j, 2 + axis] = s, v
-                    total += s * s / v
-            else:
-                out[i, j] = 0.0
-    return total / (2 * count)
+def mask(values: Float, nodes: Mask, out: Float) -> None:
+    """Values (rows, cols, n) on these nodes, else 0; the last plane of `out` (rows, cols, n + 1) counts them."""
+    last = values.shape[2]
+    for i in range(nodes.shape[0]):
+        for j in range(nodes.shape[1]):
+            for k in range(last):
+                out[i, j, k] = values[i, j, k] if nodes[i, j] else 0.0
+            out[i, j, last] = 1.0 if nodes[i, j] else 0.0
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _squares(mean: Float, island: Mask, block: int, averaging: float, slope2: Float, noise2: Float) -> None:
+def squared(slope: Float, gradient: Float, multiple: float, block: int, island: Mask, out: Float) -> None:
+    """Square of slope less a multiple of the gradient, both the sums (rows, cols, ...) over blocks; 0 elsewhere.
+
+    The last plane of `gradient` is the share of each block that has nodes.
+    """
     least = 1.0 / block**2
     for i in range(island.shape[0]):
         for j in range(island.shape[1]):
-            share = max(mean[i, j, 4], least)
-            sx, sy = mean[i, j, 0] / share, mean[i, j, 1] / share
-            slope2[i, j] = sx * sx + sy * sy if island[i, j] else 0.0
-            noise2[i, j] = (mean[i, j, 2] + mean[i, j, 3]) / share * averaging / share
+            total = 0.0
+            if island[i, j]:
+                for k in range(2):
+                    total += (slope[i, j, k] - multiple * gradient[i, j, k]) ** 2
+                total /= max(gradient[i, j, 2], least) ** 2
+            out[i, j] = total
 
 
-def block_slope(
-    slope: Float, variance: Float, island: Mask, averaging: float, block: int
-) -> tuple[Float, Float, float]:
-    """Squared slope (rows, cols) after averaging over a block, and the part of it due to noise.
-
-    averaging: variance of a block's mean over that of its nodes. And the mean square of slope over sigma.
-    """
-    fields = np.empty((*island.shape, 5))
-    ratio = _masked(slope, variance, island, fields)
-    mean = cv2.boxFilter(fields, -1, (block, block), borderType=cv2.BORDER_CONSTANT)
-    slope2, noise2 = np.empty(island.shape), np.empty(island.shape)
-    _squares(np.asarray(mean, np.float64), island, block, averaging, slope2, noise2)
-    return slope2, noise2, ratio
+@numba.njit(cache=True, error_model="numpy")
+def over_noise(slope: Float, gradient: Float, multiple: float, variance: Float, island: Mask) -> float:
+    """Mean square over sigma of both slopes, less a multiple of the gradient, all (rows, cols, 2)."""
+    total, count = 0.0, 0
+    for i in range(island.shape[0]):
+        for j in range(island.shape[1]):
+            if island[i, j]:
+                count += 1
+                for k in range(2):
+                    total += (slope[i, j, k] - multiple * gradient[i, j, k]) ** 2 / variance[i, j, k]
+    return total / (2 * count)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -102,6 +99,32 @@ def quiet_weights(
 
 
 @numba.njit(cache=True, error_model="numpy")
+def shortest_interval(values: Float, weights: Float, share: float) -> tuple[float, float]:
+    """Shortest interval of values, in order, that holds a share of the weight; mean of those about as short."""
+    first, last = np.empty(len(values)), np.empty(len(values))
+    total = weights.sum() * (1.0 - 1e-12)
+    end, inside, shortest, fits = 0, 0.0, np.inf, 0
+    for k in range(len(values)):
+        while end < len(values) and inside < share * total:
+            inside += weights[end]
+            end += 1
+        if inside < share * total:
+            break
+        fits += 1
+        first[k], last[k] = values[k], values[end - 1]
+        shortest = min(shortest, last[k] - first[k])
+        inside -= weights[k]
+    low = high = count = 0.0
+    for k in range(fits):
+        longer = last[k] - first[k] - shortest
+        # one among many that are about as short would change with the last digit
+        near = weights[k] * max(1.0 - longer / (_TIE * shortest), 0.0) if longer > 0.0 else weights[k]
+        if near > 0.0:
+            low, high, count = low + near * first[k], high + near * last[k], count + near
+    return low / count, high / count
+
+
+@numba.njit(cache=True, error_model="numpy")
 def agreeing(weights: Float, constant: Float, low: float, high: float) -> None:
     """Take weight from nodes outside an interval of the constant; then they add up to 1."""
     reach = high - low if high > low else 1.0
@@ -124,11 +147,13 @@ def quiet_sums(
     lever2: Float,
     scale: Float,
     slope: Float,
+    gradient: Float,
+    multiple: float,
     variance: Float,
     slope2: Float,
     noise2: Float,
 ) -> tuple[float, float, float, float, float]:
-    """Mean depth / h by the slope along `away`, its variance for nodes with noise of their own, mm^2.
+    """Mean depth / h by the slope along `away`, less a multiple of the gradient's, its variance for nodes with noise of their own, mm^2.
 
     And the weighted squares of slope and of its noise over the levers, mm^2; the sum of the squared weights.
     """
@@ -139,7 +164,7 @@ def quiet_sums(
             if w > 0.0:
                 for axis in range(2):
                     lever = w / scale[i, j] * away[axis, i, j]
-                    implied -= lever * slope[i, j, axis]
+                    implied -= lever * (slope[i, j, axis] - multiple * gradient[i, j, axis])
                     own += lever * lever * variance[i, j, axis]
                 bound2 = w * lever2[i, j] / scale[i, j] ** 2
                 seen += bound2 * slope2[i, j]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -12,6 +13,8 @@ from zeromethod.optics import Flat, Optics
 
 _STEPS = 20
 _SETTLED_MM = 1e-12
+_PROBE_MM = 1e-3
+"""Step along a ray by which the change of the rest surface's slope is found."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -21,6 +24,33 @@ def _go_on(start: Float, way: Float, by: Float, out: Float) -> None:
         for i in range(out.shape[1]):
             for j in range(out.shape[2]):
                 out[k, i, j] = start[k, i, j] + by[i, j] * way[k, i, j]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _move(by: Float, rate: Float, way: Float, slope: Float, point: Float) -> None:
+    """Change slopes (2, rows, cols) and points (3, ...) by `by` (rows, cols) times their rate and way."""
+    for i in range(by.shape[0]):
+        for j in range(by.shape[1]):
+            for k in range(2):
+                slope[k, i, j] += by[i, j] * rate[k, i, j]
+            for k in range(3):
+                point[k, i, j] += by[i, j] * way[k, i, j]
+
+
+class Look(NamedTuple):
+    """Slope of depth at points at some depth that look at LCD positions, and what both change by per mm of it.
+
+    slope, rate: (2, rows, cols) rad, rad/mm; point, way: (3, rows, cols) mm, 1. NaN where no ray joins the two.
+    """
+
+    slope: Float
+    rate: Float
+    point: Float
+    way: Float
+
+    def move(self, by_mm: Float) -> None:
+        """Add to the depths (rows, cols), to first order."""
+        _move(by_mm, self.rate, self.way, self.slope, self.point)
 
 
 class MirrorRays:
@@ -37,8 +67,10 @@ class MirrorRays:
         self.rest_q: Float = at_rest.q
         hits = np.asarray(np.isfinite(at_rest.q).all(axis=-1))
         origin, direction = optics.rubber_rays(u_px, v_px)
-        self._direction = np.where(hits, np.moveaxis(direction, -1, 0), np.nan)
-        self._rest_point = np.where(hits, np.moveaxis(at_rest.point, -1, 0), np.nan)
+        self._direction, self._rest_point = (
+            np.ascontiguousarray(np.where(hits, np.moveaxis(one, -1, 0), np.nan))
+            for one in (direction, at_rest.point)
+        )
         gx, gy = self._rest.gradient(*self._rest_point[:2])
         # change of depth below the rest surface per mm along the ray
         rise = direction[..., 2] - gx * direction[..., 0] - gy * direction[..., 1]
@@ -72,16 +104,24 @@ class MirrorRays:
                 break
         return point
 
-    def slope(self, depth_mm: Float, q: Float) -> tuple[Float, Float]:
-        """Slope of depth (rows, cols, 2) at points (rows, cols, 3) at these depths that look at `q`.
-
-        q: (rows, cols, 2) LCD px. NaN where no ray joins point and LCD position. The last axis of the results
-        is the slowest in memory.
-        """
-        point = self._points(depth_mm)
-        slope = np.stack(self._rest.gradient(point[0], point[1]))
+    def look(self, depth_mm: Float, q: Float) -> Look:
+        """At points at these depths (rows, cols) that look at `q` (rows, cols, 2) LCD px."""
+        point, way, rest = self._points(depth_mm), self._way_per_depth, self._rest
+        slope = np.stack(rest.gradient(point[0], point[1]))
+        if isinstance(rest, Flat):
+            rate = np.zeros_like(slope)
+        else:
+            ahead = point[:2] + _PROBE_MM * way[:2]
+            rate = (np.stack(rest.gradient(*ahead)) - slope) / _PROBE_MM
         looked_at = np.ascontiguousarray(np.moveaxis(q, -1, 0))
-        self._joining.add_slope(
-            *(one.reshape(len(one), -1) for one in (self._direction, point, looked_at, slope))
-        )
-        return np.moveaxis(slope, 0, -1), np.moveaxis(point, 0, -1)
+        fields = self._direction, point, looked_at, way, slope, rate
+        self._joining.add_slope(*(one.reshape(len(one), -1) for one in fields))
+        return Look(slope, rate, point, way)
+
+    def slope(self, depth_mm: Float, q: Float) -> tuple[Float, Float]:
+        """Slope of depth (rows, cols, 2) at points (rows, cols, 3), of `look`.
+
+        The last axis of the results is the slowest in memory.
+        """
+        found = self.look(depth_mm, q)
+        return np.moveaxis(found.slope, 0, -1), np.moveaxis(found.point, 0, -1)

@@ -1,7 +1,8 @@
 """Passes that settle a depth: intersect, bisect, integrate, and again, until the surface no longer moves.
 
-Each pass leaves 0.1 % (at rest) to 3 % (0.2 mm deep) of the error before it, so that a reading that starts
-from the last one, moved on as it moved, takes two or three; one that starts at rest takes four or five.
+Rays are traced at one depth, with how slope and point change along them, and followed to first order from there:
+passes are cheap until depth has moved so far that this is wrong. Each leaves 0.1 % (at rest) to 3 % (0.2 mm deep)
+of the error before it. The shape settles with the constant that it started from; then the anchor is chosen.
 """
 
 from __future__ import annotations
@@ -16,14 +17,15 @@ from zeromethod.surface.anchoring import Anchoring, Anchors, Pass, largest
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in
 from zeromethod.surface.rays import MirrorRays
 
-_MAX_ITERATIONS = 14
+_MOST_PASSES = 60
 _SETTLED_MM = 6e-8
 """Error of depth, by what the last pass left of the one before, below which it has settled."""
-_SOLVED, _SOLVED_FROM_REST = 3e-3, 3e-4
-"""Error of a pass's solution, relative: the next pass finds what it leaves, and counts it as unsettled. From
-rest, passes are larger, and nodes are chosen by the second."""
-_LEAST_LEFT = 0.03
-"""Share of the error that a pass is taken to leave at least, as they leave more and less by turns."""
+_SOLVED = 3e-3
+"""Error of a pass's solution, relative: the next pass finds what it leaves, and counts it as unsettled."""
+_LEAST_LEFT, _MOST_LEFT = 0.01, 0.05
+"""Share of the error that a pass is taken to leave, at least, and while it is not known."""
+_CURVED_PER_MM = 0.02
+"""Error of depth by rays followed to first order, over the square of how far depth moved since."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,30 +67,48 @@ class Settling:
         island = integrator.prepare(usable, variance)
         depth, weights = _begin(start, island)
         anchoring = Anchoring(self._anchors, weights)
-        solved = _SOLVED_FROM_REST if weights is None else _SOLVED
-        moved_mm = np.inf
-        for iteration in range(1, _MAX_ITERATIONS + 1):
-            slope, point = self._rays.slope(depth, q)
-            readable = island & np.isfinite(slope[..., 0])
-            if np.count_nonzero(readable) != np.count_nonzero(island):
-                island = integrator.prepare(readable, variance)
-            if not island.any():
-                return Reading(np.zeros_like(depth), slope, point, (depth, depth), None, iteration)
-            depth = np.where(island, depth, 0.0)
+        looks, moved_mm, left_mm, curved_mm = 0, np.inf, 0.0, np.inf
+        for _ in range(_MOST_PASSES):
+            if curved_mm > max(left_mm, _SETTLED_MM):
+                looks += 1
+                look = self._rays.look(depth, q)
+                slope, point = np.moveaxis(look.slope, 0, -1), np.moveaxis(look.point, 0, -1)
+                readable = island & np.isfinite(slope[..., 0])
+                if np.count_nonzero(readable) != np.count_nonzero(island):
+                    island = integrator.prepare(readable, variance)
+                if not island.any():
+                    return Reading(np.zeros_like(depth), slope, point, (depth, depth), None, looks)
+                looked = depth = np.where(island, depth, 0.0)
+                moved_mm = np.inf
             steps = integrator.steps(slope, point[..., 0], point[..., 1])
-            error = integrator.correction(steps, depth, solved)
-            read = Pass(slope, variance, point, island, depth, error)
-            step = np.where(island, scale * (error + anchoring.constant(read)), 0.0)
-            if weights is not None and anchoring.doubtful:
-                return self.settle(q, variance, usable, None)
+            error = integrator.correction(steps, depth, _SOLVED)
+            step = anchoring.shape(Pass(slope, variance, point, island, depth + scale * error), error)
             depth = depth + step
+            look.move(step)
             before_mm, moved_mm = moved_mm, largest(step)
-            left = min(max(moved_mm / before_mm, _LEAST_LEFT), 1.0) if iteration > 1 else 1.0
-            if anchoring.fixed and moved_mm * left < _SETTLED_MM:
+            ratio = moved_mm / before_mm if before_mm < np.inf else _MOST_LEFT
+            left_mm = moved_mm * min(max(ratio, _LEAST_LEFT), 1.0)
+            curved_mm = _CURVED_PER_MM * largest(depth - looked) ** 2
+            if LOG is not None: LOG.append(("P", moved_mm*1e6, left_mm*1e6, curved_mm*1e6))
+            if max(left_mm, curved_mm) > _SETTLED_MM:
+                continue
+            if not anchoring.fixed:
+                by_mm = anchoring.choose(Pass(slope, variance, point, island, depth))
+                if weights is not None and anchoring.doubtful:
+                    return self.settle(q, variance, usable, None)
+                step = by_mm * scale * island
+                depth = depth + step
+                look.move(step)
+                left_mm = _MOST_LEFT * abs(by_mm)
+                curved_mm = _CURVED_PER_MM * largest(depth - looked) ** 2
+                moved_mm = np.inf
+                if LOG is not None: LOG.append(("C", by_mm*1e6, left_mm*1e6, curved_mm*1e6))
+            if anchoring.fixed and max(left_mm, curved_mm) < _SETTLED_MM:
                 break
-        fit = anchoring.fit or self._anchors.nodes(read, 0.0)
-        return Reading(depth, slope, point, steps, fit, iteration)
+        fit = anchoring.fit or self._anchors.nodes(Pass(slope, variance, point, island, depth), 0.0)[0]
+        return Reading(depth, slope, point, steps, fit, looks)
 
+LOG=None
 
 def _begin(start: Start | None, island: Mask) -> tuple[Float, Float | None]:
     """Depth to start from, and weights of the nodes whose mean it keeps until the anchor is chosen."""
