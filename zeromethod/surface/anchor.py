@@ -21,6 +21,7 @@ from zeromethod.rig.model import KnownRest
 from zeromethod.surface.quiet import (
     agreeing,
     mask,
+    noise_of,
     over_noise,
     quiet_sums,
     quiet_weights,
@@ -38,7 +39,7 @@ _CORE_SHARE = 0.6
 _MIN_NODES = 16
 _SAME_MM, _MOST_CHOICES = 5e-8, 8
 """Change of the anchor's depth below which its nodes are the same, and how often they are chosen at most."""
-_LEAST_FALL, _MOST_FALL = 0.1, 2.0
+_LEAST_FALL, _USUAL_FALL, _MOST_FALL = 0.1, 0.8, 2.0
 """How fast what a choice is off falls with what was taken out of its slopes, at least and at most."""
 
 
@@ -114,45 +115,54 @@ def known_misfit(
     return replace(fit, sigma_mm=float(np.sqrt(max(off2, 0.0)))), elsewhere / reading.scale
 
 
+class Border:
+    """The border ring of one island, in which anchors are looked for, and the gradient's sums over blocks."""
+
+    def __init__(self, island: Mask, gradient: Float, correlation: Float) -> None:
+        """gradient: (rows, cols, 2) of the scale h, 1/mm. correlation: of noise 0, 1, 2, ... nodes apart."""
+        self.island, self.gradient = island.copy(), gradient
+        width = max(2, round(_RING_SHARE * min(island.shape)))
+        ring = island.copy()
+        ring[width:-width, width:-width] = False
+        self.ring = ring if np.count_nonzero(ring) >= _MIN_NODES else self.island
+        self.block = 2 * max(1, round(0.5 * _BLOCK_SHARE * min(island.shape))) + 1
+        self.correlated, self.shared = len(correlation), shared_nodes(correlation)
+        self.nodes = np.count_nonzero(island)
+        self.gradients = self.means(gradient, np.ones((*island.shape, 1)))
+        share = np.maximum(self.gradients[..., 2], 1.0 / self.block**2)
+        self.averaging = mean_noise_gain(correlation, self.block) ** 2 / share**2
+
+    def means(self, one: Float, other: Float) -> Float:
+        """Means (rows, cols, n + m) over blocks of values (rows, cols, n), (..., m) on the island, else 0."""
+        masked = np.empty((*self.island.shape, one.shape[2] + other.shape[2]))
+        mask(one, other, self.island, masked)
+        size = self.block, self.block
+        return np.asarray(cv2.boxFilter(masked, -1, size, borderType=cv2.BORDER_CONSTANT), np.float64)
+
+    def around(self, values: Float) -> Float:
+        """Largest (rows, cols) of a block."""
+        return np.asarray(cv2.dilate(values, np.ones((self.block, self.block), np.uint8)), np.float64)
+
+
 class Quiet:
-    """The quietest nodes in the border ring of one reading."""
+    """The quietest nodes in the border of one reading."""
 
     def __init__(
         self,
+        border: Border,
         slope: Float,
         variance: Float,
-        gradient: Float,
         constant_mm: Float,
         scale: Float,
         x_mm: Float,
         y_mm: Float,
-        island: Mask,
-        correlation: Float,
     ) -> None:
-        """slope, variance, gradient: (rows, cols, 2) of depth's slope, rad and rad^2, and of the scale h, 1/mm.
-
-        constant_mm: any depth with that slope, over h. correlation: of the noise of nodes 0, 1, 2, ... apart
-        along one axis.
-        """
-        self._slope, self._variance, self._gradient = slope, variance, gradient
-        self._constant, self._scale, self._island = constant_mm, scale, island
-        self._place, self._correlation = (x_mm, y_mm), correlation
-        width = max(2, round(_RING_SHARE * min(island.shape)))
-        ring = island.copy()
-        ring[width:-width, width:-width] = False
-        self._ring = ring if np.count_nonzero(ring) >= _MIN_NODES else island
-        self._block = 2 * max(1, round(0.5 * _BLOCK_SHARE * min(island.shape))) + 1
-        self._slopes, variances, self._gradients = (self._sums(one) for one in (slope, variance, gradient))
-        share = np.maximum(self._gradients[..., 2], 1.0 / self._block**2)
-        averaging = mean_noise_gain(correlation, self._block) ** 2
-        self._noise2 = (variances[..., 0] + variances[..., 1]) * averaging / share**2
-
-    def _sums(self, values: Float) -> Float:
-        """Means (rows, cols, n + 1) over blocks of values on the island, else 0; the last is its share."""
-        masked = np.empty((*self._island.shape, values.shape[2] + 1))
-        mask(values, self._island, masked)
-        size = self._block, self._block
-        return np.asarray(cv2.boxFilter(masked, -1, size, borderType=cv2.BORDER_CONSTANT), np.float64)
+        """slope, variance: (rows, cols, 2) of depth's slope, rad and rad^2; constant_mm: that depth over h."""
+        self._border, self._slope, self._variance = border, slope, variance
+        self._constant, self._scale = constant_mm, scale
+        self._place = x_mm, y_mm
+        self._means = border.means(slope, variance)
+        self._noise2 = noise_of(self._means, border.averaging)
 
     def fit(self, contained_mm: float, most: int = _MOST_CHOICES) -> tuple[RestFit, float]:
         """Nodes chosen by their slopes less a multiple of the gradient, and their mean of depth / h.
@@ -166,19 +176,19 @@ class Quiet:
             before_mm, off_mm = off_mm, at_mm - contained_mm
             if abs(off_mm) < _SAME_MM:
                 break
-            falls = min(max((before_mm - off_mm) / step_mm, _LEAST_FALL), _MOST_FALL) if k else 1.0
+            falls = min(max((before_mm - off_mm) / step_mm, _LEAST_FALL), _MOST_FALL) if k else _USUAL_FALL
             step_mm = off_mm / falls
             contained_mm += step_mm
         return self._bounded(at_mm, weights, *sums), at_mm
 
     def _choose(self, contained_mm: float) -> tuple[Float, Float, Float, Float]:
         """Weights (rows, cols), way from the deepest node, its square, and the squared slope around."""
-        slope2 = np.empty(self._island.shape)
-        squared(self._slopes, self._gradients, contained_mm, self._block, self._island, slope2)
+        border = self._border
+        slope2 = squared(self._means, border.gradients, contained_mm, border.block, border.island)
         # the largest nearby, as a dent's centre is flat too
-        nearby = np.asarray(cv2.dilate(slope2, np.ones((self._block, self._block), np.uint8)), np.float64)
+        nearby = border.around(slope2)
         weights, away, lever2, values, heavy = quiet_weights(
-            nearby, self._noise2, self._constant, self._scale, *self._place, self._ring, self._island
+            nearby, self._noise2, self._constant, self._scale, *self._place, border.ring, border.island
         )
         order = np.argsort(values)
         agreeing(weights, self._constant, *shortest_interval(values[order], heavy[order], _CORE_SHARE))
@@ -188,11 +198,10 @@ class Quiet:
         self, contained_mm: float, weights: Float, away: Float, lever2: Float, slope2: Float
     ) -> RestFit:
         """The fit with what depth its nodes may still have, if they have a mean of this."""
-        read = self._slope, self._gradient, contained_mm, self._variance
-        shared = shared_nodes(self._correlation)
+        border, shared = self._border, self._border.shared
+        read = self._slope, border.gradient, contained_mm, self._variance
         # whether the slopes are more than noise
-        count = np.count_nonzero(self._island)
-        if not over_noise(*read, self._island) > 1.0 + 5.0 * float(np.sqrt(shared / count)):
+        if not over_noise(*read, border.island) > 1.0 + 5.0 * float(np.sqrt(shared / border.nodes)):
             return RestFit("quiet", weights, 0.0)
         implied, own, seen, noise, squares = quiet_sums(
             weights, away, lever2, self._scale, *read, slope2, self._noise2
@@ -201,7 +210,7 @@ class Quiet:
         # slope -depth/r. Only the part above twice its noise counts; a field that decays faster is
         # overestimated.
         signed = np.sqrt(max(implied * implied - 4.0 * shared * own, 0.0))
-        blocks = 1.0 / squares / (self._block + len(self._correlation)) ** 2
+        blocks = 1.0 / squares / (border.block + border.correlated) ** 2
         # A bound without direction, for dents that fill the view, less the part that noise can cause.
         hidden = noise * 3.0 * np.sqrt(2.0 / max(blocks, 1.0))
         unsigned = np.sqrt(max(seen - noise - hidden, 0.0))

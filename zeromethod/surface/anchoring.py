@@ -14,7 +14,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
-from zeromethod.surface.anchor import Quiet, RestFit, fit_known, known_nodes
+from zeromethod.surface.anchor import Border, Quiet, RestFit, fit_known, known_nodes
 from zeromethod.surface.far_field import FarField, fit_far_field
 
 _AGAIN_MM = 1e-4
@@ -44,9 +44,10 @@ class Anchors:
     def __init__(
         self, known_rest: Sequence[KnownRest], scale: Float, scale_gradient: Float, correlation: Float
     ) -> None:
-        """scale: h (rows, cols); its gradient (rows, cols, 2). correlation: see `fit_quiet`."""
+        """scale: h (rows, cols); its gradient (rows, cols, 2). correlation: see `Border`."""
         self._known_rest, self._correlation = known_rest, correlation
         self.scale, self._gradient = scale, scale_gradient
+        self._border: Border | None = None
 
     def nodes(self, read: Pass, contained_mm: float, most: int = 8) -> tuple[RestFit, float]:
         """Nodes that count as at rest, with the bound of their depth / h, and the mean of that.
@@ -59,8 +60,9 @@ class Anchors:
         if known.any():
             fit = fit_known(known, self.scale)
             return fit, mean(fit.weights, ratio)
-        fields = read.slope, read.variance, self._gradient, ratio, self.scale, x, y, read.island
-        return Quiet(*fields, self._correlation).fit(contained_mm, most)
+        if self._border is None or not np.array_equal(self._border.island, read.island):
+            self._border = Border(read.island, self._gradient, self._correlation)
+        return Quiet(self._border, read.slope, read.variance, ratio, self.scale, x, y).fit(contained_mm, most)
 
     def far_field(self, nodes: RestFit, read: Pass) -> FarField:
         """Far field of a surface with these quiet nodes."""
@@ -76,20 +78,26 @@ class Anchoring:
         """weights: of nodes whose mean depth / h is kept until the anchor is chosen; None: chosen at once."""
         self._anchors, self._weights = anchors, weights
         self._fits = 0
+        self._chosen: RestFit | None = None
         self.fit: RestFit | None = None
         self.fixed = False
 
     def shape(self, read: Pass, error: Float) -> Float:
         """Step of depth (rows, cols), mm, by its error over h, that keeps the constant."""
+        scale = self._anchors.scale
         if self._weights is None:
-            self._weights = self._anchors.nodes(read, 0.0, 1)[0].weights
-        return self._anchors.scale * (error - mean(self._weights, error)) * read.island
+            there = replace(read, depth=read.depth + scale * error)
+            self._weights = self._anchors.nodes(there, 0.0, 1)[0].weights
+        return scale * (error - mean(self._weights, error)) * read.island
 
     def choose(self, read: Pass) -> float:
         """Choose nodes and the far field; multiple of h to add to depth, mm."""
         self._fits += 1
         assert self._weights is not None
-        chosen, at_mm = self._anchors.nodes(read, mean(self._weights, read.depth / self._anchors.scale))
+        chosen, at_mm = self._chosen, mean(self._weights, read.depth / self._anchors.scale)
+        if chosen is None or self.fit is None or abs(self.fit.far_field_mm) < _FAR_MM:
+            self._chosen, at_mm = self._anchors.nodes(read, at_mm)
+            chosen = self._chosen
         self._weights, fit = chosen.weights, chosen
         if chosen.hidden_mm > 0.0:
             found = self._anchors.far_field(chosen, read)
@@ -113,8 +121,3 @@ def certain(sigma_mm: float, far_field_mm: float) -> bool:
 def mean(weights: Float, values: Float) -> float:
     """Mean with weights that add up to 1."""
     return float(np.vdot(weights, values))
-
-
-def largest(values: Float) -> float:
-    """Largest absolute value."""
-    return max(float(values.max()), -float(values.min()))

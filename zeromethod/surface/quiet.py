@@ -17,31 +17,44 @@ _WITHIN = 1.5
 
 
 @numba.njit(cache=True, error_model="numpy")
-def mask(values: Float, nodes: Mask, out: Float) -> None:
-    """Values (rows, cols, n) on these nodes, else 0; the last plane of `out` (rows, cols, n + 1) counts them."""
-    last = values.shape[2]
+def mask(one: Float, other: Float, nodes: Mask, out: Float) -> None:
+    """Both (rows, cols, n), (rows, cols, m) on these nodes, else 0, one after the other."""
+    first = one.shape[2]
     for i in range(nodes.shape[0]):
         for j in range(nodes.shape[1]):
-            for k in range(last):
-                out[i, j, k] = values[i, j, k] if nodes[i, j] else 0.0
-            out[i, j, last] = 1.0 if nodes[i, j] else 0.0
+            if nodes[i, j]:
+                for k in range(first):
+                    out[i, j, k] = one[i, j, k]
+                for k in range(first, out.shape[2]):
+                    out[i, j, k] = other[i, j, k - first]
+            else:
+                out[i, j] = 0.0
 
 
 @numba.njit(cache=True, error_model="numpy")
-def squared(slope: Float, gradient: Float, multiple: float, block: int, island: Mask, out: Float) -> None:
-    """Square of slope less a multiple of the gradient, both the sums (rows, cols, ...) over blocks; 0 elsewhere.
+def noise_of(means: Float, averaging: Float) -> Float:
+    """Variance (rows, cols) of a block's slope: both variances, the third and fourth of its means, averaged."""
+    out = np.empty(averaging.shape)
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = (means[i, j, 2] + means[i, j, 3]) * averaging[i, j]
+    return out
 
-    The last plane of `gradient` is the share of each block that has nodes.
+
+@numba.njit(cache=True, error_model="numpy")
+def squared(means: Float, gradient: Float, multiple: float, block: int, island: Mask) -> Float:
+    """Square of slope less a multiple of the gradient, each the first two of its means over blocks; else 0.
+
+    The gradient's third is the share of each block that has nodes.
     """
-    least = 1.0 / block**2
+    least, out = 1.0 / block**2, np.empty(island.shape)
     for i in range(island.shape[0]):
         for j in range(island.shape[1]):
-            total = 0.0
-            if island[i, j]:
-                for k in range(2):
-                    total += (slope[i, j, k] - multiple * gradient[i, j, k]) ** 2
-                total /= max(gradient[i, j, 2], least) ** 2
-            out[i, j] = total
+            x = means[i, j, 0] - multiple * gradient[i, j, 0]
+            y = means[i, j, 1] - multiple * gradient[i, j, 1]
+            share = max(gradient[i, j, 2], least)
+            out[i, j] = (x * x + y * y) / (share * share) if island[i, j] else 0.0
+    return out
 
 
 @numba.njit(cache=True, error_model="numpy")

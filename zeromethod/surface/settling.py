@@ -13,19 +13,19 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.anchor import RestFit
-from zeromethod.surface.anchoring import Anchoring, Anchors, Pass, largest
+from zeromethod.surface.anchoring import Anchoring, Anchors, Pass
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in
 from zeromethod.surface.rays import MirrorRays
 
 _MOST_PASSES = 60
 _SETTLED_MM = 6e-8
 """Error of depth, by what the last pass left of the one before, below which it has settled."""
+_NEARLY_MM = 5e-7
+"""The same by which the anchor is chosen, whose constant it changes by a twentieth of it."""
 _SOLVED = 3e-3
 """Error of a pass's solution, relative: the next pass finds what it leaves, and counts it as unsettled."""
 _LEAST_LEFT, _MOST_LEFT = 0.01, 0.05
 """Share of the error that a pass is taken to leave, at least, and while it is not known."""
-_CURVED_PER_MM = 0.02
-"""Error of depth by rays followed to first order, over the square of how far depth moved since."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class Settling:
         looks, moved_mm, left_mm, curved_mm = 0, np.inf, 0.0, np.inf
         for _ in range(_MOST_PASSES):
             if curved_mm > max(left_mm, _SETTLED_MM):
-                looks += 1
+                looks, moved_mm = looks + 1, np.inf
                 look = self._rays.look(depth, q)
                 slope, point = np.moveaxis(look.slope, 0, -1), np.moveaxis(look.point, 0, -1)
                 readable = island & np.isfinite(slope[..., 0])
@@ -78,34 +78,28 @@ class Settling:
                     island = integrator.prepare(readable, variance)
                 if not island.any():
                     return Reading(np.zeros_like(depth), slope, point, (depth, depth), None, looks)
-                looked = depth = np.where(island, depth, 0.0)
-                moved_mm = np.inf
+                depth = look.depth
+                depth *= island
+                read = Pass(slope, variance, point, island, depth)
             steps = integrator.steps(slope, point[..., 0], point[..., 1])
             error = integrator.correction(steps, depth, _SOLVED)
-            step = anchoring.shape(Pass(slope, variance, point, island, depth + scale * error), error)
-            depth = depth + step
-            look.move(step)
-            before_mm, moved_mm = moved_mm, largest(step)
+            before_mm = moved_mm
+            moved_mm, curved_mm = look.move(anchoring.shape(read, error))
             ratio = moved_mm / before_mm if before_mm < np.inf else _MOST_LEFT
             left_mm = moved_mm * min(max(ratio, _LEAST_LEFT), 1.0)
-            curved_mm = _CURVED_PER_MM * largest(depth - looked) ** 2
             if LOG is not None: LOG.append(("P", moved_mm*1e6, left_mm*1e6, curved_mm*1e6))
-            if max(left_mm, curved_mm) > _SETTLED_MM:
+            if max(left_mm, curved_mm) > (_SETTLED_MM if anchoring.fixed else _NEARLY_MM):
                 continue
             if not anchoring.fixed:
-                by_mm = anchoring.choose(Pass(slope, variance, point, island, depth))
+                by_mm = anchoring.choose(read)
                 if weights is not None and anchoring.doubtful:
                     return self.settle(q, variance, usable, None)
-                step = by_mm * scale * island
-                depth = depth + step
-                look.move(step)
-                left_mm = _MOST_LEFT * abs(by_mm)
-                curved_mm = _CURVED_PER_MM * largest(depth - looked) ** 2
-                moved_mm = np.inf
+                _, curved_mm = look.move(by_mm * scale * island)
+                moved_mm, left_mm = np.inf, left_mm + _MOST_LEFT * abs(by_mm)
                 if LOG is not None: LOG.append(("C", by_mm*1e6, left_mm*1e6, curved_mm*1e6))
             if anchoring.fixed and max(left_mm, curved_mm) < _SETTLED_MM:
                 break
-        fit = anchoring.fit or self._anchors.nodes(Pass(slope, variance, point, island, depth), 0.0)[0]
+        fit = anchoring.fit or self._anchors.nodes(read, 0.0)[0]
         return Reading(depth, slope, point, steps, fit, looks)
 
 LOG=None
