@@ -20,28 +20,19 @@ _LEAST_MIXING = 0.1
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
 def _inverse(
-    rest: Float,
-    by_depth: NDArray[np.float32],
-    by_slope: NDArray[np.float32],
-    j: int,
-    i: int,
-    d: float,
-    sx: float,
-    sy: float,
+    rest: Float, by: NDArray[np.float32], j: int, i: int, d: float, sx: float, sy: float
 ) -> tuple[float, float, float, float, float]:
     """Entries of a node's sensitivity at a depth and slope, row by row, and 1 over its determinant."""
-    ra, rb, rc, re = rest[j, i, 0, 0], rest[j, i, 0, 1], rest[j, i, 1, 0], rest[j, i, 1, 1]
-    at_rest = ra * re - rb * rc
-    if np.isfinite(d + sx + sy):
-        t, u = by_depth, by_slope
-        a = ra + t[j, i, 0, 0] * d + u[j, i, 0, 0, 0] * sx + u[j, i, 1, 0, 0] * sy
-        b = rb + t[j, i, 0, 1] * d + u[j, i, 0, 0, 1] * sx + u[j, i, 1, 0, 1] * sy
-        c = rc + t[j, i, 1, 0] * d + u[j, i, 0, 1, 0] * sx + u[j, i, 1, 1, 0] * sy
-        e = re + t[j, i, 1, 1] * d + u[j, i, 0, 1, 1] * sx + u[j, i, 1, 1, 1] * sy
-        area = a * e - b * c
-        if area * at_rest > _LEAST_SHARE * at_rest * at_rest:
-            return a, b, c, e, 1.0 / area
-    return ra, rb, rc, re, 1.0 / at_rest
+    ra, rb, rc, re = rest[0, j, i], rest[1, j, i], rest[2, j, i], rest[3, j, i]
+    a = ra + by[0, j, i] * d + by[4, j, i] * sx + by[8, j, i] * sy
+    b = rb + by[1, j, i] * d + by[5, j, i] * sx + by[9, j, i] * sy
+    c = rc + by[2, j, i] * d + by[6, j, i] * sx + by[10, j, i] * sy
+    e = re + by[3, j, i] * d + by[7, j, i] * sx + by[11, j, i] * sy
+    area, at_rest = a * e - b * c, ra * re - rb * rc
+    # also where depth or slope is NaN
+    moved = area * at_rest > _LEAST_SHARE * at_rest * at_rest
+    a, b, c, e = (a if moved else ra), (b if moved else rb), (c if moved else rc), (e if moved else re)
+    return a, b, c, e, 1.0 / (area if moved else at_rest)
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
@@ -49,68 +40,52 @@ def _noise(xu: float, xv: float, yu: float, yv: float, x2: float, y2: float) -> 
     """Variance of the displacements along u and v from that of the warp, x2 and y2, and its Jacobian."""
     xu, xv, yu, yv = xu * xu, xv * xv, yu * yu, yv * yv
     mixing = xu * yv - xv * yu
-    if abs(mixing) > _LEAST_MIXING * (xu + xv) * (yu + yv):
-        per = 1.0 / mixing
-        p, q = (yv * x2 - xv * y2) * per, (xu * y2 - yu * x2) * per
-        if min(p, q) > 0.0:
-            return p, q
-    equal = (x2 + y2) / (xu + xv + yu + yv)
-    return equal, equal
+    equal, per = (x2 + y2) / (xu + xv + yu + yv), 1.0 / mixing
+    p, q = (yv * x2 - xv * y2) * per, (xu * y2 - yu * x2) * per
+    separable = (abs(mixing) > _LEAST_MIXING * (xu + xv) * (yu + yv)) & (p > 0.0) & (q > 0.0)
+    return (p if separable else equal), (q if separable else equal)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _spread(jacobian: Float, sigma: Float, out: Float) -> None:
+    for j in range(out.shape[1]):
+        for i in range(out.shape[2]):
+            xu, xv = jacobian[j, i, 0, 0], jacobian[j, i, 0, 1]
+            yu, yv = jacobian[j, i, 1, 0], jacobian[j, i, 1, 1]
+            u2, v2 = _noise(xu, xv, yu, yv, sigma[j, i, 0] ** 2, sigma[j, i, 1] ** 2)
+            out[0, j, i] = xu * xu * u2 + xv * xv * v2
+            out[1, j, i] = xu * yu * u2 + xv * yv * v2
+            out[2, j, i] = yu * yu * u2 + yv * yv * v2
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _variance(
-    rest: Float,
-    by_depth: NDArray[np.float32],
-    by_slope: NDArray[np.float32],
-    depth: Float,
-    slope: Float,
-    jacobian: Float,
-    sigma: Float,
-    moved: bool,
-    out: Float,
+    rest: Float, by: NDArray[np.float32], depth: Float, slope: Float, spread: Float, out: Float
 ) -> None:
-    d = sx = sy = np.nan
-    for j in range(rest.shape[0]):
-        for i in range(rest.shape[1]):
-            if moved:
-                d, sx, sy = depth[j, i], slope[j, i, 0], slope[j, i, 1]
-            a, b, c, e, per = _inverse(rest, by_depth, by_slope, j, i, d, sx, sy)
-            ju, jv, ku, kv = (
-                jacobian[j, i, 0, 0],
-                jacobian[j, i, 0, 1],
-                jacobian[j, i, 1, 0],
-                jacobian[j, i, 1, 1],
-            )
-            u2, v2 = _noise(ju, jv, ku, kv, sigma[j, i, 0] ** 2, sigma[j, i, 1] ** 2)
+    for j in range(rest.shape[1]):
+        for i in range(rest.shape[2]):
+            a, b, c, e, per = _inverse(rest, by, j, i, depth[j, i], slope[0, j, i], slope[1, j, i])
+            xx, xy, yy = spread[0, j, i], spread[1, j, i], spread[2, j, i]
             per *= per
-            xu, xv = e * ju - b * ku, e * jv - b * kv
-            yu, yv = a * ku - c * ju, a * kv - c * jv
-            out[j, i, 0] = (xu * xu * u2 + xv * xv * v2) * per
-            out[j, i, 1] = (yu * yu * u2 + yv * yv * v2) * per
+            out[j, i, 0] = (e * e * xx - 2.0 * e * b * xy + b * b * yy) * per
+            out[j, i, 1] = (a * a * yy - 2.0 * a * c * xy + c * c * xx) * per
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _factor(
     rest: Float,
-    by_depth: NDArray[np.float32],
-    by_slope: NDArray[np.float32],
+    by: NDArray[np.float32],
     depth: Float,
     slope: Float,
     jacobian: Float,
     sigma: Float,
     out: Float,
 ) -> None:
-    for j in range(rest.shape[0]):
-        for i in range(rest.shape[1]):
-            d, sx, sy = depth[j, i], slope[j, i, 0], slope[j, i, 1]
-            a, b, c, e, per = _inverse(rest, by_depth, by_slope, j, i, d, sx, sy)
-            ju, jv, ku, kv = (
-                jacobian[j, i, 0, 0],
-                jacobian[j, i, 0, 1],
-                jacobian[j, i, 1, 0],
-                jacobian[j, i, 1, 1],
-            )
+    for j in range(rest.shape[1]):
+        for i in range(rest.shape[2]):
+            a, b, c, e, per = _inverse(rest, by, j, i, depth[j, i], slope[0, j, i], slope[1, j, i])
+            ju, jv = jacobian[j, i, 0, 0], jacobian[j, i, 0, 1]
+            ku, kv = jacobian[j, i, 1, 0], jacobian[j, i, 1, 1]
             u2, v2 = _noise(ju, jv, ku, kv, sigma[j, i, 0] ** 2, sigma[j, i, 1] ** 2)
             su, sv = np.sqrt(u2) * per, np.sqrt(v2) * per
             out[j, i, 0, 0] = (e * ju - b * ku) * su
@@ -129,22 +104,24 @@ class Lever:
 
     def __init__(self, rays: MirrorRays, sensitivity: Float) -> None:
         """sensitivity: (rows, cols, 2, 2) LCD px per rad at rest."""
-        self._rays = rays
-        self._rest = np.ascontiguousarray(sensitivity)
+        self._rays, self._rest = rays, np.ascontiguousarray(sensitivity)
+        self._planes = _planes(sensitivity)
         zero = np.zeros(sensitivity.shape[:-2])
         per_slope = []
         for axis in (0, 1):
             step = _SLOPE_STEP * sensitivity[..., axis]
             ahead, back = (self._at(zero, rays.rest_q + sign * step) for sign in (1, -1))
             per_slope.append((ahead - back) / (2 * _SLOPE_STEP))
-        by_slope = np.nan_to_num(np.ascontiguousarray(np.stack(per_slope, axis=-3)))
+        by_slope = np.nan_to_num(np.stack(per_slope, axis=-3))
         deeper = np.full(zero.shape, _DEPTH_STEP_MM)
         turned, _ = rays.slope(deeper, rays.rest_q)
         change = self._at(deeper, rays.rest_q) - self._rest
         change -= np.einsum("...a,...aij->...ij", turned, by_slope)
+        by_depth = np.nan_to_num(change / _DEPTH_STEP_MM)
         # corrections of a percent, in half the memory
-        self._by_slope = by_slope.astype(np.float32)
-        self._by_depth = np.nan_to_num(change / _DEPTH_STEP_MM).astype(np.float32)
+        by = [by_depth, by_slope[..., 0, :, :], by_slope[..., 1, :, :]]
+        self._by = np.concatenate([_planes(one) for one in by]).astype(np.float32)
+        self._level = np.zeros((2, *zero.shape))
 
     def _at(self, depth_mm: Float, q: Float) -> Float:
         """Sensitivity (rows, cols, 2, 2) at points at these depths that look at `q`."""
@@ -167,17 +144,27 @@ class Lever:
         cols) and slope (rows, cols, 2): the mirror as read; NaN counts as at rest.
         """
         out = np.empty(jacobian.shape)
-        _factor(self._rest, self._by_depth, self._by_slope, depth_mm, slope, jacobian, sigma_q, out)
+        slopes = np.ascontiguousarray(np.moveaxis(slope, -1, 0))
+        _factor(self._planes, self._by, depth_mm, slopes, jacobian, sigma_q, out)
         return out
 
-    def variance(
-        self, jacobian: Float, sigma_q: Float, depth_mm: Float | None = None, slope: Float | None = None
-    ) -> Float:
-        """Variance (rows, cols, 2) of slope, rad^2, by that matrix; without depth and slope that at rest."""
-        out = np.empty(sigma_q.shape)
-        moved = depth_mm is not None and slope is not None
-        depth_mm = np.zeros((1, 1)) if depth_mm is None else depth_mm
-        # of the layout that readings have, so that one version is compiled
-        slope = np.moveaxis(np.zeros((2, 1, 1)), 0, -1) if slope is None else slope
-        _variance(self._rest, self._by_depth, self._by_slope, depth_mm, slope, jacobian, sigma_q, moved, out)
+    def spread(self, jacobian: Float, sigma_q: Float) -> Float:
+        """Covariance (3, rows, cols) of a warp, LCD px^2: of x, of x with y, of y; arguments as `factor`."""
+        out = np.empty((3, *sigma_q.shape[:-1]))
+        _spread(jacobian, sigma_q, out)
         return out
+
+    def variance(self, spread: Float, depth_mm: Float | None = None, slope: Float | None = None) -> Float:
+        """Variance (rows, cols, 2) of slope, rad^2, by `factor`; without depth and slope that at rest."""
+        out = np.empty((*spread.shape[1:], 2))
+        if depth_mm is None or slope is None:
+            depth_mm, slopes = self._level[0], self._level
+        else:
+            slopes = np.ascontiguousarray(np.moveaxis(slope, -1, 0))
+        _variance(self._planes, self._by, depth_mm, slopes, spread, out)
+        return out
+
+
+def _planes(matrices: Float) -> Float:
+    """(4, rows, cols) of (rows, cols, 2, 2), row by row."""
+    return np.ascontiguousarray(np.moveaxis(matrices.reshape(*matrices.shape[:-2], 4), -1, 0))

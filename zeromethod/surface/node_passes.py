@@ -91,28 +91,27 @@ def together(scale: Float, of_frame: Float, systematic: Float, share: Float, dep
 
 
 @numba.njit(cache=True, error_model="numpy")
-def moved_on(depth: Float, before: Float, sigma: Float, most: float, ahead: float) -> bool:
-    """Continue a motion from `before` in depth (rows, cols), by `ahead` of it, where it was more than noise.
+def moved_on(depth: Float, before: Float, earlier: Float, share: float, ahead: float) -> None:
+    """Continue in depth (rows, cols) what it did since `before`, as far as that was what it did since `earlier`.
 
-    most: of the step's mean square over that by noise. NaN stands still. Whether it was continued.
+    share: of the time from `before` to depth in the time from `earlier` to `before`; ahead: time to go on, over
+    the former. A steady motion goes on, one back and forth turns, a jump stays, noise goes halfway back. NaN
+    stands still.
     """
-    step2 = noise2 = 0.0
-    count = known = 0
+    both = step2 = back2 = 0.0
     for i in range(depth.shape[0]):
         for j in range(depth.shape[1]):
-            step, own = depth[i, j] - before[i, j], sigma[i, j]
-            if not np.isnan(step):
-                step2, count = step2 + step * step, count + 1
-            if not np.isnan(own):
-                noise2, known = noise2 + own * own, known + 1
-    if count == 0 or known == 0 or not step2 / count > most * 2.0 * noise2 / known:
-        return False
+            step, back = depth[i, j] - before[i, j], share * (before[i, j] - earlier[i, j])
+            if not np.isnan(step + back):
+                both += step * back
+                step2 += step * step
+                back2 += back * back
+    likeness = both / max(step2, back2) if both != 0.0 else 0.0
     for i in range(depth.shape[0]):
         for j in range(depth.shape[1]):
             step = depth[i, j] - before[i, j]
             if not np.isnan(step):
-                depth[i, j] += ahead * step
-    return True
+                depth[i, j] += ahead * likeness * step
 
 
 @numba.njit(cache=True, error_model="numpy")

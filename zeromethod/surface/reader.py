@@ -30,8 +30,6 @@ from zeromethod.warp.overlap import component_correlation, overlap_correlation
 from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Warp
 
-_MOVES = 4.0
-"""Mean square of a step between surfaces, over that by noise, from which the mirror counts as moving."""
 _MOST_AHEAD = 3
 """Steps like the last one by which a motion is continued at most."""
 
@@ -120,7 +118,7 @@ class SurfaceReader:
             fixed = self._integrator, self._scale_gradient
             self._drift = BenchDrift(rig, optics, grid, self._rays.rest_q, regular, sensitivity, *fixed)
         self._last: _Last | None = None
-        self._before: Surface | None = None
+        self._before: tuple[Surface | None, Surface | None] = None, None
 
     @property
     def scale(self) -> Float:
@@ -161,13 +159,14 @@ class SurfaceReader:
         q = np.moveaxis(planes, 0, -1)
         bending = np.empty(self._rest_bending.shape)
         known_bending(jacobian(warp.q, self._grid.spacing_px)[inner], self._rest_bending, bending)
-        variance = self._lever.variance(bending, sigma_q)
+        spread = self._lever.spread(bending, sigma_q)
+        variance = self._lever.variance(spread)
         if self._drift is not None:
             self._drift.look(warp)
         start = None if previous is None else self._start(warp.time_ns, previous)
         reading = self._settling.settle(q, variance, usable, start)
+        variance = self._lever.variance(spread, reading.depth, reading.slope)
         state = bending, sigma_q, reading.depth, reading.slope
-        variance = self._lever.variance(*state)
         noise = SlopeNoise(lambda: self._lever.factor(*state), variance, *self._overlap)
         surface = self._surface(warp, reading, noise)
         return self._with_cut_off(surface, reading, q, usable, variance)
@@ -211,7 +210,7 @@ class SurfaceReader:
         )
 
     def _start(self, time_ns: int, previous: Surface) -> Start | None:
-        """The previous depth, moved on as before where the mirror moved by more than its noise.
+        """The previous depth, moved on as it moved before.
 
         Only a surface that is the last one read is known to have moved.
         """
@@ -219,12 +218,13 @@ class SurfaceReader:
             return None
         inner = self._grid.inner
         depth, nodes = previous.depth_mm[inner].copy(), previous.anchor.mask[inner]
-        before = self._before
-        if self._last is not None and self._last.surface is previous and before is not None:
+        before, earlier = self._before
+        if self._last is not None and self._last.surface is previous and before is not None and earlier is not None:
             apart_ns, ahead_ns = previous.time_ns - before.time_ns, time_ns - previous.time_ns
-            if 0 < ahead_ns <= _MOST_AHEAD * apart_ns:
-                sigma, ahead = previous.sigma_depth_mm[inner], ahead_ns / apart_ns
-                moved_on(depth, before.depth_mm[inner], sigma, _MOVES, ahead)
+            back_ns = before.time_ns - earlier.time_ns
+            if back_ns > 0 and 0 < ahead_ns <= _MOST_AHEAD * apart_ns:
+                steps = before.depth_mm[inner], earlier.depth_mm[inner]
+                moved_on(depth, *steps, apart_ns / back_ns, ahead_ns / apart_ns)
         return Start(depth, nodes)
 
     def _surface(self, warp: Warp, reading: Reading, noise: SlopeNoise) -> Surface:
@@ -253,7 +253,7 @@ class SurfaceReader:
             iterations=reading.iterations,
             curl=curl,
         )
-        self._before = None if self._last is None else self._last.surface
+        self._before = (None if self._last is None else self._last.surface), self._before[0]
         self._last = None
         if fit is not None and self._drift is not None:
             self._last = _Last(surface, self._integrator.linear(x, y), noise, fit, systematic)
