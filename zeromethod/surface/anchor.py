@@ -157,7 +157,7 @@ class Quiet:
         x_mm: Float,
         y_mm: Float,
     ) -> None:
-        """slope, variance: (rows, cols, 2) of depth's slope, rad and rad^2; constant_mm: that depth over h."""
+        """slope, variance: (rows, cols, 2) of a depth's slope, rad, rad^2; constant_mm: that depth over h."""
         self._border, self._slope, self._variance = border, slope, variance
         self._constant, self._scale = constant_mm, scale
         self._place = x_mm, y_mm

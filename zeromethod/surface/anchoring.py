@@ -24,12 +24,11 @@ _DOUBTFUL_MM = 1e-3
 _FAR_MM = 0.02
 """Far field above which to take it out of the slopes to first order is too rough for choosing nodes."""
 _MOST_FITS = 6
-LOG=None
 
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """What one pass read, (rows, cols): depth by slopes (..., 2) with their variance at points (..., 2 or 3)."""
+    """What passes read, (rows, cols): depth, its slopes (..., 2) and their variance, points (..., 2 or 3)."""
 
     slope: Float
     variance: Float

@@ -22,7 +22,7 @@ from scipy import ndimage
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.differences import depth_differences, depth_differences_adjoint
 from zeromethod.surface.multigrid import EXACT, LatticeSolution
-from zeromethod.surface.node_passes import sum_on
+from zeromethod.surface.node_passes import sum_of_inverses
 
 _KEEP_FACTOR = 2.0
 """Weights are kept while nodes' variances stay within this factor of those they were computed from:
@@ -61,35 +61,27 @@ def fill_in(values: Float) -> None:
                 values[i, j] = 0.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def share_changed(now: Float, kept: Float, nodes: Mask, factor: float) -> float:
     """Share of values that changed by more than a factor, up to one common to all, and either way.
 
-    now, kept: (rows, cols, k), positive on the nodes (rows, cols); kept is 0 where unknown, and that does not
-    count as changed unless it is most of them, which makes it 1.
+    now, kept: (n,), positive where `nodes` (n,) is true; kept is 0 where unknown, and that does not count as
+    changed unless it is most of them, which makes it 1.
     """
-    rows, cols, depth = now.shape
     total_now, total_kept, known, count = 0.0, 0.0, 0, 0
-    for i in range(rows):
-        for j in range(cols):
-            if nodes[i, j]:
-                for k in range(depth):
-                    count += 1
-                    if kept[i, j, k] > 0.0:
-                        known += 1
-                        total_now += 1.0 / now[i, j, k]
-                        total_kept += 1.0 / kept[i, j, k]
+    for k in range(len(now)):
+        there = nodes[k] & (kept[k] > 0.0)
+        count += nodes[k]
+        known += there
+        total_now += 1.0 / now[k] if there else 0.0
+        total_kept += 1.0 / kept[k] if there else 0.0
     if 2 * known < count or known == 0:
         return 1.0
     common = total_kept / total_now
     off = 0
-    for i in range(rows):
-        for j in range(cols):
-            if nodes[i, j]:
-                for k in range(depth):
-                    if kept[i, j, k] > 0.0:
-                        ratio = now[i, j, k] / kept[i, j, k]
-                        off += ratio > factor * common or ratio * factor < common
+    for k in range(len(now)):
+        one, other = now[k], common * kept[k]
+        off += nodes[k] & (other > 0.0) & ((one > factor * other) | (one * factor < other))
     return off / known
 
 
@@ -107,10 +99,10 @@ class LinearIntegration:
     down: Float
     solution: LatticeSolution
 
-    def depth(self, slope: Float) -> Float:
-        """E (rows, cols) in mm, up to a constant, of slope errors (rows, cols, 2), rad."""
+    def depth(self, slope: Float, share: float = EXACT) -> Float:
+        """E (rows, cols) in mm, up to a constant, of slope errors (rows, cols, 2), rad; share: as below."""
         across, down = depth_differences(slope, self.x_mm, self.y_mm, self.island)
-        return self.solution.solve(_divergence(self.across * across, self.down * down))
+        return self.solution.solve(_divergence(self.across * across, self.down * down), share)
 
     def slope_weights(self, weights: Float, share: float = EXACT) -> Float:
         """Weights (..., rows, cols, 2), mm, with which the slopes enter sum(weights * e).
@@ -176,6 +168,17 @@ def _divergence(across: Float, down: Float) -> Float:
     return out
 
 
+@dataclass(frozen=True, slots=True)
+class _Edges:
+    """Weights of the edges of one island (rows, cols), of one weighting, and the solution with them."""
+
+    island: Mask
+    weighting: int
+    across: Float
+    down: Float
+    solution: LatticeSolution | None
+
+
 class SlopeIntegrator:
     """Integrator of slopes on a lattice of nodes; keeps its lattices between frames.
 
@@ -194,9 +197,8 @@ class SlopeIntegrator:
         self._step_down = np.stack([np.diff(x_mm, axis=0), np.diff(y_mm, axis=0)], axis=-1)
         self._variance = np.zeros((*shape, 2))
         self._valid: Mask = np.zeros(shape, bool)
-        self._across = np.zeros_like(self._h_across)
-        self._down = np.zeros_like(self._h_down)
-        self._solution: LatticeSolution | None = None
+        self._edges = _Edges(self._valid, 0, np.zeros_like(self._h_across), np.zeros_like(self._h_down), None)
+        self._earlier = self._edges
         self.island: Mask = np.zeros(shape, bool)
         self.weightings = 0
         """Number of times the weights were computed."""
@@ -211,11 +213,11 @@ class SlopeIntegrator:
             self.island = island
         if not self.island.any():
             return self.island
-        changed = share_changed(variance, self._variance, self.island, _KEEP_FACTOR) > _KEEP_SHARE
+        values = variance.ravel(), self._variance.ravel(), np.repeat(self.island.ravel(), 2)
+        changed = share_changed(*values, _KEEP_FACTOR) > _KEEP_SHARE
         if same and not changed:
             return self.island
-        with np.errstate(divide="ignore"):  # off the island
-            typical = 2 * np.count_nonzero(self.island) / sum_on(1.0 / variance, self.island)
+        typical = 2 * np.count_nonzero(self.island) / sum_of_inverses(variance, self.island)
         relative = np.where(self.island[..., None], variance, 0.0) / typical
         if changed:
             self._variance = relative
@@ -227,10 +229,15 @@ class SlopeIntegrator:
 
     def _set_weights(self) -> None:
         island, variance = self.island, self._variance
-        self._across, self._down = np.empty(self._h_across.shape), np.empty(self._h_down.shape)
-        _edge_weights(variance, self._step_across, self._h_across, island, 0, self._across)
-        _edge_weights(variance, self._step_down, self._h_down, island, 1, self._down)
-        self._solution = LatticeSolution.of(self._across * self._h_across, self._down * self._h_down)
+        self._edges, self._earlier = self._earlier, self._edges
+        # nodes that a dent hides for a frame come back
+        if self._edges.weighting == self.weightings and np.array_equal(self._edges.island, island):
+            return
+        across, down = np.empty(self._h_across.shape), np.empty(self._h_down.shape)
+        _edge_weights(variance, self._step_across, self._h_across, island, 0, across)
+        _edge_weights(variance, self._step_down, self._h_down, island, 1, down)
+        solution = LatticeSolution.of(across * self._h_across, down * self._h_down)
+        self._edges = _Edges(island, self.weightings, across, down, solution)
 
     def integrate(
         self, slope: Float, x_mm: Float, y_mm: Float, depth_mm: Float | None = None, share: float = EXACT
@@ -250,28 +257,29 @@ class SlopeIntegrator:
         self, steps: tuple[Float, Float], depth_mm: Float | None = None, share: float = EXACT
     ) -> Float:
         """As `integrate`, of the slopes' `steps`."""
-        if self._solution is None or not self.island.any():
+        edges = self._edges
+        if edges.solution is None or not self.island.any():
             return np.zeros(self._shape)
         rhs = np.empty(self._shape)
-        _lacking(
-            *steps, np.zeros(self._shape) if depth_mm is None else depth_mm, self._across, self._down, rhs
-        )
-        return self._solution.solve(rhs, share)
+        depth_mm = np.zeros(self._shape) if depth_mm is None else depth_mm
+        _lacking(*steps, depth_mm, edges.across, edges.down, rhs)
+        return edges.solution.solve(rhs, share)
 
     @property
     def step_weights(self) -> tuple[Float, Float]:
         """Weights (rows, cols-1), (rows-1, cols) of the steps' squared errors; 0 off the island."""
-        return self._across / self._h_across, self._down / self._h_down
+        return self._edges.across / self._h_across, self._edges.down / self._h_down
 
     def left_over(self, steps: tuple[Float, Float], error_mm: Float) -> tuple[Float, Float]:
         """Of the `steps` by errors of slope, those (rows, cols-1), (rows-1, cols), mm, that no depth makes.
 
         error_mm: (rows, cols) of depth / h, as `integrate` returns it.
         """
-        across = (self._across > 0.0) * (steps[0] - self._h_across * np.diff(error_mm, axis=1))
-        return across, (self._down > 0.0) * (steps[1] - self._h_down * np.diff(error_mm, axis=0))
+        across = (self._edges.across > 0.0) * (steps[0] - self._h_across * np.diff(error_mm, axis=1))
+        return across, (self._edges.down > 0.0) * (steps[1] - self._h_down * np.diff(error_mm, axis=0))
 
     def linear(self, x_mm: Float, y_mm: Float) -> LinearIntegration:
         """Integration with the present mask and weights over points at x_mm, y_mm (rows, cols)."""
-        assert self._solution is not None
-        return LinearIntegration(self.island, x_mm, y_mm, self._across, self._down, self._solution)
+        edges = self._edges
+        assert edges.solution is not None
+        return LinearIntegration(self.island, x_mm, y_mm, edges.across, edges.down, edges.solution)

@@ -43,6 +43,17 @@ def sum_on(values: Float, nodes: Mask) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy")
+def sum_of_inverses(values: Float, nodes: Mask) -> float:
+    """The same of 1 over them."""
+    total = 0.0
+    for i in range(nodes.shape[0]):
+        for j in range(nodes.shape[1]):
+            if nodes[i, j]:
+                total += 1.0 / values[i, j, 0] + 1.0 / values[i, j, 1]
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy")
 def squares_apart(one: Float, other: Float, nodes: Mask) -> float:
     """Sum over nodes (rows, cols) of the squared difference of vectors (rows, cols, 2)."""
     total = 0.0
@@ -92,10 +103,10 @@ def together(scale: Float, of_frame: Float, systematic: Float, share: Float, dep
 
 @numba.njit(cache=True, error_model="numpy")
 def moved_on(depth: Float, before: Float, earlier: Float, share: float, ahead: float) -> None:
-    """Continue in depth (rows, cols) what it did since `before`, as far as that was what it did since `earlier`.
+    """Continue in depth (rows, cols) what it did since `before`, as far as it did so since `earlier`.
 
-    share: of the time from `before` to depth in the time from `earlier` to `before`; ahead: time to go on, over
-    the former. A steady motion goes on, one back and forth turns, a jump stays, noise goes halfway back. NaN
+    share: time from `before` to depth over that from `earlier` to `before`; ahead: time to go on over the
+    former. A steady motion goes on, one back and forth turns, a jump stays, noise goes halfway back. NaN
     stands still.
     """
     both = step2 = back2 = 0.0

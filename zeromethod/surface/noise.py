@@ -159,7 +159,7 @@ class DepthNoise:
         both = np.count_nonzero(island & self._mask)
         if both < (1.0 - _KEEP_SHARE) * np.count_nonzero(island | self._mask) or not both:
             return True
-        changed = share_changed(power[..., None], self._power[..., None], island, _KEEP_FACTOR**2)
+        changed = share_changed(power.ravel(), self._power.ravel(), island.ravel(), _KEEP_FACTOR**2)
         return changed > _KEEP_SHARE
 
     def _sample(self, noise: SlopeNoise, x_mm: Float, y_mm: Float, weights: Float, power: Float) -> None:
@@ -188,8 +188,8 @@ class DepthNoise:
         first = np.where(island, self._first, 0.0)
         first /= max(float(first.sum()), 1e-30)
         linear = self._integrator.linear(x_mm, y_mm)
-        slopes = self._noise.covariance(linear.slope_weights(weights - first))
-        row = linear.depth(slopes)
+        slopes = self._noise.covariance(linear.slope_weights(weights - first, _SOLVED))
+        row = linear.depth(slopes, _SOLVED)
         row -= (first * row).sum()
         # nodes of holes may come back while the samples are kept
         row[~island] = np.nan
@@ -205,9 +205,10 @@ class DepthNoise:
         if uneven < _EVEN:
             return middle
         boxes = np.array([n for n in _BOXES if n <= max(ratio.shape)])
-        total = np.zeros(ratio.shape)
+        total, margin = np.zeros(ratio.shape), int(boxes[-1] // 2)
         values, known = (
-            np.asarray(cv2.integral(one), np.float64) for one in (ratio, both.astype(np.float64))
+            np.asarray(cv2.integral(np.pad(one, margin)), np.float64)
+            for one in (ratio, both.astype(np.float64))
         )
         _add_box_means(values, known, boxes, middle, total)
         at_anchor = float((self._anchor * total).sum() / max(float(self._anchor.sum()), 1e-30))
@@ -221,22 +222,25 @@ def _blocks(weights: Float) -> Float:
     return np.add.reduceat(np.add.reduceat(weights, rows, axis=0), cols, axis=1)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _add_box_means(values: Float, known: Float, boxes: NDArray[np.intp], other: float, out: Float) -> None:
     """Add the mean of the means over boxes around each node; `other` where a box has no known node.
 
-    values, known: (rows + 1, cols + 1) sums of known values, and of their number, above and to the left.
+    values, known: sums of known values, and of their number, above and to the left, with a margin of half the
+    last box.
     """
     rows, cols = out.shape
     for size in boxes:
-        half = size // 2
+        near = boxes[-1] // 2 - size // 2
+        left, right = slice(near, near + cols), slice(near + size, near + size + cols)
         for i in range(rows):
-            top, bottom = max(i - half, 0), min(i + half + 1, rows)
+            top, bottom = near + i, near + i + size
+            a, b, c, d = values[bottom, right], values[top, right], values[bottom, left], values[top, left]
+            e, f, g, h = known[bottom, right], known[top, right], known[bottom, left], known[top, left]
             for j in range(cols):
-                left, right = max(j - half, 0), min(j + half + 1, cols)
-                count = known[bottom, right] - known[top, right] - known[bottom, left] + known[top, left]
-                total = values[bottom, right] - values[top, right] - values[bottom, left] + values[top, left]
-                out[i, j] += (total / count if count > 0.5 else other) / len(boxes)
+                count = e[j] - f[j] - g[j] + h[j]
+                mean = (a[j] - b[j] - c[j] + d[j]) / count if count > 0.5 else other
+                out[i, j] += mean / len(boxes)
 
 
 def sampled_variance(

@@ -33,10 +33,11 @@ def mask(one: Float, other: Float, nodes: Mask, out: Float) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def noise_of(means: Float, averaging: Float) -> Float:
-    """Variance (rows, cols) of a block's slope: both variances, the third and fourth of its means, averaged."""
-    out = np.empty(averaging.shape)
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
+    """Variance (rows, cols) of a block's slope: both variances, third and fourth of its means, averaged."""
+    rows, cols = averaging.shape
+    out = np.empty((rows, cols))
+    for i in range(rows):
+        for j in range(cols):
             out[i, j] = (means[i, j, 2] + means[i, j, 3]) * averaging[i, j]
     return out
 
@@ -113,7 +114,7 @@ def quiet_weights(
 
 @numba.njit(cache=True, error_model="numpy")
 def shortest_interval(values: Float, weights: Float, share: float) -> tuple[float, float]:
-    """Shortest interval of values, in order, that holds a share of the weight; mean of those about as short."""
+    """Shortest interval of values, in order, with a share of the weight; the mean of those about as short."""
     first, last = np.empty(len(values)), np.empty(len(values))
     total = weights.sum() * (1.0 - 1e-12)
     end, inside, shortest, fits = 0, 0.0, np.inf, 0
@@ -166,9 +167,10 @@ def quiet_sums(
     slope2: Float,
     noise2: Float,
 ) -> tuple[float, float, float, float, float]:
-    """Mean depth / h by the slope along `away`, less a multiple of the gradient's, its variance for nodes with noise of their own, mm^2.
+    """Mean depth / h by the slope, less a multiple of the gradient, along `away`; its variance, mm^2.
 
-    And the weighted squares of slope and of its noise over the levers, mm^2; the sum of the squared weights.
+    That is for nodes with noise of their own. And the weighted squares of slope and of its noise over the
+    levers, mm^2; the sum of the squared weights.
     """
     implied = own = seen = noise = squares = 0.0
     for i in range(weights.shape[0]):

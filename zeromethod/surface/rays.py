@@ -10,11 +10,12 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.optics import Flat, Optics
+from zeromethod.surface.node_passes import diagonal
 
 _STEPS = 20
 _SETTLED_MM = 1e-12
 _CURVED = 0.25
-"""Error of a depth whose rays were followed, over the view's extent and what their slopes turned by twice: it is
+"""Error of a depth whose rays were followed, over the view's extent and what their slopes turned by twice:
 0.04 to 0.24 for a shift or a swell of the dent, a tilt, and a constant."""
 _PROBE_MM = 1e-3
 """Step along a ray by which the change of the rest surface's slope is found."""
@@ -56,8 +57,8 @@ def _move(
 class Look(NamedTuple):
     """Slope and points of a depth that looks at LCD positions: traced at one depth, followed to first order.
 
-    traced, depth: (rows, cols) mm. slope, rate: (2, rows, cols) rad, and what it changes by, rad/mm; point, way:
-    (3, rows, cols) the same, mm. NaN where no ray joins the two. extent_mm: of the view.
+    traced, depth: (rows, cols) mm. slope, rate: (2, rows, cols) rad, and what it changes by, rad/mm. point,
+    way: (3, rows, cols) the same, mm. NaN where no ray joins the two. extent_mm: of the view.
     """
 
     traced: Float
@@ -93,7 +94,8 @@ class MirrorRays:
             np.ascontiguousarray(np.where(hits, np.moveaxis(one, -1, 0), np.nan))
             for one in (direction, at_rest.point)
         )
-        self._extent_mm = float(np.hypot(*(np.ptp(one[hits]) if hits.any() else 0.0 for one in self._rest_point[:2])))
+        x, y, _ = self._rest_point
+        self._extent_mm = diagonal(x, y, hits) if hits.any() else 0.0
         gx, gy = self._rest.gradient(*self._rest_point[:2])
         # change of depth below the rest surface per mm along the ray
         rise = direction[..., 2] - gx * direction[..., 0] - gy * direction[..., 1]

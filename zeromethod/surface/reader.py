@@ -219,7 +219,12 @@ class SurfaceReader:
         inner = self._grid.inner
         depth, nodes = previous.depth_mm[inner].copy(), previous.anchor.mask[inner]
         before, earlier = self._before
-        if self._last is not None and self._last.surface is previous and before is not None and earlier is not None:
+        if (
+            self._last is not None
+            and self._last.surface is previous
+            and before is not None
+            and earlier is not None
+        ):
             apart_ns, ahead_ns = previous.time_ns - before.time_ns, time_ns - previous.time_ns
             back_ns = before.time_ns - earlier.time_ns
             if back_ns > 0 and 0 < ahead_ns <= _MOST_AHEAD * apart_ns:

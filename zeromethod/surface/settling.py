@@ -1,7 +1,7 @@
 """Passes that settle a depth: intersect, bisect, integrate, and again, until the surface no longer moves.
 
-Rays are traced at one depth, with how slope and point change along them, and followed to first order from there:
-passes are cheap until depth has moved so far that this is wrong. Each leaves 0.1 % (at rest) to 3 % (0.2 mm deep)
+Rays are traced at one depth, with how slope and point change along them, and followed to first order from
+there, until depth has moved so far that this is wrong. Each pass leaves 0.1 % (at rest) to 3 % (0.2 mm deep)
 of the error before it. The shape settles with the constant that it started from; then the anchor is chosen.
 """
 
@@ -17,7 +17,7 @@ from zeromethod.surface.anchoring import Anchoring, Anchors, Pass
 from zeromethod.surface.integrate import SlopeIntegrator, fill_in
 from zeromethod.surface.rays import MirrorRays
 
-_MOST_PASSES = 60
+_MOST_PASSES = 40
 _SETTLED_MM = 6e-8
 """Error of depth, by what the last pass left of the one before, below which it has settled."""
 _NEARLY_MM = 5e-7
@@ -87,7 +87,6 @@ class Settling:
             moved_mm, curved_mm = look.move(anchoring.shape(read, error))
             ratio = moved_mm / before_mm if before_mm < np.inf else _MOST_LEFT
             left_mm = moved_mm * min(max(ratio, _LEAST_LEFT), 1.0)
-            if LOG is not None: LOG.append(("P", moved_mm*1e6, left_mm*1e6, curved_mm*1e6))
             if max(left_mm, curved_mm) > (_SETTLED_MM if anchoring.fixed else _NEARLY_MM):
                 continue
             if not anchoring.fixed:
@@ -96,13 +95,11 @@ class Settling:
                     return self.settle(q, variance, usable, None)
                 _, curved_mm = look.move(by_mm * scale * island)
                 moved_mm, left_mm = np.inf, left_mm + _MOST_LEFT * abs(by_mm)
-                if LOG is not None: LOG.append(("C", by_mm*1e6, left_mm*1e6, curved_mm*1e6))
             if anchoring.fixed and max(left_mm, curved_mm) < _SETTLED_MM:
                 break
         fit = anchoring.fit or self._anchors.nodes(read, 0.0)[0]
         return Reading(depth, slope, point, steps, fit, looks)
 
-LOG=None
 
 def _begin(start: Start | None, island: Mask) -> tuple[Float, Float | None]:
     """Depth to start from, and weights of the nodes whose mean it keeps until the anchor is chosen."""
