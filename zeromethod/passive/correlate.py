@@ -76,15 +76,17 @@ def correlate(
     middle = (_MIDDLE_PX,) if window_px is None else (window_px,)
     final = WIDTHS_PX if window_px is None else (window_px,)
     sigma = np.full_like(field, np.nan)
+    ignored = np.zeros(matcher.shape, dtype=bool)
     for widths_px in (middle, middle, *[final] * _FINAL_ROUNDS):
-        comparison = matcher.compare(field, final=True)
+        comparison = matcher.compare(field, final=True, ignored=ignored)
         good = comparison.alike
         noise = np.maximum(comparison.grey_variance, least_noise)
         # Where much more is left than elsewhere, that is a misfit of the texture and not the camera's noise.
         camera = np.minimum(noise, _CAMERA * np.percentile(noise[good], 25.0) if good.any() else np.inf)
         of_noise = GRADIENT_NOISE * camera * comparison.pixels
         textured = good & ~featureless(comparison, of_noise, spacing_px)
-        textured &= ~standing(comparison, field, sigma, textured, of_noise, spacing_px)
+        ignored = ~good | standing(comparison, field, sigma, textured, of_noise, spacing_px)
+        textured &= ~ignored
         sums = np.where(textured[..., None], comparison.sums, 0.0)
         of_noise = np.where(textured, of_noise, 0.0)
         fitted, variance, area = adaptive_fit(sums, of_noise, field, noise, spacing_px, widths_px)

@@ -38,6 +38,9 @@ ALIKE = 0.7
 LIGHT_PX = 10.0
 """Gaussian window over which brightness and contrast may differ between the images."""
 
+_LEAST_NEAR = 0.1
+"""Share of a window's pixels that must be left for those ignored to be left out."""
+
 
 @dataclass(frozen=True, slots=True)
 class CellMatches:
@@ -83,17 +86,20 @@ class Matcher:
         self._more = np.empty((*self.shape, 10))
         self._grey = np.empty((*self.shape, 6))
 
-    def compare(self, field: Float, *, final: bool = False) -> CellMatches:
+    def compare(self, field: Float, *, final: bool = False, ignored: Mask | None = None) -> CellMatches:
         """Warp the image by field (cell rows, cell cols, 2) px and compare it with the reference.
 
-        final: for a fit whose variance counts, and not just its direction.
+        final: for a fit whose variance counts, and not just its direction. ignored: (cell rows, cell cols)
+        cells that say nothing of their neighbours' brightness, contrast and noise.
         """
         warp_image(self._coefficients, padded(field), PADDING, self.size, self._warped)
         grey_sums(self._reference, self._warped, self.size, self._grey)
         shown = self._grey[..., 0] > 0.5 * self.size**2
-        light, match, contrast = self._light()
+        light, match, contrast = self._light(self._blurred(self._grey))
+        if ignored is not None and ignored.any():
+            light = self._light(self._near(self._grey, ignored))[0]
         normal_sums(self._reference, self._warped, light, self.size, self._sums, self._more)
-        near = self._blurred(self._more)
+        near = self._near(self._more, ignored)
         count = near[N]
         if final:
             self._without_light(near)
@@ -110,6 +116,15 @@ class Matcher:
         """Every channel (rows, cols) of sums (rows, cols, n) in the window of `LIGHT_PX`."""
         sigma = (LIGHT_PX / self.size, LIGHT_PX / self.size)
         return [blur(np.ascontiguousarray(sums[..., k]), sigma) for k in range(sums.shape[-1])]
+
+    def _near(self, sums: Float, ignored: Mask | None) -> list[Float]:
+        """Sums (rows, cols, n), the first of which counts pixels, in that window, without cells ignored."""
+        near = self._blurred(sums)
+        if ignored is None or not ignored.any():
+            return near
+        others = self._blurred(np.where(ignored[..., None], 0.0, sums))
+        enough = others[0] > _LEAST_NEAR * near[0]
+        return [np.where(enough, other, one) for other, one in zip(others, near, strict=True)]
 
     def _without_light(self, near: list[Float]) -> None:
         """Take out of the gradients g what brightness and contrast, free to change, make up for.
@@ -138,9 +153,10 @@ class Matcher:
                 + (mean[i] * slope[k] + mean[k] * slope[i]) * (own[A] - a * own[N])
             )
 
-    def _light(self) -> tuple[Float, Float, Float]:
+    @staticmethod
+    def _light(near: list[Float]) -> tuple[Float, Float, Float]:
         """(gain, offset) of the warped image per cell; correlation and reference's variance in its window."""
-        n, a, b, aa, ab, bb = self._blurred(self._grey)
+        n, a, b, aa, ab, bb = near
         n = np.maximum(n, 1e-3)
         a, b = a / n, b / n
         var_a, var_b = np.maximum(aa / n - a * a, 1e-6), np.maximum(bb / n - b * b, 1e-6)

@@ -115,7 +115,7 @@ def standing(
     field, sigma: (rows, cols, 2) px, of the comparison and of the fit before. textured: cells with texture.
     of_noise: (rows, cols) squared gradients that noise makes. What gradients g leave of a content at rest,
     compared as if it had moved by d as the texture inside has, is -g d: projected on g d it is 1 there, and
-    0 where the content has moved.
+    0 where the content has moved. Cells are judged each, and, as an edge is faint, with those around.
     """
     sums = comparison.sums
     texture = sums[..., XX] + sums[..., YY] - 2.0 * of_noise
@@ -128,15 +128,28 @@ def standing(
     xx, xy, yy = (sums[..., k] for k in (XX, XY, YY))
     energy = xx * x**2 + 2.0 * xy * x * y + yy * y**2
     left = x * (xx * dx + xy * dy - sums[..., X]) + y * (xy * dx + yy * dy - sums[..., Y])
-    around = 2 * max(round(0.5 * (_AREA_PX / spacing_px - 1.0)), 0) + 1
-    energy, left, noise = (
-        cv2.boxFilter(np.nan_to_num(one), -1, (around, around), normalize=False)
-        for one in (energy, left, energy * comparison.grey_variance)
-    )
+    noise = energy * comparison.grey_variance
     size = np.hypot(x, y)
-    matters = (size > np.maximum(REST_PX, _SIGMAS * sigma.max(axis=-1))) & (size < _LINEAR_PX)
-    sure = left > _SIGMAS * np.sqrt(np.maximum(noise, 0.0))
-    return np.asarray(close & matters & sure & (left > 0.5 * energy))
+    # Without what has been found to stand still, the fit next to it hardly knows how far all has moved.
+    known = continue_smoothly(sigma, inside & np.isfinite(sigma).all(axis=-1)).max(axis=-1)
+    matters = (size > np.maximum(REST_PX, _SIGMAS * known)) & (size < _LINEAR_PX)
+    around = 2 * max(round(0.5 * (_AREA_PX / spacing_px - 1.0)), 0) + 1
+    # What clearly moves, as a dot, would hide a frame's fainter edge next to it.
+    moves = energy - left > np.maximum(_SIGMAS * np.sqrt(np.maximum(noise, 0.0)), 0.5 * energy)
+    unclear = [
+        np.asarray(
+            cv2.boxFilter(np.nan_to_num(np.where(moves, 0.0, one)), -1, (around, around), normalize=False),
+            np.float64,
+        )
+        for one in (energy, left, noise)
+    ]
+    found = matters & (_stands(energy, left, noise) | _stands(*unclear))
+    return np.asarray(close & found)
+
+
+def _stands(energy: Float, left: Float, noise: Float) -> Mask:
+    """Where what is left is that of a content at rest, rather than of one that moves: see `standing`."""
+    return np.asarray((left > _SIGMAS * np.sqrt(np.maximum(noise, 0.0))) & (left > 0.5 * energy))
 
 
 def at_ends(field: Float, close: Mask, spacing_px: float) -> Float:
