@@ -32,7 +32,8 @@ from benchmarks.dents import (
     sharp,
     straight,
 )
-from benchmarks.honesty import MOST_SLOPE, by_place_mm
+from benchmarks.hand_presses import MOST_SLOPE
+from benchmarks.honesty import by_place_mm
 from benchmarks.peaks import LEVER_MM, RING_CURVATURE, middle_of_the_view
 from benchmarks.report import Figure, Report, benchmark, start
 from benchmarks.rigs import coarser

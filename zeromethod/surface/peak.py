@@ -12,6 +12,7 @@ from scipy import ndimage
 from scipy.interpolate import RectBivariateSpline
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.surface.chance import by_chance_mm
 from zeromethod.surface.gaps import gaps_between
 from zeromethod.surface.node_passes import deepest_node
 from zeromethod.surface.peak_place import place_sigma_mm
@@ -100,11 +101,11 @@ def peak(surface: Surface) -> Peak:
     summit is that of a quintic spline through the nodes around (bias below 0.01 % for a Gaussian of 2 nodes,
     0.2 % for a Lorentzian of 2.4), if they are all measured.
 
-    Sigma is the node's, that of the fit (half of what a cubic spline differs by; a quartic's or quadratic's
-    bias for a Gaussian as narrow), that of gaps in the slope around the summit, and that of holes: depth
-    extrapolated into a hole from the slopes at its rim, as far as it is deeper than the peak. A contact takes
-    the light away, so that a peak next to one is that of the measured nodes, with a sigma nearly as large as
-    the contact is deep.
+    Sigma is the node's, that of being the largest of many (`by_chance_mm`), that of the fit (half of what a
+    cubic spline differs by; a quartic's or quadratic's bias for a Gaussian as narrow), that of gaps in the
+    slope around the summit, and that of holes: depth extrapolated into a hole from the slopes at its rim, as
+    far as it is deeper than the peak. A contact takes the light away, so that a peak next to one is that of
+    the measured nodes, with a sigma nearly as large as the contact is deep.
     """
     if not surface.valid.any():
         return Peak(np.nan, np.nan, np.nan, np.nan)
@@ -118,7 +119,9 @@ def peak(surface: Surface) -> Peak:
             found, fitted, gap_mm = inside, fitted_inside, 0.0
             sigma_mm = found.sigma_mm
     deeper_mm = deeper_inside_mm(surface, measured, fitted, found.depth_mm)
-    return replace(found, sigma_mm=math.hypot(sigma_mm, gap_mm, deeper_mm), deeper_mm=deeper_mm)
+    chance_mm = by_chance_mm(found.depth_mm, sigma_mm, int(np.count_nonzero(measured)))
+    sigma_mm = math.hypot(sigma_mm, gap_mm, deeper_mm, chance_mm)
+    return replace(found, sigma_mm=sigma_mm, deeper_mm=deeper_mm)
 
 
 def _deepest(surface: Surface) -> tuple[Peak, Mask]:
