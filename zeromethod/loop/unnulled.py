@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numba
 import numpy as np
@@ -54,13 +55,15 @@ def _bends(d: Float, sigma: Float, valid: Mask, noise: Float, out: Float) -> flo
     return 0.0 if nulled else total
 
 
-def _noise_of_bends(correlation: Float) -> Float:
-    """(2,) variance of a bend along one axis and along both, over a node's; correlation: between nodes."""
+@cache
+def _window(period_px: int, spacing_px: int) -> tuple[Float, float]:
+    """(2,) variance of a bend along one axis and along both, over a node's; nodes that share a window."""
+    correlation = overlap_correlation(period_px, spacing_px)
     next_, second = correlation[1], correlation[2]
     one = 6.0 - 8.0 * next_ + 2.0 * second
     # Both axes share the node in the middle; neighbours on different axes are one apart along each.
     shared = 4.0 - 8.0 * next_ + 4.0 * next_**2
-    return np.array([one, 2.0 * one + 2.0 * shared])
+    return np.array([one, 2.0 * one + 2.0 * shared]), shared_nodes(correlation)
 
 
 def _alike_nodes(field: Float, squares: float) -> float:
@@ -97,11 +100,11 @@ def without_unnulled(
     if bias_px2 == 0.0:
         return measured
     bends = np.empty_like(residual.d)
-    correlation = overlap_correlation(grid.period_px, grid.spacing_px)
-    squares = _bends(residual.d, residual.sigma, measured.valid, _noise_of_bends(correlation), bends)
+    noise, window = _window(grid.period_px, grid.spacing_px)
+    squares = _bends(residual.d, residual.sigma, measured.valid, noise, bends)
     if not squares > 0.0:
         return measured
-    alike = math.sqrt(max(_alike_nodes(bends, squares) / shared_nodes(correlation), 1.0))
+    alike = math.sqrt(max(_alike_nodes(bends, squares) / window, 1.0))
     q, sigma = measured.q.copy(), measured.sigma.copy()
     # In nodes, as the differences of what was shown are.
     bends *= bias_px2 / grid.spacing_px**3

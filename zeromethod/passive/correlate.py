@@ -85,8 +85,8 @@ def correlate(
         camera = np.minimum(noise, _CAMERA * np.percentile(noise[good], 25.0) if good.any() else np.inf)
         of_noise = GRADIENT_NOISE * camera * comparison.pixels
         textured = good & ~featureless(comparison, of_noise, spacing_px)
-        ignored = ~good | standing(comparison, field, sigma, textured, of_noise, spacing_px)
-        textured &= ~ignored
+        still, ignored = standing(comparison, field, sigma, textured, of_noise, spacing_px)
+        textured &= ~still
         sums = np.where(textured[..., None], comparison.sums, 0.0)
         of_noise = np.where(textured, of_noise, 0.0)
         fitted, variance, area = adaptive_fit(sums, of_noise, field, noise, spacing_px, widths_px)

@@ -109,8 +109,10 @@ def ends(texture: Float, shown: Mask, spacing_px: float) -> Mask:
 
 def standing(
     comparison: CellMatches, field: Float, sigma: Float, textured: Mask, of_noise: Float, spacing_px: float
-) -> Mask:
+) -> tuple[Mask, Mask]:
     """Cells (rows, cols) at the texture's `ends` whose content stands still, as a frame's edge does.
+
+    And those that say nothing of the light, either: they, and what a frame covers or uncovers.
 
     field, sigma: (rows, cols, 2) px, of the comparison and of the fit before. textured: cells with texture.
     of_noise: (rows, cols) squared gradients that noise makes. What gradients g leave of a content at rest,
@@ -122,7 +124,7 @@ def standing(
     close = ends(np.where(comparison.alike, texture, 0.0), comparison.shown, spacing_px)
     inside = textured & ~close
     if not inside.any():
-        return np.zeros_like(close)
+        return np.zeros_like(close), np.zeros_like(close)
     moved = continue_smoothly(field, inside)
     (x, y), (dx, dy) = np.moveaxis(moved, -1, 0), np.moveaxis(moved - field, -1, 0)
     xx, xy, yy = (sums[..., k] for k in (XX, XY, YY))
@@ -143,8 +145,9 @@ def standing(
         )
         for one in (energy, left, noise)
     ]
-    found = matters & (_stands(energy, left, noise) | _stands(*unclear))
-    return np.asarray(close & found)
+    still = close & matters & (_stands(energy, left, noise) | _stands(*unclear))
+    covered = close & (size >= _LINEAR_PX) & comparison.shown & ~comparison.alike
+    return np.asarray(still), np.asarray(still | covered)
 
 
 def _stands(energy: Float, left: Float, noise: Float) -> Mask:
