@@ -5,8 +5,13 @@ one entered, so objects always go to the context they belong to.
 """
 
 import os
+import sys
 from collections.abc import Iterator
 from typing import Any
+
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
+    # each of a hundred processes would compile all sources again, each worker the tests' own assertions
+    sys.dont_write_bytecode = False
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     # Workers share the cores out already: threads of libraries would only wait for each other. These are read

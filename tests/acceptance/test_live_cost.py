@@ -1,5 +1,6 @@
 """What the live path costs: the benchmark's devices, and that it times every variant."""
 
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,9 @@ def test_what_was_read_of_the_codes_in_prepared_strips_is_the_delay_of_a_display
     assert abs(estimator.value_ns) < 0.2e6
 
 
-def test_every_variant_is_timed_and_held_against_another(prepared):
+def test_every_variant_is_timed_and_held_against_another(prepared, monkeypatch):
+    # read in this process: one for each variant takes as long to load as all of them run
+    monkeypatch.setattr(running.Surfaces, "in_own_process", lambda *_: nullcontext())
     report = cost.measure(prepared.rig, rounds=1, frames=12)
     header, *rows = report.details
     assert [row[0] for row in rows] == [variant.name for variant in cost.VARIANTS]

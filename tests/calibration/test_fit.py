@@ -6,17 +6,7 @@ import pytest
 from small_rigs import with_tables
 
 from zeromethod import InputError, MeasurementError, Rig
-from zeromethod.calibration import (
-    Direct,
-    Fit,
-    KnownBall,
-    KnownPress,
-    Presses,
-    Priors,
-    build,
-    describe,
-    fit,
-)
+from zeromethod.calibration import Direct, Fit, KnownBall, KnownPress, Presses, Priors, build, describe, fit
 from zeromethod.simulation.press import Dent, Mirror, Shape
 
 

@@ -7,13 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from zeromethod.calibration.bad_pixels import BadPixel, find_bad_pixels
-from zeromethod.calibration.photon_transfer import (
-    Still,
-    measure_noise,
-    still,
-    unclipped,
-    unclipped_mean,
-)
+from zeromethod.calibration.photon_transfer import Still, measure_noise, still, unclipped, unclipped_mean
 from zeromethod.errors import InputError, MeasurementError
 
 Float = NDArray[np.float64]

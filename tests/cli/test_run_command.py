@@ -4,10 +4,13 @@ import json
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_line import run, start
 from hanging import eventually
 from small_rigs import BENCH_320, small_rig_file
+
+from zeromethod import Recording
 
 
 def small_rig(folder: Path) -> Path:
@@ -15,18 +18,31 @@ def small_rig(folder: Path) -> Path:
     return small_rig_file(folder / "small.toml")
 
 
-def test_a_press_is_nulled_and_read_with_figure_and_summary(tmp_path):
-    figure, summary = tmp_path / "run.png", tmp_path / "run.json"
+def test_a_press_is_nulled_read_recorded_and_drawn(tmp_path):
+    path, figure, summary = (tmp_path / name for name in ("run.h5", "run.png", "run.json"))
     line = "run --scenario step --seconds 0.6 --rig"
-    code, out, err = run(line, small_rig(tmp_path), "--figure", figure, "--summary", summary)
+    files = ("--record", path, "--figure", figure, "--summary", summary)
+    code, out, err = run(line, small_rig(tmp_path), *files)
     assert (code, err) == (0, "")
     assert "peak depth read" in out
+    assert f"recorded in {path} (" in out
+    assert "not kept" not in out
     figures = json.loads(summary.read_text())
     assert figures["state"] == "locked"
     assert figures["truth"]["depth_peak_mm"] == pytest.approx(0.2, rel=1e-6)
     # A quarter of the camera's resolution: the bar of the full rig (0.3 %) widened by the node's size.
     assert abs(figures["truth"]["depth_peak_error_percent"]) < 1.0
     assert figure.read_bytes().startswith(b"\x89PNG")
+    assert figures["recording"] == ""
+    with Recording(path) as recording:
+        assert recording.complete
+        frames = recording.steps[recording.steps["frame_number"] >= 0]
+        assert len(frames) == figures["frames"]
+        held = recording.steps["number"][recording.steps["phase"] == b"hold"]
+        in_hold = recording.peaks["depth_mm"][np.isin(recording.peaks["step"], held)]
+        # the summary's peak is the median over the nulled frames of the hold
+        assert min(in_hold) <= figures["depth_peak_mm"] <= max(in_hold)
+        assert recording.image(int(frames["number"][3])).shape == (256, 320)
 
 
 ANNOUNCING_CAMERA = """

@@ -4,34 +4,11 @@ import json
 import resource
 from collections.abc import Iterator
 
-import numpy as np
 import pytest
 from command_line import run
 from small_rigs import small_rig_file
 
 from zeromethod.recording.recording import Recording
-
-
-def test_a_recorded_run_is_the_run(tmp_path):
-    rig, path, summary = small_rig_file(tmp_path / "small.toml"), tmp_path / "run.h5", tmp_path / "run.json"
-    line = "run --scenario step --frames 30 --rig"
-    code, out, err = run(line, rig, "--record", path, "--summary", summary)
-    assert (code, err) == (0, "")
-    assert f"recorded in {path} (" in out
-    assert "not kept" not in out
-    figures = json.loads(summary.read_text())
-    assert figures["recording"] == ""
-    with Recording(path) as recording:
-        assert recording.complete
-        frames = recording.steps[recording.steps["frame_number"] >= 0]
-        assert len(frames) == figures["frames"] == 30
-        held = recording.steps["phase"] == b"hold"
-        in_hold = recording.peaks["depth_mm"][
-            np.isin(recording.peaks["step"], recording.steps["number"][held])
-        ]
-        # the summary's peak is the median over the nulled frames of the hold
-        assert min(in_hold) <= figures["depth_peak_mm"] <= max(in_hold)
-        assert recording.image(int(frames["number"][3])).shape == (256, 320)
 
 
 @pytest.mark.parametrize(("keep", "kept"), [("surface", {"surface"}), ("none", set())])

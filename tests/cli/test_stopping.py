@@ -116,8 +116,6 @@ def ended(process: subprocess.Popen[str]) -> tuple[int, float, str]:
     ("camera", "display", "number"),
     [
         ("HungEye", "Window", signal.SIGINT),
-        ("HungEye", "Window", signal.SIGTERM),
-        ("Steady", "Window", signal.SIGHUP),
         ("NeverOpen", "Window", signal.SIGTERM),
         ("Steady", "HungScreen", signal.SIGINT),
     ],

@@ -14,6 +14,7 @@ from hanging import eventually
 from processes import has_ended
 
 from zeromethod.study import workers
+from zeromethod.study.runs import carry_out
 
 OWN = Path(__file__).parents[1] / "study"
 QUICK = """schema_version = 1
@@ -63,6 +64,13 @@ def test_table_picture_and_summary_are_written():
     assert "--restart to begin again" in err
 
 
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs in this process: a worker of its own takes seconds to start."""
+    monkeypatch.setattr(workers.Workers, "outcomes", lambda _, tasks: map(carry_out, tasks))
+
+
+@pytest.mark.usefixtures("here")
 def test_a_failed_run_is_reported_with_settings_and_seed():
     study("fails_at = 2")
     code, _, err = run("study mine.toml --output out --workers 1")

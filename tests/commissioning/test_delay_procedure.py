@@ -17,10 +17,7 @@ FRAME_S = 1 / RIG.camera.rate_hz
 
 
 def measured(
-    truth: Rig,
-    seconds: float = 0.4,
-    believed: Rig = RIG,
-    alter: Callable[[Frame], Frame] = replace,
+    truth: Rig, seconds: float = 0.4, believed: Rig = RIG, alter: Callable[[Frame], Frame] = replace
 ) -> DelayResult:
     """What is measured of a bench that truly stands as `truth`, by one who believes `believed`."""
     with open_devices(truth) as devices:

@@ -7,13 +7,7 @@ from scipy.optimize import brentq
 from zeromethod.decoding.decoding import decode_phasors
 from zeromethod.decoding.fringes import FringeSequence, equal_shifts
 from zeromethod.decoding.noise import NoiseModel
-from zeromethod.decoding.periods import (
-    SEPARATION_RAD,
-    choose_periods,
-    order_error,
-    rivals,
-    unambiguous_range,
-)
+from zeromethod.decoding.periods import SEPARATION_RAD, choose_periods, order_error, rivals, unambiguous_range
 from zeromethod.decoding.unwrapping import Waves, unwrap
 
 SIZE = 1000

@@ -145,6 +145,16 @@ def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(process, "PATIENCE_S", PATIENCE_S)
 
 
+@pytest.fixture
+def no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """None can be started; where it does not matter, none need be: it takes seconds."""
+
+    def refuse(*_arguments: object, **_streams: object) -> Any:
+        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    monkeypatch.setattr(process, "start_process", refuse)
+
+
 @contextmanager
 def session(real: bool = True, window: bool = False) -> Iterator[tuple[Session, Published]]:
     camera, display = ("RealEye", "Window" if window else "RealScreen") if real else ("Eye", "Screen")
@@ -190,6 +200,7 @@ def test_a_run_reads_depth_and_publishes_to_the_end(real):
     eventually(lambda: not running("read surface", "drawing"))
 
 
+@pytest.mark.usefixtures("no_process")
 def test_an_interrupted_run_keeps_what_it_has_and_ends_though_the_camera_hangs():
     with session() as (run, published):
         eye: Eye = run.devices.camera  # type: ignore[attr-defined]
@@ -220,6 +231,7 @@ def test_an_interrupted_run_keeps_what_it_has_and_ends_though_the_camera_hangs()
     assert summarise(run.result)["nulled_frames"] > 0
 
 
+@pytest.mark.usefixtures("no_process")
 def test_a_window_that_is_closed_ends_the_run_with_its_reason_and_the_session():
     with session(window=True) as (run, published):
         window = run.devices.display  # type: ignore[attr-defined]
@@ -238,6 +250,7 @@ def test_a_window_that_is_closed_ends_the_run_with_its_reason_and_the_session():
     assert published.steps[-1].reason == "the display is lost: its window was closed"
 
 
+@pytest.mark.usefixtures("no_process")
 def test_a_run_left_half_way_ends_its_threads():
     with session() as (run, published):
         steps = run.run()
@@ -262,15 +275,12 @@ def test_a_run_whose_reading_process_is_killed_tells_it_and_reads_on():
                 break
     notes = [note for note in run.result.notes if "reads surfaces" in note]
     assert notes == [
-        "the process that reads surfaces is lost (signal 9): the run's own process reads now, slower",
+        "the process that reads surfaces is lost (signal 9): the run's own process reads now, slower"
     ]
 
 
-def test_a_run_reads_though_no_process_can_be_started_for_it(monkeypatch):
-    def refuse(*_arguments: object, **_streams: object) -> Any:
-        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
-
-    monkeypatch.setattr(process, "start_process", refuse)
+@pytest.mark.usefixtures("no_process")
+def test_a_run_reads_though_no_process_can_be_started_for_it():
     with session() as (run, _):
         records = run.run(seconds=60)
         while len(read(run)) < 3:

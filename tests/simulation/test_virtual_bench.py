@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import re
 import socket
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import two_monitors
+from command_line import run
 from hanging import PATIENCE_S, SOON_S, eventually
 from numpy.typing import NDArray
 
@@ -343,27 +343,23 @@ def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_asked(deskto
 
 
 @pytest.mark.parametrize(
-    ("arguments", "environment", "said"),
+    ("options", "display", "said"),
     [
-        (["--monitor", "2"], {}, "--monitor: 2: allowed: 0 (DUMMY0, 640 x 480"),
-        (["--monitor", "0"], {}, "--monitor: 0: set to 640 x 480; the rig's display is 1280 x 800 px"),
-        (["--monitor", "1"], {"DISPLAY": ""}, "no screen: DISPLAY is not set"),
+        ("--monitor 2", None, "--monitor: 2: allowed: 0 (DUMMY0, 640 x 480"),
+        ("--monitor 0", None, "--monitor: 0: set to 640 x 480; the rig's display is 1280 x 800 px"),
+        ("--monitor 1", "", "no screen: DISPLAY is not set"),
+        ("--port {}", None, "--port: {}: "),
     ],
 )
-def test_what_cannot_be_used_is_refused_in_one_line(desktop, arguments, environment, said):
-    bench = virtual_bench(desktop.environment | environment, arguments)
-    _, errors = bench.communicate(timeout=PATIENCE_S)
-    assert bench.returncode == 2
-    assert said in errors
-    assert errors.count("\n") == 1
-
-
-def test_a_port_in_use_is_bad_input(desktop):
+def test_what_cannot_be_used_is_refused_in_one_line(desktop, monkeypatch, options, display, said):
+    for name, value in desktop.variables.items():
+        monkeypatch.setenv(name, value if display is None else display)
     with serving() as server:
-        bench = virtual_bench(desktop.environment, ["--port", str(server.port)])
-        _, errors = bench.communicate(timeout=PATIENCE_S)
-    assert bench.returncode == 2
-    assert re.match(rf"zeromethod: --port: {server.port}: .*in use\n$", errors)
+        code, _, err = run("virtual-bench", options.format(server.port))
+    assert (code, err.count("\n")) == (2, 1)
+    assert err.startswith("zeromethod: ")
+    assert said.format(server.port) in err
+    assert ("port" not in options) or err.endswith("in use\n")
 
 
 def test_without_mss_the_extra_is_named(monkeypatch):

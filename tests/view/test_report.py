@@ -140,11 +140,7 @@ def with_calibration(text: str) -> Callable[[h5py.File], None]:
 
 UNREADABLE = ["The calibration in this recording cannot be read.", "peak of largest |depth|"]
 MISSING = [
-    (
-        without_arrays,
-        ["No depth maps: the surface was not kept", "not kept frames, residual, surface"],
-        1,
-    ),
+    (without_arrays, ["No depth maps: the surface was not kept", "not kept frames, residual, surface"], 1),
     (without_rows, ["No step of the loop is in this recording.", "No depth maps: no surface was read."], 0),
     (without_numbers, ["nothing was measured", "depth was never read"], 3),
     (damaged_surface, ["last: no depth map: ", "surface/depth_mm: damaged", "first locked, "], 2),

@@ -168,11 +168,7 @@ def test_rest_map_outlives_ctrl_c_in_a_later_step(monkeypatch):
     assert recorded.interrupted
     assert recorded.failure == "panel: interrupted"
     lacking = [(one.part, one.lack) for one in recorded.shortfalls]
-    assert lacking == [
-        (Part.LIGHT, Lack.SKIPPED),
-        (Part.PRESSES, Lack.FAILED),
-        (Part.DELAY, Lack.SKIPPED),
-    ]
+    assert lacking == [(Part.LIGHT, Lack.SKIPPED), (Part.PRESSES, Lack.FAILED), (Part.DELAY, Lack.SKIPPED)]
     assert recorded.plan.press_depths_mm == ()
     assert rest.rest_map.valid.mean() > 0.9
 

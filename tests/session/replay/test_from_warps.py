@@ -132,11 +132,7 @@ def test_what_is_damaged_is_counted_and_kept_out_of_the_shares(session, whole, d
 def test_where_all_warps_are_damaged_it_is_reported(session, damaged):
     path = damaged("warps/measured/sigma", *session.readings)
     found = f"all {len(session.readings)} warps are damaged"
-    with (
-        Recording(path) as opened,
-        pytest.warns(DamagedWarning),
-        pytest.raises(InputError, match=found),
-    ):
+    with Recording(path) as opened, pytest.warns(DamagedWarning), pytest.raises(InputError, match=found):
         replay_from_warps(opened, opened.rig, Window.of(opened))
 
 
