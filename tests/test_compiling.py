@@ -25,10 +25,9 @@ compose(q, q, 8.0)
 RUN = """
 import json, sys
 from zeromethod.session.session import Session
-from zeromethod import binned
-from zeromethod.rig.load import load_rig
+from benchmarks.rigs import small_rig
 from zeromethod.compiling import compiled
-with Session(binned(load_rig("simulated"), 4).replace({"control.strips": "edges"})) as session:
+with Session(small_rig().replace({"control.strips": "edges"})) as session:
     for step in session.run(seconds=0.7):
         pass
 print(json.dumps(compiled()))
@@ -38,7 +37,7 @@ print(json.dumps(compiled()))
 def output(program: str, cache: Path | None = None) -> str:
     setting = os.environ | ({} if cache is None else {"NUMBA_CACHE_DIR": str(cache)})
     return subprocess.run(
-        [sys.executable, "-c", program], env=setting, check=True, capture_output=True, text=True
+        [sys.executable, "-c", program], cwd=ROOT, env=setting, check=True, capture_output=True, text=True
     ).stdout
 
 

@@ -34,7 +34,7 @@ PATH = {"press": (37.0, 0.0), "hold": (37.0, 0.2), "slide": (37.0, 0.2), "settle
 PATH |= {"lift": (41.0, 0.2), "rest": (41.0, 0.0)}
 """Where the pad is when a phase begins, and how deep: x and depth, mm."""
 
-LEAD_S, RUN_S = 8.0, 20.0
+LEAD_S, RUN_S = 12.0, 24.5
 """From the camera's first client to the untouched phase, and the whole run."""
 
 SLOWER = (1, 4, 12)

@@ -16,7 +16,7 @@ def test_a_step_at_full_size_locks_within_two_corrections():
 
 @pytest.mark.parametrize(
     ("refresh_hz", "exposure_s", "delay_frames", "phase"),
-    [(59.94, 0.002, 4, 0.4), (59.94, 0.016, 2, 0.7), (60.0, 0.016, 4, 0.5), (60.0, 0.008, 1, 0.9)],
+    [(59.94, 0.016, 2, 0.7), (60.0, 0.016, 4, 0.5)],
 )
 def test_no_timing_starves_or_destabilises_the_loop(refresh_hz, exposure_s, delay_frames, phase):
     mix = step.Mix(refresh_hz, exposure_s, delay_frames, phase)
