@@ -27,14 +27,14 @@ pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
 Line = dict[str, Any]
 """A message's header, or a line of the truth."""
 
-PHASES = {"untouched": 0.5, "press": 0.5, "hold": 3.0, "slide": 3.0, "settle": 0.5, "lift": 0.5, "rest": 3.0}
+PHASES = {"untouched": 1.0, "press": 1.0, "hold": 3.0, "slide": 3.0, "settle": 0.5, "lift": 1.0, "rest": 3.0}
 """How long each takes, s."""
 
 PATH = {"press": (37.0, 0.0), "hold": (37.0, 0.2), "slide": (37.0, 0.2), "settle": (41.0, 0.2)}
 PATH |= {"lift": (41.0, 0.2), "rest": (41.0, 0.0)}
 """Where the pad is when a phase begins, and how deep: x and depth, mm."""
 
-LEAD_S, RUN_S = 12.0, 24.5
+LEAD_S, RUN_S = 12.0, 26.0
 """From the camera's first client to the untouched phase, and the whole run."""
 
 SLOWER = (1, 4, 12)

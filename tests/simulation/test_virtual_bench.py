@@ -345,15 +345,15 @@ def test_a_monitors_picture_comes_back_bent_and_the_bench_ends_when_asked(deskto
 @pytest.mark.parametrize(
     ("options", "display", "said"),
     [
-        ("--monitor 2", None, "--monitor: 2: allowed: 0 (DUMMY0, 640 x 480"),
-        ("--monitor 0", None, "--monitor: 0: set to 640 x 480; the rig's display is 1280 x 800 px"),
-        ("--monitor 1", "", "no screen: DISPLAY is not set"),
-        ("--port {}", None, "--port: {}: "),
+        ("--monitor 2", {}, "--monitor: 2: allowed: 0 (DUMMY0, 640 x 480"),
+        ("--monitor 0", {}, "--monitor: 0: set to 640 x 480; the rig's display is 1280 x 800 px"),
+        ("--monitor 1", {"DISPLAY": ""}, "no screen: DISPLAY is not set"),
+        ("--port {}", {}, "--port: {}: "),
     ],
 )
 def test_what_cannot_be_used_is_refused_in_one_line(desktop, monkeypatch, options, display, said):
-    for name, value in desktop.variables.items():
-        monkeypatch.setenv(name, value if display is None else display)
+    for name, value in (desktop.variables | display).items():
+        monkeypatch.setenv(name, value)
     with serving() as server:
         code, _, err = run("virtual-bench", options.format(server.port))
     assert (code, err.count("\n")) == (2, 1)
