@@ -67,7 +67,7 @@ def test_table_picture_and_summary_are_written():
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs in this process: a worker of its own takes seconds to start."""
-    monkeypatch.setattr(workers.Workers, "outcomes", lambda _, tasks: map(carry_out, tasks))
+    monkeypatch.setattr(workers.Workers, "outcomes", lambda _, tasks: (carry_out(task) for task in tasks))
 
 
 @pytest.mark.usefixtures("here")
