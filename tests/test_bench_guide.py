@@ -9,15 +9,13 @@ from pathlib import Path
 import pytest
 from commands import typed
 
+from zeromethod import Event, State, load_rig
 from zeromethod.calibration import Priors, describe
 from zeromethod.cli.calibrate import calibrate_command
 from zeromethod.cli.devices import devices_command
 from zeromethod.cli.init import init_command
 from zeromethod.cli.run import run_command
 from zeromethod.cli.virtual_bench import virtual_bench_command
-from zeromethod.loop.events import Event
-from zeromethod.loop.state import State
-from zeromethod.rig.load import load_rig
 
 ROOT = Path(__file__).parent.parent
 GUIDE = (ROOT / "docs" / "bench.md").read_text()

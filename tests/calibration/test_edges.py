@@ -8,12 +8,11 @@ from scipy.ndimage import gaussian_filter
 from small_rigs import with_tables
 
 from benchmarks import calibration_study as study
-from zeromethod import NodeGrid, Optics, Rig, binned, load_rig
+from zeromethod import NodeGrid, Optics, RestMeasurement, Rig, binned, load_rig
 from zeromethod.calibration import Fit, MirrorEdge, Priors, RestPositions, fit
 from zeromethod.calibration.edges import EdgeSearch, NoEdge, find_edges
 from zeromethod.calibration.rays import UnboundedOptics, mirror_point
 from zeromethod.decoding import Reason
-from zeromethod.decoding.measuring import RestMeasurement
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.warp.rest_map import RestMap
 

@@ -10,8 +10,7 @@ from small_rigs import paper
 
 import zeromethod as zm
 from benchmarks.rigs import coarser
-from zeromethod.rig.load import load_rig
-from zeromethod.session.summary import summarise
+from zeromethod import load_rig, summarise
 from zeromethod.view.figure import _title, plot_run
 
 
