@@ -11,7 +11,6 @@ from zeromethod.rig.model import Faults, KnownRest, Rig
 
 BUMP = 16
 BOTH_SIDES = tuple(KnownRest(x_mm=(10.0, 75.0), y_mm=(side - 2.0, side + 2.0)) for side in (-12.0, 12.0))
-STEP_FRAME = 9  # of scenario "step"
 
 
 def rig(press: str, known: tuple[KnownRest, ...] = (), follow: bool = False, **faults: Any) -> Rig:

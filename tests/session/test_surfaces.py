@@ -31,6 +31,13 @@ def warp(bench):
     return bench.warp(Gauss(0.05, bench.centre_mm, 0.0, 2.0))
 
 
+@pytest.fixture(scope="module")
+def process(bench):
+    """One for tests that leave it as it was."""
+    with own_process(bench) as shared:
+        yield shared
+
+
 @contextmanager
 def own_process(bench):
     process = SurfaceProcess(bench.rig, bench.grid)
@@ -59,23 +66,21 @@ def test_the_same_warps_give_the_same_surfaces_bit_for_bit(bench, warp):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="niceness is as Linux counts it")
-def test_it_leaves_the_cores_to_the_loop_once_it_has_started(bench, warp):
-    with own_process(bench) as process:
-        process.read(warp)
-        process.read(warp)  # it lowers its priority after its first answer
-        own = os.getpriority(os.PRIO_PROCESS, 0)
-        assert os.getpriority(os.PRIO_PROCESS, process.process_id) == max(NICENESS, own)
-        # within one session, or niceness would not count against the loop where the system groups by sessions
-        assert os.getsid(process.process_id) == os.getsid(0)
+def test_it_leaves_the_cores_to_the_loop_once_it_has_started(process, warp):
+    process.read(warp)
+    process.read(warp)  # it lowers its priority after its first answer
+    own = os.getpriority(os.PRIO_PROCESS, 0)
+    assert os.getpriority(os.PRIO_PROCESS, process.process_id) == max(NICENESS, own)
+    # within one session, or niceness would not count against the loop where the system groups by sessions
+    assert os.getsid(process.process_id) == os.getsid(0)
 
 
-def test_what_reading_raises_is_raised_and_the_next_is_read(bench, warp):
-    with own_process(bench) as process:
-        with pytest.raises(InputError, match=r"warp\.q: shape .*: must be") as caught:
-            process.read(replace(warp, q=warp.q[1:]))
-        # where it went wrong over there
-        assert "reader.py" in "".join(caught.value.__notes__)
-        assert process.read(warp)[0].valid.any()
+def test_what_reading_raises_is_raised_and_the_next_is_read(process, warp):
+    with pytest.raises(InputError, match=r"warp\.q: shape .*: must be") as caught:
+        process.read(replace(warp, q=warp.q[1:]))
+    # where it went wrong over there
+    assert "reader.py" in "".join(caught.value.__notes__)
+    assert process.read(warp)[0].valid.any()
 
 
 def test_a_process_that_was_killed_is_reported_at_once(bench, warp):
