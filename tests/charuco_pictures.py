@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 from zeromethod.calibration.charuco import Board
 from zeromethod.optics.camera import undistort
 
-Array = NDArray[np.float64]
-
 SHAPE = (384, 512)
 FOCAL_PX = (1800.0, 1805.0)
 CENTRE_PX = (262.0, 187.0)
