@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hanging import PATIENCE_S
 from live_devices import small_rig
 from recorded_run import small_rig as simulated_rig
 
@@ -56,12 +57,16 @@ def test_frames_that_were_not_read_are_counted_and_their_longest_run():
 def test_a_live_run_states_how_late_its_surfaces_are():
     rig = small_rig("live_devices:RealEye", "live_devices:RealScreen").replace({"control.timeout_s": 5.0})
     with zm.Session(rig) as session:
-        steps = list(session.run(frames=30))
+        steps: list[zm.Step] = []
+        for one_step in session.run(seconds=PATIENCE_S):
+            steps.append(one_step)
+            if len(steps) >= 30 and any(one.surface is not None for one in steps):
+                session.loop.stop()
         figures = session.figures
     late = figures["surface_latency_ms"]
     exposure_ms = 1e-6 * max(one.exposure_ns for one in steps)
     assert 0.5 * exposure_ms + figures["read_ms"]["median"] <= late["median"] <= late["p99"] < 5e3
-    assert 0 < figures["frames_read"] <= figures["frames_to_read"] <= 30
+    assert 0 < figures["frames_read"] <= figures["frames_to_read"] <= len(steps)
 
 
 def test_simulated_time_has_no_latency_and_every_frame_is_read():

@@ -1,6 +1,5 @@
 """A run in real time: read alongside the loop, published to the end, ended in order."""
 
-import errno
 import os
 import signal
 import threading
@@ -143,16 +142,6 @@ def test_reading_in_turn_reads_all():
 @pytest.fixture(autouse=True)
 def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(process, "PATIENCE_S", PATIENCE_S)
-
-
-@pytest.fixture
-def no_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """None can be started; where it does not matter, none need be: it takes seconds."""
-
-    def refuse(*_arguments: object, **_streams: object) -> Any:
-        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
-
-    monkeypatch.setattr(process, "start_process", refuse)
 
 
 @contextmanager

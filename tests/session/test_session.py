@@ -249,6 +249,7 @@ def test_live_a_second_run_reads_on_without_a_new_process_and_drops_nothing_betw
     assert process._process.returncode is not None
 
 
+@pytest.mark.usefixtures("no_process")
 def test_live_a_camera_that_came_back_serves_the_next_run():
     def lose(_reads: int) -> None:
         raise CameraLost("cable is out")
@@ -263,6 +264,7 @@ def test_live_a_camera_that_came_back_serves_the_next_run():
         assert {step.state for step in session.run(frames=12)} & NULLED
 
 
+@pytest.mark.usefixtures("no_process")
 def test_live_an_error_in_reading_ends_the_run_and_the_next_one_reads(monkeypatch):
     def broken(_step: object) -> Any:
         raise FloatingPointError("surface")
@@ -278,6 +280,7 @@ def test_live_an_error_in_reading_ends_the_run_and_the_next_one_reads(monkeypatc
         assert read, (session, session.result.events, session.result.notes)
 
 
+@pytest.mark.usefixtures("no_process")
 def test_live_a_caller_that_is_slow_gets_the_newest_frames():
     with zm.Session(live_rig()) as session:
         for _ in session.run(frames=6):
