@@ -16,9 +16,9 @@ from zeromethod.recording.recorder import Recorder
 from zeromethod.recording.schema import KEEP, TABLES
 
 
-def small_rig(press: str = "step", seed: int = 0) -> Rig:
-    """The packaged bench at a quarter of the pixels on each axis, of camera and LCD."""
-    return with_tables(coarser(load_rig("simulated"), 4), scenario=press, simulation={"seed": seed})
+def small_rig(press: str = "step", seed: int = 0, factor: int = 4) -> Rig:
+    """The packaged bench with pixels of camera and LCD `factor` times as large."""
+    return with_tables(coarser(load_rig("simulated"), factor), scenario=press, simulation={"seed": seed})
 
 
 def sum_again(file: h5py.File) -> None:
