@@ -29,18 +29,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.surface.far_field_laws import Nodes
-from zeromethod.surface.far_field_posterior import Prior, posterior
+from zeromethod.surface.far_field_laws import Known, Nodes, centre
+from zeromethod.surface.far_field_posterior import posterior
 from zeromethod.surface.node_passes import diagonal
 
 _NO_LAW = 2.0
 """Sigma over the bound where too few nodes are left for a law."""
 
-_MOST_NODES, _LEAST_NODES = 400, 60
-"""Nodes that are looked at, as more cost time and say nothing new, and that a law needs."""
+_NODES, _QUIET_NODES, _LEAST_NODES = 300, 60, 60
+"""Nodes that are looked at, all and of the anchor, as more say little new; and least."""
 
-_TRIALS, _WIDEST = 61, 6.0
-"""Trials of C to begin with, and the largest over the range read."""
+_BOTTOM = 1.02
+"""Depth over the largest at which a node would have no weight."""
+
+_CORE_SHARE = 0.2
+"""Depth over the largest at which the dent's core, which gives its centre, ends."""
+
+_NEAR = 0.3
+"""Way beyond the view, over its diagonal, up to which a centre is taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,12 +77,7 @@ def fit_far_field(
     hidden_mm: what of it noise can hide.
     """
     anchor = weights > 0.0
-    rest_mm = float((weights[anchor] * depth_mm[anchor] / scale[anchor]).sum())
-    range_mm = float(np.max(np.abs(depth_mm - rest_mm * scale)[island]))
-    seen, quiet = _evenly(island), _evenly(anchor)
-    if len(seen[0]) < _LEAST_NODES or not range_mm > 0.0:
-        return FarField(0.0, _NO_LAW * bound_mm)
-    prior = Prior(range_mm, rest_mm, bound_mm, hidden_mm, diagonal(x_mm, y_mm, island))
+    seen, quiet = _evenly(island, _NODES), _evenly(anchor, _QUIET_NODES)
     nodes, still = (
         Nodes(
             *(field[*at, axis] for field in (slope, variance, scale_gradient) for axis in (0, 1)),
@@ -84,15 +85,38 @@ def fit_far_field(
         )
         for at in (seen, quiet)
     )
-    share = weights[quiet]
-    wide = _WIDEST * range_mm * np.sinh(np.linspace(-4, 4, _TRIALS)) / np.sinh(4)
-    near = np.minimum(max(bound_mm, hidden_mm) * np.geomspace(0.01, 100.0, 10), range_mm)
-    trial = rest_mm + np.concatenate([wide, near, -near])
-    return FarField(*posterior(nodes, still, share / share.sum(), prior, trial))
+    share = weights[quiet] / weights[quiet].sum()
+    rest_mm = float(share @ (still.depth / still.scale))
+    pressed = nodes.depth - rest_mm * nodes.scale
+    range_mm = float(np.max(np.abs(pressed)))
+    if len(seen[0]) < _LEAST_NODES or not range_mm > 0.0:
+        return FarField(0.0, _NO_LAW * bound_mm)
+    known = Known((_BOTTOM - np.abs(pressed) / range_mm) ** 2, share, rest_mm)
+    diagonal_mm = diagonal(x_mm, y_mm, island)
+    start = _start(nodes, pressed, rest_mm, diagonal_mm)
+    return FarField(*posterior(nodes, still, known, start, range_mm, diagonal_mm))
 
 
-def _evenly(nodes: Mask) -> tuple[NDArray[np.intp], ...]:
-    """Rows and columns of an even lattice of at most about `_MOST_NODES` of the nodes (rows, cols)."""
-    apart = max(1, int(np.ceil(np.sqrt(np.count_nonzero(nodes) / _MOST_NODES))))
+def _start(nodes: Nodes, pressed: Float, rest_mm: float, diagonal_mm: float) -> Float:
+    """Numbers of a round dent to start from: where the core's lines meet, as wide as it is steep."""
+    deepest, range_mm = int(np.argmax(np.abs(pressed))), float(np.max(np.abs(pressed)))
+    x, y = centre(nodes, rest_mm, _CORE_SHARE * range_mm)
+    inside = all(
+        low - _NEAR * diagonal_mm < at < high + _NEAR * diagonal_mm
+        for at, low, high in ((x, nodes.x.min(), nodes.x.max()), (y, nodes.y.min(), nodes.y.max()))
+    )
+    if not inside:
+        x, y = float(nodes.x[deepest]), float(nodes.y[deepest])
+    slope_x, slope_y = (nodes.slope_x - rest_mm * nodes.gradient_x, nodes.slope_y - rest_mm * nodes.gradient_y)
+    steepest = float(np.sqrt(np.max(slope_x**2 + slope_y**2)))
+    # of a Gaussian
+    size_mm = float(np.clip(np.exp(-0.5) * range_mm / steepest, 0.01 * diagonal_mm, diagonal_mm))
+    outwards = float((nodes.x - x) @ slope_x + (nodes.y - y) @ slope_y)
+    return np.array([-np.copysign(range_mm, outwards), x, y, 1.0 / size_mm, 0.0, 1.0 / size_mm])
+
+
+def _evenly(nodes: Mask, most: int) -> tuple[NDArray[np.intp], ...]:
+    """Rows and columns of an even lattice of at most about so many of the nodes (rows, cols)."""
+    apart = max(1, int(np.ceil(np.sqrt(np.count_nonzero(nodes) / most))))
     rows, columns = np.nonzero(nodes[::apart, ::apart])
-    return (apart * rows, apart * columns) if len(rows) >= _LEAST_NODES else np.nonzero(nodes)
+    return (apart * rows, apart * columns) if 3 * len(rows) >= most else np.nonzero(nodes)
