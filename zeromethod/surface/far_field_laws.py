@@ -61,7 +61,7 @@ class Equations(NamedTuple):
     normal (p, p), right (p,): of the weighted squares. border_mm: depth / h that the dents leave at the
     anchor, and its derivatives of_border (p,). left, variance: (2, n) slopes that are left and what is
     expected of them. misfit: weighted squares left over that variance, and `before`, over the one before.
-    growth: ratio by which the square of the law's error explains them better.
+    growth: what the square of the law's error lacks to explain them best.
     """
 
     normal: Float
@@ -166,7 +166,7 @@ def equations(
     field, by = _dents(numbers, nodes.x, nodes.y)
     near2 = nearest2(numbers, nodes.x, nodes.y)
     left, variance, weight = np.empty((2, n)), np.empty((2, n)), np.empty((2, n))
-    misfit = misfit_before = grows = expected = 0.0
+    misfit = misfit_before = lacking = expected = 0.0
     for i in range(n):
         slope_x = nodes.slope_x[i] - constant * nodes.gradient_x[i]
         slope_y = nodes.slope_y[i] - constant * nodes.gradient_y[i]
@@ -180,8 +180,9 @@ def equations(
             weight[axis, i] = known.weight[i] / variance[axis, i]
             misfit_before += known.weight[i] * left2 / before[axis, i]
             misfit += weight[axis, i] * left2
-            grows += of_law * weight[axis, i] * left2 / variance[axis, i]
-            expected += of_law * weight[axis, i]
+            share = of_law / variance[axis, i]
+            lacking += known.weight[i] * share * (left2 / variance[axis, i] - 1.0)
+            expected += known.weight[i] * share * share
     normal, right = np.empty((count, count)), np.empty(count)
     for j in range(count):
         one = by[j]
@@ -200,7 +201,7 @@ def equations(
             for i in range(n):
                 total += one[0, i] * other[1, i] + one[2, i] * weight[1, i] * other[2, i]
             normal[j, k] = normal[k, j] = total
-    growth = grows / max(expected, 1e-300)
+    growth = lacking / max(expected, 1e-300)
     return Equations(
         normal, right, border_mm, of_border, left, variance, misfit, misfit_before, growth
     )

@@ -26,6 +26,13 @@ _EXPLAINED = 0.8
 _PASSES, _SHORT = 24, 8
 """Most passes of a fit, and of one that finds out where to start."""
 
+_SURE, _FAR, _CLOSE, _LAYERS = 0.03, 6.0, 0.02, (0.1, 0.6)
+"""Error of a law up to which others are left out if they are standard deviations, and more, from the one fitted;
+the laws that a layer's dent is taken for."""
+
+_HOPELESS = 1.0
+"""`_UNLIKELY` more than that of the best member with which no fit goes on for long."""
+
 _SETTLED = 1e-3
 """Gain of a step, in squared sigmas, by which a fit has settled."""
 
@@ -39,9 +46,9 @@ _RANGES = 3.0
 """Standard deviation of the anchor's depth over the range read, before anything is read."""
 
 _MEMBERS = 11
-_UNLIKELY, _CONSTANT, _VARIANCE, _WRONG, _NOISE, _COUNT = range(6)
+_UNLIKELY, _CONSTANT, _VARIANCE, _WRONG, _NOISE, _COUNT, _SPREAD = range(7)
 """Columns of a member: -log of likelihood for each slope, C, its variance, the law's error, the share of noise
-in what it leaves, and its numbers' count."""
+in what it leaves, its numbers' count, and the standard deviation of its law."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -113,31 +120,37 @@ def _allowed(numbers: Float, limits: Float) -> bool:
 @numba.njit(cache=True, error_model="numpy")
 def _wrong2(found: Equations, wrong2: float) -> float:
     """Square of the law's error that explains what is left better than the one before."""
-    return min(max(wrong2 * min(max(found.growth, 0.01), 20.0), _LEAST_WRONG2), _MOST_WRONG2)
+    better = min(max(wrong2 + found.growth, 0.01 * wrong2), 20.0 * wrong2)
+    return min(max(better, _LEAST_WRONG2), _MOST_WRONG2)
 
 
 @numba.njit(cache=True, error_model="numpy")
 def fit(
-    numbers: Float, free: bool, passes: int, nodes: Nodes, quiet: Nodes, known: Known, limits: Float, out: Float
+    numbers: Float, free: bool, passes: int, nodes: Nodes, quiet: Nodes, known: Known, limits: Float,
+    best: float, out: Float
 ) -> None:
     """Fit dents' numbers (p,), in place, by Levenberg and Marquardt's steps; fill in a member `out`.
 
-    free: whether the law, the last number, is fitted too. The law's error is fitted with them.
+    free: whether the law, the last number, is fitted too. The law's error is fitted with them. best: least
+    `_UNLIKELY` so far.
     """
     strength = 2.0 * known.weight.sum() / _PIECES
     wrong2, damping = _WRONG2, 1e-3
     found = equations(numbers, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
     own = _expect(numbers, strength, free, found)
-    for _ in range(passes):
+    for k in range(passes):
         solved, step = _solve(found.normal, found.right, damping)
         better = _wrong2(found, wrong2)
         if solved and step @ found.right < _SETTLED and abs(np.log(better / wrong2)) < 0.3:
+            break
+        if k == _SHORT and _unlikely(found, known) > best + _HOPELESS:
             break
         new = numbers + step
         new[-1] = min(max(new[-1], 0.0), 1.0) if free else numbers[-1]
         if solved and _allowed(new, limits):
             tried = equations(new, nodes, quiet, known, better, found.variance)
-            own_new = _expect(new, strength, free, tried)
+            at_end = new[-1] + np.sign(tried.right[-1]) * 1e-9
+            own_new = _expect(new, strength, free and 0.0 < at_end < 1.0, tried)
             if tried.before + own_new < found.misfit + own:
                 numbers[:], found, own, wrong2 = new, tried, own_new, better
                 damping = max(0.1 * damping, 1e-7)
@@ -149,23 +162,40 @@ def fit(
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _unlikely(found: Equations, known: Known) -> float:
+    """-log of the likelihood of each slope that is left, but for a constant."""
+    total = found.misfit
+    for i in range(len(known.weight)):
+        total += known.weight[i] * np.log(found.variance[0, i] * found.variance[1, i])
+    return total / (2.0 * known.weight.sum())
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _judge(
     numbers: Float, free: bool, wrong2: float, found: Equations, nodes: Nodes, quiet: Nodes, known: Known, out: Float
 ) -> None:
     """Fill in a member by its fitted numbers and the equations of `fit`."""
     total = 2.0 * known.weight.sum()
-    spread = noise = 0.0
+    noise = 0.0
     for i in range(len(known.weight)):
-        x, y = found.variance[0, i], found.variance[1, i]
-        spread += known.weight[i] * np.log(x * y)
-        noise += known.weight[i] * (nodes.variance_x[i] / x + nodes.variance_y[i] / y)
+        of_x, of_y = nodes.variance_x[i] / found.variance[0, i], nodes.variance_y[i] / found.variance[1, i]
+        noise += known.weight[i] * (of_x + of_y)
     pieces, constant = _pieces(noise / total), known.rest_mm - found.border_mm
-    _expect(numbers, total / pieces - total / _PIECES, free, found)
-    if not free:
+    # a law at its end is as one that is not fitted
+    fitted = free and found.normal[-1, 0] != 0.0
+    _expect(numbers, total / pieces - total / _PIECES, fitted, found)
+    if not fitted:
         found.of_border[-1] = 0.0
     solved, moved = _solve(found.normal, found.of_border, 1e-9)
     variance = (found.of_border @ moved) * total / pieces * max(found.misfit / total, 1.0)
-    out[_UNLIKELY], out[_CONSTANT] = (spread + found.misfit) / total, constant
+    if fitted:
+        only = np.zeros(len(numbers))
+        only[-1] = 1.0
+        of_law = _solve(found.normal, only, 1e-9)[1][-1]
+        out[_SPREAD] = np.sqrt(of_law * total / pieces * max(found.misfit / total, 1.0))
+    else:
+        out[_SPREAD] = 0.0
+    out[_UNLIKELY], out[_CONSTANT] = _unlikely(found, known), constant
     out[_VARIANCE] = variance + wrong2 * _implied2(numbers, constant, quiet, known) if solved else np.inf
     out[_WRONG], out[_NOISE], out[_COUNT] = np.sqrt(wrong2), noise / total, len(numbers) - (0 if free else 1)
 
@@ -226,31 +256,41 @@ def posterior(
 
     start: numbers (6,) of a dent to start from. range_mm: of depth read; diagonal_mm: of the view.
     """
-    limits, members = _limits(nodes, range_mm, diagonal_mm), np.full((_MEMBERS, 6), np.inf)
+    limits, members = _limits(nodes, range_mm, diagonal_mm), np.full((_MEMBERS, 7), np.inf)
     one, best = np.append(start, 0.5), 0
     alone = np.append(start, 0.5)
     for turn in range(2):
         first = 4 * turn
-        fit(one, True, _PASSES, nodes, quiet, known, limits, members[first])
+        fit(one, True, _PASSES, nodes, quiet, known, limits, members[best, _UNLIKELY], members[first])
         best = first if turn == 0 or members[first, _UNLIKELY] < members[best, _UNLIKELY] else best
         if best == first:
             alone[:] = one
         for k, law in ((1, 1.0), (2, 0.0), (3, LAYER)):
+            if turn == 0 and not _possible(members[0], one[-1], law):
+                continue
             same = _same_scale(alone if members[best, _WRONG] < _UNFIT else one, law)
-            fit(same, False, _PASSES, nodes, quiet, known, limits, members[first + k])
+            fit(same, False, _PASSES, nodes, quiet, known, limits, members[best, _UNLIKELY], members[first + k])
             if members[first + k, _UNLIKELY] < members[best, _UNLIKELY]:
                 best, alone[:] = first + k, same
         if members[best, _WRONG] < _UNFIT:
             break
-        none = np.array([0.0, start[1], start[2], 1.0 / diagonal_mm, 0.0, 1.0 / diagonal_mm, 0.5])
-        found = equations(none, nodes, quiet, known, 1e-2, np.ones((2, len(nodes.x))))
-        one[:-1] = _placed(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm)
+        one[:-1] = _placed_alone(nodes, quiet, known, limits, diagonal_mm)
         one[-1] = 0.5
     if members[best, _NOISE] < _EXPLAINED:
         found = equations(alone, nodes, quiet, known, max(members[best, _WRONG] ** 2, 1e-4), np.ones((2, len(nodes.x))))
         beside = _placed(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm)
-        _fit_two(alone, beside, nodes, quiet, known, limits, members[8:])
+        _fit_two(alone, beside, nodes, quiet, known, limits, diagonal_mm, members[best, _UNLIKELY], members[8:])
     return _together(members, known.rest_mm, _RANGES * range_mm)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _possible(member: Float, found: float, law: float) -> bool:
+    """Whether a law may be the right one where the one fitted is `found`."""
+    if not member[_WRONG] < _SURE:
+        return True
+    low, high = (_LAYERS[0], _LAYERS[1]) if law == LAYER else (law, law)
+    spread = _FAR * member[_SPREAD] + _CLOSE
+    return low - spread < found < high + spread
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -277,7 +317,7 @@ def _limits(nodes: Nodes, range_mm: float, diagonal_mm: float) -> Float:
 
 @numba.njit(cache=True, error_model="numpy")
 def _fit_two(
-    alone: Float, beside: Float, nodes: Nodes, quiet: Nodes, known: Known, limits: Float, members: Float
+    alone: Float, beside: Float, nodes: Nodes, quiet: Nodes, known: Known, limits: Float, diagonal_mm: float, best: float, members: Float
 ) -> None:
     """Fit two dents of one law: from the one found alone with one beside it, or with a wide bulge around it."""
     law = np.full(1, alone[-1] if alone[-1] >= 0.0 else 0.3)
@@ -285,14 +325,33 @@ def _fit_two(
     around = np.concatenate((alone[:-1], alone[:-1], law))
     around[0], around[NUMBERS] = 1.15 * alone[0], -0.15 * alone[0]
     around[NUMBERS + 3 : 2 * NUMBERS] *= 0.5
-    fit(two, True, _SHORT, nodes, quiet, known, limits, members[0])
-    fit(around, True, _SHORT, nodes, quiet, known, limits, members[1])
+    fit(two, True, _SHORT, nodes, quiet, known, limits, best, members[0])
+    fit(around, True, _SHORT, nodes, quiet, known, limits, best, members[1])
     if members[1, _UNLIKELY] < members[0, _UNLIKELY]:
         two[:] = around
-    fit(two, True, _PASSES, nodes, quiet, known, limits, members[0])
+        members[0] = members[1]
+    if members[0, _WRONG] > _UNFIT:
+        first = _placed_alone(nodes, quiet, known, limits, diagonal_mm)
+        found = equations(np.append(first, 0.5), nodes, quiet, known, 1e-2, np.ones((2, len(nodes.x))))
+        second = _placed(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm)
+        around[:] = np.concatenate((first, second, np.full(1, 0.5)))
+        fit(around, True, 2 * _SHORT, nodes, quiet, known, limits, best, members[1])
+        if members[1, _UNLIKELY] < members[0, _UNLIKELY]:
+            two[:] = around
+    fit(two, True, _PASSES, nodes, quiet, known, limits, best, members[0])
     for k, of_law in ((1, 1.0), (2, 0.0)):
-        same = _same_scale(two, of_law)
-        fit(same, False, _PASSES, nodes, quiet, known, limits, members[k])
+        members[k, _UNLIKELY] = np.inf
+        if _possible(members[0], two[-1], of_law):
+            same = _same_scale(two, of_law)
+            fit(same, False, _PASSES, nodes, quiet, known, limits, best, members[k])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _placed_alone(nodes: Nodes, quiet: Nodes, known: Known, limits: Float, diagonal_mm: float) -> Float:
+    """Numbers (6,) of the round dent that explains the slopes best."""
+    none = np.array([0.0, nodes.x[0], nodes.y[0], 1.0 / diagonal_mm, 0.0, 1.0 / diagonal_mm, 0.5])
+    found = equations(none, nodes, quiet, known, 1e-2, np.ones((2, len(nodes.x))))
+    return _placed(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm)
 
 
 @numba.njit(cache=True, error_model="numpy")
