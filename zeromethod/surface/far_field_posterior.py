@@ -20,8 +20,8 @@ _WRONG2, _LEAST_WRONG2, _MOST_WRONG2 = 1e-3, 1e-6, 0.25
 _UNFIT = 0.15
 """Error of a law from which a fit may have ended in a wrong place."""
 
-_EXPLAINED = 0.8
-"""Share of noise in what one dent leaves of the slopes below which a second one is tried."""
+_EXPLAINED = 6.0
+"""Logarithm of likelihood by which a law is wrong from which a second dent is tried."""
 
 _PASSES, _SHORT = 24, 8
 """Most passes of a fit, and of one that finds out where to start."""
@@ -39,16 +39,17 @@ _SETTLED = 1e-3
 _PLACES, _SIZES = (9, 7), (24.0, 12.0, 6.0, 3.0)
 """Places and sizes, the view's diagonal over it, of dents that are tried to start from."""
 
-_BEYOND, _LARGEST, _SMALLEST, _LONGEST, _DEEPEST = 0.45, 1.5, 0.005, 10.0, 30.0
+_BEYOND, _LARGEST, _SMALLEST, _LONGEST, _DEEPEST = 0.45, 1.5, 0.005, 10.0, 10.0
 """Limits of a dent: way beyond the view and sizes over its diagonal, length over width, depth over range."""
 
-_RANGES = 3.0
+_RANGES = 1.0
 """Standard deviation of the anchor's depth over the range read, before anything is read."""
 
 _MEMBERS = 11
-_UNLIKELY, _CONSTANT, _VARIANCE, _WRONG, _NOISE, _COUNT, _SPREAD = range(7)
+_UNLIKELY, _CONSTANT, _VARIANCE, _WRONG, _NOISE, _COUNT, _SPREAD, _EXCESS = range(8)
 """Columns of a member: -log of likelihood for each slope, C, its variance, the law's error, the share of noise
-in what it leaves, its numbers' count, and the standard deviation of its law."""
+in what it leaves, its numbers' count, the standard deviation of its law, and the logarithm of
+likelihood by which it is wrong at all."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -176,10 +177,12 @@ def _judge(
 ) -> None:
     """Fill in a member by its fitted numbers and the equations of `fit`."""
     total = 2.0 * known.weight.sum()
-    noise = 0.0
+    noise = excess = 0.0
     for i in range(len(known.weight)):
         of_x, of_y = nodes.variance_x[i] / found.variance[0, i], nodes.variance_y[i] / found.variance[1, i]
         noise += known.weight[i] * (of_x + of_y)
+        without = found.left[0, i] ** 2 / nodes.variance_x[i] + found.left[1, i] ** 2 / nodes.variance_y[i]
+        excess += 0.5 * known.weight[i] * (without + np.log(of_x * of_y))
     pieces, constant = _pieces(noise / total), known.rest_mm - found.border_mm
     # a law at its end is as one that is not fitted
     fitted = free and found.normal[-1, 0] != 0.0
@@ -197,6 +200,7 @@ def _judge(
         out[_SPREAD] = 0.0
     out[_UNLIKELY], out[_CONSTANT] = _unlikely(found, known), constant
     out[_VARIANCE] = variance + wrong2 * _implied2(numbers, constant, quiet, known) if solved else np.inf
+    out[_EXCESS] = excess - 0.5 * found.misfit if wrong2 > _LEAST_WRONG2 else 0.0
     out[_WRONG], out[_NOISE], out[_COUNT] = np.sqrt(wrong2), noise / total, len(numbers) - (0 if free else 1)
 
 
@@ -242,7 +246,7 @@ def _placed(
                 weight_y = known.weight[i] / variance[1, i]
                 across += weight_x * slope_x * left[0, i] + weight_y * slope_y * left[1, i]
                 square += weight_x * slope_x * slope_x + weight_y * slope_y * slope_y
-            if across * across > best * square:
+            if across * across > best * square and abs(across) < limits[3, 1] * square:
                 best, a = across * across / square, size / diagonal_mm
                 found[:] = across / square, x, y, a, 0.0, a
     return found
@@ -256,7 +260,7 @@ def posterior(
 
     start: numbers (6,) of a dent to start from. range_mm: of depth read; diagonal_mm: of the view.
     """
-    limits, members = _limits(nodes, range_mm, diagonal_mm), np.full((_MEMBERS, 7), np.inf)
+    limits, members = _limits(nodes, range_mm, diagonal_mm), np.full((_MEMBERS, 8), np.inf)
     one, best = np.append(start, 0.5), 0
     alone = np.append(start, 0.5)
     for turn in range(2):
@@ -276,7 +280,7 @@ def posterior(
             break
         one[:-1] = _placed_alone(nodes, quiet, known, limits, diagonal_mm)
         one[-1] = 0.5
-    if members[best, _NOISE] < _EXPLAINED:
+    if members[best, _EXCESS] > _EXPLAINED:
         found = equations(alone, nodes, quiet, known, max(members[best, _WRONG] ** 2, 1e-4), np.ones((2, len(nodes.x))))
         beside = _placed(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm)
         _fit_two(alone, beside, nodes, quiet, known, limits, diagonal_mm, members[best, _UNLIKELY], members[8:])
