@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.surface.far_field_laws import Known, Nodes, centre
+from zeromethod.surface.far_field_laws import Known, Nodes, centre, chosen
 from zeromethod.surface.far_field_posterior import posterior
 from zeromethod.surface.node_passes import diagonal
 
@@ -77,19 +77,14 @@ def fit_far_field(
     hidden_mm: what of it noise can hide.
     """
     anchor = weights > 0.0
-    seen, quiet = _evenly(island, _NODES), _evenly(anchor, _QUIET_NODES)
-    nodes, still = (
-        Nodes(
-            *(field[*at, axis] for field in (slope, variance, scale_gradient) for axis in (0, 1)),
-            *(field[at] for field in (depth_mm, scale, x_mm, y_mm)),
-        )
-        for at in (seen, quiet)
-    )
+    lattice = slope, variance, scale_gradient, depth_mm, scale, x_mm, y_mm
+    quiet = _evenly(anchor, _QUIET_NODES)
+    nodes, still = chosen(lattice, *_evenly(island, _NODES)), chosen(lattice, *quiet)
     share = weights[quiet] / weights[quiet].sum()
     rest_mm = float(share @ (still.depth / still.scale))
     pressed = nodes.depth - rest_mm * nodes.scale
     range_mm = float(np.max(np.abs(pressed)))
-    if len(seen[0]) < _LEAST_NODES or not range_mm > 0.0:
+    if len(pressed) < _LEAST_NODES or not range_mm > 0.0:
         return FarField(0.0, _NO_LAW * bound_mm)
     known = Known((_BOTTOM - np.abs(pressed) / range_mm) ** 2, share, rest_mm)
     diagonal_mm = diagonal(x_mm, y_mm, island)
@@ -99,18 +94,17 @@ def fit_far_field(
 
 def _start(nodes: Nodes, pressed: Float, rest_mm: float, diagonal_mm: float) -> Float:
     """Numbers of a round dent to start from: where the core's lines meet, as wide as it is steep."""
-    deepest, range_mm = int(np.argmax(np.abs(pressed))), float(np.max(np.abs(pressed)))
+    deepest = int(np.argmax(np.abs(pressed)))
+    range_mm = float(abs(pressed[deepest]))
     x, y = centre(nodes, rest_mm, _CORE_SHARE * range_mm)
-    inside = all(
-        low - _NEAR * diagonal_mm < at < high + _NEAR * diagonal_mm
-        for at, low, high in ((x, nodes.x.min(), nodes.x.max()), (y, nodes.y.min(), nodes.y.max()))
-    )
-    if not inside:
+    low, high = (nodes.x.min(), nodes.y.min()), (nodes.x.max(), nodes.y.max())
+    # False for NaN, too
+    if not max(low[0] - x, x - high[0], low[1] - y, y - high[1]) < _NEAR * diagonal_mm:
         x, y = float(nodes.x[deepest]), float(nodes.y[deepest])
-    slope_x, slope_y = (nodes.slope_x - rest_mm * nodes.gradient_x, nodes.slope_y - rest_mm * nodes.gradient_y)
+    slope_x, slope_y = nodes.slope_x - rest_mm * nodes.gradient_x, nodes.slope_y - rest_mm * nodes.gradient_y
     steepest = float(np.sqrt(np.max(slope_x**2 + slope_y**2)))
     # of a Gaussian
-    size_mm = float(np.clip(np.exp(-0.5) * range_mm / steepest, 0.01 * diagonal_mm, diagonal_mm))
+    size_mm = min(max(np.exp(-0.5) * range_mm / steepest, 0.01 * diagonal_mm), diagonal_mm)
     outwards = float((nodes.x - x) @ slope_x + (nodes.y - y) @ slope_y)
     return np.array([-np.copysign(range_mm, outwards), x, y, 1.0 / size_mm, 0.0, 1.0 / size_mm])
 

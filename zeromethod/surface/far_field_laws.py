@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Ints
 
 NUMBERS = 6
 """Of one dent: depth, mm; place x, y, mm; a, b, c, 1/mm, of z = (a X + b Y)^2 + (c Y)^2 at X, Y from there."""
@@ -41,6 +41,22 @@ class Nodes(NamedTuple):
     scale: Float
     x: Float
     y: Float
+
+
+@numba.njit(cache=True, error_model="numpy")
+def chosen(
+    lattice: tuple[Float, Float, Float, Float, Float, Float, Float], rows: Ints, columns: Ints
+) -> Nodes:
+    """Nodes of these rows and columns (n,); lattice: slope, variance, gradient, depth, scale, x and y."""
+    slope, variance, gradient, depth, scale, x, y = lattice
+    out = np.empty((10, len(rows)))
+    for k in range(len(rows)):
+        i, j = rows[k], columns[k]
+        for axis in range(2):
+            out[axis, k], out[2 + axis, k] = slope[i, j, axis], variance[i, j, axis]
+            out[4 + axis, k] = gradient[i, j, axis]
+        out[6, k], out[7, k], out[8, k], out[9, k] = depth[i, j], scale[i, j], x[i, j], y[i, j]
+    return Nodes(out[0], out[1], out[2], out[3], out[4], out[5], out[6], out[7], out[8], out[9])
 
 
 class Known(NamedTuple):

@@ -20,7 +20,7 @@ _WRONG2, _LEAST_WRONG2, _MOST_WRONG2 = 1e-3, 1e-6, 0.25
 _UNFIT = 0.15
 """Error of a law from which a fit may have ended in a wrong place."""
 
-_EXPLAINED = 6.0
+_EXPLAINED = 2.5
 """Logarithm of likelihood by which a law is wrong from which a second dent is tried."""
 
 _PASSES, _SHORT = 24, 8
