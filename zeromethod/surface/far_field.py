@@ -1,24 +1,22 @@
 """Far field of a dent: its depth where the view ends, from how slope and depth decay together.
 
-Depth D is read up to C h, and then slope with C grad h: every trial C gives another dent, d = D - C h with
-slope s. About its centre r . s = -m d, with m how fast it decays: by a round law (n, k, g >= 0)
+Depth D is read up to C h, and then slope with C grad h, of which C is to be found. The dent d = D - C h is
+one, or two at once, of any depth, place, size, length and sign, that obey one law as they press one material:
 
-    m = (n + k r^2) / (1 + g r^2),    or with the root of the denominator,
+    d = A (1 + k z)^(-1 / (2 k)),    0 <= k <= 1,    z a quadratic form of the way from its centre,
 
-n = 1 alone is what any load leaves on a deep elastic body (Boussinesq; K. L. Johnson, Contact Mechanics,
-Cambridge 1985, section 3.2, doi:10.1017/CBO9781139171731), k alone a Gaussian, k = g a load of finite size on
-that body, the root a layer on a stiff ground, where depth decays exponentially; or by a long one, with a
-polynomial of second degree in x and y over 1 + g r^2: dents that are not round, or whose centre is misjudged
-because the view cuts them. Each law counts with members of many sizes g, so that the rest of it is linear.
+k = 1 falls as 1 / r, as any load on a deep elastic body does (Boussinesq; K. L. Johnson, Contact Mechanics,
+Cambridge 1985, section 3.2, doi:10.1017/CBO9781139171731), and nothing falls more slowly; k = 0 is a
+Gaussian; between them are other powers of r. Besides, d = A exp(1 - sqrt(1 + z)): a layer on a stiff ground,
+where depth decays exponentially. Two dents are two loads, or one with the bulge that rubber raises around it.
 
-C is as likely as it makes the slopes. What a law leaves is noise and an error of its own, relative to r . s,
-of unknown size, which is fitted: so a C whose slopes are larger, or whose centre is far, has no advantage by
-that. Errors of a law are much the same in neighbouring nodes: all of them count as some independent ones, as
-more where they are noise, and as fewer, the worse even the best C fits. On top comes what is known without
-laws. Depth falls at least about as 1 / r: with the slopes that C implies, which may be hidden where C grad h
-cancels them, so that C is the less likely, the more of that it takes. An anchor whose slopes are noise is
-probably at rest. Numbers that are not physics were fitted to
-how well C was known in the dents of seeds 0 and 1 of `benchmarks.anchors`, eleven of its sixteen families.
+Their numbers are fitted to the slopes, and C with them: at the anchor they must leave what is read there.
+What a law leaves is noise and an error of its own, relative to the slopes, of unknown size, which is fitted
+as well. Errors of a law are much the same in neighbouring nodes: all of them count as some independent ones,
+as more where they are noise. The core, where loads lie and no law holds, counts little. As wrong as a law is
+of slopes, it is of the anchor's depth, relative to what its slopes imply if depth falls as 1 / r. Every law
+is as likely as it makes the slopes, each number that it needs a cost; k = 1 and k = 0 count apart from the k
+that fits best. C is the mean over all, and its sigma contains what they disagree by.
 """
 
 from __future__ import annotations
@@ -70,7 +68,7 @@ def fit_far_field(
     bound_mm: float,
     hidden_mm: float,
 ) -> FarField:
-    """C and its sigma by the laws of the module, as far as they fit, and by what decays at least as 1 / r.
+    """C and its sigma by the laws of the module, as far as they fit.
 
     slope, variance, scale_gradient: (rows, cols, 2), rad, rad^2, 1/mm; depth_mm, scale, x_mm, y_mm: (rows,
     cols). weights: the anchor's, (rows, cols). bound_mm: its depth if it decays as 1 / r and C is 0, and
@@ -85,7 +83,7 @@ def fit_far_field(
     pressed = nodes.depth - rest_mm * nodes.scale
     range_mm = float(np.max(np.abs(pressed)))
     if len(pressed) < _LEAST_NODES or not range_mm > 0.0:
-        return FarField(0.0, _NO_LAW * bound_mm)
+        return FarField(0.0, _NO_LAW * max(bound_mm, hidden_mm))
     known = Known((_BOTTOM - np.abs(pressed) / range_mm) ** 2, share, rest_mm)
     diagonal_mm = diagonal(x_mm, y_mm, island)
     start = _start(nodes, pressed, rest_mm, diagonal_mm)

@@ -10,7 +10,7 @@ import numpy as np
 from zeromethod.arrays import Float, Ints
 
 NUMBERS = 6
-"""Of one dent: depth, mm; place x, y, mm; a, b, c, 1/mm, of z = (a X + b Y)^2 + (c Y)^2 at X, Y from there."""
+"""Of one dent: depth, mm; place x, y, mm; a, b, c, 1/mm, of z = (a X + b Y)^2 + (c Y)^2, X, Y from there."""
 
 LAYER = -1.0
 """Law of depth exp(1 - sqrt(1 + z)); those from 0 to 1 are depth (1 + law z)^(-1 / (2 law))."""
@@ -218,9 +218,7 @@ def equations(
                 total += one[0, i] * other[1, i] + one[2, i] * weight[1, i] * other[2, i]
             normal[j, k] = normal[k, j] = total
     growth = lacking / max(expected, 1e-300)
-    return Equations(
-        normal, right, border_mm, of_border, left, variance, misfit, misfit_before, growth
-    )
+    return Equations(normal, right, border_mm, of_border, left, variance, misfit, misfit_before, growth)
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
