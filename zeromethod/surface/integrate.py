@@ -28,6 +28,9 @@ _KEEP_FACTOR = 2.0
 """Weights are kept while nodes' variances stay within this factor of those they were computed from:
 any fixed weights give an unbiased depth, and an error of this size costs a few percent of noise."""
 _KEEP_SHARE = 0.02
+SETTLED_READINGS = 30
+"""Readings after which weights or noise that changed are taken to stay, as they change in every one while a
+mirror is nulled: what takes long to work out from them is kept until then."""
 
 
 def largest_island(valid: Mask) -> Mask:
