@@ -191,7 +191,6 @@ class _MisreadingSensor:
 
     def __init__(self, sensor: Sensor, gain: float) -> None:
         self._sensor, self._gain = sensor, gain
-        self.bias_px2 = gain * sensor.bias_px2
 
     def measure(self, image: NDArray[Any], guess: Float | None = None, **known: Any) -> Residual:
         residual = self._sensor.measure(image, guess, **known)

@@ -4,9 +4,7 @@
 included: every frame and every picture shown while a soft pad came down and slid. Warps and depths are those
 of 0.1.0 less what the blur of the panel's apertures had added (4e-4 LCD px, 7 nm of 60 um, at most), with
 the anchor's constant as the far field is fitted since: at most 0.12 um, in a frame whose anchor had 0.55 um,
-then 20 nm, in a frame whose anchor had 160 nm, and then, with dents fitted to the slopes, 0.25 um, in a frame
-whose anchor has 0.21 um; less that constant, depths stayed within 0.6 nm. Frames 5 to 25, not
-nulled, are without what the sensing window hides of them: 0.22 LCD px, 4.3 um at most.
+and then 20 nm, in a frame whose anchor has 160 nm; less that constant, depths stayed within 0.05 nm.
 """
 
 from pathlib import Path

@@ -58,8 +58,6 @@ def dent(rest: Rest, peak_lcd_px: float, sigma_px: float = 40.0, shift_px: float
 class PhasorSensor:
     """Hands on the residual that the bench put in place of an image."""
 
-    bias_px2 = 0.0
-
     def measure(
         self, image: Residual, guess: np.ndarray | None = None, *, light_share: np.ndarray | None = None
     ) -> Residual:

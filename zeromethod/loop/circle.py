@@ -26,7 +26,6 @@ from zeromethod.loop.events import Event
 from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
 from zeromethod.loop.panel_blur import PanelBlur
-from zeromethod.loop.unnulled import without_unnulled
 from zeromethod.rig.model import ControlSpec
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface.expected_light import ExpectedLight
@@ -49,12 +48,7 @@ _REFUSALS = {Unpaired.CONTRADICTED: Event.STRIPS_CONTRADICT, Unpaired.NOT_LIT: E
 
 
 class Sensor(Protocol):
-    """What turns an image into the residual.
-
-    bias_px2: what a residual is read too large by, per Laplacian of it, px^2.
-    """
-
-    bias_px2: float
+    """What turns an image into the residual."""
 
     def measure(
         self, image: Image, guess: Float | None = None, *, light_share: Single | None = None
@@ -173,9 +167,6 @@ class Circle:
         rms_px = float(np.sqrt(square))
         if self._panel_blur is not None:
             self._panel_blur.learn(observation.shown.q, self.rest.q, residual, measured.valid, rms_px)
-        measured = without_unnulled(
-            measured, residual, observation.shown.q, self.rest.grid, self._sensor.bias_px2
-        )
         return FrameResult(changed, refusal, observation, residual, measured, rms_px, share)
 
     def _measure(self, observation: Observation, known: Known, lit_q: Float) -> tuple[Residual, Warp]:

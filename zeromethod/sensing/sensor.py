@@ -15,7 +15,6 @@ from zeromethod.sensing.gradient import GradientEstimator
 from zeromethod.sensing.residual import Limits, Residual
 from zeromethod.sensing.shading import flag_light_edges, level, noise_factor
 from zeromethod.sensing.unwrap import Unwrapper
-from zeromethod.sensing.window import curvature_bias_px2
 from zeromethod.warp.grid import PADDING, NodeGrid
 from zeromethod.warp.validity import Flag
 
@@ -86,8 +85,6 @@ class ResidualSensor:
         if min(grid.shape) <= 2 * PADDING:
             raise InputError(f"ResidualSensor: grid: {grid}: the image must be larger than 2 periods")
         self.grid, self.kind, self.bits = grid, kind, bits
-        self.bias_px2 = curvature_bias_px2(grid.period_px)
-        """What a residual is read too large by, per Laplacian of it, px^2."""
         limits = limits or Limits()
         ceiling = 2**bits - 1
         self._estimator: CarrierEstimator | GradientEstimator
