@@ -12,7 +12,7 @@ from benchmarks import against_peers as bench
 from benchmarks.against_peers import __main__ as against_peers
 from benchmarks.report import Figure, Report, benchmark, start
 
-HELPERS = {"report", "rigs", "dents", "live_running", "memory_devices", "fringe_bench"}
+HELPERS = {"report", "rigs", "dents", "hand_presses", "live_running", "memory_devices", "fringe_bench"}
 FILES = Path(str(benchmarks.__file__)).parent.glob("*.py")
 NAMES = sorted({file.stem for file in FILES} - HELPERS - {"__init__"})
 

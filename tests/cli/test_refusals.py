@@ -43,6 +43,7 @@ HELPERS = {
     "report",
     "rigs",
     "dents",
+    "hand_presses",
     "live_running",
     "memory_devices",
     "fringe_bench",
