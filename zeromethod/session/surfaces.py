@@ -45,16 +45,15 @@ class SurfaceProcess:
         self._why = ""
         memory = shared_memory("zeromethod surfaces", _BYTES_PER_NODE * math.prod(grid.shape))
         self._exchange = ArrayExchange(memory)
-        shared: dict[str, Any] = {} if memory == NONE else {"pass_fds": (memory,)}
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        handles = () if memory == NONE else (memory,)
         try:
-            self._process = start_process(
-                __name__, str(memory), stdin=subprocess.PIPE, stdout=subprocess.PIPE, **shared
-            )
+            self._process = start_process(__name__, str(memory), pass_fds=handles, **pipes)
         except OSError as error:
             raise ReadingLost(f"it does not start: {error.strerror}") from None
         finally:
-            if memory != NONE:
-                os.close(memory)
+            for handle in handles:
+                os.close(handle)
         self._setting: tuple[Rig, NodeGrid] | None = rig, grid
 
     @property

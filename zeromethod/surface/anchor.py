@@ -37,7 +37,7 @@ _RING_SHARE = 0.16
 _CORE_SHARE = 0.6
 """Share of the ring's weight that must agree on the constant: a smaller flat top is outvoted."""
 _MIN_NODES = 16
-_SAME_MM, _MOST_CHOICES = 5e-8, 8
+_SAME_MM, MOST_CHOICES = 5e-8, 8
 """Change of the anchor's depth below which its nodes are the same, and how often they are chosen at most."""
 _LEAST_FALL, _USUAL_FALL, _MOST_FALL = 0.1, 0.8, 2.0
 """How fast what a choice is off falls with what was taken out of its slopes, at least and at most."""
@@ -164,7 +164,7 @@ class Quiet:
         self._means = border.means(slope, variance)
         self._noise2 = noise_of(self._means, border.averaging)
 
-    def fit(self, contained_mm: float, most: int = _MOST_CHOICES) -> tuple[RestFit, float]:
+    def fit(self, contained_mm: float, most: int = MOST_CHOICES) -> tuple[RestFit, float]:
         """Nodes chosen by their slopes less a multiple of the gradient, and their mean of depth / h.
 
         contained_mm: multiple to begin with; then that mean, by secants, until it is the same.

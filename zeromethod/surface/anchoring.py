@@ -14,7 +14,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
-from zeromethod.surface.anchor import Border, Quiet, RestFit, fit_known, known_nodes
+from zeromethod.surface.anchor import MOST_CHOICES, Border, Quiet, RestFit, fit_known, known_nodes
 from zeromethod.surface.far_field import FarField, fit_far_field
 
 _AGAIN_MM = 1e-4
@@ -48,7 +48,7 @@ class Anchors:
         self.scale, self._gradient = scale, scale_gradient
         self._border: Border | None = None
 
-    def nodes(self, read: Pass, contained_mm: float, most: int = 8) -> tuple[RestFit, float]:
+    def nodes(self, read: Pass, contained_mm: float, most: int = MOST_CHOICES) -> tuple[RestFit, float]:
         """Nodes that count as at rest, with the bound of their depth / h, and the mean of that.
 
         contained_mm: multiple of h in the depth, to begin with. most: times that quiet nodes are chosen.

@@ -16,7 +16,7 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 from zeromethod.bench_motion.watch import LEAST_LCD_PX
 from zeromethod.surface.differences import depth_differences_adjoint
-from zeromethod.surface.integrate import SETTLED_READINGS, SlopeIntegrator
+from zeromethod.surface.integrate import SlopeIntegrator
 from zeromethod.surface.node_passes import sum_on
 from zeromethod.surface.noise import SlopeNoise
 from zeromethod.surface.settling import Reading
@@ -105,7 +105,6 @@ class CurlTest:
         self._slopes, self._constant = slopes, constant
         self._mask: Mask = np.zeros(constant.shape[:-1], bool)
         self._weightings = -1
-        self._since = 0
         self._made: _Templates | None = None
 
     def false_depth(self, motion: Float, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> tuple[Float, Float]:
@@ -135,9 +134,7 @@ class CurlTest:
     def _templates(self, noise: SlopeNoise, x_mm: Float, y_mm: Float) -> _Templates:
         island = self._integrator.island
         changed = np.count_nonzero(island ^ self._mask) > _KEEP_SHARE * np.count_nonzero(island)
-        # of other weights they are as right, and a little less sensitive
-        self._since = self._since + 1 if self._weightings != self._integrator.weightings else 0
-        if self._made is None or changed or self._since >= SETTLED_READINGS:
+        if self._made is None or changed or self._weightings != self._integrator.weightings:
             self._mask, self._weightings = island.copy(), self._integrator.weightings
             self._made = self._make(noise, x_mm, y_mm)
         return self._made

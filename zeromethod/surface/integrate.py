@@ -22,15 +22,11 @@ from scipy import ndimage
 from zeromethod.arrays import Float, Mask
 from zeromethod.surface.differences import depth_differences, depth_differences_adjoint
 from zeromethod.surface.multigrid import EXACT, LatticeSolution
-from zeromethod.surface.node_passes import sum_of_inverses
 
 _KEEP_FACTOR = 2.0
 """Weights are kept while nodes' variances stay within this factor of those they were computed from:
 any fixed weights give an unbiased depth, and an error of this size costs a few percent of noise."""
 _KEEP_SHARE = 0.02
-SETTLED_READINGS = 30
-"""Readings after which weights or noise that changed are taken to stay, as they change in every one while a
-mirror is nulled: what takes long to work out from them is kept until then."""
 
 
 def largest_island(valid: Mask) -> Mask:
@@ -220,7 +216,8 @@ class SlopeIntegrator:
         changed = share_changed(*values, _KEEP_FACTOR) > _KEEP_SHARE
         if same and not changed:
             return self.island
-        typical = 2 * np.count_nonzero(self.island) / sum_of_inverses(variance, self.island)
+        # on the island alone: variance may be 0 elsewhere
+        typical = 1.0 / float(np.mean(1.0 / variance[self.island]))
         relative = np.where(self.island[..., None], variance, 0.0) / typical
         if changed:
             self._variance = relative

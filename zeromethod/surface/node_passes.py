@@ -43,17 +43,6 @@ def sum_on(values: Float, nodes: Mask) -> float:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def sum_of_inverses(values: Float, nodes: Mask) -> float:
-    """The same of 1 over them."""
-    total = 0.0
-    for i in range(nodes.shape[0]):
-        for j in range(nodes.shape[1]):
-            if nodes[i, j]:
-                total += 1.0 / values[i, j, 0] + 1.0 / values[i, j, 1]
-    return total
-
-
-@numba.njit(cache=True, error_model="numpy")
 def squares_apart(one: Float, other: Float, nodes: Mask) -> float:
     """Sum over nodes (rows, cols) of the squared difference of vectors (rows, cols, 2)."""
     total = 0.0

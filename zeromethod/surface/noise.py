@@ -13,13 +13,7 @@ from scipy import ndimage
 from scipy.interpolate import RBFInterpolator
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.surface.integrate import (
-    SETTLED_READINGS,
-    LinearIntegration,
-    SlopeIntegrator,
-    fill_in,
-    share_changed,
-)
+from zeromethod.surface.integrate import LinearIntegration, SlopeIntegrator, fill_in, share_changed
 
 _SAMPLES_PER_AXIS = 13
 _AROUND = np.array([-6, -4, -2, -1, 0, 1, 2, 4, 6])
@@ -125,13 +119,13 @@ class SlopeNoise:
 class DepthNoise:
     """Standard deviation of depth, exact at some nodes and interpolated between.
 
-    One node's variance takes one solution of the integrator's equations and is exact: the weights with
-    which all slopes enter it, times the slopes' covariance. Some 170 nodes, closer together towards the
-    border where variance bends, carry a thin-plate spline of its logarithm (within 1 % of exact). They
-    are kept while mask and noise keep their shape, or change in every frame; a frame then costs a
-    rescaling: noise at distance r reaches depth with weight 1 / r (the gradient of Green's function in
-    the plane), so that every octave of r counts alike and what the noise has grown by is the mean of its
-    means over boxes, octave by octave, around node and anchor.
+    One node's variance takes one solution of the integrator's equations and is exact: the weights with which
+    all slopes enter it, times the slopes' covariance. Some 170 nodes, closer together towards the border
+    where variance bends, carry a thin-plate spline of its logarithm (within 1 % of exact). They are kept
+    while mask and noise keep their shape; a frame then costs a rescaling: noise at distance r reaches depth
+    with weight 1 / r (the gradient of Green's function in the plane), so that every octave of r counts alike
+    and what the noise has grown by is the mean of its means over boxes, octave by octave, around node and
+    anchor.
     """
 
     def __init__(self, integrator: SlopeIntegrator) -> None:
@@ -141,7 +135,6 @@ class DepthNoise:
         self._power = np.zeros(shape)
         self._weightings = -1
         self._noise: SlopeNoise | None = None
-        self._changed, self._since = np.zeros(shape).ravel(), 0
         self._first = self._anchor = np.zeros(shape)
         self._sampled = self._variance = np.zeros(shape)
 
@@ -161,22 +154,13 @@ class DepthNoise:
         return np.asarray(found)
 
     def _is_stale(self, power: Float, island: Mask) -> bool:
+        if self._weightings != self._integrator.weightings:
+            return True
         both = np.count_nonzero(island & self._mask)
         if both < (1.0 - _KEEP_SHARE) * np.count_nonzero(island | self._mask) or not both:
             return True
-        nodes = island.ravel()
-        same = share_changed(power.ravel(), self._power.ravel(), nodes, _KEEP_FACTOR**2) <= _KEEP_SHARE
-        if same and self._weightings == self._integrator.weightings:
-            return False
-        return self._settles(power.ravel(), nodes)
-
-    def _settles(self, power: Float, nodes: Mask) -> bool:
-        """Whether noise (n,) has been as it is for some readings: a mirror that moves changes it in each."""
-        same = share_changed(power, self._changed, nodes, _KEEP_FACTOR**2) <= _KEEP_SHARE
-        if not same:
-            self._changed, self._since = power.copy(), 0
-        self._since += 1
-        return self._since >= SETTLED_READINGS
+        changed = share_changed(power.ravel(), self._power.ravel(), island.ravel(), _KEEP_FACTOR**2)
+        return changed > _KEEP_SHARE
 
     def _sample(self, noise: SlopeNoise, x_mm: Float, y_mm: Float, weights: Float, power: Float) -> None:
         island = self._integrator.island.copy()
@@ -194,7 +178,6 @@ class DepthNoise:
             self._sampled = np.full(island.shape, float(np.exp(log.mean())))
         self._noise, self._mask, self._power = noise, island, power.copy()
         self._weightings = self._integrator.weightings
-        self._since = 0
         self._first = self._anchor = weights.copy()
         self._variance = self._sampled
 
