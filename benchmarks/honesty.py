@@ -2,8 +2,8 @@
 
 The packaged bench with four times larger pixels; rig file and bench may differ, as a stranger's do. Honest
 runs press pads of sigma 4 to 40 mm (2.4 nodes and more) and balls, all over the view and beyond, on a bench
-that is as its rig file says and, as often, on four calibrated by this program. What folds or is too fine for the LCD by
-the exact rays need not be good, but true and not named. Faulty ones turn the camera or slide the
+that is as its rig file says and, as often, on four calibrated by this program. What folds or is too fine for
+the LCD by the exact rays need not be good, but true and not named. Faulty ones turn the camera or slide the
 LCD in mid-run, at rest and under a press, at once or slowly, or believe a geometry that is off by 0.1 to 5
 sigma of calipers.
 
