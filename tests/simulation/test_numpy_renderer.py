@@ -138,7 +138,7 @@ def test_gap_ghost_is_displaced_by_the_double_bounce(make_rig):
     """Flat mirror, 50/50 prism: a ray leaves the pattern face at the angle at which it entered."""
     rig = make_rig(simulation={"ghost_gap": 0.04})
     optics = Optics(rig)
-    main, ghost = Beams(rig).all(Mirror())
+    (main, ghost), _ = Beams(rig).all(Mirror())
     v, u = np.mgrid[0 : rig.camera.rows, 0 : rig.camera.columns].astype(float)
     _, direction = optics.camera_rays(u, v)
     normal = optics.prism.camera_face.normal
