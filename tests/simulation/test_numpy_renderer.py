@@ -158,7 +158,7 @@ def test_faces_ghost_follows_the_ray_unfolded_in_the_five_planes(make_rig):
     """A ray's line after a reflection is its mirror image in the plane: independent of any intersection."""
     rig = make_rig(simulation={"ghost_faces": 0.02})
     optics = Optics(rig)
-    ghost = Beams(rig).all(Mirror())[-1]
+    ghost = Beams(rig).all(Mirror())[0][-1]
     v, u = np.mgrid[0 : rig.camera.rows, 0 : rig.camera.columns].astype(float)
     point, direction = optics.rubber_rays(u, v)
     mirror = (np.zeros(3), np.array([0.0, 0.0, 1.0]))
