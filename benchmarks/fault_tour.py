@@ -26,7 +26,7 @@ from zeromethod.surface.comparison import true_peak_mm
 from zeromethod.view.progress import progress
 
 PRESS_S = 0.15
-FAULT_FRAME = 40
+FAULT_FRAME = 28
 FRAMES_AFTER = 40
 DEPTH_MM, CHANGED_MM = 0.2, 0.12
 WITHIN_PERCENT = 1.0

@@ -34,7 +34,7 @@ def worst_percent(result: RunResult, states: set[State]) -> float:
 
 
 def test_the_press_of_the_paper_is_nulled_and_read_whole():
-    result = run(paper("hold"), frames=36)
+    result = run(paper("hold"), frames=34)
     held = [r for r in result.records if r.phase == "hold"]
     # a jump of 12 periods' strain per sigma comes in from its rim; 8 frames here
     locked = next(i for i, r in enumerate(held) if r.state is State.LOCKED)
@@ -56,7 +56,7 @@ def test_a_press_elsewhere_is_read_as_well(tmp_path):
     path = f"{point(0.1, 58.0, 8.0, 0.0)}, {point(0.1, 58.0, 8.0, -0.15)}"
     # its rim is too fine for an LCD of half the resolution
     whole = load_rig("paper").model_copy(update={"scenario": str(scenario(tmp_path, path))})
-    result = run(whole, frames=40)
+    result = run(whole, frames=37)
     assert result.records[-1].state is State.LOCKED
     assert worst_percent(result, {State.LOCKED}) < 0.3
 

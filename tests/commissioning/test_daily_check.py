@@ -16,7 +16,7 @@ from zeromethod.commissioning.daily_check.rest import depth_percent_per_px
 
 from .calibration.planted import Hand, nominal
 
-RIG = with_tables(nominal(), display=SMALL_LCD)
+RIG = nominal()
 MIDDLE_MM = (40.0, 0.0)
 
 
@@ -66,7 +66,7 @@ def test_a_camera_that_turned_is_a_drift_with_its_false_depth():
 def test_a_bench_that_moved_far_is_to_be_calibrated_again():
     centre_mm = (RIG.display.centre_mm[0] + 0.6, RIG.display.centre_mm[1])
     # on the finer LCD: the coarse one's picture is too dim there to be measured at all
-    found = checked(with_tables(nominal(), display={"centre_mm": centre_mm}), nominal())
+    found = checked(with_tables(nominal(2), display={"centre_mm": centre_mm}), nominal(2))
     assert found.fitness is Fitness.RECALIBRATE
     assert found.worst.subject is Subject.REST
 

@@ -23,7 +23,7 @@ def _follow(bench: CodedBench, frames: int) -> tuple[DelayWatch, list[bool]]:
     return watch, used
 
 
-@pytest.mark.parametrize("tenths", range(0, 41))
+@pytest.mark.parametrize("tenths", range(0, 41, 2))
 def test_planted_delay_of_0_to_4_frames_comes_back_within_a_hundredth_of_a_frame(tenths):
     # half of it in the display, half in the camera's stamps, which say too late when a frame was taken
     planted_s = tenths / 10 / 60
@@ -42,7 +42,7 @@ def test_stamps_that_come_early_make_the_delay_negative():
 
 
 @pytest.mark.parametrize("rates", [(59.94, 60), (60, 60), (60, 50), (60, 30), (120, 60), (60, 59.94)])
-@pytest.mark.parametrize("phase", np.arange(0, 1, 0.2).round(1).tolist())
+@pytest.mark.parametrize("phase", (0.0, 0.25, 0.5, 0.75))
 def test_no_rate_or_phase_hides_the_delay(rates, phase):
     refresh, camera = rates
     bench = CodedBench(
@@ -112,7 +112,7 @@ def test_single_frames_that_a_busy_computer_stamps_late_are_used_with_their_own_
     bench = CodedBench(refresh_hz=59.94, delay_s=0.012)
     watch = DelayWatch(reader(), bench.timing, bench.display.refresh_hz)
     misses_ns = []
-    for number, frame in enumerate(bench.frames(200)):
+    for number, frame in enumerate(bench.frames(120)):
         late_ns = round(rng.uniform(2, 5) * FRAME_NS) if number > 10 and rng.random() < 0.1 else 0
         stamped = replace(frame, time_ns=frame.time_ns + late_ns)
         timing = watch.timing_of(frame.image, stamped, bench.log)

@@ -37,10 +37,10 @@ def read(dents: list[Dent], seeds: list[int]) -> list[tuple[float, float, float]
 
 @pytest.fixture(scope="module")
 def readings() -> list[tuple[float, float, float]]:
-    """Of dents 5 mm wide under three speckles."""
+    """Of dents 5 mm wide under two speckles."""
     return read(
-        [Dent(Shape.GAUSSIAN, x_mm=42.0 - seed, y_mm=seed, depth_mm=0.2, size_mm=5.0) for seed in range(3)],
-        [0, 1, 2],
+        [Dent(Shape.GAUSSIAN, x_mm=42.0 - seed, y_mm=seed, depth_mm=0.2, size_mm=5.0) for seed in range(2)],
+        [0, 1],
     )
 
 
@@ -52,7 +52,7 @@ def test_depth_of_a_dent_lies_within_its_sigma(readings):
 
 
 def test_a_narrow_dent_keeps_its_nodes_where_single_points_are_not_sure():
-    seeds = [0, 1, 3]
+    seeds = [0, 3]
     dents = [
         Dent(Shape.GAUSSIAN, x_mm=42.0 - seed, y_mm=seed - 2.0, depth_mm=0.1, size_mm=3.0) for seed in seeds
     ]

@@ -17,7 +17,7 @@ from zeromethod.recording import DamagedWarning
 STEPS = 3
 PER_DATASET = 2
 """Flips in the data of each dataset; the largest are hit no more often than the smallest."""
-ELSEWHERE = 100
+ELSEWHERE = 50
 """Flips in all that is not a dataset's data: what HDF5 keeps about it, attributes, gaps."""
 
 ARRAYS: dict[str, Callable[[Recording, int], Any]] = {
@@ -140,5 +140,5 @@ def test_no_flipped_bit_changes_a_figure_in_silence(whole, tmp_path):
         silent |= set() if damaged else {where}
     # every array and every table is reported, and most of what HDF5 keeps about them is refused
     assert silent <= UNREAD
-    assert len(said) > 50
+    assert len(said) > 25
     assert all(words.startswith(str(path)) and "\n" not in words for words in said)

@@ -11,7 +11,7 @@ from zeromethod.surface import SurfaceReader
 from zeromethod.warp.jacobian import warp_flags
 from zeromethod.warp.validity import Flag
 
-FRAMES = 4
+FRAMES = 3
 
 
 def ball(bench, shift_mm):
@@ -48,12 +48,12 @@ def warps_of(bench, scene):
 
 
 @pytest.mark.parametrize("scene", DENTS)
-def test_it_is_what_a_reading_from_rest_gives(full, scene):
-    follower, cold = (SurfaceReader(full.rig, full.optics, full.grid) for _ in range(2))
-    for warp in warps_of(full, scene):
+def test_it_is_what_a_reading_from_rest_gives(finer, scene):
+    follower, cold = (SurfaceReader(finer.rig, finer.optics, finer.grid) for _ in range(2))
+    for warp in warps_of(finer, scene):
         found, expected = follower.follow(warp), cold.read(warp)
         np.testing.assert_array_equal(found.valid, expected.valid)
-        assert expected.valid.sum() > 10_000
+        assert expected.valid.sum() > 2_500
         valid = expected.valid
         # where a far field is fitted, the choice of a node or two may move it by a small part of its sigma
         most_mm = max(1e-7, 0.01 * expected.anchor.sigma_mm)
@@ -66,9 +66,9 @@ def test_it_is_what_a_reading_from_rest_gives(full, scene):
 
 
 @pytest.mark.parametrize("scene", ["sliding", "folding"])
-def test_the_same_warps_in_turn_give_the_same_bits(full, scene):
-    readers = [SurfaceReader(full.rig, full.optics, full.grid) for _ in range(2)]
-    for warp in warps_of(full, scene):
+def test_the_same_warps_in_turn_give_the_same_bits(finer, scene):
+    readers = [SurfaceReader(finer.rig, finer.optics, finer.grid) for _ in range(2)]
+    for warp in warps_of(finer, scene):
         first, second = (reader.follow(warp) for reader in readers)
         for field in fields(first):
             one, other = getattr(first, field.name), getattr(second, field.name)

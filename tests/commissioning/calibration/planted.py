@@ -29,19 +29,19 @@ PRESS_MM = 5.0
 """Sigma of the pad."""
 
 
-def nominal() -> Rig:
-    """What the rig file says: 160 x 128 camera px on an LCD of half the resolution, nodes 4 px apart."""
+def nominal(coarser: int = 4) -> Rig:
+    """What the rig file says: 160 x 128 camera px, nodes 4 px apart, and an LCD so many times coarser."""
     rig = load_rig("simulated")
-    lcd = rig.display.model_copy(update={"columns": 960, "rows": 540, "pitch_mm": 2 * rig.display.pitch_mm})
+    columns, rows = rig.display.columns // coarser, rig.display.rows // coarser
+    size = {"columns": columns, "rows": rows, "pitch_mm": coarser * rig.display.pitch_mm}
+    lcd = rig.display.model_copy(update=size)
     target = rig.target.model_copy(update={"period_px": 8})
     return binned(rig, 8).model_copy(update={"display": lcd, "scenario": "none", "target": target})
 
 
 def quarter() -> Rig:
-    """The same bench by a quarter of the pixels: for what does not depend on how well it is measured."""
-    rig = nominal()
-    lcd = rig.display.model_copy(update={"columns": 480, "rows": 270, "pitch_mm": 2 * rig.display.pitch_mm})
-    return binned(rig, 2).model_copy(update={"display": lcd})
+    """The same bench by a quarter of the camera's pixels: for what does not depend on how well it is measured."""
+    return binned(nominal(), 2)
 
 
 def rig_file(rig: Rig, path: Path, **values: object) -> Path:
@@ -112,12 +112,12 @@ class Hand:
         camera.scenario = Scenario("asked for", (dent,), 1e9)
 
 
-def read_elsewhere(calibration: Calibration, x_mm: float) -> tuple[float, float]:
+def read_elsewhere(calibration: Calibration, given: Rig, x_mm: float) -> tuple[float, float]:
     """A press of another place, depth and width: depth as read through the calibration, and the true one, mm.
 
     Its warp is by exact rays through the true bench.
     """
-    rig, grid, depth_mm = truth(nominal()), calibration.grid, 0.1
+    rig, grid, depth_mm = truth(given), calibration.grid, 0.1
     optics = Optics(rig)
     flags = np.full(grid.shape, int(Flag.OUTSIDE), np.uint16)
     flags[grid.inner] = 0

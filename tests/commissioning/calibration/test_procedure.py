@@ -82,7 +82,7 @@ def test_known_presses_are_read_as_known(calibration):
 
 def test_another_press_is_read_in_millimetres(calibration):
     """Elsewhere, of another depth and width, its warp by exact rays through the true bench."""
-    read_mm, true_mm = read_elsewhere(calibration, 41.0)
+    read_mm, true_mm = read_elsewhere(calibration, nominal(), 41.0)
     assert read_mm == pytest.approx(true_mm, rel=0.01)
     # and what was believed before is worse than what is stated now
     assert calibration.depth_percent < 1.0
