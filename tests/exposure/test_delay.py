@@ -42,7 +42,7 @@ def test_stamps_that_come_early_make_the_delay_negative():
 
 
 @pytest.mark.parametrize("rates", [(59.94, 60), (60, 60), (60, 50), (60, 30), (120, 60), (60, 59.94)])
-@pytest.mark.parametrize("phase", (0.0, 0.25, 0.5, 0.75))
+@pytest.mark.parametrize("phase", [0.0, 0.25, 0.5, 0.75])
 def test_no_rate_or_phase_hides_the_delay(rates, phase):
     refresh, camera = rates
     bench = CodedBench(
