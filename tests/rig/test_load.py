@@ -47,7 +47,8 @@ def test_packaged_rigs_load_by_bare_name_and_by_path(name):
 
 def test_unknown_bare_name_lists_the_packaged_ones():
     with pytest.raises(
-        InputError, match=r'^rig: "simulate": a file, or one of the packaged paper, simulated, virtual$'
+        InputError,
+        match=r'^rig: "simulate": a file, or one of the packaged cylinder, dome, paper, simulated, virtual$',
     ):
         load_rig("simulate")
 
