@@ -57,10 +57,11 @@ def test_the_constant_comes_back_for_any_member_of_the_family(n, k, constant):
 
 
 def test_slope_read_at_the_wrong_depth_is_allowed_for():
-    """The slope at depth D + C h contains C grad h; without it the fit gives another C, far off."""
-    wrong = fitted(*field(1.0, 0.0), -4e-3, gradient=0.0)
-    # C grad h, 4e-3 / 62 rad, over r is some 40 % of C at the 20 mm of the far field
-    assert abs(wrong.constant_mm + 4e-3) > 0.25 * 4e-3
+    """The slope at depth D + C h contains C grad h; without it what is left looks like a tilted mirror."""
+    right, wrong = (fitted(*field(1.0, 0.0), -4e-3, gradient=one) for one in (H_GRADIENT, 0.0))
+    # a tilt of 4e-3 / 62 rad over the 20 mm to the border is a third of C
+    assert wrong.sigma_mm > 0.1 * 4e-3
+    assert right.sigma_mm < 0.1 * wrong.sigma_mm
 
 
 @pytest.mark.parametrize("constant", [-0.2, -0.1, 0.0])
