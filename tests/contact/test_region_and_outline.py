@@ -80,7 +80,7 @@ def test_a_discs_border_is_found_to_a_fraction_of_a_pixel_whatever_the_pictures_
     u, v = (outline.points_px + np.array([region.left, region.top])).T
     off = np.hypot(u - 160.3, v - 121.8) - radius_px
     assert abs(off.mean()) < 0.25
-    assert off.std() < 0.45  # stripes of the picture as dark as the object pull at it
+    assert off.std() < 0.5  # stripes of the picture as dark as the object pull at it
     assert abs(signed_area(outline.points_px) / (np.pi * radius_px**2) - 1) < 0.03
     assert np.hypot(off.mean(), off.std()) < 3 * outline.sigma_px
     assert region.scattered == pytest.approx(scattered / MEAN, abs=0.01)

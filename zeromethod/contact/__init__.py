@@ -2,5 +2,6 @@
 
 from zeromethod.contact.contact import Contact, ContactFigures, Probability
 from zeromethod.contact.finder import ContactFinder
+from zeromethod.contact.outline import evenly
 
-__all__ = ["Contact", "ContactFigures", "ContactFinder", "Probability"]
+__all__ = ["Contact", "ContactFigures", "ContactFinder", "Probability", "evenly"]

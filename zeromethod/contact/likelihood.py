@@ -18,14 +18,16 @@ STEP_PX = 0.25
 REACH_PX = 4.0
 _LEAST = 1e-5
 """Probability of a grey level that nothing explains."""
-LEVELS = 128
+LEVELS = 127
+UNKNOWN = 127
+"""Column of pixels that say nothing: dirt."""
 
 
 @dataclass(frozen=True, slots=True)
 class GreyModel:
     """Log-likelihoods (distances, grey levels): distance -REACH_PX (inside) to REACH_PX by STEP_PX.
 
-    Grey levels, black taken off: `first` + k x `step`, k below LEVELS.
+    Grey levels, black taken off: `first` + k x `step`, k below LEVELS; the last column, UNKNOWN, is 0.
     """
 
     table: Single
@@ -39,7 +41,7 @@ class GreyModel:
 
     @property
     def evidence(self) -> Single:
-        """(LEVELS,) log-likelihood of being inside less that of being outside, each at most 4."""
+        """(LEVELS + 1,) log-likelihood of being inside less that of being outside, each at most 4."""
         return np.asarray(np.clip(self.table[0] - self.table[-1], -4, 4), dtype=np.float32)
 
 
@@ -66,4 +68,6 @@ def grey_model(
     variance = noise[0] + noise[1] * np.maximum(mean, 0.0) + step**2 / 12
     z = (grey[None, :, None] - mean[:, None, :]) ** 2 / variance[:, None, :]
     density = np.exp(-0.5 * z) / np.sqrt(2 * np.pi * variance)[:, None, :]
-    return GreyModel(np.log(density @ shares + _LEAST).astype(np.float32), float(first), float(step))
+    table = np.log(density @ shares + _LEAST)
+    table = np.concatenate((table, np.zeros((len(table), 1))), axis=1)
+    return GreyModel(table.astype(np.float32), float(first), float(step))

@@ -16,7 +16,7 @@ _ACROSS = 8
 """Pixels on either side of the border that are looked at."""
 _WAY = 12
 """Steps of STEP_PX by which a border may move at once."""
-_PASSES = 3
+_PASSES = 2
 _APART_PX = 2.0
 _ALONG_PX = 5.0
 """Standard deviation, along the border, of the window in which it moves as one: a third of a period."""
@@ -47,9 +47,14 @@ def first_outline(mask: Mask) -> Float:
 
 def resampled(points: Float) -> Float:
     """The closed polygon with points about _APART_PX apart."""
+    perimeter = np.hypot(*(points - np.roll(points, 1, axis=0)).T).sum()
+    return evenly(points, max(16, round(perimeter / _APART_PX)))
+
+
+def evenly(points: Float, count: int) -> Float:
+    """`count` points (count, 2) evenly along a closed polygon (n, 2), from its first on."""
     closed = np.concatenate((points, points[:1]))
     way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))))
-    count = max(16, round(way[-1] / _APART_PX))
     at = np.arange(count) * (way[-1] / count)
     return np.stack([np.interp(at, way, closed[:, k]) for k in (0, 1)], axis=-1)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from zeromethod.arrays import Bytes, Image, Mask, Single
 from zeromethod.contact.flat import local_deviation
-from zeromethod.contact.likelihood import GreyModel, grey_model
+from zeromethod.contact.likelihood import UNKNOWN, GreyModel, grey_model
 from zeromethod.contact.rest import RestPicture
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -104,9 +104,12 @@ class RegionFinder:
         self, seed: Mask, picture: Single, mean: Single, rest: RestPicture, corner: tuple[int, int]
     ) -> Region | None:
         """The region about a flat seed."""
+        left, top = corner
+        dirt = rest.static[top : top + seed.shape[0], left : left + seed.shape[1]]
         scattered, mirrored = float(np.median(picture[seed])), float(np.median(mean[seed]))
         model = self._model(scattered, mirrored, rest)
         columns = model.index(picture * (mirrored / mean))
+        columns[dirt] = UNKNOWN
         # pixels of one window are not as independent as their product has it: one carrier for all of them
         evidence = cv2.boxFilter(model.evidence[columns], -1, (_SMOOTH_PX, _SMOOTH_PX))
         probability = (1 / (1 + np.exp(-_SMOOTH_PX * evidence))).astype(np.float32)

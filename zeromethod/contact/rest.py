@@ -21,6 +21,8 @@ FRAMES = 8
 BINS = 48
 _FLAT_SHARE = 0.06
 """Deviation over 7 x 7 px, over the mean light, below which a pixel shows no picture at rest."""
+_UNLIKE_SHARE = 0.15
+"""Difference from the pixels a period away, over the mean light, from which a pixel has dirt on it."""
 _DRIFT_EVERY = 4
 """Of the nodes every such one is enough to tell the drift of all light."""
 _DARK_SHARE = 0.5
@@ -33,6 +35,7 @@ class RestPicture:
     def __init__(self, rig: Rig, grid: NodeGrid) -> None:
         self._black = rig.camera.noise.black_grey
         self._period = grid.period_px
+        self._periodic = rig.target.kind != "noise"
         self._frames = 0
         self._sum: Single | None = np.zeros(grid.image_shape, np.float32)
         self._amplitude = np.zeros(grid.shape)
@@ -66,6 +69,8 @@ class RestPicture:
         # two passes: the mean of a picture with a hole is not the hole's
         mean = np.maximum(cv2.boxFilter(picture, -1, (side, side)), 1e-3)
         flat = local_deviation(picture)[1] < _FLAT_SHARE * mean
+        if self._periodic:
+            flat |= _unlike(picture, mean, self._period)
         dark = cv2.boxFilter(picture, -1, (self._period, self._period)) < _DARK_SHARE * mean
         self.static = flat | dark
         self.mean = mean
@@ -86,3 +91,14 @@ class RestPicture:
         if not both.any():
             return 1.0
         return float(np.median((residual.mean[few][both] - self._black) / light[both]))
+
+
+def _unlike(picture: Single, mean: Single, period_px: int) -> Mask:
+    """Pixels unlike those a period away along rows and columns, and the pixels next to them."""
+    away = [np.roll(picture / mean, step, axis) for axis in (0, 1) for step in (-period_px, period_px)]
+    # the middle two of four, so that dirt a period away does not count
+    low, high = np.minimum(away[0], away[1]), np.maximum(away[0], away[1])
+    other_low, other_high = np.minimum(away[2], away[3]), np.maximum(away[2], away[3])
+    middle = 0.5 * (np.maximum(low, other_low) + np.minimum(high, other_high))
+    unlike = np.abs(picture / mean - middle) > _UNLIKE_SHARE
+    return np.asarray(cv2.dilate(unlike.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)

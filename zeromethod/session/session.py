@@ -21,7 +21,7 @@ from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import NULLED, State
+from zeromethod.loop.state import NULLED, READ, State
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.recording.status import LOST, Condition
@@ -279,7 +279,7 @@ class Session:
         """What touches in a step, as its fields."""
         if step.image is None or step.residual is None:
             return {}
-        contacts = self._contacts.follow(step.image, step.residual, surface, nulled=step.state in NULLED)
+        contacts = self._contacts.follow(step.image, step.residual, surface, nulled=step.state in READ)
         return {"contacts": contacts, "touching": tuple(contact.figures for contact in contacts)}
 
     @cached_property
