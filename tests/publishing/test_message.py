@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from zeromethod import Peak, State
+from zeromethod.contact import Contact, Probability
 from zeromethod.publishing import ContactEvent
 from zeromethod.publishing.message import encode
 
@@ -51,6 +52,21 @@ def test_a_step_without_a_reading_has_its_state_and_has_no_maps():
     assert header["frame"] is None
     assert header["residual_rms_px"] is None  # NaN, which JSON has not
     assert not maps
+
+
+def test_what_touches_has_its_border_and_figures():
+    nothing = Probability(0, 0, np.zeros((0, 0), np.float32))
+    sizes = {"area_mm2": 3.0, "major_mm": 2.0, "minor_mm": 1.9, "angle_deg": 30.0, "scattered": 0.06}
+    sigmas = dict.fromkeys(("sigma_x_mm", "sigma_y_mm", "sigma_area_mm2", "sigma_edge_mm"), 0.01)
+    outline = np.array([[9.0, 7.0], [11.0, 7.0], [10.0, 8.12345]])
+    contact = Contact(
+        id=3, x_mm=10.0, y_mm=7.5, **sizes, **sigmas,
+        outline_mm=outline, outline_px=outline, probability=nothing,
+    )  # fmt: skip
+    header, _ = message(a_step(7, dent(0.2), contacts=(contact,)))
+    (found,) = header["in_contact"]
+    np.testing.assert_allclose(found.pop("outline_mm"), outline, atol=5e-5)
+    assert found == {"id": 3, "x_mm": 10.0, "y_mm": 7.5} | sizes | sigmas
 
 
 def test_what_is_not_known_is_null():

@@ -7,6 +7,7 @@ from small_rigs import quarter
 
 from zeromethod.errors import InputError
 from zeromethod.optics import Optics
+from zeromethod.optics.pupil import footprint_terms
 from zeromethod.rig.model import Rig
 from zeromethod.rig.tables import Rubber
 from zeromethod.simulation.beams import Beams, scattered_view
@@ -15,7 +16,6 @@ from zeromethod.simulation.contact.scene import scene_of
 from zeromethod.simulation.gpu import GpuRenderer
 from zeromethod.simulation.numpy_renderer import NumpyRenderer
 from zeromethod.simulation.press import Mirror
-from zeromethod.simulation.pupil import shift_terms
 from zeromethod.simulation.renderer import Piece
 
 
@@ -55,7 +55,7 @@ def light(renderer, rig: Rig, mirror: Mirror, level: int | None = None) -> np.nd
 
 def test_the_footprint_of_5_mm_is_half_a_millimetre_along_and_a_third_across():
     rig = with_pupil(5.0)
-    half_px = shift_terms(rig)[0]
+    half_px = footprint_terms(rig)[0]
     optics = Optics(rig)
     u, v = rig.camera.centre_px
     points = optics.trace(np.array([u, u + 1, u]), np.array([v, v, v + 1]), optics.rest).point
@@ -97,7 +97,7 @@ def test_the_pupils_mean_is_that_of_the_pictures_its_points_see():
     beams = Beams(point)
     q, gain = beams.main(mirror)
     rest = beams.main(Mirror())[0]
-    terms = shift_terms(rig)
+    terms = footprint_terms(rig)
     v, u = np.mgrid[0 : rig.camera.rows, 0 : rig.camera.columns].astype(float)
     # the shift is the same both ways to a hundredth of a px, and changes along the view alone
     shift = (terms[0] + terms[1] * (2 * u / (rig.camera.columns - 1) - 1)[..., None, None])[..., 0, 0]

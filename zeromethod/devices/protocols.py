@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from zeromethod.arrays import Bytes, Float, Image
 
@@ -220,6 +220,25 @@ class TrueMirror(Protocol):
 
     def reflectance_factor(self, x: Float, y: Float) -> Float:
         """1 where nothing touches, less where an object takes the light."""
+
+
+class TrueContact(NamedTuple):
+    """An object that truly touches the mirror: its number in the scenario from 1, centroid, area, force."""
+
+    id: int
+    x_mm: float
+    y_mm: float
+    area_mm2: float
+    force_n: float
+
+
+@runtime_checkable
+class TouchedMirror(Protocol):
+    """A true mirror that knows what touches it."""
+
+    @property
+    def contacts(self) -> Sequence[TrueContact]:
+        """What touches."""
 
 
 @runtime_checkable

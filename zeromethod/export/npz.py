@@ -39,6 +39,10 @@ _REST = {
     "state": ("1", "the loop's state"),
     "u_px": ("px", "camera column of every column of nodes"),
     "v_px": ("px", "camera row of every row of nodes"),
+    "contacts": (
+        "1",
+        "a row per contact and moment: id, place, area, axes, sigmas, its border",
+    ),
     "about": ("1", "this: unit and meaning of every array, the recording and its rig, as JSON"),
 }
 
@@ -73,6 +77,7 @@ def export_npz(
             "state": np.array(selected.states),
             "u_px": u_px,
             "v_px": v_px,
+            "contacts": recording.contacts[np.isin(recording.contacts["step"], selected.steps)],
             "about": np.array(json.dumps(_about(recording))),
         }
         for name, values in small.items():

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, fields
 
 from zeromethod.arrays import Float, Image
+from zeromethod.contact import Contact, ContactFigures
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
@@ -35,6 +36,7 @@ class StepFigures:
     peak, read_ms: deepest point of the surface read from this frame, and how long reading took; None and NaN
     where it was not read. readable: its surface was asked for. latency_ms: from mid-exposure until that was
     read and published, in real time; NaN in simulated time, which stands still meanwhile.
+    touching: what touches the mirror in this frame, where it was read.
     truth: the reading compared with the true mirror of a simulated bench.
     untouched_rms_nm: rms depth (single frame, controller's filter) while nothing touches a simulated bench.
     """
@@ -62,6 +64,7 @@ class StepFigures:
     readable: bool = False
     latency_ms: float = NAN
     peak: Peak | None = None
+    touching: tuple[ContactFigures, ...] = ()
     truth: Comparison | None = None
     untouched_rms_nm: tuple[float, float] | None = None
 
@@ -96,7 +99,7 @@ class Step(StepFigures):
     last (`Loop.rezero`); None when the frame must not be believed (then `events` says why; a part of it may
     still be right, but its peak need not be). commanded: what is to be shown next. filtered: the controller's
     own estimate, from the same zero. zero: (rows, cols, 2) LCD px, that zero less the rig's; None for 0.
-    surface: slope and depth read from `measured`.
+    surface: slope and depth read from `measured`. contacts: what touches, as `touching`, with borders.
     presented: what was noted as presented since the step before; the first `presented_before` of them before
     this step's frame was looked at.
     """
@@ -109,6 +112,7 @@ class Step(StepFigures):
     measured: Warp | None = None
     zero: Float | None = None
     surface: Surface | None = None
+    contacts: tuple[Contact, ...] = ()
     presented: tuple[Drawn, ...] = ()
     presented_before: int = 0
 

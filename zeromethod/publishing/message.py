@@ -9,11 +9,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from zeromethod.arrays import Image
+from zeromethod.contact import Contact
 from zeromethod.loop.step import Step
 from zeromethod.publishing.events import ContactEvent
 from zeromethod.surface import Peak
@@ -81,6 +83,7 @@ def encode(
         "peak": None if step.peak is None else _peak(step.peak),
         "touching": touching,
         "contacts": [_contact(event) for event in contacts],
+        "in_contact": [_area(contact) for contact in step.contacts],
         "arrays": described,
     }
     text = json.dumps(header, allow_nan=False).encode()
@@ -95,6 +98,11 @@ def _peak(peak: Peak) -> dict[str, float | None]:
     numbers = {name: _number(getattr(peak, name)) for name in ("depth_mm", "x_mm", "y_mm")}
     sigmas = {"depth": peak.sigma_mm, "x": peak.sigma_x_mm, "y": peak.sigma_y_mm}
     return numbers | {f"{name}_sigma_mm": _number(sigma) for name, sigma in sigmas.items()}
+
+
+def _area(contact: Contact) -> dict[str, Any]:
+    outline = np.round(contact.outline_mm, 4).tolist()
+    return asdict(contact.figures) | {"outline_mm": outline}
 
 
 def _contact(event: ContactEvent) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Any
 
 from zeromethod.recording.checksums import canonical, checksum_of
 from zeromethod.recording.opening import Refusal, RefusedRecording
-from zeromethod.recording.schema import SCHEMA, SCHEMA_VERSION, TABLES
+from zeromethod.recording.schema import LATER, SCHEMA, SCHEMA_VERSION, TABLES
 from zeromethod.recording.source import RecordingFile
 
 
@@ -20,7 +20,7 @@ def checked_attributes(source: RecordingFile) -> dict[str, Any]:
         details = {"found": version, "reads": SCHEMA_VERSION, "by": by}
         raise RefusedRecording(source.path, Refusal.OTHER_FORMAT, **details)
     # it is the last of them to be written
-    tables = (f"{name}/table" for name in TABLES)
+    tables = (f"{name}/table" for name in TABLES if name not in LATER)
     if "checksum" not in found or not source.names.issuperset(("rest", *tables)):
         raise RefusedRecording(source.path, Refusal.EMPTY)
     if int(found["checksum"]) != checksum_of(canonical(found)):

@@ -207,6 +207,15 @@ class Recording(AbstractContextManager["Recording"]):
         return self.tables.peaks()
 
     @property
+    def contacts(self) -> Image:
+        """What touched the mirror: a structured array, one row per contact and frame that was read.
+
+        step, time_ns, id, x_mm, y_mm, sigma_x_mm, sigma_y_mm, area_mm2, sigma_area_mm2, major_mm, minor_mm,
+        angle_deg, sigma_edge_mm, scattered, outline_mm (64, 2).
+        """
+        return self.tables.contacts()
+
+    @property
     def drops(self) -> Image:
         """Frames that are not in the file, and why."""
         return self.tables.rows("drops")

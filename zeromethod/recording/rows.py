@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from zeromethod.arrays import Float, Image
+from zeromethod.contact import Contact, evenly
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.step import Step
 from zeromethod.recording.message import Write
-from zeromethod.recording.schema import ANCHORS, EVENTS, STATES, Part, number_name
+from zeromethod.recording.schema import ANCHORS, EVENTS, OUTLINE_POINTS, STATES, Part, number_name
 from zeromethod.surface import Surface
 
 Item = tuple[str, Image]
@@ -107,7 +108,12 @@ class Rows:
         own |= {"depth_sigma_mm": peak.sigma_mm, "possibly_deeper_mm": peak.deeper_mm}
         own |= {"x_sigma_mm": peak.sigma_x_mm, "y_sigma_mm": peak.sigma_y_mm}
         row = self._row("peaks/table", *self._fields("peaks/table", own, peak, step))
-        return [*((Write.WITH_ROOM, *item) for item in arrays), (Write.ALWAYS, *row)]
+        rows = [row, *(self._contact(step, contact) for contact in step.contacts)]
+        return [*((Write.WITH_ROOM, *item) for item in arrays), *((Write.ALWAYS, *item) for item in rows)]
+
+    def _contact(self, step: Step, contact: Contact) -> Item:
+        own = {"step": step.number, "outline_mm": evenly(contact.outline_mm, OUTLINE_POINTS)}
+        return self._row("contacts/table", *self._fields("contacts/table", own, contact, step))
 
     def note(self, words: str) -> Item:
         """Row of a message to the operator, at the last step."""

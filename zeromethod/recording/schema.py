@@ -94,6 +94,31 @@ PEAKS: Fields = {
     "read_ms": ("f8", "ms", "how long reading the surface took"),
 }
 
+OUTLINE_POINTS = 64
+"""Points of a contact's border that are kept."""
+
+CONTACTS: Fields = {
+    "step": ("i8", "", "step that it was seen in"),
+    "time_ns": ("i8", "ns", "mid-exposure of that step's frame on the run's clock"),
+    "id": ("i4", "", "the same from touch to lift"),
+    "x_mm": ("f8", "mm", "world x of the centroid"),
+    "y_mm": ("f8", "mm", "world y of the centroid"),
+    "sigma_x_mm": ("f8", "mm", "standard deviation of x_mm"),
+    "sigma_y_mm": ("f8", "mm", "standard deviation of y_mm"),
+    "area_mm2": ("f8", "mm2", "area"),
+    "sigma_area_mm2": ("f8", "mm2", "standard deviation of area_mm2"),
+    "major_mm": ("f8", "mm", "longer axis of the ellipse of the same second moments, whole length"),
+    "minor_mm": ("f8", "mm", "shorter one"),
+    "angle_deg": ("f8", "deg", "direction of the longer one, from x towards y"),
+    "sigma_edge_mm": ("f8", "mm", "standard deviation of the border across itself"),
+    "scattered": ("f8", "", "light that comes out of the contact, over the picture's mean"),
+    "outline_mm": (
+        f"({OUTLINE_POINTS},2)f4",
+        "mm",
+        "(x, y) of points evenly along the border",
+    ),
+}
+
 DROPS: Fields = {
     "step": ("i8", "", "step in which frames were found missing, or whose arrays were not kept"),
     "time_ns": ("i8", "ns", "time of that step"),
@@ -120,9 +145,13 @@ TABLES: Mapping[str, tuple[Fields, str]] = {
     "steps": (STEPS, "one row per step of the loop"),
     "presentation_log": (PRESENTATION_LOG, "one row per picture given to the panel"),
     "peaks": (PEAKS, "point of largest |depth| of every surface that was read"),
+    "contacts": (CONTACTS, "what touches the mirror, one row per contact and frame that was read"),
     "drops": (DROPS, "frames that are not in this file"),
     "notes": (NOTES, "messages to the operator"),
 }
+
+LATER = frozenset({"contacts"})
+"""Tables that files of this format may lack."""
 
 _WHY = "why a node is not to be trusted: bits named in the attribute `flags`; 0 = valid"
 _LCD = "(column, row) on the LCD per camera node; pixel centres at integers"

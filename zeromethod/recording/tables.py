@@ -9,7 +9,7 @@ import numpy as np
 from zeromethod.arrays import Image
 from zeromethod.recording.opening import Refusal, RefusedRecording
 from zeromethod.recording.peaks import peak_table
-from zeromethod.recording.schema import ANCHORS, EVENTS, STATES, AnchorMode
+from zeromethod.recording.schema import ANCHORS, CONTACTS, EVENTS, STATES, AnchorMode
 from zeromethod.recording.source import RecordingFile
 
 
@@ -50,6 +50,13 @@ class Tables:
             rows = rows[~np.isin(rows["step"], list(self._left_out))]
             self._peaks = peak_table(rows, self.rows("steps")["time_ns"][:1])
         return self._peaks
+
+    def contacts(self) -> Image:
+        """Rows of the table of contacts; none where the file has no such table."""
+        if "contacts/table" not in self._source.names:
+            kinds = [(field, kind) for field, (kind, _, _) in CONTACTS.items()]
+            return np.zeros(0, np.dtype(kinds))
+        return self.rows("contacts")
 
     def damaged_steps(self, name: str) -> set[int]:
         """Steps whose row of "steps" or "peaks" is left out, as far as it still says which step it is of."""

@@ -121,7 +121,8 @@ class CameraSpec(Table):
     (made perpendicular to the axis) and u = v x axis; positive roll turns u towards v. Pixels are
     exposed all at once (global shutter). `psf_px`: Gaussian sigma of lens and defocus, camera px. `pupil_mm`:
     diameter of the lens's entrance pupil, for perspective; the camera is focused on the LCD's image, so
-    that a pixel sees the pupil's footprint of the mirror. The simulated bench alone uses it; 0: a point.
+    that a pixel sees the pupil's footprint of the mirror, which blurs the borders of contacts; 0: not known
+    (the simulated bench: a point).
 
     What a real camera is set to, where its driver can: `gain` in the device's own units, `pixel_format` by
     its GenICam name, `region_px` (first column, first row, columns, rows) of the sensor, and `trigger`: runs

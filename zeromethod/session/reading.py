@@ -95,7 +95,13 @@ def with_reading(step: Step, read: Step | None) -> Step:
     if read.number == step.number:
         return replace(read, notes=step.notes)
     return replace(
-        step, surface=read.surface, peak=read.peak, read_ms=read.read_ms, latency_ms=read.latency_ms
+        step,
+        surface=read.surface,
+        contacts=read.contacts,
+        touching=read.touching,
+        peak=read.peak,
+        read_ms=read.read_ms,
+        latency_ms=read.latency_ms,
     )
 
 

@@ -15,12 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from zeromethod.contact import ContactFinder
 from zeromethod.control.stability_margin import margin_words, stability_margin
 from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.loop import Loop
-from zeromethod.loop.state import NULLED, State
+from zeromethod.loop.state import NULLED, READ, State
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.recording.status import LOST, Condition
@@ -32,7 +33,7 @@ from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.session.trust import is_readable, with_stated_geometry
-from zeromethod.surface import SurfaceReader
+from zeromethod.surface import Surface, SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.warp.grid import NodeGrid
 
@@ -107,6 +108,7 @@ class Session:
             stack.callback(self._end_recording)
             self._grid: NodeGrid = self.loop.grid
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
+            self._contacts = ContactFinder(self.rig, self._optics, self._grid)
             self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
             self._truth: TruthSource | None = truth_of(self._devices.camera)
             self._scenario = script_of(self._devices.camera)
@@ -261,17 +263,24 @@ class Session:
         measured = step.measured
         assert measured is not None
         surface, deepest, read_ms = timed(lambda: self._surfaces.read(measured))
-        found: dict[str, Any] = {}
+        found: dict[str, Any] = self._touched(step, surface)
         if self._truth is not None:
             if step.phase == "untouched":
                 # the filter's noise, once it has settled: making its reader takes as long as 20 frames
                 if self.result.before is None:
-                    return replace(step, surface=surface, peak=deepest, read_ms=read_ms)
+                    return replace(step, surface=surface, peak=deepest, read_ms=read_ms, **found)
                 filtered = self._filtered_reader.read(step.filtered)
                 found["untouched_rms_nm"] = (rms_nm(surface), rms_nm(filtered))
             elif self._scenario is None or step.phase in COMPARED_PHASES:
                 found["truth"] = compare(surface, self._truth(step.time_ns), self._optics, self._grid)
         return replace(step, surface=surface, peak=deepest, read_ms=read_ms, **found)
+
+    def _touched(self, step: Step, surface: Surface) -> dict[str, Any]:
+        """What touches in a step, as its fields."""
+        if step.image is None or step.residual is None:
+            return {}
+        contacts = self._contacts.follow(step.image, step.residual, surface, nulled=step.state in READ)
+        return {"contacts": contacts, "touching": tuple(contact.figures for contact in contacts)}
 
     @cached_property
     def _filtered_reader(self) -> SurfaceReader:

@@ -13,6 +13,7 @@ import numpy as np
 from zeromethod.loop.state import LOCK_FRAMES, LOCK_RESIDUAL_PX, NULLED, READ, State
 from zeromethod.loop.step import StepFigures
 from zeromethod.rig.model import SIMULATED
+from zeromethod.session.contact_figures import contact_rows, true_contact_rows
 from zeromethod.session.result import RunResult
 
 Figures = dict[str, Any]
@@ -75,11 +76,8 @@ def _percentiles(values: Iterable[float]) -> Figures:
 
 def _against_truth(records: list[StepFigures], phase: str, states: frozenset[State]) -> Figures | None:
     """Errors over one phase's frames in `states`: the peak's worst frame, rms over all nodes and frames."""
-    errors = [
-        record.truth
-        for record in records
-        if record.phase == phase and record.state in states and record.truth is not None
-    ]
+    among = [record for record in records if record.phase == phase and record.state in states]
+    errors = [record.truth for record in among if record.truth is not None]
     if not errors:
         return None
     peak_errors = np.array([error.depth_peak_error_percent for error in errors])
@@ -97,6 +95,7 @@ def _against_truth(records: list[StepFigures], phase: str, states: frozenset[Sta
         "slope_rms_error_mrad": rms([error.slope_rms_error_mrad for error in errors]),
         "usable_share": float(np.mean([error.usable_share for error in errors])),
         "valid_share": float(np.min([error.valid_share for error in errors])),
+        "contacts": true_contact_rows(among),
     }
 
 
@@ -127,6 +126,8 @@ def _finite(value: Any) -> Any:
     """The same figures with None for what is not a number, which JSON cannot say."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
@@ -175,6 +176,7 @@ def summarise(result: RunResult) -> Figures:
         "residual_px_rms": _median_residual_px(read or held),
         "calibrated": all(record.calibrated for record in records),
         **_depth_figures(result, read),
+        "contacts": contact_rows(records),
         "loop_ms": _percentiles(record.loop_ms for record in records),
         "draw_ms": _percentiles(record.draw_ms for record in records),
         "read_ms": _percentiles(record.read_ms for record in records),

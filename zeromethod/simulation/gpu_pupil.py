@@ -5,9 +5,10 @@ from __future__ import annotations
 import moderngl
 
 from zeromethod.gl import program
+from zeromethod.optics.pupil import footprint_terms
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu_target import Pass, RenderTarget, constants
-from zeromethod.simulation.pupil import SAMPLES, shift_terms
+from zeromethod.simulation.pupil import SAMPLES
 
 _MEAN, _SPREAD, _LIGHT = range(3)
 
@@ -17,7 +18,7 @@ class GpuPupil:
 
     def __init__(self, context: moderngl.Context, rig: Rig) -> None:
         """Raises InputError where the rig's rest surface cannot be used."""
-        terms = shift_terms(rig).reshape(6, 4)
+        terms = footprint_terms(rig).reshape(6, 4)
         shifts = constants({f"shift_{k}": term for k, term in enumerate(terms)})
         unit = 1 / (rig.camera.psf_px**2 + 1 / 12)
         self._parts = [

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.devices.protocols import TrueContact
 from zeromethod.simulation.contact.touch import Touch, evanescent_mm
 from zeromethod.simulation.shapes import Field, ball, cone, edge, gaussian, height_map, spline_coefficients
 
@@ -158,6 +159,14 @@ class Mirror:
                 crossing = touch.crossing(x, y, evanescent)
                 left, scattered = left * (1 - crossing), scattered + touch.albedo * crossing
         return left, scattered
+
+    @property
+    def contacts(self) -> tuple[TrueContact, ...]:
+        """The hard objects in contact."""
+        return tuple(
+            TrueContact(touch.number + 1, *touch.centroid_mm, touch.area_mm2, touch.force_n)
+            for touch in self.touches
+        )
 
     def _sum(self, x: ArrayLike, y: ArrayLike) -> Field:
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
-from zeromethod.devices.protocols import TrueMirror
+from zeromethod.devices.protocols import TouchedMirror, TrueContact, TrueMirror
 from zeromethod.optics import Dented, Optics
 from zeromethod.surface import Surface, peak
 from zeromethod.warp.grid import NodeGrid
@@ -42,6 +42,7 @@ class Comparison:
     The true peak is the deepest usable point, read or not: a press that was missed is an error of the peak.
     All errors are NaN where no usable node was read.
     depth_deepest_mm: true depth where |depth| is largest, in a contact too, where nothing can be read.
+    contacts: what truly touches, where the truth knows.
     """
 
     depth_peak_mm: float
@@ -51,6 +52,7 @@ class Comparison:
     usable_share: float
     valid_share: float
     depth_deepest_mm: float = float("nan")
+    contacts: tuple[TrueContact, ...] = ()
 
 
 TOTAL = 1 - 1e-9
@@ -111,10 +113,12 @@ def true_peak_mm(truth: TrueMirror, x: Float, y: Float, *, touched: bool = False
 def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid) -> Comparison:
     """Errors of `surface` against `truth`; depth and slope are compared at the points as read."""
     usable = usable_nodes(optics, grid, truth)
+    contacts = tuple(truth.contacts) if isinstance(truth, TouchedMirror) else ()
     both = usable & surface.valid
     if not both.any():
         nothing = float("nan")
-        return Comparison(nothing, nothing, nothing, nothing, float(np.mean(usable[grid.inner])), 0.0)
+        share = float(np.mean(usable[grid.inner]))
+        return Comparison(nothing, nothing, nothing, nothing, share, 0.0, contacts=contacts)
     x, y = surface.x_mm[both], surface.y_mm[both]
     depth_error = surface.depth_mm[both] - truth.depth(x, y)
     slope_error = surface.slope[both] - np.stack(truth.slope(x, y), axis=-1)
@@ -132,4 +136,5 @@ def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid)
         slope_rms_error_mrad=1e3 * float(np.sqrt(np.mean(np.sum(slope_error**2, axis=-1)))),
         usable_share=float(np.mean(usable[inner])),
         valid_share=float(np.count_nonzero(both)) / max(int(np.count_nonzero(usable)), 1),
+        contacts=contacts,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from zeromethod.arrays import Float, Image
+from zeromethod.contact import Contact
 from zeromethod.loop.step import Step
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
@@ -132,11 +134,19 @@ def _read_maps(axes: list[Axes], result: RunResult, nulled: Step) -> None:
     draw_map(axes[3], surface, 1e3 * surface.slope[..., 0], "slope dd/dx", "mrad")
     draw_map(axes[4], surface, 1e3 * surface.slope[..., 1], "slope dd/dy", "mrad")
     draw_map(axes[5], surface, surface.depth_mm, "depth (into the rubber = positive)", "mm")
+    draw_outlines(axes[5], nulled.contacts)
     if true_mm is None:
         draw_map(axes[6], surface, 1e6 * surface.sigma_depth_mm, "depth sigma", "nm", signed=False)
     else:
         draw_map(axes[6], surface, 1e6 * (surface.depth_mm - true_mm), "depth error", "nm")
     _section(axes[7], surface, true_mm)
+
+
+def draw_outlines(axis: Axes, contacts: Sequence[Contact]) -> None:
+    """Draw the borders of contacts over a map, each with its id."""
+    for contact in contacts:
+        axis.plot(*np.concatenate((contact.outline_mm, contact.outline_mm[:1])).T, "k-", linewidth=0.8)
+        axis.annotate(f"{contact.id}", (contact.x_mm, contact.y_mm), ha="center", va="center")
 
 
 def _section(axis: Axes, surface: Surface, true_mm: Float | None) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Column
 
+from zeromethod.contact import ContactFigures
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 
@@ -50,6 +52,13 @@ class LastingState:
         return self.shown
 
 
+def contact_words(touching: Sequence[ContactFigures]) -> str:
+    """What touches, in a few words; "" for nothing."""
+    if len(touching) > 1:
+        return f"{len(touching)} contacts of {sum(one.area_mm2 for one in touching):.2f} mm²"
+    return "".join(f"contact {one.id} of {one.area_mm2:.2f} mm²" for one in touching)
+
+
 class LiveStatus:
     """Progress bar with state, residual, peak depth and loop time, which only a terminal shows.
 
@@ -61,6 +70,7 @@ class LiveStatus:
         """`total` in `unit` ("frames" or "seconds"), None: no end is known. keys: what each does."""
         self._unit = unit
         self._peak_mm: float | None = None
+        self._touching = ""
         self._lasting = LastingState()
         self._figures = ""
         self._console = console
@@ -94,6 +104,7 @@ class LiveStatus:
             )
         if step.peak is not None:
             self._peak_mm = step.peak.depth_mm
+            self._touching = contact_words(step.touching)
         state = self._lasting.see(step.state, step.time_s)
         if state is step.state:
             self._figures = step.reason if state in EXPLAINED else self._measured(step)
@@ -109,6 +120,8 @@ class LiveStatus:
         parts = [step.phase] if step.phase else []
         if self._peak_mm is not None:
             parts.append(f"peak {1e3 * self._peak_mm:.2f} µm{'' if step.calibrated else ' (relative)'}")
+        if self._touching:
+            parts.append(self._touching)
         if math.isfinite(step.residual_rms_px):
             parts.append(f"residual {step.residual_rms_px:.3f} px  valid {100 * step.valid_share:.1f} %")
             parts.append(f"loop {step.loop_ms:.1f} ms")

@@ -113,7 +113,7 @@ def report(recording: Recording | str | Path, path: str | Path | None = None) ->
 
 def _maps(recording: Recording) -> tuple[list[dict[str, str]], list[str]]:
     """Depth when first locked, at its largest and at the end, where surfaces were kept; what is damaged."""
-    maps, damaged, peaks = [], [], read_peaks(recording)
+    maps, damaged, peaks, contacts = [], [], read_peaks(recording), recording.contacts
     for step, names in key_steps(recording).items():
         try:
             with raised.catch_warnings():
@@ -126,7 +126,8 @@ def _maps(recording: Recording) -> tuple[list[dict[str, str]], list[str]]:
         peak = peak_figures(peaks[peaks["step"] == step])
         said = f"step {step}" if peak is None else f"step {step}: {words.peak_words(peak)}"
         point = (np.nan, np.nan) if peak is None else (peak["x_mm"], peak["y_mm"])
-        maps.append({"name": ", ".join(names), "svg": depth_map(surface, point), "words": said})
+        borders = contacts["outline_mm"][contacts["step"] == step].astype(np.float64)
+        maps.append({"name": ", ".join(names), "svg": depth_map(surface, point, borders), "words": said})
     return maps, damaged
 
 

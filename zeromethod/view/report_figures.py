@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -73,8 +73,10 @@ def _svg(figure: Figure, words: str) -> str:
     return text.replace("<svg", f'<svg role="img" aria-label="{words}"', 1)
 
 
-def depth_map(surface: Surface, peak_mm: tuple[float, float]) -> str:
+def depth_map(surface: Surface, peak_mm: tuple[float, float], borders_mm: Sequence[Float] = ()) -> str:
     """Map of depth over the mirror in mm, with its peak marked at (x, y); white is the depth at rest.
+
+    borders_mm: of contacts, (n, 2) each, drawn as lines.
 
     Where the nodes have no place on the mirror, the picture says so.
     """
@@ -98,6 +100,8 @@ def depth_map(surface: Surface, peak_mm: tuple[float, float]) -> str:
             centred(axis, "nothing was read")
         for colour, width in (("white", 2.4), ("black", 0.8)):
             axis.plot(*peak_mm, "+", color=colour, markersize=10, markeredgewidth=width)
+        for border in borders_mm:
+            axis.plot(*np.concatenate((border, border[:1])).T, color="black", linewidth=0.8)
         bar = figure.colorbar(mesh, ax=axis, label=f"depth, {unit}", location="bottom", aspect=30)
         assert bar.solids is not None
         bar.solids.set_rasterized(True)

@@ -53,8 +53,24 @@ def summarise_recording(recording: Recording) -> Figures:
             recording.text(by): int(drops["count"][drops["lost_by"] == by].sum())
             for by in set(drops["lost_by"])
         },
+        "contacts": contact_figures(recording),
         "notes": [recording.text(text) for text in recording.notes["text"]],
     }
+
+
+def contact_figures(recording: Recording) -> list[Figures]:
+    """What touched, by id: when, and the medians of its figures."""
+    rows, steps = recording.contacts, recording.steps
+    start_ns = steps["time_ns"][0] if len(steps) else 0
+    found = []
+    for number in np.unique(rows["id"]):
+        own = rows[rows["id"] == number]
+        times_s = 1e-9 * (own["time_ns"] - start_ns)
+        kinds = {name: own.dtype[name] for name in own.dtype.names or ()}
+        names = [name for name, kind in kinds.items() if kind.kind == "f" and not kind.shape]
+        medians = {name: float(np.median(own[name])) for name in names}
+        found.append({"id": int(number), "from_s": float(times_s[0]), "to_s": float(times_s[-1]), **medians})
+    return found
 
 
 def read_peaks(recording: Recording) -> Image:

@@ -64,6 +64,10 @@ def summary_rows(figures: Figures, rig: Rig) -> Iterator[tuple[str, str]]:
     for label, key in (("peak of largest |depth|", "largest"), ("last peak", "last")):
         if (peak := figures[key]) is not None:
             yield label, peak_words(peak)
+    for one in figures["contacts"]:
+        area = f"{one['area_mm2']:.3f} ± {one['sigma_area_mm2']:.3f} mm²"
+        place = f"at ({one['x_mm']:.3f}, {one['y_mm']:.3f}) mm"
+        yield f"contact {one['id']}", f"{area} {place}, {one['from_s']:.2f} to {one['to_s']:.2f} s"
     residual = figures["residual_px_rms"]
     if residual["median"] is not None:
         yield "residual while nulled", f"{residual['median']:.4f} camera px rms (99 %: {residual['p99']:.4f})"

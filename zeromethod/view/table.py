@@ -95,6 +95,16 @@ def _look_up(figures: Figures, dotted: str) -> Any:
     return value
 
 
+def _contact_rows(label: str, contacts: Sequence[Figures] | None) -> list[tuple[str, str]]:
+    rows = []
+    for one in contacts or ():
+        sigma = f" ± {one['sigma_area_mm2']:.3f}" if "sigma_area_mm2" in one else ""
+        words = f"{one['area_mm2']:.3f}{sigma} mm² at ({one['x_mm']:.3f}, {one['y_mm']:.3f}) mm"
+        force = f", {one['force_n']:.3g} N" if "force_n" in one else ""
+        rows.append((f"{label} {one['id']}", words + force))
+    return rows
+
+
 def summary_table(figures: Figures) -> Table:
     """Table of the figures of a run that were measured; rows without a value are left out."""
     rows = []
@@ -102,6 +112,8 @@ def summary_table(figures: Figures) -> Table:
         values = [_look_up(figures, key) for key in keys]
         if all(value is not None for value in values):
             rows.append((label, pattern.format(*values)))
+    rows += _contact_rows("contact", figures.get("contacts"))
+    rows += _contact_rows("true contact", _look_up(figures, "truth.contacts"))
     if not figures["calibrated"]:
         rows.append(("not calibrated", "depth is relative: zeromethod calibrate"))
     if figures["recording"]:

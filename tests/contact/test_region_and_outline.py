@@ -1,0 +1,143 @@
+"""Contacts in made-up frames: found, told apart from what is not one, outlined to a fraction of a pixel."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from zeromethod import load_rig
+from zeromethod.contact.outline import first_outline, refined, signed_area
+from zeromethod.contact.region import RegionFinder
+from zeromethod.contact.rest import FRAMES, RestPicture
+from zeromethod.rig.model import Rig
+from zeromethod.sensing.sensor import ResidualSensor
+from zeromethod.warp.grid import NodeGrid
+
+ROWS, COLS, PERIOD = 256, 320, 16
+MEAN, CONTRAST, BLACK, READ = 100.0, 0.9, 4.0, 2.0
+BLUR_PX = 0.7
+V, U = np.mgrid[:ROWS, :COLS].astype(float)
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    values = {"camera.columns": COLS, "camera.rows": ROWS, "camera.centre_px": [159.5, 127.5]}
+    return load_rig("simulated").replace(values)
+
+
+class Bench:
+    """Frames of a target with phases shifted where asked, and what the finder makes of them."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.grid = NodeGrid.of_rig(rig)
+        self.sensor = ResidualSensor.from_rig(rig, self.grid)
+        self.rest = RestPicture(rig, self.grid)
+        self.finder = RegionFinder(rig, self.grid, BLUR_PX)
+        self.draw = np.random.default_rng(1)
+
+    def frame(
+        self, covered=0.0, scattered=8.0, shift=0.0, gain=1.0, dirt=1.0, contrast=CONTRAST
+    ) -> np.ndarray:
+        phase_u, phase_v = (2 * np.pi * (axis + shift) / PERIOD for axis in (U, V))
+        picture = MEAN * (1 + contrast * (np.cos(phase_u) + np.cos(phase_v)) / 2)
+        light = BLACK + gain * dirt * (covered * scattered + (1 - covered) * picture)
+        return np.clip(np.rint(light + self.draw.normal(0, READ, light.shape)), 0, 255).astype(np.uint8)
+
+    def learn(self, **frame) -> None:
+        for _ in range(FRAMES):
+            image = self.frame(**frame)
+            self.rest.add(image, self.sensor.measure(image))
+        assert self.rest.known
+
+    def regions(self, image: np.ndarray):
+        return self.finder.find(image, self.sensor.measure(image), self.rest)
+
+
+@pytest.fixture
+def bench(rig) -> Bench:
+    return Bench(rig)
+
+
+def disc(radius_px: float, u: float = 160.3, v: float = 121.8) -> np.ndarray:
+    finer = 4
+    fine = (np.arange(finer) + 0.5) / finer - 0.5
+    parts = [np.hypot(U + a - u, V + b - v) < radius_px for a in fine for b in fine]
+    return gaussian_filter(np.mean(parts, axis=0), np.sqrt(BLUR_PX**2 - 1 / 12))
+
+
+@pytest.mark.parametrize("scattered", [1.0, 8.0, 26.0])
+@pytest.mark.parametrize("radius_px", [12.0, 25.0])
+def test_a_discs_border_is_found_to_a_fraction_of_a_pixel_whatever_the_pictures_phase(
+    bench, scattered, radius_px
+):
+    bench.learn()
+    # beside a contact the picture is off by what the mirror bends
+    distance = np.hypot(U - 160.3, V - 121.8)
+    image = bench.frame(
+        disc(radius_px), scattered, shift=6 * np.exp(-np.maximum(distance - radius_px, 0) / 8)
+    )
+    (region,) = bench.regions(image)
+    outline = refined(first_outline(region.mask), region.columns, region.model)
+    u, v = (outline.points_px + np.array([region.left, region.top])).T
+    off = np.hypot(u - 160.3, v - 121.8) - radius_px
+    assert abs(off.mean()) < 0.25
+    assert off.std() < 0.5  # stripes of the picture as dark as the object pull at it
+    assert abs(signed_area(outline.points_px) / (np.pi * radius_px**2) - 1) < 0.03
+    assert np.hypot(off.mean(), off.std()) < 3 * outline.sigma_px
+    assert region.scattered == pytest.approx(scattered / MEAN, abs=0.01)
+
+
+def test_probability_is_near_one_inside_and_near_none_outside(bench):
+    bench.learn()
+    (region,) = bench.regions(bench.frame(disc(25.0)))
+    distance = np.hypot(U - 160.3, V - 121.8)
+    rows, cols = region.mask.shape
+    distance = distance[region.top : region.top + rows, region.left : region.left + cols]
+    assert region.probability[distance < 21].min() > 0.99
+    assert np.quantile(region.probability[distance > 29], 0.99) < 0.01
+
+
+NOT_CONTACTS = {
+    "nothing": {},
+    "drift of light": {"gain": 0.9},
+    "a picture that is off": {"shift": 5.0},
+    "saturation": {"gain": 3.0},
+    "a fold, where the picture is too fine": {"contrast": 1 - 0.999 * disc(25.0)},
+}
+
+
+@pytest.mark.parametrize("name", NOT_CONTACTS)
+def test_what_is_not_a_contact_is_not_called_one(bench, name):
+    bench.learn()
+    assert bench.regions(bench.frame(**NOT_CONTACTS[name])) == []
+
+
+def test_a_contact_is_found_in_light_that_has_drifted(bench):
+    bench.learn()
+    (region,) = bench.regions(bench.frame(disc(25.0), gain=0.8))
+    assert np.count_nonzero(region.mask) == pytest.approx(np.pi * 25**2, rel=0.1)
+
+
+def test_dirt_that_was_there_at_rest_is_no_contact_and_a_contact_beside_it_is(bench):
+    dirt = 1 - 0.97 * disc(12.0, 80.0, 200.0)
+    bench.learn(dirt=dirt)
+    assert bench.regions(bench.frame(dirt=dirt)) == []
+    (region,) = bench.regions(bench.frame(disc(20.0), dirt=dirt))
+    rows, cols = np.nonzero(region.mask)
+    assert (cols.mean() + region.left, rows.mean() + region.top) == pytest.approx((160.3, 121.8), abs=1.0)
+
+
+def test_the_dark_slope_beside_a_white_object_is_its_shadow(bench):
+    bench.learn()
+    white, dark = disc(20.0), disc(18.0, 190.0)
+    image = bench.frame(white, 26.0).astype(float)
+    image = np.rint(image * (1 - dark * (1 - white)) + BLACK * dark * (1 - white)).astype(np.uint8)
+    (region,) = bench.regions(image)
+    assert region.scattered > 0.2
+
+
+def test_two_objects_are_two_regions_each_with_its_light(bench):
+    bench.learn()
+    image = bench.frame(disc(20.0, 90.0), 8.0).astype(int)
+    image = np.where(disc(20.0, 230.0) > 0.5, bench.frame(disc(20.0, 230.0), 26.0), image).astype(np.uint8)
+    found = sorted(region.scattered for region in bench.regions(image))
+    assert found == pytest.approx([0.08, 0.26], abs=0.01)

@@ -1,0 +1,115 @@
+"""Contacts of frame after frame: found, outlined, followed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from zeromethod.arrays import Image
+from zeromethod.contact.contact import Contact, Probability
+from zeromethod.contact.in_mm import MirrorPlaces
+from zeromethod.contact.moments import moments
+from zeromethod.contact.outline import WINDOW_PX, compile_ahead, first_outline, normals, refined, signed_area
+from zeromethod.contact.region import Region, RegionFinder
+from zeromethod.contact.rest import RestPicture
+from zeromethod.contact.track import ContactTrack
+from zeromethod.optics import Optics
+from zeromethod.optics.pupil import footprint_terms
+from zeromethod.rig.model import Rig
+from zeromethod.sensing.residual import Residual
+from zeromethod.surface import Surface
+from zeromethod.warp.grid import NodeGrid
+
+LEAST_MM2 = 0.2
+"""Area below which nothing is called a contact."""
+_LENS_PX = 0.5
+"""Blur of a border by a pupil that the rig does not give."""
+_EDGE_PX = 0.15
+"""What the blur's own uncertainty leaves open of a border."""
+
+
+class ContactFinder:
+    """Finds contacts in the frames of a run, in turn.
+
+    Until the picture at rest is known (`RestPicture`), there are none. Serves one thread.
+    """
+
+    def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid) -> None:
+        self._rest = RestPicture(rig, grid)
+        self._regions = RegionFinder(rig, grid, _blur_px(rig))
+        self._places = MirrorPlaces(optics, grid)
+        self._track = ContactTrack()
+        compile_ahead()
+
+    @property
+    def ready(self) -> bool:
+        """Whether the picture at rest is known."""
+        return self._rest.known
+
+    def follow(
+        self, image: Image, residual: Residual, surface: Surface, *, nulled: bool
+    ) -> tuple[Contact, ...]:
+        """Contacts of the next frame, largest first.
+
+        Parameters
+        ----------
+        image : (image rows, image cols) uint8 or uint16
+            The frame.
+        residual, surface : Residual, Surface
+            What was measured and read from it.
+        nulled : bool
+            Whether the camera sees the target in it, so that it may teach the picture at rest.
+
+        Returns
+        -------
+        tuple of Contact
+            Those seen in two frames in a row, and in one of the last two.
+        """
+        if not self._rest.known:
+            if nulled:
+                self._rest.add(image, residual)
+            return ()
+        found = [self._contact(region, surface) for region in self._regions.find(image, residual, self._rest)]
+        return self._track.follow([each for each in found if each is not None])
+
+    def _contact(self, region: Region, surface: Surface) -> Contact | None:
+        outline = refined(first_outline(region.mask), region.columns, region.model)
+        points_px = outline.points_px + np.array([region.left, region.top])
+        if signed_area(points_px) < 0:
+            points_px = points_px[::-1]
+        seen = self._places.seen(points_px, surface)
+        seen_mm = seen.outline_mm
+        if signed_area(seen_mm) < 0:  # the camera sees the mirror mirrored
+            seen_mm, points_px = seen_mm[::-1], points_px[::-1]
+        area = signed_area(seen_mm)
+        if area < LEAST_MM2:
+            return None
+        # a sharp edge loses no light beyond itself, a ball's does: half of that, and half left open
+        beyond = seen.beyond_mm / 2
+        outline_mm = seen_mm - beyond * normals(seen_mm)
+        pixel_mm = float(np.sqrt(area / abs(signed_area(points_px))))
+        open_mm = float(np.hypot(beyond, _EDGE_PX * pixel_mm))
+        own_mm = outline.sigma_px * pixel_mm
+        perimeter = float(np.hypot(*(outline_mm - np.roll(outline_mm, 1, axis=0)).T).sum())
+        apart_mm = own_mm / np.sqrt(max(perimeter / pixel_mm / WINDOW_PX, 1.0))
+        sigma_x, sigma_y = (float(np.hypot(part, max(apart_mm, 0.2 * open_mm))) for part in seen.sigma_mm)
+        return Contact(
+            id=0,
+            **moments(outline_mm)._asdict(),
+            sigma_x_mm=sigma_x,
+            sigma_y_mm=sigma_y,
+            sigma_area_mm2=perimeter * float(np.hypot(open_mm, apart_mm)),
+            outline_mm=outline_mm,
+            sigma_edge_mm=float(np.sqrt(open_mm**2 + own_mm**2 + sum(np.square(seen.sigma_mm)) / 2)),
+            outline_px=points_px,
+            scattered=region.scattered,
+            probability=Probability(region.left, region.top, region.probability),
+        )
+
+
+def _blur_px(rig: Rig) -> float:
+    """Standard deviation of a border's blur by pixel and pupil; where no pupil is given, by some lens."""
+    pupil = _LENS_PX
+    if rig.camera.pupil_mm > 0:
+        # of a disc, its radius in the middle of the view
+        pupil = float(np.sqrt(np.abs(np.linalg.det(footprint_terms(rig)[0])))) / 2
+    return float(np.hypot(pupil, np.sqrt(1 / 12)))

@@ -1,0 +1,150 @@
+"""Regions of a frame in which something touches: flat, darker than the picture was, and not so at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from zeromethod.arrays import Bytes, Image, Mask, Single
+from zeromethod.contact.flat import local_deviation
+from zeromethod.contact.likelihood import UNKNOWN, GreyModel, grey_model
+from zeromethod.contact.rest import RestPicture
+from zeromethod.rig.model import Rig
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.grid import NodeGrid
+
+LOST_SHARE = 0.6
+"""Share of a node's carrier at rest below which a contact is looked for around it."""
+DARKER_SHARE = 0.6
+"""Share of the picture's mean light below which flat light may be an object's. A white one scatters 0.3 of
+it; a picture that is lost in a fold, or finer than the LCD, keeps the mean."""
+SEED_PX = 40
+"""Flat pixels in one piece from which on a region is looked at."""
+_NOISES = 2.0
+"""Deviation, in those of the camera, up to which a place counts as flat."""
+_SHADOW_SHARE = 0.03
+"""Light over the mean below which a region next to a brighter one is its shadow: a slope too steep for total
+reflection."""
+_SMOOTH_PX = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """mask, probability, columns (`GreyModel.index`): (rows, cols) from pixel (left, top) on."""
+
+    left: int
+    top: int
+    mask: Mask
+    probability: Single
+    columns: Bytes
+    model: GreyModel
+    scattered: float
+
+
+class RegionFinder:
+    """Finds the regions of frames."""
+
+    def __init__(self, rig: Rig, grid: NodeGrid, blur_px: float) -> None:
+        noise = rig.camera.noise
+        self._black, self._blur_px = noise.black_grey, blur_px
+        per_grey = 0.0 if noise.electrons_per_grey is None else 1 / noise.electrons_per_grey
+        self._noise = noise.read_grey**2 + 1 / 12, per_grey
+        self._grid = grid
+        self._models: dict[tuple[float, float], GreyModel] = {}
+
+    def find(self, image: Image, residual: Residual, rest: RestPicture) -> list[Region]:
+        """Regions in contact, largest first."""
+        lost = rest.lost(residual, LOST_SHARE)
+        if not lost.any():
+            return []
+        drift = rest.drift(residual)
+        found = [region for box in self._boxes(lost) for region in self._in_box(box, image, rest, drift)]
+        found.sort(key=lambda region: -np.count_nonzero(region.mask))
+        return [region for region in found if not _is_shadow(region, found)]
+
+    def _boxes(self, lost: Mask) -> Iterator[tuple[int, int, int, int]]:
+        """(left, top, right, bottom) px around groups of nodes, three half periods wider."""
+        wide = cv2.dilate(lost.astype(np.uint8), np.ones((5, 5), np.uint8))
+        count, _, stats, _ = cv2.connectedComponentsWithStats(wide, connectivity=8)
+        rows, cols = self._grid.image_shape
+        spacing = self._grid.spacing_px
+        u, v = self._grid.u_px, self._grid.v_px
+        for left, top, width, height, _ in stats[1:count]:
+            first = max(int(u[left]) - spacing, 0), max(int(v[top]) - spacing, 0)
+            last = int(u[left + width - 1]) + spacing, int(v[top + height - 1]) + spacing
+            right, bottom = min(last[0], cols), min(last[1], rows)
+            if right - first[0] > 2 * spacing and bottom - first[1] > 2 * spacing:
+                yield (*first, right, bottom)
+
+    def _in_box(
+        self, box: tuple[int, int, int, int], image: Image, rest: RestPicture, drift: float
+    ) -> Iterator[Region]:
+        left, top, right, bottom = box
+        place = slice(top, bottom), slice(left, right)
+        picture = image[place].astype(np.float32) - np.float32(self._black)
+        mean = rest.mean[place] * np.float32(drift)
+        local, deviation = local_deviation(picture)
+        allowed = _NOISES * np.sqrt(self._noise[0] + self._noise[1] * np.maximum(local, 0))
+        flat = (deviation < allowed) & (local < DARKER_SHARE * mean) & ~rest.static[place]
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(flat.astype(np.uint8), connectivity=4)
+        taken = np.zeros(flat.shape, np.bool_)
+        for k in np.argsort(-stats[1:count, cv2.CC_STAT_AREA]) + 1:
+            seed = labels == k
+            if stats[k, cv2.CC_STAT_AREA] < SEED_PX or taken[seed].any():
+                continue
+            region = self._grown(seed, picture, mean, rest, (left, top))
+            if region is not None:
+                taken |= region.mask
+                yield region
+
+    def _grown(
+        self, seed: Mask, picture: Single, mean: Single, rest: RestPicture, corner: tuple[int, int]
+    ) -> Region | None:
+        """The region about a flat seed."""
+        left, top = corner
+        dirt = rest.static[top : top + seed.shape[0], left : left + seed.shape[1]]
+        scattered, mirrored = float(np.median(picture[seed])), float(np.median(mean[seed]))
+        model = self._model(scattered, mirrored, rest)
+        columns = model.index(picture * (mirrored / mean))
+        columns[dirt] = UNKNOWN
+        # pixels of one window are not as independent as their product has it: one carrier for all of them
+        evidence = cv2.boxFilter(model.evidence[columns], -1, (_SMOOTH_PX, _SMOOTH_PX))
+        probability = (1 / (1 + np.exp(-_SMOOTH_PX * evidence))).astype(np.float32)
+        count, labels = cv2.connectedComponents((probability > 0.5).astype(np.uint8), connectivity=4)
+        inside = labels[seed]
+        label = int(np.bincount(inside, minlength=count)[1:].argmax()) + 1 if count > 1 else 0
+        mask = labels == label
+        if not label or not mask.any():
+            return None
+        return Region(*corner, mask, probability, columns, model, scattered / mirrored)
+
+    def _model(self, scattered: float, mirrored: float, rest: RestPicture) -> GreyModel:
+        key = round(scattered), round(mirrored)
+        if key not in self._models:
+            if len(self._models) > 32:
+                self._models.clear()
+            self._models[key] = grey_model(*key, rest.levels, rest.shares, self._blur_px, self._noise)
+        return self._models[key]
+
+
+def _is_shadow(region: Region, others: list[Region]) -> bool:
+    """Whether a dark region lies against a brighter one."""
+    if region.scattered > _SHADOW_SHARE:
+        return False
+    for other in others:
+        if other.scattered > region.scattered + _SHADOW_SHARE and _next_to(region, other):
+            return True
+    return False
+
+
+def _next_to(one: Region, other: Region) -> bool:
+    left, top = min(one.left, other.left), min(one.top, other.top)
+    ends = [(r.left + r.mask.shape[1], r.top + r.mask.shape[0]) for r in (one, other)]
+    whole = np.zeros((2, max(e[1] for e in ends) - top, max(e[0] for e in ends) - left), np.uint8)
+    for layer, region in zip(whole, (one, other), strict=True):
+        row, col = region.top - top, region.left - left
+        layer[row : row + region.mask.shape[0], col : col + region.mask.shape[1]] = region.mask
+    return bool((cv2.dilate(whole[0], np.ones((9, 9), np.uint8)) & whole[1]).any())

@@ -1,0 +1,104 @@
+"""The picture that the camera sees in the null, as frames without contact show it.
+
+In the null the camera sees the target whatever presses, so that one picture per pixel serves every press;
+what is dark or flat in it for good (dust, scratches, bubbles) is known from it, too.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from zeromethod.arrays import Float, Image, Mask, Single
+from zeromethod.contact.flat import local_deviation
+from zeromethod.rig.model import Rig
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.grid import NodeGrid
+from zeromethod.warp.validity import Flag
+
+FRAMES = 8
+"""Nulled frames that make the picture."""
+BINS = 48
+_FLAT_SHARE = 0.06
+"""Deviation over 7 x 7 px, over the mean light, below which a pixel shows no picture at rest."""
+_UNLIKE_SHARE = 0.15
+"""Difference from the pixels a period away, over the mean light, from which a pixel has dirt on it."""
+_DRIFT_EVERY = 4
+"""Of the nodes every such one is enough to tell the drift of all light."""
+_DARK_SHARE = 0.5
+"""Mean light over its surroundings' below which a place is dark at rest."""
+
+
+class RestPicture:
+    """The picture in the null, gathered from frames until it is known."""
+
+    def __init__(self, rig: Rig, grid: NodeGrid) -> None:
+        self._black = rig.camera.noise.black_grey
+        self._period = grid.period_px
+        self._periodic = rig.target.kind != "noise"
+        self._frames = 0
+        self._sum: Single | None = np.zeros(grid.image_shape, np.float32)
+        self._amplitude = np.zeros(grid.shape)
+        self._light = np.zeros(grid.shape)
+        self.mean: Single = np.zeros(grid.image_shape, np.float32)
+        self.static: Mask = np.zeros(grid.image_shape, np.bool_)
+        self.levels: Float = np.linspace(0.0, 2.4, BINS + 1)[:-1] + 1.2 / BINS
+        self.shares: Float = np.zeros(BINS)
+
+    @property
+    def known(self) -> bool:
+        """Whether enough frames have been seen."""
+        return self._frames >= FRAMES
+
+    def add(self, image: Image, residual: Residual) -> None:
+        """Take a nulled frame."""
+        if self._sum is None:
+            return
+        cv2.accumulate(image if image.dtype == np.uint8 else image.astype(np.float32), self._sum)
+        self._amplitude += np.where(residual.valid, residual.modulation.mean(axis=-1), 0.0)
+        self._light += np.where(residual.valid, residual.mean - self._black, 0.0)
+        self._frames += 1
+        if self.known:
+            self._finish((self._sum / self._frames - self._black).astype(np.float32))
+            self._sum = None
+
+    def _finish(self, picture: Single) -> None:
+        self._amplitude /= self._frames
+        self._light /= self._frames
+        side = 2 * self._period
+        # two passes: the mean of a picture with a hole is not the hole's
+        mean = np.maximum(cv2.boxFilter(picture, -1, (side, side)), 1e-3)
+        flat = local_deviation(picture)[1] < _FLAT_SHARE * mean
+        if self._periodic:
+            flat |= _unlike(picture, mean, self._period)
+        dark = cv2.boxFilter(picture, -1, (self._period, self._period)) < _DARK_SHARE * mean
+        self.static = flat | dark
+        self.mean = mean
+        share = (picture / mean)[~self.static]
+        counts = np.histogram(share, bins=BINS, range=(0.0, 2.4))[0]
+        self.shares = counts / max(counts.sum(), 1)
+
+    def lost(self, residual: Residual, least: float) -> Mask:
+        """(rows, cols) nodes that have lost their carrier: amplitude below `least` of that at rest."""
+        seen = (self._amplitude > 0) & (residual.flags & np.uint16(Flag.OUTSIDE | Flag.NO_RAY) == 0)
+        return np.asarray(seen & (residual.modulation.mean(axis=-1) < least * self._amplitude))
+
+    def drift(self, residual: Residual) -> float:
+        """Light of the nodes that are measured over theirs at rest."""
+        few = slice(None, None, _DRIFT_EVERY), slice(None, None, _DRIFT_EVERY)
+        light = self._light[few]
+        both = (residual.flags[few] == 0) & (light > 0)
+        if not both.any():
+            return 1.0
+        return float(np.median((residual.mean[few][both] - self._black) / light[both]))
+
+
+def _unlike(picture: Single, mean: Single, period_px: int) -> Mask:
+    """Pixels unlike those a period away along rows and columns, and the pixels next to them."""
+    away = [np.roll(picture / mean, step, axis) for axis in (0, 1) for step in (-period_px, period_px)]
+    # the middle two of four, so that dirt a period away does not count
+    low, high = np.minimum(away[0], away[1]), np.maximum(away[0], away[1])
+    other_low, other_high = np.minimum(away[2], away[3]), np.maximum(away[2], away[3])
+    middle = 0.5 * (np.maximum(low, other_low) + np.minimum(high, other_high))
+    unlike = np.abs(picture / mean - middle) > _UNLIKE_SHARE
+    return np.asarray(cv2.dilate(unlike.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)

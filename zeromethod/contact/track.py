@@ -1,0 +1,67 @@
+"""Contacts followed from touch to lift: the same id in every frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from zeromethod.contact.contact import Contact
+
+CONFIRMED_FRAMES = 2
+"""Frames in a row in which a contact is seen before it is named."""
+FORGOTTEN_FRAMES = 2
+"""Frames in a row without it after which it is lifted."""
+
+
+@dataclass(slots=True)
+class _Followed:
+    id: int
+    last: Contact
+    seen: int = 1
+    missing: int = 0
+
+
+class ContactTrack:
+    """Gives contacts their ids.
+
+    A contact is that of the frame before whose centroid lies nearest, if it lies nearer than the larger one's
+    half size and half a mm; each is taken once, nearest pairs first.
+    """
+
+    def __init__(self) -> None:
+        self._followed: list[_Followed] = []
+        self._next = 1
+
+    def follow(self, found: Sequence[Contact]) -> tuple[Contact, ...]:
+        """The next frame's contacts that are confirmed, with ids, in the order given."""
+        taken: dict[int, _Followed] = {}
+        left = list(self._followed)
+        pairs = [(_apart(one.last, new), k, one) for one in left for k, new in enumerate(found)]
+        for apart, k, one in sorted(pairs, key=lambda pair: pair[0]):
+            if apart < 1 and k not in taken and one in left:
+                taken[k] = one
+                left.remove(one)
+        for one in left:
+            one.missing += 1
+            one.seen = 0 if one.id == 0 else one.seen
+        result = []
+        for k, new in enumerate(found):
+            if k not in taken:
+                taken[k] = _Followed(0, new, seen=0)
+                self._followed.append(taken[k])
+            followed = taken[k]
+            followed.last, followed.seen, followed.missing = new, followed.seen + 1, 0
+            if followed.id == 0 and followed.seen >= CONFIRMED_FRAMES:
+                followed.id, self._next = self._next, self._next + 1
+            if followed.id:
+                result.append(replace(new, id=followed.id))
+        self._followed = [one for one in self._followed if one.missing < (FORGOTTEN_FRAMES if one.id else 1)]
+        return tuple(result)
+
+
+def _apart(one: Contact, other: Contact) -> float:
+    """Distance of the centroids over what may lie between those of one contact."""
+    size = float(np.sqrt(max(one.area_mm2, other.area_mm2) / np.pi))
+    return float(np.hypot(one.x_mm - other.x_mm, one.y_mm - other.y_mm)) / (size + 0.5)
