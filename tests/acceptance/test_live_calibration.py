@@ -71,7 +71,6 @@ def calibrated(
         text=True,
     ) as bench:
         assert bench.stdin is not None
-        assert bench.stdout is not None
         address = bench.stdout.readline().strip()
         command = [sys.executable, "-m", "zeromethod", "calibrate", "--rig", str(mine)]
         command += ["--display", "1", "--camera", address, "--frames", "2", "--patience", "60"]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_rigs import SMALL_LCD, with_tables
+from small_rigs import with_tables
 
 from zeromethod import MeasurementError, Rig, check_bench, open_devices
 from zeromethod.commissioning.daily_check import check

@@ -22,10 +22,11 @@ def planted_dic(found, k: int) -> np.ndarray:
 
 
 @needs_data
-def test_dic_challenge_within_the_bars_over_the_whole_image():
+def test_dic_challenge_within_the_bars_over_all_rows_of_the_image():
     k = 400
-    reference = read_grey(DATA / "dic" / "Reference.tif")
-    found = correlate(reference, read_grey(DATA / "dic" / f"P200_K{k}_N2.tif"))
+    # the command is the same in every column
+    images = (read_grey(DATA / "dic" / name)[:, :1000] for name in ("Reference.tif", f"P200_K{k}_N2.tif"))
+    found = correlate(*images)
     # 10 of 1000 rows leave the image at the top, and the border's points with them.
     assert found.valid.mean() > 0.97
     error = planted_dic(found, k)

@@ -116,7 +116,6 @@ def test_an_error_in_the_callers_body_ends_the_run_and_the_session_closes():
 
     with pytest.raises(ZeroDivisionError, match="mine"):
         broken()
-    assert session.loop.ended is not None
     assert session.loop.ended.state is zm.State.STOPPED
     assert session.result.frames == 3
 
@@ -189,14 +188,6 @@ def test_devices_that_were_given_stay_open():
             with zm.Session(rig, devices=devices) as session:
                 assert len(list(session.run(frames=3))) == 3
         assert devices.camera.read(1.0).image.shape == devices.camera.shape
-
-
-def test_an_unknown_rig_is_refused_in_one_line():
-    with pytest.raises(zm.InputError) as refused:
-        zm.Session("simulatedd")
-    assert "simulatedd" in str(refused.value)
-    assert "simulated," in str(refused.value)
-    assert "\n" not in str(refused.value)
 
 
 def test_a_recording_holds_both_runs_and_reads_again_bit_for_bit(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from crooked_bench import OFF
 
-from zeromethod import DelayResult, InputError, MeasurementError, Optics, open_devices
+from zeromethod import DelayResult, MeasurementError, Optics, open_devices
 from zeromethod.calibration import describe, judge
 from zeromethod.calibration.shortfall import Lack, Part
 from zeromethod.commissioning.calibration import Plan, evaluate, procedure, record
@@ -182,9 +182,3 @@ def test_camera_lost_on_the_way_names_the_step():
         pytest.raises(MeasurementError, match=r"settling: the camera is lost"),
     ):
         record(rig, devices, Plan(light=False))
-
-
-@pytest.mark.parametrize(("key", "value"), [("press_depths_mm", (0.2, -0.1)), ("press_sigma_mm", 0.0)])
-def test_plans_that_cannot_be_are_refused(key, value):
-    with pytest.raises(InputError, match="above 0"):
-        Plan(**{key: value})
