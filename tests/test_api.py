@@ -113,15 +113,6 @@ def test_a_recording_is_replayed_exported_and_reported(recording: Path, tmp_path
         zm.replay(recording, "dream")  # type: ignore[arg-type]
 
 
-def test_a_run_is_plotted(tmp_path: Path) -> None:
-    with zm.Session(small_rig("none")) as session:
-        for _ in session.run(frames=6):
-            pass
-        figure = zm.plot_run(session, tmp_path / "run.png")
-    assert (tmp_path / "run.png").stat().st_size > 10_000
-    assert len(figure.axes) >= 12
-
-
 def test_images_are_measured_as_arrays_and_as_files(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     texture = cv2.GaussianBlur(rng.uniform(0, 255, (160, 200)), (0, 0), 2.0)

@@ -32,6 +32,14 @@ FOCAL_PX = 1125.0
             {"display": {"turn_deg": 90.0, "mirrored": True}},
             "the picture is seen mirrored and turned by 90 degrees clockwise",
         ),
+        (
+            {"display": {"turn_deg": -90.0, "mirrored": True}},
+            "the picture is seen mirrored and turned by 90 degrees anticlockwise",
+        ),
+        (
+            {"display": {"turn_deg": 180.0, "mirrored": True}},
+            "the picture is seen mirrored and turned by 180 degrees",
+        ),
         ({"display": {"turn_deg": 2.0}}, "the picture is turned by 2.0 degrees clockwise"),
         ({"camera": {"roll_deg": 3.0}}, "the picture is turned by 3.0 degrees anticlockwise"),
         ({"camera": {"focal_px": (0.975 * FOCAL_PX,) * 2}}, "the picture is -2.5% wide and -2.5% high"),

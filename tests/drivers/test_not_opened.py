@@ -13,18 +13,6 @@ from zeromethod.drivers import not_opened
 from zeromethod.drivers.not_opened import in_words, reason
 
 
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        return int(taken.getsockname()[1])
-
-
-def test_a_port_at_which_nothing_listens_is_refused() -> None:
-    port = free_port()
-    assert reason(f"tcp://me:secret@127.0.0.1:{port}") == (
-        f"127.0.0.1 refuses connections at port {port}: does the camera or server run?"
-    )
-
-
 def test_a_server_that_speaks_no_pictures_is_told_from_one_that_is_not_there() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         assert "answers at port" in reason(f"http://127.0.0.1:{mute.getsockname()[1]}/video")
