@@ -141,11 +141,6 @@ def test_other_files_are_refused(rig_file, text, words):
         load(folder)
 
 
-def test_folder_without_calibration_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"calibration\.toml: No such file.*zeromethod calibrate made"):
-        load(tmp_path)
-
-
 def test_damaged_arrays_are_refused(rig_file):
     folder = made(rig_file).folder
     (folder / ARRAYS).write_bytes(b"not HDF5")

@@ -15,7 +15,6 @@ from recorded_run import recorded, small_rig
 
 from zeromethod import InputError, Loop, Optics, Peak, Recording, Step, Surface, SurfaceReader
 from zeromethod.recording.opening import Refusal, RefusedRecording
-from zeromethod.recording.schema import KEEP
 
 
 @dataclass
@@ -269,19 +268,6 @@ def test_a_file_that_the_rig_names_comes_along(tmp_path):
         assert Path(found.rig.scenario).read_text() == text
         folder = Path(found.rig.scenario).parent
     assert not folder.exists()
-
-
-def test_an_existing_file_is_never_replaced(truth):
-    before = truth.path.read_bytes()
-    with pytest.raises(InputError, match="is there already"):
-        recorded(truth.path, 0.1)
-    assert truth.path.read_bytes() == before
-
-
-def test_keep_names_are_checked(path):
-    with pytest.raises(InputError, match=f"'warp': of {', '.join(KEEP)}"):
-        recorded(path, 0.1, keep=("warp",))
-    assert not (path).exists()
 
 
 def test_the_documented_examples_read_a_recording(truth, tmp_path):
