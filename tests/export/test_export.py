@@ -143,3 +143,8 @@ def test_few_of_the_maps_are_in_memory_at_a_time(suffix, recording, tmp_path, mo
     assert len(alive) >= 8
     # The one in use, and the one before while it is read; a TIFF and a video also looked at the first.
     assert most <= 2
+
+
+def test_a_pitch_that_is_no_length_is_refused(recording, tmp_path):
+    with pytest.raises(InputError, match=r"^--pitch: .*: a finite number of mm above 0$"):
+        prepare(recording, tmp_path / "a.tif", pitch_mm=-1.0).write()

@@ -15,6 +15,7 @@ from recorded_run import recorded, small_rig
 
 from zeromethod import InputError, Loop, Optics, Peak, Recording, Step, Surface, SurfaceReader
 from zeromethod.recording.opening import Refusal, RefusedRecording
+from zeromethod.recording.schema import KEEP
 
 
 @dataclass
@@ -289,3 +290,8 @@ def test_the_documented_examples_read_a_recording(truth, tmp_path):
     assert "simulated" in printed[0]
     assert "of (256, 320) grey levels" in printed[1]
     assert "first: starting" in printed[1]
+
+
+def test_keep_names_are_checked(path):
+    with pytest.raises(InputError, match=f"'warp': of {', '.join(KEEP)}"):
+        recorded(path, 0.1, keep=("warp",))

@@ -190,6 +190,11 @@ def test_devices_that_were_given_stay_open():
         assert devices.camera.read(1.0).image.shape == devices.camera.shape
 
 
+def test_an_unknown_rig_is_refused():
+    with pytest.raises(zm.InputError, match=r"simulatedd.*simulated,"):
+        zm.Session("simulatedd")
+
+
 def test_a_recording_holds_both_runs_and_reads_again_bit_for_bit(tmp_path):
     path = tmp_path / "two.h5"
     with zm.Session(simulated_rig("hold"), record=path) as session:

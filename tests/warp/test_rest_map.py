@@ -90,3 +90,8 @@ def test_what_is_no_rest_map_is_refused_in_one_line(tmp_path, content):
     with pytest.raises(InputError, match=r"rest\.npz: .*a rest map") as refused:
         RestMap.load(path)
     assert "\n" not in str(refused.value)
+
+
+def test_a_missing_rest_map_is_refused(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        RestMap.load(tmp_path / "none.npz")

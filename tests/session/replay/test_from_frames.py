@@ -95,9 +95,13 @@ def test_a_part_is_sensed_as_within_the_whole(recording):
     assert warps.different == depths.different == []
 
 
-def test_frames_of_which_some_were_left_out_are_refused_in_one_line(session, tmp_path):
-    path = recorded(tmp_path / "r.h5", 0.15, rig=session.rig, keep=("frames", "warps"), every=2)
-    with Recording(path) as opened, pytest.raises(InputError, match="only every 2th frame") as caught:
+@pytest.mark.parametrize(
+    ("keep", "every", "word"),
+    [(("warps",), 1, "recorded without frames"), (("frames", "warps"), 2, "only every 2th frame")],
+)
+def test_what_is_missing_is_reported_in_one_line(session, tmp_path, keep, every, word):
+    path = recorded(tmp_path / "r.h5", 0.15, rig=session.rig, keep=keep, every=every)
+    with Recording(path) as opened, pytest.raises(InputError, match=word) as caught:
         replay_from_frames(opened, opened.rig, Window.of(opened))
     assert "\n" not in str(caught.value)
 
