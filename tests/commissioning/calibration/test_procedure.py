@@ -1,7 +1,6 @@
 """A bench that stands otherwise than its rig file says, from first picture to verdict, unattended."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from crooked_bench import OFF
 from zeromethod import DelayResult, MeasurementError, Optics, open_devices
 from zeromethod.calibration import describe, judge
 from zeromethod.calibration.shortfall import Lack, Part
-from zeromethod.commissioning.calibration import Plan, evaluate, procedure, record
+from zeromethod.commissioning.calibration import Plan, procedure, record
 
 from .conftest import DEPTHS_MM, PLACES_MM
 from .planted import LATENCY_S, nominal, quarter, read_elsewhere, truth
@@ -92,8 +91,7 @@ def test_nothing_but_what_was_left_out_speaks_against_it(calibration):
     assert calibration.verdict.level == "uncertain"
     left_out = "light: left out: the rig file's response and noise hold, unmeasured"
     assert calibration.verdict.findings == (left_out,)
-    whole = replace(calibration.recorded, shortfalls=())
-    assert evaluate(whole, calibration.rest).verdict.level == "good"
+    assert judge(calibration.fitted, calibration.error, shortfalls=()).level == "good"
     # loop and phase shifting, two ways to measure one warp; both know it to 0.02 LCD px
     assert calibration.drift_px < 0.05
 
