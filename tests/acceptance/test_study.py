@@ -11,7 +11,7 @@ import pytest
 from zeromethod.study import Progress, Study, Workers, parse_study, run_study
 from zeromethod.study.results import TABLE
 
-RUNS = 32
+RUNS = 16
 
 # 64 x 64 camera pixels, a small LCD, the frames before and after the touch: some 0.1 s for a run
 STUDY = f"""
