@@ -2,11 +2,10 @@
 
 The packaged bench with four times larger pixels; rig file and bench may differ, as a stranger's do. Honest
 runs press pads of sigma 4 to 40 mm (2.4 nodes and more) and balls, all over the view and beyond, on a bench
-that is as its rig file says and on one calibrated by this program. What folds or is too fine for the LCD by
-the exact rays need not be good, but true and not named. Faulty ones turn the camera or slide the
+that is as its rig file says and, as often, on four calibrated by this program. What folds or is too fine for
+the LCD by the exact rays need not be good, but true and not named. Faulty ones turn the camera or slide the
 LCD in mid-run, at rest and under a press, at once or slowly, or believe a geometry that is off by 0.1 to 5
-sigma of
-calipers.
+sigma of calipers.
 
 A run is judged frame by frame from the fault on. What a fault does is the error of the peak over its stated
 sigma; a fault whose effect exceeds 3 must be named: within 10 frames of it the state is neither locked nor
@@ -66,7 +65,8 @@ EARLY = frozenset({State.NULLING, State.RESTING})
 SETTLED = 6
 """Frames after the press from which peaks are counted: the null has caught up."""
 
-HONEST, HONEST_QUICK = 200, 12
+HONEST, HONEST_QUICK, BENCHES = 200, 12, 4
+"""Honest presses, and the calibrated benches that see half of them: one draw of a calibration says little."""
 CALIPERS = (0.1, 0.5, 1.0, 2.0, 5.0)
 """Sigmas of the priors by which an uncalibrated bench is off."""
 SEED = 14
@@ -171,17 +171,17 @@ def uncalibrated(believed: Rig) -> Iterator[Case]:
             break
 
 
-def calibrated(folder: Path) -> tuple[Rig, Rig]:
+def calibrated(folder: Path, number: int) -> tuple[Rig, Rig]:
     """A drawn bench, and the rig that a calibration with three known presses makes of it."""
-    draw = np.random.default_rng([SEED, 2])
+    draw = np.random.default_rng([SEED, 2, number])
     given = nominal()
-    bench = drawn(given, draw, SEED)
+    bench = drawn(given, draw, SEED + number)
     view = View(bench)
     known = [
         Dent(Shape.GAUSSIAN, *view.place(share, 0.5), KNOWN_MM, KNOWN_SIGMA_MM) for share in KNOWN_SHARES
     ]
     recorded, found, _ = recorded_of(given, bench, known, (KNOWN_MM,) * len(known))
-    rest_map = folder / "rest.npz"
+    rest_map = folder / f"rest{number}.npz"
     found.rest_map.save(rest_map)
     return bench, on_rest(evaluate(recorded, found).rig, rest_map)
 
@@ -258,7 +258,7 @@ def report(count: int, *, faults: bool) -> Report:
     """Run `count` honest presses, and all faults."""
     known = small_rig().model_copy(update={"scenario": "none"})
     with tempfile.TemporaryDirectory() as folder:
-        rigs = [(known, known), calibrated(Path(folder))]
+        rigs = [rig for k in range(BENCHES) for rig in ((known, known), calibrated(Path(folder), k))]
         cases = list(honest(rigs, count))
         if faults:
             cases += [*bumps(known, known), *uncalibrated(known)]

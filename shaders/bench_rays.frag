@@ -5,6 +5,7 @@
 // LCD. Lengths in mm from the mirror's middle, which keeps float32 to a few 1e-6 mm.
 // GHOST 0: the main ray. 1: reflected again by the LCD's glass and the near side of its gap. 2: reflected
 // inside at the pattern face and at the camera face, so that it meets the mirror three times.
+// SCATTERED: instead of all that, the light that objects in contact scatter where the pixel's ray meets the mirror.
 // The rig's numbers are constants that the CPU writes, RIG: as uniforms they would be looked up for each pixel, and
 // on a CPU that costs more than all rays.
 //   camera_face_..., pattern_...: edge, along, normal, length of the faces
@@ -17,6 +18,7 @@
 //   rest_sphere: centre x, y, radius (> 0 bulges out of the rubber); rest_grid: x, y of the first coefficient, pitch
 RIG
 #include "bench_mirror.glsl"
+#include "bench_touch.glsl"
 
 struct Face {
     vec3 edge;      // its point on the mirror at y = 0
@@ -122,6 +124,13 @@ float reflectance(float cosine, vec3 travel, vec3 normal) {
     return mix(p * p, s * s, share);
 }
 
+// How fast light that crosses a gap behind the mirror falls with it, 1 / mm; 550 nm. Below the critical angle and
+// next to it as for a wave that reaches 0.9 um.
+float per_gap(float cosine) {
+    float beyond = rubber_index * rubber_index * (1.0 - cosine * cosine) - 1.0;
+    return 22847.947 * sqrt(max(beyond, 0.01));
+}
+
 // One reflection off the mirror; `light` loses what is not reflected.
 bool reflect_off_mirror(inout vec3 at, inout vec3 direction, inout float light) {
     vec3 normal, from = at;
@@ -130,7 +139,7 @@ bool reflect_off_mirror(inout vec3 at, inout vec3 direction, inout float light) 
     }
     float cosine = dot(direction, normal);
     direction -= 2.0 * cosine * normal;
-    light *= touch(at.xy) * reflectance(cosine, direction, normal);
+    light *= touch(at.xy) * touched(at.xy, per_gap(cosine)).x * reflectance(cosine, direction, normal);
     return cosine > 0.0;
 }
 
@@ -192,7 +201,20 @@ bool trace(vec2 pixel, out vec2 q, out float light) {
     return leave_to_lcd(at, direction, q);
 }
 
+#if SCATTERED
+float scattered(vec2 pixel) {
+    vec3 from, at, direction, normal;
+    bool meets = camera_ray(pixel, from, direction) && enter_rubber(from, direction)
+        && meet_mirror(from, direction, at, normal) && on_mirror(at);
+    return meets ? touched(at.xy, per_gap(dot(direction, normal))).y : 0.0;
+}
+#endif
+
 void main() {
+#if SCATTERED
+    ray = vec4(SCATTERED_VIEW * scattered(floor(gl_FragCoord.xy)), 0.0, 0.0, 1.0);
+    return;
+#endif
     vec2 q;
     float light;
     bool arrives = trace(floor(gl_FragCoord.xy), q, light);

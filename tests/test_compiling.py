@@ -83,7 +83,7 @@ def test_all_that_a_run_compiles_is_listed() -> None:
     assert not missing, "python tools/kernels.py writes the list again"
 
 
-@pytest.mark.parametrize("one", kernels_of("run")[::5], ids=lambda one: one.name)
-def test_what_is_listed_is_read_as_it_was_written(one: Kernel) -> None:
-    kinds = compiling._kinds_of(one.arguments)
-    assert f"({''.join(f'{compiling.words_of(kind)}, ' for kind in kinds)})" == one.arguments
+def test_what_is_listed_is_read_as_it_was_written() -> None:
+    for one in kernels():
+        kinds = compiling._kinds_of(one.arguments)
+        assert f"({''.join(f'{compiling.words_of(kind)}, ' for kind in kinds)})" == one.arguments

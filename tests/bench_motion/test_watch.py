@@ -15,6 +15,7 @@ from zeromethod.optics import Dented, DepthField, Optics
 from zeromethod.rig.model import Faults, Rig
 from zeromethod.simulation.bump import moved_rig
 from zeromethod.warp.rest import Rest
+from zeromethod.warp.validity import Flag
 
 FLAT = Several((Gauss(0.0, 0.0, 0.0, 1.0),))
 PX_DEG = np.degrees(4 / 9000)
@@ -155,3 +156,17 @@ def test_motion_under_a_press_is_found_by_curl(bench, modes):
     assert curl is not None
     assert curl.moved
     assert "camera turned up or down" in modes.group(curl.motion, curl.seen)
+
+
+def test_nodes_lost_under_a_press_are_no_motion(bench):
+    """Templates are kept while few nodes come and go; a lost one has no depth, which is no step."""
+    noise, reader = np.random.default_rng(6), SurfaceReader(bench.rig, bench.optics, bench.grid)
+    press = Gauss(0.2, bench.centre_mm, 0.0, 5.0)
+    assert reader.read(seen(bench, press, noise)).curl is not None
+    warp = seen(bench, press, noise)
+    flags = warp.flags.copy()
+    middle = tuple(slice(count // 2 - 1, count // 2 + 2) for count in flags.shape)
+    flags[middle] |= np.uint16(Flag.NO_RAY)
+    curl = reader.read(replace(warp, flags=flags)).curl
+    assert curl is not None
+    assert not curl.moved

@@ -138,7 +138,7 @@ def test_gap_ghost_is_displaced_by_the_double_bounce(make_rig):
     """Flat mirror, 50/50 prism: a ray leaves the pattern face at the angle at which it entered."""
     rig = make_rig(simulation={"ghost_gap": 0.04})
     optics = Optics(rig)
-    main, ghost = Beams(rig).all(Mirror())
+    (main, ghost), _ = Beams(rig).all(Mirror())
     v, u = np.mgrid[0 : rig.camera.rows, 0 : rig.camera.columns].astype(float)
     _, direction = optics.camera_rays(u, v)
     normal = optics.prism.camera_face.normal
@@ -158,7 +158,7 @@ def test_faces_ghost_follows_the_ray_unfolded_in_the_five_planes(make_rig):
     """A ray's line after a reflection is its mirror image in the plane: independent of any intersection."""
     rig = make_rig(simulation={"ghost_faces": 0.02})
     optics = Optics(rig)
-    ghost = Beams(rig).all(Mirror())[-1]
+    ghost = Beams(rig).all(Mirror())[0][-1]
     v, u = np.mgrid[0 : rig.camera.rows, 0 : rig.camera.columns].astype(float)
     point, direction = optics.rubber_rays(u, v)
     mirror = (np.zeros(3), np.array([0.0, 0.0, 1.0]))

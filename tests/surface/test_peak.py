@@ -78,7 +78,8 @@ def test_noise_averages_down():
     depth, x, y, _, _ = gauss(13, (0.3, 0.4))
     generator = np.random.default_rng(0)
     found = [
-        peak(surface_of(depth + generator.normal(0, 2e-5, depth.shape), x, y)).depth_mm for _ in range(50)
+        peak(surface_of(depth + generator.normal(0, 2e-5, depth.shape), x, y, sigma=2e-5)).depth_mm
+        for _ in range(50)
     ]
     # quartic over 11x11 nodes: a quarter of a node's noise; half is the bar
     assert np.std(found) < 1e-5

@@ -93,7 +93,9 @@ def virtual_bench_command(
     ):
         bench = VirtualBench(
             rig,
-            Performance(load_scenario(rig.scenario), math.inf if forever else repeats or 1, start_after_s),
+            Performance(
+                load_scenario(rig.scenario, rig.rubber), math.inf if forever else repeats or 1, start_after_s
+            ),
             bender,
             server,
             lambda: MonitorGrabber(found),

@@ -119,7 +119,9 @@ class CameraSpec(Table):
     paper): parallel rays, `pixel_mm` apart; the pixel `centre_px` looks at `look_at_mm`.
     The optical axis points from `position_mm` to `look_at_mm`; with `roll_deg` 0 v runs along world +y
     (made perpendicular to the axis) and u = v x axis; positive roll turns u towards v. Pixels are
-    exposed all at once (global shutter). `psf_px`: Gaussian sigma of lens and defocus, camera px.
+    exposed all at once (global shutter). `psf_px`: Gaussian sigma of lens and defocus, camera px. `pupil_mm`:
+    diameter of the lens's entrance pupil, for perspective; the camera is focused on the LCD's image, so
+    that a pixel sees the pupil's footprint of the mirror. The simulated bench alone uses it; 0: a point.
 
     What a real camera is set to, where its driver can: `gain` in the device's own units, `pixel_format` by
     its GenICam name, `region_px` (first column, first row, columns, rows) of the sensor, and `trigger`: runs
@@ -154,6 +156,7 @@ class CameraSpec(Table):
     region_px: tuple[Count, Count, Count, Count] | None = None
     trigger: Literal["free", "software", "hardware"] = "free"
     psf_px: NotNegative = 0.0
+    pupil_mm: NotNegative = 0.0
     noise: Noise = Noise()
     reopen_s: NotNegative = 60.0
     rest_map: Path | None = None
@@ -168,6 +171,8 @@ class CameraSpec(Table):
             raise refused("focal_px", None, "two numbers above 0 for projection 'perspective'")
         if self.projection == "orthographic" and self.pixel_mm is None:
             raise refused("pixel_mm", None, "a number above 0 for projection 'orthographic'")
+        if self.projection == "orthographic" and self.pupil_mm:
+            raise refused("pupil_mm", self.pupil_mm, "0 for projection 'orthographic'")
         dx, _, dz = (a - p for a, p in zip(self.look_at_mm, self.position_mm, strict=True))
         if dx == 0 and dz == 0:
             # v_axis is +y made perpendicular to the axis, so the axis must not lie along y

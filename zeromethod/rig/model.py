@@ -26,6 +26,7 @@ from zeromethod.rig.tables import (
     PriorSpec,
     Prism,
     RestSurface,
+    Rubber,
     SimulationSpec,
     SurfaceSpec,
     Table,
@@ -48,6 +49,7 @@ __all__ = [
     "Prism",
     "RestSurface",
     "Rig",
+    "Rubber",
     "SimulationSpec",
     "SurfaceSpec",
     "Table",
@@ -66,6 +68,7 @@ class Rig(Table):
     schema_version: Literal[2]
     name: Text
     prism: Prism
+    rubber: Rubber = Rubber()
     pattern_layers: tuple[Layer, ...] = ()
     camera_layers: tuple[Layer, ...] = ()
     display: DisplaySpec

@@ -129,6 +129,27 @@ class Prism(Table):
         return self
 
 
+class Rubber(Table):
+    """How the rubber yields to what presses on it; the simulated bench alone uses it.
+
+    `support`: "free", a body so thick that its other faces do not matter; else a layer of `thickness_mm` on a
+    rigid base, "bonded" to it or "sliding" on it.
+    """
+
+    youngs_modulus_mpa: Positive = 1.0
+    poisson: Annotated[float, Field(ge=0, le=0.5)] = 0.49
+    support: Literal["bonded", "sliding", "free"] = "free"
+    thickness_mm: Positive | None = None
+
+    @model_validator(mode="after")
+    def _thick(self) -> Rubber:
+        if self.support != "free" and self.thickness_mm is None:
+            raise refused("thickness_mm", None, f"a number above 0 for support '{self.support}'")
+        if self.support == "free" and self.thickness_mm is not None:
+            raise refused("thickness_mm", self.thickness_mm, "only with support 'bonded' or 'sliding'")
+        return self
+
+
 class TargetSpec(Table):
     """The target: the picture that the camera should see, in camera pixels.
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.optics import Dented, HeightField, Optics, reflect
 from zeromethod.optics.prism import Face
-from zeromethod.rig.model import Rig
+from zeromethod.rig.model import Prism, Rig
 from zeromethod.simulation.press import Mirror
+from zeromethod.simulation.pupil import Pupil
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +29,17 @@ class Beam:
     gain: Float
 
     @classmethod
-    def of(cls, q: Float, gain: Float) -> Beam:
-        """Beam whose footprints are the differences of `q`: central, one-sided next to what is lost."""
+    def of(cls, q: Float, gain: Float, spread: Float | None = None) -> Beam:
+        """Beam whose footprints are the differences of `q`: central, one-sided next to what is lost.
+
+        spread: (rows, cols, 3) second moments xx, xy, yy of what else spreads a pixel's light on the LCD, in
+        units of those of the pixel's own response.
+        """
         gain = np.where(np.isnan(q[..., 0]) | np.isnan(gain), 0.0, gain)
-        return cls(q, _difference(q, axis=1), _difference(q, axis=0), gain)
+        by_u, by_v = _difference(q, axis=1), _difference(q, axis=0)
+        if spread is not None:
+            by_u, by_v = _widened(by_u, by_v, spread)
+        return cls(q, by_u, by_v, gain)
 
 
 def _difference(q: Float, axis: int) -> Float:
@@ -41,6 +50,39 @@ def _difference(q: Float, axis: int) -> Float:
     total: Float = np.where(known, both, 0.0).sum(axis=0)
     mean: Float = total / np.maximum(known.sum(axis=0), 1)
     return mean
+
+
+class _Single(NamedTuple):
+    """Rays through one point of the pupil: see `Beam`; scattered is without the share that is in view."""
+
+    q: Float
+    gain: Float
+    scattered: Float
+    point: Float
+
+
+def scattered_view(prism: Prism) -> float:
+    """Light, 1 = the LCD's mean, that a white object scatters into every direction.
+
+    The LCD's light reaches the mirror from the cone of the critical angle about the pattern face's normal;
+    the irradiance of a cone that holds the whole of it is pi cos(tilt) / n^2 times its radiance.
+    """
+    return float(np.cos(np.radians(prism.pattern_angle_deg)) / prism.index**2)
+
+
+def _widened(by_u: Float, by_v: Float, spread: Float) -> tuple[Float, Float]:
+    """Sides of a parallelogram whose second moments are those of the given one and `spread` together."""
+    xx = by_u[..., 0] ** 2 + by_v[..., 0] ** 2 + spread[..., 0]
+    xy = by_u[..., 0] * by_u[..., 1] + by_v[..., 0] * by_v[..., 1] + spread[..., 1]
+    yy = by_u[..., 1] ** 2 + by_v[..., 1] ** 2 + spread[..., 2]
+    wide = np.sqrt(np.maximum(xx, 1e-12))
+    slant = xy / wide
+    sides = (
+        np.stack((wide, slant), axis=-1),
+        np.stack((0 * wide, np.sqrt(np.maximum(yy - slant**2, 0))), axis=-1),
+    )
+    wider = np.any(spread != 0, axis=-1, keepdims=True)
+    return np.where(wider, sides[0], by_u), np.where(wider, sides[1], by_v)
 
 
 class Beams:
@@ -61,23 +103,45 @@ class Beams:
         self._gap_index = layers[-1].index if layers else rig.prism.index
         self._gap_mm = layers[-1].thickness_mm if layers else 0.0
         self._pitch_mm = rig.display.pitch_mm
+        self._view = scattered_view(rig.prism)
+        self._pupil = Pupil.of(rig)
+        if self._pupil is not None:
+            self._at_rest = [beam.q for beam in self.all(Mirror())[0]]
 
-    def main(self, mirror: Mirror) -> tuple[Float, Float, Float]:
-        """(q (rows, cols, 2), gain (rows, cols), mirror point (rows, cols, 3)); NaN where lost."""
-        traced = self._optics.trace_rays(self._origin, self._direction, self._surface(mirror))
-        factor = mirror.reflectance_factor(traced.point[..., 0], traced.point[..., 1])
-        return traced.q, traced.reflectance * factor, traced.point
+    def main(self, mirror: Mirror) -> tuple[Float, Float]:
+        """(q (rows, cols, 2), gain (rows, cols)) of the main beam, the pupil's mean; NaN where lost."""
+        single = self._single(mirror)
+        if self._pupil is None or not mirror.dents:
+            return single.q, single.gain
+        return self._pupil.mean(single.q, single.gain, self._at_rest[0])[:2]
 
-    def all(self, mirror: Mirror) -> list[Beam]:
-        """Every beam asked for, the main one first; ghosts' gains are their relative amplitude."""
-        q, gain, point = self.main(mirror)
-        beams = [Beam.of(q, gain)]
+    def all(self, mirror: Mirror) -> tuple[list[Beam], Float | None]:
+        """(every beam, the main one first, and the light that objects scatter or None where nothing touches).
+
+        Ghosts' gains are their relative amplitude. Scattered light is (rows, cols), 1 = the LCD's mean.
+        """
+        single = self._single(mirror)
+        ways: list[tuple[Float, Float]] = [(single.q, single.gain)]
         if self._spec.ghost_gap > 0:
-            beams.append(Beam.of(self._across_gap(q, point), self._spec.ghost_gap * gain))
+            ways.append((self._across_gap(single.q, single.point), self._spec.ghost_gap * single.gain))
         if self._spec.ghost_faces > 0:
             q, gain = self._by_faces(mirror)
-            beams.append(Beam.of(q, self._spec.ghost_faces * gain))
-        return beams
+            ways.append((q, self._spec.ghost_faces * gain))
+        scattered = self._view * single.scattered if mirror.touches else None
+        if self._pupil is None or not mirror.dents:
+            return [Beam.of(q, gain) for q, gain in ways], scattered
+        pupil = self._pupil
+        beams = [
+            Beam.of(*pupil.mean(q, gain, rest)) for (q, gain), rest in zip(ways, self._at_rest, strict=True)
+        ]
+        return beams, None if scattered is None else pupil.mean_light(scattered)
+
+    def _single(self, mirror: Mirror) -> _Single:
+        """The rays through the middle of the pupil."""
+        traced = self._optics.trace_rays(self._origin, self._direction, self._surface(mirror))
+        x, y = traced.point[..., 0], traced.point[..., 1]
+        left, scattered = mirror.light(x, y, traced.cos_incidence, self._index)
+        return _Single(traced.q, traced.reflectance * left, scattered, traced.point)
 
     def _surface(self, mirror: Mirror) -> HeightField:
         return Dented(self._optics.rest, mirror) if mirror.dents else self._optics.rest
@@ -108,15 +172,16 @@ class Beams:
             at = self._to_face(face, at, direction)
             direction, gain = reflect(direction, face.normal), gain * kept
         traced = self._optics.trace_rays(at, direction, surface)
-        last = traced.reflectance * mirror.reflectance_factor(traced.point[..., 0], traced.point[..., 1])
+        x, y = traced.point[..., 0], traced.point[..., 1]
+        last = traced.reflectance * mirror.light(x, y, traced.cos_incidence, self._index)[0]
         return traced.q, gain * last
 
     def _off_mirror(
         self, origin: Float, direction: Float, surface: HeightField, mirror: Mirror
     ) -> tuple[Float, Float, Float]:
         """(point, direction, share of light) after one reflection; NaN where the mirror is missed."""
-        point, outgoing, _, reflectance = self._optics.reflected(origin, direction, surface)
-        kept = reflectance * mirror.reflectance_factor(point[..., 0], point[..., 1])
+        point, outgoing, cosine, reflectance = self._optics.reflected(origin, direction, surface)
+        kept = reflectance * mirror.light(point[..., 0], point[..., 1], cosine, self._index)[0]
         point[~self._optics.prism.on_mirror(point[..., 0], point[..., 1])] = np.nan
         return point, outgoing, kept
 

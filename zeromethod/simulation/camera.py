@@ -38,7 +38,7 @@ class SimulatedCamera:
         self._rig = rig
         self._clock = clock
         self._display = display
-        self.scenario: Scenario = load_scenario(rig.scenario)
+        self.scenario: Scenario = load_scenario(rig.scenario, rig.rubber)
         self._delivery = Delivery(rig)
         self._sensor = Sensor(rig)
         self._moved = 0.0

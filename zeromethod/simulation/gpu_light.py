@@ -40,6 +40,13 @@ class PanelLight:
         self._shares = float_texture(context, np.zeros((rig.display.rows, 1)))
         self._shown: list[tuple[int, Float]] = []
         self._region = Region(0, 0, 0, 0)
+        self._mean: float | None = None
+
+    def mean(self) -> float:
+        """Mean light of the whole panel, which was drawn last."""
+        if self._mean is None:
+            self._mean = float(self._sum.read().mean())
+        return self._mean
 
     def draw(self, names: Sequence[int], lit: Lit, region: Region) -> moderngl.Texture:
         """Texture with the light of `lit` in `region`, as bench_five.frag packs it.
@@ -57,6 +64,7 @@ class PanelLight:
         if not lit:
             self._sum.clear()
         self._packing.draw(self._five, {"light": self._sum.texture}, box=box)
+        self._mean = None
         self._shown = [(name, share.copy()) for name, (_, share) in zip(names, lit, strict=True)]
         self._region = region
         return self._five.texture
@@ -94,6 +102,7 @@ class CameraLight:
         }
         light = program(context, "bench_screen.vert", "bench_light.frag", **defines)
         self._light = Pass(context, light)
+        self._scatter = Pass(context, program(context, "bench_screen.vert", "bench_scatter.frag"))
 
     def start(self) -> None:
         """Forget the last exposure; only the ambient light is there."""
@@ -104,6 +113,10 @@ class CameraLight:
         textures = {"rays": ray_map.rays.texture, "footprints": ray_map.footprints.texture, "panel": panel}
         self._light.draw(self._sum, textures, {"scale": ray_map.share}, add=True)
 
+    def add_scattered(self, scattered: RenderTarget, light: float) -> None:
+        """Add what objects scatter; `light`: of the panel, its mean, times the share of the exposure."""
+        self._scatter.draw(self._sum, {"scattered": scattered.texture}, {"scale": light}, add=True)
+
     def read(self) -> Single:
         """(rows, cols) float32; the array is used again by the next call."""
         return self._sum.read()
@@ -112,3 +125,4 @@ class CameraLight:
         """Free everything."""
         self._sum.release()
         self._light.release()
+        self._scatter.release()

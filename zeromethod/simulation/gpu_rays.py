@@ -11,6 +11,7 @@ import numpy as np
 
 from zeromethod.gl import program
 from zeromethod.rig.model import Rig
+from zeromethod.simulation.beams import scattered_view
 from zeromethod.simulation.gpu_bench import bench_defines, bench_values, mirror_middle_mm
 from zeromethod.simulation.gpu_lens import reach_px
 from zeromethod.simulation.gpu_mirror import (
@@ -22,7 +23,9 @@ from zeromethod.simulation.gpu_mirror import (
     rest_texture,
     rest_values,
 )
+from zeromethod.simulation.gpu_pupil import GpuPupil
 from zeromethod.simulation.gpu_target import Pass, RenderTarget, constants
+from zeromethod.simulation.gpu_touch import level_texture, touch_values
 from zeromethod.simulation.press import Dent, Mirror
 
 KEPT = 3
@@ -30,6 +33,8 @@ KEPT = 3
 NEWTON_STEPS = 12
 """From the plane z = 0 to the mirror; three do for smooth dents."""
 _BLOCK = 16
+_SCATTERED = -1
+"""Instead of a beam: the light that objects scatter."""
 
 
 class Region(NamedTuple):
@@ -56,17 +61,21 @@ class RayMap:
 
     rays: RGBA32F (q column, q row, reflectance, 1 where the ray arrives). footprints: RGBA32F (dq/du, dq/dv).
     share: light relative to the main map. region: the LCD's part that any pixel gets light from.
+    scattered: R32F light, 1 = the LCD's mean, that objects in contact scatter; None where nothing touches.
     """
 
     rays: RenderTarget
     footprints: RenderTarget
     share: float
     region: Region
+    scattered: RenderTarget | None = None
 
     def release(self) -> None:
         """Free the textures."""
         self.rays.release()
         self.footprints.release()
+        if self.scattered is not None:
+            self.scattered.release()
 
 
 class RayTracer:
@@ -79,7 +88,10 @@ class RayTracer:
         self._constants = constants(bench_values(rig) | rest_values(rig.prism.rest, self._middle_mm))
         self._rest = rest_texture(context, rig.prism.rest)
         self._passes: dict[tuple[object, ...], Pass] = {}
-        self._footprint = Pass(context, program(context, "bench_screen.vert", "bench_footprint.frag"))
+        self._footprint, self._wide_footprint = (
+            Pass(context, program(context, "bench_screen.vert", "bench_footprint.frag", PUPIL=pupil))
+            for pupil in (0, 1)
+        )
         bounds = program(context, "bench_screen.vert", "bench_bounds.frag", BLOCK=_BLOCK)
         self._bounds = Pass(context, bounds, {"reach": reach_px(rig.camera.psf_px)})
         size = rig.camera.columns, rig.camera.rows
@@ -89,6 +101,14 @@ class RayTracer:
         simulation = rig.simulation
         ghosts = ((1, simulation.ghost_gap), (2, simulation.ghost_faces))
         self._ways = [(0, 1.0), *((way, share) for way, share in ghosts if share > 0)]
+        self._scratch: list[RenderTarget] = []
+        self._pupil = GpuPupil(context, rig) if rig.camera.pupil_mm > 0 else None
+        if self._pupil is not None:
+            self._scratch = [RenderTarget(context, size, 4) for _ in range(2)]
+            self._at_rest = [RenderTarget(context, size, 4) for _ in self._ways]
+            for (way, _), rays in zip(self._ways, self._at_rest, strict=True):
+                self._trace(Mirror(), way, rays, {"rest_map": self._rest})
+            self._scratch += self._at_rest
 
     def maps(self, mirror: Mirror) -> list[RayMap]:
         """Ray maps of `mirror`: the main one, then those of the ghosts that the rig has."""
@@ -105,8 +125,17 @@ class RayTracer:
             for ray_map in maps:
                 ray_map.release()
         self._kept.clear()
-        for each in (*self._passes.values(), self._footprint, self._bounds):
+        for each in (
+            *self._passes.values(),
+            self._footprint,
+            self._wide_footprint,
+            self._bounds,
+        ):
             each.release()
+        for target in self._scratch:
+            target.release()
+        if self._pupil is not None:
+            self._pupil.release()
         self._tiles.release()
         self._passes.clear()
         if self._rest is not None:
@@ -122,24 +151,58 @@ class RayTracer:
         ]
 
     def _traced(self, mirror: Mirror, maps: list[RayMap]) -> list[RayMap]:
-        dents = acting_dents(mirror)
-        texture = map_texture(self._context, dents)
-        samplers = {"dent_maps": texture, "rest_map": self._rest}
-        for (way, _), ray_map in zip(self._ways, maps, strict=True):
-            trace = self._pass(dents, way)
-            trace.draw(ray_map.rays, samplers, mirror_values(dents, self._middle_mm))
-            self._footprint.draw(ray_map.footprints, {"rays": ray_map.rays.texture})
+        levels = level_texture(self._context, mirror.touches)
+        texture = map_texture(self._context, acting_dents(mirror))
+        samplers = {"dent_maps": texture, "rest_map": self._rest, "touch_levels": levels}
+        for number, ((way, _), ray_map) in enumerate(zip(self._ways, maps, strict=True)):
+            if self._pupil is None or not mirror.dents:
+                self._trace(mirror, way, ray_map.rays, samplers)
+                self._footprint.draw(ray_map.footprints, {"rays": ray_map.rays.texture})
+            else:
+                single, spread = self._scratch[:2]
+                self._trace(mirror, way, single, samplers)
+                self._pupil.draw(single, self._at_rest[number], ray_map.rays, spread)
+                textures = {"rays": ray_map.rays.texture, "spread": spread.texture}
+                self._wide_footprint.draw(ray_map.footprints, textures)
             ray_map.region = self._region(ray_map)
-        if texture is not None:
-            texture.release()
+        self._scatter(mirror, maps[0], samplers)
+        for each in (texture, levels):
+            if each is not None:
+                each.release()
         return maps
 
-    def _pass(self, dents: tuple[Dent, ...], way: int) -> Pass:
-        key = (way, *(dent.shape for dent in dents))
+    def _trace(
+        self, mirror: Mirror, way: int, rays: RenderTarget, samplers: dict[str, moderngl.Texture | None]
+    ) -> None:
+        dents = acting_dents(mirror)
+        values = mirror_values(dents, self._middle_mm) | touch_values(mirror.touches, self._middle_mm)
+        self._pass(dents, len(mirror.touches), way).draw(rays, samplers, values)
+
+    def _scatter(self, mirror: Mirror, ray_map: RayMap, samplers: dict[str, moderngl.Texture | None]) -> None:
+        """Have the map know what objects scatter."""
+        if ray_map.scattered is not None:
+            ray_map.scattered.release()
+            ray_map.scattered = None
+        if not mirror.touches:
+            return
+        light = RenderTarget(self._context, self._size, 1)
+        self._trace(mirror, _SCATTERED, light, samplers)
+        if self._pupil is not None:
+            mean = RenderTarget(self._context, self._size, 1)
+            self._pupil.draw_light(light, mean)
+            light.release()
+            light = mean
+        ray_map.scattered = light
+
+    def _pass(self, dents: tuple[Dent, ...], touches: int, way: int) -> Pass:
+        key = (way, touches, *(dent.shape for dent in dents))
         if key not in self._passes:
             defines: dict[str, Any] = {
                 "RIG": self._constants,
-                "GHOST": way,
+                "GHOST": max(way, 0),
+                "SCATTERED": int(way == _SCATTERED),
+                "SCATTERED_VIEW": scattered_view(self._rig.prism),
+                "TOUCHES": touches,
                 "REST": rest_code(self._rig.prism.rest),
                 **bench_defines(self._rig),
                 **mirror_defines(dents),

@@ -58,7 +58,10 @@ class NumpyRenderer:
             light = np.zeros((display.rows, display.columns))
             for handle, share in shares.items():
                 light += share[:, None] * self._pictures[handle]
-            for beam in self._beams_of(mirror):
+            beams, scattered = self._beams_of(mirror)
+            if scattered is not None:
+                out += scattered * light.mean()
+            for beam in beams:
                 footprint = beam.q, beam.by_u, beam.by_v, beam.gain
                 gather(light, *footprint, display.fill_factor, stripes, camera.psf_px, out)
         out += self._rig.simulation.ambient
@@ -66,7 +69,7 @@ class NumpyRenderer:
 
     def ray_map(self, mirror: Mirror) -> tuple[Single, Single]:
         """(q, reflectance) of the main beam at camera pixel centres."""
-        q, gain, _ = self._beams.main(mirror)
+        q, gain = self._beams.main(mirror)
         lost = np.isnan(q[..., 0])
         return q.astype(np.float32), np.where(lost, 0.0, gain).astype(np.float32)
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Protocol
 
 from zeromethod.simulation.press import Dent, Shape, contact_radius_mm
@@ -52,7 +54,7 @@ class PressPath:
 
     def dent_at(self, time_ns: int) -> Dent | None:
         """Return the dent at `time_ns`; None while its depth is 0."""
-        x_mm, y_mm, depth_mm = self._place_at(time_ns)
+        x_mm, y_mm, depth_mm = place_at(self.points, time_ns)
         if depth_mm == 0:
             return None
         contact_mm = self.dent.contact_mm
@@ -60,28 +62,35 @@ class PressPath:
             contact_mm = contact_radius_mm(self.dent.shape, depth_mm, self.dent.size_mm)
         return replace(self.dent, x_mm=x_mm, y_mm=y_mm, depth_mm=depth_mm, contact_mm=contact_mm)
 
-    def _place_at(self, time_ns: int) -> tuple[float, float, float]:
-        after = bisect_right(self.points, time_ns, key=lambda point: point.time_ns)
-        if after == 0:
-            return self.points[0].place
-        before = self.points[after - 1]
-        if after == len(self.points):
-            return before.place
-        behind = self.points[after]
-        if before.place == behind.place:
-            return before.place
-        share = (time_ns - before.time_ns) / (behind.time_ns - before.time_ns)
-        x_mm, y_mm, depth_mm = (a + share * (b - a) for a, b in zip(before.place, behind.place, strict=True))
-        return x_mm, y_mm, depth_mm
-
     def moving(self, from_ns: int, to_ns: int) -> bool:
         """Whether the dent changes continuously anywhere inside (from, to); jumps do not count."""
-        for a, b in zip(self.points, self.points[1:], strict=False):
-            overlaps = a.time_ns < to_ns and b.time_ns > from_ns and b.time_ns > a.time_ns
-            if overlaps and a.place != b.place and (a.depth_mm != 0 or b.depth_mm != 0):
-                return True
-        return False
+        return moves(self.points, from_ns, to_ns)
 
     def bends_ns(self, from_ns: int, to_ns: int) -> tuple[int, ...]:
         """Times of the points inside (from, to)."""
         return tuple(point.time_ns for point in self.points if from_ns < point.time_ns < to_ns)
+
+
+def place_at(points: Sequence[PathPoint], time_ns: int) -> tuple[float, float, float]:
+    """(x, y, depth) mm on the path at a time."""
+    after = bisect_right(points, time_ns, key=lambda point: point.time_ns)
+    if after == 0:
+        return points[0].place
+    before = points[after - 1]
+    if after == len(points):
+        return before.place
+    behind = points[after]
+    if before.place == behind.place:
+        return before.place
+    share = (time_ns - before.time_ns) / (behind.time_ns - before.time_ns)
+    x_mm, y_mm, depth_mm = (a + share * (b - a) for a, b in zip(before.place, behind.place, strict=True))
+    return x_mm, y_mm, depth_mm
+
+
+def moves(points: Sequence[PathPoint], from_ns: int, to_ns: int) -> bool:
+    """Whether the path goes on continuously, pressed, anywhere inside (from, to); jumps do not count."""
+    for a, b in pairwise(points):
+        overlaps = a.time_ns < to_ns and b.time_ns > from_ns and b.time_ns > a.time_ns
+        if overlaps and a.place != b.place and (a.depth_mm != 0 or b.depth_mm != 0):
+            return True
+    return False

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from zeromethod.arrays import Float, Mask
+from zeromethod.simulation.contact.touch import Touch, evanescent_mm
 from zeromethod.simulation.shapes import Field, ball, cone, edge, gaussian, height_map, spline_coefficients
 
 
@@ -116,9 +117,13 @@ class Dent:
 
 @dataclass(frozen=True, slots=True)
 class Mirror:
-    """The pressed mirror at one instant: exact depth, slope and reflectance. No dents = at rest."""
+    """The pressed mirror at one instant: exact depth, slope and reflectance. No dents = at rest.
+
+    touches: hard objects in contact, whose dents are among the others.
+    """
 
     dents: tuple[Dent, ...] = ()
+    touches: tuple[Touch, ...] = ()
 
     def depth(self, x: ArrayLike, y: ArrayLike) -> Float:
         """Depth, mm, > 0 into the rubber, of the broadcast shape of x and y (mm)."""
@@ -136,7 +141,23 @@ class Mirror:
         for dent in self.dents:
             if dent.touches:
                 factor = np.where(dent.covers(x, y), np.minimum(factor, dent.touch_reflectance), factor)
+        for touch in self.touches:
+            factor = np.where(touch.covers(x, y), 0.0, factor)
         return factor
+
+    def light(self, x: Float, y: Float, cos_incidence: Float, index: float) -> tuple[Float, Float]:
+        """(share of the reflection left, share of light scattered by what touches) for rays in the rubber.
+
+        Other than `reflectance_factor` it counts what crosses the gap beside a contact. index: the rubber's.
+        """
+        dents = Mirror(self.dents)
+        left, scattered = dents.reflectance_factor(x, y), np.zeros(np.shape(x))
+        if self.touches:
+            evanescent = evanescent_mm(cos_incidence, index)
+            for touch in self.touches:
+                crossing = touch.crossing(x, y, evanescent)
+                left, scattered = left * (1 - crossing), scattered + touch.albedo * crossing
+        return left, scattered
 
     def _sum(self, x: ArrayLike, y: ArrayLike) -> Field:
         x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -14,6 +14,8 @@ from zeromethod.errors import InputError
 from zeromethod.resources import resource
 from zeromethod.rig.refusal import first_refusal, refused
 from zeromethod.rig.tables import NotNegative, Positive, Share, Table
+from zeromethod.simulation.contact.path import ObjectPath
+from zeromethod.simulation.object_file import ObjectTable
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 
@@ -116,13 +118,15 @@ class PressFile(Table):
 
     duration_s: Positive | None = None
     press: tuple[PressTable, ...] = ()
+    object: tuple[ObjectTable, ...] = ()
     phase: tuple[Phase, ...] = ()
 
     def duration(self) -> float:
         """Seconds that a run of it lasts."""
         if self.duration_s is not None:
             return self.duration_s
-        ends = [p.path[-1].time_s for p in self.press] + [p.to_s for p in self.phase]
+        moved = [p.path[-1].time_s for p in self.press] + [p.path[-1].time_s for p in self.object]
+        ends = moved + [p.to_s for p in self.phase]
         return max(ends, default=0.0) or 1.0
 
 
@@ -138,8 +142,17 @@ def _load_map(where: str, file: Path) -> Float:
     return np.asarray(samples, dtype=np.float64)
 
 
-def read_press_file(path: Path, asked: str) -> tuple[tuple[PressPath, ...], float, tuple[Phase, ...]]:
-    """(presses, duration s, phases) of a press file; `asked` is what the user called it.
+class Presses(NamedTuple):
+    """What a press file holds."""
+
+    presses: tuple[PressPath, ...]
+    objects: tuple[ObjectPath, ...]
+    duration_s: float
+    phases: tuple[Phase, ...]
+
+
+def read_press_file(path: Path, asked: str) -> Presses:
+    """Content of a press file; `asked` is what the user called it.
 
     Raises InputError with one line.
     """
@@ -150,7 +163,7 @@ def read_press_file(path: Path, asked: str) -> tuple[tuple[PressPath, ...], floa
         raise InputError(f"press: {asked}: a readable press file or one of {names}") from error
     if not text.strip():
         raise InputError(
-            f"{path}: empty: allowed: duration_s, [[press]], [[phase]] (the packaged none.toml: no press)"
+            f"{path}: empty: allowed: duration_s, [[press]], [[object]], [[phase]] (none.toml: no press)"
         )
     try:
         file = PressFile.model_validate(tomllib.loads(text))
@@ -161,4 +174,5 @@ def read_press_file(path: Path, asked: str) -> tuple[tuple[PressPath, ...], floa
     presses = tuple(
         table.press(f"{path}: press[{index}]", path.parent) for index, table in enumerate(file.press)
     )
-    return presses, file.duration(), file.phase
+    objects = tuple(table.path_of(number) for number, table in enumerate(file.object))
+    return Presses(presses, objects, file.duration(), file.phase)

@@ -6,9 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from zeromethod.resources import resource
+from zeromethod.rig.tables import Rubber
+from zeromethod.simulation.contact.path import ObjectPath
+from zeromethod.simulation.contact.scene import scene_of
 from zeromethod.simulation.path import Press
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.press_file import Phase, read_press_file
+
+RUBBER = Rubber()
+"""What objects press on where no rig says."""
 
 
 @dataclass(frozen=True)
@@ -16,26 +22,34 @@ class Scenario:
     """Presses as they move, and the names of the run's parts.
 
     duration_s: how long a run of it lasts. phases: marks for a report ("hold", "slide"); they change
-    nothing in the physics.
+    nothing in the physics. objects: hard ones, solved in contact with the rubber.
     """
 
     name: str
     presses: tuple[Press, ...]
     duration_s: float
     phases: tuple[Phase, ...] = ()
+    objects: tuple[ObjectPath, ...] = ()
+    rubber: Rubber = RUBBER
 
     def mirror_at(self, time_ns: int) -> Mirror:
         """Return the mirror at `time_ns`; mirrors that are alike compare equal."""
         dents = (press.dent_at(time_ns) for press in self.presses)
-        return Mirror(tuple(dent for dent in dents if dent is not None))
+        held = (each.held_at(time_ns) for each in self.objects)
+        scene = scene_of([each for each in held if each is not None], self.rubber)
+        return Mirror((*(dent for dent in dents if dent is not None), *scene.dents), scene.touches)
 
     def bends_ns(self, from_ns: int, to_ns: int) -> tuple[int, ...]:
         """Times inside (from, to) at which any press jumps or changes its velocity, rising."""
-        return tuple(sorted({time for press in self.presses for time in press.bends_ns(from_ns, to_ns)}))
+        return tuple(sorted({time for press in self._moved for time in press.bends_ns(from_ns, to_ns)}))
 
     def moving(self, from_ns: int, to_ns: int) -> bool:
         """Whether the mirror changes continuously anywhere inside (from, to); jumps do not count."""
-        return any(press.moving(from_ns, to_ns) for press in self.presses)
+        return any(press.moving(from_ns, to_ns) for press in self._moved)
+
+    @property
+    def _moved(self) -> tuple[Press | ObjectPath, ...]:
+        return (*self.presses, *self.objects)
 
     def phase_at(self, time_ns: int) -> str | None:
         """Name of the part of the run that `time_ns` lies in."""
@@ -45,13 +59,14 @@ class Scenario:
         return None
 
 
-def load_scenario(name: str | Path) -> Scenario:
+def load_scenario(name: str | Path, rubber: Rubber = RUBBER) -> Scenario:
     """Scenario from a press file, or a packaged one by bare name ("default", "step", "none", ...).
 
+    rubber: what hard objects press on, a rig's.
     Raises InputError with one line: file, key, value, what is allowed.
     """
     path = Path(name)
     if not path.suffix and path.name == str(name):
         path = resource("calibration", "presses", f"{name}.toml")
-    presses, duration_s, phases = read_press_file(path, asked=str(name))
-    return Scenario(path.stem, presses, duration_s, phases)
+    presses, objects, duration_s, phases = read_press_file(path, asked=str(name))
+    return Scenario(path.stem, presses, duration_s, phases, objects, rubber)

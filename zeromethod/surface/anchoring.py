@@ -16,6 +16,7 @@ from zeromethod.arrays import Float, Mask
 from zeromethod.rig.model import KnownRest
 from zeromethod.surface.anchor import MOST_CHOICES, Border, Quiet, RestFit, fit_known, known_nodes
 from zeromethod.surface.far_field import FarField, fit_far_field
+from zeromethod.surface.roughness import roughness
 
 _AGAIN_MM = 1e-4
 """Step of the constant above which it is found again: what is found depends on it by less than 1 in 2000."""
@@ -66,7 +67,9 @@ class Anchors:
     def far_field(self, nodes: RestFit, read: Pass) -> FarField:
         """Far field of a surface with these quiet nodes."""
         x, y = read.point[..., 0], read.point[..., 1]
-        fields = (read.slope, read.variance, read.depth, self.scale, self._gradient, x, y, read.island)
+        # a mirror that is rough itself follows no law more closely
+        variance = roughness(read.slope, read.variance, self._correlation, read.island) * read.variance
+        fields = (read.slope, variance, read.depth, self.scale, self._gradient, x, y, read.island)
         return fit_far_field(*fields, nodes.weights, nodes.sigma_mm, nodes.hidden_mm)
 
 

@@ -79,12 +79,13 @@ class _Templates:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _lacking(steps: Float, depth: Float, axis: int) -> Float:
-    """Steps along an axis that depth lacks."""
-    out = np.empty(steps.shape)
+def _lacking(steps: Float, depth: Float, island: Mask, axis: int) -> Float:
+    """Steps along an axis that depth lacks, 0 off the island: templates kept may have nodes lost since."""
+    out = np.zeros(steps.shape)
     for i in range(steps.shape[0]):
         for j in range(steps.shape[1]):
-            out[i, j] = steps[i, j] - depth[i + 1 - axis, j + axis] + depth[i, j]
+            if island[i, j] and island[i + 1 - axis, j + axis]:
+                out[i, j] = steps[i, j] - depth[i + 1 - axis, j + axis] + depth[i, j]
     return out
 
 
@@ -117,7 +118,8 @@ class CurlTest:
     def test(self, read: Reading, noise: SlopeNoise, shift_px: float) -> Curl:
         """Test one reading, converged; shift_px: rms shift of the warp from rest, LCD px."""
         made = self._templates(noise, read.point[..., 0], read.point[..., 1])
-        across, down = (_lacking(one, read.depth, 1 - axis) for axis, one in enumerate(read.steps))
+        island = self._integrator.island
+        across, down = (_lacking(one, read.depth, island, 1 - axis) for axis, one in enumerate(read.steps))
         products = _products(made.across, across) + _products(made.down, down)
         found = (made.inverse @ products)[:-1]
         covariance = made.covariance * (self._mean_variance(noise) / made.noise)

@@ -1,4 +1,4 @@
-"""How well each dent that a multiple C of the scale implies obeys the laws of `far_field`; compiled."""
+"""Dents by the laws of `far_field`, and how well they explain what was read: sums over nodes, compiled."""
 
 from __future__ import annotations
 
@@ -7,43 +7,22 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Ints
 
-_CORE_SHARE = 0.2
-"""Depth over the largest at which the dent's core, which gives its centre, ends."""
+NUMBERS = 6
+"""Of one dent: depth, mm; place x, y, mm; a, b, c, 1/mm, of z = (a X + b Y)^2 + (c Y)^2, X, Y from there."""
+
+LAYER = -1.0
+"""Law of depth exp(1 - sqrt(1 + z)); those from 0 to 1 are depth (1 + law z)^(-1 / (2 law))."""
+
+_GAUSSIAN = 1e-4
+"""Law below which it is its limit exp(-z / 2)."""
 
 _PARALLEL = 1e-3
 """Determinant over squared trace up to which the core's lines are parallel and have no centre."""
 
-_WRONG, _FLAT = 0.03, 0.01
-"""Error of the law's slope at each node by which fits are weighted, over r . s and over depth."""
-
-_WRONGS = (0.001, 0.004, 0.016, 0.064, 0.256)
-"""Errors over r . s of which one explains, with the noise, what a law leaves."""
-
-_NO_CENTRE = 50.0
-"""Logarithm of misfit of a C that leaves no centre."""
-
-_OUTWARDS = 0.02
-"""Share of the squares of slopes that lead deeper outwards, as no decay does, that the long law misses."""
-
-_SIZES_ROUND = (0.0, 1.0, 1.414, 2.0, 2.828, 4.0, 5.657, 8.0, 11.31, 16.0, 22.63, 32.0, 45.25)
-_SIZES_ROOT = (1.0, 2.0, 4.0, 8.0, 16.0)
-_SIZES_LONG = (0.0, 2.0, 4.0, 8.0, 16.0)
-"""The view's diagonal over the size of dent, sqrt(1 / g), of each member of the laws."""
-
-ROUND = len(_SIZES_ROUND) + len(_SIZES_ROOT)
-MEMBERS = ROUND + len(_SIZES_LONG)
-"""Members of the round law, and of both."""
-
-_NEAREST_MM2 = 1e-3
-"""Least square of a node's distance from the centre."""
-
-_RIDGE = 1e-10
-"""Added to the products of terms, over their own squares: two terms may be the same on these nodes."""
-
-_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-"""Of x and y in the long law's polynomial."""
+_FLAT = 0.1
+"""Weight of (depth / distance)^2 against slope^2 in what a law's error is relative to."""
 
 _SUMS = {"contract", "reassoc"}
 """Sums over nodes may be taken in any order, which changes rounding alone, so that they are vectorised."""
@@ -64,98 +43,182 @@ class Nodes(NamedTuple):
     y: Float
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
-def unlikely(nodes: Nodes, constant: float, diagonal_mm: float, row: Float) -> tuple[float, float]:
-    """Fill in a row (2 + `MEMBERS`,) for one C; return the centre, mm.
+@numba.njit(cache=True, error_model="numpy")
+def chosen(
+    lattice: tuple[Float, Float, Float, Float, Float, Float, Float], rows: Ints, columns: Ints
+) -> Nodes:
+    """Nodes of these rows and columns (n,); lattice: slope, variance, gradient, depth, scale, x and y."""
+    slope, variance, gradient, depth, scale, x, y = lattice
+    out = np.empty((10, len(rows)))
+    for k in range(len(rows)):
+        i, j = rows[k], columns[k]
+        for axis in range(2):
+            out[axis, k], out[2 + axis, k] = slope[i, j, axis], variance[i, j, axis]
+            out[4 + axis, k] = gradient[i, j, axis]
+        out[6, k], out[7, k], out[8, k], out[9, k] = depth[i, j], scale[i, j], x[i, j], y[i, j]
+    return Nodes(out[0], out[1], out[2], out[3], out[4], out[5], out[6], out[7], out[8], out[9])
 
-    Least misfit of the laws, in mean weighted squares, and that of noise alone; then, for each member, how
-    unlikely it makes the slopes: -2 log of their density, a node's. First come the round law's.
+
+class Known(NamedTuple):
+    """What is known of nodes and of quiet ones of the anchor.
+
+    weight: (n,), of the nodes, less in the core. share: (q,), weights of the quiet ones, which add up to 1;
+    rest_mm: mean depth / h with these.
     """
-    n = len(nodes.x)
-    deepest = middle_x = middle_y = 0.0
+
+    weight: Float
+    share: Float
+    rest_mm: float
+
+
+class Equations(NamedTuple):
+    """Linear equations for steps of the numbers (p,) of some dents, and how well these explain the slopes.
+
+    normal (p, p), right (p,): of the weighted squares. border_mm: depth / h that the dents leave at the
+    anchor, and its derivatives of_border (p,). left, variance: (2, n) slopes that are left and what is
+    expected of them. misfit: weighted squares left over that variance, and `before`, over the one before.
+    growth: what the square of the law's error lacks to explain them best.
+    """
+
+    normal: Float
+    right: Float
+    border_mm: float
+    of_border: Float
+    left: Float
+    variance: Float
+    misfit: float
+    before: float
+    growth: float
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+def _add(dent: Float, law: float, x: Float, y: Float, by: Float, by_law: Float, field: Float) -> None:
+    """Add one dent's depth and slopes to `field` (3, n), and to `by_law`; its derivatives `by` (6, 3, n)."""
+    depth, a, b, c = dent[0], dent[3], dent[4], dent[5]
+    layer, k = law < 0.0, law if law > _GAUSSIAN else 0.0
+    # the shape and the derivative of its logarithm by the law, apart from what is vectorised
+    for i in range(len(x)):
+        u, v = a * (x[i] - dent[1]) + b * (y[i] - dent[2]), c * (y[i] - dent[2])
+        z = u * u + v * v
+        if layer:
+            by[0, 0, i], by[3, 0, i] = np.exp(1.0 - np.sqrt(1.0 + z)), 0.0
+        elif k > 0.0:
+            fall = 0.5 * np.log(1.0 + k * z) / k
+            by[0, 0, i], by[3, 0, i] = np.exp(-fall), (fall - 0.5 * z / (1.0 + k * z)) / k
+        else:
+            by[0, 0, i], by[3, 0, i] = np.exp(-0.5 * z), 0.25 * z * z
+    for i in range(len(x)):
+        across, down = x[i] - dent[1], y[i] - dent[2]
+        u, v, shape = a * across + b * down, c * down, by[0, 0, i]
+        z = u * u + v * v
+        flatter = 1.0 / np.sqrt(1.0 + z) if layer else 1.0 / (1.0 + k * z)
+        first = -0.5 * shape * flatter
+        second = 0.25 * shape * flatter * flatter * (1.0 + (flatter if layer else 2.0 * k))
+        z_x, z_y = 2.0 * u * a, 2.0 * (u * b + v * c)
+        by[0, 1, i], by[0, 2, i] = first * z_x, first * z_y
+        first, second = depth * first, depth * second
+        slope_x, slope_y = first * z_x, first * z_y
+        if not layer:
+            of_law = by[3, 0, i]
+            by_law[0, i] += depth * shape * of_law
+            by_law[1, i] += slope_x * (of_law - z * flatter)
+            by_law[2, i] += slope_y * (of_law - z * flatter)
+        by[1, 0, i], by[2, 0, i] = -slope_x, -slope_y
+        z_a, z_b, z_c = 2.0 * u * across, 2.0 * u * down, 2.0 * v * down
+        by[3, 0, i], by[4, 0, i], by[5, 0, i] = first * z_a, first * z_b, first * z_c
+        by[1, 1, i] = -second * z_x * z_x - 2.0 * first * a * a
+        by[1, 2, i] = by[2, 1, i] = -second * z_x * z_y - 2.0 * first * a * b
+        by[2, 2, i] = -second * z_y * z_y - 2.0 * first * (b * b + c * c)
+        by[3, 1, i] = second * z_x * z_a + 2.0 * first * (u + a * across)
+        by[3, 2, i] = second * z_y * z_a + 2.0 * first * b * across
+        by[4, 1, i] = second * z_x * z_b + 2.0 * first * a * down
+        by[4, 2, i] = second * z_y * z_b + 2.0 * first * (u + b * down)
+        by[5, 1, i] = second * z_x * z_c
+        by[5, 2, i] = second * z_y * z_c + 4.0 * first * v
+        field[0, i] += depth * shape
+        field[1, i] += slope_x
+        field[2, i] += slope_y
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _dents(numbers: Float, x: Float, y: Float) -> tuple[Float, Float]:
+    """Depth and slopes (3, n) of all dents, and their derivatives (p, 3, n)."""
+    last = len(numbers) - 1
+    field, by = np.zeros((3, len(x))), np.empty((last + 1, 3, len(x)))
+    by[last] = 0.0
+    for k in range(0, last, NUMBERS):
+        _add(numbers[k : k + NUMBERS], numbers[last], x, y, by[k : k + NUMBERS], by[last], field)
+    return field, by
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+def nearest2(numbers: Float, x: Float, y: Float) -> Float:
+    """Squared distance (n,) of places from the next dent, mm^2, at least about that dent's size."""
+    near2 = np.full(len(x), np.inf)
+    for k in range(0, len(numbers) - 1, NUMBERS):
+        size2 = 1.0 / (numbers[k + 3] * numbers[k + 5])
+        for i in range(len(x)):
+            across, down = x[i] - numbers[k + 1], y[i] - numbers[k + 2]
+            near2[i] = min(near2[i], across * across + down * down + size2)
+    return near2
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
+def equations(
+    numbers: Float, nodes: Nodes, quiet: Nodes, known: Known, wrong2: float, before: Float
+) -> Equations:
+    """Of dents with these numbers (p,), the law last, whose law is wrong by wrong2, relative, squared.
+
+    before: (2, n) variance of slopes that `Equations.before` is relative to.
+    """
+    count, n = len(numbers), len(nodes.x)
+    field, by = _dents(numbers, quiet.x, quiet.y)
+    border_mm, of_border = 0.0, np.zeros(count)
+    for i in range(len(known.share)):
+        border_mm += known.share[i] / quiet.scale[i] * field[0, i]
+        for j in range(count):
+            of_border[j] += known.share[i] / quiet.scale[i] * by[j, 0, i]
+    constant = known.rest_mm - border_mm
+    field, by = _dents(numbers, nodes.x, nodes.y)
+    near2 = nearest2(numbers, nodes.x, nodes.y)
+    left, variance, weight = np.empty((2, n)), np.empty((2, n)), np.empty((2, n))
+    misfit = misfit_before = lacking = expected = 0.0
     for i in range(n):
-        deepest = max(deepest, abs(nodes.depth[i] - constant * nodes.scale[i]))
-        middle_x += nodes.x[i] / n
-        middle_y += nodes.y[i] / n
-    x_mm, y_mm = centre(nodes, constant, _CORE_SHARE * deepest)
-    if np.isnan(x_mm):
-        row[0], row[1], row[2:] = np.exp(_NO_CENTRE), 1.0, _NO_CENTRE
-        return middle_x, middle_y
-    x, y, away2 = np.empty(n), np.empty(n), np.empty(n)
-    depth2, mixed, noise2, radials2 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    noise = deeper2 = radial2 = 0.0
-    for i in range(n):
-        x[i], y[i] = nodes.x[i] - x_mm, nodes.y[i] - y_mm
-        away2[i] = x[i] * x[i] + y[i] * y[i]
-        depth = nodes.depth[i] - constant * nodes.scale[i]
         slope_x = nodes.slope_x[i] - constant * nodes.gradient_x[i]
         slope_y = nodes.slope_y[i] - constant * nodes.gradient_y[i]
-        radial = x[i] * slope_x + y[i] * slope_y
-        noise2[i] = nodes.variance_x[i] * (x[i] * x[i]) + nodes.variance_y[i] * (y[i] * y[i])
-        radials2[i] = radial * radial
-        # the core follows laws of its own
-        core = (1.02 - abs(depth) / deepest) ** 2
-        weight = core / (noise2[i] + (_WRONG * radial) ** 2 + (_FLAT * depth) ** 2)
-        noise += weight * noise2[i]
-        weighed2 = weight * radial * radial
-        deeper2 += weighed2 if radial * depth > 0.0 else 0.0
-        radial2 += weighed2
-        depth2[i], mixed[i] = weight * depth * depth, weight * depth * radial
-    row[1] = noise / n
-    expected, level = _levels(noise2, radials2, away2, noise / n, radial2 / n)
-    flatter = np.empty(n)
-    for k in range(ROUND):
-        rooted = k >= len(_SIZES_ROUND)
-        size = _SIZES_ROOT[k - len(_SIZES_ROUND)] if rooted else _SIZES_ROUND[k]
-        g = (size / diagonal_mm) ** 2
+        depth = nodes.depth[i] - constant * nodes.scale[i]
+        of_law = slope_x * slope_x + slope_y * slope_y + _FLAT * depth * depth / near2[i]
+        left[0, i], left[1, i] = slope_x - field[1, i], slope_y - field[2, i]
+        variance[0, i] = nodes.variance_x[i] + wrong2 * of_law
+        variance[1, i] = nodes.variance_y[i] + wrong2 * of_law
+        for axis in range(2):
+            left2 = left[axis, i] * left[axis, i]
+            weight[axis, i] = known.weight[i] / variance[axis, i]
+            misfit_before += known.weight[i] * left2 / before[axis, i]
+            misfit += weight[axis, i] * left2
+            share = of_law / variance[axis, i]
+            lacking += known.weight[i] * share * (left2 / variance[axis, i] - 1.0)
+            expected += known.weight[i] * share * share
+    normal, right = np.empty((count, count)), np.empty(count)
+    for j in range(count):
+        one = by[j]
         for i in range(n):
-            flatter[i] = 1.0 / (1.0 + g * away2[i])
-        if rooted:
+            one[1, i] -= of_border[j] * nodes.gradient_x[i]
+            one[2, i] -= of_border[j] * nodes.gradient_y[i]
+            # its depth is not needed any more
+            one[0, i] = one[1, i] * weight[0, i]
+        total = 0.0
+        for i in range(n):
+            total += one[0, i] * left[0, i] + weight[1, i] * one[2, i] * left[1, i]
+        right[j] = total
+        for k in range(j + 1):
+            other = by[k]
+            total = 0.0
             for i in range(n):
-                flatter[i] = np.sqrt(flatter[i])
-        row[2 + k] = _left_by_round(depth2, mixed, away2, radial2, flatter) / n
-    for k, size in enumerate(_SIZES_LONG):
-        left2 = _left_by_long(depth2, mixed, x, y, away2, radial2, (size / diagonal_mm) ** 2)
-        row[2 + ROUND + k] = max(left2, _OUTWARDS * deeper2) / n
-    row[0] = row[2:].min()
-    for k in range(2, len(row)):
-        row[k] = _by_misfit(row[k], expected, level)
-    return x_mm, y_mm
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _levels(noise2: Float, radial2: Float, away2: Float, noise: float, radial: float) -> tuple[Float, Float]:
-    """For each of `_WRONGS`: the misfit to expect, and mean log of the slopes' variance along the radius.
-
-    noise, radial: mean weighted squares of both. Every second node is enough, and products spare logarithms.
-    """
-    expected, level = np.empty(len(_WRONGS)), np.empty(len(_WRONGS))
-    for k, wrong in enumerate(_WRONGS):
-        expected[k] = noise + wrong * wrong * radial
-        total, product, count = 0.0, 1.0, 0
-        for i in range(0, len(noise2), 2):
-            product *= (noise2[i] + wrong * wrong * radial2[i]) / (away2[i] + _NEAREST_MM2)
-            count += 1
-            if not 1e-200 < product < 1e100:
-                total += np.log(product)
-                product = 1.0
-        level[k] = (total + np.log(product)) / count
-    return expected, level
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _by_misfit(misfit: float, expected: Float, level: Float) -> float:
-    """-2 log of the density of slopes, a node's, at the error that explains a misfit best."""
-    last = len(expected) - 1
-    if misfit <= expected[0]:
-        return float(level[0] + misfit / expected[0])
-    if misfit >= expected[last]:
-        return float(level[last] + 1.0 + np.log(misfit / expected[last]))
-    k = 1
-    while misfit > expected[k]:
-        k += 1
-    share = np.log(misfit / expected[k - 1]) / np.log(expected[k] / expected[k - 1])
-    return float(level[k - 1] + share * (level[k] - level[k - 1]) + 1.0)
+                total += one[0, i] * other[1, i] + one[2, i] * weight[1, i] * other[2, i]
+            normal[j, k] = normal[k, j] = total
+    growth = lacking / max(expected, 1e-300)
+    return Equations(normal, right, border_mm, of_border, left, variance, misfit, misfit_before, growth)
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
@@ -180,110 +243,3 @@ def centre(nodes: Nodes, constant: float, core_mm: float) -> tuple[float, float]
     if not determinant > _PARALLEL * (a + c) ** 2:
         return np.nan, np.nan
     return (c * u + b * v) / determinant, (b * u + a * v) / determinant
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
-def _left_by_round(depth2: Float, mixed: Float, away2: Float, radial2: float, flatter: Float) -> float:
-    """Squares that (n + k r^2) times `flatter` leaves of r . s, by depth^2, depth r . s, and (r . s)^2."""
-    one = two = three = a = b = 0.0
-    for i in range(len(away2)):
-        square, cross, away = depth2[i] * flatter[i] * flatter[i], mixed[i] * flatter[i], away2[i]
-        one += square
-        two += square * away
-        three += square * away * away
-        a += cross
-        b += cross * away
-    # n, k >= 0: both, one of them, or none
-    left, determinant = radial2, one * three - two * two
-    if a < 0.0:
-        left = min(left, radial2 - a * a / one)
-    if b < 0.0:
-        left = min(left, radial2 - b * b / three)
-    n, k = b * two - a * three, a * two - b * one
-    if n >= 0.0 and k >= 0.0 and determinant > _RIDGE * one * three:
-        left = min(left, radial2 + (n * a + k * b) / determinant)
-    return float(max(left, 0.0))
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
-def _left_by_long(
-    depth2: Float, mixed: Float, x: Float, y: Float, away2: Float, radial2: float, g: float
-) -> float:
-    """The same of a polynomial of second degree in x and y (m,), from the centre, over 1 + g r^2."""
-    square, cross = np.empty(len(x)), np.empty(len(x))
-    for i in range(len(x)):
-        flatter = 1.0 / (1.0 + g * away2[i])
-        square[i], cross[i] = depth2[i] * flatter * flatter, mixed[i] * flatter
-    among, across = _moments(square, x, y), _few_moments(cross, x, y)
-    gram = np.empty((7, 7))
-    for i, (a, b) in enumerate(_POWERS):
-        for j, (c, d) in enumerate(_POWERS):
-            gram[i, j] = among[a + c, b + d]
-        gram[i, 6] = gram[6, i] = across[i]
-    gram[6, 6] = radial2
-    return _left(gram)
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
-def _moments(weight: Float, x_mm: Float, y_mm: Float) -> Float:
-    """Sums (5, 5) of weight x^a y^b, a + b up to 4."""
-    one = a = b = aa = ab = bb = aaa = aab = abb = bbb = aaaa = aaab = aabb = abbb = bbbb = 0.0
-    for i in range(len(weight)):
-        x, y, w = x_mm[i], y_mm[i], weight[i]
-        wx, wy = w * x, w * y
-        wxx, wxy, wyy = wx * x, wx * y, wy * y
-        wxxx, wxxy, wxyy, wyyy = wxx * x, wxx * y, wyy * x, wyy * y
-        one += w
-        a += wx
-        b += wy
-        aa += wxx
-        ab += wxy
-        bb += wyy
-        aaa += wxxx
-        aab += wxxy
-        abb += wxyy
-        bbb += wyyy
-        aaaa += wxxx * x
-        aaab += wxxx * y
-        aabb += wxxy * y
-        abbb += wyyy * x
-        bbbb += wyyy * y
-    found = np.zeros((5, 5))
-    found[0, 0], found[0, 1], found[0, 2], found[0, 3], found[0, 4] = one, b, bb, bbb, bbbb
-    found[1, 0], found[1, 1], found[1, 2], found[1, 3] = a, ab, abb, abbb
-    found[2, 0], found[2, 1], found[2, 2] = aa, aab, aabb
-    found[3, 0], found[3, 1], found[4, 0] = aaa, aaab, aaaa
-    return found
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath=_SUMS)
-def _few_moments(weight: Float, x: Float, y: Float) -> tuple[float, float, float, float, float, float]:
-    """Sums of weight times `_POWERS`."""
-    one = a = b = aa = ab = bb = 0.0
-    for i in range(len(weight)):
-        w = weight[i]
-        one += w
-        a += w * x[i]
-        b += w * y[i]
-        aa += w * x[i] * x[i]
-        ab += w * x[i] * y[i]
-        bb += w * y[i] * y[i]
-    return one, a, b, aa, ab, bb
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _left(gram: Float) -> float:
-    """Least squares of the last term plus a sum of the others, by the products (p, p) of them all."""
-    count = len(gram)
-    scaled, size = np.empty_like(gram), np.empty(count)
-    for i in range(count):
-        size[i] = np.sqrt(max(gram[i, i], 1e-300))
-        for j in range(i + 1):
-            scaled[i, j] = scaled[j, i] = gram[i, j] / (size[i] * size[j])
-        scaled[i, i] += _RIDGE if i < count - 1 else 0.0
-    for k in range(count - 1):
-        for i in range(k + 1, count):
-            factor = scaled[i, k] / scaled[k, k]
-            for j in range(k + 1, count):
-                scaled[i, j] -= factor * scaled[k, j]
-    return float(max(scaled[-1, -1], 0.0) * size[-1] ** 2)

@@ -1,171 +1,187 @@
-"""How likely each multiple C of the scale is, by the laws of a far field and without; compiled."""
+"""What dents fitted by each law of `far_field` say together of the multiple C of the scale; compiled."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numba
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.surface.far_field_laws import MEMBERS, ROUND, Nodes, unlikely
+from zeromethod.surface.far_field_fit import (
+    COLUMNS,
+    CONSTANT,
+    COUNT,
+    EXCESS,
+    NOISE,
+    SHORT,
+    SPREAD,
+    UNLIKELY,
+    VARIANCE,
+    WRONG,
+    fit,
+    pieces,
+)
+from zeromethod.surface.far_field_laws import LAYER, NUMBERS, Known, Nodes, equations
+from zeromethod.surface.far_field_starts import Tried, best_one, best_two, tried_dents
 
-_PIECES, _NOISES, _WELL = 14.0, 20.0, 8.0
-"""Independent errors of a law over the view, those of noise, and the misfit by which they are halved."""
+_UNFIT = 0.15
+"""Error of a law from which a fit may have ended in a wrong place."""
 
-_LONG_COST = 5.0
-"""Logarithm of likelihood that the long law must gain for its six numbers."""
+_SURE, _FAR, _CLOSE, _LAYERS = 0.03, 6.0, 0.02, (0.1, 0.6)
+"""Error of a law up to which others are left out that are so many standard deviations, and more, from the one
+fitted; the laws that a layer's dent is taken for."""
 
-_PER_BOUND, _PER_RANGE = 0.6, 7.7
-"""Depth that is left at the anchor: sigma over its bound and over the range read."""
+_EXPLAINED = 2.5
+"""Logarithm of likelihood by which a law is wrong from which a second dent is tried."""
 
-_SEEN, _LEAST_SEEN = 6.0, 0.03
-"""Odds, times range over what noise can hide, that a quiet anchor is at rest; its sigma over the hidden."""
+_ROUGHLY2, _LEAST_WRONG2 = 1e-2, 1e-4
+"""Square of a law's error for dents to start from: in all slopes, and least in what is left of them."""
 
-_HIDDEN = 3.0
-"""Power with which it becomes unlikely that C grad h hides larger slopes from all of the anchor."""
+_PASSES = 24
+"""Most passes of a fit."""
 
-_TAIL, _HIDDEN_TAIL = 1.4, 2.0
-"""Powers with which a depth beyond the anchor's bound, seen or hidden, becomes unlikely."""
+_BEYOND, _LARGEST, _SMALLEST, _DEEPEST = 0.45, 1.5, 0.005, 10.0
+"""Limits of a dent: way beyond the view and sizes over its diagonal, depth over range."""
 
-_CLOSER, _SEARCHES = 9, 2
-"""Trials between the neighbours of the likeliest one, and how often: it may be narrow."""
+_RANGES = 1.0
+"""Standard deviation of the anchor's depth over the range read, before anything is read."""
 
-_ROUNDS, _MOST_HALVED, _NEGLIGIBLE = 4, 16, 1e-3
-"""Rounds in which the likeliest intervals of C are halved, how many of them, and the share of one left so."""
-
-_KNOWN, _MISFIT, _NOISE, _LAWS = 1, 2, 3, 4
-"""Columns of a trial after C: logarithm of how likely C is without laws, and those of `unlikely`."""
-
-
-class Prior(NamedTuple):
-    """What is known of C without the laws.
-
-    range_mm: of depth read. rest_mm: the anchor's depth / h. bound_mm: the same if it decays as 1 / r and C
-    is 0; hidden_mm: what of it noise can hide. diagonal_mm: of the view.
-    """
-
-    range_mm: float
-    rest_mm: float
-    bound_mm: float
-    hidden_mm: float
-    diagonal_mm: float
+_MEMBERS = 11
+"""Four of one dent, as many from another start, and three of two."""
 
 
 @numba.njit(cache=True, error_model="numpy")
-def posterior(nodes: Nodes, quiet: Nodes, share: Float, prior: Prior, trial: Float) -> tuple[float, float]:
+def posterior(
+    nodes: Nodes, quiet: Nodes, known: Known, start: Float, range_mm: float, diagonal_mm: float
+) -> tuple[float, float]:
     """Mean and standard deviation of C, mm.
 
-    share: the weight of each of the anchor's nodes `quiet`. trial: C to begin with, mm; others follow where
-    it is likely.
+    start: numbers (6,) of a dent to start from. range_mm: of depth read; diagonal_mm: of the view.
     """
-    first, searched = len(trial), _CLOSER * _SEARCHES
-    seen = np.empty((first + searched + _ROUNDS * _MOST_HALVED, _LAWS + MEMBERS))
-    low = high = 0.0
-    for count in range(first + searched):
-        place = (count - first) % _CLOSER
-        if count < first:
-            constant = trial[count]
-        else:
-            if place == 0:
-                low, high = _about_best(seen[:count])
-            constant = low + (high - low) * (place + 1) / (_CLOSER + 1)
-        _look(nodes, quiet, share, prior, constant, seen[count])
-    count = first + searched
-    for _ in range(_ROUNDS):
-        at, mass = _masses(seen[:count])
-        for k in np.argsort(-mass)[:_MOST_HALVED]:
-            if mass[k] > _NEGLIGIBLE:
-                _look(nodes, quiet, share, prior, 0.5 * (at[k] + at[k + 1]), seen[count])
-                count += 1
-    at, mass = _masses(seen[:count])
+    limits, members = _limits(nodes, range_mm, diagonal_mm), np.full((_MEMBERS, COLUMNS), np.inf)
+    one, best = np.append(start, 0.5), 0
+    alone = np.append(start, 0.5)
+    for turn in range(2):
+        first = 4 * turn
+        fit(one, True, _PASSES, nodes, quiet, known, limits, members[best, UNLIKELY], members[first])
+        best = first if turn == 0 or members[first, UNLIKELY] < members[best, UNLIKELY] else best
+        if best == first:
+            alone[:] = one
+        for k, law in ((1, 1.0), (2, 0.0), (3, LAYER)):
+            if turn == 0 and not _possible(members[0], one[-1], law):
+                continue
+            same = _same_scale(alone if members[best, WRONG] < _UNFIT else one, law)
+            fit(
+                same,
+                False,
+                _PASSES,
+                nodes,
+                quiet,
+                known,
+                limits,
+                members[best, UNLIKELY],
+                members[first + k],
+            )
+            if members[first + k, UNLIKELY] < members[best, UNLIKELY]:
+                best, alone[:] = first + k, same
+        if members[best, WRONG] < _UNFIT:
+            break
+        one[:-1] = best_one(_all_slopes(nodes, quiet, known, limits, diagonal_mm))
+        one[-1] = 0.5
+    if members[best, EXCESS] > _EXPLAINED:
+        _fit_two(alone, nodes, quiet, known, limits, diagonal_mm, members[best], members[8:])
+    return _together(members, known.rest_mm, _RANGES * range_mm)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _possible(member: Float, found: float, law: float) -> bool:
+    """Whether a law may be the right one where the one fitted is `found`."""
+    if not member[WRONG] < _SURE:
+        return True
+    low, high = (_LAYERS[0], _LAYERS[1]) if law == LAYER else (law, law)
+    spread = _FAR * member[SPREAD] + _CLOSE
+    return bool(low - spread < found < high + spread)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _same_scale(numbers: Float, law: float) -> Float:
+    """The same dents with another law."""
+    out = numbers.copy()
+    out[-1] = law
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _limits(nodes: Nodes, range_mm: float, diagonal_mm: float) -> Float:
+    """Limits (4, 2) of a dent."""
+    beyond = _BEYOND * diagonal_mm
+    return np.array(
+        [
+            [nodes.x.min() - beyond, nodes.x.max() + beyond],
+            [nodes.y.min() - beyond, nodes.y.max() + beyond],
+            [_SMALLEST * diagonal_mm, _LARGEST * diagonal_mm],
+            [-_DEEPEST * range_mm, _DEEPEST * range_mm],
+        ]
+    )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _fit_two(
+    alone: Float,
+    nodes: Nodes,
+    quiet: Nodes,
+    known: Known,
+    limits: Float,
+    diagonal_mm: float,
+    single: Float,
+    members: Float,
+) -> None:
+    """Fit two dents of one law: one beside the one found alone, a bulge around it, or two found together."""
+    best, wrong2 = single[UNLIKELY], max(single[WRONG] ** 2, _LEAST_WRONG2)
+    found = equations(alone, nodes, quiet, known, wrong2, np.ones((2, len(nodes.x))))
+    beside = best_one(tried_dents(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm))
+    law = np.full(1, alone[-1] if alone[-1] >= 0.0 else 0.3)
+    starts = np.empty((3, 2 * NUMBERS + 1))
+    starts[0] = np.concatenate((alone[:-1], beside, law))
+    starts[1] = np.concatenate((alone[:-1], alone[:-1], law))
+    starts[1, 0], starts[1, NUMBERS] = 1.15 * alone[0], -0.15 * alone[0]
+    starts[1, NUMBERS + 3 : 2 * NUMBERS] *= 0.5
+    starts[2] = best_two(_all_slopes(nodes, quiet, known, limits, diagonal_mm))
+    for k, passes in enumerate((SHORT, SHORT, 2 * SHORT)):
+        fit(starts[k], True, passes, nodes, quiet, known, limits, best, members[k])
+    two = starts[np.argmin(members[:, UNLIKELY])]
+    fit(two, True, _PASSES, nodes, quiet, known, limits, best, members[0])
+    for k, of_law in ((1, 1.0), (2, 0.0)):
+        members[k, UNLIKELY] = np.inf
+        if _possible(members[0], two[-1], of_law):
+            same = _same_scale(two, of_law)
+            fit(same, False, _PASSES, nodes, quiet, known, limits, best, members[k])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _all_slopes(nodes: Nodes, quiet: Nodes, known: Known, limits: Float, diagonal_mm: float) -> Tried:
+    """Dents tried for the slopes as they were read."""
+    none = np.array([0.0, nodes.x[0], nodes.y[0], 1.0 / diagonal_mm, 0.0, 1.0 / diagonal_mm, 0.5])
+    found = equations(none, nodes, quiet, known, _ROUGHLY2, np.ones((2, len(nodes.x))))
+    return tried_dents(found.left, found.variance, nodes, quiet, known, limits, diagonal_mm)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _together(members: Float, rest_mm: float, about_mm: float) -> tuple[float, float]:
+    """Mean and standard deviation of C by all members, each as likely as it makes the slopes."""
+    best = np.argmin(members[:, UNLIKELY])
+    independent = pieces(members[best, NOISE])
+    likely = -independent * members[:, UNLIKELY] - 0.5 * np.log(independent) * members[:, COUNT]
+    likely = np.exp(likely - likely.max())
+    likely /= likely.sum()
+    # none is known better than that the anchor is about as deep as what is read
+    kept = 1.0 / (1.0 + members[:, VARIANCE] / about_mm**2)
     mean = variance = 0.0
-    for k in range(len(mass)):
-        mean += mass[k] * 0.5 * (at[k] + at[k + 1])
-    for k in range(len(mass)):
-        variance += mass[k] * ((at[k] - mean) ** 2 + (at[k + 1] - mean) ** 2) / 2.0
+    for k in range(len(members)):
+        if likely[k] > 0.0:
+            mean += likely[k] * (rest_mm + kept[k] * (members[k, CONSTANT] - rest_mm))
+    for k in range(len(members)):
+        if likely[k] > 0.0:
+            off = rest_mm + kept[k] * (members[k, CONSTANT] - rest_mm) - mean
+            own = about_mm**2 if members[k, VARIANCE] == np.inf else kept[k] * members[k, VARIANCE]
+            variance += likely[k] * (own + off * off)
     return mean, np.sqrt(variance)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _masses(seen: Float) -> tuple[Float, Float]:
-    """Trials in order, and the probability (m - 1,) of C between each and the next."""
-    pieces, likely, order = _pieces(seen), np.empty(len(seen)), np.argsort(seen[:, 0])
-    for i, row in enumerate(seen):
-        least, by_round, by_long = row[_LAWS:].min(), 0.0, 0.0
-        for j in range(_LAWS, len(row)):
-            if j < _LAWS + ROUND:
-                by_round += np.exp(0.5 * pieces * (least - row[j])) / ROUND
-            else:
-                by_long += np.exp(0.5 * pieces * (least - row[j])) / (MEMBERS - ROUND)
-        both = by_round + np.exp(-_LONG_COST) * by_long
-        likely[i] = row[_KNOWN] - 0.5 * pieces * least + np.log(both)
-    likely = np.exp(likely - likely.max())[order]
-    at = seen[order, 0]
-    mass = 0.5 * (likely[1:] + likely[:-1]) * (at[1:] - at[:-1])
-    return at, mass / mass.sum()
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _likeliest(seen: Float) -> int:
-    """Number of the likeliest trial if its best law were all."""
-    best, most = 0, -np.inf
-    for i, row in enumerate(seen):
-        likely = row[_KNOWN] - 0.5 * _PIECES * row[_LAWS:].min()
-        if likely > most:
-            best, most = i, likely
-    return best
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _pieces(seen: Float) -> float:
-    """Number of independent errors of the laws: the fewer, the worse they fit."""
-    best = seen[_likeliest(seen)]
-    noise = min(best[_NOISE] / max(best[_MISFIT], 1e-9), 1.0)
-    return float(1.0 / ((1.0 - noise) / _PIECES + noise / _NOISES) / (1.0 + best[_MISFIT] / _WELL))
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _about_best(seen: Float) -> tuple[float, float]:
-    """The trials next to the likeliest one; itself where there is none."""
-    best, low, high = seen[_likeliest(seen), 0], -np.inf, np.inf
-    for constant in seen[:, 0]:
-        if low < constant < best:
-            low = constant
-        if best < constant < high:
-            high = constant
-    return (low if low > -np.inf else best), (high if high < np.inf else best)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _look(nodes: Nodes, quiet: Nodes, share: Float, prior: Prior, constant: float, row: Float) -> None:
-    """Fill in the row of one trial."""
-    row[0] = constant
-    x, y = unlikely(nodes, constant, prior.diagonal_mm, row[_MISFIT:])
-    row[_KNOWN] = _known(quiet, share, prior, constant, x, y)
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
-def _known(quiet: Nodes, share: Float, prior: Prior, constant: float, x_mm: float, y_mm: float) -> float:
-    """Logarithm of how likely C is by what is left at the anchor, with the dent's centre at x, y."""
-    bound2 = 0.0
-    for i in range(len(share)):
-        away2 = max((quiet.x[i] - x_mm) ** 2 + (quiet.y[i] - y_mm) ** 2, (0.25 * prior.diagonal_mm) ** 2)
-        slope_x = quiet.slope_x[i] - constant * quiet.gradient_x[i]
-        slope_y = quiet.slope_y[i] - constant * quiet.gradient_y[i]
-        slope2 = slope_x**2 + slope_y**2 - 2.0 * (quiet.variance_x[i] + quiet.variance_y[i])
-        bound2 += share[i] * away2 * slope2 / quiet.scale[i] ** 2
-    left_mm, hidden_mm = prior.rest_mm - constant, max(prior.hidden_mm, prior.bound_mm)
-    quiet_mm, bound_mm = (
-        max(np.sqrt(max(bound2, 0.0)), hidden_mm),
-        max(prior.bound_mm, _LEAST_SEEN * hidden_mm),
-    )
-    odds = np.log1p(_SEEN * prior.range_mm / hidden_mm) * (1.0 - bound_mm / hidden_mm)
-    seen2 = (left_mm / (_PER_BOUND * bound_mm)) ** 2
-    hidden2 = (left_mm / (_PER_BOUND * quiet_mm)) ** 2
-    seen = odds - np.log(bound_mm) - _TAIL * np.log1p(seen2 / 3.0)
-    unseen = (
-        -np.log(hidden_mm) - _HIDDEN_TAIL * np.log1p(hidden2 / 3.0) - _HIDDEN * np.log(quiet_mm / hidden_mm)
-    )
-    either = max(seen, unseen) + np.log1p(np.exp(-abs(seen - unseen)))
-    return float(either - np.log1p((left_mm / (_PER_RANGE * prior.range_mm)) ** 2))

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 from scipy import ndimage
@@ -16,6 +14,7 @@ from zeromethod.surface.chance import by_chance_mm
 from zeromethod.surface.gaps import gaps_between
 from zeromethod.surface.node_passes import deepest_node
 from zeromethod.surface.peak_place import place_sigma_mm
+from zeromethod.surface.polynomials import polynomial, powers_of, stationary, terms, whole_window
 from zeromethod.surface.surface import Surface
 from zeromethod.surface.view_border import border_sigma_mm
 
@@ -29,18 +28,23 @@ _HOLED = 3.0
 """How many times as large it is where a hole takes up to a fifth of the window's nodes."""
 _QUADRATIC_BIAS = 0.12
 """The same of a quadratic, over the fourth power, rms: Gaussians 1.5 to 8 nodes wide, 6 to 12 of 25 gone."""
+_NOTICED = 0.3
+"""Change of the summit by a window one node smaller, over sigma, from which the larger one is too large."""
 _SPLINE = 8
 _LEAST_SPLINE = 4
 """Nodes on every side that a spline is laid through, and fewest: its weights halve from node to node."""
 _MIN_SHARE = 0.8
 _MIN_NODES = 12
-_STEPS = 8
 _MOVES = 4
 _NEAREST = 0.6
 """Offset from a window's middle beyond which the window moves; a little over half, or it could oscillate."""
 _SECTORS = 24
 _NOTICEABLE = 0.02
 """Step over a gap, relative to the peak, from which it counts as lying on the slope."""
+
+
+_Fitted = tuple[Float, list[tuple[int, int]]]
+"""Coefficients of a polynomial and their powers, see `_fit`."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -174,15 +178,17 @@ def _summit(surface: Surface, row: int, col: int) -> _Summit | None:
     widest = _MAX_REACH if curvature == 0.0 else int(_REACH_PER_SIGMA / math.sqrt(curvature))
     reach = min(max(widest, _REACH), _MAX_REACH)
     finer = _fit(surface, row, col, reach, 4)
+    flat_mm = 0.0
     if finer is not None:
+        reach, finer, flat_mm = _as_flat(surface, row, col, reach, finer)
         coefficients, powers = finer
     else:
         reach = _REACH
     of_depth = dict(zip(powers, coefficients[:, 0].tolist(), strict=True))
-    offset = _stationary(lambda at, *order: _polynomial(of_depth, at, *order), np.zeros(2), reach, 1e-9)
+    offset = stationary(lambda at, *order: polynomial(of_depth, at, *order), np.zeros(2), reach, 1e-9)
     if offset is None:
         return None
-    value = np.asarray((_terms(offset[:1], offset[1:], powers) @ coefficients)[0], dtype=np.float64)
+    value = np.asarray((terms(offset[:1], offset[1:], powers) @ coefficients)[0], dtype=np.float64)
     if widest < _REACH and np.max(np.abs(offset)) <= _NEAREST:
         splined = _splined(surface, row, col, offset)
         if splined is not None:
@@ -192,7 +198,24 @@ def _summit(surface: Surface, row: int, col: int) -> _Summit | None:
     part = slice(max(row - reach, 0), row + reach + 1), slice(max(col - reach, 0), col + reach + 1)
     if finer is not None and not surface.valid[part].all():
         bias *= _HOLED
-    return _Summit(offset, value, reach, bias * abs(float(value[0])))
+    return _Summit(offset, value, reach, math.hypot(bias * abs(float(value[0])), flat_mm))
+
+
+def _as_flat(surface: Surface, row: int, col: int, reach: int, fitted: _Fitted) -> tuple[int, _Fitted, float]:
+    """Largest window whose quartic a smaller one confirms, its fit, and what they differ by beyond noise, mm.
+
+    A pad's flat bottom has no curvature by which to choose the window, and falls off by no quartic.
+    """
+    noticed_mm = _NOTICED * float(surface.sigma_depth_mm[row, col])
+    while reach > _REACH:
+        closer = _fit(surface, row, col, reach - 1, 4)
+        if closer is None:
+            break
+        differ_mm = abs(float(fitted[0][0, 0] - closer[0][0, 0]))
+        if differ_mm < noticed_mm:
+            return reach, fitted, differ_mm
+        reach, fitted = reach - 1, closer
+    return reach, fitted, 0.0
 
 
 def _splined(surface: Surface, row: int, col: int, start: Float) -> _Summit | None:
@@ -216,7 +239,7 @@ def _splined(surface: Surface, row: int, col: int, start: Float) -> _Summit | No
             (surface.depth_mm, 3),
         )
     )
-    at = _stationary(
+    at = stationary(
         lambda at, across, down: float(depth(at[1], at[0], dx=down, dy=across)[0, 0]), start, _REACH, 1e-6
     )
     if at is None:
@@ -225,9 +248,7 @@ def _splined(surface: Surface, row: int, col: int, start: Float) -> _Summit | No
     return _Summit(at, value, _REACH, 0.5 * abs(float(rough(at[1], at[0])[0, 0]) - float(value[0])))
 
 
-def _fit(
-    surface: Surface, row: int, col: int, reach: int, degree: int
-) -> tuple[Float, list[tuple[int, int]]] | None:
+def _fit(surface: Surface, row: int, col: int, reach: int, degree: int) -> _Fitted | None:
     """Coefficients (terms, 3) of depth, x and y over (column, row) offsets, and their powers.
 
     None where fewer than `_MIN_SHARE` (quartic) or `_MIN_NODES` (quadratic) of the window are valid.
@@ -240,68 +261,17 @@ def _fit(
         return None
     if known.all() and known.size == (2 * reach + 1) ** 2:
         values = np.stack([field[rows, cols].ravel() for field in _fields(surface)], axis=-1)
-        return _whole_window(reach, degree) @ values, _powers(degree)
+        return whole_window(reach, degree) @ values, powers_of(degree)
     r, c = np.nonzero(known)
     b, a = (r + rows.start - row).astype(np.float64), (c + cols.start - col).astype(np.float64)
     values = np.stack([field[rows, cols][known] for field in _fields(surface)], axis=-1)
-    powers = _powers(degree)
-    solution = np.linalg.lstsq(_terms(a, b, powers), values, rcond=None)[0]
+    powers = powers_of(degree)
+    solution = np.linalg.lstsq(terms(a, b, powers), values, rcond=None)[0]
     return np.asarray(solution, dtype=np.float64), powers
 
 
 def _fields(surface: Surface) -> tuple[Float, Float, Float]:
     return surface.depth_mm, surface.x_mm, surface.y_mm
-
-
-def _powers(degree: int) -> list[tuple[int, int]]:
-    return [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
-
-
-@cache
-def _whole_window(reach: int, degree: int) -> Float:
-    """Matrix (terms, nodes) from the values of all nodes of a window to the coefficients of `_fit`."""
-    b, a = (one.ravel().astype(np.float64) for one in np.mgrid[-reach : reach + 1, -reach : reach + 1])
-    return np.asarray(np.linalg.pinv(_terms(a, b, _powers(degree))), dtype=np.float64)
-
-
-def _polynomial(coefficients: dict[tuple[int, int], float], at: Float, da: int, db: int) -> float:
-    """Sum of c a^i b^j at (a, b), differentiated da times by a and db times by b."""
-    a, b = float(at[0]), float(at[1])
-    terms = (
-        c * math.perm(i, da) * math.perm(j, db) * a ** (i - da) * b ** (j - db)
-        for (i, j), c in coefficients.items()
-        if i >= da and j >= db
-    )
-    return float(sum(terms))
-
-
-def _terms(a: Float, b: Float, powers: list[tuple[int, int]]) -> Float:
-    """Columns a^i b^j."""
-    return np.stack([a**i * b**j for i, j in powers], axis=-1)
-
-
-def _stationary(
-    derivative: Callable[[Float, int, int], float], start: Float, within: float, settled: float
-) -> Float | None:
-    """Point (a, b) of zero gradient by Newton's steps, no farther than `within` on either axis.
-
-    derivative: of the function at a point, so often by a and so often by b. settled: a step that ends it.
-    """
-    at = np.array(start, dtype=np.float64)
-    for _ in range(_STEPS):
-        d10, d01, d20, d11, d02 = (
-            derivative(at, *order) for order in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
-        )
-        determinant = d20 * d02 - d11 * d11
-        if determinant <= 0.0:
-            return None
-        step = np.array([d02 * d10 - d11 * d01, d20 * d01 - d11 * d10]) / determinant
-        at = at - step
-        if np.max(np.abs(at)) > within:
-            return None
-        if np.max(np.abs(step)) < settled:
-            break
-    return at
 
 
 def deeper_inside_mm(surface: Surface, measured: Mask, fitted: Mask, depth_mm: float) -> float:

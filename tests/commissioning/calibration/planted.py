@@ -40,7 +40,7 @@ def nominal(coarser: int = 4) -> Rig:
 
 
 def quarter() -> Rig:
-    """The same bench by a quarter of the camera pixels: where it does not matter how well it measures."""
+    """The same bench by a quarter of the camera's pixels: for what does not depend on noise."""
     return binned(nominal(), 2)
 
 

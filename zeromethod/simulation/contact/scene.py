@@ -1,0 +1,174 @@
+"""What objects do to the mirror at one instant: its depth as maps, and what lies in front of it as gaps.
+
+Depth is kept as two maps an object: a wide one of `WIDE_PITCH_MM`, and a fine one around the contact that
+adds what the wide one lacks there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from scipy.fft import irfft2, next_fast_len, rfft2
+from scipy.ndimage import spline_filter
+
+from zeromethod.arrays import Float
+from zeromethod.errors import InputError
+from zeromethod.rig.tables import Rubber
+from zeromethod.simulation.contact.compliance import Compliance, Spread
+from zeromethod.simulation.contact.objects import Held
+from zeromethod.simulation.contact.patch import Patch, Presser
+from zeromethod.simulation.contact.touch import Touch, touch_of
+from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.shapes import MARGIN
+
+WIDE_PITCH_MM = 0.25
+WIDE_MM = (90.0, 70.0)
+"""How far the wide map reaches from its object along x and y."""
+FINE_MM = 1.5
+"""How far the fine map reaches from the contact's border, at most; three times the contact's half size if
+that is less."""
+_ROUNDS = 3
+"""Times that the objects of a scene are solved, each beside the last pressures of the others."""
+_KEPT = 24
+
+
+@dataclass(frozen=True)
+class Scene:
+    """dents: the mirror's depth. touches: what lies against it, one for each object in contact."""
+
+    dents: tuple[Dent, ...] = ()
+    touches: tuple[Touch, ...] = ()
+
+
+def scene_of(held: Sequence[Held], rubber: Rubber) -> Scene:
+    """Contact of objects held at one instant; the newest are kept, wherever on the mirror they are.
+
+    Raises InputError where objects run into each other, or a depth is without sense.
+    """
+    if not held:
+        return Scene()
+    x0, y0 = held[0].x_mm, held[0].y_mm
+    # moved together, the objects do the same to the rubber
+    alike = tuple(replace(h, x_mm=round(h.x_mm - x0, 9), y_mm=round(h.y_mm - y0, 9)) for h in held)
+    found = _solved(alike, rubber)
+    dents = tuple(replace(dent, x_mm=dent.x_mm + x0, y_mm=dent.y_mm + y0) for dent in found.dents)
+    return Scene(dents, tuple(touch.moved(x0, y0) for touch in found.touches))
+
+
+@lru_cache(_KEPT)
+def _solved(held: tuple[Held, ...], rubber: Rubber) -> Scene:
+    compliance = Compliance(rubber)
+    pressers = [Presser(each, compliance) for each in held]
+    patches: list[Patch] = []
+    for presser in pressers:
+        patches.append(presser.patch(patches))
+    for _ in range(_ROUNDS - 1 if len(held) > 1 else 0):
+        for k, presser in enumerate(pressers):
+            patches[k] = presser.patch(patches[:k] + patches[k + 1 :])
+    _check_apart(patches)
+    dents: list[Dent] = []
+    for patch in patches:
+        if patch.touching.any():
+            dents += _depth_maps(patch, compliance)
+    return Scene(tuple(dents), tuple(touch_of(p) for p in patches if p.touching.any()))
+
+
+def _check_apart(patches: list[Patch]) -> None:
+    """Refuse objects whose contacts lie on each other."""
+    for k, patch in enumerate(patches):
+        x, y, _ = patch.loads()
+        for other in patches[:k]:
+            along, across = other.held.local(x, y)
+            col = np.rint(along / other.lattice.pitch_mm + (other.lattice.cols - 1) / 2).astype(int)
+            row = np.rint(across / other.lattice.pitch_mm + (other.lattice.rows - 1) / 2).astype(int)
+            inside = (col >= 0) & (col < other.lattice.cols) & (row >= 0) & (row < other.lattice.rows)
+            if other.touching[row[inside], col[inside]].any():
+                raise InputError(
+                    f"object[{patch.held.number}]: its contact lies on that of object[{other.held.number}]: "
+                    "objects whose contacts lie apart"
+                )
+
+
+def _depth_maps(patch: Patch, compliance: Compliance) -> tuple[Dent, Dent]:
+    """(wide, fine) dents that add up to what the patch's pressures do to the surface."""
+    wide = _wide_map(patch, compliance)
+    lattice, held = patch.lattice, patch.held
+    along, across = lattice.mesh()
+    half = min(np.abs(along[patch.touching]).max(), np.abs(across[patch.touching]).max())
+    margin = int(np.ceil(min(FINE_MM, 3 * half) / lattice.pitch_mm))
+    spread = Spread(compliance, (lattice.rows, lattice.cols), lattice.pitch_mm, margin)
+    depth = spread.displacement(patch.pressed.pressure_mpa)
+    rows, cols = depth.shape
+    at_along = lattice.pitch_mm * (np.arange(cols) - (cols - 1) / 2)
+    at_across = lattice.pitch_mm * (np.arange(rows) - (rows - 1) / 2)
+    x, y = held.world(*np.meshgrid(at_along, at_across))
+    fade = np.outer(_fade(rows, margin), _fade(cols, margin))
+    lacks = fade * (depth - wide.field(x, y)[0])
+    coefficients = spline_filter(np.pad(lacks, MARGIN), order=3, mode="mirror")
+    fine = Dent(
+        Shape.MAP, held.x_mm, held.y_mm, 1.0, lattice.pitch_mm,
+        angle_deg=held.solid.angle_deg, map=lacks, map_coefficients=coefficients,
+    )  # fmt: skip
+    return wide, fine
+
+
+def _fade(count: int, margin: int) -> Float:
+    """(count,) 1 in the middle, 0 at both ends, smooth within a third of the margin."""
+    width = max(margin // 3, 2)
+    ramp = np.clip(np.minimum(np.arange(count), np.arange(count)[::-1]) / width, 0, 1)
+    return np.asarray(ramp**3 * (10 - 15 * ramp + 6 * ramp**2))
+
+
+def _wide_map(patch: Patch, compliance: Compliance) -> Dent:
+    """Depth on a lattice along x and y about the object, exact some pitches away from the contact."""
+    x, y, force = patch.loads()
+    held = patch.held
+    cols, rows = (2 * round(reach / WIDE_PITCH_MM) + 1 for reach in WIDE_MM)
+    forces = np.zeros((rows, cols))
+    u = (x - held.x_mm) / WIDE_PITCH_MM + (cols - 1) / 2
+    v = (y - held.y_mm) / WIDE_PITCH_MM + (rows - 1) / 2
+    i, j = np.floor(u).astype(int), np.floor(v).astype(int)
+    if min(i.min(), j.min()) < 1 or i.max() > cols - 3 or j.max() > rows - 3:
+        raise InputError(f"object: its contact is larger than {2 * WIDE_MM[0]:g} x {2 * WIDE_MM[1]:g} mm")
+    # shared among 4 x 4 points so that forces and their moments up to the third stay
+    by_u, by_v = _lagrange(u - i), _lagrange(v - j)
+    for b in range(4):
+        for a in range(4):
+            np.add.at(forces, (j + b - 1, i + a - 1), force * by_u[a] * by_v[b])
+    depth = _of_forces(forces, compliance)
+    coefficients = spline_filter(depth, order=3, mode="mirror")
+    return Dent(Shape.MAP, held.x_mm, held.y_mm, 1.0, WIDE_PITCH_MM, map=depth, map_coefficients=coefficients)
+
+
+def _lagrange(t: Float) -> tuple[Float, ...]:
+    """Weights of the four points at -1, 0, 1, 2 for a place t between 0 and 1."""
+    return (
+        -t * (t - 1) * (t - 2) / 6,
+        (t + 1) * (t - 1) * (t - 2) / 2,
+        -(t + 1) * t * (t - 2) / 2,
+        (t + 1) * t * (t - 1) / 6,
+    )
+
+
+def _of_forces(forces: Float, compliance: Compliance) -> Float:
+    """Displacement of a lattice under forces (N) at its points; each point's own is that of its cell."""
+    used = np.nonzero(forces)
+    low = [int(index.min()) for index in used]
+    high = [int(index.max()) + 1 for index in used]
+    inner = forces[low[0] : high[0], low[1] : high[1]]
+    sizes = [next_fast_len(n + k - 1, real=True) for n, k in zip(forces.shape, inner.shape, strict=True)]
+    reach = [
+        WIDE_PITCH_MM * (np.arange(n + k - 1) - (b - 1))
+        for n, k, b in zip(forces.shape, inner.shape, high, strict=True)
+    ]
+    away = np.hypot(reach[1][None, :], reach[0][:, None])
+    kernel = compliance.of_force(np.maximum(away, 1e-9))
+    here = compliance.of_cells(np.zeros((1, 1)), np.zeros((1, 1)), WIDE_PITCH_MM)[0, 0]
+    kernel[away == 0] = here / WIDE_PITCH_MM**2
+    whole = irfft2(rfft2(inner, sizes) * rfft2(kernel, sizes), sizes)
+    first = [k - 1 for k in inner.shape]
+    rows, cols = forces.shape
+    return np.asarray(whole[first[0] : first[0] + rows, first[1] : first[1] + cols])

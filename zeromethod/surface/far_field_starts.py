@@ -1,0 +1,109 @@
+"""Round dents that a fit may start from: the one, or the two, of many that explain slopes best; compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from zeromethod.arrays import Float
+from zeromethod.surface.far_field_laws import NUMBERS, Known, Nodes
+
+_PLACES, _SIZES = (9, 7), (24.0, 12.0, 6.0, 3.0)
+"""Places across and down, and the view's diagonal over sizes, of the dents that are tried."""
+
+_NODES, _QUIET = 3, 4
+"""Every so many nodes, and of the anchor, are looked at."""
+
+_APART = 0.02
+"""Least determinant of two dents' products, over that of dents which have nothing in common."""
+
+_FREE_LAW = 0.5
+"""Law that a fit of two starts from."""
+
+
+class Tried(NamedTuple):
+    """Dents 1 / (1 + z / 2) of depth 1 mm and the slopes to be explained, both over what these are off.
+
+    about: (dents, 3) x, y, mm, and 1 / size, 1/mm. slopes: (dents, 2 n). left: (2 n,). deepest_mm: a dent.
+    """
+
+    about: Float
+    slopes: Float
+    left: Float
+    deepest_mm: float
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def tried_dents(
+    left: Float, variance: Float, nodes: Nodes, quiet: Nodes, known: Known, limits: Float, diagonal_mm: float
+) -> Tried:
+    """All that are tried for slopes `left` (2, n) of a variance (2, n). limits (4, 2): of a dent."""
+    places = _PLACES[0] * _PLACES[1]
+    used = np.arange(0, len(nodes.x), _NODES)
+    about, slopes = np.empty((len(_SIZES) * places, 3)), np.empty((len(_SIZES) * places, 2 * len(used)))
+    root, explained = np.empty((2, len(used))), np.empty(2 * len(used))
+    for k in range(len(used)):
+        i = used[k]
+        for axis in range(2):
+            root[axis, k] = np.sqrt(known.weight[i] / variance[axis, i])
+            explained[2 * k + axis] = root[axis, k] * left[axis, i]
+    for one in range(len(about)):
+        across, down = one % places % _PLACES[0], one % places // _PLACES[0]
+        x = limits[0, 0] + (limits[0, 1] - limits[0, 0]) * across / (_PLACES[0] - 1)
+        y = limits[1, 0] + (limits[1, 1] - limits[1, 0]) * down / (_PLACES[1] - 1)
+        about[one] = x, y, _SIZES[one // places] / diagonal_mm
+        z_r2, border = 0.5 * about[one, 2] ** 2, 0.0
+        for i in range(0, len(known.share), _QUIET):
+            away2 = (quiet.x[i] - x) ** 2 + (quiet.y[i] - y) ** 2
+            border += _QUIET * known.share[i] / quiet.scale[i] / (1.0 + z_r2 * away2)
+        for k in range(len(used)):
+            i = used[k]
+            to_x, to_y = nodes.x[i] - x, nodes.y[i] - y
+            shape = 1.0 / (1.0 + z_r2 * (to_x * to_x + to_y * to_y))
+            steep = -2.0 * z_r2 * shape * shape
+            slopes[one, 2 * k] = root[0, k] * (steep * to_x - border * nodes.gradient_x[i])
+            slopes[one, 2 * k + 1] = root[1, k] * (steep * to_y - border * nodes.gradient_y[i])
+    return Tried(about, slopes, explained, limits[3, 1])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def best_one(tried: Tried) -> Float:
+    """Numbers (6,) of the dent that alone explains the slopes best; of depth 0 where none does."""
+    along, best, out = tried.slopes @ tried.left, 0.0, np.zeros(NUMBERS)
+    for one in range(len(along)):
+        square = tried.slopes[one] @ tried.slopes[one]
+        depth_mm = along[one] / square
+        if along[one] * depth_mm > best and abs(depth_mm) < tried.deepest_mm:
+            best = along[one] * depth_mm
+            _fill(out, depth_mm, tried.about[one])
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
+def best_two(tried: Tried) -> Float:
+    """Numbers (13,) of the two dents that together explain the slopes best, and of their law."""
+    products, along = tried.slopes @ tried.slopes.T, tried.slopes @ tried.left
+    best, out = 0.0, np.zeros(2 * NUMBERS + 1)
+    out[-1] = _FREE_LAW
+    for one in range(len(along)):
+        for other in range(one):
+            a, b, c = products[one, one], products[one, other], products[other, other]
+            determinant = a * c - b * b
+            if determinant > _APART * a * c:
+                first = (c * along[one] - b * along[other]) / determinant
+                second = (a * along[other] - b * along[one]) / determinant
+                gain = first * along[one] + second * along[other]
+                if gain > best and max(abs(first), abs(second)) < tried.deepest_mm:
+                    best = gain
+                    _fill(out[:NUMBERS], first, tried.about[one])
+                    _fill(out[NUMBERS:-1], second, tried.about[other])
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _fill(numbers: Float, depth_mm: float, about: Float) -> None:
+    """Fill in the numbers (6,) of a round dent."""
+    numbers[0], numbers[1], numbers[2] = depth_mm, about[0], about[1]
+    numbers[3], numbers[4], numbers[5] = about[2], 0.0, about[2]
