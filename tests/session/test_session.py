@@ -17,7 +17,6 @@ from zeromethod.devices.protocols import CameraLost
 from zeromethod.exposure.delay import DelayEstimator
 from zeromethod.exposure.strip_matching import Match
 from zeromethod.loop.state import LOCK_FRAMES, NULLED
-from zeromethod.session.reading import StepReader
 
 LIVE = ("read surface", "present", "capture", "draw")
 
@@ -280,24 +279,6 @@ def test_live_an_error_in_reading_ends_the_run_and_the_next_one_reads(monkeypatc
         assert not session.loop.over
         read = any(step.surface is not None for step in session.run(seconds=PATIENCE_S))
         assert read, (session, session.result.events, session.result.notes)
-
-
-@pytest.mark.usefixtures("no_process")
-def test_live_a_caller_that_is_slow_gets_the_newest_frames():
-    with zm.Session(live_rig()) as session:
-        for _ in session.run(frames=6):
-            time.sleep(0.1)
-        assert session.result.frames == 6
-        assert len(list(session.run(frames=3))) == 3
-
-
-def test_every_run_closes_its_reader_even_when_its_caller_leaves(session, monkeypatch):
-    closed: list[StepReader] = []
-    close = StepReader.close
-    monkeypatch.setattr(StepReader, "close", lambda self: (closed.append(self), close(self))[1])
-    next(session.run())
-    list(session.run(frames=1))
-    assert len(closed) == 2
 
 
 def test_a_session_publishes_at_an_address():

@@ -10,7 +10,6 @@ from commissioning.calibration import planted
 
 import zeromethod as zm
 from zeromethod.devices.opening import Devices, open_devices
-from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
@@ -48,13 +47,6 @@ def rest_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("rest") / "rest.npz"
     RestMap(q, np.full(q.shape, 0.02), valid, (~valid).astype(np.uint16)).save(path)
     return path
-
-
-def test_a_simulated_bench_of_this_very_rig_is_known():
-    with zm.Session(planted.nominal()) as session:
-        states = [step.state for step in session.run(frames=10)]
-        assert session.rig.geometry == GeometrySpec()
-    assert states[-1] in {zm.State.LOCKED, zm.State.RESTING}
 
 
 def test_a_press_on_an_uncalibrated_bench_is_relative_and_within_its_sigma(rest_map):
