@@ -164,25 +164,15 @@ def test_nothing_but_wrong_frames_ends_the_run(either):
 @pytest.mark.parametrize(
     ("device", "member", "breakage", "words"),
     [
-        (
-            "eye",
-            "before_read",
-            raising(ValueError("bad cable")),
-            r"ValueError in hanging\.py, line \d+: bad cable",
-        ),
+        ("eye", "before_read", raising(ValueError("cable")), r"ValueError in hanging\.py, line \d+: cable"),
         (
             "eye",
             "alter",
-            lambda _frame: "picture",
+            lambda _: "picture",
             r"TypeError in .*: read\(\) gave str, which lacks image, time_ns",
         ),
-        (
-            "screen",
-            "before_show",
-            raising(ZeroDivisionError("swap")),
-            r"ZeroDivisionError in hanging\.py.*swap",
-        ),
-        ("screen", "show", lambda _image: None, "TypeError in "),
+        ("screen", "before_show", raising(OSError("swap")), r"OSError in hanging\.py.*swap"),
+        ("screen", "show", lambda _: None, "TypeError in "),
     ],
 )
 def test_a_driver_that_breaks_its_contract_ends_the_run_and_is_named(either, device, member, breakage, words):
