@@ -55,7 +55,7 @@ FUNCTIONS = {
 }
 
 
-def test_every_command_has_its_function() -> None:
+def test_every_command_has_its_function():
     # the virtual bench is another process by nature: it takes the place of prism and camera
     assert set(FUNCTIONS) | {"virtual-bench", "compile"} == set(_COMMANDS)
 
@@ -66,7 +66,7 @@ def test_the_reference_is_that_of_the_docstrings() -> None:
     assert (ROOT / "docs" / "api.md").read_text() == tool["reference"](), hint
 
 
-def test_the_notebook_runs(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_notebook_runs(capsys, monkeypatch):
     # with a fourth of the LCD's pixels on each axis too, for speed
     monkeypatch.setattr(zm, "binned", coarser, raising=False)
     path = ROOT / "examples" / "first_press.ipynb"

@@ -306,9 +306,7 @@ def state_of(folder: Path) -> dict[Path, int]:
 
 
 @pytest.mark.parametrize(("line", "words"), REFUSALS, ids=[line for line, _ in REFUSALS])
-def test_bad_input_is_refused_in_one_line(
-    line: str, words: str, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bad_input_is_refused_in_one_line(line, words, folder, monkeypatch):
     monkeypatch.setattr("zeromethod.drivers.monitors.monitors", lambda: MONITORS)
     monkeypatch.delattr("zeromethod.cli.calibrate_bench.opened_devices")  # nothing may come as far as that
     monkeypatch.chdir(folder)

@@ -49,9 +49,7 @@ def test_a_file_that_is_no_film_or_may_not_be_read(tmp_path: Path) -> None:
         assert reason(str(path)) == f"{path}: permission denied"
 
 
-def test_a_device_that_another_program_has_open_is_in_use_by_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_device_that_another_program_has_open_is_in_use_by_it(tmp_path, monkeypatch):
     device = tmp_path / "video7"
     device.touch()
     monkeypatch.setattr(not_opened, "_LOCAL", f"{tmp_path}/video{{}}")
