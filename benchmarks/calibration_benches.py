@@ -81,9 +81,9 @@ LEAD_S, MOVE_S, HOLD_S, PAUSE_S = 0.1, 0.15, 0.6, 0.2
 LOCK_S = 1.0
 
 
-def nominal() -> Rig:
-    """What every bench's rig file says."""
-    rig = load_rig("simulated")
+def nominal(name: str = "simulated") -> Rig:
+    """What every bench's rig file says, of a packaged rig with a flat or curved mirror."""
+    rig = load_rig(name)
     coarser = {"columns": rig.display.columns // 2, "rows": rig.display.rows // 2}
     rig = changed(
         rig,
@@ -247,11 +247,13 @@ def recorded_of(
     return recorded, found, hand.lines
 
 
-def study_bench(number: int, tests: int = TESTS, cases: Sequence[str] = CASES) -> BenchResult:
+def study_bench(
+    number: int, tests: int = TESTS, cases: Sequence[str] = CASES, name: str = "simulated"
+) -> BenchResult:
     """Draw, calibrate, run and read one bench."""
     started = time.process_time()
     rng = np.random.default_rng([7, number])
-    given = nominal()
+    given = nominal(name)
     bench = drawn(given, rng, number)
     view = View(bench)
     known = [

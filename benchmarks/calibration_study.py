@@ -78,8 +78,13 @@ SPREAD = {
     "prism.pattern_angle_deg": 0.5,
     "prism.captured_less_pattern_deg": 0.3,
     "prism.length_mm": 0.05,
+    "rest.scale": 0.02,
+    "rest.x_mm": 0.5,
+    "rest.y_mm": 0.5,
+    "rest.axis_deg": 0.5,
 }
-"""Half width of the uniform draw of each parameter; the wedge is drawn apart, up to 0.3 degrees any way."""
+"""Half width of the uniform draw of each parameter that the rig has; the wedge is drawn apart, up to 0.3
+degrees any way."""
 WEDGE_DEG = 0.3
 CASES = ("edges and three presses", "one press", "rest map alone")
 
@@ -88,7 +93,8 @@ def draw(nominal: Rig, rng: np.random.Generator) -> Rig:
     """Draw a bench; those whose panel would cut into the prism are drawn again."""
     middle = describe(nominal)
     while True:
-        values = {name: middle[name] + rng.uniform(-half, half) for name, half in SPREAD.items()}
+        drawn = {name: half for name, half in SPREAD.items() if name in middle}
+        values = {name: middle[name] + rng.uniform(-half, half) for name, half in drawn.items()}
         size, way = rng.uniform(0.0, WEDGE_DEG), rng.uniform(0.0, 2 * np.pi)
         values["display.tilt_along_deg"] = size * np.cos(way)
         values["display.tilt_y_deg"] = size * np.sin(way)

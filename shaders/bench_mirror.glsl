@@ -1,8 +1,8 @@
 // The mirror's surface z(x, y): the rest surface less the dents. x, y in mm from the mirror's middle.
-// rest_sphere and rest_grid are among the rig's constants. The CPU writes the calls of the dents that there are: EACH_DENT (field) and EACH_TOUCH (factor).
+// rest_sphere, rest_off_axis and rest_grid are among the rig's constants. The CPU writes the calls of the dents that there are: EACH_DENT (field) and EACH_TOUCH (factor).
 #include "bench_dents.glsl"
 
-// The program is made for the shapes of one mirror: DENTS of them (at least 1), REST 0 flat, 1 sphere, 2 map.
+// The program is made for the shapes of one mirror: DENTS of them (at least 1), REST 0 flat, 1 sphere, 2 map, 3 cylinder.
 uniform vec4 dent_place[DENTS];
 uniform vec4 dent_shape[DENTS];
 uniform vec4 dent_more[DENTS];  // contact mm, touch reflectance, first row of the map
@@ -14,8 +14,11 @@ uniform sampler2D rest_map;
 
 // (z, dz/dx, dz/dy) of the rest surface.
 vec3 rest_surface(vec2 at) {
-#if REST == 1
+#if REST == 1 || REST == 3
     vec2 r = at - rest_sphere.xy;
+#if REST == 3
+    r = dot(r, rest_off_axis) * rest_off_axis;
+#endif
     float root = sign(rest_sphere.z) * sqrt(rest_sphere.z * rest_sphere.z - dot(r, r));
     return vec3(-dot(r, r) / (rest_sphere.z + root), -r / root);
 #elif REST == 2

@@ -15,7 +15,8 @@
 //   camera_layers, inner_layers: (index, mm) each; camera_stack, inner_stack: mm of them all
 //   last_index, last_mm: the last slab in front of the LCD is apart: its thickness may vary
 //   lcd_centre, lcd_column, lcd_row, lcd_normal, lcd_field, lcd_middle px, lcd_pitch
-//   rest_sphere: centre x, y, radius (> 0 bulges out of the rubber); rest_grid: x, y of the first coefficient, pitch
+//   rest_sphere: centre x, y, radius (> 0 bulges out of the rubber), of a cylinder as well, whose axis is at right angles
+//   to rest_off_axis; rest_grid: x, y of the first coefficient, pitch
 RIG
 #include "bench_mirror.glsl"
 #include "bench_touch.glsl"

@@ -5,8 +5,21 @@ import numpy as np
 import pytest
 from small_rigs import with_tables
 
-from zeromethod import InputError, MeasurementError, Rig
-from zeromethod.calibration import Direct, Fit, KnownBall, KnownPress, Presses, Priors, build, describe, fit
+from benchmarks.calibration_study import Truth
+from zeromethod import InputError, MeasurementError, Rig, binned, load_rig
+from zeromethod.calibration import (
+    Direct,
+    Fit,
+    KnownBall,
+    KnownPress,
+    Presses,
+    Priors,
+    RestPositions,
+    build,
+    describe,
+    fit,
+)
+from zeromethod.calibration.parameters import PARAMETERS
 from zeromethod.simulation.press import Dent, Mirror, Shape
 
 
@@ -87,6 +100,18 @@ def test_wrong_orders_do_not_pull(positions, rest_fit, truth, nominal):
     shift = (spoilt.z - rest_fit.z) / np.sqrt(np.diag(rest_fit.covariance))
     assert np.abs(shift).max() < 0.7
     assert np.abs(normalised(spoilt, truth, nominal)).max() < 4.0
+
+
+@pytest.mark.parametrize("face", ["dome", "cylinder"])
+def test_a_curved_mirrors_radius_and_centre_are_fitted_to_the_rest_map(face):
+    """A mould 2 % off: the rest map says it twice as well as the file did, within its own sigma."""
+    given, rng = binned(load_rig(face), 4), np.random.default_rng(6)
+    off = {"rest.scale": 1.02, "rest.x_mm": 42.3, "rest.y_mm": -0.4}
+    bench = Truth(build(given, off), rng)
+    found = fit(Priors.of(given), [RestPositions.of(bench.grid, bench.warp(Mirror()))])
+    for name in ("rest.scale", "rest.y_mm"):
+        assert abs(found.values[name] - off[name]) < 3.0 * found.sigma[name]
+    assert found.sigma["rest.scale"] < 0.5 * PARAMETERS["rest.scale"].sigma(given)
 
 
 def test_a_mirror_that_is_not_flat_is_not_believed(positions, rest_fit, nominal):

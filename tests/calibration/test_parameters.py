@@ -5,7 +5,7 @@ from zeromethod import InputError, Optics, load_rig
 from zeromethod.calibration.parameters import PARAMETERS, Priors, build, describe
 
 
-@pytest.mark.parametrize("name", ["simulated", "paper", "virtual"])
+@pytest.mark.parametrize("name", ["simulated", "paper", "virtual", "dome", "cylinder"])
 def test_every_parameter_of_a_rig_comes_back_as_it_was_set(name):
     rig = load_rig(name)
     rng = np.random.default_rng(0)
@@ -14,10 +14,13 @@ def test_every_parameter_of_a_rig_comes_back_as_it_was_set(name):
         for key, value in describe(rig).items()
     }
     changed = build(rig, wanted)
-    # the scale is relative to the rig that was changed, so it is 1 again in the new one
-    scale = wanted.pop("camera.scale")
+    # scales are relative to the rig that was changed, so they are 1 again in the new one
+    scale, radius = wanted.pop("camera.scale"), wanted.pop("rest.scale", None)
     found = describe(changed)
     assert found.pop("camera.scale") == 1.0
+    if radius is not None:
+        assert found.pop("rest.scale") == 1.0
+        assert changed.prism.rest.radius_mm == pytest.approx(radius * (rig.prism.rest.radius_mm or 0.0))
     assert found == pytest.approx(wanted, abs=1e-12)
     if rig.camera.focal_px is not None:
         assert changed.camera.focal_px[0] == pytest.approx(scale * rig.camera.focal_px[0])

@@ -55,7 +55,7 @@ REFUSALS = [
     ("walk", "No such command 'walk'"),
     ("run --colour red", "--colour"),
     ("run --rig nowhere.toml", "nowhere.toml"),
-    ("run --rig nothing", "rig: \"nothing\": a file, or one of the packaged paper, simulated, virtual"),
+    ("run --rig nothing", "rig: \"nothing\": a file, or one of the packaged cylinder, dome, paper"),
     ("run --scenario nothing", "nothing: "),
     ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
     ("run --frames 0", "--frames: 0: a whole number from 1"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from zeromethod.errors import InputError
-from zeromethod.optics import Dented, Flat, GridHeight, Sphere, rest_surface
+from zeromethod.optics import Cylinder, Dented, Flat, GridHeight, Sphere, rest_surface
 from zeromethod.optics.mirror import distance_to, normal_of
 from zeromethod.optics.vectors import dot, unit
 
@@ -36,10 +36,12 @@ def wavy_map(pitch):
         Flat(),
         Sphere(300.0, (40.0, 2.0)),
         Sphere(-250.0, (30.0, 0.0)),
+        Cylinder(300.0, (40.0, 2.0), 30.0),
+        Cylinder(-200.0, (35.0, 0.0), -75.0),
         wavy_map(1.0),
         Dented(Sphere(500.0, (40.0, 0.0)), gaussian(0.3, 5.0, 40.0, 1.0)),
     ],
-    ids=["flat", "bulge", "hollow", "map", "dented"],
+    ids=["flat", "bulge", "hollow", "cylinder", "gutter", "map", "dented"],
 )
 def test_gradients_are_the_heights_derivatives(mirror):
     step = 1e-4
@@ -67,6 +69,15 @@ def test_rays_meet_a_sphere_where_algebra_says(radius):
     met = np.isfinite(distance)
     assert met.mean() > 0.9
     close(normal[met], ((point - centre) / radius)[met], 1e-13)
+
+
+def test_a_cylinder_is_straight_along_its_axis_and_a_sphere_across_it():
+    cylinder, sphere = Cylinder(300.0, (38.0, 3.0), 30.0), Sphere(300.0, (38.0, 3.0))
+    way = np.linspace(-30.0, 30.0, 7)
+    for turn_deg, expected in ((30.0, 0.0 * way), (120.0, sphere.height(38.0 + way, 3.0 + 0.0 * way))):
+        x, y = 38.0 + way * np.cos(np.radians(turn_deg)), 3.0 + way * np.sin(np.radians(turn_deg))
+        # mm: rounding of squares of 30 over 600
+        np.testing.assert_allclose(cylinder.height(x, y), expected, atol=1e-13)
 
 
 def test_rays_meet_a_steep_dent_where_a_dense_search_does():
@@ -115,9 +126,11 @@ def test_a_rigs_rest_surface_is_what_it_says(tmp_path):
     np.save(tmp_path / "rest.npy", heights)
     rest = small().prism.rest
     sphere = rest.model_copy(update={"shape": "sphere", "radius_mm": 400.0, "centre_mm": (38.0, 0.0)})
+    cylinder = sphere.model_copy(update={"shape": "cylinder", "axis_deg": 90.0})
     height_map = rest.model_copy(update={"shape": "map", "file": tmp_path / "rest.npy", "pitch_mm": 2.0})
     assert rest_surface(small()) == Flat()
     assert rest_surface(small(prism={"rest": sphere})) == Sphere(400.0, (38.0, 0.0))
+    assert rest_surface(small(prism={"rest": cylinder})) == Cylinder(400.0, (38.0, 0.0), 90.0)
     surface = rest_surface(small(prism={"rest": height_map}))
     assert surface.height(np.array([6.0]), np.array([4.0]))[0] == pytest.approx(heights[2, 3])
 

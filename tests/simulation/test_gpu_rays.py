@@ -95,6 +95,9 @@ RIGS: dict[str, Callable[[], Rig]] = {
         )
         for name, radius_mm in (("bulging rest", 900.0), ("hollow rest", -2000.0))
     },
+    "rest bent along one axis": lambda: quarter(
+        prism={"rest": RestSurface(shape="cylinder", radius_mm=600.0, centre_mm=(36.0, 2.0), axis_deg=25.0)}
+    ),
 }
 
 

@@ -94,10 +94,12 @@ def tilted(folder):
     return RestSurface(shape="map", file=folder / "rest.npy", pitch_mm=2.0, origin_mm=(-5.0, -30.0))
 
 
-@pytest.mark.parametrize("radius", [400.0, -600.0, None])
-def test_a_rest_surface_that_is_not_flat(radius, tmp_path):
-    sphere = {"shape": "sphere", "radius_mm": radius, "centre_mm": (38.6, 0.0)}
-    bench = Bench(small_rig(RestSurface(**sphere) if radius else tilted(tmp_path)))
+@pytest.mark.parametrize(
+    ("shape", "radius"), [("sphere", 400.0), ("sphere", -600.0), ("cylinder", 300.0), ("map", None)]
+)
+def test_a_rest_surface_that_is_not_flat(shape, radius, tmp_path):
+    curved = {"shape": shape, "radius_mm": radius, "centre_mm": (38.6, 0.0)}
+    bench = Bench(small_rig(RestSurface(**curved) if radius else tilted(tmp_path)))
     dent = Gauss(0.2, bench.centre_mm, 0.0, 5.0)
     at_rest = bench.reader.read(bench.warp(replace(dent, depth_mm=0.0)))
     # nothing but rounding

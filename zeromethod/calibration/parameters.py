@@ -94,9 +94,19 @@ PARAMETERS = {
         Parameter(
             "prism.length_mm", "mm", "the prism's length (leg or mirror, as the rig file has it)", "length_mm"
         ),
+        Parameter(
+            "rest.scale",
+            "",
+            "the curved mirror's radius over the rig file's",
+            "rest_radius_percent",
+            low=0.1,
+        ),
+        Parameter("rest.x_mm", "mm", "the curved mirror's centre along x", "rest_centre_mm"),
+        Parameter("rest.y_mm", "mm", "the curved mirror's centre along y", "rest_centre_mm"),
+        Parameter("rest.axis_deg", "deg", "the direction of the mirror's cylinder", "rest_axis_deg"),
     )
 }
-"""Every parameter by name, in the order of a vector. The camera's scale is 1 in the rig file itself."""
+"""Every parameter by name, in the order of a vector. Scales are 1 in the rig file itself."""
 
 _PLACES: dict[str, tuple[str, str, int | None]] = {
     "display.along_mm": ("display", "centre_mm", 0),
@@ -141,6 +151,11 @@ def describe(rig: Rig) -> dict[str, float]:
     }
     if rig.pattern_layers and rig.pattern_layers[-1].index == 1.0:
         values["gap_mm"] = rig.pattern_layers[-1].thickness_mm
+    if prism.rest.radius_mm is not None:
+        x_mm, y_mm = prism.rest.centre_mm
+        values |= {"rest.scale": 1.0, "rest.x_mm": x_mm, "rest.y_mm": y_mm}
+    if prism.rest.shape == "cylinder":
+        values["rest.axis_deg"] = prism.rest.axis_deg
     lens = {name for name, place in _PLACES.items() if place[1] == "distortion"}
     if camera.projection == "perspective":
         assert camera.focal_px is not None
@@ -149,7 +164,7 @@ def describe(rig: Rig) -> dict[str, float]:
 
 
 def build(rig: Rig, values: Mapping[str, float]) -> Rig:
-    """Rig with some of its parameters changed; the scale is relative to `rig`. Values are not checked."""
+    """Rig with some of its parameters changed; scales are relative to `rig`. Values are not checked."""
     p = {**describe(rig), **values}
     tables: dict[str, dict[str, Any]] = {"display": {}, "camera": {}, "prism": {}}
     for name, (table, key, index) in _PLACES.items():
@@ -174,6 +189,14 @@ def build(rig: Rig, values: Mapping[str, float]) -> Rig:
     prism["pattern_length_mm" if rig.prism.pattern_length_mm is not None else "mirror_length_mm"] = p[
         "prism.length_mm"
     ]
+    rest = rig.prism.rest
+    if rest.radius_mm is not None:
+        curved = {
+            "radius_mm": rest.radius_mm * p["rest.scale"],
+            "centre_mm": (p["rest.x_mm"], p["rest.y_mm"]),
+            "axis_deg": p.get("rest.axis_deg", 0.0),
+        }
+        prism["rest"] = rest.model_copy(update=curved)
     changed: dict[str, Any] = {
         table: getattr(rig, table).model_copy(update=update) for table, update in tables.items()
     }

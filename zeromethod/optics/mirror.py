@@ -81,6 +81,38 @@ class Sphere:
         return -x / root, -y / root
 
 
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder that touches z = 0 along a line through its centre; NaN beyond its equator.
+
+    Convention: as `Sphere`; the line is turned by `axis_deg` from x towards y.
+    """
+
+    radius_mm: float
+    centre_mm: tuple[float, float] = (0.0, 0.0)
+    axis_deg: float = 0.0
+
+    def _across(self, x: Float, y: Float) -> tuple[Float, Float, tuple[float, float]]:
+        """Distance from the line, the root of what is left of the radius, and the way off the line."""
+        turn = np.radians(self.axis_deg)
+        off = -float(np.sin(turn)), float(np.cos(turn))
+        away = off[0] * (x - self.centre_mm[0]) + off[1] * (y - self.centre_mm[1])
+        with np.errstate(invalid="ignore"):
+            root = np.copysign(np.sqrt(self.radius_mm**2 - away * away), self.radius_mm)
+        return away, root, off
+
+    def height(self, x: Float, y: Float) -> Float:
+        """Height in mm, written so that a large radius loses no digits."""
+        away, root, _ = self._across(x, y)
+        result: Float = -(away * away) / (self.radius_mm + root)
+        return result
+
+    def gradient(self, x: Float, y: Float) -> tuple[Float, Float]:
+        """(dz/dx, dz/dy)."""
+        away, root, off = self._across(x, y)
+        return -off[0] * away / root, -off[1] * away / root
+
+
 class GridHeight:
     """Interpolating bicubic spline (twice continuously differentiable) through a map of heights.
 
@@ -139,6 +171,9 @@ def rest_surface(rig: Rig) -> HeightField:
     if rest.shape == "sphere":
         assert rest.radius_mm is not None
         return Sphere(rest.radius_mm, rest.centre_mm)
+    if rest.shape == "cylinder":
+        assert rest.radius_mm is not None
+        return Cylinder(rest.radius_mm, rest.centre_mm, rest.axis_deg)
     if rest.shape == "map":
         assert rest.pitch_mm is not None
         return GridHeight(rest_heights(rest), rest.pitch_mm, rest.origin_mm)

@@ -73,27 +73,32 @@ class Layer(Table):
 class RestSurface(Table):
     """Height of the undeformed mirror above z = 0, positive out of the rubber.
 
-    flat; sphere (`radius_mm` > 0 bulges outwards, height 0 at `centre_mm`); map: a .npy of heights
-    in mm, (rows along y, cols along x), bicubic between points, first point at `origin_mm`.
+    flat; sphere (`radius_mm` > 0 bulges outwards, height 0 at `centre_mm`); cylinder (the same, its line of
+    height 0 through `centre_mm`, turned by `axis_deg` from x towards y); map: a .npy of heights in mm, (rows
+    along y, cols along x), bicubic between points, first point at `origin_mm`.
     """
 
-    shape: Literal["flat", "sphere", "map"] = "flat"
+    shape: Literal["flat", "sphere", "cylinder", "map"] = "flat"
     radius_mm: float | None = None
     centre_mm: Vector2 = (0.0, 0.0)
+    axis_deg: float = 0.0
     file: Path | None = None
     pitch_mm: Positive | None = None
     origin_mm: Vector2 = (0.0, 0.0)
 
     @model_validator(mode="after")
     def _complete(self) -> RestSurface:
-        if self.shape == "sphere" and not self.radius_mm:
-            raise refused("radius_mm", self.radius_mm, "a number other than 0 for shape 'sphere'")
+        round_ = self.shape in ("sphere", "cylinder")
+        if round_ and not self.radius_mm:
+            raise refused("radius_mm", self.radius_mm, f"a number other than 0 for shape {self.shape!r}")
         if self.shape == "map" and self.file is None:
             raise refused("file", None, "a .npy file for shape 'map'")
         if self.shape == "map" and self.pitch_mm is None:
             raise refused("pitch_mm", None, "a number above 0 for shape 'map'")
-        if self.shape != "sphere" and self.radius_mm is not None:
-            raise refused("radius_mm", self.radius_mm, "only with shape 'sphere'")
+        if not round_ and self.radius_mm is not None:
+            raise refused("radius_mm", self.radius_mm, "only with shape 'sphere' or 'cylinder'")
+        if self.shape != "cylinder" and self.axis_deg:
+            raise refused("axis_deg", self.axis_deg, "only with shape 'cylinder'")
         if self.shape != "map" and self.file is not None:
             raise refused("file", str(self.file), "only with shape 'map'")
         return self
@@ -207,7 +212,8 @@ class PriorSpec(Table):
     face and along y, its turn, its wedge (about either axis), the gap before it. Of the camera: its place
     along each axis, its direction either way, its roll, its focal length (or pixel size) in percent, one
     focal length against the other in percent, its principal point, the distortion k1. Of the prism: its
-    index, the pattern face's angle, the camera face's less that one, the length.
+    index, the pattern face's angle, the camera face's less that one, the length; of a curved mirror its
+    radius in percent, its centre along x and y, a cylinder's axis.
     """
 
     display_along_mm: NotNegative = 1.2
@@ -226,6 +232,9 @@ class PriorSpec(Table):
     angle_deg: NotNegative = 0.3
     faces_difference_deg: NotNegative = 0.18
     length_mm: NotNegative = 0.05
+    rest_radius_percent: NotNegative = 1.0
+    rest_centre_mm: NotNegative = 0.3
+    rest_axis_deg: NotNegative = 0.3
 
 
 MARK_HALF_PX = 16

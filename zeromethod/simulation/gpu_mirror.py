@@ -94,14 +94,16 @@ def map_texture(context: moderngl.Context, dents: tuple[Dent, ...]) -> moderngl.
 
 def rest_code(rest: RestSurface) -> int:
     """REST of bench_mirror.glsl."""
-    return ("flat", "sphere", "map").index(rest.shape)
+    return ("flat", "sphere", "map", "cylinder").index(rest.shape)
 
 
 def rest_values(rest: RestSurface, middle_mm: Float) -> Values:
     """Constants of the rest surface."""
-    if rest.shape == "sphere":
+    if rest.shape in ("sphere", "cylinder"):
         centre = [rest.centre_mm[0] - middle_mm[0], rest.centre_mm[1] - middle_mm[1]]
-        return {"rest_sphere": np.array([*centre, rest.radius_mm])}
+        turn = np.radians(rest.axis_deg)
+        off_axis = np.array([-np.sin(turn), np.cos(turn)])
+        return {"rest_sphere": np.array([*centre, rest.radius_mm]), "rest_off_axis": off_axis}
     if rest.shape == "map" and rest.pitch_mm is not None:
         # the first coefficient lies one pitch before the first height
         first = np.array(rest.origin_mm) - rest.pitch_mm - middle_mm[:2]

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from zeromethod.arrays import Float
-from zeromethod.surface.far_field_laws import NUMBERS, Equations, Known, Nodes, equations, nearest2
+from zeromethod.surface.far_field_laws import NUMBERS, Equations, Known, Nodes, dents_end, equations, nearest2
 
 _PIECES, _NOISES = 14.0, 250.0
 """Independent errors of a law over the view, and those of noise."""
@@ -78,7 +78,7 @@ def _expect(numbers: Float, strength: float, free: bool, found: Equations) -> fl
     else:
         normal[last], normal[:, last], right[last], normal[last, last] = 0.0, 0.0, 0.0, 1.0
     weight, squares = strength / _ROUND**2, 0.0
-    for k in range(3, last, NUMBERS):
+    for k in range(3, dents_end(numbers), NUMBERS):
         a, b, c = numbers[k], numbers[k + 1], numbers[k + 2]
         longer = np.log(a / c)
         squares += weight * (longer * longer + b * b / (a * c))
@@ -96,7 +96,7 @@ def _expect(numbers: Float, strength: float, free: bool, found: Equations) -> fl
 @numba.njit(cache=True, error_model="numpy")
 def _allowed(numbers: Float, limits: Float) -> bool:
     """Whether all dents lie within limits (4, 2): of x, of y, of size, and of depth, mm."""
-    for k in range(0, len(numbers) - 1, NUMBERS):
+    for k in range(0, dents_end(numbers), NUMBERS):
         depth, x, y, a, b, c = numbers[k : k + NUMBERS]
         if not (a > 0.0 and c > 0.0 and a < _LONGEST * c and c < _LONGEST * a and b * b < 4.0 * a * c):
             return False

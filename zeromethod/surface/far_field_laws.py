@@ -141,12 +141,19 @@ def _add(dent: Float, law: float, x: Float, y: Float, by: Float, by_law: Float, 
 
 
 @numba.njit(cache=True, error_model="numpy")
+def dents_end(numbers: Float) -> int:
+    """Count of the dents' numbers; two more may follow, a tilt of all slopes, rad, and the law comes last."""
+    return (len(numbers) - 1) // NUMBERS * NUMBERS
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _dents(numbers: Float, x: Float, y: Float) -> tuple[Float, Float]:
-    """Depth and slopes (3, n) of all dents, and their derivatives (p, 3, n)."""
-    last = len(numbers) - 1
-    field, by = np.zeros((3, len(x))), np.empty((last + 1, 3, len(x)))
-    by[last] = 0.0
-    for k in range(0, last, NUMBERS):
+    """Depth and slopes (3, n) of all dents, a tilt's slopes, and their derivatives (p, 3, n)."""
+    last, end = len(numbers) - 1, dents_end(numbers)
+    field, by = np.zeros((3, len(x))), np.zeros((last + 1, 3, len(x)))
+    for axis in range(last - end):
+        field[1 + axis], by[end + axis, 1 + axis] = numbers[end + axis], 1.0
+    for k in range(0, end, NUMBERS):
         _add(numbers[k : k + NUMBERS], numbers[last], x, y, by[k : k + NUMBERS], by[last], field)
     return field, by
 
@@ -155,7 +162,7 @@ def _dents(numbers: Float, x: Float, y: Float) -> tuple[Float, Float]:
 def nearest2(numbers: Float, x: Float, y: Float) -> Float:
     """Squared distance (n,) of places from the next dent, mm^2, at least about that dent's size."""
     near2 = np.full(len(x), np.inf)
-    for k in range(0, len(numbers) - 1, NUMBERS):
+    for k in range(0, dents_end(numbers), NUMBERS):
         size2 = 1.0 / (numbers[k + 3] * numbers[k + 5])
         for i in range(len(x)):
             across, down = x[i] - numbers[k + 1], y[i] - numbers[k + 2]

@@ -45,8 +45,8 @@ _BEYOND, _LARGEST, _SMALLEST, _DEEPEST = 0.45, 1.5, 0.005, 10.0
 _RANGES = 1.0
 """Standard deviation of the anchor's depth over the range read, before anything is read."""
 
-_MEMBERS = 11
-"""Four of one dent, as many from another start, and three of two."""
+_MEMBERS = 12
+"""Four of one dent, as many from another start, three of two, and one on a mirror that is tilted."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -88,7 +88,8 @@ def posterior(
         one[:-1] = best_one(_all_slopes(nodes, quiet, known, limits, diagonal_mm))
         one[-1] = 0.5
     if members[best, EXCESS] > _EXPLAINED:
-        _fit_two(alone, nodes, quiet, known, limits, diagonal_mm, members[best], members[8:])
+        _fit_two(alone, nodes, quiet, known, limits, diagonal_mm, members[best], members[8:11])
+    _fit_tilted(start, nodes, quiet, known, limits, members[best, UNLIKELY], members[11])
     return _together(members, known.rest_mm, _RANGES * range_mm)
 
 
@@ -155,6 +156,21 @@ def _fit_two(
         if _possible(members[0], two[-1], of_law):
             same = _same_scale(two, of_law)
             fit(same, False, _PASSES, nodes, quiet, known, limits, best, members[k])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _fit_tilted(
+    start: Float, nodes: Nodes, quiet: Nodes, known: Known, limits: Float, best: float, member: Float
+) -> None:
+    """Fit a dent on a mirror that seems tilted: camera or LCD may have moved under it.
+
+    Then depth is off by the tilt, which goes into the variance.
+    """
+    tilted = np.concatenate((start, np.zeros(2), np.full(1, 0.5)))
+    fit(tilted, True, _PASSES, nodes, quiet, known, limits, best, member)
+    off_mm = tilted[NUMBERS] * (nodes.x - known.share @ quiet.x)
+    off_mm += tilted[NUMBERS + 1] * (nodes.y - known.share @ quiet.y)
+    member[VARIANCE] += np.mean(off_mm**2)
 
 
 @numba.njit(cache=True, error_model="numpy")
