@@ -1,7 +1,7 @@
 # make run   set up, then close the loop on the simulated bench
 # make rehearse  set up, then run the real bench's code in real time on monitors that exist only in memory
 # make test  set up, then run the tests
-# make test-long  calibrations of whole benches, in real time and pixel by pixel, some six minutes
+# make test-long  calibrations of whole benches and a run, in real time and pixel by pixel, some seven minutes
 # make lint  format, lint, types, import layers, docstrings of the public API
 # make bench speed and accuracy against peers (ratios of the same run), sigma, steps, long holds, gains,
 #            faults, live path, calibration, decoding, still images: ~40 minutes

@@ -141,18 +141,20 @@ class View:
     def _correlation(self) -> tuple[Float, Float]:
         return component_correlation(self.grid.period_px, self.grid.spacing_px, self.rig.target.kind)
 
-    def warp(self, dent: DepthField, draw: np.random.Generator) -> Warp:
-        """The exact warp of a dent, with one frame's noise."""
+    def warp(self, dent: DepthField, draw: np.random.Generator | None = None) -> Warp:
+        """The exact warp of a dent, with one frame's noise where a generator is given."""
         trace = self.optics.trace(*self.grid.mesh(), Dented(self.optics.rest, dent))
         flags = np.full(self.grid.shape, Flag.OUTSIDE, np.uint16)
         flags[self.grid.inner] = 0
         flags[~trace.reaches_display] |= np.uint16(Flag.NO_RAY)
         bending = jacobian(trace.q, self.grid.spacing_px)
-        white = draw.standard_normal((2, *self.grid.shape))
-        noise = np.stack(
-            [down @ one @ across for one, (down, across) in zip(white, self._roots, strict=True)]
-        )
-        q = trace.q + RESIDUAL_SIGMA_PX * np.einsum("...ij,j...->...i", bending, noise)
+        q = trace.q
+        if draw is not None:
+            white = draw.standard_normal((2, *self.grid.shape))
+            noise = np.stack(
+                [down @ one @ across for one, (down, across) in zip(white, self._roots, strict=True)]
+            )
+            q = q + RESIDUAL_SIGMA_PX * np.einsum("...ij,j...->...i", bending, noise)
         sigma = RESIDUAL_SIGMA_PX * np.linalg.norm(bending, axis=-1)
         return Warp(q, np.where(np.isfinite(sigma), sigma, 1.0), flags, time_ns=0)
 

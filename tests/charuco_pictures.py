@@ -1,5 +1,7 @@
 """Pictures of a ChArUco board as a known camera takes them."""
 
+from functools import cache
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,14 @@ POSES_DEG = (
 """How the board is tilted about the camera's u and v, and turned, picture by picture."""
 
 
+@cache
+def _rays(distortion: tuple[float, ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Directions x / z and y / z of the camera's rays, `FINER` to the pixel."""
+    rows, columns = SHAPE
+    v, u = (np.mgrid[: rows * FINER, : columns * FINER] + 0.5) / FINER - 0.5
+    return undistort((u - CENTRE_PX[0]) / FOCAL_PX[0], (v - CENTRE_PX[1]) / FOCAL_PX[1], distortion)
+
+
 def seen(
     pose_deg: tuple[float, float, float],
     rng: np.random.Generator,
@@ -30,9 +40,7 @@ def seen(
     away_mm: float = 290.0,
 ) -> NDArray[np.uint8]:
     """Picture of the board, its middle near the axis, `away_mm` from the camera."""
-    rows, columns = SHAPE
-    v, u = (np.mgrid[: rows * FINER, : columns * FINER] + 0.5) / FINER - 0.5
-    x, y = undistort((u - CENTRE_PX[0]) / FOCAL_PX[0], (v - CENTRE_PX[1]) / FOCAL_PX[1], distortion)
+    (rows, columns), (x, y) = SHAPE, _rays(distortion)
     about_u, about_v, turn = np.radians(pose_deg)
     rotation = (
         cv2.Rodrigues(np.array([about_u, 0.0, 0.0]))[0]

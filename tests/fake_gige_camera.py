@@ -51,7 +51,6 @@ class FakeGigECamera:
     def start(self) -> None:
         command = [sys.executable, "-c", _PROGRAM, *self._arguments]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        assert self._process.stdout is not None
         assert self._process.stdout.readline().strip() == "1", "the fake camera did not start"
 
     def kill(self) -> None:

@@ -55,7 +55,7 @@ FUNCTIONS = {
 }
 
 
-def test_every_command_has_its_function() -> None:
+def test_every_command_has_its_function():
     # the virtual bench is another process by nature: it takes the place of prism and camera
     assert set(FUNCTIONS) | {"virtual-bench", "compile"} == set(_COMMANDS)
 
@@ -66,7 +66,7 @@ def test_the_reference_is_that_of_the_docstrings() -> None:
     assert (ROOT / "docs" / "api.md").read_text() == tool["reference"](), hint
 
 
-def test_the_notebook_runs(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_notebook_runs(capsys, monkeypatch):
     # with a fourth of the LCD's pixels on each axis too, for speed
     monkeypatch.setattr(zm, "binned", coarser, raising=False)
     path = ROOT / "examples" / "first_press.ipynb"
@@ -111,15 +111,6 @@ def test_a_recording_is_replayed_exported_and_reported(recording: Path, tmp_path
         zm.export_recording(recording, tmp_path / "x", form="xls")
     with pytest.raises(zm.InputError, match="mode: 'dream'"):
         zm.replay(recording, "dream")  # type: ignore[arg-type]
-
-
-def test_a_run_is_plotted(tmp_path: Path) -> None:
-    with zm.Session(small_rig("none")) as session:
-        for _ in session.run(frames=6):
-            pass
-        figure = zm.plot_run(session, tmp_path / "run.png")
-    assert (tmp_path / "run.png").stat().st_size > 10_000
-    assert len(figure.axes) >= 12
 
 
 def test_images_are_measured_as_arrays_and_as_files(tmp_path: Path) -> None:

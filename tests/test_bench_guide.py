@@ -57,9 +57,7 @@ def test_every_option_in_the_guide_exists() -> None:
     assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", GUIDE)) <= options
 
 
-def test_init_as_the_guide_types_it_makes_a_bench_off_by_what_it_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_init_as_the_guide_types_it_makes_a_bench_off_by_what_it_says(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (line,) = re.findall(r"^zeromethod init (my\.toml --from virtual .*)$", GUIDE, re.MULTILINE)
     assert typed(init_command, *shlex.split(line)).exit_code == 0

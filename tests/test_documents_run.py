@@ -138,7 +138,6 @@ def test_the_first_run_gives_the_figures_of_the_readme(tmp_path):
         for part in key.split("."):
             value = value[part]
         stated = re.search(r"[-+]?\d+(\.\d+)?", text)
-        assert stated is not None
         # as printed: to its last digit, of which other graphics drivers may make one more or less
         digit = 10.0 ** -len((stated[1] or ".")[1:])
         assert unit * float(value) == pytest.approx(float(stated[0]), abs=1.5 * digit), name

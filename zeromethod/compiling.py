@@ -58,6 +58,8 @@ def words_of(kind: Any) -> str:
     if isinstance(kind, types.Array):
         end = "" if kind.mutable else ", readonly=True"
         return f"Array({words_of(kind.dtype)}, {kind.ndim}, {kind.layout!r}{end})"
+    if isinstance(kind, types.SliceType):
+        return "slice3_type" if kind.has_step else "slice2_type"
     if isinstance(kind, types.BaseTuple):
         parts = "".join(f"{words_of(one)}, " for one in iter(kind))  # type: ignore[call-overload]
         made = getattr(kind, "instance_class", tuple)

@@ -1,7 +1,5 @@
 """One unknown bench by exact rays: what each set of data leaves of depth, and whether its sigma is true."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")
-def outcomes() -> dict[str, Any]:
+def outcomes():
     # nodes as far apart as by half the pixels of the packaged camera
     nominal = study.changed(binned(load_rig("simulated"), 4), target={"period_px": 8})
     return {one.case: one for one in study.study_bench(0, nominal, tests=8)}

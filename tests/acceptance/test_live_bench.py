@@ -22,7 +22,7 @@ from two_monitors import TwoMonitors, missing, start
 zmq = pytest.importorskip("zmq")
 pytest.importorskip("mss")
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=missing())
+pytestmark = [pytest.mark.long, pytest.mark.skipif(bool(missing()), reason=missing())]
 
 Line = dict[str, Any]
 """A message's header, or a line of the truth."""

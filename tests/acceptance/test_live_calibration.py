@@ -17,7 +17,7 @@ from two_monitors import TwoMonitors, missing, start
 
 from zeromethod import NodeGrid, Rig, Warp, load_rig
 from zeromethod.calibration import KnownPress, Presses, RestReading, describe
-from zeromethod.calibration.folder import Stored, newest
+from zeromethod.calibration.folder import newest
 from zeromethod.commissioning.calibration.evaluation import geometry_values
 from zeromethod.optics import Dented, Optics
 from zeromethod.resources import resource
@@ -55,9 +55,7 @@ def desktop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoMonitors]:
 
 
 @pytest.fixture(scope="module")
-def calibrated(
-    desktop: TwoMonitors, true_rig: tuple[Rig, Path], tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Stored, float, str]:
+def calibrated(desktop, true_rig, tmp_path_factory):
     """What was stored, its processor time, and what was said."""
     mine = tmp_path_factory.mktemp("bench") / "mine.toml"
     mine.write_bytes(resource("calibration", "rigs", "virtual.toml").read_bytes())
@@ -71,7 +69,6 @@ def calibrated(
         text=True,
     ) as bench:
         assert bench.stdin is not None
-        assert bench.stdout is not None
         address = bench.stdout.readline().strip()
         command = [sys.executable, "-m", "zeromethod", "calibrate", "--rig", str(mine)]
         command += ["--display", "1", "--camera", address, "--frames", "2", "--patience", "60"]

@@ -37,12 +37,6 @@ def draws(bench: Any) -> dict[str, Any]:
     return {c.name: bench.draws(c, many.get(c.name, OTHERS)) for c in benchmark.CASES}
 
 
-def test_three_noise_levels_at_two_exposures_are_among_the_cases():
-    pressed = [c for c in benchmark.CASES if c.press_mm == 0.2 and not c.two_pictures]
-    assert len({c.read_grey for c in pressed}) == 3
-    assert len({(c.read_grey, c.exposure) for c in pressed}) == 6
-
-
 @pytest.mark.parametrize("word", ["residual", "warp", "slope", "depth"])
 def test_sigma_is_true_and_usable_nodes_are_called_valid(draws, word):
     for case in (case for case in benchmark.CASES if case.name not in FEW):

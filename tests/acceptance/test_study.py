@@ -11,7 +11,7 @@ import pytest
 from zeromethod.study import Progress, Study, Workers, parse_study, run_study
 from zeromethod.study.results import TABLE
 
-RUNS = 32
+RUNS = 16
 
 # 64 x 64 camera pixels, a small LCD, the frames before and after the touch: some 0.1 s for a run
 STUDY = f"""
@@ -56,7 +56,7 @@ def study() -> Study:
 def cluster() -> Iterator[str]:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
     ) as running:
         yield running.scheduler_address
 
@@ -73,8 +73,8 @@ def test_processes_and_cluster_give_the_same_table_though_workers_die(study, tmp
 
         results = run_study(study, tmp_path / name, workers, on_progress=kill_in_the_middle)
         assert results.failures == []
-    # two workers, and the one that took the place of the killed one
-    assert {name: len(found) for name, found in pids.items()} == {"local": 3, "dask": 3}
+    # two workers here, one there, and the one that took the place of the killed one
+    assert {name: len(found) for name, found in pids.items()} == {"local": 3, "dask": 2}
     table = pyarrow.parquet.read_table(tmp_path / "local" / TABLE)
     assert table.num_rows == RUNS
     assert table["run"].to_pylist() == list(range(RUNS))

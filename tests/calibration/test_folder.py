@@ -71,14 +71,6 @@ def test_newest_is_the_last_made(rig_file):
     assert found.document["mark"] == "late"
 
 
-def test_calibrated_rig_keeps_its_owner_s_comments(rig_file):
-    stored = made(rig_file)
-    assert load_rig(stored.rig_file).display.gamma == 2.15
-    assert "# silicone rubber" in stored.rig_file.read_text()
-    # and the rig file itself stays as it was
-    assert rig_file.read_bytes() == PACKAGED.read_bytes()
-
-
 def test_files_that_the_rig_names_are_found_from_the_folder(rig_file):
     press = rig_file.parent / "tap.toml"
     press.write_bytes((PACKAGED.parents[1] / "presses" / "step.toml").read_bytes())
@@ -139,11 +131,6 @@ def test_other_files_are_refused(rig_file, text, words):
     (folder / DOCUMENT).write_text(text)
     with pytest.raises(InputError, match=words):
         load(folder)
-
-
-def test_folder_without_calibration_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"calibration\.toml: No such file.*zeromethod calibrate made"):
-        load(tmp_path)
 
 
 def test_damaged_arrays_are_refused(rig_file):

@@ -111,18 +111,6 @@ def test_a_press_is_what_to_measure_after_the_rest_map(rest_fit, error):
     assert not any("gap" in offer.what for offer in gains(given, error))
 
 
-def test_a_calibration_without_presses_is_uncertain_and_says_what_to_do(rest_fit, error):
-    verdict = judge(rest_fit, error, gains(rest_fit, error))
-    assert verdict.level == "uncertain"
-    assert "measure next: a press" in verdict.reason
-
-
-def test_a_calibration_with_presses_is_good(press_fit, error):
-    verdict = judge(press_fit, with_covariance_of(error, press_fit))
-    assert verdict.level == "good", verdict
-    assert "everything fits" in verdict.reason
-
-
 def test_the_most_important_reason_comes_first(press_fit, error):
     good = with_covariance_of(error, press_fit)
     unsettled = replace(press_fit, settled=False)

@@ -169,16 +169,16 @@ def test_printed_board_has_its_true_size_and_is_found(tmp_path):
 
 def test_board_for_the_lcd_fills_it_in_whole_px(tmp_path):
     output, display = tmp_path / "board.png", load_rig("simulated").display
-    # 40 px of 0.063 mm
+    # 80 px of 0.063 mm
     result = calibrate(
-        "board", "--board", "40x20:2.52", "--dictionary", "5X5_1000", "--rig", "simulated", "--output", output
+        "board", "--board", "20x10:5.04", "--dictionary", "5X5_1000", "--rig", "simulated", "--output", output
     )
     assert result.exit_code == 0, result.output
     image = cv2.imread(str(output), cv2.IMREAD_GRAYSCALE)
     assert image.shape == (display.rows, display.columns)
-    assert "squares of 40 px" in result.output
-    view = found_in(image, board_of("40x20:2.52", "5X5_1000"))
-    assert len(view.ids) == 39 * 19
+    assert "squares of 80 px" in result.output
+    view = found_in(image, board_of("20x10:5.04", "5X5_1000"))
+    assert len(view.ids) == 19 * 9
 
 
 YAML = """image_width: 512

@@ -67,13 +67,6 @@ def test_without_a_screen_the_reason_is_given(monkeypatch):
         with_devices(RIG, BenchOptions(monitor=1, address="0"))
 
 
-def test_given_options_are_named_as_they_are_typed():
-    options = BenchOptions(monitor=0, gain=0.0, region_px=(0, 0, 1, 1))
-    assert options.given == ("--display", "--camera-gain", "--region")
-    assert BenchOptions().given == ()
-    assert options.settings == {"gain": 0.0, "region_px": (0, 0, 1, 1)}
-
-
 @pytest.mark.parametrize(
     ("own", "coded"),
     [

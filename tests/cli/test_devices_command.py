@@ -215,7 +215,6 @@ def test_focus_ends_on_q_with_the_terminal_as_before(rig_file, tmp_path):
 
 def test_focus_keeps_the_last_figures_on_sigterm(rig_file, tmp_path):
     process = start("devices --focus --seconds 1000 --summary focus.json --rig", rig_file, cwd=tmp_path)
-    assert process.stdout is not None
     assert "is simulated" in process.stdout.readline()
     assert "focus" in process.stdout.readline()  # the first frame's line
     process.send_signal(signal.SIGTERM)

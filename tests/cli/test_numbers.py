@@ -29,11 +29,6 @@ def test_what_is_not_in_the_range_is_refused_with_it(kind, text, allowed):
     assert refused.value.message == allowed
 
 
-def test_what_is_in_the_range_is_taken():
-    assert Real(0, 1, min_open=True).convert("1", None, None) == 1.0
-    assert Whole(min=1).convert("7", None, None) == 7
-
-
 def all_commands(group: click.Group, before: str = "") -> Iterator[tuple[str, click.Command]]:
     context = click.Context(group)
     for name in group.list_commands(context):

@@ -1,22 +1,12 @@
 """What a command writes: the file that a disk does not take is named."""
 
-import errno
 import warnings
 
 import pytest
 from command_line import run
 
-from zeromethod.cli.output import write_summary, writing
+from zeromethod.cli.output import write_summary
 from zeromethod.errors import InputError
-
-
-def test_a_full_disk_names_the_file_that_it_did_not_take(tmp_path):
-    path = tmp_path / "a.tif"
-    with (
-        pytest.raises(InputError, match=r"^OUT: .*a\.tif: cannot be written: No space left on device$"),
-        writing("OUT", path),
-    ):
-        raise OSError(errno.ENOSPC, "No space left on device")
 
 
 def test_a_summary_that_cannot_be_written_is_named(tmp_path):

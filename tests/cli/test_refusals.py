@@ -55,19 +55,15 @@ REFUSALS = [
     ("walk", "No such command 'walk'"),
     ("run --colour red", "--colour"),
     ("run --rig nowhere.toml", "nowhere.toml"),
-    ("run --rig nothing", "rig: \"nothing\": a file, or one of the packaged paper, simulated, virtual"),
+    ("run --rig nothing", "rig: \"nothing\": a file, or one of the packaged cylinder, dome, paper"),
     ("run --scenario nothing", "nothing: "),
     ("run --gain 2", "--gain: 2: a number above 0, at most 1"),
-    ("run --gain 0", "--gain: 0: a number above 0, at most 1"),
     ("run --frames 0", "--frames: 0: a whole number from 1"),
-    ("run --frames 1.5", "--frames: 1.5: a whole number from 1"),
     ("run --frames 3 --seconds 1", "--frames and --seconds: give one of them, not both"),
     ("run --controller magic", "--controller: 'magic' is not one of 'composition', 'integrator'."),
     ("run --figure run.jpeg", "--figure: run.jpeg: the file name must end in .png"),
     ("run --summary no/such/folder/run.json", "--summary: no/such/folder/run.json: the folder "),
     ("run --latency -1.1", "--latency: -1.1: a number from -1 to 10\n"),
-    ("run --latency 11", "--latency: 11: a number from -1 to 10\n"),
-    ("run --latency nan", "--latency: nan: a number from -1 to 10\n"),
     ("run --exposure 1e-300", "--exposure: 1e-300: a number at least 1e-07 and at most 60"),
     ("check --press-depth 0", "--press-depth: 0: a number above 0"),
     ("check --press-depth 7", "--press-depth: 7: depths in mm, at most 6 (a tenth of the prism's"),
@@ -104,7 +100,6 @@ REFUSALS = [
         "pylon[:serial], aravis[:address], package.module:Name, or an installed driver\n",
     ),
     ("run --exposure 0", "--exposure: 0: a number above 0\n"),
-    ("run --exposure nan", "--exposure: nan: a number above 0\n"),
     ("run --exposure 0.02", "--exposure: 0.02: at most the frame time, 0.0166667\n"),
     ("run --camera-gain -1 --camera 0 --display 1", "--camera-gain: -1: a number from 0\n"),
     ("run --camera-gain 3", f"--camera-gain: {NO_SETTING}\n"),
@@ -127,7 +122,6 @@ REFUSALS = [
     ("devices --seconds 3", "--seconds: only with --identify, --delay or --focus\n"),
     ("devices --speed --seconds 3", "--seconds: only with --identify, --delay or --focus\n"),
     ("devices --delay --seconds 0", "--seconds: 0: a number above 0\n"),
-    ("devices --delay --seconds nan", "--seconds: nan: a number above 0\n"),
     ("devices --delay --write", "--write: 'simulated': with --rig and a rig file of your own\n"),
     ("devices --delay --write --rig paper", "--write: 'paper': with --rig and a rig file of your own\n"),
     ("devices --focus --summary focus.txt", "--summary: focus.txt: the file name must end in .json\n"),
@@ -150,11 +144,9 @@ REFUSALS = [
     ("export run.h5 a.npz --from 5", "no surface recorded from 5 to "),
     ("export run.h5 a.npz --from 0.3 --to 0.2", "--from: 0.3: must not be after --to (0.2)"),
     ("export run.h5 a.npz --from nan", "--from: nan: seconds"),
-    ("export run.h5 a.npz --to inf", "--to: inf: seconds"),
     ("export run.h5 a.ply --at nan", "--at: nan: seconds"),
     ("export run.h5 a.tif --pitch 100", "--pitch: 100 mm: gives "),
     ("export run.h5 a.tif --pitch nan", "--pitch: nan: a number above 0"),
-    ("export run.h5 a.tif --pitch inf", "--pitch: inf: a number above 0"),
     ("export run.h5 run.h5 --format npz", "zeromethod: OUT: run.h5: is the recording itself\n"),
     ("export folder.h5 a.csv", "zeromethod: folder.h5: is a folder; give a recording (HDF5)\n"),
     ("export notes.h5 a.csv", "notes.h5: "),
@@ -188,7 +180,6 @@ REFUSALS = [
     ("design small.toml --vary angel=45:60", "--vary: 'angel'"),
     ("design small.toml --press needle:1", "--press: 'needle:1'"),
     ("design small.toml --pupil 0", "--pupil: 0: a number above 0"),
-    ("design small.toml --pupil nan", "--pupil: nan"),
     ("design small.toml --computing -1", "--computing: -1: a number from 0"),
     ("design small.toml --figure design.jpg", "--figure: design.jpg"),
     ("design small.toml --summary nowhere/design.json", "--summary: nowhere/design.json"),
@@ -212,7 +203,6 @@ REFUSALS = [
     (f"{CALIBRATE} --known gap_mm=0.5", "--known"),
     (f"{CALIBRATE} --known speed=0.5:0.1", "not a parameter"),
     (f"{CALIBRATE} --known gap_mm=nan:1", "must be finite"),
-    (f"{CALIBRATE} --known gap_mm=0.5:inf", "must be finite"),
     (f"{CALIBRATE} --known gap_mm=-3:0.01", "gap_mm=-3: a number at least 0"),
     (f"{CALIBRATE} --known prism.captured_less_pattern_deg=80:1", "camera_angle_deg: 130"),
     (f"{CALIBRATE} --known prism.pattern_angle_deg=90:1", "at least 5 and at most 85"),
@@ -316,9 +306,7 @@ def state_of(folder: Path) -> dict[Path, int]:
 
 
 @pytest.mark.parametrize(("line", "words"), REFUSALS, ids=[line for line, _ in REFUSALS])
-def test_bad_input_is_refused_in_one_line(
-    line: str, words: str, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bad_input_is_refused_in_one_line(line, words, folder, monkeypatch):
     monkeypatch.setattr("zeromethod.drivers.monitors.monitors", lambda: MONITORS)
     monkeypatch.delattr("zeromethod.cli.calibrate_bench.opened_devices")  # nothing may come as far as that
     monkeypatch.chdir(folder)

@@ -47,7 +47,6 @@ def test_following_a_finished_recording_shows_how_it_ended(recording):
 def test_a_signal_ends_the_wait_for_a_recording(tmp_path):
     process = start("report --follow later.h5", cwd=tmp_path)
     try:
-        assert process.stdout is not None
         assert process.stdout.readline() == "waiting for later.h5\n"
         process.send_signal(signal.SIGTERM)
         _, err = process.communicate(timeout=60)

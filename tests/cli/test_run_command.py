@@ -82,12 +82,6 @@ def test_without_arguments_the_commands_are_listed():
     assert "run" in out
 
 
-def test_help_shows_an_example():
-    code, out, _ = run("run --help")
-    assert code == 0
-    assert "Example: zeromethod run" in out
-
-
 def test_a_run_whose_bench_moved_ends_with_1_and_says_what_to_do(tmp_path):
     bump = {"moved_at_frame": 10, "camera_turned_deg": [0.021, 0.0, 0.0]}
     values = BENCH_320 | {f"simulation.faults.{key}": value for key, value in bump.items()}

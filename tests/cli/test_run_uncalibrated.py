@@ -61,5 +61,4 @@ def test_recording_is_never_locked_and_keeps_what_is_not_known(ran, folder):
         assert set(recording.peaks["state"]) == {"not calibrated"}
         assert np.all(np.abs(recording.peaks["depth_mm"]) < 0.02)
         surface = recording.surface(int(recording.steps_with("surface")[-1]))
-        assert surface is not None
         assert surface.sigma_x_mm[surface.valid].min() > 0.1

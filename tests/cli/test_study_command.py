@@ -80,12 +80,6 @@ def test_a_failed_run_is_reported_with_settings_and_seed():
     assert "1 of 4 runs failed" in err
 
 
-def test_help_says_that_the_file_may_be_left_out():
-    code, out, _ = run("study --help")
-    assert code == 0
-    assert out.splitlines()[0].endswith("[OPTIONS] [FILE]")
-
-
 def test_a_wrong_address_begins_nothing_and_forgets_nothing(monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr(workers, "_CONNECT_S", 1)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from zeromethod.commissioning.advice import advice, misplaced, placed
+from zeromethod.commissioning.advice import advice, placed
 from zeromethod.commissioning.focus import FocusReport
 from zeromethod.commissioning.orientation import Alignment, Orientation
 from zeromethod.rig.load import load_rig
@@ -28,11 +28,6 @@ FINE = FocusReport(
     seen_share=1.0,
     alignment=PLACE,
 )
-
-
-def test_a_good_bench_is_called_good_with_and_without_the_lcd():
-    assert advice(FINE, RIG) == ()
-    assert advice(FINE, RIG, UPRIGHT, flicker_share=0.002) == ()
 
 
 def test_the_exposure_is_named_that_would_do_where_the_frame_has_room_for_it():
@@ -107,10 +102,3 @@ def test_without_the_lcd_a_picture_that_the_target_cannot_place_is_reported():
 def test_the_target_gives_the_place_where_it_cannot_be_a_period_astray(coarse, fine, taken):
     place = placed(replace(FINE, alignment=fine), replace(UPRIGHT, place=coarse), 16)
     assert place is (fine if taken == "fine" else coarse)
-
-
-def test_the_lcd_is_to_be_looked_for_again_unless_it_is_seen_as_it_should_be():
-    assert not misplaced(UPRIGHT, RIG)
-    assert misplaced(Orientation(0.0), RIG)
-    assert misplaced(replace(UPRIGHT, mirrored=True, place=None), RIG)
-    assert misplaced(replace(UPRIGHT, place=replace(PLACE, down_px=9.0)), RIG)

@@ -29,12 +29,6 @@ def test_a_planted_panel_comes_back(latency_s, scanout_s, rise_s):
     assert not found.upwards
 
 
-def test_a_panel_that_scans_up_is_found_out():
-    found = measured(planted(display={"scan": "up", "latency_s": 0.004}))
-    assert found.upwards
-    assert found.latency_s == pytest.approx(0.004, abs=8e-4)
-
-
 def test_a_panel_that_is_off_is_refused():
     with pytest.raises(MeasurementError, match="does not see the panel change"):
         measured(planted(display={"response_light": (0.0, 1e-9)}))

@@ -15,6 +15,7 @@ from zeromethod.devices.protocols import CameraLost, CameraTimeout, DisplayLost,
 from .setting_up_benches import RIG, Altered, look, planted
 
 FOCAL_PX = 1125.0
+MIRRORED, BOTH = {"mirrored": True}, "the picture is seen mirrored and turned"
 
 
 @pytest.mark.parametrize(
@@ -24,14 +25,13 @@ FOCAL_PX = 1125.0
         ({"camera": {"psf_px": 2.0}}, "out of focus (blur of about 2.0 px)"),
         ({"simulation": {"peak_grey_share": 0.15}}, "too dark: 49 ms would be wanted, a frame lasts 16.7 ms"),
         ({"simulation": {"ambient": 0.2}}, "stray light, 20% of the LCD's"),
-        ({"display": {"mirrored": True}}, "the picture is seen mirrored: set display.mirrored"),
+        ({"display": MIRRORED}, "the picture is seen mirrored: set display.mirrored"),
         ({"display": {"turn_deg": 90.0}}, "the picture is seen turned by 90 degrees clockwise"),
         ({"display": {"turn_deg": -90.0}}, "the picture is seen turned by 90 degrees anticlockwise"),
         ({"display": {"turn_deg": 180.0}}, "the picture is seen turned by 180 degrees"),
-        (
-            {"display": {"turn_deg": 90.0, "mirrored": True}},
-            "the picture is seen mirrored and turned by 90 degrees clockwise",
-        ),
+        ({"display": MIRRORED | {"turn_deg": 90.0}}, f"{BOTH} by 90 degrees clockwise"),
+        ({"display": MIRRORED | {"turn_deg": -90.0}}, f"{BOTH} by 90 degrees anticlockwise"),
+        ({"display": MIRRORED | {"turn_deg": 180.0}}, f"{BOTH} by 180 degrees"),
         ({"display": {"turn_deg": 2.0}}, "the picture is turned by 2.0 degrees clockwise"),
         ({"camera": {"roll_deg": 3.0}}, "the picture is turned by 3.0 degrees anticlockwise"),
         ({"camera": {"focal_px": (0.975 * FOCAL_PX,) * 2}}, "the picture is -2.5% wide and -2.5% high"),

@@ -1,8 +1,5 @@
 """Against plain arctangent and unwrapping on the same frames: never worse, whatever is lit or cropped."""
 
-import time
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from decoding.planted import Bench
@@ -15,7 +12,6 @@ from zeromethod.decoding.fringes import FringeSequence, equal_shifts
 from zeromethod.decoding.measuring import RestMeasurement, measure_rest
 from zeromethod.decoding.noise import NoiseModel
 from zeromethod.decoding.periods import choose_periods
-from zeromethod.thread_limits import limit_threads
 
 
 def compare(bench: FringeBench, frames: np.ndarray, cropped: bool) -> RestMeasurement:
@@ -89,26 +85,6 @@ def test_each_axis_may_have_its_own_periods():
     at = np.stack(np.meshgrid(np.arange(160), np.arange(96)), axis=-1)
     # Seen pixel by pixel, the LCD's own pixel numbers come back; light is kept as float32.
     assert np.abs(rest.lcd_px - at).max() < 1e-3
-
-
-def test_decoding_takes_no_more_than_ten_times_as_long_as_plain():
-    bench = FringeBench(LADDERS[1])
-    frames = bench.frames()
-
-    limit_threads()  # the time of the processor counts every thread
-
-    def least(call: Callable[[], object]) -> float:
-        taken = []
-        for _ in range(3):  # the first one loads what is compiled
-            begun = time.process_time()
-            call()
-            taken.append(time.process_time() - begun)
-        return min(taken)
-
-    ours = least(lambda: measure_rest(frames, bench.sequence, size_px=PANEL))
-    assert ours < 10 * least(
-        lambda: places(frames, bench.periods_px)
-    )  # some 5 times; small crops take more, see benchmarks/decoding.py
 
 
 def test_the_last_search_finds_what_the_neighbour_cannot_say():

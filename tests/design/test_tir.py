@@ -9,10 +9,6 @@ from zeromethod.optics import fresnel
 from .design_benches import small, telecentric
 
 
-def test_the_critical_angle_is_that_of_snell():
-    assert tir.critical_deg(telecentric()) == pytest.approx(np.degrees(np.arcsin(1 / 1.41)))
-
-
 @pytest.mark.parametrize("angle_deg", [45.0, 48.0, 55.0])
 def test_at_rest_the_margin_is_the_prisms_angle_less_the_critical_one(angle_deg):
     view = SampledView(telecentric(angle_deg))

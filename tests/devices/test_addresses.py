@@ -52,19 +52,3 @@ def test_options_stay_with_their_driver():
     here = with_camera(RIG, "0", {"lost_after_s": 3.0})
     assert with_camera(here, "tcp://a:1").camera.model_extra == {"source": "tcp://a:1", "lost_after_s": 3.0}
     assert with_camera(here, "pylon").camera.model_extra == {}
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"gain": -1.0}, r"^camera\.gain: -1.0: a number at least 0$"),
-        ({"trigger": "later"}, r'^camera\.trigger: "later": one of "free", "software", "hardware"$'),
-        (
-            {"region_px": (0, 0, 640, 512)},
-            r"^camera\.region_px: \[0, 0, 640, 512\]: 1280, 1024 \(columns, rows\) at its end$",
-        ),
-    ],
-)
-def test_a_setting_that_is_not_allowed_is_refused_in_one_line(settings, message):
-    with pytest.raises(InputError, match=message):
-        with_camera(RIG, "0", settings)

@@ -225,8 +225,3 @@ def test_a_package_in_the_working_directory_has_drivers(tmp_path, monkeypatch):
     assert load_driver("camera", "lab_for_test.cameras:Ours").__name__ == "Ours"
     with pytest.raises(InputError, match=r"cannot be imported: sdk not found$"):
         load_driver("camera", "broken_lab:Camera")
-
-
-def test_the_simulated_devices_are_known_by_name():
-    assert load_driver("camera", "simulated").__name__ == "SimulatedCamera"
-    assert load_driver("display", "simulated").__name__ == "SimulatedDisplay"

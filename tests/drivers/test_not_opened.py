@@ -13,18 +13,6 @@ from zeromethod.drivers import not_opened
 from zeromethod.drivers.not_opened import in_words, reason
 
 
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        return int(taken.getsockname()[1])
-
-
-def test_a_port_at_which_nothing_listens_is_refused() -> None:
-    port = free_port()
-    assert reason(f"tcp://me:secret@127.0.0.1:{port}") == (
-        f"127.0.0.1 refuses connections at port {port}: does the camera or server run?"
-    )
-
-
 def test_a_server_that_speaks_no_pictures_is_told_from_one_that_is_not_there() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         assert "answers at port" in reason(f"http://127.0.0.1:{mute.getsockname()[1]}/video")
@@ -61,9 +49,7 @@ def test_a_file_that_is_no_film_or_may_not_be_read(tmp_path: Path) -> None:
         assert reason(str(path)) == f"{path}: permission denied"
 
 
-def test_a_device_that_another_program_has_open_is_in_use_by_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_device_that_another_program_has_open_is_in_use_by_it(tmp_path, monkeypatch):
     device = tmp_path / "video7"
     device.touch()
     monkeypatch.setattr(not_opened, "_LOCAL", f"{tmp_path}/video{{}}")

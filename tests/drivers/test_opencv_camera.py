@@ -57,7 +57,6 @@ class StreamServer:
         self._ready.set()
 
     def send(self, image: NDArray[Any]) -> None:
-        assert self._client is not None
         self._client.sendall(b"FRAME\n" + image.tobytes())
 
     def hang_up(self) -> None:

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from zeromethod.errors import InputError
 from zeromethod.export.lattice import MapLattice, Resampler
 
 WIDTH_MM = 6.0
@@ -73,9 +72,3 @@ def test_the_pitch_is_the_finer_of_the_nodes_own_and_the_origin_a_multiple():
     assert lattice.pitch_mm == pytest.approx(round(lattice.pitch_mm, 2), abs=1e-12)
     steps = np.array([lattice.x0_mm, lattice.y0_mm]) / lattice.pitch_mm
     assert steps == pytest.approx(np.rint(steps), abs=1e-9)
-
-
-@pytest.mark.parametrize("pitch", [1e-4, 1e4])
-def test_a_pitch_that_gives_no_picture_is_refused(pitch):
-    with pytest.raises(InputError, match=r"--pitch: .* mm: gives .* at least 2 x 2"):
-        MapLattice.covering(*view(), pitch)

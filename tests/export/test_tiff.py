@@ -45,7 +45,6 @@ def test_spacing_names_and_times_carry_their_units(planted, recording, tmp_path)
         per_cm = page.tags["XResolution"].value
         assert per_cm[0] / per_cm[1] == pytest.approx(10.0 / figures["pitch_mm"], rel=1e-6)
         pixels = ElementTree.fromstring(file.ome_metadata).find("ome:Image/ome:Pixels", OME)
-    assert pixels is not None
     for axis in "XY":
         assert float(pixels.get(f"PhysicalSize{axis}")) == figures["pitch_mm"]
         assert pixels.get(f"PhysicalSize{axis}Unit") == "mm"

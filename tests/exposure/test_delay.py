@@ -77,7 +77,6 @@ def test_frame_that_saw_one_picture_alone_only_bounds_the_delay():
     bench = CodedBench(camera_hz=15, exposure_s=0.004, phase=0.0, display=panel(rise_s=0.0))
     for frame in bench.frames(6):
         found = match(reader().read(frame.image), bench.log, frame, bench.timing, WIDE)
-    assert found is not None
     assert found.fits
     assert found.low_ns < 0 < found.high_ns
     # the one before stood for 67 ms, and any delay at which it has ended before the exposure will do
@@ -129,7 +128,6 @@ def test_flipped_cell_is_a_contradiction():
     bench, frame, readings = _last_read()
     span = (11 * MS - 2.5 * FRAME_NS, 11 * MS + 2.5 * FRAME_NS)
     good = match(readings, bench.log, frame, bench.timing, span)
-    assert good is not None
     assert good.fits
     for bit in range(5):
         levels = readings[0].levels.copy()
@@ -138,7 +136,6 @@ def test_flipped_cell_is_a_contradiction():
         levels[bit] = 1 - levels[bit]
         turned = (replace(readings[0], levels=levels, sigma=0.001), readings[1])
         bad = match(turned, bench.log, frame, bench.timing, span)
-        assert bad is not None
         assert not bad.fits
 
 
@@ -149,7 +146,6 @@ def test_bit_and_check_that_disagree_are_not_used():
     levels[-1] += 0.5 if levels[-1] < 0.5 else -0.5
     other = replace(mixed, levels=levels, sigma=0.001)
     bad = match((other,), bench.log, frame, bench.timing, WIDE)
-    assert bad is not None
     assert not bad.fits
 
 

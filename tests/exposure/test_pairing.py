@@ -116,7 +116,6 @@ def test_the_age_of_what_is_shown_is_weighted_by_its_light():
     assert observed.age_ns is not None
     np.testing.assert_allclose(observed.age_ns, 80 * MS)
     mixed = paired(log, 100)
-    assert mixed.age_ns is not None
     np.testing.assert_allclose(mixed.age_ns, mixed.weights.T @ [70 * MS, 50 * MS])
     assert mixed.age_ns[0] == pytest.approx(50 * MS, rel=1e-3)
 

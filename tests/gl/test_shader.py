@@ -81,10 +81,7 @@ INCLUDING = '#include "a.glsl"\nout float f;\nvoid main() { f = 1.0; }\n'
         ({"main_frag": INCLUDING, "a_glsl": "float g() {\n  return wrong;\n}\n"}, r"a\.glsl:2: .*wrong"),
         ({"main_frag": "out float f;\nvoid main() { f = SCALE + bad; }\n"}, r"main\.frag:3: .*bad"),
         # the vertex stage's are not blamed on the other
-        (
-            {"main_vert": "\nvoid main() { nope; }\n", "main_frag": "void main() {}\n"},
-            r"main\.vert:3: .*nope",
-        ),
+        ({"main_vert": "\nvoid main() { no; }\n", "main_frag": "void main() {}\n"}, r"main\.vert:3: .*no"),
     ],
 )
 def test_compile_errors_name_file_and_line(gl_context, folder, files, place):

@@ -104,7 +104,6 @@ def test_a_held_dent_keeps_its_depth_for_500_frames():
 def test_delay_makes_the_composition_late_but_not_unstable(delay_frames):
     bench = NodeBench(REST, step(6.0), display=panel(latency_s=(delay_frames - 1) / 60))
     frames = frames_to_null(bench)
-    assert frames is not None
     # the delay itself, the frame that overlaps the change of pictures, and one repetition
     assert frames <= 2 * delay_frames + 4
     assert rms(bench.error_px()) < 0.01
@@ -120,7 +119,6 @@ def test_no_phase_rate_or_exposure_starves_the_loop(phase, refresh_hz, exposure_
         REST, step(6.0), display=panel(rise_s, refresh_hz), exposure_s=exposure_s, phase=float(phase)
     )
     frames = frames_to_null(bench, frames=26)
-    assert frames is not None
     assert frames <= 8  # delay of up to two frames: twice that, and four
 
 
@@ -134,7 +132,6 @@ def test_mixed_pictures_freeze_the_command_and_are_flagged():
             held += 1
             assert before is not None
             np.testing.assert_array_equal(command, before)
-            assert taken.measured is not None
             assert not taken.measured.valid.all()
             assert taken.refusal is Event.PICTURES_MIXED
             valid = taken.measured.valid
@@ -154,7 +151,6 @@ def test_a_slide_is_followed_without_being_taken_for_mixed():
     for k, taken in enumerate(bench.run(36)):
         if k > 10:
             assert taken.changed
-            assert taken.measured is not None
             wrong = (taken.measured.q - REST.q - truth(bench.mid_s))[taken.measured.valid]
             # every frame measures absolutely: no lag, whatever the controller does
             assert rms(wrong) < 1.5 * SIGMA_PX
@@ -168,8 +164,6 @@ def test_the_integrator_is_slower_leaks_and_diverges_with_delay():
     truth = dent(REST, 6.0, **SMALL)[REST.grid.inner]
     quick = frames_to_null(NodeBench(REST, step(6.0)))
     without_leak = frames_to_null(integrator(0.3, leak=0.0))
-    assert quick is not None
-    assert without_leak is not None
     assert without_leak > 3 * quick
     # steady: d = (1 - leak) (d + gain (truth - d)), so that leak / (leak + gain (1 - leak)) of it is missing:
     # 3.3 %, more than a nulled frame may have

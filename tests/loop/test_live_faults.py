@@ -109,7 +109,6 @@ def test_a_camera_without_a_way_back_ends_the_run(in_real_time, trouble, states,
         steps = list(b.loop.run())
         assert [step.state for step in steps] == states
         assert steps[-1].events == (event,)
-        assert b.loop.ended is not None
         assert words in b.loop.status.reason == b.loop.ended.reason == steps[-1].reason
         assert (b.loop.ended.state, b.loop.ended.measured) == (State.FAULT, None)
 
@@ -165,25 +164,15 @@ def test_nothing_but_wrong_frames_ends_the_run(either):
 @pytest.mark.parametrize(
     ("device", "member", "breakage", "words"),
     [
-        (
-            "eye",
-            "before_read",
-            raising(ValueError("bad cable")),
-            r"ValueError in hanging\.py, line \d+: bad cable",
-        ),
+        ("eye", "before_read", raising(ValueError("cable")), r"ValueError in hanging\.py, line \d+: cable"),
         (
             "eye",
             "alter",
-            lambda _frame: "picture",
+            lambda _: "picture",
             r"TypeError in .*: read\(\) gave str, which lacks image, time_ns",
         ),
-        (
-            "screen",
-            "before_show",
-            raising(ZeroDivisionError("swap")),
-            r"ZeroDivisionError in hanging\.py.*swap",
-        ),
-        ("screen", "show", lambda _image: None, "TypeError in "),
+        ("screen", "before_show", raising(OSError("swap")), r"OSError in hanging\.py.*swap"),
+        ("screen", "show", lambda _: None, "TypeError in "),
     ],
 )
 def test_a_driver_that_breaks_its_contract_ends_the_run_and_is_named(either, device, member, breakage, words):
@@ -307,7 +296,6 @@ def test_a_host_that_was_suspended_waits_for_fresh_frames(monkeypatch):
 def test_a_program_that_stood_still_says_so(real):
     real.loop.step()
     watch = real.loop._watch._clock
-    assert watch is not None
     longest_s, watch._longest_s = watch._longest_s, 0.5
     time.sleep(1.0)
     steps = real.until(lambda step: Event.CLOCK_JUMPED in step.events, most=3)

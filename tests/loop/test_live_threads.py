@@ -108,23 +108,6 @@ def collected(what: Drawing, count: int) -> list[Drawn]:
     return found
 
 
-def test_only_the_newest_picture_is_shown_when_the_display_is_slow():
-    pen = Pen()
-    pen.go.clear()
-    what = drawing_with(pen)
-    what.post(np.array([0.0]), 100)
-    eventually(lambda: len(pen.shown) == 1)
-    for k in range(1, 30):
-        what.post(np.array([float(k)]), 100 + k)
-    pen.go.set()
-    # codes count what was shown, not what was asked for
-    done = [(float(one.q[0]), one.source_ns, one.code) for one in collected(what, 2)]
-    assert done == [(0.0, 100, 0), (29.0, 129, 1)]
-    assert what.collect() == []
-    what.close()
-    assert pen.closed
-
-
 @pytest.mark.parametrize("live", [True, False])
 @pytest.mark.parametrize("coded", [True, False])
 def test_codes_run_round_and_are_left_out_where_there_are_no_strips(live, coded):

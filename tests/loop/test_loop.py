@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 from hanging import raising
-from live_bench import GOOD
 from small_rigs import with_tables
 
 from benchmarks.against_peers.open_loop import coarser
 from zeromethod import Event, Loop, Step, load_rig, open_devices
 from zeromethod.loop.state import LOCK_RESIDUAL_PX, State
-from zeromethod.rig.model import Faults, Rig
+from zeromethod.rig.model import Rig
 
 
 def test_three_quiet_frames_at_rest_make_the_loop_rest(simulated):
@@ -28,8 +27,6 @@ def test_every_step_owns_its_arrays(simulated):
     before = simulated.first[-1]
     simulated.eye.away_px = np.array([2.0, 0.0])
     after = simulated.step(6)
-    assert before.residual is not None
-    assert before.measured is not None
     # noise of 0.03 px, but where coded strips lie
     assert np.abs(before.residual.d[before.measured.valid]).max() < 0.2
     assert max(step.residual_rms_px for step in after) > 0.4
@@ -88,31 +85,3 @@ def test_the_simulated_bench_locks_at_rest_and_on_a_sudden_press():
     mixed = [s for s in steps if Event.PICTURES_MIXED in s.events]
     assert mixed
     assert all(s.state is State.HOLDING and s.measured is None for s in mixed)
-
-
-@pytest.mark.parametrize(
-    ("faults", "event", "state"),
-    [
-        ({"drop_frames": (12, 13)}, Event.FRAMES_DROPPED, None),
-        ({"repeat_frames": (12,)}, Event.FRAME_REPEATED, State.HOLDING),
-        ({"late_frames": (12,)}, Event.FRAME_LATE, None),
-        ({"torn_frames": (12,)}, Event.FRAME_TORN, State.HOLDING),
-        ({"stall_at_frame": 12, "stall_s": 1.5}, Event.CAMERA_TIMEOUT, State.HOLDING),
-        ({"camera_lost_at_frame": 12, "camera_back_after_s": 1.0}, Event.CAMERA_LOST, State.FAULT),
-        ({"light_off_frames": (12, 14)}, Event.LIGHT_OFF, State.LOST),
-        ({"display_lost_at_show": 6}, Event.DISPLAY_LOST, State.FAULT),
-    ],
-)
-def test_planted_faults_are_named_survived_and_never_measured_wrong(faults, event, state):
-    steps = run(bench("none", faults=Faults(**faults)), 22)
-    named = [s for s in steps if event in s.events]
-    assert named
-    if state is not None:
-        assert named[0].state is state
-    assert steps[-1].state in (GOOD if event is not Event.DISPLAY_LOST else {State.FAULT})
-    rest = steps[0].commanded.q
-    for step in steps:
-        if step.measured is not None:
-            wrong = (step.measured.q - rest)[step.measured.valid]
-            # 0.84 LCD px per camera px; noise 0.01 camera px, the LCD's grid 0.01, no outlier
-            assert np.abs(wrong).max() < 0.0625

@@ -25,7 +25,6 @@ GOOD = {State.LOCKED, State.RESTING}
 def wide(press: str, pan_px: float = 0.0, **surface: Any) -> Rig:
     """The small bench with a camera whose left 96 columns see no LCD, turned sideways at frame `BUMP`."""
     bench = quarter(display=SMALL_LCD, camera={"columns": 440, "centre_px": (279.5, 127.5)}, scenario=press)
-    assert bench.camera.focal_px is not None
     turn_deg = float(np.degrees(np.arctan(pan_px / bench.camera.focal_px[0])))
     faults = Faults(moved_at_frame=BUMP if pan_px else None, camera_turned_deg=(turn_deg, 0.0, 0.0))
     return with_tables(bench, surface={"marks_px": MARKS, **surface}, simulation={"faults": faults})
@@ -47,7 +46,6 @@ class Marked:
     def read(self, timeout_s: float) -> Frame:
         frame: Frame = self._camera.read(timeout_s)
         camera, image = self._rig.camera, frame.image.copy()
-        assert camera.focal_px is not None
         turn = np.radians(self._rig.simulation.faults.camera_turned_deg[0])
         by_px = -camera.focal_px[0] * np.tan(turn) * moved_share(self._rig, frame.number)
         v, u = np.mgrid[: image.shape[0], :64]

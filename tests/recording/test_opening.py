@@ -33,14 +33,12 @@ def begun(path: Path, then: str) -> subprocess.Popen[str]:
         file["a"] = 1
     command = [sys.executable, "-c", BEGIN, str(path), then]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
     assert process.stdout.readline() == "begun\n"
     return process
 
 
 def test_a_writer_that_just_begins_is_waited_for(tmp_path):
     with begun(tmp_path / "a.h5", "go on") as process, open_along(tmp_path / "a.h5") as file:
-        assert process.stdout is not None
         assert process.stdout.readline() == "written along\n"
         assert file["a"][()] == 1
         process.communicate()

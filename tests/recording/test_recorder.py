@@ -55,7 +55,6 @@ def running(path: Path, steps: int, then: str = "time.sleep(1000)") -> Iterator[
 
 def test_killed_in_the_middle_all_but_the_newest_is_there(path):
     with running(path, 10**9) as process:
-        assert process.stdout is not None
         writer = int(process.stdout.readline())
         # what is flushed while it goes on, five times a second on a quiet machine, is what a kill leaves
         assert writing.FLUSH_S <= 0.5
@@ -84,7 +83,6 @@ def test_killed_in_the_middle_all_but_the_newest_is_there(path):
             assert warp is not None
         step = a_step(flushed)
         np.testing.assert_array_equal(image, step.image)
-        assert step.measured is not None
         assert warp.q.tobytes() == step.measured.q.tobytes()
     with h5py.File(path, "r", swmr=True) as file:
         assert len(file["frames/image"]) >= flushed
@@ -92,7 +90,6 @@ def test_killed_in_the_middle_all_but_the_newest_is_there(path):
 
 def test_what_was_handed_over_is_soon_there_though_nothing_follows(path):
     with running(path, 20) as process:
-        assert process.stdout is not None
         writer = int(process.stdout.readline())
         for _ in range(20):
             process.stdout.readline()
@@ -112,7 +109,6 @@ def test_what_was_handed_over_is_soon_there_though_nothing_follows(path):
 @pytest.mark.parametrize("then", ["raise SystemExit", "import os; os.kill(os.getpid(), 9)"])
 def test_without_an_end_the_recording_still_gets_one(path, then):
     with running(path, 10, f"time.sleep(0.5); {then}") as process:
-        assert process.stdout is not None
         writer = int(process.stdout.readline())
         process.wait(PATIENCE_S)
         eventually(lambda: has_ended(writer))
@@ -143,7 +139,6 @@ def test_another_process_reads_along_with_h5py_alone(path):
         for number in range(6, 9):
             recording.add_step(a_step(number))
     image = a_step(5).image
-    assert image is not None
     assert printed.stdout.split() == [str(int(image.sum())), "5", "False"]
     with Recording(path) as found:
         assert found.complete
@@ -321,7 +316,6 @@ def test_readings_are_kept_with_their_steps(path):
     with Recording(path) as found:
         assert list(found.steps_with("surface")) == [2]
         back = found.surface(2)
-        assert back is not None
         np.testing.assert_array_equal(back.slope, surface.slope.astype(np.float32))
         assert (back.anchor.sigma_mm, back.anchor.far_field_mm) == (1e-4, 2e-4)
         assert found.peaks[0]["read_ms"] == 3.5

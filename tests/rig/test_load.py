@@ -45,14 +45,6 @@ def test_packaged_rigs_load_by_bare_name_and_by_path(name):
     assert {"simulated", "paper"} <= set(packaged_rigs())
 
 
-def test_unknown_bare_name_lists_the_packaged_ones():
-    with pytest.raises(
-        InputError,
-        match=r'^rig: "simulate": a file, or one of the packaged cylinder, dome, paper, simulated, virtual$',
-    ):
-        load_rig("simulate")
-
-
 @pytest.mark.parametrize(("name", "reason"), [("nowhere.toml", "No such file or directory"), ("", "Is a")])
 def test_a_file_that_cannot_be_read_is_named(tmp_path, name, reason):
     with pytest.raises(InputError, match=f"{name}: cannot be read: {reason}"):

@@ -20,7 +20,7 @@ from zeromethod.devices.protocols import CameraLost, DisplayLost
 from zeromethod.loop.state import NULLED, State
 from zeromethod.loop.step import StepFigures
 from zeromethod.session import surfaces as process
-from zeromethod.session.reading import CLOSING_S, StepReader
+from zeromethod.session.reading import StepReader
 from zeromethod.view.live import LiveStatus
 
 
@@ -39,13 +39,10 @@ class Reader:
     def __init__(self) -> None:
         self.go = threading.Event()
         self.begun: list[int] = []
-        self.error: Exception | None = None
 
     def __call__(self, step: Any) -> Any:
         self.begun.append(step.number)
         self.go.wait(PATIENCE_S)
-        if self.error is not None:
-            raise self.error
         found = Turn(step.number)
         found.surface = f"surface {step.number}"
         return found
@@ -67,23 +64,6 @@ def running(*names: str) -> list[str]:
     return [thread.name for thread in threading.enumerate() if thread.name in names]
 
 
-def test_reading_takes_the_newest_only_and_never_waits():
-    reader, published = Reader(), Published()
-    reading = StepReader(reader, published, live=True)
-    started = time.monotonic()
-    reading.post(Turn(0))  # type: ignore[arg-type]
-    eventually(lambda: reader.begun == [0])
-    for number in range(1, 40):
-        reading.post(Turn(number))  # type: ignore[arg-type]
-    assert time.monotonic() - started < SOON_S
-    assert reading.collect() == []
-    reader.go.set()
-    reading.close()
-    assert [one.number for one in reading.collect()] == [0, 39]
-    assert reader.begun == published.numbers == [0, 39]
-    assert published.steps[1].surface == "surface 39"
-
-
 def test_turns_without_a_measurement_are_published_in_their_place():
     reader, published = Reader(), Published()
     reading = StepReader(reader, published, live=True)
@@ -98,34 +78,6 @@ def test_turns_without_a_measurement_are_published_in_their_place():
     assert published.numbers == [0, 1, 3]
     assert published.steps[-1].surface is None
     eventually(lambda: not running("read surface"))
-
-
-@pytest.mark.parametrize("when", ["post", "close"])
-def test_what_reading_raises_surfaces_once(when):
-    reader = Reader()
-    reader.error = ZeroDivisionError("in the reader")
-    reader.go.set()
-    reading = StepReader(reader, None, live=True)
-    reading.post(Turn(0))  # type: ignore[arg-type]
-    if when == "post":
-        eventually(lambda: reading._worker._failure is not None)  # type: ignore[union-attr]
-        with pytest.raises(ZeroDivisionError, match="in the reader"):
-            reading.post(Turn(1))  # type: ignore[arg-type]
-    else:
-        with pytest.raises(ZeroDivisionError, match="in the reader"):
-            reading.close()
-    reading.close()
-
-
-def test_a_reading_that_takes_for_ever_does_not_keep_a_run_from_ending():
-    reader = Reader()
-    reading = StepReader(reader, None, live=True)
-    reading.post(Turn(0))  # type: ignore[arg-type]
-    eventually(lambda: reader.begun == [0])
-    started = time.monotonic()
-    reading.close()
-    assert CLOSING_S * 0.9 < time.monotonic() - started < SOON_S
-    reader.go.set()
 
 
 def test_reading_in_turn_reads_all():

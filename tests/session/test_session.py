@@ -17,7 +17,6 @@ from zeromethod.devices.protocols import CameraLost
 from zeromethod.exposure.delay import DelayEstimator
 from zeromethod.exposure.strip_matching import Match
 from zeromethod.loop.state import LOCK_FRAMES, NULLED
-from zeromethod.session.reading import StepReader
 
 LIVE = ("read surface", "present", "capture", "draw")
 
@@ -116,7 +115,6 @@ def test_an_error_in_the_callers_body_ends_the_run_and_the_session_closes():
 
     with pytest.raises(ZeroDivisionError, match="mine"):
         broken()
-    assert session.loop.ended is not None
     assert session.loop.ended.state is zm.State.STOPPED
     assert session.result.frames == 3
 
@@ -191,12 +189,9 @@ def test_devices_that_were_given_stay_open():
         assert devices.camera.read(1.0).image.shape == devices.camera.shape
 
 
-def test_an_unknown_rig_is_refused_in_one_line():
-    with pytest.raises(zm.InputError) as refused:
+def test_an_unknown_rig_is_refused():
+    with pytest.raises(zm.InputError, match=r"simulatedd.*simulated,"):
         zm.Session("simulatedd")
-    assert "simulatedd" in str(refused.value)
-    assert "simulated," in str(refused.value)
-    assert "\n" not in str(refused.value)
 
 
 def test_a_recording_holds_both_runs_and_reads_again_bit_for_bit(tmp_path):
@@ -284,24 +279,6 @@ def test_live_an_error_in_reading_ends_the_run_and_the_next_one_reads(monkeypatc
         assert not session.loop.over
         read = any(step.surface is not None for step in session.run(seconds=PATIENCE_S))
         assert read, (session, session.result.events, session.result.notes)
-
-
-@pytest.mark.usefixtures("no_process")
-def test_live_a_caller_that_is_slow_gets_the_newest_frames():
-    with zm.Session(live_rig()) as session:
-        for _ in session.run(frames=6):
-            time.sleep(0.1)
-        assert session.result.frames == 6
-        assert len(list(session.run(frames=3))) == 3
-
-
-def test_every_run_closes_its_reader_even_when_its_caller_leaves(session, monkeypatch):
-    closed: list[StepReader] = []
-    close = StepReader.close
-    monkeypatch.setattr(StepReader, "close", lambda self: (closed.append(self), close(self))[1])
-    next(session.run())
-    list(session.run(frames=1))
-    assert len(closed) == 2
 
 
 def test_a_session_publishes_at_an_address():

@@ -10,7 +10,6 @@ from commissioning.calibration import planted
 
 import zeromethod as zm
 from zeromethod.devices.opening import Devices, open_devices
-from zeromethod.rig.geometry import GeometrySpec
 from zeromethod.simulation.camera import SimulatedCamera
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
@@ -50,13 +49,6 @@ def rest_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_simulated_bench_of_this_very_rig_is_known():
-    with zm.Session(planted.nominal()) as session:
-        states = [step.state for step in session.run(frames=10)]
-        assert session.rig.geometry == GeometrySpec()
-    assert states[-1] in {zm.State.LOCKED, zm.State.RESTING}
-
-
 def test_a_press_on_an_uncalibrated_bench_is_relative_and_within_its_sigma(rest_map):
     given = planted.nominal().replace({"camera.rest_map": rest_map})
     with bench(pressed=True) as devices, zm.Session(given, devices=devices) as session:
@@ -65,7 +57,6 @@ def test_a_press_on_an_uncalibrated_bench_is_relative_and_within_its_sigma(rest_
     assert last.state is zm.State.UNCALIBRATED
     assert "zeromethod calibrate" in last.reason
     assert not any(step.calibrated for step in steps)
-    assert last.peak is not None
     assert 0.005 < last.peak.sigma_mm / DEPTH_MM < 0.3
     # everything is off by about a caliper's sigma
     assert abs(last.peak.depth_mm - DEPTH_MM) < 3.0 * last.peak.sigma_mm

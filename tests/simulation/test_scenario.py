@@ -118,8 +118,3 @@ def test_maps_that_are_no_maps_are_refused(tmp_path, bad):
     np.save(tmp_path / "h.npy", bad)
     with pytest.raises(InputError, match=r"h\.npy"):
         load_scenario(written(tmp_path, MAP))
-
-
-def test_unknown_name_lists_the_packaged_ones():
-    with pytest.raises(InputError, match=r"nope.*default.*step"):
-        load_scenario("nope")

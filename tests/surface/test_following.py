@@ -1,6 +1,6 @@
 """Readings that start from the one before, against the same ones that start at rest."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -63,16 +63,3 @@ def test_it_is_what_a_reading_from_rest_gives(finer, scene):
         assert found.iterations <= expected.iterations
     if scene in {"pressed", "sliding"}:
         assert found.iterations < expected.iterations
-
-
-@pytest.mark.parametrize("scene", ["sliding", "folding"])
-def test_the_same_warps_in_turn_give_the_same_bits(finer, scene):
-    readers = [SurfaceReader(finer.rig, finer.optics, finer.grid) for _ in range(2)]
-    for warp in warps_of(finer, scene):
-        first, second = (reader.follow(warp) for reader in readers)
-        for field in fields(first):
-            one, other = getattr(first, field.name), getattr(second, field.name)
-            if isinstance(one, np.ndarray):
-                assert one.tobytes() == other.tobytes(), field.name
-        assert first.iterations == second.iterations
-        assert first.anchor.sigma_mm == second.anchor.sigma_mm

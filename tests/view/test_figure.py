@@ -14,7 +14,7 @@ from zeromethod import load_rig, summarise
 from zeromethod.view.figure import _title, plot_run
 
 
-@pytest.mark.parametrize("frames", [1, 12])
+@pytest.mark.parametrize("frames", [1, 8])
 def test_a_run_on_the_papers_bench_that_ended_early_is_drawn(frames: int, tmp_path: Path) -> None:
     """Whole columns of its nodes never have a reading."""
     with zm.Session(paper("step")) as session:

@@ -1,9 +1,7 @@
 """A recording followed while it is made, in silence, and to its end."""
 
 import io
-import os
 import threading
-import time
 from dataclasses import replace
 
 import pytest
@@ -11,7 +9,7 @@ from hanging import eventually
 from recorded_run import recorded
 from rich.console import Console
 
-from zeromethod import InputError, Loop, Recording, State, Step
+from zeromethod import Loop, Recording, State, Step
 from zeromethod.view.follow import PERIOD_S, FollowDisplay, Glance, Tail, follow
 
 PATIENCE_S = 60.0
@@ -81,14 +79,6 @@ def test_a_terminal_has_one_line_that_says_how_long_nothing_came():
 def test_a_fault_shows_its_reason_in_place_of_figures():
     assert replace(KNOWN, state=State.FAULT, reason="the camera is lost").words() == "the camera is lost"
     assert Glance().words() == ""
-
-
-def test_a_file_that_is_no_recording_is_refused_at_once(tmp_path):
-    path = tmp_path / "notes.h5"
-    path.write_text("not HDF5")
-    os.utime(path, (time.time() - 60,) * 2)
-    with pytest.raises(InputError, match=r"notes\.h5"):
-        follow(path, Console(file=io.StringIO()), sleep=lambda _: pytest.fail("it waits"))
 
 
 def test_a_file_that_has_just_been_made_is_given_time_to_become_one(recording_path, tmp_path):

@@ -19,7 +19,7 @@ def believed() -> Rig:
 
 
 @pytest.fixture(scope="module")
-def true(believed: Rig) -> Optics:
+def true(believed):
     # 2 % at the corner, 0.09 of the focal length from the middle, and an optical centre off by some px
     changes = {"distortion": (2.4, 0.0, 1e-3, 0.0, 0.0), "centre_px": (163.0, 125.0)}
     return Optics(with_tables(believed, camera=changes))

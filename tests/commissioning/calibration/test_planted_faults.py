@@ -25,11 +25,10 @@ Mask = NDArray[np.bool_]
 DEPTHS_MM = (0.2, 0.15)
 PLACES_MM = ((33.0, 0.0), (45.0, 2.0))
 GHOST = 0.1
-GHOST_PX = (5, -13)
+GHOST_PX = (10, -26)
 """Of the second reflection, and how far it lies off, camera px (rows, cols): some 20 LCD px."""
 HAND_PICTURES = range(9, 15)
 SHAPE = (128, 160)
-FINE = nominal(2)
 
 
 def part(rows: slice, cols: slice) -> Mask:
@@ -77,7 +76,7 @@ class Trouble(Hand):
 @pytest.fixture(scope="module")
 def troubled() -> tuple[Recorded, RestMeasurement, Trouble]:
     limit_threads(1)
-    given = FINE
+    given = nominal()
     plan = Plan(DEPTHS_MM, 6e-4, light=False, delay=False, rest_frames=2, press_frames=8, patience_s=3.0)
     with open_devices(truth(given)) as devices:
         camera = devices.camera
@@ -125,7 +124,7 @@ def test_each_is_found_where_it_is_and_under_its_name(troubled, reason, planted,
 
 
 def test_what_is_left_is_right(troubled):
-    rig, rest = truth(FINE), troubled[1].rest_map
+    rig, rest = truth(nominal()), troubled[1].rest_map
     v, u = np.mgrid[: rig.camera.rows, : rig.camera.columns].astype(float)
     apart = (rest.lcd_px - Optics(rig).rest_map(u, v))[rest.valid]
     assert rest.valid[~binary_dilation(DOUBLED | SHADED | ELSEWHERE | DEAD, iterations=5)].mean() > 0.99
@@ -159,5 +158,5 @@ def test_depth_is_not_silently_wrong(calibration):
     assert stated < 0.02
     for peak, depth in zip(calibration.peaks, DEPTHS_MM, strict=True):
         assert abs(peak.depth_mm / depth - 1) < 3 * np.hypot(stated, 6e-4 / depth)
-    read_mm, true_mm = read_elsewhere(calibration, FINE, 40.0)
+    read_mm, true_mm = read_elsewhere(calibration, nominal(), 40.0)
     assert abs(read_mm / true_mm - 1) < 3 * stated

@@ -1,7 +1,6 @@
 """A calibration as a folder, and back: nothing that matters is lost."""
 
 from dataclasses import replace
-from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 
 from zeromethod import MeasurementError, Peak, Rig, load_rig
 from zeromethod.calibration import Direct, MirrorEdge, Presses, describe
-from zeromethod.calibration.fingerprint import check
 from zeromethod.calibration.folder import Stored, calibration_of, calibrations, load_arrays, newest
 from zeromethod.commissioning.calibration import (
     Calibration,
@@ -80,19 +78,6 @@ def test_newest_and_own_calibration_are_found(stored, rig_file):
     of_rig = calibration_of(stored.rig_file)
     assert of_rig.document == stored.document
     assert calibration_of(rig_file) is None
-
-
-def test_fingerprint_fits_the_bench_and_no_other(stored):
-    rig = nominal()
-    assert check(stored.fingerprint, rig) == []
-    longer = rig.model_copy(update={"camera": rig.camera.model_copy(update={"exposure_s": 0.004})})
-    assert check(stored.fingerprint, longer) == ["exposure, s: calibrated with 0.008, now 0.004"]
-
-
-def test_age_is_warned_of_after_a_month(stored):
-    made = stored.document["time"]
-    assert stored.age_warning(made + timedelta(days=29)) is None
-    assert "40 days old" in str(stored.age_warning(made + timedelta(days=40)))
 
 
 def test_rest_map_and_covariance_are_in_the_arrays(stored, calibration):

@@ -23,9 +23,7 @@ def notes(frames: np.ndarray) -> str:
 @pytest.mark.parametrize("first", [6, 12, 20])
 @pytest.mark.parametrize("width_px", [8, 25, 60])
 @pytest.mark.parametrize("slope_px", [1.6, 10.0, 64.0])
-def test_a_dent_that_comes_between_the_fringes_is_called_one_that_moved(
-    first: int, width_px: float, slope_px: float
-) -> None:
+def test_a_dent_that_comes_between_the_fringes_is_called_one_that_moved(first, width_px, slope_px):
     before, after = Bench(), Bench()
     v, u = np.mgrid[:128, :160]
     across = (u - 80) / width_px
@@ -40,9 +38,7 @@ def test_a_dent_that_comes_between_the_fringes_is_called_one_that_moved(
 
 @pytest.mark.parametrize("share", [0.05, 0.1, 0.2])
 @pytest.mark.parametrize("offset", [(37.0, -23.0), (8.0, 3.0), (-150.0, 211.0)])
-def test_a_face_that_reflects_is_called_a_second_reflection(
-    share: float, offset: tuple[float, float]
-) -> None:
+def test_a_face_that_reflects_is_called_a_second_reflection(share, offset):
     bench = Bench(ghost=share * np.ones((128, 160)), ghost_offset=offset)
     said = notes(np.asarray(bench.frames(SEQUENCE)))
     assert "a second reflection of about" in said.splitlines()[0]

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from recorded_run import recorded
 
-from zeromethod import InputError, Recording, load_rig
+from zeromethod import Recording, load_rig
 from zeromethod.session.replay.closed_loop import ClosedLoopReplay, recorded_track, simulated_bench
 from zeromethod.session.replay.comparison import figures_of
 from zeromethod.session.replay.from_frames import replay_from_frames
@@ -115,12 +114,6 @@ def test_it_can_be_recorded_and_that_sensed_again(recording, tmp_path, unchanged
         assert recorded_track(again, Window.of(again)).values("residual_rms_px")[3:15] == pytest.approx(
             unchanged.values("residual_rms_px")[3:15]
         )
-
-
-def test_a_recording_without_surfaces_moves_no_mirror(session, tmp_path):
-    path = recorded(tmp_path / "r.h5", 0.15, rig=session.rig, keep=("warps",))
-    with Recording(path) as opened, pytest.raises(InputError, match="recorded without surfaces"):
-        RecordedMirror(opened, Window.of(opened))
 
 
 def test_a_real_bench_becomes_a_simulated_one_with_its_delays():

@@ -72,12 +72,6 @@ def test_a_part_is_read_as_within_the_whole_and_reported_alone(recording, whole)
     assert times[0] < 0.1
 
 
-def test_without_warps_there_is_nothing_to_read(session, tmp_path):
-    path = recorded(tmp_path / "r.h5", 0.15, rig=session.rig, keep=("surface",))
-    with Recording(path) as opened, pytest.raises(InputError, match="recorded without warps"):
-        replay_from_warps(opened, opened.rig, Window.of(opened))
-
-
 def test_every_third_warp_can_be_read(session, tmp_path):
     path = recorded(tmp_path / "r.h5", 0.3, rig=session.rig, keep=("warps", "surface"), every=3)
     with Recording(path) as opened:
