@@ -15,7 +15,7 @@ from zeromethod import InputError, Recording
 from zeromethod.recording import DamagedWarning
 
 STEPS = 3
-PER_DATASET = 1
+PER_DATASET = 2
 """Flips in the data of each dataset; the largest are hit no more often than the smallest."""
 ELSEWHERE = 50
 """Flips in all that is not a dataset's data: what HDF5 keeps about it, attributes, gaps."""
