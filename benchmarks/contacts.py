@@ -38,7 +38,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.session.session import Session
 from zeromethod.simulation.contact.touch import Touch
 from zeromethod.simulation.press import Mirror
-from zeromethod.simulation.scenario import load_scenario
+from zeromethod.simulation.scenario import scenario_of
 from zeromethod.view.progress import progress
 
 CASES = (
@@ -142,7 +142,7 @@ def measured(rig: Rig, case: str) -> Found:
         with Session(rig, devices=devices) as session:
             finder = TimedFinder(session.rig, Optics(session.rig), session.loop.grid)
             session._contacts = finder
-            scenario = load_scenario(rig.scenario, rig.rubber)
+            scenario = scenario_of(rig)
             steps = [(step, scenario.mirror_at(step.time_ns)) for step in session.run(seconds=SECONDS)]
             places = MirrorPlaces(Optics(session.rig), session.loop.grid)
     return compared(case, steps, places, finder.ms[-COMPARED:])

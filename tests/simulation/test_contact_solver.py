@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from zeromethod.rig.tables import Rubber
+from zeromethod import InputError
+from zeromethod.optics import Cylinder
+from zeromethod.rig.tables import RestSurface, Rubber
 from zeromethod.simulation.contact.adhesion import BallContact
+from zeromethod.simulation.contact.bow import bow_of, on_rest
 from zeromethod.simulation.contact.compliance import Compliance, Spread, layer_factor
 from zeromethod.simulation.contact.objects import Form, Held, Solid
 from zeromethod.simulation.contact.patch import Lattice, Patch, Presser
@@ -30,6 +33,35 @@ def test_a_balls_force_and_area_are_hertz_s():
     assert touch.force_n == pytest.approx(4 / 3 * MODULUS * a**3 / radius, rel=1e-3)
     assert touch.area_mm2 == pytest.approx(np.pi * a * a, rel=1e-3)
     assert touch.centroid_mm == pytest.approx((42.0, 1.0), abs=1e-3)
+
+
+def test_on_a_dome_a_balls_curvature_adds_to_the_mirrors():
+    """Hertz with 1 / R = 1 / 20 + 1 / 30; a flat plate on a dome touches as a ball of its radius does."""
+    dome, depth = RestSurface(shape="sphere", radius_mm=30.0, centre_mm=(40.0, 0.0)), 0.05
+    for solid, radius in ((Solid(Form.BALL, 20.0), 12.0), (Solid(Form.PUNCH, 15.0), 30.0)):
+        touch = solved(on_rest(Held(solid, 42.0, 1.0, depth_mm=depth), dome))
+        assert touch.area_mm2 == pytest.approx(np.pi * radius * depth, rel=2e-3)
+        assert touch.force_n == pytest.approx(4 / 3 * MODULUS * np.sqrt(radius * depth**3), rel=1e-3)
+
+
+def test_a_plate_touches_a_cylinder_along_its_axis(tmp_path):
+    cylinder = RestSurface(shape="cylinder", radius_mm=40.0, centre_mm=(40.0, 0.0), axis_deg=30.0)
+    touch = solved(on_rest(Held(Solid(Form.PUNCH, 4.0), 40.0, 0.0, depth_mm=0.01), cylinder))
+    away = np.linspace(-3.9, 3.9, 400)
+    c, s = np.cos(np.radians(30.0)), np.sin(np.radians(30.0))
+    assert touch.covers(40.0 + c * away, s * away).all()
+    assert touch.covers(40.0 - s * away, c * away).mean() < 0.4
+    # the same from a map of its heights
+    x, y = np.meshgrid(np.arange(20.0, 61.0), np.arange(-20.0, 21.0))
+    np.save(tmp_path / "rest.npy", Cylinder(40.0, (40.0, 0.0), 30.0).height(x, y))
+    heights = RestSurface(shape="map", file=tmp_path / "rest.npy", pitch_mm=1.0, origin_mm=(20.0, -20.0))
+    assert bow_of(heights, 40.0, 0.0) == pytest.approx(bow_of(cylinder, 40.0, 0.0), rel=2e-3)
+
+
+def test_a_ball_that_sticks_is_refused_on_a_curved_mirror():
+    sticking = Held(Solid(Form.BALL, 5.0, adhesion_j_m2=0.05), 42.0, 0.0, depth_mm=0.02)
+    with pytest.raises(InputError, match=r"adhesion_j_m2: 0.05: 0 on a curved mirror"):
+        on_rest(sticking, RestSurface(shape="sphere", radius_mm=30.0))
 
 
 def test_a_cones_force_and_area_are_sneddon_s():

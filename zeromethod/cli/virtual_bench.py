@@ -77,7 +77,7 @@ def virtual_bench_command(
     check_geometry(rig)
     limit_threads()
 
-    from zeromethod.simulation.scenario import load_scenario  # noqa: PLC0415 - loads slowly
+    from zeromethod.simulation.scenario import scenario_of  # noqa: PLC0415 - loads slowly
     from zeromethod.simulation.virtual_bench.bench import Bender, Performance, VirtualBench  # noqa: PLC0415
     from zeromethod.simulation.virtual_bench.grab import MonitorGrabber, find_monitor  # noqa: PLC0415
     from zeromethod.simulation.virtual_bench.stream import FrameServer, stream_header  # noqa: PLC0415
@@ -93,9 +93,7 @@ def virtual_bench_command(
     ):
         bench = VirtualBench(
             rig,
-            Performance(
-                load_scenario(rig.scenario, rig.rubber), math.inf if forever else repeats or 1, start_after_s
-            ),
+            Performance(scenario_of(rig), math.inf if forever else repeats or 1, start_after_s),
             bender,
             server,
             lambda: MonitorGrabber(found),

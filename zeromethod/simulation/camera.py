@@ -18,7 +18,7 @@ from zeromethod.simulation.faults import Delivery
 from zeromethod.simulation.panel import Presentation, SimulatedPanel
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Piece
-from zeromethod.simulation.scenario import Scenario, load_scenario
+from zeromethod.simulation.scenario import Scenario, scenario_of
 from zeromethod.simulation.sensor import Sensor
 
 
@@ -38,7 +38,7 @@ class SimulatedCamera:
         self._rig = rig
         self._clock = clock
         self._display = display
-        self.scenario: Scenario = load_scenario(rig.scenario, rig.rubber)
+        self.scenario: Scenario = scenario_of(rig)
         self._delivery = Delivery(rig)
         self._sensor = Sensor(rig)
         self._moved = 0.0

@@ -89,7 +89,8 @@ class Solid:
 class Held:
     """An object at one instant: its middle, and either its depth below the surface at rest or its force.
 
-    number: which object of the scenario it is.
+    number: which object of the scenario it is. bow: second derivatives (xx, xy, yy), 1/mm, by which a curved
+    mirror at rest falls away from the object's middle.
     """
 
     solid: Solid
@@ -98,6 +99,14 @@ class Held:
     depth_mm: float | None = None
     force_n: float | None = None
     number: int = 0
+    bow: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def profile(self, along: Float, across: Float) -> Float:
+        """Height, mm, of the object over the mirror at rest, from 0 on, at places in its own frame, mm."""
+        dx, dy = self.world(along, across)
+        dx, dy = dx - self.x_mm, dy - self.y_mm
+        falls = 0.5 * (self.bow[0] * dx**2 + self.bow[2] * dy**2) + self.bow[1] * dx * dy
+        return np.asarray(self.solid.profile(along, across) + falls)
 
     def local(self, x: Float, y: Float) -> tuple[Float, Float]:
         """(along, across) mm in the object's own frame of world points."""

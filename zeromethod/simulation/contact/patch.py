@@ -147,7 +147,7 @@ class Presser:
     def _found(self, lattice: Lattice, spread: Spread, start: Float | None, others: list[Patch]) -> Patch:
         held, solid = self._held, self._held.solid
         along, across = lattice.mesh()
-        profile = solid.profile(along, across) + self._background(lattice, others)
+        profile = held.profile(along, across) + self._background(lattice, others)
         start = np.zeros_like(profile) if start is None else start
         if solid.adhesion_j_m2:
             radius = self._ball_radius_mm()
