@@ -132,6 +132,16 @@ def test_light_that_goes_out_is_noticed_and_its_return_too(black_grey, levels, o
     assert [watch.is_off(np.full(SEEN.shape, level, np.float32)) for level in levels] == off
 
 
+def test_what_covers_nearly_all_of_the_view_is_not_the_light():
+    watch = LightWatch(SEEN, black_grey=4)
+    touched = np.full(SEEN.shape, 100, np.float32)
+    assert not watch.is_off(touched)
+    touched[1:] = 5
+    assert np.mean(touched[SEEN]) < 25
+    assert not watch.is_off(touched)
+    assert watch.is_off(np.full(SEEN.shape, 5, np.float32))
+
+
 def test_a_touch_in_a_part_of_the_view_is_not_the_light():
     watch = LightWatch(SEEN, black_grey=4)
     touched = np.full(SEEN.shape, 100, np.float32)

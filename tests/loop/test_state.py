@@ -8,6 +8,7 @@ QUIET = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0)
 AT_REST = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=1.0, at_rest=True)
 LOUD = StepOutcome(Outcome.MEASURED, residual_rms_px=1.0, valid_share=1.0)
 BLIND = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=0.3)
+COVERED = StepOutcome(Outcome.MEASURED, residual_rms_px=0.01, valid_share=0.3, covered_share=0.7)
 DARK = StepOutcome(Outcome.MEASURED, "the light is off")
 HELD = StepOutcome(Outcome.HELD, "held")
 FAILED = StepOutcome(Outcome.FAILED, "gone")
@@ -31,11 +32,12 @@ def follow(state: State, nulled: int, *steps: StepOutcome) -> list[State]:
     [
         (LOUD, NULLING, "residual 1 px"),
         (BLIND, LOST, "30 % of the nodes are seen"),
+        (COVERED, State.COVERED, "70 % of the reflection is gone"),
         (DARK, LOST, "the light is off"),
         (FAILED, State.FAULT, "gone"),
         (STOP, State.STOPPED, "asked to"),
     ],
-    ids=["large residual", "few nodes", "no light", "failed device", "stop"],
+    ids=["large residual", "few nodes", "covered", "no light", "failed device", "stop"],
 )
 def test_some_steps_mean_the_same_in_any_state(state, step, after, reason):
     assert next_status(Status(state, "", LOCK_FRAMES), step) == Status(after, reason, 0)
@@ -58,7 +60,7 @@ def test_stopping_is_final(step):
 
 @pytest.mark.parametrize("state", RUNNING)
 def test_no_new_information_means_holding_but_does_not_hide_starting_lost_or_fault(state):
-    after = state if state in {State.STARTING, State.LOST, State.FAULT} else State.HOLDING
+    after = state if state in {State.STARTING, State.COVERED, State.LOST, State.FAULT} else State.HOLDING
     assert next_status(Status(state, "", 2), HELD) == Status(after, "held", 2)
 
 

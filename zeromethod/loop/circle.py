@@ -15,7 +15,7 @@ from typing import Protocol
 import numba
 import numpy as np
 
-from zeromethod.arrays import Float, Image, Mask, Single
+from zeromethod.arrays import Flags, Float, Image, Mask, Single
 from zeromethod.control.composition import Composition, Controller
 from zeromethod.control.integrator import Integrator
 from zeromethod.control.velocity import Horizon
@@ -31,6 +31,7 @@ from zeromethod.sensing.residual import Residual
 from zeromethod.surface.expected_light import ExpectedLight
 from zeromethod.warp.continuation import continue_smoothly
 from zeromethod.warp.rest import Rest
+from zeromethod.warp.validity import Flag
 from zeromethod.warp.warp import Role, Warp
 
 REST_BLOCK = 8
@@ -45,6 +46,9 @@ time under the light that the first reading predicts: else a slide of 10 mm/s lo
 light, and 2 % of the peak with them."""
 
 _REFUSALS = {Unpaired.CONTRADICTED: Event.STRIPS_CONTRADICT, Unpaired.NOT_LIT: Event.NOT_LIT}
+
+
+_LIGHT_LOST = int(Flag.LIGHT_LOST)
 
 
 class Sensor(Protocol):
@@ -68,7 +72,7 @@ class FrameResult:
 
     changed: there is a new command. refusal: why it brought none. observation, residual and measured are None
     where the frame could not be paired or is dark. residual_rms_px: rms length of the residual over valid
-    nodes. valid_share: valid ones among the nodes visible at rest.
+    nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
     """
 
     changed: bool = False
@@ -78,6 +82,7 @@ class FrameResult:
     measured: Warp | None = None
     residual_rms_px: float = float("nan")
     valid_share: float = 0.0
+    covered_share: float = 0.0
 
     @property
     def believed(self) -> Warp | None:
@@ -163,11 +168,11 @@ class Circle:
             continued = continue_smoothly(measured.q - self.rest.q, measured.valid)
             residual, measured = self._measure(observation, known, self.rest.q + continued)
         changed, refusal = self._command(residual, measured, frozen)
-        square, share = _figures(residual.d, measured.valid, self.rest.visible)
+        square, share, covered = _figures(residual.d, measured.valid, self.rest.visible, residual.flags)
         rms_px = float(np.sqrt(square))
         if self._panel_blur is not None:
             self._panel_blur.learn(observation.shown.q, self.rest.q, residual, measured.valid, rms_px)
-        return FrameResult(changed, refusal, observation, residual, measured, rms_px, share)
+        return FrameResult(changed, refusal, observation, residual, measured, rms_px, share, covered)
 
     def _measure(self, observation: Observation, known: Known, lit_q: Float) -> tuple[Residual, Warp]:
         """Residual and measured warp under the light that a mirror seen at `lit_q` reflects."""
@@ -211,19 +216,20 @@ class Circle:
 
 
 @numba.njit(cache=True)
-def _figures(d: Float, valid: Mask, seen: Mask) -> tuple[float, float]:
-    """(mean square length of d over valid nodes, valid share of the seen ones)."""
+def _figures(d: Float, valid: Mask, seen: Mask, flags: Flags) -> tuple[float, float, float]:
+    """(mean square length of d over valid nodes; valid share of the seen ones, and that without light)."""
     total = 0.0
-    nodes = both = wanted = 0
+    nodes = both = wanted = dark = 0
     for j in range(valid.shape[0]):
         for i in range(valid.shape[1]):
             if seen[j, i]:
                 wanted += 1
+                dark += flags[j, i] & _LIGHT_LOST != 0
             if valid[j, i]:
                 nodes += 1
                 both += seen[j, i]
                 total += d[j, i, 0] ** 2 + d[j, i, 1] ** 2
-    return total / nodes if nodes else np.nan, both / max(wanted, 1)
+    return total / nodes if nodes else np.nan, both / max(wanted, 1), dark / max(wanted, 1)
 
 
 @numba.njit(cache=True)

@@ -37,6 +37,9 @@ LEAST_CYCLES = 3.0
 OFF_BELOW = 0.25
 """Share of the usual light under which it counts as off."""
 
+LIT_ABOVE, LIT_SHARE = 0.5, 0.02
+"""Share of the usual light in more than that share of the view by which the light is on."""
+
 MEMORY = 0.05
 """Share of every good frame in the usual light."""
 
@@ -62,6 +65,11 @@ class LightWatch:
         self._black = black_grey
         self._usual: float | None = None
 
+    def _partly_lit(self, mean_grey: Single) -> bool:
+        """Whether some of the view has its usual light: then something covers the rest."""
+        light = mean_grey[self._seen] - self._black
+        return float(np.mean(light > LIT_ABOVE * (self._usual or 0.0))) > LIT_SHARE
+
     def is_off(self, mean_grey: Single) -> bool:
         """Whether a frame with these means per node, (rows, cols) grey, was taken without light."""
         if not self._any:
@@ -69,8 +77,8 @@ class LightWatch:
         light = mean_of(mean_grey, self._seen) - self._black
         if self._usual is None:
             self._usual = light
-        off = not light > OFF_BELOW * self._usual
-        if not off:
+        off = not light > OFF_BELOW * self._usual and not self._partly_lit(mean_grey)
+        if light > OFF_BELOW * self._usual:
             self._usual += MEMORY * (light - self._usual)
         return off
 

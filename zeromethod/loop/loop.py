@@ -302,7 +302,8 @@ class Loop:
         at_rest = locked and self._circle.at_rest(result.measured, self._zero.rest_q)
         blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
         seen = result.residual_rms_px, result.valid_share
-        return StepOutcome(Outcome.MEASURED, blinded, *seen, at_rest, self.bench.doubt or self.doubt)
+        doubt = self.bench.doubt or self.doubt
+        return StepOutcome(Outcome.MEASURED, blinded, *seen, at_rest, result.covered_share, doubt)
 
     def _show(self, result: FrameResult, refusal: Notice | None, frozen: bool, now_ns: int) -> Trouble | None:
         """Have the command drawn; what went wrong, where something did."""

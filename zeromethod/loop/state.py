@@ -6,14 +6,14 @@
 
     LOCKED, RESTING --nulled, but its readings must not be trusted--> UNCALIBRATED, MOVED, and back
     any of these seven --no usable new information--> HOLDING (STARTING keeps its name; the warp stays)
-    any of these eight  --few nodes still valid--> LOST
-    any of these nine  --asked to pause--> PAUSED (frames are measured, the warp stays) until resumed
+    any of these eight  --most of the reflection gone--> COVERED; --few nodes still valid--> LOST
+    any of these ten  --asked to pause--> PAUSED (frames are measured, the warp stays) until resumed
     any              --device lost, wrong frame, stalled--> FAULT
-    HOLDING, LOST, FAULT --usable frame--> any of NULLING ... MOVED, or LOST, by its figures
+    HOLDING, COVERED, LOST, FAULT --usable frame--> any of NULLING ... MOVED, COVERED or LOST, by its figures
     any              --asked to stop--> STOPPED --run again--> STARTING
 
-A refused frame neither counts as small nor breaks the row of small ones. FAULT and LOST are not left by
-holding. LOST, as a state, is the whole loop's; a single lost node is a flag of its warp.
+A refused frame neither counts as small nor breaks the row of small ones. FAULT, COVERED and LOST are not left
+by holding. LOST, as a state, is the whole loop's; a single lost node is a flag of its warp.
 """
 
 from __future__ import annotations
@@ -28,6 +28,9 @@ LOCK_RESIDUAL_PX = 0.05
 LOCK_FRAMES = 3
 """Consecutive nulled frames that make a lock."""
 
+COVERED_FROM = 0.5
+"""Share of the nodes visible at rest without light from which something covers the mirror."""
+
 LOST_BELOW = 0.5
 """Share of the nodes usable at rest that must be valid, or the loop is lost."""
 
@@ -41,6 +44,7 @@ class State(enum.StrEnum):
     LOCKED = "locked"
     UNCALIBRATED = "not calibrated"
     MOVED = "bench moved"
+    COVERED = "covered"
     LOST = "lost"
     HOLDING = "holding"
     PAUSED = "paused"
@@ -82,6 +86,7 @@ class StepOutcome:
     residual_rms_px: float = float("nan")
     valid_share: float = 0.0
     at_rest: bool = False
+    covered_share: float = 0.0
     doubt: Doubt | None = None
 
 
@@ -105,7 +110,7 @@ def next_status(previous: Status, step: StepOutcome) -> Status:
         case Outcome.FAILED:
             return Status(State.FAULT, step.reason)
         case Outcome.HELD:
-            kept = state in {State.STARTING, State.LOST, State.FAULT}
+            kept = state in {State.STARTING, State.COVERED, State.LOST, State.FAULT}
             return Status(state if kept else State.HOLDING, step.reason, previous.nulled_frames)
         case Outcome.PAUSED:
             return Status(State.PAUSED, step.reason, previous.nulled_frames)
@@ -113,9 +118,18 @@ def next_status(previous: Status, step: StepOutcome) -> Status:
             return _measured(previous, step)
 
 
-def _measured(previous: Status, step: StepOutcome) -> Status:
+def _blind(step: StepOutcome) -> Status | None:
+    """Status of a measured step that sees too little of the mirror."""
+    if step.covered_share >= COVERED_FROM:
+        return Status(State.COVERED, f"{100 * step.covered_share:.0f} % of the reflection is gone")
     if step.valid_share < LOST_BELOW:
         return Status(State.LOST, step.reason or f"{100 * step.valid_share:.0f} % of the nodes are seen")
+    return None
+
+
+def _measured(previous: Status, step: StepOutcome) -> Status:
+    if (blind := _blind(step)) is not None:
+        return blind
     if not step.residual_rms_px < LOCK_RESIDUAL_PX:
         return Status(State.NULLING, f"residual {step.residual_rms_px:.3g} px")
     nulled = previous.nulled_frames + 1

@@ -21,7 +21,7 @@ Figures = dict[str, Any]
 _FOLLOWING = NULLED | {State.NULLING}
 """A moving press is never quite nulled; every frame that was measured counts."""
 
-_SEES_TARGET = NULLED | {State.UNCALIBRATED, State.MOVED}
+_SEES_TARGET = NULLED | {State.UNCALIBRATED, State.MOVED, State.COVERED}
 _TAIL_S, _LEAST_TAIL_S = 5.0, 1.0
 
 _LIBRARIES = ("zeromethod", "numpy", "scipy", "numba", "opencv-contrib-python-headless", "moderngl")

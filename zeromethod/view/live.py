@@ -23,11 +23,22 @@ STATE_COLOURS = {
     State.PAUSED: "#4fa3d1",
     State.UNCALIBRATED: "#a98467",
     State.MOVED: "#ff5d8f",
+    State.COVERED: "#8d6e63",
     State.LOST: "#b5179e",
     State.FAULT: "#d62828",
     State.STOPPED: "#808080",
 }
-EXPLAINED = frozenset({State.HOLDING, State.UNCALIBRATED, State.MOVED, State.LOST, State.FAULT, State.PAUSED})
+EXPLAINED = frozenset(
+    {
+        State.HOLDING,
+        State.UNCALIBRATED,
+        State.MOVED,
+        State.COVERED,
+        State.LOST,
+        State.FAULT,
+        State.PAUSED,
+    }
+)
 """States whose reason is shown in place of the figures."""
 
 
