@@ -160,10 +160,8 @@ class CurlTest:
         combine[:count, :-1], combine[-1, -1] = directions, 1.0
         inverse = np.linalg.pinv(combine.T @ gram @ combine)
         across, down = (np.tensordot(combine.T, one, axes=1) for one in weighted)
-        reach = [
-            depth_differences_adjoint(a, d, x_mm, y_mm, island) for a, d in zip(across, down, strict=True)
-        ]
-        shared = noise.on(island).covariance(np.stack(reach))
-        covariance = inverse @ np.einsum("aijk,bijk->ab", np.stack(reach), shared) @ inverse
+        reach = depth_differences_adjoint(across, down, x_mm, y_mm, island)
+        shared = noise.on(island).covariance(reach)
+        covariance = inverse @ np.einsum("aijk,bijk->ab", reach, shared) @ inverse
         variance = self._mean_variance(noise)
         return _Templates(across, down, inverse, covariance[:-1, :-1], variance, directions, depth[:count])

@@ -143,38 +143,78 @@ def _along_rows(
 
 
 @numba.njit(cache=True)
+def _integral_adjoint(weight: Any, weights: Any, padded: Any, line: Any) -> None:
+    """Weights of a run's nodes from those of all its steps but two at either end; padded: scratch."""
+    w0, w1, w2 = weights[0], weights[1], weights[2]
+    count = len(line)
+    padded[: count + 5] = 0.0
+    for j in range(2, count - 3):
+        padded[j + 3] = weight[j]
+    for m in range(count):
+        far, near = padded[m] + padded[m + 5], padded[m + 1] + padded[m + 4]
+        line[m] = w0 * far + w1 * near + w2 * (padded[m + 2] + padded[m + 3])
+
+
+@numba.njit(cache=True)
+def _derivative_adjoint(x: Any, y: Any, line: Any, weights: Any, out_x: Any, out_y: Any) -> None:
+    """Derivative of the point times the line for all nodes of a run but three at either end, added."""
+    w1, w2, w3 = weights[4], weights[5], weights[6]
+    for j in range(len(line) - 6):
+        dx = w1 * (x[j + 4] - x[j + 2]) + w2 * (x[j + 5] - x[j + 1]) + w3 * (x[j + 6] - x[j])
+        dy = w1 * (y[j + 4] - y[j + 2]) + w2 * (y[j + 5] - y[j + 1]) + w3 * (y[j + 6] - y[j])
+        out_x[j + 3] += line[j + 3] * dx
+        out_y[j + 3] += line[j + 3] * dy
+
+
+@numba.njit(cache=True)
 def _along_rows_adjoint(
     weight: Any, x: Any, y: Any, valid: Any, derivative: Any, integral: Any, out_x: Any, out_y: Any
 ) -> None:
     """Add the transpose of `_along_rows`: from weights of the steps to weights of the slopes."""
     rows, cols = valid.shape
-    line = np.empty(cols)
+    whole, padded = np.empty(cols), np.empty(cols + 5)
+    centred = derivative[DERIVATIVE_POINTS, DERIVATIVE_POINTS // 2]
+    middle = integral[INTEGRAL_POINTS, INTEGRAL_POINTS // 2 - 1]
     for i in range(rows):
         start, end = _next_run(valid, i, 0)
         while start < cols:
             if end - start > 1:
-                line[start:end] = 0.0
+                run = slice(start, end)
+                _integral_adjoint(weight[i, start : end - 1], middle, padded, whole[run])
                 for j in range(start, end - 1):
+                    if start + 2 <= j < end - 3:
+                        continue
                     first, points = _integral_stencil(j, start, end)
                     for k in range(points):
-                        line[first + k] += integral[points, j - first, k] * weight[i, j]
+                        whole[first + k] += integral[points, j - first, k] * weight[i, j]
+                _derivative_adjoint(x[i, run], y[i, run], whole[run], centred, out_x[i, run], out_y[i, run])
                 for j in range(start, end):
+                    if start + 3 <= j < end - 3:
+                        continue
                     dx, dy = _derivative_at(x, y, i, j, start, end, derivative)
-                    out_x[i, j] += line[j] * dx
-                    out_y[i, j] += line[j] * dy
+                    out_x[i, j] += whole[j] * dx
+                    out_y[i, j] += whole[j] * dy
             start, end = _next_run(valid, i, end)
 
 
 def depth_differences_adjoint(across: Float, down: Float, x_mm: Float, y_mm: Float, valid: Mask) -> Float:
-    """Transpose of `depth_differences`: weights (rows, cols, 2), mm, of the slopes in a sum over steps.
+    """Transpose of `depth_differences`: weights (..., rows, cols, 2), mm, of the slopes in sums over steps.
 
-    across (rows, cols-1), down (rows-1, cols): the steps' weights; those that touch an invalid node count 0.
-    sum(across * steps_across) + sum(down * steps_down) = sum(result * slope).
+    across (..., rows, cols-1), down (..., rows-1, cols): the steps' weights; those that touch an invalid node
+    count 0. sum(across * steps_across) + sum(down * steps_down) = sum(result * slope).
     """
-    out = np.zeros((*valid.shape, 2))
-    out_x, out_y = out[..., 0], out[..., 1]
-    _along_rows_adjoint(across, x_mm, y_mm, valid, _DERIVATIVE, _INTEGRAL, out_x, out_y)
-    _along_rows_adjoint(down.T, x_mm.T, y_mm.T, valid.T, _DERIVATIVE, _INTEGRAL, out_x.T, out_y.T)
+    out = np.empty((*across.shape[:-2], *valid.shape, 2))
+    x, y, known = (np.ascontiguousarray(one) for one in (x_mm, y_mm, valid))
+    x_turned, y_turned, known_turned = (np.ascontiguousarray(one.T) for one in (x_mm, y_mm, valid))
+    along, turned = np.empty((2, *valid.shape)), np.empty((2, *valid.T.shape))
+    for one in np.ndindex(across.shape[:-2]):
+        along[:], turned[:] = 0.0, 0.0
+        _along_rows_adjoint(across[one], x, y, known, _DERIVATIVE, _INTEGRAL, along[0], along[1])
+        steps = np.ascontiguousarray(down[one].T)
+        _along_rows_adjoint(
+            steps, x_turned, y_turned, known_turned, _DERIVATIVE, _INTEGRAL, turned[0], turned[1]
+        )
+        out[(*one, ..., 0)], out[(*one, ..., 1)] = along[0] + turned[0].T, along[1] + turned[1].T
     return out
 
 

@@ -110,20 +110,8 @@ class LinearIntegration:
         ignored. This is the transpose of `depth`. share: error that is allowed for, relative.
         """
         potential = self.solution.solve(np.where(self.island, weights, 0.0), share)
-        flat = potential.reshape(-1, *self.island.shape)
-        out = np.stack(
-            [
-                depth_differences_adjoint(
-                    self.across * np.diff(one, axis=1),
-                    self.down * np.diff(one, axis=0),
-                    self.x_mm,
-                    self.y_mm,
-                    self.island,
-                )
-                for one in flat
-            ]
-        )
-        return out.reshape(*potential.shape, 2)
+        across, down = self.across * np.diff(potential, axis=-1), self.down * np.diff(potential, axis=-2)
+        return depth_differences_adjoint(across, down, self.x_mm, self.y_mm, self.island)
 
 
 @numba.njit(cache=True, error_model="numpy")

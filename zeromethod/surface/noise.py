@@ -66,6 +66,35 @@ def _ratios(now: Float, kept: Float, both: Mask) -> tuple[Float, float, float]:
     return out, middle, away / (middle * count)
 
 
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _variance(weights: Float, factor: Float, correlation: Float) -> float:
+    """Variance of sum(weights * slope), weights (rows, cols, 2). correlation: own and other of `SlopeNoise`."""
+    rows, cols = weights.shape[:2]
+    far = correlation.shape[1] - 1
+    camera, along = np.zeros((rows, cols + 2 * far)), np.zeros((rows + 2 * far, cols))
+    row, total = np.empty(cols), 0.0
+    for axis in range(2):
+        across, down = correlation[axis], correlation[1 - axis]
+        for i in range(rows):
+            for j in range(cols):
+                by_x, by_y = factor[i, j, 0, axis], factor[i, j, 1, axis]
+                camera[i, far + j] = by_x * weights[i, j, 0] + by_y * weights[i, j, 1]
+            for j in range(cols):
+                along[far + i, j] = across[0] * camera[i, far + j]
+            for k in range(1, far + 1):
+                for j in range(cols):
+                    along[far + i, j] += across[k] * (camera[i, far + j - k] + camera[i, far + j + k])
+        for i in range(rows):
+            for j in range(cols):
+                row[j] = down[0] * along[far + i, j]
+            for k in range(1, far + 1):
+                for j in range(cols):
+                    row[j] += down[k] * (along[far + i - k, j] + along[far + i + k, j])
+            for j in range(cols):
+                total += row[j] * camera[i, far + j]
+    return total
+
+
 class SlopeNoise:
     """Noise of the slopes of one reading.
 
@@ -98,9 +127,12 @@ class SlopeNoise:
 
     def variance_of(self, weights: Float) -> Float:
         """Variance (...) of sum(weights * slope), weights (..., rows, cols, 2)."""
-        noise = self._camera(weights)
-        result: Float = (noise * self._correlated(noise)).sum(axis=(-1, -2, -3))
-        return result
+        out = np.empty(weights.shape[:-3])
+        correlation = np.zeros((2, max(len(self.own), len(self.other))))
+        correlation[0, : len(self.own)], correlation[1, : len(self.other)] = self.own, self.other
+        for one in np.ndindex(out.shape):
+            out[one] = _variance(np.ascontiguousarray(weights[one]), self.factor, correlation)
+        return out
 
     def _camera(self, weights: Float) -> Float:
         """Weights (..., rows, cols, 2) of the noise along u and v from those of the slopes."""
