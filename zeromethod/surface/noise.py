@@ -68,7 +68,7 @@ def _ratios(now: Float, kept: Float, both: Mask) -> tuple[Float, float, float]:
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def _variance(weights: Float, factor: Float, correlation: Float) -> float:
-    """Variance of sum(weights * slope), weights (rows, cols, 2). correlation: own and other of `SlopeNoise`."""
+    """Variance of sum(weights * slope), weights (rows, cols, 2); correlation: own, other of `SlopeNoise`."""
     rows, cols = weights.shape[:2]
     far = correlation.shape[1] - 1
     camera, along = np.zeros((rows, cols + 2 * far)), np.zeros((rows + 2 * far, cols))
