@@ -83,7 +83,7 @@ def test_the_wheel_carries_shaders_and_rigs_and_runs_elsewhere(tmp_path):
     command = tmp_path / "fresh" / "bin" / "zeromethod"
     assert "zeromethod, version" in _run(command, "--version", cwd=elsewhere)
     _run(
-        command, "run", "--frames", "3", "--scenario", "none", "--summary", "run.json", "--record", "run.h5",
+        command, "run", "--frames", "8", "--scenario", "none", "--summary", "run.json", "--record", "run.h5",
         cwd=elsewhere,
     )  # fmt: skip
     assert (elsewhere / "run.json").is_file()

@@ -68,12 +68,27 @@ def tried_dents(
     return Tried(about, slopes, explained, limits[3, 1])
 
 
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _product(one: Float, other: Float) -> float:
+    """Sum of products: in the same order on every machine's threads, which those of a library are not."""
+    total = 0.0
+    for k in range(len(one)):
+        total += one[k] * other[k]
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _along(tried: Tried) -> Float:
+    """Products (dents,) of each dent's slopes with those to be explained."""
+    return np.array([_product(one, tried.left) for one in tried.slopes])
+
+
 @numba.njit(cache=True, error_model="numpy")
 def best_one(tried: Tried) -> Float:
     """Numbers (6,) of the dent that alone explains the slopes best; of depth 0 where none does."""
-    along, best, out = tried.slopes @ tried.left, 0.0, np.zeros(NUMBERS)
+    along, best, out = _along(tried), 0.0, np.zeros(NUMBERS)
     for one in range(len(along)):
-        square = tried.slopes[one] @ tried.slopes[one]
+        square = _product(tried.slopes[one], tried.slopes[one])
         depth_mm = along[one] / square
         if along[one] * depth_mm > best and abs(depth_mm) < tried.deepest_mm:
             best = along[one] * depth_mm
@@ -84,12 +99,13 @@ def best_one(tried: Tried) -> Float:
 @numba.njit(cache=True, error_model="numpy")
 def best_two(tried: Tried) -> Float:
     """Numbers (13,) of the two dents that together explain the slopes best, and of their law."""
-    products, along = tried.slopes @ tried.slopes.T, tried.slopes @ tried.left
+    along = _along(tried)
+    squares = np.array([_product(one, one) for one in tried.slopes])
     best, out = 0.0, np.zeros(2 * NUMBERS + 1)
     out[-1] = _FREE_LAW
     for one in range(len(along)):
         for other in range(one):
-            a, b, c = products[one, one], products[one, other], products[other, other]
+            a, b, c = squares[one], _product(tried.slopes[one], tried.slopes[other]), squares[other]
             determinant = a * c - b * b
             if determinant > _APART * a * c:
                 first = (c * along[one] - b * along[other]) / determinant
