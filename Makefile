@@ -4,7 +4,7 @@
 # make test-long  calibrations of whole benches and a run, in real time and pixel by pixel, some seven minutes
 # make lint  format, lint, types, import layers, docstrings of the public API
 # make bench speed and accuracy against peers (ratios of the same run), sigma, steps, long holds, gains,
-#            faults, live path, calibration, decoding, still images: ~40 minutes
+#            faults, live path, calibration, decoding, still images: ~50 minutes
 # Everything lives in .venv; system packages that are missing (EGL, Mesa; Xorg for the tests) are installed first.
 
 PYTHON ?= python3
