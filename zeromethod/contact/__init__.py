@@ -2,6 +2,6 @@
 
 from zeromethod.contact.contact import Contact, ContactFigures, Probability
 from zeromethod.contact.finder import ContactFinder
-from zeromethod.contact.outline import evenly
+from zeromethod.contact.outline import closed, evenly
 
-__all__ = ["Contact", "ContactFigures", "ContactFinder", "Probability", "evenly"]
+__all__ = ["Contact", "ContactFigures", "ContactFinder", "Probability", "closed", "evenly"]

@@ -8,7 +8,15 @@ from zeromethod.arrays import Image
 from zeromethod.contact.contact import Contact, Probability
 from zeromethod.contact.in_mm import MirrorPlaces
 from zeromethod.contact.moments import moments
-from zeromethod.contact.outline import WINDOW_PX, compile_ahead, first_outline, normals, refined, signed_area
+from zeromethod.contact.outline import (
+    WINDOW_PX,
+    compile_ahead,
+    first_outline,
+    normals,
+    perimeter,
+    refined,
+    signed_area,
+)
 from zeromethod.contact.region import Region, RegionFinder
 from zeromethod.contact.rest import RestPicture
 from zeromethod.contact.track import ContactTrack
@@ -89,15 +97,15 @@ class ContactFinder:
         pixel_mm = float(np.sqrt(area / abs(signed_area(points_px))))
         open_mm = float(np.hypot(beyond, _EDGE_PX * pixel_mm))
         own_mm = outline.sigma_px * pixel_mm
-        perimeter = float(np.hypot(*(outline_mm - np.roll(outline_mm, 1, axis=0)).T).sum())
-        apart_mm = own_mm / np.sqrt(max(perimeter / pixel_mm / WINDOW_PX, 1.0))
+        around_mm = perimeter(outline_mm)
+        apart_mm = own_mm / np.sqrt(max(around_mm / pixel_mm / WINDOW_PX, 1.0))
         sigma_x, sigma_y = (float(np.hypot(part, max(apart_mm, 0.2 * open_mm))) for part in seen.sigma_mm)
         return Contact(
             id=0,
             **moments(outline_mm)._asdict(),
             sigma_x_mm=sigma_x,
             sigma_y_mm=sigma_y,
-            sigma_area_mm2=perimeter * float(np.hypot(open_mm, apart_mm)),
+            sigma_area_mm2=around_mm * float(np.hypot(open_mm, apart_mm)),
             outline_mm=outline_mm,
             sigma_edge_mm=float(np.sqrt(open_mm**2 + own_mm**2 + sum(np.square(seen.sigma_mm)) / 2)),
             outline_px=points_px,

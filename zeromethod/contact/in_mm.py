@@ -9,6 +9,7 @@ from scipy.ndimage import map_coordinates
 
 from zeromethod.arrays import Float
 from zeromethod.contact.moments import moments
+from zeromethod.contact.outline import perimeter
 from zeromethod.optics import Optics
 from zeromethod.surface import Surface
 from zeromethod.warp.grid import NodeGrid
@@ -66,7 +67,7 @@ class MirrorPlaces:
         self._evanescent = WAVELENGTH_MM / (2 * np.pi * np.sqrt(np.maximum(beyond, 0.01)))
 
     def seen(self, points_px: Float, surface: Surface) -> Seen:
-        """Where the border points (n, 2) px lie, at the depth that nodes around tell.
+        """Where the border points (n, 2) px lie, at the depth that the nodes around say.
 
         The gap beside a ball opens as distance^1.5, with a factor by Hertz from the contact's size and the
         depth far from it, which falls as force / distance; light is lost in it beyond the border.
@@ -83,8 +84,9 @@ class MirrorPlaces:
         doubt = 0.5 * (rim - depth)
         if shape.minor_mm > _ROUND * shape.major_mm:
             depth = np.full_like(depth, rim)
-        perimeter = float(np.hypot(*(at_rest - np.roll(at_rest, 1, axis=0)).T).sum())
-        opening = 2.83 * np.pi * force.at_1_mm / (shape.area_mm2 * np.sqrt(2 * shape.area_mm2 / perimeter))
+        opening = (
+            2.83 * np.pi * force.at_1_mm / (shape.area_mm2 * np.sqrt(2 * shape.area_mm2 / perimeter(at_rest)))
+        )
         evanescent = float(np.mean(self._at(self._evanescent[..., None], points_px)))
         beyond = min(0.9 * (evanescent / (2 * opening)) ** (2 / 3), MOST_LIGHT_MM)
         return Seen(at_rest - depth[:, None] * per_depth, _open(doubt, per_depth), float(beyond))

@@ -47,16 +47,25 @@ def first_outline(mask: Mask) -> Float:
 
 def resampled(points: Float) -> Float:
     """The closed polygon with points about _APART_PX apart."""
-    perimeter = np.hypot(*(points - np.roll(points, 1, axis=0)).T).sum()
-    return evenly(points, max(16, round(perimeter / _APART_PX)))
+    return evenly(points, max(16, round(perimeter(points) / _APART_PX)))
+
+
+def perimeter(points: Float) -> float:
+    """Length of a closed polygon (n, 2)."""
+    return float(np.hypot(*(points - np.roll(points, 1, axis=0)).T).sum())
+
+
+def closed(points: Float) -> Float:
+    """A polygon (n, 2) with its first point again at the end, (n + 1, 2)."""
+    return np.concatenate((points, points[:1]))
 
 
 def evenly(points: Float, count: int) -> Float:
     """`count` points (count, 2) evenly along a closed polygon (n, 2), from its first on."""
-    closed = np.concatenate((points, points[:1]))
-    way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))))
+    line = closed(points)
+    way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
     at = np.arange(count) * (way[-1] / count)
-    return np.stack([np.interp(at, way, closed[:, k]) for k in (0, 1)], axis=-1)
+    return np.stack([np.interp(at, way, line[:, k]) for k in (0, 1)], axis=-1)
 
 
 def signed_area(points: Float) -> float:

@@ -24,7 +24,7 @@ _FLAT_SHARE = 0.06
 _UNLIKE_SHARE = 0.15
 """Difference from the pixels a period away, over the mean light, from which a pixel has dirt on it."""
 _DRIFT_EVERY = 4
-"""Of the nodes every such one is enough to tell the drift of all light."""
+"""Of the nodes every such one is enough for the drift of all light."""
 _DARK_SHARE = 0.5
 """Mean light over its surroundings' below which a place is dark at rest."""
 

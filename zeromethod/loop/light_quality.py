@@ -77,10 +77,10 @@ class LightWatch:
         light = mean_of(mean_grey, self._seen) - self._black
         if self._usual is None:
             self._usual = light
-        off = not light > OFF_BELOW * self._usual and not self._partly_lit(mean_grey)
         if light > OFF_BELOW * self._usual:
             self._usual += MEMORY * (light - self._usual)
-        return off
+            return False
+        return not self._partly_lit(mean_grey)
 
 
 def beat(times_s: Float, light: Float) -> tuple[float, float]:

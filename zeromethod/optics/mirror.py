@@ -167,7 +167,11 @@ class Dented:
 
 def rest_surface(rig: Rig) -> HeightField:
     """Undeformed mirror of a rig. Raises InputError where its height map cannot be used."""
-    rest = rig.prism.rest
+    return height_field(rig.prism.rest)
+
+
+def height_field(rest: RestSurface) -> HeightField:
+    """Heights of a mirror at rest. Raises InputError where its map cannot be used."""
     if rest.shape == "sphere":
         assert rest.radius_mm is not None
         return Sphere(rest.radius_mm, rest.centre_mm)

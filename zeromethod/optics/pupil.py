@@ -44,11 +44,16 @@ def footprint_terms(rig: Rig) -> Float:
         back = np.swapaxes(at_by, -1, -2)
         columns.append(np.linalg.solve(back @ at_by, back @ reached))
     shift = np.concatenate(columns, axis=-1) * (0.5 * camera.pupil_mm / _STEP_MM)
-    terms = np.stack((np.ones_like(s), s, t, s * s, s * t, t * t), axis=-1).reshape(-1, 6)
+    terms = quadratic_terms(s, t).reshape(-1, 6)
     flat = shift.reshape(-1, 4)
     known = np.isfinite(flat).all(axis=-1)
     found = np.linalg.lstsq(terms[known], flat[known], rcond=None)[0]
     return np.asarray(found.reshape(6, 2, 2))
+
+
+def quadratic_terms(s: Float, t: Float) -> Float:
+    """(..., 6): the terms of `footprint_terms` at places s, t (...)."""
+    return np.stack((np.ones_like(s), s, t, s * s, s * t, t * t), axis=-1)
 
 
 def _jacobians(optics: Optics, u: Float, v: Float) -> tuple[Float, Float, Float, Float]:

@@ -208,11 +208,7 @@ class Recording(AbstractContextManager["Recording"]):
 
     @property
     def contacts(self) -> Image:
-        """What touched the mirror: a structured array, one row per contact and frame that was read.
-
-        step, time_ns, id, x_mm, y_mm, sigma_x_mm, sigma_y_mm, area_mm2, sigma_area_mm2, major_mm, minor_mm,
-        angle_deg, sigma_edge_mm, scattered, outline_mm (64, 2).
-        """
+        """Contacts: a structured array of `zeromethod.recording.schema.CONTACTS`, a row per frame read."""
         return self.tables.contacts()
 
     @property

@@ -231,9 +231,13 @@ _NUMBERS = {
 }
 
 
+def row_dtype(fields: Fields) -> np.dtype[Any]:
+    """Of a table's rows."""
+    return np.dtype([(field, kind) for field, (kind, _, _) in fields.items()])
+
+
 def _table(group: str, fields: Fields, meaning: str, kept: str = "", name: str = "table") -> Part:
-    kind = np.dtype([(field, kind) for field, (kind, _, _) in fields.items()])
-    return Part(f"{group}/{name}", kind, (), "see the attribute `fields`", meaning, kept, fields)
+    return Part(f"{group}/{name}", row_dtype(fields), (), "see the attribute `fields`", meaning, kept, fields)
 
 
 def _checksums(group: str, own: Collection[Part], kept: str = "") -> Part:

@@ -9,7 +9,7 @@ import numpy as np
 from zeromethod.arrays import Image
 from zeromethod.recording.opening import Refusal, RefusedRecording
 from zeromethod.recording.peaks import peak_table
-from zeromethod.recording.schema import ANCHORS, CONTACTS, EVENTS, STATES, AnchorMode
+from zeromethod.recording.schema import ANCHORS, CONTACTS, EVENTS, STATES, AnchorMode, row_dtype
 from zeromethod.recording.source import RecordingFile
 
 
@@ -54,8 +54,7 @@ class Tables:
     def contacts(self) -> Image:
         """Rows of the table of contacts; none where the file has no such table."""
         if "contacts/table" not in self._source.names:
-            kinds = [(field, kind) for field, (kind, _, _) in CONTACTS.items()]
-            return np.zeros(0, np.dtype(kinds))
+            return np.zeros(0, row_dtype(CONTACTS))
         return self.rows("contacts")
 
     def damaged_steps(self, name: str) -> set[int]:

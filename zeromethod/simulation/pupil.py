@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from zeromethod.arrays import Float
-from zeromethod.optics.pupil import footprint_terms
+from zeromethod.optics.pupil import footprint_terms, quadratic_terms
 from zeromethod.rig.model import Rig
 
 SAMPLES = 24
@@ -34,9 +34,7 @@ class Pupil:
         rows, cols = rig.camera.rows, rig.camera.columns
         self._v, self._u = np.mgrid[0:rows, 0:cols].astype(np.float64)
         s, t = 2 * self._u / (cols - 1) - 1, 2 * self._v / (rows - 1) - 1
-        self._shift = np.einsum(
-            "krc,kij->rcij", np.stack((np.ones_like(s), s, t, s * s, s * t, t * t)), terms
-        )
+        self._shift = np.einsum("rck,kij->rcij", quadratic_terms(s, t), terms)
         self._unit = 1 / (rig.camera.psf_px**2 + 1 / 12)
 
     @classmethod

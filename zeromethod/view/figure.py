@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from zeromethod.arrays import Float, Image
-from zeromethod.contact import Contact
+from zeromethod.contact import Contact, closed
 from zeromethod.loop.step import Step
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
@@ -145,7 +145,7 @@ def _read_maps(axes: list[Axes], result: RunResult, nulled: Step) -> None:
 def draw_outlines(axis: Axes, contacts: Sequence[Contact]) -> None:
     """Draw the borders of contacts over a map, each with its id."""
     for contact in contacts:
-        axis.plot(*np.concatenate((contact.outline_mm, contact.outline_mm[:1])).T, "k-", linewidth=0.8)
+        axis.plot(*closed(contact.outline_mm).T, "k-", linewidth=0.8)
         axis.annotate(f"{contact.id}", (contact.x_mm, contact.y_mm), ha="center", va="center")
 
 

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from zeromethod.arrays import Float
+from zeromethod.contact import closed
 from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
@@ -101,7 +102,7 @@ def depth_map(surface: Surface, peak_mm: tuple[float, float], borders_mm: Sequen
         for colour, width in (("white", 2.4), ("black", 0.8)):
             axis.plot(*peak_mm, "+", color=colour, markersize=10, markeredgewidth=width)
         for border in borders_mm:
-            axis.plot(*np.concatenate((border, border[:1])).T, color="black", linewidth=0.8)
+            axis.plot(*closed(border).T, color="black", linewidth=0.8)
         bar = figure.colorbar(mesh, ax=axis, label=f"depth, {unit}", location="bottom", aspect=30)
         assert bar.solids is not None
         bar.solids.set_rasterized(True)

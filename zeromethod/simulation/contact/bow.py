@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from zeromethod.errors import InputError
-from zeromethod.optics.mirror import GridHeight, rest_heights
+from zeromethod.optics.mirror import HeightField, height_field
 from zeromethod.rig.tables import RestSurface
 from zeromethod.simulation.contact.objects import Held
 
@@ -17,17 +17,20 @@ _DECIMALS = 5
 """Of a map's curvatures, 1/mm, which are rounded so that an object that slides is seldom solved anew."""
 
 
-@lru_cache(64)
+@lru_cache(4)
+def _heights(rest: RestSurface) -> HeightField:
+    """Read once, not at every place of an object that slides."""
+    return height_field(rest)
+
+
 def bow_of(rest: RestSurface, x_mm: float, y_mm: float) -> tuple[float, float, float]:
     """Second derivatives (xx, xy, yy), 1/mm, of how far the mirror lies below its tangent plane at a point.
 
     Objects press along its normal there. Raises InputError where a map of heights cannot be read.
     """
     if rest.shape == "map":
-        assert rest.pitch_mm is not None
-        surface = GridHeight(rest_heights(rest), rest.pitch_mm, rest.origin_mm)
         way = _STEP_MM * np.array([1.0, -1.0, 0.0, 0.0])
-        zx, zy = surface.gradient(x_mm + way, y_mm + way[::-1])
+        zx, zy = _heights(rest).gradient(x_mm + way, y_mm + way[::-1])
         found = -np.array([zx[0] - zx[1], zx[3] - zx[2], zy[3] - zy[2]]) / (2 * _STEP_MM)
         xx, xy, yy = np.round(found, _DECIMALS).tolist()
         return xx, xy, yy

@@ -88,7 +88,7 @@ def _layer_table(rubber: Rubber) -> tuple[Float, Float]:
     lacks = layer_factor(waves, rubber.poisson, bonded=rubber.support == "bonded") - 1
     # dense where the layer's own scale is, out to where nothing of either is left
     radii = thickness * np.concatenate((np.linspace(0, 4, _TABLE // 2), np.linspace(4.01, 30, _TABLE // 2)))
-    modulus = rubber.youngs_modulus_mpa / (1 - rubber.poisson**2)
+    modulus = Compliance(rubber).modulus_mpa
     values = j0(np.outer(radii / thickness, waves)) @ (lacks * weights) / (np.pi * modulus * thickness)
     # far beyond, the base takes all of it
     far = thickness * np.geomspace(30.1, 300, 200)
