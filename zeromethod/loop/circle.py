@@ -23,6 +23,7 @@ from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.exposures import Exposures, Unpaired
 from zeromethod.exposure.pairing import Observation
 from zeromethod.loop.events import Event
+from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
 from zeromethod.loop.panel_blur import PanelBlur
@@ -123,6 +124,7 @@ class Circle:
         self.controller = controller
         self._sensor = sensor
         self._light_watch = LightWatch(rest.visible, black_grey)
+        self._hold = LightHold(rest.flags.shape, rest.grid.period_px)
         self._expected_light = expected_light
         self._panel_blur = panel_blur
         self._horizon = Horizon(exposures.timing.upwards)
@@ -167,6 +169,7 @@ class Circle:
         if self._expected_light is not None and _has_moved(measured, known_q):
             continued = continue_smoothly(measured.q - self.rest.q, measured.valid)
             residual, measured = self._measure(observation, known, self.rest.q + continued)
+        self._hold.learn(measured.flags)
         changed, refusal = self._command(residual, measured, frozen)
         square, share, covered = _figures(residual.d, measured.valid, self.rest.visible, residual.flags)
         rms_px = float(np.sqrt(square))
@@ -177,7 +180,7 @@ class Circle:
     def _measure(self, observation: Observation, known: Known, lit_q: Float) -> tuple[Residual, Warp]:
         """Residual and measured warp under the light that a mirror seen at `lit_q` reflects."""
         residual = self._sense(observation, known, lit_q)
-        return residual, measure_warp(observation, residual, known, self.rest, self._panel_blur)
+        return residual, measure_warp(observation, residual, known, self.rest, self._panel_blur, self._hold)
 
     def _sense(self, observation: Observation, known: Known, lit_q: Float) -> Residual:
         """Residual against the mix that was shown."""

@@ -18,6 +18,7 @@ import numpy as np
 from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.exposure.mixture import unmix
 from zeromethod.exposure.pairing import Observation
+from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
@@ -158,15 +159,22 @@ def order_in_doubt(valid: Mask, trusted: Mask) -> Mask | None:
 
 
 def measure_warp(
-    observation: Observation, residual: Residual, known: Known, rest: Rest, blur: PanelBlur | None = None
+    observation: Observation,
+    residual: Residual,
+    known: Known,
+    rest: Rest,
+    blur: PanelBlur | None = None,
+    hold: LightHold | None = None,
 ) -> Warp:
     """Measured warp q(u, v) = q_shown((u, v) + d) at mid-exposure, with sigma in LCD px and flags.
 
-    Flags are the residual's, those of rest (NO_RAY), those of the warp itself, MIXED, and AMBIGUOUS for
-    regions whose order is not known. q is NaN where the residual means nothing. Delay does not enter: the
-    measurement is absolute. sigma is noise alone; after a sudden press the residual bends within the window
-    and is off by up to tenths of a px until the next picture (`sensing.window.curvature_bias_px2`).
-    blur: of the panel, whose effect is taken out; None leaves it.
+    Flags are the residual's, those of rest (NO_RAY), those of the warp itself, MIXED, BESIDE_DARK, and
+    AMBIGUOUS for regions whose order is not known. q is NaN where the residual means nothing. Delay does not
+    enter: the measurement is absolute. sigma is noise, and what the edge of a dark place does to nodes beside
+    it; after a sudden press the residual bends within the window and is off by up to tenths of a px until the
+    next picture (`sensing.window.curvature_bias_px2`).
+    blur: of the panel, whose effect is taken out; None leaves it. hold: of nodes beside dark places; None for
+    none.
 
     Convention: residual d as observed(u, v) = T((u, v) + d), camera px.
     """
@@ -181,6 +189,7 @@ def measure_warp(
     flags |= warp_flags(q, rest.q, grid.period_px, size, spacing_px=spacing_px, rest_areas=rest.areas)
     if observation.mixture is not None:
         flags[observation.mixture.mixed] |= _MIXED
+    sigma_px = residual.sigma if hold is None else hold.flag(flags, residual.sigma)
     change, missing = _changes(residual.d, known.residual_px, flags, rest.visible)
     if missing:
         sudden = change > SUDDEN_PERIODS * grid.period_px
@@ -188,5 +197,5 @@ def measure_warp(
         if doubt is not None:
             flags[doubt] |= _AMBIGUOUS
     sigma = np.empty_like(q)
-    _propagate(shown.q, residual.sigma, 1 / grid.spacing_px, sigma)
+    _propagate(shown.q, sigma_px, 1 / grid.spacing_px, sigma)
     return Warp(q, sigma, flags, shown.time_ns)

@@ -1,0 +1,113 @@
+"""Nodes beside a dark place: those that come and go stay lost for some frames, and all of them know less.
+
+Beside a contact the light of a node comes and goes with the noise, and with it go a phase that the contact's
+edge falsifies and the shape of the picture around: without memory the command never settles there. A node
+that fails once and comes back counts at once.
+
+An edge of the light t nodes away leaves (1 - t/2)^2 / 2 of the triangular window dark, which moves the phase
+by up to as many radians; nearer edges than about one node are told by the light itself (`sensing.shading`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from zeromethod.arrays import Bytes, Flags, Float
+from zeromethod.warp.validity import Flag
+
+FRAMES = 8
+"""Frames within which a node that came back and fails again flickers; it counts after as many good ones."""
+
+REACH_NODES = 2
+"""How far from a dark node others flicker with it."""
+
+EDGE_RAD = 0.07, 0.015
+"""Rms phase error, rad, of nodes next to a dark one and one further: edges 1 to 1.5 and 1.5 to 2 nodes away,
+any phase of the picture there."""
+
+_LIGHT_LOST, _BESIDE_DARK = int(Flag.LIGHT_LOST), int(Flag.BESIDE_DARK)
+_NEVER = int(Flag.OUTSIDE | Flag.NO_RAY)
+
+
+class LightHold:
+    """Remembers, per node, when it came back beside a dark place. shape: (rows, cols) of the nodes."""
+
+    def __init__(self, shape: tuple[int, int], period_px: float) -> None:
+        self._left: Bytes = np.zeros(shape, np.uint8)
+        self._back: Bytes = np.full(shape, FRAMES + 1, np.uint8)
+        self._near: Bytes = np.zeros(shape, np.uint8)
+        self._dark = False
+        self._edge_px = np.array([0.0, *EDGE_RAD]) * period_px / (2 * math.pi)
+
+    def flag(self, flags: Flags, sigma_px: Float) -> Float:
+        """Add BESIDE_DARK to the flags (rows, cols) of nodes that flicker.
+
+        Result: sigma_px (rows, cols, 2) with the error by an edge of the light added; the same where none is.
+        """
+        self._dark = _near_dark(flags, self._near)
+        if not self._dark:
+            if self._left.any():
+                _flag(self._left, flags)
+            return sigma_px
+        _flag(self._left, flags)
+        out = np.empty_like(sigma_px)
+        _with_edge(sigma_px, self._near, self._edge_px, out)
+        return out
+
+    def learn(self, flags: Flags) -> None:
+        """Take in the flags (rows, cols) of the frame that `flag` saw last, with all that was added since."""
+        _learn(self._left, self._back, flags, self._near)
+
+
+@numba.njit(cache=True)
+def _near_dark(flags: Flags, near: Bytes) -> bool:
+    """Nodes to the next dark one in `near`, 1 for itself, 0 beyond `REACH_NODES`; whether there is any."""
+    rows, cols = flags.shape
+    found = False
+    near[:] = 0
+    for j in range(rows):
+        for i in range(cols):
+            if flags[j, i] & _LIGHT_LOST and not flags[j, i] & _NEVER:
+                found = True
+                for b in range(max(j - REACH_NODES, 0), min(j + REACH_NODES + 1, rows)):
+                    for a in range(max(i - REACH_NODES, 0), min(i + REACH_NODES + 1, cols)):
+                        away = max(abs(b - j), abs(a - i)) + 1
+                        if near[b, a] == 0 or away < near[b, a]:
+                            near[b, a] = away
+    return found
+
+
+@numba.njit(cache=True)
+def _flag(left: Bytes, flags: Flags) -> None:
+    for j in range(flags.shape[0]):
+        for i in range(flags.shape[1]):
+            if left[j, i] and not flags[j, i] & _LIGHT_LOST:
+                flags[j, i] |= _BESIDE_DARK
+
+
+@numba.njit(cache=True)
+def _with_edge(sigma_px: Float, near: Bytes, edge_px: Float, out: Float) -> None:
+    for j in range(near.shape[0]):
+        for i in range(near.shape[1]):
+            edge = edge_px[near[j, i] - 1] if near[j, i] > 1 else 0.0
+            for k in range(2):
+                out[j, i, k] = math.hypot(sigma_px[j, i, k], edge)
+
+
+@numba.njit(cache=True)
+def _learn(left: Bytes, back: Bytes, flags: Flags, near: Bytes) -> None:
+    """left: frames that a node stays lost. back: frames since it came back, 0 while it fails."""
+    for j in range(flags.shape[0]):
+        for i in range(flags.shape[1]):
+            failed = flags[j, i] & ~_BESIDE_DARK
+            if near[j, i] and failed and not flags[j, i] & _NEVER:
+                if left[j, i] or 0 < back[j, i] <= FRAMES:
+                    left[j, i] = FRAMES
+                back[j, i] = 0
+            else:
+                back[j, i] = min(back[j, i] + 1, FRAMES + 1)
+                if left[j, i]:
+                    left[j, i] -= 1
