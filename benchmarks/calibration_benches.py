@@ -335,7 +335,8 @@ def _together(peaks: Sequence[Peak]) -> Peak:
     """
     values = np.array([(one.depth_mm, one.x_mm, one.y_mm, one.sigma_mm) for one in peaks])
     weights = values[:, 3] ** -2.0
-    return Peak(*(float(column @ weights / weights.sum()) for column in values.T))
+    depth_mm, x_mm, y_mm, sigma_mm = (float(column @ weights / weights.sum()) for column in values.T)
+    return Peak(depth_mm, x_mm, y_mm, sigma_mm)
 
 
 def _read_again(rig: Rig, frames: Sequence[Sequence[Warp]]) -> list[list[Peak]]:

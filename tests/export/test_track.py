@@ -20,10 +20,12 @@ def test_one_line_per_step_empty_where_nothing_was_read(planted, recording, tmp_
         "y_mm",
         *sigmas,
         "state",
+        "where",
         "damaged",
     ]
     assert [lines[0][name] for name in ("depth_mm", "x_mm", "state")] == ["", "", "starting"]
     assert [float(line["time_s"]) for line in lines] == pytest.approx(planted.time_s)
     # Numbers come back as they were, to the last bit.
     assert [float(line["depth_mm"]) for line in lines[1:]] == planted.depth_mm[1:].tolist()
+    assert [line["where"] for line in lines] == ["", *["measured"] * 8]
     assert {(line["x_mm"], line["y_mm"], line["state"]) for line in lines[1:]} == {("42.0", "3.0", "locked")}

@@ -66,7 +66,8 @@ def test_what_touches_has_its_border_and_figures():
     header, _ = message(a_step(7, dent(0.2), contacts=(contact,)))
     (found,) = header["in_contact"]
     np.testing.assert_allclose(found.pop("outline_mm"), outline, atol=5e-5)
-    assert found == {"id": 3, "x_mm": 10.0, "y_mm": 7.5} | sizes | sigmas
+    unknown = {"depth_mm": None, "sigma_depth_mm": None}
+    assert found == {"id": 3, "x_mm": 10.0, "y_mm": 7.5} | sizes | sigmas | unknown
 
 
 def test_what_is_not_known_is_null():
@@ -74,6 +75,7 @@ def test_what_is_not_known_is_null():
     nan = float("nan")
     dark = ContactEvent(4, "began", 17, 1.0, 2.0, nan)
     header, _ = message(a_step(1, (surface, Peak(nan, nan, nan, nan))), [dark])
+    assert header["peak"].pop("where") == "measured"
     assert set(header["peak"].values()) == {None}
     place = {"x_mm": 1.0, "y_mm": 2.0, "depth_mm": None}
     assert header["contacts"] == [{"number": 4, "kind": "began", "time_ns": 17} | place]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 
 from zeromethod.arrays import Float, Single
@@ -35,6 +36,9 @@ class ContactFigures:
         Standard deviation of the border across itself, each point's own.
     scattered : float
         Light that comes out of the contact, over the mean of the mirrored picture there.
+    depth_mm, sigma_depth_mm : float
+        Depth of the mirror at its deepest inside, carried in from around (`zeromethod.contact.inside`), and
+        its standard deviation; NaN where too little was read around it.
     """
 
     id: int
@@ -49,6 +53,8 @@ class ContactFigures:
     angle_deg: float
     sigma_edge_mm: float
     scattered: float
+    depth_mm: float = math.nan
+    sigma_depth_mm: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from zeromethod.arrays import Image
 from zeromethod.contact.contact import Contact, Probability
+from zeromethod.contact.deepest import deepest_of_all, with_depths
 from zeromethod.contact.in_mm import MirrorPlaces
+from zeromethod.contact.inside import carried_inside
 from zeromethod.contact.moments import moments
 from zeromethod.contact.outline import (
     WINDOW_PX,
@@ -24,7 +28,7 @@ from zeromethod.optics import Optics
 from zeromethod.optics.pupil import footprint_terms
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
-from zeromethod.surface import Surface
+from zeromethod.surface import Peak, Surface
 from zeromethod.warp.grid import NodeGrid
 
 LEAST_MM2 = 0.2
@@ -78,6 +82,28 @@ class ContactFinder:
             return ()
         found = [self._contact(region, surface) for region in self._regions.find(image, residual, self._rest)]
         return self._track.follow([each for each in found if each is not None])
+
+    def carry(
+        self, surface: Surface, deepest: Peak, contacts: tuple[Contact, ...]
+    ) -> tuple[Surface, Peak, tuple[Contact, ...]]:
+        """Surface, peak and contacts with the depth inside contacts, as far as it can be known.
+
+        Parameters
+        ----------
+        surface, deepest : Surface, Peak
+            As measured around the contacts.
+        contacts : tuple of Contact
+            What `follow` found.
+
+        Returns
+        -------
+        Surface, Peak, tuple of Contact
+            The surface with `inside`, the deepest point of all of it, contacts with `depth_mm`.
+        """
+        if not contacts:
+            return surface, deepest, contacts
+        surface = replace(surface, inside=carried_inside(surface, contacts, self._places))
+        return surface, deepest_of_all(surface, deepest), with_depths(surface, contacts)
 
     def _contact(self, region: Region, surface: Surface) -> Contact | None:
         outline = refined(first_outline(region.mask), region.columns, region.model)

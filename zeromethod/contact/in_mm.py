@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Mask
 from zeromethod.contact.moments import moments
 from zeromethod.contact.outline import perimeter
 from zeromethod.optics import Optics
@@ -65,6 +65,10 @@ class MirrorPlaces:
         self._per_depth = np.nan_to_num(direction[..., :2] / direction[..., 2:])
         beyond = optics.rig.prism.index**2 * (1 - np.nan_to_num(trace.cos_incidence) ** 2) - 1
         self._evanescent = WAVELENGTH_MM / (2 * np.pi * np.sqrt(np.maximum(beyond, 0.01)))
+
+    def at_depth(self, nodes: Mask, depth_mm: Float) -> Float:
+        """(n, 2) mm where the rays of n nodes (rows, cols) meet the mirror at these depths, mm."""
+        return np.asarray(self._point[nodes] - depth_mm[:, None] * self._per_depth[nodes])
 
     def seen(self, points_px: Float, surface: Surface) -> Seen:
         """Where the border points (n, 2) px lie, at the depth that the nodes around say.

@@ -16,7 +16,7 @@ from zeromethod.recording.recording import Recording
 
 COLUMNS = (
     *("time_s", "depth_mm", "depth_sigma_mm", "x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm"),
-    *("state", "damaged"),
+    *("state", "where", "damaged"),
 )
 
 
@@ -37,6 +37,7 @@ def export_track(
             values = [math.nan if row is None else float(row[name]) for name in COLUMNS[1:7]]
             # shortest text that gives the same number back
             numbers = [repr(value) if math.isfinite(value) else "" for value in values]
-            lines.writerow([f"{time_s:.9f}", *numbers, state, "peak" if int(step) in damaged else ""])
+            where = "" if row is None else str(row["where"])
+            lines.writerow([f"{time_s:.9f}", *numbers, state, where, "peak" if int(step) in damaged else ""])
             advance()
     return {"times": len(selected.steps), "peaks": len(peaks.keys() & set(selected.steps.tolist()))}

@@ -94,15 +94,17 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _peak(peak: Peak) -> dict[str, float | None]:
+def _peak(peak: Peak) -> dict[str, float | str | None]:
     numbers = {name: _number(getattr(peak, name)) for name in ("depth_mm", "x_mm", "y_mm")}
     sigmas = {"depth": peak.sigma_mm, "x": peak.sigma_x_mm, "y": peak.sigma_y_mm}
-    return numbers | {f"{name}_sigma_mm": _number(sigma) for name, sigma in sigmas.items()}
+    stated = {f"{name}_sigma_mm": _number(sigma) for name, sigma in sigmas.items()}
+    return {**numbers, **stated, "where": peak.where.value}
 
 
 def _area(contact: Contact) -> dict[str, Any]:
     outline = np.round(contact.outline_mm, 4).tolist()
-    return asdict(contact.figures) | {"outline_mm": outline}
+    figures = {name: _number(value) for name, value in asdict(contact.figures).items()}
+    return figures | {"outline_mm": outline}
 
 
 def _contact(event: ContactEvent) -> dict[str, Any]:

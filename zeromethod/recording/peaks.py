@@ -6,6 +6,7 @@ import numpy as np
 
 from zeromethod.arrays import Image, Ints
 from zeromethod.recording.schema import STATES
+from zeromethod.surface import Where
 
 _FIGURES = (
     *("depth_mm", "depth_sigma_mm", "possibly_deeper_mm"),
@@ -19,6 +20,7 @@ PEAKS = np.dtype(
         ("state", "U16"),
         *((name, "f8") for name in _FIGURES),
         ("time_ns", "i8"),
+        ("where", "U16"),
     ]
 )
 """Columns of `Recording.peaks`."""
@@ -31,5 +33,9 @@ def peak_table(rows: Image, start_ns: Ints) -> Image:
         peaks[name] = rows[name]
     if len(rows):
         peaks["time_s"] = 1e-9 * (rows["time_ns"] - start_ns)
+    # files of this format made before there were contacts have no such column
+    peaks["where"] = (
+        np.strings.decode(rows["where"]) if "where" in (rows.dtype.names or ()) else Where.MEASURED
+    )
     peaks["state"] = np.array([state.value for state in STATES])[rows["state"]]
     return peaks

@@ -202,7 +202,7 @@ class Recording(AbstractContextManager["Recording"]):
         """Point of largest |depth| of every surface that was read: a structured array of named columns.
 
         step, time_s (since the first step), state (a word), depth_mm, depth_sigma_mm, possibly_deeper_mm,
-        x_mm, y_mm, x_sigma_mm, y_sigma_mm, read_ms, time_ns (of the run's clock), as pandas takes it.
+        x_mm, y_mm, x_sigma_mm, y_sigma_mm, read_ms, time_ns (of the run's clock), where, as pandas takes it.
         """
         return self.tables.peaks()
 

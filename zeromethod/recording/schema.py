@@ -92,6 +92,7 @@ PEAKS: Fields = {
     "x_sigma_mm": ("f8", "mm", "standard deviation of x_mm"),
     "y_sigma_mm": ("f8", "mm", "standard deviation of y_mm"),
     "read_ms": ("f8", "ms", "how long reading the surface took"),
+    "where": ("S16", "", "measured, beside a contact, or inside a contact: there carried in from around"),
 }
 
 OUTLINE_POINTS = 64
@@ -112,6 +113,8 @@ CONTACTS: Fields = {
     "angle_deg": ("f8", "deg", "direction of the longer one, from x towards y"),
     "sigma_edge_mm": ("f8", "mm", "standard deviation of the border across itself"),
     "scattered": ("f8", "", "light that comes out of the contact, over the picture's mean"),
+    "depth_mm": ("f8", "mm", "depth at the deepest inside, carried in from around; NaN: not known"),
+    "sigma_depth_mm": ("f8", "mm", "standard deviation of depth_mm"),
     "outline_mm": (
         f"({OUTLINE_POINTS},2)f4",
         "mm",

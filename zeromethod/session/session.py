@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.contact import ContactFinder
+from zeromethod.contact import Contact, ContactFinder
 from zeromethod.control.stability_margin import margin_words, stability_margin
 from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
@@ -263,7 +263,9 @@ class Session:
         measured = step.measured
         assert measured is not None
         surface, deepest, read_ms = timed(lambda: self._surfaces.read(measured))
-        found: dict[str, Any] = self._touched(step, surface)
+        contacts = self._touching(step, surface)
+        surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts)
+        found: dict[str, Any] = {"contacts": contacts, "touching": tuple(one.figures for one in contacts)}
         if self._truth is not None:
             if step.phase == "untouched":
                 # the filter's noise, once it has settled: making its reader takes as long as 20 frames
@@ -272,15 +274,16 @@ class Session:
                 filtered = self._filtered_reader.read(step.filtered)
                 found["untouched_rms_nm"] = (rms_nm(surface), rms_nm(filtered))
             elif self._scenario is None or step.phase in COMPARED_PHASES:
-                found["truth"] = compare(surface, self._truth(step.time_ns), self._optics, self._grid)
+                found["truth"] = compare(
+                    surface, self._truth(step.time_ns), self._optics, self._grid, deepest
+                )
         return replace(step, surface=surface, peak=deepest, read_ms=read_ms, **found)
 
-    def _touched(self, step: Step, surface: Surface) -> dict[str, Any]:
-        """What touches in a step, as its fields."""
+    def _touching(self, step: Step, surface: Surface) -> tuple[Contact, ...]:
+        """What touches in a step."""
         if step.image is None or step.residual is None:
-            return {}
-        contacts = self._contacts.follow(step.image, step.residual, surface, nulled=step.state in READ)
-        return {"contacts": contacts, "touching": tuple(contact.figures for contact in contacts)}
+            return ()
+        return self._contacts.follow(step.image, step.residual, surface, nulled=step.state in READ)
 
     @cached_property
     def _filtered_reader(self) -> SurfaceReader:

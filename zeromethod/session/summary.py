@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import statistics
 from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.metadata import version
@@ -107,6 +108,7 @@ def _untouched(records: list[StepFigures]) -> Figures | None:
     return {"frames": len(values), "depth_rms_nm": float(single), "depth_filtered_rms_nm": float(filtered)}
 
 
+_WHERE = "peak_where"
 _PEAK = tuple(f"{of}_{what}mm" for of in ("depth_peak", "peak_x", "peak_y") for what in ("", "sigma_"))
 
 
@@ -114,12 +116,15 @@ def _peak(among: list[StepFigures]) -> Figures:
     """Peak and its sigmas: median over the hold; without a scenario, the deepest one that was read."""
     read = [record for record in among if np.isfinite(record.depth_peak_mm)]
     if not read:
-        return dict.fromkeys(_PEAK)
+        return dict.fromkeys((*_PEAK, _WHERE))
     peaks = [record.peak for record in read if record.peak is not None]
     figures = np.array([(p.depth_mm, p.sigma_mm, p.x_mm, p.sigma_x_mm, p.y_mm, p.sigma_y_mm) for p in peaks])
+    largest = int(np.argmax(np.abs(figures[:, 0])))
     if read[0].phase == "hold":
-        return dict(zip(_PEAK, np.median(figures, axis=0).tolist(), strict=True))
-    return dict(zip(_PEAK, figures[np.argmax(np.abs(figures[:, 0]))].tolist(), strict=True))
+        chosen, where = np.median(figures, axis=0), statistics.mode(peak.where for peak in peaks)
+    else:
+        chosen, where = figures[largest], peaks[largest].where
+    return dict(zip(_PEAK, chosen.tolist(), strict=True)) | {_WHERE: where.value}
 
 
 def _finite(value: Any) -> Any:

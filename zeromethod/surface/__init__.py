@@ -1,8 +1,18 @@
 """Surface reading: slope and depth per node from a measured warp, with their uncertainty."""
 
 from zeromethod.surface.covariance import Covariances, DepthCovariance, Variance
-from zeromethod.surface.peak import Peak, peak
+from zeromethod.surface.peak import Peak, Where, peak
 from zeromethod.surface.reader import SurfaceReader
 from zeromethod.surface.surface import Anchor, Surface
 
-__all__ = ["Anchor", "Covariances", "DepthCovariance", "Peak", "Surface", "SurfaceReader", "Variance", "peak"]
+__all__ = [
+    "Anchor",
+    "Covariances",
+    "DepthCovariance",
+    "Peak",
+    "Surface",
+    "SurfaceReader",
+    "Variance",
+    "Where",
+    "peak",
+]

@@ -13,7 +13,7 @@ import numpy as np
 from zeromethod.arrays import Float, Mask
 from zeromethod.devices.protocols import TouchedMirror, TrueContact, TrueMirror
 from zeromethod.optics import Dented, Optics
-from zeromethod.surface import Surface, peak
+from zeromethod.surface import Peak, Surface, Where, peak
 from zeromethod.warp.grid import NodeGrid
 
 
@@ -40,6 +40,7 @@ class Comparison:
     """One frame's reading against the truth at its mid-exposure, over usable nodes.
 
     The true peak is the deepest usable point, read or not: a press that was missed is an error of the peak.
+    The error of a peak inside a contact is that against depth_deepest_mm.
     All errors are NaN where no usable node was read.
     depth_deepest_mm: true depth where |depth| is largest, in a contact too, where nothing can be read.
     contacts: what truly touches, where the truth knows.
@@ -110,8 +111,14 @@ def true_peak_mm(truth: TrueMirror, x: Float, y: Float, *, touched: bool = False
     return best
 
 
-def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid) -> Comparison:
-    """Errors of `surface` against `truth`; depth and slope are compared at the points as read."""
+def compare(
+    surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid, deepest: Peak | None = None
+) -> Comparison:
+    """Errors of `surface` against `truth`; depth and slope are compared at the points as read.
+
+    deepest: its peak, by default that of what was measured. A peak inside a contact is compared with the
+    deepest point of all, any other with what can be read.
+    """
     usable = usable_nodes(optics, grid, truth)
     contacts = tuple(truth.contacts) if isinstance(truth, TouchedMirror) else ()
     both = usable & surface.valid
@@ -123,13 +130,14 @@ def compare(surface: Surface, truth: TrueMirror, optics: Optics, grid: NodeGrid)
     depth_error = surface.depth_mm[both] - truth.depth(x, y)
     slope_error = surface.slope[both] - np.stack(truth.slope(x, y), axis=-1)
     known = surface.on_mirror & usable
-    peak_true = true_peak_mm(truth, surface.x_mm[known], surface.y_mm[known])
-    peak_read = peak(surface).depth_mm
-    share = 100 * (peak_read - peak_true) / peak_true if peak_true else float("nan")
     inner, everywhere = grid.inner, surface.on_mirror
-    deepest = true_peak_mm(truth, surface.x_mm[everywhere], surface.y_mm[everywhere], touched=True)
+    of_all = true_peak_mm(truth, surface.x_mm[everywhere], surface.y_mm[everywhere], touched=True)
+    peak_true = true_peak_mm(truth, surface.x_mm[known], surface.y_mm[known])
+    deepest = deepest or peak(surface)
+    against = of_all if deepest.where is Where.INSIDE else peak_true
+    share = 100 * (deepest.depth_mm - against) / against if against else float("nan")
     return Comparison(
-        depth_deepest_mm=deepest,
+        depth_deepest_mm=of_all,
         depth_peak_mm=peak_true,
         depth_peak_error_percent=share,
         depth_rms_error_um=1e3 * float(np.sqrt(np.mean(depth_error**2))),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 import math
 from dataclasses import dataclass, replace
 
@@ -47,6 +48,14 @@ _Fitted = tuple[Float, list[tuple[int, int]]]
 """Coefficients of a polynomial and their powers, see `_fit`."""
 
 
+class Where(enum.StrEnum):
+    """Whether a peak was seen, and what is next to it."""
+
+    MEASURED = "measured"
+    BESIDE = "beside a contact"
+    INSIDE = "inside a contact"
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Peak:
     """Point of largest |depth|.
@@ -63,6 +72,9 @@ class Peak:
         One-sided part of sigma_mm: how much deeper the mirror may be inside holes.
     sigma_x_mm, sigma_y_mm : float
         Standard deviation of the place; NaN where too few nodes are valid around it.
+    where : Where
+        Inside a contact nothing was measured: depth is carried in from around it. Beside one, the mirror goes
+        deeper.
     """
 
     depth_mm: float
@@ -72,6 +84,7 @@ class Peak:
     deeper_mm: float = 0.0
     sigma_x_mm: float = math.nan
     sigma_y_mm: float = math.nan
+    where: Where = Where.MEASURED
 
     @property
     def sigma_local_mm(self) -> float:
@@ -80,6 +93,7 @@ class Peak:
 
     def __repr__(self) -> str:
         at = f"x {self.x_mm:.3f}, y {self.y_mm:.3f} mm"
+        at += "" if self.where is Where.MEASURED else f", {self.where}"
         return f"<Peak {self.depth_mm:.6g} mm, sigma {self.sigma_mm:.2g} mm, at {at}>"
 
 

@@ -73,6 +73,9 @@ class Surface:
         Nodes that closed gaps, folds above all, separate from the valid nodes, tied to them by the slopes
         on either side (`zeromethod.surface.bridge`). Its valid nodes are none of these; their sigma includes
         the gap's.
+    inside : Surface, optional
+        Nodes inside contacts and in the unread rims around them, none of them measured: their depth is
+        carried in from around by how rubber yields (`zeromethod.contact.inside`).
     curl : Curl, optional
         What the slopes contain that no mirror can make: motion of the bench under a press.
     on_mirror : (rows, cols) bool, optional
@@ -98,6 +101,7 @@ class Surface:
     time_ns: int
     iterations: int
     cut_off: Surface | None = None
+    inside: Surface | None = None
     curl: Curl | None = None
     on_mirror: Mask = field(default_factory=lambda: np.zeros((0, 0), bool))
     sigma_x_mm: Float = field(default_factory=lambda: np.zeros((0, 0)))

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from zeromethod.arrays import Float, Image
 from zeromethod.contact import Contact, closed
+from zeromethod.devices.protocols import TrueMirror
 from zeromethod.loop.step import Step
 from zeromethod.session.result import RunResult
 from zeromethod.session.session import Session
@@ -139,7 +140,7 @@ def _read_maps(axes: list[Axes], result: RunResult, nulled: Step) -> None:
         draw_map(axes[6], surface, 1e6 * surface.sigma_depth_mm, "depth sigma", "nm", signed=False)
     else:
         draw_map(axes[6], surface, 1e6 * (surface.depth_mm - true_mm), "depth error", "nm")
-    _section(axes[7], surface, true_mm)
+    _section(axes[7], surface, result.true_mirror and result.true_mirror(nulled.time_ns))
 
 
 def draw_outlines(axis: Axes, contacts: Sequence[Contact]) -> None:
@@ -149,16 +150,27 @@ def draw_outlines(axis: Axes, contacts: Sequence[Contact]) -> None:
         axis.annotate(f"{contact.id}", (contact.x_mm, contact.y_mm), ha="center", va="center")
 
 
-def _section(axis: Axes, surface: Surface, true_mm: Float | None) -> None:
-    """Depth along the row of nodes through the peak, with the truth next to it."""
-    row, _ = _deepest_node(surface)
-    x_mm, valid = surface.x_mm[row], surface.valid[row]
-    axis.plot(x_mm[valid], surface.depth_mm[row][valid], ".", markersize=4, label="read")
-    if true_mm is not None:
-        axis.plot(x_mm[valid], true_mm[row][valid], "-", linewidth=1, label="truth")
+def _section(axis: Axes, surface: Surface, truth: TrueMirror | None) -> None:
+    """Depth along the row of nodes through the deepest one, with what was carried in, and the truth."""
+    inside = surface.inside
+    row, _ = _deepest_node(inside or surface)
+    parts = [_section_points(surface, row)] + ([] if inside is None else [_section_points(inside, row)])
+    axis.plot(parts[0][0], parts[0][2], ".", markersize=4, label="read")
+    for x_mm, _, depth_mm, sigma_mm in parts[1:]:
+        axis.errorbar(x_mm, depth_mm, sigma_mm, fmt="C0x", markersize=4, linewidth=0.6, label="carried in")
+    if truth is not None:
+        x_mm, y_mm = np.concatenate([part[:2] for part in parts], axis=1)
+        order = np.argsort(x_mm)
+        axis.plot(x_mm[order], truth.depth(x_mm, y_mm)[order], "C1-", linewidth=1, label="truth")
     axis.invert_yaxis()
     labelled(axis, "section through the peak (into the rubber = down)", "x, mm", "depth, mm")
     axis.legend()
+
+
+def _section_points(surface: Surface, row: int) -> Float:
+    """x, y, depth and its sigma, mm, of a row's valid nodes: (4, n)."""
+    fields = surface.x_mm, surface.y_mm, surface.depth_mm, surface.sigma_depth_mm
+    return np.stack([field[row][surface.valid[row]] for field in fields])
 
 
 def _timeline(axis: Axes, result: RunResult) -> None:

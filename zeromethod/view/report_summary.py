@@ -97,6 +97,7 @@ def peak_figures(peaks: Image) -> Figures | None:
     peak = peaks[0]
     lengths = {name: float(peak[name]) for name in ("depth_mm", "x_mm", "y_mm", "x_sigma_mm", "y_sigma_mm")}
     about = {"step": int(peak["step"]), "time_s": float(peak["time_s"]), "state": str(peak["state"])}
+    about["where"] = str(peak["where"])
     return about | {"sigma_mm": float(peak["depth_sigma_mm"])} | lengths
 
 

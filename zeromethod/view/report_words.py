@@ -18,6 +18,7 @@ from zeromethod.recording.damage import KINDS, damaged_words
 from zeromethod.recording.recording import Recording
 from zeromethod.recording.schema import KEEP
 from zeromethod.rig.model import Rig
+from zeromethod.surface import Where
 from zeromethod.view import calibration_table
 from zeromethod.view.report_history import Happening, seconds
 from zeromethod.view.report_summary import Figures
@@ -105,7 +106,8 @@ def peak_words(peak: Figures) -> str:
     if np.isfinite(sigma):
         length = f"{depth:z.{digits}f} ± {sigma:.{digits}f} {unit}"
     noise = " (nothing presses: noise)" if peak["state"] == State.RESTING else ""
-    return f"{length} at {place}, {peak['time_s']:.2f} s, {peak['state']}{noise}"
+    where = "" if peak["where"] == Where.MEASURED else f", {peak['where']}"
+    return f"{length} at {place}{where}, {peak['time_s']:.2f} s, {peak['state']}{noise}"
 
 
 def _known_to(place_mm: float, sigma_mm: float) -> str:

@@ -22,6 +22,7 @@ _ROWS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("nodes that see the LCD by the mirror", ("usable_share",), "{:.1%}"),
     ("of these called valid", ("valid_share",), "{:.1%}"),
     ("peak depth read (sigma)", ("depth_peak_mm", "depth_peak_sigma_mm"), "{:.5f} mm ({:.5f})"),
+    ("this peak is", ("peak_where",), "{}"),
     ("true peak depth, of what can be read", ("truth.depth_peak_mm",), "{:.5f} mm"),
     ("true depth at the deepest, contact included", ("truth.depth_deepest_mm",), "{:.5f} mm"),
     ("peak error, worst frame of the hold", ("truth.depth_peak_error_percent",), "{:+z.3f} %"),
@@ -100,8 +101,10 @@ def _contact_rows(label: str, contacts: Sequence[Figures] | None) -> list[tuple[
     for one in contacts or ():
         sigma = f" ± {one['sigma_area_mm2']:.3f}" if "sigma_area_mm2" in one else ""
         words = f"{one['area_mm2']:.3f}{sigma} mm² at ({one['x_mm']:.3f}, {one['y_mm']:.3f}) mm"
+        depth = one.get("depth_mm")
+        inside = "" if depth is None else f", {depth:.5f} ± {one['sigma_depth_mm']:.5f} mm deep"
         force = f", {one['force_n']:.3g} N" if "force_n" in one else ""
-        rows.append((f"{label} {one['id']}", words + force))
+        rows.append((f"{label} {one['id']}", words + inside + force))
     return rows
 
 

@@ -1,0 +1,168 @@
+"""Depth inside contacts: pressures against closed forms, planted dents carried in from around."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from zeromethod.arrays import Float
+from zeromethod.contact import Contact, Probability
+from zeromethod.contact.deepest import deepest_of_all, with_depths
+from zeromethod.contact.inside import carried_inside
+from zeromethod.contact.loads import Loads
+from zeromethod.surface import Anchor, Peak, Surface, Where, peak
+
+RADIUS_MM = 0.9
+NODES, SPACING_MM = 61, 0.3
+NOISE_MM = 10e-6
+
+
+def round_contact(x_mm: float = 0.0, y_mm: float = 0.0, radius_mm: float = RADIUS_MM) -> Contact:
+    angle = np.linspace(0, 2 * np.pi, 240, endpoint=False)
+    outline = np.stack([x_mm + radius_mm * np.cos(angle), y_mm + radius_mm * np.sin(angle)], axis=-1)
+    nothing = Probability(0, 0, np.zeros((1, 1), np.float32))
+    return Contact(
+        id=1, x_mm=x_mm, y_mm=y_mm, sigma_x_mm=0.01, sigma_y_mm=0.01, area_mm2=np.pi * radius_mm**2,
+        sigma_area_mm2=0.05, major_mm=2 * radius_mm, minor_mm=2 * radius_mm, angle_deg=0.0,
+        sigma_edge_mm=0.01, scattered=0.1, outline_mm=outline, outline_px=outline, probability=nothing,
+    )  # fmt: skip
+
+
+def ball(r: Float, a: float) -> Float:
+    """Dent of a ball over its depth in the middle; Johnson 1985, 3.42."""
+    rho = np.maximum(r / a, 1.0)
+    outside = ((2 - rho**2) * np.arcsin(1 / rho) + np.sqrt(rho**2 - 1)) / np.pi
+    return np.where(r < a, 1 - (r / a) ** 2 / 2, outside)
+
+
+def punch(r: Float, a: float) -> Float:
+    """The same of a flat punch; Johnson 1985, 3.37 and 3.38."""
+    return 2 / np.pi * np.arcsin(np.minimum(a / np.maximum(r, 1e-9), 1.0))
+
+
+def cone(r: Float, a: float) -> Float:
+    """The same of a cone; Sneddon 1965, doi:10.1016/0020-7225(65)90019-4."""
+    rho = np.maximum(r / a, 1.0)
+    outside = np.arcsin(1 / rho) + np.sqrt(rho**2 - 1) - rho
+    return np.where(r < a, np.pi / 2 - r / a, outside) * 2 / np.pi
+
+
+DENTS = {"ball": (ball, 0.75), "punch": (punch, 0.5), "cone": (cone, 1.0)}
+"""Shape, and depth in the middle over force / (E* radius)."""
+
+
+@pytest.mark.parametrize("which", range(3))
+def test_each_pressure_makes_its_closed_form_dent(which: int) -> None:
+    contact = round_contact()
+    loads = Loads.of(contact)
+    dent, depth = list(DENTS.values())[which]
+    r = np.concatenate([[0.0], np.linspace(1.1, 8.0, 40)]) * RADIUS_MM
+    at = np.stack([r, np.zeros_like(r)], axis=-1)
+    made = loads.depth(at)
+    own = made[:, 0] if which == 0 else made[:, 0] + made[:, which]
+    # beside a rim the field of 40 rays is that of beads: 1 % at a ninth of the radius
+    np.testing.assert_allclose(own, np.pi * depth / RADIUS_MM * dent(r, RADIUS_MM), rtol=0.015)
+
+
+def test_slopes_are_those_of_the_depths() -> None:
+    loads = Loads.of(round_contact())
+    at = np.array([[1.3, 0.4], [-2.0, 1.0], [0.2, 3.0]])
+    step = 1e-5
+    for k in range(2):
+        moved = np.eye(2)[k] * step
+        rise = (loads.depth(at + moved) - loads.depth(at - moved)) / (2 * step)
+        np.testing.assert_allclose(loads.slope(at)[..., k], rise, rtol=1e-6, atol=1e-7)
+
+
+class Places:
+    """Nodes that do not move with depth."""
+
+    def __init__(self, points: Float) -> None:
+        self._points = points
+
+    def at_depth(self, nodes: Any, depth_mm: Float) -> Float:
+        return np.asarray(self._points[nodes])
+
+
+def pressed(depth: Float, x: Float, y: Float, holes: Any) -> tuple[Surface, Places]:
+    noise = np.random.default_rng(5).normal(0, NOISE_MM, depth.shape)
+    valid = ~holes
+    flat = np.zeros((*depth.shape, 2))
+    surface = Surface(
+        np.where(valid, depth + noise, np.nan), flat, x, y,
+        np.where(valid, 3 * NOISE_MM, np.nan), flat, valid, holes,
+        Anchor("none", np.zeros(depth.shape, bool), 0.0), 0, 1,
+    )  # fmt: skip
+    return surface, Places(np.stack([x, y], axis=-1))
+
+
+def lattice() -> tuple[Float, Float]:
+    line = (np.arange(NODES) - NODES // 2) * SPACING_MM
+    x, y = np.meshgrid(line, line)
+    return x, y
+
+
+@pytest.mark.parametrize("name", list(DENTS))
+@pytest.mark.parametrize("lost_mm", [0.0, 0.6])
+def test_a_planted_dent_is_carried_in_within_its_sigma(name: str, lost_mm: float) -> None:
+    x, y = lattice()
+    r, depth_mm = np.hypot(x, y), 0.02
+    dent = depth_mm * DENTS[name][0](r, RADIUS_MM)
+    surface, places = pressed(dent + 1e-4 * x, x, y, r < RADIUS_MM + lost_mm)
+    inside = carried_inside(surface, [round_contact()], places)  # type: ignore[arg-type]
+    assert inside is not None
+    assert (inside.valid == (r < RADIUS_MM + lost_mm)).all()
+    z = (inside.depth_mm - dent - 1e-4 * x)[inside.valid] / inside.sigma_depth_mm[inside.valid]
+    assert np.abs(z).max() < 3
+    # sigma is no excuse: less than linear extrapolation and nothing differ by, and growing inwards
+    assert inside.sigma_depth_mm[NODES // 2, NODES // 2] < 0.5 * depth_mm
+    rim = inside.valid & (r > RADIUS_MM + lost_mm - SPACING_MM)
+    assert np.median(inside.sigma_depth_mm[rim]) < inside.sigma_depth_mm[inside.valid].max() / 2
+
+
+def test_the_depth_of_a_ball_is_known_where_nodes_are_read_up_to_its_border() -> None:
+    x, y = lattice()
+    r = np.hypot(x, y)
+    surface, places = pressed(0.02 * ball(r, RADIUS_MM), x, y, r < RADIUS_MM)
+    contact = round_contact()
+    inside = carried_inside(surface, [contact], places)  # type: ignore[arg-type]
+    surface = replace(surface, inside=inside)
+    found, measured = deepest_of_all(surface, peak(surface)), peak(surface)
+    assert found.where is Where.INSIDE
+    assert found.depth_mm == pytest.approx(0.02, abs=3 * found.sigma_mm)
+    assert found.depth_mm > 1.5 * measured.depth_mm
+    assert with_depths(surface, [contact])[0].depth_mm == found.depth_mm
+
+
+def test_two_contacts_are_told_apart_by_their_common_dent() -> None:
+    x, y = lattice()
+    apart = 2.2
+    r, other = np.hypot(x - apart, y), np.hypot(x + apart, y)
+    dent = 0.02 * ball(r, RADIUS_MM) + 0.01 * ball(other, RADIUS_MM)
+    surface, places = pressed(dent, x, y, (r < 1.2) | (other < 1.2))
+    contacts = [round_contact(apart), round_contact(-apart)]
+    inside = carried_inside(surface, contacts, places)  # type: ignore[arg-type]
+    assert inside is not None
+    first, second = with_depths(replace(surface, inside=inside), contacts)
+    for contact, own in ((first, r), (second, other)):
+        true = dent[own < RADIUS_MM].max()
+        assert abs(contact.depth_mm - true) < 3 * contact.sigma_depth_mm < true
+
+
+def test_a_peak_beside_a_contact_of_unknown_depth_says_so() -> None:
+    x, y = lattice()
+    r = np.hypot(x, y)
+    surface, _ = pressed(0.02 * ball(r, RADIUS_MM), x, y, r < RADIUS_MM)
+    assert deepest_of_all(surface, peak(surface)).where is Where.BESIDE
+    away = Peak(0.01, 6.0, 6.0, 1e-4)
+    assert deepest_of_all(surface, away).where is Where.MEASURED
+
+
+def test_nothing_is_said_of_a_contact_that_leaves_too_little_to_read() -> None:
+    x, y = lattice()
+    r = np.hypot(x, y)
+    surface, places = pressed(0.02 * ball(r, 6.0), x, y, r < 8.4)
+    assert carried_inside(surface, [round_contact(radius_mm=6.0)], places) is None  # type: ignore[arg-type]
