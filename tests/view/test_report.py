@@ -103,12 +103,13 @@ def test_depth_is_shown_when_first_locked_at_its_largest_and_at_the_end(recordin
 
 def test_peak_is_given_to_two_digits_of_its_sigma():
     peak = {"depth_mm": 0.2012345, "sigma_mm": 5.1e-5, "x_mm": 30.0, "y_mm": -1e-9, "time_s": 1.0}
-    peak |= {"state": "locked", "x_sigma_mm": 1e-3, "y_sigma_mm": float("nan")}
+    peak |= {"state": "locked", "where": "measured", "x_sigma_mm": 1e-3, "y_sigma_mm": float("nan")}
     assert peak_words(peak) == "201.234 ± 0.051 µm at x = 30.00, y = 0.00 mm, 1.00 s, locked"
     assert peak_words(peak | {"depth_mm": 1.5, "sigma_mm": 0.02}).startswith("1.500 ± 0.020 mm")
     assert peak_words(peak | {"sigma_mm": float("nan")}).startswith("201.234 µm (sigma not known)")
     calibrated = peak_words(peak | {"x_sigma_mm": 0.31, "y_sigma_mm": 1.1})
     assert "x = 30.00 ± 0.31, y = 0.00 ± 1.10 mm" in calibrated
+    assert "mm, inside a contact, 1.00 s" in peak_words(peak | {"where": "inside a contact"})
 
 
 def without_arrays(file: h5py.File) -> None:
