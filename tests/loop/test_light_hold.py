@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zeromethod.loop.light_hold import EDGE_RAD, FRAMES, LightHold
+from zeromethod.loop.light_hold import EDGE_RAD, FRAMES, STAYS_FRAMES, LightHold
 from zeromethod.warp.validity import Flag
 
 PERIOD_PX = 16
@@ -21,15 +21,22 @@ def frame(hold: LightHold, *failed: tuple[int, int, np.uint16]) -> np.ndarray:
     return flags
 
 
-def test_a_node_that_fails_once_counts_as_soon_as_it_is_back() -> None:
+def beside_the_dark() -> LightHold:
+    """Memory of a place that has been dark for long."""
     hold = LightHold((12, 12), PERIOD_PX)
-    for _ in range(5):
-        frame(hold, (5, 5, DARK), (5, 6, DARK))
+    for _ in range(STAYS_FRAMES):
+        frame(hold, (5, 5, DARK))
+    return hold
+
+
+def test_a_node_that_fails_once_counts_as_soon_as_it_is_back() -> None:
+    hold = beside_the_dark()
+    frame(hold, (5, 5, DARK), (5, 6, DARK))
     assert frame(hold, (5, 5, DARK))[5, 6] == 0
 
 
 def test_a_node_that_flickers_stays_lost_until_it_was_good_for_some_frames() -> None:
-    hold = LightHold((12, 12), PERIOD_PX)
+    hold = beside_the_dark()
     for failed in (True, False, True):
         frame(hold, (5, 5, DARK), *([(5, 6, DARK)] if failed else []))
     for _ in range(FRAMES):
@@ -38,12 +45,20 @@ def test_a_node_that_flickers_stays_lost_until_it_was_good_for_some_frames() -> 
 
 
 def test_a_node_beside_the_dark_is_held_whatever_it_fails_by_and_one_far_away_is_not() -> None:
-    hold = LightHold((12, 12), PERIOD_PX)
+    hold = beside_the_dark()
     for _ in range(2):
         frame(hold, (5, 5, DARK), (5, 7, AMBIGUOUS), (5, 9, AMBIGUOUS))
         flags = frame(hold, (5, 5, DARK))
     assert flags[5, 7] == BESIDE
     assert flags[5, 9] == 0
+
+
+def test_beside_a_place_that_went_dark_just_now_nothing_is_held() -> None:
+    """A sudden press: light goes and comes back all over it."""
+    hold = LightHold((12, 12), PERIOD_PX)
+    for failed in (True, False, True, False):
+        flags = frame(hold, (5, 5, DARK), *([(5, 6, DARK)] if failed else []))
+    assert flags[5, 6] == 0
 
 
 def test_without_a_dark_place_nothing_is_held() -> None:

@@ -2,7 +2,8 @@
 
 Beside a contact the light of a node comes and goes with the noise, and with it go a phase that the contact's
 edge falsifies and the shape of the picture around: without memory the command never settles there. A node
-that fails once and comes back counts at once.
+that fails once and comes back counts at once, and so does one beside a place that went dark just now: while a
+sudden press is nulled light goes and comes back everywhere, and the loop needs each node that sees any.
 
 An edge of the light t nodes away leaves (1 - t/2)^2 / 2 of the triangular window dark, which moves the phase
 by up to as many radians; nearer edges than about one node are told by the light itself (`sensing.shading`).
@@ -20,6 +21,9 @@ from zeromethod.warp.validity import Flag
 
 FRAMES = 8
 """Frames within which a node that came back and fails again flickers; it counts after as many good ones."""
+
+STAYS_FRAMES = 30
+"""A place that has been dark for so long is a contact's; a sudden press is nulled sooner."""
 
 REACH_NODES = 2
 """How far from a dark node others flicker with it."""
@@ -39,6 +43,7 @@ class LightHold:
         self._left: Bytes = np.zeros(shape, np.uint8)
         self._back: Bytes = np.full(shape, FRAMES + 1, np.uint8)
         self._near: Bytes = np.zeros(shape, np.uint8)
+        self._dark_for: Bytes = np.zeros(shape, np.uint8)
         self._dark = False
         self._edge_px = np.array([0.0, *EDGE_RAD]) * period_px / (2 * math.pi)
 
@@ -59,7 +64,7 @@ class LightHold:
 
     def learn(self, flags: Flags) -> None:
         """Take in the flags (rows, cols) of the frame that `flag` saw last, with all that was added since."""
-        _learn(self._left, self._back, flags, self._near)
+        _learn(self._left, self._back, self._dark_for, flags, self._near)
 
 
 @numba.njit(cache=True)
@@ -81,6 +86,17 @@ def _near_dark(flags: Flags, near: Bytes) -> bool:
 
 
 @numba.njit(cache=True)
+def _lasts(dark_for: Bytes, j: int, i: int) -> bool:
+    """Whether a node within `REACH_NODES` has been dark for `STAYS_FRAMES`."""
+    rows, cols = dark_for.shape
+    for b in range(max(j - REACH_NODES, 0), min(j + REACH_NODES + 1, rows)):
+        for a in range(max(i - REACH_NODES, 0), min(i + REACH_NODES + 1, cols)):
+            if dark_for[b, a] == STAYS_FRAMES:
+                return True
+    return False
+
+
+@numba.njit(cache=True)
 def _flag(left: Bytes, flags: Flags) -> None:
     for j in range(flags.shape[0]):
         for i in range(flags.shape[1]):
@@ -98,12 +114,16 @@ def _with_edge(sigma_px: Float, near: Bytes, edge_px: Float, out: Float) -> None
 
 
 @numba.njit(cache=True)
-def _learn(left: Bytes, back: Bytes, flags: Flags, near: Bytes) -> None:
+def _learn(left: Bytes, back: Bytes, dark_for: Bytes, flags: Flags, near: Bytes) -> None:
     """left: frames that a node stays lost. back: frames since it came back, 0 while it fails."""
     for j in range(flags.shape[0]):
         for i in range(flags.shape[1]):
-            failed = flags[j, i] & ~_BESIDE_DARK
-            if near[j, i] and failed and not flags[j, i] & _NEVER:
+            dark = flags[j, i] & _LIGHT_LOST and not flags[j, i] & _NEVER
+            dark_for[j, i] = min(dark_for[j, i] + 1, STAYS_FRAMES) if dark else 0
+    for j in range(flags.shape[0]):
+        for i in range(flags.shape[1]):
+            failed = flags[j, i] & ~_BESIDE_DARK and not flags[j, i] & _NEVER
+            if failed and near[j, i] and _lasts(dark_for, j, i):
                 if left[j, i] or 0 < back[j, i] <= FRAMES:
                     left[j, i] = FRAMES
                 back[j, i] = 0
