@@ -65,7 +65,8 @@ Z_RMS, MOST_SIGMA, MOST_FAR = (0.8, 1.25), 1.25, 0.015
 class Family:
     """Dents of one kind. wide: 4 to 40 mm all over the view and beyond, else 1.5 to `largest` in the middle.
 
-    longest: ratio of its axes, at most. known: whether other benchmarks press so.
+    longest: ratio of its axes, at most. known: whether other benchmarks press so. beyond: how far out of view
+    its centre may lie, over the view.
     """
 
     name: str
@@ -75,6 +76,7 @@ class Family:
     largest_mm: float
     longest: float = 1.0
     count: int = 1
+    beyond: float = 0.15
 
     @property
     def wide(self) -> bool:
@@ -98,6 +100,8 @@ FAMILIES = (
     Family("cone anywhere", False, lambda _: sharp, 4.0, 16.0),
     Family("two Gaussians", False, lambda _: gauss, 4.0, 20.0, 1.0, 2),
     Family("two 1/r", False, lambda _: power(1.0), 3.0, 16.0, 1.0, 2),
+    Family("wide Gaussian far out of view", False, lambda _: gauss, 8.0, 60.0, 1.0, 1, 0.6),
+    Family("wide 1/r far out of view", False, lambda _: power(1.0), 8.0, 60.0, 1.0, 1, 0.6),
     Family("bulge around a dent", False, lambda _: bulged, 3.0, 16.0),
 )
 
@@ -173,7 +177,11 @@ def drawn(family: Family, view: View, draw: np.random.Generator, smallest_mm: fl
     profile = family.profile(draw)
     parts = []
     for _ in range(family.count):
-        share = draw.uniform(-0.15, 1.15, 2) if family.wide else draw.uniform(0.42, 0.58, 2)
+        share = (
+            draw.uniform(-family.beyond, 1.0 + family.beyond, 2)
+            if family.wide
+            else draw.uniform(0.42, 0.58, 2)
+        )
         size_mm = exp(draw.uniform(log(max(family.smallest_mm, smallest_mm)), log(family.largest_mm)))
         stretch, angle = np.sqrt(draw.uniform(1.0, family.longest)), draw.uniform(0.0, np.pi)
         short_mm = size_mm / stretch

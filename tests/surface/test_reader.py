@@ -110,6 +110,15 @@ def test_a_rest_surface_that_is_not_flat(shape, radius, tmp_path):
     assert np.abs(bench.error(surface, dent)).max() < 1e-4
 
 
+@pytest.mark.parametrize(("beside_mm", "depth_mm"), [(40.0, 0.3), (40.0, 1.0), (30.0, 0.3)])
+def test_a_wide_press_with_its_middle_out_of_view_is_not_said_to_be_known_well(small, beside_mm, depth_mm):
+    """It is much like the multiple of the scale that moves nothing: its depth comes from laws alone."""
+    dent = Gauss(depth_mm, 42.0 + beside_mm, 0.0, 40.0)
+    found = peak(small.reader.read(small.warp(dent, np.random.default_rng(1))))
+    error_mm = found.depth_mm - float(dent.depth(np.array(found.x_mm), np.array(found.y_mm)))
+    assert abs(error_mm) < 3 * found.sigma_mm
+
+
 def test_bulges_stay_negative(small):
     bulge = Several((Gauss(0.2, small.centre_mm, 0.0, 4.0), Gauss(-0.05, small.centre_mm, 0.0, 8.0)))
     surface = small.reader.read(small.warp(bulge))

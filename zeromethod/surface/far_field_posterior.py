@@ -42,11 +42,13 @@ _MOVED_COST = 9.0
 _PASSES = 24
 """Most passes of a fit."""
 
-_BEYOND, _LARGEST, _SMALLEST, _DEEPEST = 0.45, 1.5, 0.005, 10.0
+_BEYOND, _LARGEST, _SMALLEST, _DEEPEST = 1.2, 1.5, 0.005, 10.0
 """Limits of a dent: way beyond the view and sizes over its diagonal, depth over range."""
 
-_RANGES = 1.0
-"""Standard deviation of the anchor's depth over the range read, before anything is read."""
+_RANGES, _MOST_RANGES = 1.0, 3.0
+"""Of the anchor's depth over the range read: its standard deviation before anything is read, and where a law
+that says more is doubted by as much as it says more. Such a dent moves what is seen hardly more than the
+multiple of the scale that cannot be seen."""
 
 _MEMBERS = 12
 """Four of one dent, as many from another start, three of two, and one on a mirror that is tilted."""
@@ -203,5 +205,6 @@ def _together(members: Float, rest_mm: float, about_mm: float) -> tuple[float, f
         if likely[k] > 0.0:
             off = rest_mm + kept[k] * (members[k, CONSTANT] - rest_mm) - mean
             own = about_mm**2 if members[k, VARIANCE] == np.inf else kept[k] * members[k, VARIANCE]
+            own += max(abs(members[k, CONSTANT] - rest_mm) - _MOST_RANGES * about_mm, 0.0) ** 2
             variance += likely[k] * (own + off * off)
     return mean, np.sqrt(variance)
