@@ -12,6 +12,7 @@ from zeromethod.exposure.exposures import Exposures
 from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.exposure.strip_reading import StripReader, find_strips
 from zeromethod.loop.circle import Circle, Sensor, controller_of
+from zeromethod.loop.order_check import OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.optics import Optics
 from zeromethod.pattern import Target
@@ -67,10 +68,19 @@ def make_circle(
         controller = controller_of(rig.control, rest)
         black_grey = rig.camera.noise.black_grey
         blur = PanelBlur(rig, rest.grid)
-        return Circle(rest, exposures, sensor, controller, black_grey, light if light.needed else None, blur)
+        expected = light if light.needed else None
+        return Circle(rest, exposures, sensor, controller, black_grey, expected, blur, order_check(rig, rest))
 
     warm_up(circle(), target, rig.camera)
     return CircleParts(rest, strips, circle())
+
+
+def order_check(rig: Rig, rest: Rest) -> OrderCheck | None:
+    """Make what tells the carrier's order; None for noise, and for the integrator, whose pictures change."""
+    kind = rig.target.kind
+    if kind == "noise" or rig.control.controller != "composition":
+        return None
+    return OrderCheck(rest, diagonal=kind == "checker")
 
 
 def warm_up(circle: Circle, target: Target, camera: CameraSpec) -> None:

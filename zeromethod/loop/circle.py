@@ -26,6 +26,7 @@ from zeromethod.loop.events import Event
 from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
+from zeromethod.loop.order_check import Order, OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
 from zeromethod.rig.model import ControlSpec
 from zeromethod.sensing.residual import Residual
@@ -74,6 +75,7 @@ class FrameResult:
     changed: there is a new command. refusal: why it brought none. observation, residual and measured are None
     where the frame could not be paired or is dark. residual_rms_px: rms length of the residual over valid
     nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
+    order: whether it is known which period of the carrier is seen, is being told, or could not be.
     """
 
     changed: bool = False
@@ -84,11 +86,16 @@ class FrameResult:
     residual_rms_px: float = float("nan")
     valid_share: float = 0.0
     covered_share: float = 0.0
+    order: Order = Order.KNOWN
 
     @property
     def believed(self) -> Warp | None:
-        """The measured warp, but not of mixed pictures: a part of it may be right, its peak need not be."""
-        return None if self.refusal is Event.PICTURES_MIXED else self.measured
+        """The measured warp, but not of mixed pictures: a part of it may be right, its peak need not be.
+
+        Nor one that may be whole periods off.
+        """
+        mixed = self.refusal is Event.PICTURES_MIXED
+        return None if mixed or self.order is not Order.KNOWN else self.measured
 
 
 def controller_of(control: ControlSpec, rest: Rest) -> Controller:
@@ -113,11 +120,12 @@ class Circle:
         black_grey: float = 0.0,
         expected_light: ExpectedLight | None = None,
         panel_blur: PanelBlur | None = None,
+        order_check: OrderCheck | None = None,
     ) -> None:
         """Put the parts together.
 
         expected_light: None where the light at rest is the light everywhere. panel_blur: None for a panel
-        that has none.
+        that has none. order_check: None for a target without periods.
         """
         self.rest = rest
         self.exposures = exposures
@@ -127,6 +135,7 @@ class Circle:
         self._hold = LightHold(rest.flags.shape, rest.grid.period_px)
         self._expected_light = expected_light
         self._panel_blur = panel_blur
+        self._order_check = order_check
         self._horizon = Horizon(exposures.timing.upwards)
         self._source_ns: int | None = None
         # At rest the order of every node is known: it is that of the rest map.
@@ -140,7 +149,9 @@ class Circle:
     @property
     def commanded(self) -> Warp:
         """The warp that is to be shown next."""
-        return Warp.drawn(self.controller.commanded, Role.COMMANDED, self._source_ns or 0)
+        checking = None if self._order_check is None else self._order_check.commanded
+        q = self.controller.commanded if checking is None else checking
+        return Warp.drawn(q, Role.COMMANDED, self._source_ns or 0)
 
     @property
     def horizon_s(self) -> float:
@@ -166,16 +177,33 @@ class Circle:
         residual, measured = self._measure(observation, known, known_q)
         if self._light_watch.is_off(residual.mean):
             return FrameResult(refusal=Event.LIGHT_OFF)
+        drawn = self.commanded.q
+        order, told = self._told(observation, residual, known, frozen)
+        if told is not None:
+            known = told
+            residual, measured = self._measure(observation, known, known_q)
         if self._expected_light is not None and _has_moved(measured, known_q):
             continued = continue_smoothly(measured.q - self.rest.q, measured.valid)
             residual, measured = self._measure(observation, known, self.rest.q + continued)
         self._hold.learn(measured.flags)
         changed, refusal = self._command(residual, measured, frozen)
+        if order is not Order.KNOWN:
+            changed = self.commanded.q is not drawn
         square, share, covered = _figures(residual.d, measured.valid, self.rest.visible, residual.flags)
         rms_px = float(np.sqrt(square))
         if self._panel_blur is not None:
             self._panel_blur.learn(observation.shown.q, self.rest.q, residual, measured.valid, rms_px)
-        return FrameResult(changed, refusal, observation, residual, measured, rms_px, share, covered)
+        return FrameResult(changed, refusal, observation, residual, measured, rms_px, share, covered, order)
+
+    def _told(
+        self, observation: Observation, residual: Residual, known: Known, frozen: bool
+    ) -> tuple[Order, Known | None]:
+        """Whether the carrier's order is known, and what the frame is to be held against if just now."""
+        check = self._order_check
+        if check is None:
+            return Order.KNOWN, None
+        told = None if frozen else check.look(observation, residual, known, self.controller.commanded)
+        return check.order(observation.shown.time_ns), told
 
     def _measure(self, observation: Observation, known: Known, lit_q: Float) -> tuple[Residual, Warp]:
         """Residual and measured warp under the light that a mirror seen at `lit_q` reflects."""

@@ -303,7 +303,8 @@ class Loop:
         blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
         seen = result.residual_rms_px, result.valid_share
         doubt = self.bench.doubt or self.doubt
-        return StepOutcome(Outcome.MEASURED, blinded, *seen, at_rest, result.covered_share, doubt)
+        order = result.order
+        return StepOutcome(Outcome.MEASURED, blinded, *seen, at_rest, result.covered_share, doubt, order)
 
     def _show(self, result: FrameResult, refusal: Notice | None, frozen: bool, now_ns: int) -> Trouble | None:
         """Have the command drawn; what went wrong, where something did."""

@@ -42,7 +42,7 @@ class Screen:
         """Have the present command drawn."""
         self._undrawn = False
         self._posted_ns = self._clock.now_ns()
-        self._drawing.post(self._circle.controller.commanded, self._circle.source_ns)
+        self._drawing.post(self._circle.commanded.q, self._circle.source_ns)
 
     def repaint_if_due(self) -> None:
         """Draw the command again where it has stood for `REPAINT_S` of the host's time."""

@@ -22,6 +22,8 @@ import enum
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from zeromethod.loop.order_check import Order
+
 LOCK_RESIDUAL_PX = 0.05
 """Residual rms over valid nodes, camera px, under which a frame counts as nulled."""
 
@@ -88,6 +90,7 @@ class StepOutcome:
     at_rest: bool = False
     covered_share: float = 0.0
     doubt: Doubt | None = None
+    order: Order = Order.KNOWN
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,11 +122,13 @@ def next_status(previous: Status, step: StepOutcome) -> Status:
 
 
 def _blind(step: StepOutcome) -> Status | None:
-    """Status of a measured step that sees too little of the mirror."""
+    """Status of a measured step that sees too little of the mirror, or not which part of the target."""
     if step.covered_share >= COVERED_FROM:
         return Status(State.COVERED, f"{100 * step.covered_share:.0f} % of the reflection is gone")
     if step.valid_share < LOST_BELOW:
         return Status(State.LOST, step.reason or f"{100 * step.valid_share:.0f} % of the nodes are seen")
+    if step.order is not Order.KNOWN:
+        return Status(State.LOST if step.order is Order.UNKNOWN else State.NULLING, step.order)
     return None
 
 

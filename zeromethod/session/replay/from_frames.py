@@ -46,8 +46,8 @@ class WarpDifferences:
         equal = self._same_measured(step, measured)
         commanded = self.recording.commanded(step)
         if commanded is not None:
-            equal &= same(commanded, circle.controller.commanded)
-            self.commanded.add(circle.controller.commanded.astype(np.float32) - commanded)
+            equal &= same(commanded, circle.commanded.q)
+            self.commanded.add(circle.commanded.q.astype(np.float32) - commanded)
         equal &= self._same_seen(step, taken)
         for name in ("residual_rms_px", "valid_share"):
             pair = float(row[name]), float(getattr(taken, name))

@@ -1,0 +1,141 @@
+"""Which period of the carrier is seen, told by one enlarged picture: planted displacements, and a run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from node_bench import PERIOD_PX, SIGMA_PX, rest_warp
+
+from benchmarks.rigs import VIEW_MIDDLE_MM, opened, pressed, step_path
+from zeromethod import load_rig
+from zeromethod.devices.protocols import Frame
+from zeromethod.exposure.pairing import Observation
+from zeromethod.loop.measured_warp import Known
+from zeromethod.loop.order_check import ENLARGED, LONGEST_S, Order, OrderCheck
+from zeromethod.loop.state import State
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.warp import Role, Warp
+
+REST = rest_warp()
+U, V = REST.grid.mesh()
+MIDDLE = np.array([0.5 * (U[0, 0] + U[-1, -1]), 0.5 * (V[0, 0] + V[-1, -1])])
+FRAME_NS = round(1e9 / 60)
+
+
+class View:
+    """Frames of a mirror that displaces the picture of rest by `d` (rows, cols, 2) camera px."""
+
+    def __init__(self, diagonal: bool = False) -> None:
+        self.check = OrderCheck(REST, diagonal=diagonal)
+        self.diagonal = diagonal
+        self.draw = np.random.default_rng(3)
+        self.frames = 0
+
+    def wrapped(self, d: np.ndarray) -> np.ndarray:
+        """What the sensor reads: phases of the carriers, in whole periods as near to zero as can be."""
+        carriers = np.stack([d[..., 0] + d[..., 1], d[..., 0] - d[..., 1]], axis=-1) if self.diagonal else d
+        carriers = carriers - PERIOD_PX * np.rint(carriers / PERIOD_PX)
+        if self.diagonal:
+            carriers = 0.5 * np.stack(
+                [carriers[..., 0] + carriers[..., 1], carriers[..., 0] - carriers[..., 1]], axis=-1
+            )
+        return carriers + SIGMA_PX * self.draw.standard_normal(d.shape)
+
+    def look(self, d: np.ndarray, every_ns: int = FRAME_NS) -> Known | None:
+        """One frame of what the check wants to be shown: the target at rest, or enlarged."""
+        shown = self.check.commanded
+        larger = shown is not None and not np.array_equal(shown, REST.q)
+        away = np.stack([U, V], axis=-1) - MIDDLE
+        true = (1 + ENLARGED) * (away + d) - away if larger else d
+        residual = Residual.empty(REST.grid)
+        residual.d[:], residual.sigma[:] = self.wrapped(true), SIGMA_PX
+        residual.flags[:] = np.where(REST.visible, 0, residual.flags)
+        self.frames += 1
+        warp = Warp.drawn(REST.q if shown is None else shown, Role.SHOWN, self.frames * every_ns)
+        frame = Frame(np.zeros((1, 1), np.uint8), warp.time_ns, 8_000_000, self.frames)
+        seen = Observation(frame, warp, None, np.zeros(1, np.int64), np.ones((1, 1)), None)
+        expected = np.where(REST.visible[..., None], 0.0, np.nan)
+        return self.check.look(seen, residual, Known(REST.q, REST.visible, expected), REST.q)
+
+    def order(self, every_ns: int = FRAME_NS) -> Order:
+        return self.check.order(self.frames * every_ns)
+
+
+def plane(du_px: float, dv_px: float, steep: float) -> np.ndarray:
+    """Displacement of the whole view that also grows across it."""
+    return np.stack([du_px + steep * (U - MIDDLE[0]), dv_px - steep * (V - MIDDLE[1])], axis=-1)
+
+
+@pytest.mark.parametrize("diagonal", [False, True])
+@pytest.mark.parametrize("periods", [(1.0, 0.0), (-2.0, 1.0), (0.5, 3.5), (-7.3, 6.1)])
+def test_whole_periods_are_told_by_the_enlarged_picture(periods, diagonal):
+    view, d = View(diagonal), plane(PERIOD_PX * periods[0], PERIOD_PX * periods[1], 0.02)
+    assert view.look(d) is None
+    assert view.order() is Order.DOUBTED
+    told = view.look(d)
+    assert view.order() is Order.KNOWN
+    away = np.stack([U, V], axis=-1) - MIDDLE
+    true = (1 + ENLARGED) * (away + d) - away
+    # noise of the first frame comes in enlarged; a wrong order would be off by a period
+    np.testing.assert_allclose(told.residual_px[told.trusted], true[told.trusted], atol=8 * SIGMA_PX)
+    assert np.count_nonzero(told.trusted) > 0.99 * np.count_nonzero(REST.visible)
+
+
+def test_where_a_quarter_of_the_view_is_at_rest_nothing_is_doubted():
+    d = plane(6.0, 0.0, 0.0)
+    d[: U.shape[0] // 2] = 0.0
+    view = View()
+    assert view.look(d) is None
+    assert view.order() is Order.KNOWN
+    assert view.check.commanded is None
+
+
+def test_a_jump_of_the_whole_view_is_doubted_and_slow_motion_is_not():
+    view = View()
+    view.look(plane(0.0, 0.0, 0.0))
+    view.look(plane(1.0, 0.0, 0.0))
+    assert view.order() is Order.KNOWN
+    view.look(plane(5.0, 0.0, 0.0))
+    assert view.order() is Order.DOUBTED
+
+
+def test_order_is_doubted_after_a_gap_without_frames():
+    view = View()
+    view.look(plane(0.0, 0.0, 0.0))
+    view.frames += 30
+    view.look(plane(1.0, 0.0, 0.0))
+    assert view.order() is Order.DOUBTED
+
+
+def test_while_the_mirror_moves_nothing_is_told_and_after_a_second_it_is_said_to_be_unknown():
+    view = View()
+    moving = (plane(5.0 + k % 2 * 0.25, 0.0, 0.0) for k in range(100))
+    while view.frames < LONGEST_S * 60:
+        assert view.look(next(moving)) is None
+    assert view.order() is Order.DOUBTED
+    view.look(next(moving))
+    view.look(next(moving))
+    assert view.order() is Order.UNKNOWN
+    # it settles, and is told
+    told = [view.look(plane(5.0, 0.0, 0.0)) for _ in range(4)]
+    assert any(one is not None for one in told)
+    assert view.order() is Order.KNOWN
+
+
+@pytest.mark.parametrize("press_s", [0.0, 0.15])
+def test_a_press_that_moves_the_whole_view_by_periods_is_nulled_at_the_right_order(press_s):
+    """A dent as wide as the prism, half of it out of view: 46 px, a period is 16; before, or suddenly."""
+    at = VIEW_MIDDLE_MM + 90.0, 0.0
+    with pressed(load_rig("simulated"), step_path(press_s, 2.5), 100.0, at) as rig, opened(rig) as bench:
+        *_, step = bench.loop.run(frames=round(60 * press_s) + 14)
+        moved = bench.true_warp(bench.truth(step.time_ns))
+    assert step.measured is not None
+    assert step.residual_rms_px < 0.05
+    # nulled, and taken for a camera that moved, as such a press leaves nothing of the view at rest
+    assert step.state in {State.LOCKED, State.MOVED}
+    valid = step.measured.valid
+    assert np.count_nonzero(valid) > 0.9 * np.count_nonzero(bench.loop.rest.visible)
+    off = np.abs(step.measured.q - moved)[valid]
+    assert np.abs(moved - bench.loop.q_rest)[valid].max() > PERIOD_PX
+    # noise of a frame is 0.01 LCD px
+    assert np.percentile(off, 99.9) < 0.1

@@ -1,0 +1,176 @@
+"""Which period of the carrier is seen, told absolutely by one picture that is drawn a little larger.
+
+Phase is known up to whole periods, and neighbours settle the order of neighbours. Nothing settles that of the
+whole view when a run begins with something pressed, after frames without a view, or after a jump of all of
+it. Then the command is kept, and one frame of it is compared with one of the same picture enlarged by s about
+the view's middle: a node that sees the point a of the target (camera px from the middle) in the first sees
+b = (1 + s) a in the second. Both are read up to whole periods P,
+
+    b - (1 + s) a = s m P + (whole periods),
+
+and what is left of the difference tells by how many periods m the first was misread, of up to 1 / (2 s).
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+
+import numba
+import numpy as np
+
+from zeromethod.arrays import Flags, Float, Mask
+from zeromethod.exposure.pairing import Observation
+from zeromethod.loop.measured_warp import Known
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.compose import compose
+from zeromethod.warp.continuation import continue_smoothly
+from zeromethod.warp.rest import Rest
+
+ENLARGED = 1 / 32
+"""s: half a camera px for each period of 16, some fifty times a node's noise."""
+
+QUIET_PX, QUIET_SHARE = 0.25, 0.25
+"""Residual beside the expected one up to which a node is where it was thought to be, and share of such nodes
+from which the order is not in doubt: of a jump by any way, one in a thousand would look so."""
+
+JUMP_PERIODS, JUMPED_SHARE = 1 / 8, 0.5
+"""Change between frames, in periods, from which a node jumped, and share of nodes of a view that did."""
+
+GAP_S, LEAST_SHARE = 0.25, 0.5
+"""Time without a measurement, and share of the nodes measured, after which order is to be told again."""
+
+CLEAR, CLEAR_SHARE = 0.25, 0.8
+"""A node tells its order where it comes as close to a whole number; share of the nodes that must."""
+
+LONGEST_S = 1.0
+"""Time after which an order that could not be told counts as lost."""
+
+_SAME_LCD_PX = 1e-3
+"""Difference between warps that are the same; recordings round them."""
+
+
+class Order(enum.StrEnum):
+    """What is known of the carrier's order; the value says it to the operator."""
+
+    KNOWN = ""
+    DOUBTED = "finding out which period of the carrier is seen"
+    UNKNOWN = "which period of the carrier is seen cannot be told: keep what is pressed still, or lift it"
+
+
+class OrderCheck:
+    """Doubt in the carrier's order, and the pictures that end it.
+
+    diagonal: the target's carriers run along u + v and u - v.
+    """
+
+    def __init__(self, rest: Rest, *, diagonal: bool) -> None:
+        self._rest = rest
+        u, v = rest.grid.mesh()
+        self._from_middle = np.stack(
+            [u - 0.5 * (u[0, 0] + u[-1, -1]), v - 0.5 * (v[0, 0] + v[-1, -1])], axis=-1
+        )
+        self._diagonal = diagonal
+        self._visible = int(np.count_nonzero(rest.visible))
+        self._started = False
+        self._last_ns = 0
+        self._since_ns = 0
+        self._kept: Float | None = None
+        self._larger: Float | None = None
+        self._seen: tuple[Float, Mask] | None = None
+
+    @property
+    def commanded(self) -> Float | None:
+        """(rows, cols, 2) LCD px to be shown, whatever the controller says; None: what it says."""
+        return self._larger if self._larger is not None else self._kept
+
+    def order(self, time_ns: int) -> Order:
+        """What is known of the order at a time."""
+        if self._kept is None:
+            return Order.KNOWN
+        return Order.UNKNOWN if time_ns - self._since_ns > 1e9 * LONGEST_S else Order.DOUBTED
+
+    def look(
+        self, observation: Observation, residual: Residual, known: Known, commanded: Float
+    ) -> Known | None:
+        """Take in a frame's residual; what it must be held against, where the order has just been told.
+
+        known: what was expected of the frame. commanded: (rows, cols, 2) LCD px, the controller's.
+        """
+        time_ns = observation.shown.time_ns
+        if np.count_nonzero(residual.flags == 0) < LEAST_SHARE * self._visible:
+            return None
+        interrupted = not self._started or time_ns - self._last_ns > 1e9 * GAP_S
+        self._started, self._last_ns = True, time_ns
+        if self._kept is None:
+            jump_px = JUMP_PERIODS * self._rest.grid.period_px
+            quiet, jumped = _changes(residual.d, known.residual_px, residual.flags, QUIET_PX, jump_px)
+            if quiet > QUIET_SHARE or not (interrupted or jumped > JUMPED_SHARE):
+                return None
+            self._kept, self._since_ns, self._seen = commanded, time_ns, None
+        return self._told(observation, residual, known)
+
+    def _told(self, observation: Observation, residual: Residual, known: Known) -> Known | None:
+        """The order by a frame of the picture that is kept and one of the enlarged one, in turn."""
+        assert self._kept is not None
+        if observation.mixture is not None:
+            return None
+        if self._seen is None:
+            if _same(observation.shown.q, self._kept):
+                self._seen = residual.d.copy(), residual.valid.copy()
+                self._larger = self._enlarged(self._kept)
+            return None
+        if self._larger is None or not _same(observation.shown.q, self._larger):
+            return None
+        d, valid = self._seen
+        expected, clear = self._absolute(d, residual.d)
+        both: Mask = valid & residual.valid
+        self._seen = self._larger = None
+        if not np.count_nonzero(clear & both) > CLEAR_SHARE * np.count_nonzero(both):
+            return None
+        self._kept = None
+        clear &= both
+        expected[~clear] = np.nan
+        return Known(known.q, clear, expected)
+
+    def _enlarged(self, q: Float) -> Float:
+        """The warp (rows, cols, 2) LCD px that draws the target larger by s where `q` draws it."""
+        spacing_px, away = self._rest.grid.spacing_px, self._from_middle
+        larger: Float = compose(q, away * (1 / (1 + ENLARGED) - 1), spacing_px) - self._rest.q
+        inside: Mask = np.isfinite(larger[..., 0])
+        out: Float = self._rest.q + continue_smoothly(larger, inside)
+        return out
+
+    def _absolute(self, d: Float, d_larger: Float) -> tuple[Float, Mask]:
+        """(Residual (rows, cols, 2) against the enlarged picture, camera px; where its order is clear)."""
+        period, away = self._rest.grid.period_px, self._from_middle
+        one = self._to_carriers(away + d)
+        left = self._to_carriers(away + d_larger) - (1 + ENLARGED) * one
+        orders = (left - period * np.rint(left / period)) / (ENLARGED * period)
+        whole = np.rint(orders)
+        expected = (1 + ENLARGED) * self._from_carriers(one + period * whole) - away
+        return expected, (np.abs(orders - whole) < CLEAR).all(axis=-1)
+
+    def _to_carriers(self, d: Float) -> Float:
+        return np.stack([d[..., 0] + d[..., 1], d[..., 0] - d[..., 1]], axis=-1) if self._diagonal else d
+
+    def _from_carriers(self, d: Float) -> Float:
+        return 0.5 * self._to_carriers(d) if self._diagonal else d
+
+
+def _same(q: Float, other: Float) -> bool:
+    return bool(np.abs(q - other).max() < _SAME_LCD_PX)
+
+
+@numba.njit(cache=True)
+def _changes(d: Float, expected: Float, flags: Flags, quiet_px: float, jump_px: float) -> tuple[float, float]:
+    """Shares of the valid nodes (rows, cols) that are as expected, and that jumped; camera px."""
+    nodes = quiet = jumped = 0
+    for j in range(flags.shape[0]):
+        for i in range(flags.shape[1]):
+            if flags[j, i] == 0 and math.isfinite(expected[j, i, 0]):
+                change = max(abs(d[j, i, 0] - expected[j, i, 0]), abs(d[j, i, 1] - expected[j, i, 1]))
+                nodes += 1
+                quiet += change < quiet_px
+                jumped += change > jump_px
+    return quiet / max(nodes, 1), jumped / max(nodes, 1)
