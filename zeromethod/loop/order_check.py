@@ -2,8 +2,9 @@
 
 Phase is known up to whole periods, and neighbours settle the order of neighbours. Nothing settles that of the
 whole view when a run begins with something pressed, after frames without a view, or after a jump of all of
-it. Then the command is kept, and one frame of it is compared with one of the same picture enlarged by s about
-the view's middle: a node that sees the point a of the target (camera px from the middle) in the first sees
+it; one that looks like a small motion is checked as soon as the picture is nulled again. Then the command is
+kept, and one frame of it is compared with one of the same picture enlarged by s about the view's middle: a
+node that sees the point a of the target (camera px from the middle) in the first sees
 b = (1 + s) a in the second. Both are read up to whole periods P,
 
     b - (1 + s) a = s m P + (whole periods),
@@ -36,6 +37,9 @@ from which the order is not in doubt: of a jump by any way, one in a thousand wo
 
 JUMP_PERIODS, JUMPED_SHARE = 1 / 8, 0.5
 """Change between frames, in periods, from which a node jumped, and share of nodes of a view that did."""
+
+NULLED_SHARE = 0.75
+"""Share of the nodes within `QUIET_PX` of the target in a frame that is nulled."""
 
 GAP_S, LEAST_SHARE = 0.25, 0.5
 """Time without a measurement, and share of the nodes measured, after which order is to be told again."""
@@ -72,7 +76,7 @@ class OrderCheck:
         )
         self._diagonal = diagonal
         self._visible = int(np.count_nonzero(rest.visible))
-        self._started = False
+        self._started = self._moved = False
         self._last_ns = 0
         self._since_ns = 0
         self._kept: Float | None = None
@@ -104,10 +108,14 @@ class OrderCheck:
         self._started, self._last_ns = True, time_ns
         if self._kept is None:
             jump_px = JUMP_PERIODS * self._rest.grid.period_px
-            quiet, jumped = _changes(residual.d, known.residual_px, residual.flags, QUIET_PX, jump_px)
-            if quiet > QUIET_SHARE or not (interrupted or jumped > JUMPED_SHARE):
+            changes = _changes(residual.d, known.residual_px, residual.flags, QUIET_PX, jump_px)
+            quiet, jumped, nulled = changes
+            moves = quiet < QUIET_SHARE
+            jumps = moves and (interrupted or jumped > JUMPED_SHARE)
+            if not (jumps or (self._moved and nulled > NULLED_SHARE)):
+                self._moved |= moves
                 return None
-            self._kept, self._since_ns, self._seen = commanded, time_ns, None
+            self._kept, self._since_ns, self._seen, self._moved = commanded, time_ns, None, False
         return self._told(observation, residual, known)
 
     def _told(self, observation: Observation, residual: Residual, known: Known) -> Known | None:
@@ -163,9 +171,11 @@ def _same(q: Float, other: Float) -> bool:
 
 
 @numba.njit(cache=True)
-def _changes(d: Float, expected: Float, flags: Flags, quiet_px: float, jump_px: float) -> tuple[float, float]:
-    """Shares of the valid nodes (rows, cols) that are as expected, and that jumped; camera px."""
-    nodes = quiet = jumped = 0
+def _changes(
+    d: Float, expected: Float, flags: Flags, quiet_px: float, jump_px: float
+) -> tuple[float, float, float]:
+    """Shares of the valid nodes (rows, cols) that are as expected, that jumped, and that see the target."""
+    nodes = quiet = jumped = nulled = 0
     for j in range(flags.shape[0]):
         for i in range(flags.shape[1]):
             if flags[j, i] == 0 and math.isfinite(expected[j, i, 0]):
@@ -173,4 +183,5 @@ def _changes(d: Float, expected: Float, flags: Flags, quiet_px: float, jump_px: 
                 nodes += 1
                 quiet += change < quiet_px
                 jumped += change > jump_px
-    return quiet / max(nodes, 1), jumped / max(nodes, 1)
+                nulled += max(abs(d[j, i, 0]), abs(d[j, i, 1])) < quiet_px
+    return quiet / max(nodes, 1), jumped / max(nodes, 1), nulled / max(nodes, 1)

@@ -1,0 +1,259 @@
+"""Switched on while pressed, pressed between two frames, knocked: whether the loop finds the picture again.
+
+Random presses as hands make them on the packaged bench with four times larger pixels, there from the first
+frame or from one to the next; the same under a knock, which throws the whole mirror by periods of the carrier
+for some frames; and, at full size, mirrors displaced as a whole by up to four periods, where phase alone
+cannot tell one period from another. Sixty frames, one second, each.
+
+A run has acquired when it is nulled and stays so; one that cannot be nulled must not be called good. Orders
+are counted node by node in every frame called good, against exact rays: a node a quarter of a period from
+where it truly looks was read at a wrong one. Peaks are compared where they were measured and locked at the
+end, and say that they are known to better than 1 % (3 sigma).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+
+import click
+import numpy as np
+
+from benchmarks.calibration_benches import View
+from benchmarks.hand_presses import any_press, can_be_nulled
+from benchmarks.honesty import deviation
+from benchmarks.report import Figure, Report, benchmark, start
+from benchmarks.rigs import VIEW_MIDDLE_MM, changed, small_rig
+from zeromethod.cli.numbers import Whole
+from zeromethod.devices.opening import open_devices
+from zeromethod.loop.state import NULLED, State
+from zeromethod.optics import Dented, Optics
+from zeromethod.rig.load import load_rig
+from zeromethod.rig.model import Rig
+from zeromethod.session.session import Session
+from zeromethod.simulation.camera import SimulatedCamera
+from zeromethod.simulation.path import PathPoint, PressPath
+from zeromethod.simulation.press import Dent, Shape
+from zeromethod.simulation.scenario import Scenario
+from zeromethod.surface.peak import Where
+from zeromethod.view.progress import progress
+
+SCENES, QUICK = 200, 16
+LAST, PRESS_AT, KNOCK_AT, KNOCKED = 60, 12, 24, 3
+"""Frames: of a run from its event on, before a press, before a knock, and how long that lasts."""
+
+WRONG_PERIODS = 0.25
+SIGMAS, PERCENT = 3.0, 1.0
+SEED = 16
+FAR_MM, WIDE_MM, MOST_MM = 90.0, 100.0, 3.5
+"""A dent that displaces the whole view: beside its middle, sigma, depth for four periods."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One run: its bench, what presses, and the frame from which it must be nulled."""
+
+    kind: str
+    rig: Rig
+    paths: tuple[PressPath, ...]
+    event: int
+    nulls: bool
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a scene.
+
+    frames: from the event to the first of the frames that stay nulled; None for never. state: the last.
+    wrong, decoded: nodes read at a wrong order, and all, in frames called good after the event.
+    peak_percent, peak_sigmas: error of the last peak, measured and locked; sigma_percent: stated.
+    """
+
+    kind: str
+    frames: int | None
+    state: str
+    nulls: bool
+    wrong: int
+    decoded: int
+    peak_percent: float | None
+    peak_sigmas: float | None
+    sigma_percent: float | None
+
+
+def held(rig: Rig, dent: Dent, from_frame: int, to_frame: int | None = None) -> PressPath:
+    """A press that comes from one frame to the next, and goes so; there from the start for frame 0."""
+
+    def point(frame: int, depth_mm: float) -> PathPoint:
+        return PathPoint(round(1e9 * frame / rig.camera.rate_hz), dent.x_mm, dent.y_mm, depth_mm)
+
+    path = [point(from_frame, dent.depth_mm)]
+    if from_frame > 0:
+        path.insert(0, point(from_frame, 0.0))
+    if to_frame is not None:
+        path += [point(to_frame, dent.depth_mm), point(to_frame, 0.0)]
+    return PressPath(dent, tuple(path))
+
+
+def thrown(depth_mm: float, side: float) -> Dent:
+    """A dent that displaces the whole view."""
+    return Dent(Shape.GAUSSIAN, VIEW_MIDDLE_MM + side * FAR_MM, 0.0, depth_mm, WIDE_MM)
+
+
+def scenes(count: int) -> Sequence[Scene]:
+    """Random scenes of all kinds, by turns."""
+    small, full = small_rig(), load_rig("simulated")
+    view, draw = View(small), np.random.default_rng(SEED)
+    makers: tuple[Callable[[Rig, Dent], Scene], ...] = (
+        lambda rig, dent: Scene("on while pressed", rig, (held(rig, dent, 0),), 0, nulls=True),
+        lambda rig, dent: Scene("pressed at once", rig, (held(rig, dent, PRESS_AT),), PRESS_AT, nulls=True),
+        _knocked(draw),
+        lambda rig, dent: Scene("on while pressed", rig, (held(rig, dent, 0),), 0, nulls=True),
+        _displaced(draw),
+    )
+    out = []
+    for number in range(count):
+        dents = any_press(view, draw)
+        one = makers[number % len(makers)]
+        displaced = number % len(makers) == len(makers) - 1
+        seed = {"seed": number}
+        rig = changed(full if displaced else small, simulation=seed)
+        scene = one(rig, dents[0])
+        out.append(scene if displaced or can_be_nulled(small, dents) else _not_nulled(scene))
+    return out
+
+
+def _not_nulled(scene: Scene) -> Scene:
+    return Scene(scene.kind, scene.rig, scene.paths, scene.event, nulls=False)
+
+
+def _knocked(draw: np.random.Generator) -> Callable[[Rig, Dent], Scene]:
+    def make(rig: Rig, dent: Dent) -> Scene:
+        blow = thrown(float(draw.uniform(1.0, 4.0) * MOST_MM), float(draw.choice([-1.0, 1.0])))
+        paths = held(rig, dent, PRESS_AT), held(rig, blow, KNOCK_AT, KNOCK_AT + KNOCKED)
+        return Scene("knocked while pressed", rig, paths, KNOCK_AT + KNOCKED, nulls=True)
+
+    return make
+
+
+def _displaced(draw: np.random.Generator) -> Callable[[Rig, Dent], Scene]:
+    def make(rig: Rig, _: Dent) -> Scene:
+        dent = thrown(float(draw.uniform(0.2, 1.0) * MOST_MM), float(draw.choice([-1.0, 1.0])))
+        at = int(draw.choice([0, PRESS_AT]))
+        return Scene("whole view displaced", rig, (held(rig, dent, at),), at, nulls=True)
+
+    return make
+
+
+def judged(scene: Scene) -> Outcome:
+    """Run a scene and hold every frame that is called good against exact rays."""
+    rig = scene.rig.model_copy(update={"scenario": "none"})
+    optics = Optics(rig)
+    frames: int | None = None
+    wrong = decoded = 0
+    peak: tuple[float, float, float] | None = None
+    states = []
+    with open_devices(rig) as devices:
+        camera = devices.camera
+        assert isinstance(camera, SimulatedCamera)
+        camera.scenario = Scenario("acquisition", scene.paths, 1e9)
+        with Session(rig, devices=devices) as session:
+            grid, period_px = session.loop.grid, rig.target.period_px
+            rest = session.loop.q_rest
+            lcd_per_px = np.nanmedian(np.abs(np.diff(rest[..., 0], axis=1))) / grid.spacing_px
+            for step in session.run(frames=scene.event + LAST):
+                if step.frame_number is None or step.frame_number <= scene.event:
+                    continue
+                states.append(step.state)
+                good = step.state in NULLED | {State.MOVED}
+                frames = (step.frame_number - scene.event if frames is None else frames) if good else None
+                if step.measured is None or step.state not in NULLED:
+                    continue
+                valid = step.measured.valid
+                true_q = optics.trace(*grid.mesh(), Dented(optics.rest, camera.truth(step.time_ns))).q
+                off = np.abs(step.measured.q - true_q)[valid].max(axis=-1)
+                wrong += int(np.count_nonzero(~(off < WRONG_PERIODS * period_px * lcd_per_px)))
+                decoded += len(off)
+                if step.peak is not None:
+                    error_mm, _, ratio = deviation(step, camera.truth(step.time_ns))
+                    true_mm = step.peak.depth_mm - error_mm
+                    measured = step.state is State.LOCKED and step.peak.where is Where.MEASURED
+                    shares = 100 * error_mm / true_mm, ratio, 100 * step.peak.sigma_mm / abs(true_mm)
+                    peak = shares if measured else None
+    last = str(states[-1]) if states else "none"
+    return Outcome(scene.kind, frames, last, scene.nulls, wrong, decoded, *(peak or (None, None, None)))
+
+
+def summarise(outcomes: Sequence[Outcome]) -> Report:
+    """Bars over all scenes, and a line for each kind."""
+    can = [one for one in outcomes if one.nulls]
+    honest = [one for one in can if one.frames is not None or one.state == State.LOST]
+    wrong, decoded = sum(one.wrong for one in outcomes), sum(one.decoded for one in outcomes)
+    known = [
+        abs(one.peak_percent)
+        for one in outcomes
+        if one.peak_percent is not None
+        and one.sigma_percent is not None
+        and SIGMAS * one.sigma_percent < PERCENT
+    ]
+    ratios = [one.peak_sigmas for one in outcomes if one.peak_sigmas is not None]
+    far, most = sum(one > SIGMAS for one in ratios), max(round(0.015 * len(ratios)), 1)
+    within = sum(one < PERCENT for one in known)
+    figures = [
+        Figure(
+            "scenes that can be nulled: nulled for good, or lost, within 1 s",
+            f"{len(honest)} of {len(can)}",
+            "all",
+            len(honest) == len(can),
+        ),
+        Figure("nodes read at a wrong order and called good", f"{wrong} of {decoded}", "0", wrong == 0),
+        Figure(
+            "measured peaks that say they are known to 1 %: within 1 %",
+            f"{within} of {len(known)}",
+            "all",
+            within == len(known),
+        ),
+        Figure("measured peaks beyond 3 sigma", f"{far} of {len(ratios)}", f"<= {most}", far <= most),
+    ]
+    details = [["scene", "runs", "can be nulled", "nulled", "frames, median", "most", "wrong", "largest z"]]
+    for kind in dict.fromkeys(one.kind for one in outcomes):
+        mine = [one for one in outcomes if one.kind == kind]
+        frames = [one.frames for one in mine if one.frames is not None]
+        details.append(
+            [
+                kind,
+                f"{len(mine)}",
+                f"{sum(one.nulls for one in mine)}",
+                f"{len(frames)}",
+                f"{np.median(frames):.0f}" if frames else "",
+                f"{max(frames)}" if frames else "",
+                f"{sum(one.wrong for one in mine)}",
+                f"{max((one.peak_sigmas or 0.0) for one in mine):.1f}",
+            ]
+        )
+    data = {"scenes": [asdict(one) for one in outcomes]}
+    return Report("Acquisition: on while pressed, pressed at once, knocked", figures, details, data)
+
+
+@benchmark(
+    "acquisition",
+    __doc__,
+    click.option("--scenes", type=Whole(min=1), default=SCENES, show_default=True, help="Runs."),
+)
+def command(quick: bool, scenes: int) -> Report:
+    """Run everything."""
+    return measure(QUICK if quick else scenes)
+
+
+def measure(count: int) -> Report:
+    """`count` random scenes."""
+    outcomes = []
+    drawn = scenes(count)
+    with progress(len(drawn), "scenes") as advance:
+        for scene in drawn:
+            outcomes.append(judged(scene))
+            advance(scene.kind)
+    return summarise(outcomes)
+
+
+if __name__ == "__main__":
+    start(command)
