@@ -9,6 +9,9 @@ A run has acquired when it is nulled and stays so; one that cannot be nulled mus
 are counted node by node in every frame called good, against exact rays: a node a quarter of a period from
 where it truly looks was read at a wrong one. Peaks are compared where they were measured and locked at the
 end, and say that they are known to better than 1 % (3 sigma).
+
+Flat faces that hide 60 to 95 % of the mirror come besides, black, grey and white: the state must be *covered*
+within three frames, no node inside may be called good, and ten frames after they lift the mirror is nulled.
 """
 
 from __future__ import annotations
@@ -32,6 +35,8 @@ from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
 from zeromethod.session.session import Session
 from zeromethod.simulation.camera import SimulatedCamera
+from zeromethod.simulation.contact.objects import ALBEDO, Form, Solid
+from zeromethod.simulation.contact.path import ObjectPath
 from zeromethod.simulation.path import PathPoint, PressPath
 from zeromethod.simulation.press import Dent, Shape
 from zeromethod.simulation.scenario import Scenario
@@ -44,6 +49,10 @@ LAST, PRESS_AT, KNOCK_AT, KNOCKED = 60, 12, 24, 3
 
 WRONG_PERIODS = 0.25
 SIGMAS, PERCENT = 3.0, 1.0
+COVERS, COVERS_QUICK = 24, 3
+COVERED_FRAMES, BACK_FRAMES, COVERED_SHARES = 3, 10, (0.6, 0.95)
+COVER_MM, COVER_DEPTH_MM = (20.0, 30.0), 0.05
+"""Radii of flat faces, and how deep they are pressed."""
 SEED = 16
 FAR_MM, WIDE_MM, MOST_MM = 90.0, 100.0, 3.5
 """A dent that displaces the whole view: beside its middle, sigma, depth for four periods."""
@@ -183,7 +192,67 @@ def judged(scene: Scene) -> Outcome:
     return Outcome(scene.kind, frames, last, scene.nulls, wrong, decoded, *(peak or (None, None, None)))
 
 
-def summarise(outcomes: Sequence[Outcome]) -> Report:
+@dataclass(frozen=True)
+class Covered:
+    """What came of a cover.
+
+    share: of the view that it hides. named, back: frames until it was named, and until the mirror was nulled
+    after it; None for never. inside: nodes inside called good.
+    """
+
+    share: float
+    named: int | None
+    back: int | None
+    inside: int
+
+
+def covered(number: int) -> Covered:
+    """A flat face that comes and goes."""
+    draw = np.random.default_rng([SEED, number])
+    rig = changed(small_rig(), simulation={"seed": number}).model_copy(update={"scenario": "none"})
+    optics, lift = Optics(rig), PRESS_AT + LAST // 2
+    x_mm, y_mm = VIEW_MIDDLE_MM + float(draw.uniform(-4.0, 4.0)), float(draw.uniform(-3.0, 3.0))
+    radius_mm = float(draw.uniform(*COVER_MM))
+    face = Solid(Form.PUNCH, radius_mm, albedo=list(ALBEDO.values())[number % len(ALBEDO)])
+    comes = held(rig, Dent(Shape.GAUSSIAN, x_mm, y_mm, COVER_DEPTH_MM, 1.0), PRESS_AT, lift).points
+    states: dict[int, State] = {}
+    inside = 0
+    with open_devices(rig) as devices:
+        camera = devices.camera
+        assert isinstance(camera, SimulatedCamera)
+        camera.scenario = Scenario("covered", (), 1e9, objects=(ObjectPath(face, comes),), rubber=rig.rubber)
+        with Session(rig, devices=devices) as session:
+            grid, visible = session.loop.grid, session.loop.rest.visible
+            point = optics.trace(*grid.mesh(), optics.rest).point
+            away = np.hypot(point[..., 0] - x_mm, point[..., 1] - y_mm)
+            # within a window of the face's border a node sees both
+            window_mm = 2 * np.nanmedian(np.diff(point[grid.shape[0] // 2, :, 0]))
+            for step in session.run(frames=lift + 2 * BACK_FRAMES):
+                if step.frame_number is None:
+                    continue
+                states[step.frame_number] = step.state
+                if PRESS_AT < step.frame_number < lift and step.surface is not None:
+                    inside += int(np.count_nonzero(step.surface.valid & (away < radius_mm - window_mm)))
+    named = next((k - PRESS_AT for k in range(PRESS_AT, lift) if states[k] is State.COVERED), None)
+    back = next((k - lift for k in range(lift, max(states)) if states[k] in NULLED), None)
+    return Covered(float(np.mean(away[visible] < radius_mm)), named, back, inside)
+
+
+def _cover_figures(covers: Sequence[Covered]) -> list[Figure]:
+    """Bars over covers that hide as much as the bars are for."""
+    low, high = COVERED_SHARES
+    mine = [one for one in covers if low <= one.share <= high]
+    named = sum(one.named is not None and one.named <= COVERED_FRAMES for one in mine)
+    back = sum(one.back is not None and one.back <= BACK_FRAMES for one in mine)
+    inside, count = sum(one.inside for one in mine), len(mine)
+    return [
+        Figure("60 to 95 % covered: named within 3 frames", f"{named} of {count}", "all", named == count),
+        Figure("the same: nulled within 10 frames of lifting", f"{back} of {count}", "all", back == count),
+        Figure("the same: nodes inside called good", f"{inside}", "0", inside == 0),
+    ]
+
+
+def summarise(outcomes: Sequence[Outcome], covers: Sequence[Covered]) -> Report:
     """Bars over all scenes, and a line for each kind."""
     can = [one for one in outcomes if one.nulls]
     honest = [one for one in can if one.frames is not None or one.state == State.LOST]
@@ -213,6 +282,7 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
             within == len(known),
         ),
         Figure("measured peaks beyond 3 sigma", f"{far} of {len(ratios)}", f"<= {most}", far <= most),
+        *_cover_figures(covers),
     ]
     details = [["scene", "runs", "can be nulled", "nulled", "frames, median", "most", "wrong", "largest z"]]
     for kind in dict.fromkeys(one.kind for one in outcomes):
@@ -230,7 +300,7 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
                 f"{max((one.peak_sigmas or 0.0) for one in mine):.1f}",
             ]
         )
-    data = {"scenes": [asdict(one) for one in outcomes]}
+    data = {"scenes": [asdict(one) for one in outcomes], "covers": [asdict(one) for one in covers]}
     return Report("Acquisition: on while pressed, pressed at once, knocked", figures, details, data)
 
 
@@ -241,18 +311,21 @@ def summarise(outcomes: Sequence[Outcome]) -> Report:
 )
 def command(quick: bool, scenes: int) -> Report:
     """Run everything."""
-    return measure(QUICK if quick else scenes)
+    return measure(*((QUICK, COVERS_QUICK) if quick else (scenes, COVERS)))
 
 
-def measure(count: int) -> Report:
-    """`count` random scenes."""
-    outcomes = []
+def measure(count: int, covers: int) -> Report:
+    """`count` random scenes, and so many covers."""
+    outcomes, hidden = [], []
     drawn = scenes(count)
-    with progress(len(drawn), "scenes") as advance:
+    with progress(len(drawn) + covers, "scenes") as advance:
+        for number in range(covers):
+            hidden.append(covered(number))
+            advance("covered")
         for scene in drawn:
             outcomes.append(judged(scene))
             advance(scene.kind)
-    return summarise(outcomes)
+    return summarise(outcomes, hidden)
 
 
 if __name__ == "__main__":
