@@ -21,6 +21,10 @@ uniform vec2 strip_edges;        // inner edges of the two strips across, camera
 uniform vec4 strip_places;       // start and cell width along, of the first and the second strip
 #endif
 
+uniform int coded_parts;         // parts of the LCD over which fringes are drawn
+uniform vec4 parts[MOST_PARTS];  // left, top, right, bottom, LCD px
+uniform vec3 fringes;            // 0 along columns, 1 along rows; period, LCD px; shift
+
 layout(location = 0) out vec4 grey;
 
 const float TAU = 6.283185307179586;
@@ -85,10 +89,28 @@ float strip_light(vec2 camera) {
 }
 #endif
 
+bool in_parts(vec2 here) {
+    for (int part = 0; part < coded_parts; part++)
+        if (all(greaterThanEqual(here, parts[part].xy)) && all(lessThanEqual(here, parts[part].zw))) return true;
+    return false;
+}
+
+void show(float light, vec2 here) {
+#if REGIONS
+    light = pow(max(light, 0.0), 1.0 / exponent(here));
+#endif
+    grey = vec4(vec3(floor(code(light) + 0.5) / 255.0), 1.0);
+}
+
 void main() {
+    vec2 here = vec2(gl_FragCoord.x, display_px.y - gl_FragCoord.y) - 0.5;
+    if (coded_parts > 0 && in_parts(here)) {
+        float place = fringes.x > 0.5 ? here.y : here.x;
+        show(MEAN * (1.0 + CONTRAST * cos(TAU * fract(place / fringes.y) - fringes.z)), here);
+        return;
+    }
     vec2 node = texelFetch(places, ivec2(gl_FragCoord.xy), 0).xy;
     if (node.x == 0.0) discard;
-    vec2 here = vec2(gl_FragCoord.x, display_px.y - gl_FragCoord.y) - 0.5;
     ivec2 cell = ivec2(node);
     vec2 t = node - vec2(cell);
     Support around = support(cell, here);
@@ -107,8 +129,5 @@ void main() {
     float coded = strip_light(first_px + SPACING * (vec2(cell) + t));
     if (coded >= 0.0) light = coded;
 #endif
-#if REGIONS
-    light = pow(max(light, 0.0), 1.0 / exponent(here));
-#endif
-    grey = vec4(vec3(floor(code(light) + 0.5) / 255.0), 1.0);
+    show(light, here);
 }

@@ -11,6 +11,7 @@ from zeromethod.exposure.delay import DelayWatch
 from zeromethod.exposure.exposures import Exposures
 from zeromethod.exposure.pairing import PanelTiming
 from zeromethod.exposure.strip_reading import StripReader, find_strips
+from zeromethod.loop.burst import Burst
 from zeromethod.loop.circle import Circle, Sensor, controller_of
 from zeromethod.loop.order_check import OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
@@ -69,7 +70,8 @@ def make_circle(
         black_grey = rig.camera.noise.black_grey
         blur = PanelBlur(rig, rest.grid)
         expected = light if light.needed else None
-        return Circle(rest, exposures, sensor, controller, black_grey, expected, blur, order_check(rig, rest))
+        order, coded = order_check(rig, rest), burst(rig, rest)
+        return Circle(rest, exposures, sensor, controller, black_grey, expected, blur, order, coded)
 
     warm_up(circle(), target, rig.camera)
     return CircleParts(rest, strips, circle())
@@ -81,6 +83,13 @@ def order_check(rig: Rig, rest: Rest) -> OrderCheck | None:
     if kind == "noise" or rig.control.controller != "composition":
         return None
     return OrderCheck(rest, diagonal=kind == "checker")
+
+
+def burst(rig: Rig, rest: Rest) -> Burst | None:
+    """Make what reads the warp where no picture can null; None where the rig wants none."""
+    if rig.control.burst == "never" or rig.control.controller != "composition":
+        return None
+    return Burst(rest, rig.camera.noise.black_grey, always=rig.control.burst == "always")
 
 
 def warm_up(circle: Circle, target: Target, camera: CameraSpec) -> None:

@@ -22,12 +22,14 @@ from zeromethod.control.velocity import Horizon
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.exposures import Exposures, Unpaired
 from zeromethod.exposure.pairing import Observation
+from zeromethod.loop.burst import Burst
 from zeromethod.loop.events import Event
 from zeromethod.loop.light_hold import LightHold
 from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
 from zeromethod.loop.order_check import Order, OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
+from zeromethod.pattern.coded import Coded
 from zeromethod.rig.model import ControlSpec
 from zeromethod.sensing.residual import Residual
 from zeromethod.surface.expected_light import ExpectedLight
@@ -75,7 +77,8 @@ class FrameResult:
     changed: there is a new command. refusal: why it brought none. observation, residual and measured are None
     where the frame could not be paired or is dark. residual_rms_px: rms length of the residual over valid
     nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
-    order: whether it is known which period of the carrier is seen, is being told, or could not be.
+    order: whether it is known which period of the carrier is seen, is being told, or could not be. coded: the
+    frame may have seen coded pictures in places.
     """
 
     changed: bool = False
@@ -87,6 +90,7 @@ class FrameResult:
     valid_share: float = 0.0
     covered_share: float = 0.0
     order: Order = Order.KNOWN
+    coded: bool = False
 
     @property
     def believed(self) -> Warp | None:
@@ -121,11 +125,12 @@ class Circle:
         expected_light: ExpectedLight | None = None,
         panel_blur: PanelBlur | None = None,
         order_check: OrderCheck | None = None,
+        burst: Burst | None = None,
     ) -> None:
         """Put the parts together.
 
         expected_light: None where the light at rest is the light everywhere. panel_blur: None for a panel
-        that has none. order_check: None for a target without periods.
+        that has none. order_check: None for a target without periods. burst: None where none is ever drawn.
         """
         self.rest = rest
         self.exposures = exposures
@@ -136,6 +141,7 @@ class Circle:
         self._expected_light = expected_light
         self._panel_blur = panel_blur
         self._order_check = order_check
+        self.burst = burst
         self._horizon = Horizon(exposures.timing.upwards)
         self._source_ns: int | None = None
         # At rest the order of every node is known: it is that of the rest map.
@@ -159,12 +165,28 @@ class Circle:
         age_s = self._horizon.age_s
         return float("nan") if age_s is None else float(age_s.mean())
 
-    def presented(self, time_ns: int, q: Float, code: int | None = None, *, source_ns: int | None) -> None:
+    @property
+    def coded(self) -> Coded | None:
+        """The fringes that are to be shown over the command."""
+        return None if self.burst is None else self.burst.coded
+
+    def presented(
+        self,
+        time_ns: int,
+        q: Float,
+        code: int | None = None,
+        *,
+        source_ns: int | None,
+        coded: int | None = None,
+    ) -> None:
         """Note that `q` (copied) was presented at `time_ns`, with `code` in its strips.
 
-        source_ns: what the property of this name was when `q` was the command.
+        source_ns: what the property of this name was when `q` was the command. coded: number of the coded
+        picture drawn over it.
         """
         self.exposures.log.record(time_ns, q, source_ns, code)
+        if self.burst is not None:
+            self.burst.presented(time_ns, coded)
 
     def take(self, frame: Frame, frozen: bool = False) -> FrameResult:
         """Take one frame round the circle; the command stays as it is where `frozen`."""
@@ -185,15 +207,23 @@ class Circle:
         if self._expected_light is not None and _has_moved(measured, known_q):
             continued = continue_smoothly(measured.q - self.rest.q, measured.valid)
             residual, measured = self._measure(observation, known, self.rest.q + continued)
-        self._hold.learn(measured.flags)
+        if self.burst is None or not self.burst.blinding:
+            self._hold.learn(measured.flags)
+        redraw, read = self._coded(observation, residual, measured, known_q)
         changed, refusal = self._command(residual, measured, frozen)
         if order is not Order.KNOWN:
             changed = self.commanded.q is not drawn
-        square, share, covered = _figures(residual.d, measured.valid, self.rest.visible, residual.flags)
+        changed |= redraw
+        nulled = measured.valid if read is None else measured.valid & ~read
+        square, share, covered = _figures(
+            residual.d, nulled, measured.valid, self.rest.visible, residual.flags
+        )
         rms_px = float(np.sqrt(square))
         if self._panel_blur is not None:
             self._panel_blur.learn(observation.shown.q, self.rest.q, residual, measured.valid, rms_px)
-        return FrameResult(changed, refusal, observation, residual, measured, rms_px, share, covered, order)
+        seen = residual, measured, rms_px, share, covered
+        coded = self.burst is not None and self.burst.blinding
+        return FrameResult(changed, refusal, observation, *seen, order, coded)
 
     def _told(
         self, observation: Observation, residual: Residual, known: Known, frozen: bool
@@ -204,6 +234,16 @@ class Circle:
             return Order.KNOWN, None
         told = None if frozen else check.look(observation, residual, known, self.controller.commanded)
         return check.order(observation.shown.time_ns), told
+
+    def _coded(
+        self, observation: Observation, residual: Residual, measured: Warp, known_q: Float
+    ) -> tuple[bool, Mask | None]:
+        """Whether other fringes are to be drawn; the nodes whose warp a burst has read."""
+        burst = self.burst
+        if burst is None:
+            return False, None
+        redraw = burst.take(observation.frame.image, observation, residual, measured, known_q)
+        return redraw, burst.merge(measured)
 
     def _measure(self, observation: Observation, known: Known, lit_q: Float) -> tuple[Residual, Warp]:
         """Residual and measured warp under the light that a mirror seen at `lit_q` reflects."""
@@ -222,6 +262,8 @@ class Circle:
         """Let the controller have the measurement: whether the command changed, or why it must not."""
         if frozen:
             return False, Event.FROZEN
+        if self.coded is not None:
+            return False, None
         changed = self.controller.update(residual, measured, self._horizon.age_s)
         if not changed and measured.valid.any():
             return False, Event.PICTURES_MIXED
@@ -234,6 +276,8 @@ class Circle:
         """Compare the light of later frames with that of this one, taken while the loop is locked."""
         if result.residual is not None:
             self._sensor.set_reference(result.residual)
+            if self.burst is not None:
+                self.burst.take_reference(result.residual)
 
     def at_rest(self, measured: Warp, rest_q: Float | None = None) -> bool:
         """Whether the controller's estimate is that of the untouched mirror, within noise.
@@ -247,8 +291,8 @@ class Circle:
 
 
 @numba.njit(cache=True)
-def _figures(d: Float, valid: Mask, seen: Mask, flags: Flags) -> tuple[float, float, float]:
-    """(mean square length of d over valid nodes; valid share of the seen ones, and that without light)."""
+def _figures(d: Float, nulled: Mask, valid: Mask, seen: Mask, flags: Flags) -> tuple[float, float, float]:
+    """(mean square length of d over nulled nodes; valid share of the seen ones, and that without light)."""
     total = 0.0
     nodes = both = wanted = dark = 0
     for j in range(valid.shape[0]):
@@ -256,9 +300,9 @@ def _figures(d: Float, valid: Mask, seen: Mask, flags: Flags) -> tuple[float, fl
             if seen[j, i]:
                 wanted += 1
                 dark += flags[j, i] & _LIGHT_LOST != 0
-            if valid[j, i]:
+            both += valid[j, i] and seen[j, i]
+            if nulled[j, i]:
                 nodes += 1
-                both += seen[j, i]
                 total += d[j, i, 0] ** 2 + d[j, i, 1] ** 2
     return total / nodes if nodes else np.nan, both / max(wanted, 1), dark / max(wanted, 1)
 

@@ -13,6 +13,7 @@ from zeromethod.devices.protocols import Display, DisplayLost, DrawingDisplay
 from zeromethod.errors import InputError
 from zeromethod.gl import create_context
 from zeromethod.pattern import PatternRenderer, Response, Strips, Target
+from zeromethod.pattern.coded import Coded
 from zeromethod.pattern.strips import CODES
 from zeromethod.rig.model import Rig
 from zeromethod.warp.rest import Rest
@@ -34,7 +35,8 @@ class Drawn:
     """One picture that was given to the panel at `time_ns`.
 
     q: (rows, cols, 2) its warp, LCD px. source_ns: mid-exposure of the newest frame that it was made from,
-    None for none. code: in its strips, None for none. draw_ms: to draw and show it.
+    None for none. code: in its strips, None for none. draw_ms: to draw and show it. coded: number of the
+    coded picture drawn over it, None for none.
     """
 
     time_ns: int
@@ -42,6 +44,11 @@ class Drawn:
     source_ns: int | None
     code: int | None
     draw_ms: float
+    coded: int | None = None
+
+
+_Wanted = tuple[Float, int | None, Coded | None]
+"""Warp, mid-exposure of the frame it was made from, fringes over it."""
 
 
 class Drawer:
@@ -65,16 +72,20 @@ class Drawer:
         """Name of what draws, as GL gives it."""
         return str(self._context.info["GL_RENDERER"])
 
-    def draw(self, q: Float, code: int | None = None) -> int:
+    def draw(self, q: Float, code: int | None = None, coded: Coded | None = None) -> int:
         """Show the target warped by `q` (rows, cols, 2) LCD px, with `code` in its strips; time in ns.
+
+        coded: fringes over parts of it.
 
         Raises DisplayLost; TypeError where the display does not say when.
         """
         if self._drawing is not None:
-            time_ns = self._drawing.draw(lambda framebuffer: self._renderer.render(framebuffer, q, code))
+            time_ns = self._drawing.draw(
+                lambda framebuffer: self._renderer.render(framebuffer, q, code, coded)
+            )
         else:
             with self._context:
-                image = self._renderer.image(q, code)
+                image = self._renderer.image(q, code, coded)
             time_ns = self._display.show(image)
         return round(time_ns)
 
@@ -108,17 +119,17 @@ class Drawing:
         self._count = 0
         self.gl_renderer = ""
         """Name of what draws, as GL gives it."""
-        self._worker: Worker[tuple[Float, int | None], Drawn] | SameThread[tuple[Float, int | None], Drawn]
+        self._worker: Worker[_Wanted, Drawn] | SameThread[_Wanted, Drawn]
         self._worker = Worker("drawing", self._drawer) if live else SameThread(self._drawer)
         if not self._worker.opened(OPENING_S):
             raise InputError(f"display: not ready to be drawn on within {OPENING_S:g} s")
 
-    def post(self, q: Float, source_ns: int | None) -> None:
+    def post(self, q: Float, source_ns: int | None, coded: Coded | None = None) -> None:
         """Draw `q`, which must not change any more; it replaces one that waits. Live, it returns at once.
 
-        source_ns: as in `Drawn`. Raises DisplayLost, unless live.
+        source_ns: as in `Drawn`. coded: fringes over it. Raises DisplayLost, unless live.
         """
-        self._worker.post((q, source_ns))
+        self._worker.post((q, source_ns, coded))
 
     def collect(self) -> list[Drawn]:
         """What was drawn since the last call.
@@ -136,16 +147,17 @@ class Drawing:
         self._worker.close(CLOSING_S)
 
     @contextmanager
-    def _drawer(self) -> Iterator[Callable[[tuple[Float, int | None]], Drawn]]:
+    def _drawer(self) -> Iterator[Callable[[_Wanted], Drawn]]:
         drawer = self._make()
 
-        def draw(request: tuple[Float, int | None]) -> Drawn:
-            q, source_ns = request
+        def draw(request: _Wanted) -> Drawn:
+            q, source_ns, coded = request
             code = self._count % CODES if self._coded else None
             started = time.perf_counter()
-            time_ns = drawer.draw(q, code)
+            time_ns = drawer.draw(q, code, coded)
             self._count += 1
-            return Drawn(time_ns, q, source_ns, code, 1e3 * (time.perf_counter() - started))
+            draw_ms = 1e3 * (time.perf_counter() - started)
+            return Drawn(time_ns, q, source_ns, code, draw_ms, None if coded is None else coded.number)
 
         try:
             self.gl_renderer = drawer.gl_renderer

@@ -40,6 +40,7 @@ class Event(enum.StrEnum):
     DISPLAY_WARNING = "display warning"
     DISPLAY_LOST = "display lost"
     DEVICE_BROKEN = "device driver failed"
+    BURST = "coded pictures"
 
 
 REFUSAL_WORDS = {

@@ -28,6 +28,8 @@ from zeromethod.loop.zero import Zero
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 
+BURST_WORDS = "coded pictures read the warp where none can null it; keep what is pressed still"
+
 WRONG_FRAMES_TO_END = 10
 """Consecutive frames of wrong shape or type after which the run ends."""
 
@@ -241,6 +243,9 @@ class Loop:
         if result.refusal is not None:
             events, refusal = (*events, result.refusal), Notice.refusal(result.refusal)
         events += self._judged(frame, result)
+        if result.coded:
+            events += (Event.BURST,)
+            self._notices.add(Notice(Event.BURST, BURST_WORDS))
         outcome = self._outcome(verdict, result, refusal, events)
         trouble = self._show(result, refusal, frozen, now_ns)
         if trouble is not None:

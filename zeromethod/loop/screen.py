@@ -42,7 +42,7 @@ class Screen:
         """Have the present command drawn."""
         self._undrawn = False
         self._posted_ns = self._clock.now_ns()
-        self._drawing.post(self._circle.commanded.q, self._circle.source_ns)
+        self._drawing.post(self._circle.commanded.q, self._circle.source_ns, self._circle.coded)
 
     def repaint_if_due(self) -> None:
         """Draw the command again where it has stood for `REPAINT_S` of the host's time."""
@@ -64,7 +64,7 @@ class Screen:
     def collect(self) -> None:
         """Note in the log what was presented."""
         for one in self._drawing.collect():
-            self._circle.presented(one.time_ns, one.q, one.code, source_ns=one.source_ns)
+            self._circle.presented(one.time_ns, one.q, one.code, source_ns=one.source_ns, coded=one.coded)
             if self.dwell is not None:
                 self.dwell.presented(one.time_ns)
             self.presented.append(one)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from zeromethod.arrays import Bytes, Float
 from zeromethod.gl import float_texture, program, set_uniforms
+from zeromethod.pattern.coded import MOST_PARTS, Coded
 from zeromethod.pattern.response import TABLE_SIZE, Response
 from zeromethod.pattern.strips import BITS, Strips, bits_of
 from zeromethod.pattern.target import Target
@@ -37,6 +38,16 @@ def _triangles(columns: int, rows: int, turned: bool) -> NDArray[np.int32]:
         else [corner, below, right, right, below, across]
     )
     return np.stack(order, axis=-1).astype(np.int32).ravel()
+
+
+def _fringes(coded: Coded | None) -> dict[str, Any]:
+    """Uniforms of a coded picture; of none."""
+    if coded is None:
+        return {"coded_parts": 0}
+    parts = np.zeros((MOST_PARTS, 4))
+    parts[: len(coded.parts)] = coded.parts
+    fringes = coded.axis, coded.period_px, coded.shift_rad
+    return {"coded_parts": len(coded.parts), "parts": parts, "fringes": fringes}
 
 
 class PatternRenderer:
@@ -86,6 +97,7 @@ class PatternRenderer:
             "CLEAR_PX": CLEAR_LCD_PX,
             "CODES": TABLE_SIZE,
             "REGIONS": int(response.exponent is not None),
+            "MOST_PARTS": MOST_PARTS,
         }
         self._plain = program(ctx, "pattern.vert", "pattern.frag", STRIPS=0, **constants)
         self._coded = self._plain
@@ -114,10 +126,17 @@ class PatternRenderer:
         self._places = ctx.framebuffer([self._textures[_PLACES]])
         self._own: moderngl.Framebuffer | None = None
 
-    def render(self, framebuffer: moderngl.Framebuffer, q: Float, code: int | None = None) -> None:
+    def render(
+        self,
+        framebuffer: moderngl.Framebuffer,
+        q: Float,
+        code: int | None = None,
+        coded: Coded | None = None,
+    ) -> None:
         """Draw the picture of warp q, (rows, cols, 2) LCD px, into a framebuffer of the LCD's size.
 
         code: 0..15, drawn into the strips; without it, or without strips, there is only the target.
+        coded: fringes drawn over parts of the LCD.
         Nothing is read back. Red, green and blue all hold code / 255. Leaves `framebuffer` bound and
         blending, depth test and culling off.
         """
@@ -138,7 +157,7 @@ class PatternRenderer:
         if bounds is not None:
             box = self._plain if code is None else self._coded
             bits = sum(bit << k for k, bit in enumerate(bits_of(code or 0)))
-            set_uniforms(box, {"bounds": bounds, "strip_bits": bits})
+            set_uniforms(box, {"bounds": bounds, "strip_bits": bits} | _fringes(coded))
             self._rectangles[box].render(moderngl.TRIANGLE_STRIP, vertices=4)
 
     def _clip_bounds(self) -> tuple[float, float, float, float] | None:
@@ -151,11 +170,11 @@ class PatternRenderer:
         right, bottom = 2 * (high + 0.5) / self._size - 1
         return float(left), float(-bottom), float(right), float(-top)
 
-    def image(self, q: Float, code: int | None = None) -> Bytes:
-        """Picture of warp q, with a code or without, as (rows, cols) uint8 grey codes, row 0 at the top."""
+    def image(self, q: Float, code: int | None = None, coded: Coded | None = None) -> Bytes:
+        """Picture as `render` draws it, (rows, cols) uint8 grey codes, row 0 at the top."""
         columns, rows = self._size
         if self._own is None:
             self._own = self._ctx.framebuffer([self._ctx.texture(self._size, 1)])
-        self.render(self._own, q, code)
+        self.render(self._own, q, code, coded)
         upside_down = np.frombuffer(self._own.read(components=1, alignment=1), dtype=np.uint8)
         return np.ascontiguousarray(upside_down.reshape(rows, columns)[::-1])

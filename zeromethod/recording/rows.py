@@ -162,7 +162,10 @@ class Rows:
     def _presented(self, one: Drawn, after_step: int) -> Item:
         frame_ns = -1 if one.source_ns is None else one.source_ns
         code = -1 if one.code is None else one.code
-        return self._row("presentation_log/table", after_step, one.time_ns, frame_ns, code, one.draw_ms)
+        coded = -1 if one.coded is None else one.coded
+        return self._row(
+            "presentation_log/table", after_step, one.time_ns, frame_ns, code, one.draw_ms, coded
+        )
 
     def _arrays(self, step: Step) -> list[Item]:
         items: list[Item] = []

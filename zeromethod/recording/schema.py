@@ -78,6 +78,7 @@ PRESENTATION_LOG: Fields = {
     "newest_frame_ns": ("i8", "ns", "mid-exposure of the newest frame that it was made from; -1 for none"),
     "strip_code": ("i4", "", "code in its strips; -1 for none"),
     "draw_ms": ("f8", "ms", "to draw and present it"),
+    "coded_picture": ("i4", "", "number of the burst's picture drawn over it; -1 for none"),
 }
 
 PEAKS: Fields = {

@@ -180,7 +180,8 @@ class ControlSpec(Table):
     integrator: its gain); `leak` is the integrator's alone, per frame. `strips` "edges": coded strips at two
     edges of the view identify the pictures that a frame was exposed to; "auto": so they do unless camera and
     display are the simulated ones. `follow_bench`: motion of camera, LCD or prism is corrected where it shows
-    whole, while nothing presses or by two places known to rest.
+    whole, while nothing presses or by two places known to rest. `burst`: whether coded pictures read the warp
+    where none can null it (folds, what is too fine for the LCD): never, when needed, or again and again.
     """
 
     controller: Literal["composition", "integrator"] = "composition"
@@ -189,6 +190,7 @@ class ControlSpec(Table):
     timeout_s: Positive = 1.0
     strips: Literal["auto", "none", "edges"] = "auto"
     follow_bench: bool = False
+    burst: Literal["never", "when-needed", "always"] = "when-needed"
 
 
 class KnownRest(Table):

@@ -20,6 +20,7 @@ from zeromethod.control.stability_margin import margin_words, stability_margin
 from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
+from zeromethod.loop.events import Event
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED, READ, State
 from zeromethod.loop.step import Step
@@ -283,7 +284,10 @@ class Session:
         """What touches in a step."""
         if step.image is None or step.residual is None:
             return ()
-        return self._contacts.follow(step.image, step.residual, surface, nulled=step.state in READ)
+        if Event.BURST not in step.events:  # where coded pictures are shown the carrier is not seen
+            nulled = step.state in READ
+            self._touched = self._contacts.follow(step.image, step.residual, surface, nulled=nulled)
+        return self._touched
 
     @cached_property
     def _filtered_reader(self) -> SurfaceReader:

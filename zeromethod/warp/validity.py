@@ -18,4 +18,5 @@ class Flag(enum.IntFlag):
     MIXED = 128  # too different pictures in one exposure
     AMBIGUOUS = 256  # carrier order unknown (no unwrapping path)
     NO_RAY = 512  # at rest the pixel's ray misses the mirror or a face
+    CODED = 2048  # sees the coded pictures of a burst
     BESIDE_DARK = 1024  # failed a moment ago beside a place without light, and may again

@@ -205,7 +205,9 @@ def _present(recording: Recording, window: Window, index: int, circle: Circle) -
         raise InputError(_ends_at(recording, window, step, f"what was shown before step {step} {why}"))
     code, source_ns = int(row["strip_code"]), int(row["newest_frame_ns"])
     source = None if source_ns < 0 else source_ns
-    circle.presented(int(row["time_ns"]), q, None if code < 0 else code, source_ns=source)
+    coded = int(row["coded_picture"])
+    shown = {"source_ns": source, "coded": None if coded < 0 else coded}
+    circle.presented(int(row["time_ns"]), q, None if code < 0 else code, **shown)
 
 
 def _ends_at(recording: Recording, window: Window, step: int, why: str) -> str:

@@ -1,0 +1,283 @@
+"""A burst: where no picture can null, coded pictures read the warp absolutely while the rest stays nulled.
+
+Where a mirror is bent too strongly the carrier is too fine for the LCD, or several pixels look at one place
+of it. Fringes at fixed places of the panel are read by every pixel for itself. They are drawn only where such
+nodes may look, one after the other, each until an exposure has seen it alone. Meanwhile the command is kept,
+and so is what was known of nodes that see fringes, as long as all others are at rest. What was read counts
+until the nodes around have moved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from zeromethod.arrays import Bytes, Flags, Float, Image, Mask, Single
+from zeromethod.decoding.burst import RADIUS_PX, node_places, pixel_places
+from zeromethod.exposure.pairing import Observation
+from zeromethod.pattern.coded import MOST_PARTS, PICTURES, Coded
+from zeromethod.sensing.residual import Residual
+from zeromethod.warp.rest import Rest
+from zeromethod.warp.validity import Flag
+from zeromethod.warp.warp import Warp
+
+LEAST_NODES, FAILING_FRAMES, MOST_FRAMES = 8, 2, 12
+"""Nodes that cannot be nulled, and frames in which they could not, from which a burst is needed; what fails
+now and then is remembered for so many frames."""
+
+QUIET_LCD_PX, QUIET_SHARE, QUIET_FRAMES = 0.1, 0.9, 6
+"""Where other nodes stay to within this, for so many of them, for so many frames, the mirror is at rest."""
+
+MOVED_LCD_PX = 0.15
+"""Rms change of the nodes around from which what was read is over."""
+
+CARRIED = 3.0
+"""What the nodes inside may have moved by over what those around have."""
+
+LIT_SHARE = 0.3
+"""Mean light over that at rest from which a node sees the LCD at all."""
+
+REACH_NODES, RING_NODES = 3, 4
+"""Nodes around the failing ones that are read too, and around these, that are watched."""
+
+BLIND_NODES = 2
+"""A node this close to one that sees fringes has them in its window."""
+
+MARGIN_LCD_PX, MARGIN_SHARE = 8.0, 0.25
+"""By how much a part of the LCD is larger than its nodes are thought to see: and by displacement."""
+
+HELD_LCD_PX = 0.03
+"""What a node that sees fringes, and was known before, may have moved by since, with all others at rest."""
+
+_ALL = 0.999
+"""Share of the nodes around a pixel, by nearness, that must have been known for it to be."""
+
+_PURE = 5e-3
+"""Most light of another picture in an exposure that saw one alone."""
+
+_CANNOT = np.uint16(Flag.MODULATION | Flag.LIGHT_LOST | Flag.FOLDED | Flag.UNDRAWABLE | Flag.AMBIGUOUS)
+_CODED, _MIXED = np.uint16(Flag.CODED), np.uint16(Flag.MIXED)
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """What a burst read.
+
+    q, sigma: (rows, cols, 2) LCD px. mask: nodes read. ring, ring_q: nodes watched. places, known: (h, w, 2)
+    LCD px of single pixels, and which were told, from the image's row `top` and column `left` on.
+    """
+
+    q: Float
+    sigma: Float
+    mask: Mask
+    ring: Mask
+    ring_q: Float
+    places: Float
+    known: Mask
+    top: int
+    left: int
+
+
+class _Running:
+    """A burst under way: its parts of the LCD, its crop of the image, and the pictures seen so far."""
+
+    def __init__(self, rest: Rest, need: Mask, thought: Float, measured: Warp) -> None:
+        """need: (rows, cols) nodes that cannot be nulled. thought: (rows, cols, 2) LCD px, where all look."""
+        self.known, self.thought = measured.valid & ~need, thought
+        self.sigma: Float = np.hypot(measured.sigma, HELD_LCD_PX)
+        grid = rest.grid
+        region = _grown(need, REACH_NODES) & grid.measurable
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(region.astype(np.uint8), connectivity=8)
+        largest = 1 + np.argsort(-stats[1:count, cv2.CC_STAT_AREA])[:MOST_PARTS]
+        self.region: Mask = np.isin(labels, largest)
+        parts = []
+        for label in largest:
+            seen, moved = thought[labels == label], (thought - rest.q)[labels == label]
+            margin = MARGIN_LCD_PX + MARGIN_SHARE * float(np.abs(moved).max())
+            parts.append([*(seen.min(axis=0) - margin), *(seen.max(axis=0) + margin)])
+        self.parts: Float = np.array(parts)
+        inside = (
+            (thought[..., None, :] >= self.parts[:, :2]) & (thought[..., None, :] <= self.parts[:, 2:])
+        ).all(-1)
+        self.blind: Mask = _grown(inside.any(axis=-1), BLIND_NODES) | self.region
+        self.nodes = np.argwhere(self.region)
+        rows, columns = grid.v_px[self.nodes[:, 0]].astype(int), grid.u_px[self.nodes[:, 1]].astype(int)
+        self.top, self.left = max(int(rows.min()) - RADIUS_PX, 0), max(int(columns.min()) - RADIUS_PX, 0)
+        self.bottom, self.right = int(rows.max()) + RADIUS_PX + 1, int(columns.max()) + RADIUS_PX + 1
+        self.pixels = list(zip(rows - self.top, columns - self.left, strict=True))
+        self.pictures: list[Single] = []
+        self._sum, self._count = np.zeros_like(thought), np.zeros(thought.shape[:2], np.int64)
+        self._rest = rest
+
+    @property
+    def coded(self) -> Coded:
+        """The picture to be seen next."""
+        return Coded(len(self.pictures), self.parts)
+
+    def add(self, image: Image) -> None:
+        """Take in the picture waited for."""
+        self.pictures.append(image[self.top : self.bottom, self.left : self.right].astype(np.float32))
+
+    def watch(self, measured: Warp) -> None:
+        """Take in where the other nodes look."""
+        valid = measured.valid & ~self.blind
+        self._sum[valid] += measured.q[valid]
+        self._count += valid
+
+    def read(self, black_grey: float) -> Read:
+        """What all pictures say."""
+        grid = self._rest.grid
+        v, u = np.mgrid[self.top : self.bottom, self.left : self.right].astype(np.float32)
+        lattice = (u - grid.u_px[0]) / grid.spacing_px, (v - grid.v_px[0]) / grid.spacing_px
+        maps = [np.ascontiguousarray(one, np.float32) for one in lattice]
+        thought = cv2.remap(self.thought.astype(np.float32), *maps, cv2.INTER_LINEAR)
+        near = cv2.remap(self.known.astype(np.float32), *maps, cv2.INTER_LINEAR)
+        stack, sure = np.stack(self.pictures), near > _ALL
+        places, known = pixel_places(stack, black_grey, thought.astype(np.float64), sure)
+        found, off = node_places(places, known, self.pixels)
+        q, sigma = np.full_like(self.thought, np.nan), np.full_like(self.thought, np.inf)
+        rows, columns = self.nodes.T
+        q[rows, columns], sigma[rows, columns] = found, off
+        mask: Mask = np.isfinite(q[..., 0])
+        ring: Mask = _grown(self.blind, RING_NODES) & ~self.blind & (self._count >= PICTURES // 2)
+        ring_q = self._sum / np.maximum(self._count, 1)[..., None]
+        return Read(q, sigma, mask, ring, ring_q, places, known, self.top, self.left)
+
+
+class Burst:
+    """Decides when a burst is needed, runs it, and puts what it read into measured warps.
+
+    always: begin another one as soon as one is over.
+    """
+
+    def __init__(self, rest: Rest, black_grey: float, *, always: bool) -> None:
+        self._rest, self._black, self._always = rest, black_grey, always
+        self._failing: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
+        self._light: Single | None = None
+        self._quiet = 0
+        self._running: _Running | None = None
+        self._blinding: _Running | None = None
+        self.read: Read | None = None
+        """What the last one read, until the mirror moves."""
+        self._shown: dict[int, int | None] = {}
+
+    @property
+    def blinding(self) -> bool:
+        """Whether the frame taken last may have seen fringes."""
+        return self._blinding is not None
+
+    @property
+    def coded(self) -> Coded | None:
+        """What is to be drawn over the command."""
+        return None if self._running is None else self._running.coded
+
+    def take_reference(self, residual: Residual) -> None:
+        """Take the light at rest from a residual."""
+        self._light = residual.mean.copy()
+
+    def presented(self, time_ns: int, coded: int | None) -> None:
+        """Note the number of the coded picture presented at a time, None for none."""
+        self._shown[time_ns] = coded
+        while len(self._shown) > 64:
+            del self._shown[next(iter(self._shown))]
+
+    def take(
+        self, image: Image, observation: Observation, residual: Residual, measured: Warp, thought: Float
+    ) -> bool:
+        """Take in a frame; whether what is to be drawn has changed.
+
+        thought: (rows, cols, 2) LCD px, where nodes were thought to look before this frame.
+        """
+        lit = observation.weights.max(axis=1) > _PURE
+        seen = {self._shown.get(int(time_ns)) for time_ns in observation.entries[lit]}
+        running = self._running
+        if running is None:
+            if seen != {None}:
+                return False
+            self._blinding = None
+            return self._needed(residual, measured, thought)
+        if not self._at_rest(measured, thought, running.blind):
+            self._running, self._quiet = None, 0
+            return True
+        running.watch(measured)
+        if seen != {len(running.pictures)}:
+            return False
+        running.add(image)
+        if len(running.pictures) == PICTURES:
+            self.read, self._running, self._quiet = running.read(self._black), None, 0
+            self._failing[:] = 0
+        return True
+
+    def _needed(self, residual: Residual, measured: Warp, thought: Float) -> bool:
+        """Begin a burst where one is needed, and may be."""
+        failing = self._fail(residual, measured.flags)
+        if failing is None:
+            self._quiet = 0
+            return False
+        before = self._failing >= FAILING_FRAMES
+        self._failing[failing] = np.minimum(self._failing[failing] + FAILING_FRAMES, MOST_FRAMES)
+        self._failing -= ~failing & (self._failing > 0)
+        need: Mask = self._failing >= FAILING_FRAMES
+        at_rest = self._at_rest(measured, thought, _grown(failing | need, REACH_NODES))
+        grows = np.count_nonzero(need & ~before) > 0.1 * np.count_nonzero(need)
+        self._quiet = self._quiet + 1 if at_rest and not grows else 0
+        new = need if self.read is None or self._always else need & ~self.read.mask
+        if np.count_nonzero(new) < LEAST_NODES or self._quiet < QUIET_FRAMES:
+            return False
+        self._running = self._blinding = _Running(self._rest, need, thought, measured)
+        return True
+
+    def _fail(self, residual: Residual, flags: Flags) -> Mask | None:
+        """(rows, cols) nodes with light, far from any without, that cannot be nulled; None for none."""
+        failing: Mask = ((flags & _CANNOT) != 0) & ((flags & (_MIXED | _CODED)) == 0) & self._rest.visible
+        if self._light is None or not (failing.any() or self._failing.any()):
+            return None
+        lit = residual.mean - self._black > LIT_SHARE * (self._light - self._black)
+        return failing & ~_grown(self._rest.visible & ~lit, REACH_NODES)
+
+    def _at_rest(self, measured: Warp, thought: Float, apart: Mask) -> bool:
+        """Whether nodes other than these stay where they were."""
+        others = measured.valid & ~apart
+        away = np.abs(measured.q[others] - thought[others]).max(axis=-1)
+        return bool(len(away) and np.mean(away < QUIET_LCD_PX) > QUIET_SHARE)
+
+    def merge(self, measured: Warp) -> Mask | None:
+        """Put what is known otherwise into a measured warp; the nodes (rows, cols) of that, None for none."""
+        if self._blinding is not None:
+            return self._hold(self._blinding, measured)
+        read = self.read
+        if read is None:
+            return None
+        watched = read.ring & measured.valid
+        if np.count_nonzero(watched) < LEAST_NODES:
+            return None
+        change2 = float(np.mean((measured.q[watched] - read.ring_q[watched]) ** 2))
+        moved2 = max(change2 - float(np.mean(measured.sigma[watched] ** 2)), 0.0)
+        if moved2 > MOVED_LCD_PX**2:
+            self.read = None
+            self._failing[:] = 0
+            return None
+        measured.q[read.mask] = read.q[read.mask]
+        measured.sigma[read.mask] = np.sqrt(read.sigma[read.mask] ** 2 + CARRIED**2 * moved2)
+        measured.flags[read.mask] = 0
+        return read.mask
+
+    def _hold(self, burst: _Running, measured: Warp) -> Mask:
+        """Keep what was known of nodes that see fringes; the others are flagged."""
+        held: Mask = burst.blind & burst.known
+        measured.q[held], measured.sigma[held], measured.flags[held] = (
+            burst.thought[held],
+            burst.sigma[held],
+            0,
+        )
+        measured.flags[burst.blind & ~burst.known & self._rest.grid.measurable] |= _CODED
+        return held
+
+
+def _grown(nodes: Mask, by: int) -> Mask:
+    """(rows, cols) nodes and those within so many of them."""
+    side = 2 * by + 1
+    grown: Mask = cv2.dilate(nodes.astype(np.uint8), np.ones((side, side), np.uint8)).astype(np.bool_)
+    return grown
