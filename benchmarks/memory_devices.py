@@ -29,6 +29,7 @@ from zeromethod.exposure.strip_reading import find_strips
 from zeromethod.gl import create_context
 from zeromethod.optics import Dented, Optics
 from zeromethod.pattern import PatternRenderer, Response, Target
+from zeromethod.pattern.coded import Coded
 from zeromethod.pattern.strips import CODES
 from zeromethod.rig.model import Rig
 from zeromethod.simulation.gpu import GpuRenderer
@@ -177,7 +178,13 @@ class Noted:
     def __init__(self, *_: object) -> None:
         pass
 
-    def render(self, display: MemoryDisplay, q: Float, code: int | None = None) -> None:
+    def render(
+        self,
+        display: MemoryDisplay,
+        q: Float,
+        code: int | None = None,
+        coded: Coded | None = None,  # noqa: ARG002 - as the renderer has it
+    ) -> None:
         """Take the picture."""
         display.noted = q, code
 
@@ -185,10 +192,10 @@ class Noted:
 class Drawn(PatternRenderer):
     """Draws as well."""
 
-    def render(self, display: Any, q: Float, code: int | None = None) -> None:
+    def render(self, display: Any, q: Float, code: int | None = None, coded: Coded | None = None) -> None:
         """Draw the picture."""
         display.noted = q, code
-        super().render(display.framebuffer, q, code)
+        super().render(display.framebuffer, q, code, coded)
 
 
 class FastClock:

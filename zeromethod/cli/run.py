@@ -78,6 +78,11 @@ _STRIPS = {True: "edges", False: "none", None: None}
     is_flag=True,
     help="Correct motion of camera, LCD or prism where nothing presses, or two places are known to rest.",
 )
+@click.option(
+    "--burst",
+    type=click.Choice(["never", "when-needed", "always"]),
+    help="Read folds and dents too fine for the LCD by coded pictures.  [default: when-needed]",
+)
 @figure_option
 @summary_option
 def run_command(
@@ -94,6 +99,7 @@ def run_command(
     loop_gain: float | None,
     controller: str | None,
     follow_bench: bool,
+    burst: str | None,
     figure: Path | None,
     summary: Path | None,
     **others: Any,
@@ -125,6 +131,7 @@ def run_command(
             "controller": controller,
             "strips": _STRIPS[strips],
             "follow_bench": follow_bench or None,
+            "burst": burst,
         },
     )
     check_geometry(rig)

@@ -27,6 +27,9 @@ AGREE_LCD_PX = 1.2
 MOST_STEP_LCD_PX = 6.0
 """Most difference between neighbours: of a caustic; a wrong order is 20 or more off."""
 
+STILL_SHARE = 0.05
+"""Most difference of opposite shifts' sums, over the light of all, of a mirror at rest: five times noise."""
+
 SURE_LCD_PX, SURE_SHARE, SURE_PIXELS = 3.0, 0.8, 20
 """A patch agrees where so many of its pixels, and such a share, see what they are known to see, to this."""
 
@@ -39,8 +42,15 @@ RADIUS_PX, CORE_PX = 4, 3
 LEAST_SHARE = 0.6
 """Of these, share that must have been read."""
 
-LEAST_SIGMA_LCD_PX = 0.01
-"""What the panel's 8 bits leave in every pixel's fringes alike."""
+STAIR_LCD_PX, LEAST_SIGMA_LCD_PX = 0.29, 0.01
+"""Rms by which fringes in whole LCD px are off their place, which a window over several of them averages out,
+and what the panel's 8 bits leave."""
+
+SHARED = 2.0
+"""Neighbours share much of a node's error, which then counts for more where depth adds them up."""
+
+BENT = 0.25
+"""Error over second differences, LCD px, of a fit in a window where the mirror bends strongly."""
 
 
 def pixel_places(pictures: Single, black_grey: float, thought: Float, sure: Mask) -> tuple[Float, Mask]:
@@ -52,10 +62,12 @@ def pixel_places(pictures: Single, black_grey: float, thought: Float, sure: Mask
     shape = pictures.shape[1:]
     turn = np.exp(2j * np.pi * np.arange(SHIFTS) / SHIFTS)
     stacks = pictures.reshape(2, len(PERIODS_LCD_PX), SHIFTS, *shape)
+    moved = np.any([moves(stack, black_grey) for stack in stacks.reshape(-1, SHIFTS, *shape)], axis=0)
     # grey = mean + a cos(phase - shift): the sum with exp(i shift) is 2 a exp(i phase) of four
     waves = np.einsum("apsij,s->apij", stacks, turn) * (2 / SHIFTS)
     light = stacks.mean(axis=2) - black_grey
     known = (np.abs(waves) > LEAST_CONTRAST * np.maximum(light, 1.0)).all(axis=(0, 1))
+    known &= ~moved
     places = np.empty((*shape, 2))
     for axis in range(2):
         one, other = (
@@ -65,6 +77,17 @@ def pixel_places(pictures: Single, black_grey: float, thought: Float, sure: Mask
         places[..., axis], agree = _both(one, other, thought[..., axis])
         known &= agree
     return places, _joined(places, known, np.abs(places - thought).max(axis=-1), sure)
+
+
+def moves(pictures: Single, black_grey: float) -> Mask:
+    """Pixels (rows, cols) at which something moved between the four shifts of one period, (4, rows, cols).
+
+    Opposite shifts add up to the same light: 0.3 LCD px of motion make a tenth of difference.
+    """
+    odd: Single = pictures[0] - pictures[1] + pictures[2] - pictures[3]
+    light = pictures.sum(axis=0) - SHIFTS * black_grey
+    out: Mask = np.abs(odd) > STILL_SHARE * np.maximum(light, SHIFTS)
+    return out
 
 
 def _joined(places: Float, known: Mask, away: Float, sure: Mask) -> Mask:
@@ -121,19 +144,22 @@ def node_places(places: Float, known: Mask, nodes: Sequence[tuple[int, int]]) ->
         used, read = inside[window].ravel(), padded[window].reshape(-1, 2)
         if np.count_nonzero(used & core) < LEAST_SHARE * np.count_nonzero(core):
             continue
-        wide, _ = _middle(design[used], read[used])
-        out[k], noise = _middle(design[used & core], read[used & core])
-        sigma[k] = np.sqrt(noise**2 + (out[k] - wide) ** 2 + LEAST_SIGMA_LCD_PX**2)
+        wide = _middle(design[used], read[used])[0]
+        out[k], noise, bends = _middle(design[used & core], read[used & core])
+        stair = STAIR_LCD_PX / (1 + 4 * np.ptp(read[used & core], axis=0) ** 2)
+        parts = noise, out[k] - wide, stair, BENT * bends, np.full(2, LEAST_SIGMA_LCD_PX)
+        sigma[k] = SHARED * np.linalg.norm(parts, axis=0)
     return out, sigma
 
 
-def _middle(terms: Float, read: Float) -> tuple[Float, Float]:
-    """A least-squares fit's value (2,) in the middle, and its noise by what is left.
+def _middle(terms: Float, read: Float) -> tuple[Float, Float, Float]:
+    """A least-squares fit's value (2,) in the middle, its noise by what is left, and second differences.
 
     A pixel sees the mean over its area, which is (q_uu + q_vv) / 24 more than its middle.
     """
     inverse = np.linalg.pinv(terms.T @ terms)
     numbers = inverse @ (terms.T @ read)
     left = np.sum((read - terms @ numbers) ** 2, axis=0) / (len(read) - terms.shape[1])
-    middle: Float = numbers[0] - (numbers[3] + numbers[5]) / (12 * RADIUS_PX**2)
-    return middle, np.sqrt(left * inverse[0, 0])
+    second = 2 * numbers[[3, 5]] / RADIUS_PX**2
+    middle: Float = numbers[0] - second.sum(axis=0) / 24
+    return middle, np.sqrt(left * inverse[0, 0]), np.abs(second).sum(axis=0)

@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 
 from zeromethod.arrays import Bytes, Flags, Float, Image, Mask, Single
-from zeromethod.decoding.burst import RADIUS_PX, node_places, pixel_places
+from zeromethod.decoding.burst import RADIUS_PX, moves, node_places, pixel_places
 from zeromethod.exposure.pairing import Observation
-from zeromethod.pattern.coded import MOST_PARTS, PICTURES, Coded
+from zeromethod.pattern.coded import MOST_PARTS, PICTURES, SHIFTS, Coded
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.rest import Rest
 from zeromethod.warp.validity import Flag
@@ -26,6 +26,10 @@ from zeromethod.warp.warp import Warp
 LEAST_NODES, FAILING_FRAMES, MOST_FRAMES = 8, 2, 12
 """Nodes that cannot be nulled, and frames in which they could not, from which a burst is needed; what fails
 now and then is remembered for so many frames."""
+
+MOVES_SHARE, BROKEN_FRAMES = 0.02, 30
+"""Share of the pixels that may have moved between pictures before a burst is broken off, and frames that the
+mirror is left alone after that."""
 
 QUIET_LCD_PX, QUIET_SHARE, QUIET_FRAMES = 0.1, 0.9, 6
 """Where other nodes stay to within this, for so many of them, for so many frames, the mirror is at rest."""
@@ -65,13 +69,15 @@ _CODED, _MIXED = np.uint16(Flag.CODED), np.uint16(Flag.MIXED)
 class Read:
     """What a burst read.
 
-    q, sigma: (rows, cols, 2) LCD px. mask: nodes read. ring, ring_q: nodes watched. places, known: (h, w, 2)
-    LCD px of single pixels, and which were told, from the image's row `top` and column `left` on.
+    q, sigma: (rows, cols, 2) LCD px. mask: nodes read, of those in the region. ring, ring_q: nodes around
+    that are watched. places, known: (h, w, 2) LCD px of single pixels, and which were told, from the image's
+    row `top` and column `left` on.
     """
 
     q: Float
     sigma: Float
     mask: Mask
+    region: Mask
     ring: Mask
     ring_q: Float
     places: Float
@@ -98,10 +104,10 @@ class _Running:
             margin = MARGIN_LCD_PX + MARGIN_SHARE * float(np.abs(moved).max())
             parts.append([*(seen.min(axis=0) - margin), *(seen.max(axis=0) + margin)])
         self.parts: Float = np.array(parts)
-        inside = (
-            (thought[..., None, :] >= self.parts[:, :2]) & (thought[..., None, :] <= self.parts[:, 2:])
-        ).all(-1)
-        self.blind: Mask = _grown(inside.any(axis=-1), BLIND_NODES) | self.region
+        inside: Mask = np.zeros_like(region)
+        for part in self.parts:
+            inside |= np.logical_and(thought >= part[:2], thought <= part[2:]).all(axis=-1)
+        self.blind: Mask = _grown(inside, BLIND_NODES) | self.region
         self.nodes = np.argwhere(self.region)
         rows, columns = grid.v_px[self.nodes[:, 0]].astype(int), grid.u_px[self.nodes[:, 1]].astype(int)
         self.top, self.left = max(int(rows.min()) - RADIUS_PX, 0), max(int(columns.min()) - RADIUS_PX, 0)
@@ -116,9 +122,13 @@ class _Running:
         """The picture to be seen next."""
         return Coded(len(self.pictures), self.parts)
 
-    def add(self, image: Image) -> None:
-        """Take in the picture waited for."""
+    def add(self, image: Image, black_grey: float) -> bool:
+        """Take in the picture waited for; whether nothing has moved between those of one period."""
         self.pictures.append(image[self.top : self.bottom, self.left : self.right].astype(np.float32))
+        if len(self.pictures) % SHIFTS:
+            return True
+        moved = moves(np.stack(self.pictures[-SHIFTS:]), black_grey)
+        return float(np.mean(moved)) < MOVES_SHARE
 
     def watch(self, measured: Warp) -> None:
         """Take in where the other nodes look."""
@@ -131,9 +141,9 @@ class _Running:
         grid = self._rest.grid
         v, u = np.mgrid[self.top : self.bottom, self.left : self.right].astype(np.float32)
         lattice = (u - grid.u_px[0]) / grid.spacing_px, (v - grid.v_px[0]) / grid.spacing_px
-        maps = [np.ascontiguousarray(one, np.float32) for one in lattice]
-        thought = cv2.remap(self.thought.astype(np.float32), *maps, cv2.INTER_LINEAR)
-        near = cv2.remap(self.known.astype(np.float32), *maps, cv2.INTER_LINEAR)
+        column, row = (np.ascontiguousarray(one, np.float32) for one in lattice)
+        thought = cv2.remap(self.thought.astype(np.float32), column, row, cv2.INTER_LINEAR)
+        near = cv2.remap(self.known.astype(np.float32), column, row, cv2.INTER_LINEAR)
         stack, sure = np.stack(self.pictures), near > _ALL
         places, known = pixel_places(stack, black_grey, thought.astype(np.float64), sure)
         found, off = node_places(places, known, self.pixels)
@@ -143,7 +153,7 @@ class _Running:
         mask: Mask = np.isfinite(q[..., 0])
         ring: Mask = _grown(self.blind, RING_NODES) & ~self.blind & (self._count >= PICTURES // 2)
         ring_q = self._sum / np.maximum(self._count, 1)[..., None]
-        return Read(q, sigma, mask, ring, ring_q, places, known, self.top, self.left)
+        return Read(q, sigma, mask, self.region, ring, ring_q, places, known, self.top, self.left)
 
 
 class Burst:
@@ -161,6 +171,8 @@ class Burst:
         self._blinding: _Running | None = None
         self.read: Read | None = None
         """What the last one read, until the mirror moves."""
+        self.unread = False
+        """Whether a burst is needed, or under way, for nodes that none has read."""
         self._shown: dict[int, int | None] = {}
 
     @property
@@ -199,13 +211,14 @@ class Burst:
             self._blinding = None
             return self._needed(residual, measured, thought)
         if not self._at_rest(measured, thought, running.blind):
-            self._running, self._quiet = None, 0
+            self._running, self._quiet = None, -BROKEN_FRAMES
             return True
         running.watch(measured)
         if seen != {len(running.pictures)}:
             return False
-        running.add(image)
-        if len(running.pictures) == PICTURES:
+        if not running.add(image, self._black):
+            self._running, self._quiet = None, -BROKEN_FRAMES
+        elif len(running.pictures) == PICTURES:
             self.read, self._running, self._quiet = running.read(self._black), None, 0
             self._failing[:] = 0
         return True
@@ -214,7 +227,7 @@ class Burst:
         """Begin a burst where one is needed, and may be."""
         failing = self._fail(residual, measured.flags)
         if failing is None:
-            self._quiet = 0
+            self._quiet, self.unread = min(self._quiet, 0), False
             return False
         before = self._failing >= FAILING_FRAMES
         self._failing[failing] = np.minimum(self._failing[failing] + FAILING_FRAMES, MOST_FRAMES)
@@ -222,9 +235,11 @@ class Burst:
         need: Mask = self._failing >= FAILING_FRAMES
         at_rest = self._at_rest(measured, thought, _grown(failing | need, REACH_NODES))
         grows = np.count_nonzero(need & ~before) > 0.1 * np.count_nonzero(need)
-        self._quiet = self._quiet + 1 if at_rest and not grows else 0
-        new = need if self.read is None or self._always else need & ~self.read.mask
-        if np.count_nonzero(new) < LEAST_NODES or self._quiet < QUIET_FRAMES:
+        self._quiet = self._quiet + 1 if at_rest and not grows else min(self._quiet, 0)
+        new = need if self.read is None else need & ~self.read.region
+        self.unread = self._quiet > 0 and int(np.count_nonzero(new)) >= LEAST_NODES
+        wanted = np.count_nonzero(need) >= LEAST_NODES if self._always else self.unread
+        if not wanted or self._quiet < QUIET_FRAMES:
             return False
         self._running = self._blinding = _Running(self._rest, need, thought, measured)
         return True
@@ -250,11 +265,9 @@ class Burst:
         read = self.read
         if read is None:
             return None
-        watched = read.ring & measured.valid
-        if np.count_nonzero(watched) < LEAST_NODES:
-            return None
-        change2 = float(np.mean((measured.q[watched] - read.ring_q[watched]) ** 2))
-        moved2 = max(change2 - float(np.mean(measured.sigma[watched] ** 2)), 0.0)
+        around = _moved2(measured, read.ring_q, measured.sigma, read.ring)
+        inside = _moved2(measured, read.q, np.hypot(measured.sigma, read.sigma), read.mask)
+        moved2 = max(around, inside)
         if moved2 > MOVED_LCD_PX**2:
             self.read = None
             self._failing[:] = 0
@@ -274,6 +287,16 @@ class Burst:
         )
         measured.flags[burst.blind & ~burst.known & self._rest.grid.measurable] |= _CODED
         return held
+
+
+def _moved2(measured: Warp, before: Float, sigma: Float, nodes: Mask) -> float:
+    """Mean square by which valid ones of some nodes have moved, beyond noise, LCD px^2; inf where too few."""
+    watched = nodes & measured.valid
+    if np.count_nonzero(watched) < LEAST_NODES:
+        return np.inf
+    change2 = (measured.q[watched] - before[watched]) ** 2
+    # a few nodes that differ much are at the edge of what can be nulled, or the first that move
+    return max(float(np.mean(change2 - sigma[watched] ** 2)), 0.0)
 
 
 def _grown(nodes: Mask, by: int) -> Mask:

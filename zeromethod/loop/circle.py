@@ -78,7 +78,8 @@ class FrameResult:
     where the frame could not be paired or is dark. residual_rms_px: rms length of the residual over valid
     nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
     order: whether it is known which period of the carrier is seen, is being told, or could not be. coded: the
-    frame may have seen coded pictures in places.
+    frame may have seen coded pictures in places. unread: a burst is needed, or under way, for nodes that none
+    has read.
     """
 
     changed: bool = False
@@ -91,6 +92,7 @@ class FrameResult:
     covered_share: float = 0.0
     order: Order = Order.KNOWN
     coded: bool = False
+    unread: bool = False
 
     @property
     def believed(self) -> Warp | None:
@@ -222,8 +224,9 @@ class Circle:
         if self._panel_blur is not None:
             self._panel_blur.learn(observation.shown.q, self.rest.q, residual, measured.valid, rms_px)
         seen = residual, measured, rms_px, share, covered
-        coded = self.burst is not None and self.burst.blinding
-        return FrameResult(changed, refusal, observation, *seen, order, coded)
+        burst = self.burst
+        coded = (False, False) if burst is None else (burst.blinding, burst.unread)
+        return FrameResult(changed, refusal, observation, *seen, order, *coded)
 
     def _told(
         self, observation: Observation, residual: Residual, known: Known, frozen: bool

@@ -12,6 +12,7 @@ from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Camera, Display, Frame
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.bench_doubt import BenchDoubt
+from zeromethod.loop.burst import Read
 from zeromethod.loop.circle import FrameResult, Sensor
 from zeromethod.loop.display_watch import DisplayWatch
 from zeromethod.loop.drawing import HANGING_S, Drawer, Drawing
@@ -121,6 +122,11 @@ class Loop:
     def horizon_s(self) -> float:
         """From a frame's mid-exposure to that of those that see what was made of it; NaN: not known yet."""
         return self._circle.horizon_s
+
+    @property
+    def burst_read(self) -> Read | None:
+        """What the last burst read, until the mirror moves; None for nothing."""
+        return None if self._circle.burst is None else self._circle.burst.read
 
     def freeze(self, on: bool = True) -> None:
         """Keep the command as it is while `on`; frames are measured all the same."""
@@ -306,10 +312,10 @@ class Loop:
         locked = self.status.nulled_frames + 1 >= LOCK_FRAMES
         at_rest = locked and self._circle.at_rest(result.measured, self._zero.rest_q)
         blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
-        seen = result.residual_rms_px, result.valid_share
         doubt = self.bench.doubt or self.doubt
-        order = result.order
-        return StepOutcome(Outcome.MEASURED, blinded, *seen, at_rest, result.covered_share, doubt, order)
+        unread = BURST_WORDS if result.unread else ""
+        seen = result.residual_rms_px, result.valid_share, at_rest, result.covered_share
+        return StepOutcome(Outcome.MEASURED, blinded, *seen, doubt, result.order, unread)
 
     def _show(self, result: FrameResult, refusal: Notice | None, frozen: bool, now_ns: int) -> Trouble | None:
         """Have the command drawn; what went wrong, where something did."""

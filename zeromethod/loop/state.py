@@ -81,7 +81,10 @@ class Outcome(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class StepOutcome:
-    """What one step came to. The figures count only when it was measured; `reason` explains the others."""
+    """What one step came to. The figures count only when it was measured; `reason` explains the others.
+
+    order: of the carrier, known or not. unread: what is done about nodes that no picture can null.
+    """
 
     outcome: Outcome
     reason: str = ""
@@ -91,6 +94,7 @@ class StepOutcome:
     covered_share: float = 0.0
     doubt: Doubt | None = None
     order: Order = Order.KNOWN
+    unread: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +131,8 @@ def _blind(step: StepOutcome) -> Status | None:
         return Status(State.COVERED, f"{100 * step.covered_share:.0f} % of the reflection is gone")
     if step.valid_share < LOST_BELOW:
         return Status(State.LOST, step.reason or f"{100 * step.valid_share:.0f} % of the nodes are seen")
+    if step.unread:
+        return Status(State.NULLING, step.unread)
     if step.order is not Order.KNOWN:
         return Status(State.LOST if step.order is Order.UNKNOWN else State.NULLING, step.order)
     return None

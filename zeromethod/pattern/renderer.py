@@ -157,7 +157,8 @@ class PatternRenderer:
         if bounds is not None:
             box = self._plain if code is None else self._coded
             bits = sum(bit << k for k, bit in enumerate(bits_of(code or 0)))
-            set_uniforms(box, {"bounds": bounds, "strip_bits": bits} | _fringes(coded))
+            set_uniforms(box, {"bounds": bounds, "strip_bits": bits})
+            set_uniforms(box, _fringes(coded))
             self._rectangles[box].render(moderngl.TRIANGLE_STRIP, vertices=4)
 
     def _clip_bounds(self) -> tuple[float, float, float, float] | None:

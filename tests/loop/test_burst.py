@@ -1,0 +1,107 @@
+"""A dent too fine and steep for the LCD, read by coded pictures while the rest of the view stays nulled."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from benchmarks.peaks import middle_of_the_view
+from benchmarks.rigs import VIEW_MIDDLE_MM, changed, opened, pressed
+from zeromethod import Recording, Session, State, load_rig, open_devices
+from zeromethod.loop.events import Event
+from zeromethod.pattern.coded import PICTURES
+from zeromethod.session.replay.from_frames import replay_from_frames
+from zeromethod.session.replay.window import Window
+from zeromethod.warp.validity import Flag
+
+PRESS_S, FRAMES = 0.1, 90
+DEPTH_MM, SIZE_MM = 0.05, 1.0
+
+
+def steep(**control: object):
+    """A bench under a dent that folds, from `PRESS_S` on."""
+    rig = changed(middle_of_the_view(load_rig("simulated")), control=control)
+    path = [(PRESS_S, 0.0), (PRESS_S, DEPTH_MM), (2.0, DEPTH_MM)]
+    return pressed(rig, path, SIZE_MM, (VIEW_MIDDLE_MM, 0.0))
+
+
+@pytest.fixture(scope="module")
+def run():
+    """Steps of a run, (warp, true warp, nodes visible) at its end, and the LCD pixels told."""
+    with steep() as rig, open_devices(rig) as devices, Session(rig, devices=devices) as session:
+        return list(session.run(frames=FRAMES))
+
+
+def test_a_dent_that_folds_is_read_within_a_percent_and_the_loop_locks(run):
+    last = run[-1]
+    assert last.state is State.LOCKED
+    assert last.valid_share > 0.999
+    assert abs(last.peak.depth_mm / DEPTH_MM - 1) < 0.01
+    assert abs(last.peak.depth_mm - DEPTH_MM) < 3 * last.peak.sigma_mm
+
+
+def test_the_rest_stays_nulled_during_the_burst(run):
+    burst = [step.residual_rms_px for step in run if Event.BURST in step.events]
+    before = [step.residual_rms_px for step in run if step.state is State.RESTING]
+    # two or three frames for each picture, so that one exposure sees it alone
+    assert 2 * PICTURES <= len(burst) <= 4 * PICTURES
+    assert np.median(burst) < 1.1 * np.median(before)
+
+
+def test_meanwhile_nothing_is_called_known_that_is_not(run):
+    for step in run:
+        if step.peak is not None and step.state in {State.LOCKED, State.RESTING} and step.time_s > PRESS_S:
+            assert abs(step.peak.depth_mm - DEPTH_MM) < 3 * step.peak.sigma_mm
+    during = next(step for step in run if Event.BURST in step.events)
+    assert np.any(during.measured.flags & np.uint16(Flag.CODED))
+    # coded pictures are no contact, though their carrier is gone
+    assert not any(step.contacts for step in run)
+
+
+def test_when_the_press_lifts_what_was_read_is_over():
+    path = [(PRESS_S, 0.0), (PRESS_S, DEPTH_MM), (1.4, DEPTH_MM), (1.4, 0.0)]
+    with pressed(middle_of_the_view(load_rig("simulated")), path, SIZE_MM) as rig, opened(rig) as bench:
+        states = [step.state for step in bench.loop.run(frames=100)]
+        assert bench.loop.burst_read is None
+    assert State.LOCKED in states[60:84]
+    assert State.RESTING in states[84:95]
+
+
+def test_a_burst_breaks_off_where_the_mirror_moves():
+    path = [(PRESS_S, 0.0), (PRESS_S, DEPTH_MM), (0.5, DEPTH_MM), (1.2, 2 * DEPTH_MM)]
+    with pressed(middle_of_the_view(load_rig("simulated")), path, SIZE_MM) as rig, opened(rig) as bench:
+        coded = [Event.BURST in step.events for step in bench.loop.run(frames=60)]
+    assert any(coded[20:30])
+    assert not any(coded[50:])
+
+
+def test_never_means_never():
+    with steep(burst="never") as rig, opened(rig) as bench:
+        assert not any(Event.BURST in step.events for step in bench.loop.run(frames=60))
+
+
+def test_always_begins_another_one():
+    with steep(burst="always") as rig, opened(rig) as bench:
+        coded = [Event.BURST in step.events for step in bench.loop.run(frames=120)]
+    begins = sum(now and not before for before, now in pairwise(coded))
+    assert begins >= 2
+
+
+def test_a_recording_of_a_burst_replays_bit_for_bit(tmp_path):
+    file = tmp_path / "burst.h5"
+    with steep() as rig, open_devices(rig) as devices, Session(rig, devices=devices, record=file) as session:
+        list(session.run(frames=FRAMES))
+    with Recording(file) as recording:
+        warps, depths = replay_from_frames(recording, recording.rig, Window.of(recording))
+    assert warps.different == depths.different == []
+    assert warps.steps > 2 * PICTURES
+
+
+def test_coded_pictures_are_numbered_in_the_order_in_which_they_are_drawn():
+    with steep() as rig, opened(rig) as bench:
+        drawn = [one.coded for step in bench.loop.run(frames=FRAMES) for one in step.presented]
+    numbers = [one for one in drawn if one is not None]
+    assert sorted(set(numbers)) == list(range(PICTURES))
+    assert numbers == sorted(numbers)
