@@ -21,7 +21,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Mask
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import PanelTiming, entry_weights
@@ -177,18 +177,21 @@ class Noted:
     def __init__(self, *_: object) -> None:
         pass
 
-    def render(self, display: MemoryDisplay, q: Float, code: int | None = None) -> None:
+    def render(
+        self, display: MemoryDisplay, q: Float, code: int | None = None, lamp: Mask | None = None
+    ) -> None:
         """Take the picture."""
+        del lamp  # only the command is looked at
         display.noted = q, code
 
 
 class Drawn(PatternRenderer):
     """Draws as well."""
 
-    def render(self, display: Any, q: Float, code: int | None = None) -> None:
+    def render(self, display: Any, q: Float, code: int | None = None, lamp: Mask | None = None) -> None:
         """Draw the picture."""
         display.noted = q, code
-        super().render(display.framebuffer, q, code)
+        super().render(display.framebuffer, q, code, lamp)
 
 
 class FastClock:

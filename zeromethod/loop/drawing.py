@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Mask
 from zeromethod.devices.protocols import Display, DisplayLost, DrawingDisplay
 from zeromethod.errors import InputError
 from zeromethod.gl import create_context
@@ -65,16 +65,19 @@ class Drawer:
         """Name of what draws, as GL gives it."""
         return str(self._context.info["GL_RENDERER"])
 
-    def draw(self, q: Float, code: int | None = None) -> int:
+    def draw(self, q: Float, code: int | None = None, lamp: Mask | None = None) -> int:
         """Show the target warped by `q` (rows, cols, 2) LCD px, with `code` in its strips; time in ns.
 
-        Raises DisplayLost; TypeError where the display does not say when.
+        lamp: (rows, cols) nodes that are to be white. Raises DisplayLost; TypeError where the display does
+        not say when.
         """
         if self._drawing is not None:
-            time_ns = self._drawing.draw(lambda framebuffer: self._renderer.render(framebuffer, q, code))
+            time_ns = self._drawing.draw(
+                lambda framebuffer: self._renderer.render(framebuffer, q, code, lamp)
+            )
         else:
             with self._context:
-                image = self._renderer.image(q, code)
+                image = self._renderer.image(q, code, lamp)
             time_ns = self._display.show(image)
         return round(time_ns)
 
@@ -89,6 +92,10 @@ class Drawer:
         target, response = Target.from_spec(rig.target), Response.from_rig(rig.display)
         lattice = rest.grid, rest.q, rest.display_size
         return PatternRenderer(self._context, *lattice, target, response, self._strips)
+
+
+_Request = tuple[Float, int | None, Mask | None]
+"""A warp, the mid-exposure that it was made from, and where it is white."""
 
 
 class Drawing:
@@ -108,17 +115,17 @@ class Drawing:
         self._count = 0
         self.gl_renderer = ""
         """Name of what draws, as GL gives it."""
-        self._worker: Worker[tuple[Float, int | None], Drawn] | SameThread[tuple[Float, int | None], Drawn]
+        self._worker: Worker[_Request, Drawn] | SameThread[_Request, Drawn]
         self._worker = Worker("drawing", self._drawer) if live else SameThread(self._drawer)
         if not self._worker.opened(OPENING_S):
             raise InputError(f"display: not ready to be drawn on within {OPENING_S:g} s")
 
-    def post(self, q: Float, source_ns: int | None) -> None:
+    def post(self, q: Float, source_ns: int | None, lamp: Mask | None = None) -> None:
         """Draw `q`, which must not change any more; it replaces one that waits. Live, it returns at once.
 
-        source_ns: as in `Drawn`. Raises DisplayLost, unless live.
+        source_ns: as in `Drawn`. lamp: as `Drawer.draw` takes it. Raises DisplayLost, unless live.
         """
-        self._worker.post((q, source_ns))
+        self._worker.post((q, source_ns, lamp))
 
     def collect(self) -> list[Drawn]:
         """What was drawn since the last call.
@@ -136,14 +143,14 @@ class Drawing:
         self._worker.close(CLOSING_S)
 
     @contextmanager
-    def _drawer(self) -> Iterator[Callable[[tuple[Float, int | None]], Drawn]]:
+    def _drawer(self) -> Iterator[Callable[[_Request], Drawn]]:
         drawer = self._make()
 
-        def draw(request: tuple[Float, int | None]) -> Drawn:
-            q, source_ns = request
+        def draw(request: _Request) -> Drawn:
+            q, source_ns, lamp = request
             code = self._count % CODES if self._coded else None
             started = time.perf_counter()
-            time_ns = drawer.draw(q, code)
+            time_ns = drawer.draw(q, code, lamp)
             self._count += 1
             return Drawn(time_ns, q, source_ns, code, 1e3 * (time.perf_counter() - started))
 

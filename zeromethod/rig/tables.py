@@ -180,7 +180,7 @@ class ControlSpec(Table):
     integrator: its gain); `leak` is the integrator's alone, per frame. `strips` "edges": coded strips at two
     edges of the view identify the pictures that a frame was exposed to; "auto": so they do unless camera and
     display are the simulated ones. `follow_bench`: motion of camera, LCD or prism is corrected where it shows
-    whole, while nothing presses or by two places known to rest.
+    whole, while nothing presses or by two places known to rest. `lamp`: the LCD is white inside contacts.
     """
 
     controller: Literal["composition", "integrator"] = "composition"
@@ -189,6 +189,7 @@ class ControlSpec(Table):
     timeout_s: Positive = 1.0
     strips: Literal["auto", "none", "edges"] = "auto"
     follow_bench: bool = False
+    lamp: bool = True
 
 
 class KnownRest(Table):

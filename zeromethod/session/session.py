@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.contact import Contact, ContactFinder
+from zeromethod.contact import Contact, ContactFinder, Lamp
 from zeromethod.control.stability_margin import margin_words, stability_margin
 from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
@@ -109,6 +109,7 @@ class Session:
             self._grid: NodeGrid = self.loop.grid
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
             self._contacts = ContactFinder(self.rig, self._optics, self._grid)
+            self._lamp = Lamp(self._grid) if self.rig.control.lamp else None
             self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
             self._truth: TruthSource | None = truth_of(self._devices.camera)
             self._scenario = script_of(self._devices.camera)
@@ -265,6 +266,10 @@ class Session:
         surface, deepest, read_ms = timed(lambda: self._surfaces.read(measured))
         contacts = self._touching(step, surface)
         surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts)
+        if step.image is not None and step.residual is not None:
+            contacts = self._contacts.with_images(step.image, step.residual, surface, contacts)
+        if self._lamp is not None:
+            self.loop.light(self._lamp.follow(contacts))
         found: dict[str, Any] = {"contacts": contacts, "touching": tuple(one.figures for one in contacts)}
         if self._truth is not None:
             if step.phase == "untouched":

@@ -1,0 +1,65 @@
+"""Contacts of many narrow parts: ridges, bars, grains with reflecting rubber between them.
+
+Less than a period wide, no part is a flat place and no gap shows a carrier. What tells them from a picture is
+that one dark grey level is far too common: a picture has every level about as often as any other. And what
+lies nearer than a period to each other is one contact, as nothing between could be measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from zeromethod.arrays import Mask, Single
+
+_LEAST_SHARE = 0.2
+"""Share of the pixels over a period's square that have the level, within noise; in a picture some 0.1 do."""
+_MOST_DARKER = 0.1
+"""Share of the pixels there that may be darker: shadows. A picture's dark fringes have darker ones."""
+MOST_FILLED = 0.85
+"""Share of a patch that parts fill, above which it has no gaps."""
+_NOISES = 2.5
+_BRIGHTEST = 0.6
+
+
+class Parts(NamedTuple):
+    """Where narrow parts touch: where the level is common (rows, cols), and that level, over the mean."""
+
+    where: Mask
+    light: float
+
+
+def narrow_parts(light: Single, noise: float, lost: Mask, period_px: int) -> Iterator[Parts]:
+    """Patches of at least a period's square in which one dark level is too common.
+
+    light: (rows, cols) over that of the picture's mean. noise: its standard deviation. lost: (rows, cols)
+    pixels without a carrier that are not dirt.
+    """
+    dark = lost & (light < _BRIGHTEST)
+    if np.count_nonzero(dark) < _LEAST_SHARE * period_px**2:
+        return
+    counts, edges = np.histogram(light[dark], np.arange(-0.05, _BRIGHTEST + noise, noise))
+    near = np.convolve(counts, np.ones(round(2 * _NOISES)), "same")
+    best = int(np.argmax(near))
+    around = dark & (np.abs(light - 0.5 * (edges[best] + edges[best + 1])) < _NOISES * noise)
+    level = float(np.median(light[around]))
+    alike = dark & (np.abs(light - level) < _NOISES * noise)
+    side = period_px, period_px
+    share = cv2.boxFilter(alike.astype(np.float32), -1, side)
+    darker = cv2.boxFilter((light < level - _NOISES * noise).astype(np.float32), -1, side)
+    common = ((share > _LEAST_SHARE) & (darker < _MOST_DARKER) & lost).astype(np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(common, connectivity=4)
+    for k in range(1, count):
+        if stats[k, cv2.CC_STAT_AREA] >= period_px**2:
+            yield Parts(labels == k, level)
+
+
+def closed_over(mask: Mask, period_px: int) -> Mask:
+    """The mask with all gaps of less than a period closed."""
+    round_one = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (period_px + 1, period_px + 1))
+    wide = np.pad(mask.astype(np.uint8), period_px)
+    inner = slice(period_px, -period_px)
+    return np.asarray(cv2.morphologyEx(wide, cv2.MORPH_CLOSE, round_one)[inner, inner] > 0)

@@ -1,0 +1,95 @@
+"""What touches as an image: a contact's light, rectified to mm at the camera's resolution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from zeromethod.arrays import Float, Image, Single
+from zeromethod.contact.contact import Contact, ContactImage
+from zeromethod.surface import Surface
+from zeromethod.warp.grid import NodeGrid
+
+_MARGIN_MM = 0.25
+_AROUND = 3
+"""Nodes around a contact's box that place it, too."""
+_MOST_NODES = 1500
+_FEWEST_NODES = 30
+_MOST_PX = 1536
+"""Longest side of an image; a larger contact's is coarser."""
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Camera position (u, v) as a cubic of mirror position (x, y)."""
+
+    middle: Float
+    size_mm: float
+    terms: Float
+
+    def pixels(self, x: Float, y: Float) -> Float:
+        """(..., 2) px of world points, mm."""
+        at = _cubic((x - self.middle[0]) / self.size_mm, (y - self.middle[1]) / self.size_mm)
+        return np.asarray(at @ self.terms)
+
+    @property
+    def px_per_mm(self) -> Float:
+        """(2, 2) in the middle: rows x and y, columns u and v."""
+        return np.asarray(self.terms[1:3] / self.size_mm)
+
+
+def _cubic(x: Float, y: Float) -> Float:
+    one = np.ones_like(x)
+    return np.stack((one, x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3), axis=-1)
+
+
+def places_of(contact: Contact, surface: Surface, grid: NodeGrid) -> Places | None:
+    """Where the camera sees the mirror about a contact; None where too few nodes have a depth."""
+    low, high = contact.outline_px.min(axis=0), contact.outline_px.max(axis=0)
+    first = np.array([grid.u_px[0], grid.v_px[0]])
+    begin = np.maximum(np.floor((low - first) / grid.spacing_px).astype(int) - _AROUND, 0)
+    end = np.ceil((high - first) / grid.spacing_px).astype(int) + _AROUND + 1
+    part = slice(begin[1], end[1]), slice(begin[0], end[0])
+    u, v = (axis[part] for axis in grid.mesh())
+    x, y, known = surface.x_mm[part].copy(), surface.y_mm[part].copy(), surface.valid[part].copy()
+    if surface.inside is not None:
+        carried = surface.inside.valid[part]
+        x[carried], y[carried] = surface.inside.x_mm[part][carried], surface.inside.y_mm[part][carried]
+        known |= carried
+    if np.count_nonzero(known) < _FEWEST_NODES:
+        return None
+    every = max(1, int(np.sqrt(np.count_nonzero(known) / _MOST_NODES)))
+    thin = np.zeros_like(known)
+    thin[::every, ::every] = True
+    known &= thin
+    middle = np.array([contact.x_mm, contact.y_mm])
+    size = 0.5 * max(float(np.ptp(x[known])), float(np.ptp(y[known])))
+    terms = _cubic((x[known] - middle[0]) / size, (y[known] - middle[1]) / size)
+    seen = np.stack((u[known], v[known]), axis=-1).astype(np.float64)
+    fitted = np.linalg.lstsq(terms, seen, rcond=None)[0]
+    return Places(middle, size, np.asarray(fitted, dtype=np.float64))
+
+
+def image_of(contact: Contact, image: Image, mean: Single, black: float, places: Places) -> ContactImage:
+    """The image of a contact: light over `mean`, (rows, cols) grey levels of the picture in the null."""
+    finest = 1 / float(np.linalg.norm(places.px_per_mm, axis=1).max())
+    low = contact.outline_mm.min(axis=0) - _MARGIN_MM
+    span = contact.outline_mm.max(axis=0) + _MARGIN_MM - low
+    pitch = max(finest, float(span.max()) / (_MOST_PX - 1))
+    cols, rows = (int(np.ceil(side / pitch)) + 1 for side in span)
+    x, y = np.meshgrid(low[0] + pitch * np.arange(cols), low[1] + pitch * np.arange(rows))
+    at = places.pixels(x, y)
+    first = np.clip(np.floor(at.min(axis=(0, 1))).astype(int) - 3, 0, None)
+    last = np.ceil(at.max(axis=(0, 1))).astype(int) + 4
+    part = slice(first[1], max(last[1], 0)), slice(first[0], max(last[0], 0))
+    if image[part].size == 0:
+        return ContactImage(np.full((rows, cols), np.nan, np.float32), pitch, float(low[0]), float(low[1]))
+    light = (image[part].astype(np.float32) - np.float32(black)) / np.maximum(mean[part], 1.0)
+    off = (at - first).astype(np.float32)
+    seen = cv2.remap(
+        light, off[..., 0], off[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT,
+        borderValue=float("nan"),
+    )  # fmt: skip
+    return ContactImage(np.asarray(seen, np.float32), pitch, float(low[0]), float(low[1]))
