@@ -39,7 +39,7 @@ _LENS_PX = 0.5
 """Blur of a border by a pupil that the rig does not give."""
 _EDGE_PX = 0.15
 """What the blur's own uncertainty leaves open of a border."""
-_PARTED_PX = 2.0
+_PARTED_PX = 4.0
 """Standard deviation of the border drawn round parts with gaps between."""
 
 

@@ -13,36 +13,50 @@ from zeromethod.surface import Surface
 from zeromethod.warp.grid import NodeGrid
 
 _MARGIN_MM = 0.25
+_DEGREE = 6
+"""Of the polynomials: cubic ones stretch a finger's image by 1.3 %, these by 0.2 %."""
 _AROUND = 3
 """Nodes around a contact's box that place it, too."""
 _MOST_NODES = 1500
-_FEWEST_NODES = 30
+_FEWEST_NODES = 56
 _MOST_PX = 1536
 """Longest side of an image; a larger contact's is coarser."""
 
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Camera position (u, v) as a cubic of mirror position (x, y)."""
+    """Camera position (u, v) as a polynomial of mirror position (x, y).
+
+    powers: (2, degree + 1, degree + 1) factors, for u and v, of y^i x^k, both from the middle over size_mm.
+    """
 
     middle: Float
     size_mm: float
-    terms: Float
+    powers: Float
 
     def pixels(self, x: Float, y: Float) -> Float:
-        """(..., 2) px of world points, mm."""
-        at = _cubic((x - self.middle[0]) / self.size_mm, (y - self.middle[1]) / self.size_mm)
-        return np.asarray(at @ self.terms)
+        """(rows, cols, 2) px of a lattice of world points at x (cols,), y (rows,), mm."""
+        up_to = np.arange(_DEGREE + 1)
+        along = ((x - self.middle[0]) / self.size_mm)[:, None] ** up_to
+        across = ((y - self.middle[1]) / self.size_mm)[:, None] ** up_to
+        return np.stack([across @ one @ along.T for one in self.powers], axis=-1)
 
     @property
-    def px_per_mm(self) -> Float:
-        """(2, 2) in the middle: rows x and y, columns u and v."""
-        return np.asarray(self.terms[1:3] / self.size_mm)
+    def finest_mm(self) -> float:
+        """Shorter side of a camera pixel on the mirror, in the middle."""
+        by_x, by_y = self.powers[:, 0, 1], self.powers[:, 1, 0]
+        return float(self.size_mm / max(np.hypot(*by_x), np.hypot(*by_y)))
 
 
-def _cubic(x: Float, y: Float) -> Float:
-    one = np.ones_like(x)
-    return np.stack((one, x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3), axis=-1)
+def _fitted(x: Float, y: Float, values: Float) -> Float:
+    """(2, degree + 1, degree + 1) powers, as `Places` has them, of values (n, 2) at points (n,)."""
+    used = [(i, n - i) for n in range(_DEGREE + 1) for i in range(n + 1)]
+    terms = np.stack([y**i * x**k for i, k in used], axis=-1)
+    found = np.linalg.lstsq(terms, values, rcond=None)[0]
+    powers = np.zeros((2, _DEGREE + 1, _DEGREE + 1))
+    for (i, k), factor in zip(used, found, strict=True):
+        powers[:, i, k] = factor
+    return powers
 
 
 def places_of(contact: Contact, surface: Surface, grid: NodeGrid) -> Places | None:
@@ -66,21 +80,18 @@ def places_of(contact: Contact, surface: Surface, grid: NodeGrid) -> Places | No
     known &= thin
     middle = np.array([contact.x_mm, contact.y_mm])
     size = 0.5 * max(float(np.ptp(x[known])), float(np.ptp(y[known])))
-    terms = _cubic((x[known] - middle[0]) / size, (y[known] - middle[1]) / size)
     seen = np.stack((u[known], v[known]), axis=-1).astype(np.float64)
-    fitted = np.linalg.lstsq(terms, seen, rcond=None)[0]
-    return Places(middle, size, np.asarray(fitted, dtype=np.float64))
+    powers = _fitted((x[known] - middle[0]) / size, (y[known] - middle[1]) / size, seen)
+    return Places(middle, size, powers)
 
 
 def image_of(contact: Contact, image: Image, mean: Single, black: float, places: Places) -> ContactImage:
     """The image of a contact: light over `mean`, (rows, cols) grey levels of the picture in the null."""
-    finest = 1 / float(np.linalg.norm(places.px_per_mm, axis=1).max())
     low = contact.outline_mm.min(axis=0) - _MARGIN_MM
     span = contact.outline_mm.max(axis=0) + _MARGIN_MM - low
-    pitch = max(finest, float(span.max()) / (_MOST_PX - 1))
+    pitch = max(places.finest_mm, float(span.max()) / (_MOST_PX - 1))
     cols, rows = (int(np.ceil(side / pitch)) + 1 for side in span)
-    x, y = np.meshgrid(low[0] + pitch * np.arange(cols), low[1] + pitch * np.arange(rows))
-    at = places.pixels(x, y)
+    at = places.pixels(low[0] + pitch * np.arange(cols), low[1] + pitch * np.arange(rows))
     first = np.clip(np.floor(at.min(axis=(0, 1))).astype(int) - 3, 0, None)
     last = np.ceil(at.max(axis=(0, 1))).astype(int) + 4
     part = slice(first[1], max(last[1], 0)), slice(first[0], max(last[0], 0))

@@ -30,6 +30,7 @@ _SHADOW_SHARE = 0.03
 """Light over the mean below which a region next to a brighter one is its shadow: a slope too steep for total
 reflection."""
 _SMOOTH_PX = 5
+_LEAST_PART_PX = 10
 _SMOOTH_PARTS_PX = 3
 """The same where what touches has narrow parts."""
 
@@ -162,9 +163,9 @@ class RegionFinder:
         side = 2 * self._grid.period_px + 1
         near = cv2.dilate(parts.where.astype(np.uint8), np.ones((side, side), np.uint8))
         probability[near == 0] = 0
-        _, pieces = cv2.connectedComponents((probability > 0.5).astype(np.uint8), connectivity=4)
-        some = np.unique(pieces[parts.where])
-        probability[~np.isin(pieces, some[some > 0])] = 0
+        likely = (probability > 0.5).astype(np.uint8)
+        _, pieces, sizes, _ = cv2.connectedComponentsWithStats(likely, connectivity=8)
+        probability[(sizes[:, cv2.CC_STAT_AREA] < _LEAST_PART_PX)[pieces]] = 0
         whole = closed_over(probability > 0.5, self._grid.period_px)
         count, labels, stats, _ = cv2.connectedComponentsWithStats(whole.astype(np.uint8))
         if count < 2:

@@ -16,6 +16,8 @@ _LEAST_PERIODS = 3.0
 _FINEST_PX = 3.0
 _FINE = 4
 _PHASES = 16
+_UNLIKE = 0.08
+"""Difference from the object's own light from which on a place is as unlike it as can be."""
 _FEWEST_PX = 200
 
 
@@ -53,7 +55,9 @@ def stripes(contact: Contact) -> Stripes | None:
         return None
     # smooth to 0 at the border, whose own frequencies would count else
     weight = np.sqrt(away / away.max())
-    light = np.where(inside, image.light, 0.0)
+    # how much of the rubber between is bright, and where, depends on what it happens to reflect
+    unlike = np.minimum(np.abs(np.nan_to_num(image.light) - contact.scattered), _UNLIKE)
+    light = np.where(inside, unlike, 0.0)
     light = weight * (light - float((weight * light).sum() / weight.sum()))
     found = _strongest(light)
     if found is None:
