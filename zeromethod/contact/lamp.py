@@ -52,6 +52,7 @@ class Lamp:
         period = self._grid.period_px / self._step
         whole = cv2.morphologyEx(covered, cv2.MORPH_CLOSE, _disc(period / 2))
         inside = cv2.distanceTransform(whole, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[::_FINE, ::_FINE]
+        inside -= 1  # the border's own points count as covered, and as one away from what is not
         lit = inside >= period
         if self._lit is not None:
             lit |= self._lit & (inside >= period - _STAYS_PX / self._step)

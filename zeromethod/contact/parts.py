@@ -22,7 +22,8 @@ _MOST_DARKER = 0.1
 MOST_FILLED = 0.85
 """Share of a patch that parts fill, above which it has no gaps."""
 _NOISES = 2.5
-_BRIGHTEST = 0.6
+_BRIGHTEST = 0.4
+"""Of the picture's mean: a perfectly white object scatters cos(pattern angle) / index^2 = 0.32 of it."""
 
 
 class Parts(NamedTuple):
@@ -32,20 +33,26 @@ class Parts(NamedTuple):
     light: float
 
 
-def narrow_parts(light: Single, noise: float, lost: Mask, period_px: int) -> Iterator[Parts]:
+def narrow_parts(
+    light: Single, noise: float, lost: Mask, period_px: int, known: Mask | None = None
+) -> Iterator[Parts]:
     """Patches of at least a period's square in which one dark level is too common.
 
     light: (rows, cols) over that of the picture's mean. noise: its standard deviation. lost: (rows, cols)
-    pixels without a carrier that are not dirt.
+    pixels without a carrier that are not dirt. known: (rows, cols) what flat places explain already; where
+    they and half a period around leave too few dark pixels, none is looked for.
     """
     dark = lost & (light < _BRIGHTEST)
-    if np.count_nonzero(dark) < _LEAST_SHARE * period_px**2:
+    left = dark
+    if known is not None and known.any():
+        left = dark & (cv2.blur(known.astype(np.float32), (period_px, period_px)) == 0)
+    if np.count_nonzero(left) < _LEAST_SHARE * period_px**2:
         return
-    counts, edges = np.histogram(light[dark], np.arange(-0.05, _BRIGHTEST + noise, noise))
+    values = light[dark]
+    counts = np.bincount(np.maximum((values + 0.05) / noise, 0).astype(np.intp))
     near = np.convolve(counts, np.ones(round(2 * _NOISES)), "same")
-    best = int(np.argmax(near))
-    around = dark & (np.abs(light - 0.5 * (edges[best] + edges[best + 1])) < _NOISES * noise)
-    level = float(np.median(light[around]))
+    middle = (int(np.argmax(near)) + 0.5) * noise - 0.05
+    level = float(np.median(values[np.abs(values - middle) < _NOISES * noise]))
     alike = dark & (np.abs(light - level) < _NOISES * noise)
     side = period_px, period_px
     share = cv2.boxFilter(alike.astype(np.float32), -1, side)

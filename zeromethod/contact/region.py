@@ -131,7 +131,7 @@ class RegionFinder:
         middle = float(np.median(mean))
         noise = float(np.sqrt(self._noise[0] + self._noise[1] * 0.3 * middle)) / middle
         dark = self._pixels(lost, box) & ~rest.static[place]
-        for parts in narrow_parts(light, noise, dark, self._grid.period_px):
+        for parts in narrow_parts(light, noise, dark, self._grid.period_px, taken):
             region = self._of_parts(parts, picture, mean, rest, (left, top))
             if region is not None:
                 found = [one for one in found if not (one.mask & region.mask).any()]
