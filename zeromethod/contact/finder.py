@@ -131,12 +131,12 @@ class ContactFinder:
         """
         if not contacts:
             return contacts
-        mean = self._rest.mean * np.float32(self._rest.drift(residual))
+        mean, drift = self._rest.mean, self._rest.drift(residual)
         placed = ((contact, places_of(contact, surface, self._grid)) for contact in contacts)
         return tuple(
             contact
             if places is None
-            else replace(contact, image=image_of(contact, image, mean, self._black, places))
+            else replace(contact, image=image_of(contact, image, mean, drift, self._black, places))
             for contact, places in placed
         )
 

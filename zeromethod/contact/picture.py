@@ -17,7 +17,7 @@ _DEGREE = 6
 """Of the polynomials: cubic ones stretch a finger's image by 1.3 %, these by 0.2 %."""
 _AROUND = 3
 """Nodes around a contact's box that place it, too."""
-_MOST_NODES = 1500
+_MOST_NODES = 500
 _FEWEST_NODES = 56
 _MOST_PX = 1536
 """Longest side of an image; a larger contact's is coarser."""
@@ -74,7 +74,7 @@ def places_of(contact: Contact, surface: Surface, grid: NodeGrid) -> Places | No
         known |= carried
     if np.count_nonzero(known) < _FEWEST_NODES:
         return None
-    every = max(1, int(np.sqrt(np.count_nonzero(known) / _MOST_NODES)))
+    every = max(1, round(float(np.sqrt(np.count_nonzero(known) / _MOST_NODES))))
     thin = np.zeros_like(known)
     thin[::every, ::every] = True
     known &= thin
@@ -85,8 +85,13 @@ def places_of(contact: Contact, surface: Surface, grid: NodeGrid) -> Places | No
     return Places(middle, size, powers)
 
 
-def image_of(contact: Contact, image: Image, mean: Single, black: float, places: Places) -> ContactImage:
-    """The image of a contact: light over `mean`, (rows, cols) grey levels of the picture in the null."""
+def image_of(
+    contact: Contact, image: Image, mean: Single, drift: float, black: float, places: Places
+) -> ContactImage:
+    """The image of a contact: light over that of the picture in the null.
+
+    mean: (rows, cols) grey levels of that at rest. drift: light over that at rest.
+    """
     low = contact.outline_mm.min(axis=0) - _MARGIN_MM
     span = contact.outline_mm.max(axis=0) + _MARGIN_MM - low
     pitch = max(places.finest_mm, float(span.max()) / (_MOST_PX - 1))
@@ -97,7 +102,9 @@ def image_of(contact: Contact, image: Image, mean: Single, black: float, places:
     part = slice(first[1], max(last[1], 0)), slice(first[0], max(last[0], 0))
     if image[part].size == 0:
         return ContactImage(np.full((rows, cols), np.nan, np.float32), pitch, float(low[0]), float(low[1]))
-    light = (image[part].astype(np.float32) - np.float32(black)) / np.maximum(mean[part], 1.0)
+    light = (image[part].astype(np.float32) - np.float32(black)) / np.maximum(
+        np.float32(drift) * mean[part], 1.0
+    )
     off = (at - first).astype(np.float32)
     seen = cv2.remap(
         light, off[..., 0], off[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT,
