@@ -4,7 +4,7 @@ Hard objects on the packaged bench at full size, with a pupil of 1.25 mm: a stam
 finger with ridges 0.45 mm apart, at several angles. They come down within 50 ms and are held; stripes are
 measured in the images of the last frames. "Without lamp" is the same with `control.lamp` off. Cost: what a
 picture with a new lamp takes longer to draw than one without, and what it takes to work a lamp out, which is
-done where surfaces are read; medians, of one thread.
+done where surfaces are read; of one thread.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ SECONDS = 0.55
 COMPARED = 6
 """Last frames that are compared."""
 CONTRAST, PITCH_PERCENT, DRAW_MS = 0.5, 2.0, 0.15
-_DRAWS = 40
+_DRAWS = 100
 
 
 @dataclass(frozen=True)
@@ -121,8 +121,9 @@ def draw_ms(rig: Rig, contacts: Sequence[Contact]) -> tuple[float, float]:
             renderer.render(framebuffer, rest.q, lamp=lit.copy() if k % 2 else None)
             context.finish()
             times[bool(k % 2)].append(1e3 * (time.perf_counter() - started))
-    extra = [with_ - without for with_, without in zip(times[True], times[False], strict=True)]
-    return float(np.median(extra)), float(np.median(took))
+    # what else runs on the computer only adds
+    fast = {lamp: float(np.quantile(those, 0.25)) for lamp, those in times.items()}
+    return fast[True] - fast[False], float(np.median(took))
 
 
 def report(found: Sequence[Seen], cost: tuple[float, float]) -> Report:
@@ -142,7 +143,7 @@ def report(found: Sequence[Seen], cost: tuple[float, float]) -> Report:
         value = "not found" if missing else f"{worst:.2f} %"
         figures.append(Figure(f"pitch of {name}, worst", value, f"{PITCH_PERCENT:g} %", met))
     figures.append(
-        Figure("drawing with a new lamp", f"+{cost[0]:.2f} ms", f"{DRAW_MS:g} ms", cost[0] <= DRAW_MS)
+        Figure("drawing with a new lamp", f"{cost[0]:+.2f} ms", f"{DRAW_MS:g} ms", cost[0] <= DRAW_MS)
     )
     figures.append(Figure("working a lamp out, not in the loop", f"{cost[1]:.2f} ms"))
     details: list[Sequence[str]] = [

@@ -83,7 +83,9 @@ class RestPicture:
 
         One of the two: bars as far apart as fringes look like the other.
         """
-        seen = (self._amplitude > 0).all(axis=-1) & (residual.flags & np.uint16(Flag.OUTSIDE | Flag.NO_RAY) == 0)
+        seen = (self._amplitude > 0).all(axis=-1) & (
+            residual.flags & np.uint16(Flag.OUTSIDE | Flag.NO_RAY) == 0
+        )
         weak = residual.modulation < least * self._amplitude
         return np.asarray(seen & (weak[..., 0] | weak[..., 1]))
 
