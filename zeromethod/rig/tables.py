@@ -278,6 +278,24 @@ class Faults(Table):
     light_off_frames: tuple[Count, Count] | None = None
 
 
+class Nuisances(Table):
+    """What the simulated bench suffers besides presses, `simulation.ambient` apart.
+
+    `mains`: light of lamps on the mains, on average, as a share of full scale; it swings to nothing and back
+    `mains_hz` times a second. `backlight_per_minute`: growth of the LCD's light, relative. `dust`,
+    `scratches` (on the camera face), `bubbles` (in the rubber): how many in view. `kelvin_per_minute`: how
+    fast the rubber grows warmer, which then is not as the rig file has it.
+    """
+
+    mains: Share = 0.0
+    mains_hz: Rate = 100.0
+    backlight_per_minute: float = 0.0
+    dust: Count = 0
+    scratches: Count = 0
+    bubbles: Count = 0
+    kelvin_per_minute: float = 0.0
+
+
 class SimulationSpec(Table):
     """The simulated bench's own clocks, stray light and faults, which reading never uses.
 
@@ -300,3 +318,4 @@ class SimulationSpec(Table):
     ghost_gap: Share = 0.0
     ambient: Share = 0.0
     faults: Faults = Faults()
+    nuisances: Nuisances = Nuisances()
