@@ -138,15 +138,9 @@ def report(found: Sequence[Suffered]) -> Report:
     for one in found:
         peak = "-" if one.peak_percent is None else f"{one.peak_percent:+.2f} %"
         off = "-" if one.peak_sigmas is None else f"{one.peak_sigmas:.1f}"
-        row = (one.nuisance, f"{one.false} of {one.frames}", f"{one.beyond_untouched:.2f} %")
-        row += (
-            f"{one.beyond_pressed:.2f} %",
-            f"{one.worst:.1f}",
-            f"{one.rms_untouched_nm:.0f} nm",
-            peak,
-            off,
-        )
-        details.append((*row, f"{one.nulled:.0%}", f"{one.valid:.1%}"))
+        at_rest = f"{one.beyond_untouched:.2f} %", f"{one.beyond_pressed:.2f} %", f"{one.worst:.1f}"
+        row = (one.nuisance, f"{one.false} of {one.frames}", *at_rest, f"{one.rms_untouched_nm:.0f} nm")
+        details.append((*row, peak, off, f"{one.nulled:.0%}", f"{one.valid:.1%}"))
     return Report("Nuisances, one by one", figures, details, {"suffered": [asdict(one) for one in found]})
 
 

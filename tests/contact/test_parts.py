@@ -27,7 +27,7 @@ def bars(pitch_px, share, object_light):
 @pytest.mark.parametrize("object_light", [0.02, 0.07, 0.26])
 @pytest.mark.parametrize(("pitch_px", "share"), [(9, 0.4), (9, 0.7), (12, 0.5)])
 def test_parts_narrower_than_a_period_are_found_with_their_light(object_light, pitch_px, share):
-    (found,) = narrow_parts(bars(pitch_px, share, object_light), NOISE, EVERYWHERE, PERIOD)
+    found = narrow_parts(bars(pitch_px, share, object_light), NOISE, EVERYWHERE, PERIOD)
     assert found.light == pytest.approx(object_light, abs=0.02)
     # means over a period's square, so half of one is open
     assert found.where[np.hypot(U - 100, V - 80) < 45 - PERIOD].all()
@@ -46,7 +46,7 @@ STRETCHED = {
 
 @pytest.mark.parametrize("name", STRETCHED)
 def test_a_picture_is_no_contact_of_parts(name):
-    assert not list(narrow_parts(noisy(STRETCHED[name]), NOISE, EVERYWHERE, PERIOD))
+    assert narrow_parts(noisy(STRETCHED[name]), NOISE, EVERYWHERE, PERIOD) is None
 
 
 def test_gaps_of_less_than_a_period_are_closed_and_wider_ones_stay():

@@ -7,7 +7,6 @@ lies nearer than a period to each other is one contact, as nothing between could
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import cv2
@@ -17,8 +16,8 @@ from zeromethod.arrays import Mask, Single
 
 _LEAST_SHARE = 0.2
 """Share of the pixels over a period's square that have the level, within noise; in a picture some 0.1 do."""
-_MOST_DARKER = 0.1
-"""Share of the pixels there that may be darker: shadows. A picture's dark fringes have darker ones."""
+_MOST_DARKER = 0.75
+"""Pixels there that may be darker, over those that have the level: shadows of a white object's edges."""
 MOST_FILLED = 0.85
 """Share of a patch that parts fill, above which it has no gaps."""
 _NOISES = 2.5
@@ -35,8 +34,8 @@ class Parts(NamedTuple):
 
 def narrow_parts(
     light: Single, noise: float, lost: Mask, period_px: int, known: Mask | None = None
-) -> Iterator[Parts]:
-    """Patches of at least a period's square in which one dark level is too common.
+) -> Parts | None:
+    """Patches of at least a period's square in which one dark level is too common; None for none.
 
     light: (rows, cols) over that of the picture's mean. noise: its standard deviation. lost: (rows, cols)
     pixels without a carrier that are not dirt. known: (rows, cols) what flat places explain already; where
@@ -47,7 +46,7 @@ def narrow_parts(
     if known is not None and known.any():
         left = dark & (cv2.blur(known.astype(np.float32), (period_px, period_px)) == 0)
     if np.count_nonzero(left) < _LEAST_SHARE * period_px**2:
-        return
+        return None
     values = light[dark]
     counts = np.bincount(np.maximum((values + 0.05) / noise, 0).astype(np.intp))
     near = np.convolve(counts, np.ones(round(2 * _NOISES)), "same")
@@ -57,11 +56,11 @@ def narrow_parts(
     side = period_px, period_px
     share = cv2.boxFilter(alike.astype(np.float32), -1, side)
     darker = cv2.boxFilter((light < level - _NOISES * noise).astype(np.float32), -1, side)
-    common = ((share > _LEAST_SHARE) & (darker < _MOST_DARKER) & lost).astype(np.uint8)
+    common = ((share > _LEAST_SHARE) & (darker < _MOST_DARKER * share) & lost).astype(np.uint8)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(common, connectivity=4)
-    for k in range(1, count):
-        if stats[k, cv2.CC_STAT_AREA] >= period_px**2:
-            yield Parts(labels == k, level)
+    large = stats[:, cv2.CC_STAT_AREA] >= period_px**2
+    large[0] = False
+    return Parts(large[labels], level) if count > 1 and large.any() else None
 
 
 def closed_over(mask: Mask, period_px: int) -> Mask:

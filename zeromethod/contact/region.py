@@ -31,6 +31,7 @@ _SHADOW_SHARE = 0.03
 reflection."""
 _SMOOTH_PX = 5
 _LEAST_PART_PX = 10
+_LEAST_WIDE_PX = 7
 _SMOOTH_PARTS_PX = 3
 """The same where what touches has narrow parts."""
 
@@ -131,11 +132,10 @@ class RegionFinder:
         middle = float(np.median(mean))
         noise = float(np.sqrt(self._noise[0] + self._noise[1] * 0.3 * middle)) / middle
         dark = self._pixels(lost, box) & ~rest.static[place]
-        for parts in narrow_parts(light, noise, dark, self._grid.period_px, taken):
-            region = self._of_parts(parts, picture, mean, rest, (left, top))
-            if region is not None:
-                found = [one for one in found if not (one.mask & region.mask).any()]
-                found.append(region)
+        parts = narrow_parts(light, noise, dark, self._grid.period_px, taken)
+        if parts is not None:
+            wide = self._of_parts(parts, picture, mean, rest, (left, top))
+            found = [one for one in found if not any((one.mask & each.mask).any() for each in wide)] + wide
         return found
 
     def _pixels(self, nodes: Mask, box: tuple[int, int, int, int]) -> Mask:
@@ -152,8 +152,8 @@ class RegionFinder:
 
     def _of_parts(
         self, parts: Parts, picture: Single, mean: Single, rest: RestPicture, corner: tuple[int, int]
-    ) -> Region | None:
-        """The region of narrow parts, the gaps between them taken in."""
+    ) -> list[Region]:
+        """The regions of narrow parts, the gaps between them taken in."""
         mirrored = float(np.median(mean[parts.where]))
         model = self._model(parts.light * mirrored, mirrored, rest)
         columns = model.index(picture * (mirrored / mean))
@@ -166,14 +166,17 @@ class RegionFinder:
         likely = (probability > 0.5).astype(np.uint8)
         _, pieces, sizes, _ = cv2.connectedComponentsWithStats(likely, connectivity=8)
         probability[(sizes[:, cv2.CC_STAT_AREA] < _LEAST_PART_PX)[pieces]] = 0
-        whole = closed_over(probability > 0.5, self._grid.period_px)
-        count, labels, stats, _ = cv2.connectedComponentsWithStats(whole.astype(np.uint8))
-        if count < 2:
-            return None
-        largest = labels == int(np.argmax(stats[1:, cv2.CC_STAT_AREA])) + 1
-        if np.mean(probability[largest] > 0.5) > MOST_FILLED:
-            return None
-        return Region(*corner, largest, probability, columns, model, parts.light, parted=True)
+        closed = closed_over(probability > 0.5, self._grid.period_px).astype(np.uint8)
+        # dark fringes that happen to join on are narrow
+        whole = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((_LEAST_WIDE_PX, _LEAST_WIDE_PX), np.uint8))
+        count, labels = cv2.connectedComponents(whole)
+        found = []
+        for k in range(1, count):
+            mask = labels == k
+            if (mask & parts.where).any() and np.mean(probability[mask] > 0.5) <= MOST_FILLED:
+                likely = np.asarray(probability * mask, np.float32)
+                found.append(Region(*corner, mask, likely, columns, model, parts.light, parted=True))
+        return found
 
     def _grown(
         self, seed: Mask, picture: Single, mean: Single, rest: RestPicture, corner: tuple[int, int]

@@ -30,6 +30,8 @@ _SCRATCH_PX, _SCRATCH_LIGHT = (0.5, 1.2), 0.5
 _BUBBLE_PX = (3.0, 9.0)
 _SOFT_PX = 0.7
 """Standard deviation of dirt's borders in the image."""
+_VIEW_PX = 1280
+"""Columns of the camera that sizes of dirt are for; in one with fewer pixels it is as much smaller."""
 
 
 class Dirt(NamedTuple):
@@ -83,17 +85,18 @@ class Nuisances:
         passes, astray = np.ones((2, camera.rows, camera.columns), np.float32)
         astray[:] = 0
         draw = np.random.default_rng((self._rig.simulation.seed, _STREAM))
+        scale = camera.columns / _VIEW_PX
         for _ in range(spec.dust):
             u, v, radius = draw.uniform((0, 0, _SPECK_PX[0]), (camera.columns, camera.rows, _SPECK_PX[1]))
-            _cover(passes, _disc(passes, u, v, radius), _SPECK_LIGHT)
+            _cover(passes, _disc(passes, u, v, scale * radius), _SPECK_LIGHT)
         for _ in range(spec.scratches):
             ends = draw.uniform(0, 1, (2, 2)) * (camera.columns, camera.rows)
-            _cover(passes, _line(passes, ends, draw.uniform(*_SCRATCH_PX)), _SCRATCH_LIGHT)
+            _cover(passes, _line(passes, ends, scale * draw.uniform(*_SCRATCH_PX)), _SCRATCH_LIGHT)
         for _ in range(spec.bubbles):
             u, v, radius = draw.uniform((0, 0, _BUBBLE_PX[0]), (camera.columns, camera.rows, _BUBBLE_PX[1]))
             # rays that meet air beyond the critical angle go astray for good, others pass far off their way
-            _cover(passes, _disc(passes, u, v, radius), 0.0)
-            inner = _disc(passes, u, v, radius / self._rig.prism.index)
+            _cover(passes, _disc(passes, u, v, scale * radius), 0.0)
+            inner = _disc(passes, u, v, scale * radius / self._rig.prism.index)
             np.maximum(astray, inner, out=astray)
         return Dirt(passes, astray)
 
