@@ -174,8 +174,8 @@ class RegionFinder:
         for k in range(1, count):
             mask = labels == k
             if (mask & parts.where).any() and np.mean(probability[mask] > 0.5) <= MOST_FILLED:
-                likely = np.asarray(probability * mask, np.float32)
-                found.append(Region(*corner, mask, likely, columns, model, parts.light, parted=True))
+                own = np.where(mask, probability, 0.0).astype(np.float32)
+                found.append(Region(*corner, mask, own, columns, model, parts.light, parted=True))
         return found
 
     def _grown(

@@ -33,6 +33,7 @@ from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.session.trust import is_readable, with_stated_geometry
+from zeromethod.session.uneven_rest import UnevenRest
 from zeromethod.surface import Surface, SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.warp.grid import NodeGrid
@@ -109,6 +110,7 @@ class Session:
             self._grid: NodeGrid = self.loop.grid
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
             self._contacts = ContactFinder(self.rig, self._optics, self._grid)
+            self._uneven = UnevenRest(self.loop.q_rest)
             self._lamp = Lamp(self._grid) if self.rig.control.lamp else None
             self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
             self._truth: TruthSource | None = truth_of(self._devices.camera)
@@ -263,7 +265,8 @@ class Session:
         """Read one step; in real time in a thread of its own."""
         measured = step.measured
         assert measured is not None
-        surface, deepest, read_ms = timed(lambda: self._surfaces.read(measured))
+        levelled = self._uneven.levelled(measured, step)
+        surface, deepest, read_ms = timed(lambda: self._surfaces.read(levelled))
         contacts = self._touching(step, surface)
         surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts)
         if step.image is not None and step.residual is not None:
