@@ -21,7 +21,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Mask
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import PanelTiming, entry_weights
@@ -183,19 +183,28 @@ class Noted:
         display: MemoryDisplay,
         q: Float,
         code: int | None = None,
-        coded: Coded | None = None,  # noqa: ARG002 - as the renderer has it
+        coded: Coded | None = None,
+        lamp: Mask | None = None,
     ) -> None:
         """Take the picture."""
+        del coded, lamp  # only the command is looked at
         display.noted = q, code
 
 
 class Drawn(PatternRenderer):
     """Draws as well."""
 
-    def render(self, display: Any, q: Float, code: int | None = None, coded: Coded | None = None) -> None:
+    def render(
+        self,
+        display: Any,
+        q: Float,
+        code: int | None = None,
+        coded: Coded | None = None,
+        lamp: Mask | None = None,
+    ) -> None:
         """Draw the picture."""
         display.noted = q, code
-        super().render(display.framebuffer, q, code, coded)
+        super().render(display.framebuffer, q, code, coded, lamp)
 
 
 class FastClock:

@@ -9,6 +9,8 @@
 uniform highp sampler2D places;  // lattice position to first order, by pattern_mesh; 0 where there is none
 uniform highp sampler2D codes;   // grey codes at equally spaced roots of light
 uniform highp sampler2D texture_of_noise;
+uniform highp sampler2D lamp;    // per node: 1 where the LCD is white, as the camera sees a contact there
+uniform bool lit;                // whether it is anywhere
 #if REGIONS
 uniform highp sampler2D exponents;  // of the light, from corner to corner of the panel
 #endif
@@ -74,6 +76,16 @@ float exponent(vec2 here) {
 }
 #endif
 
+float lamp_share(ivec2 cell, vec2 t) {
+    ivec2 last = textureSize(lamp, 0) - 1;
+    ivec2 far = cell + ivec2(floor(t));
+    ivec2 a = clamp(far, ivec2(0), last), b = clamp(far + 1, ivec2(0), last);
+    vec2 part = fract(t);
+    float upper = mix(texelFetch(lamp, a, 0).r, texelFetch(lamp, ivec2(b.x, a.y), 0).r, part.x);
+    float lower = mix(texelFetch(lamp, ivec2(a.x, b.y), 0).r, texelFetch(lamp, b, 0).r, part.x);
+    return mix(upper, lower, part.y);
+}
+
 #if STRIPS
 // Light of the coded strips at a camera position; negative outside them. A bit's cells: bit, not, not, bit.
 float strip_light(vec2 camera) {
@@ -125,6 +137,7 @@ void main() {
     vec2 lcd_px = abs(area) * PERIOD / SPACING / vec2(length(jacobian[1]), length(jacobian[0]));
     vec2 fade = smoothstep(FADED_PX, CLEAR_PX, lcd_px);
     float light = MEAN * (1.0 + CONTRAST * shape(first_px + SPACING * vec2(cell), SPACING * t, fade, lcd_px));
+    if (lit) light = mix(light, MEAN * (1.0 + CONTRAST), lamp_share(cell, t));
 #if STRIPS
     float coded = strip_light(first_px + SPACING * (vec2(cell) + t));
     if (coded >= 0.0) light = coded;

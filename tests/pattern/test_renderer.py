@@ -170,3 +170,20 @@ def test_a_response_that_differs_over_the_panel_is_undone_place_by_place(gl_cont
     assert error.max() <= 1
     plain = _image(gl_context, q).astype(float)
     assert np.abs(picture - plain)[inside].max() > 5
+
+
+def test_a_lamp_is_white_around_its_nodes_and_changes_nothing_beyond_them(gl_context):
+    renderer = PatternRenderer(gl_context, GRID, _rest(), SIZE, TARGET, RESPONSE)
+    q = _dent(_rest(), 6.0)
+    away = np.hypot(U - 160, V - 128)
+    lit, dark = renderer.image(q, lamp=away < 40).astype(int), renderer.image(q).astype(int)
+    u, v, _ = _invert(q)
+    where = np.hypot(u - 160, v - 128)
+    spacing = GRID.spacing_px
+    with np.errstate(invalid="ignore"):
+        inside, beyond = where < 40 - 2 * spacing, ~(where < 40 + 2 * spacing)
+    assert (lit[inside] == RESPONSE.code(TARGET.mean * (1 + TARGET.contrast))).all()
+    assert (lit[beyond] == dark[beyond]).all()
+    # asked for again without one, the picture is as before
+    assert (renderer.image(q) == dark).all()
+    assert (renderer.image(q, lamp=np.zeros(U.shape, bool)) == dark).all()

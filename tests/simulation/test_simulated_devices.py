@@ -248,5 +248,5 @@ def test_the_panels_light_over_all_pieces_is_that_of_the_whole_exposure(panel):
 
 
 def test_light_off_leaves_the_pictures_without_light(panel):
-    (piece,) = exposure_pieces(load_scenario("none"), panel, SHOWN, 0, 8 * MS, lit=False)
+    (piece,) = exposure_pieces(load_scenario("none"), panel, SHOWN, 0, 8 * MS, backlight=0.0)
     assert not any(share.any() for _, share in piece.pictures)

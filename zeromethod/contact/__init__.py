@@ -1,7 +1,20 @@
 """What touches the mirror: found per pixel, outlined in mm, followed from touch to lift."""
 
-from zeromethod.contact.contact import Contact, ContactFigures, Probability
+from zeromethod.contact.contact import Contact, ContactFigures, ContactImage, Probability
 from zeromethod.contact.finder import ContactFinder
+from zeromethod.contact.lamp import Lamp
 from zeromethod.contact.outline import closed, evenly
+from zeromethod.contact.stripes import Stripes, stripes
 
-__all__ = ["Contact", "ContactFigures", "ContactFinder", "Probability", "closed", "evenly"]
+__all__ = [
+    "Contact",
+    "ContactFigures",
+    "ContactFinder",
+    "ContactImage",
+    "Lamp",
+    "Probability",
+    "Stripes",
+    "closed",
+    "evenly",
+    "stripes",
+]

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from zeromethod.arrays import Float, Single
+import cv2
+import numpy as np
+
+from zeromethod.arrays import Float, Mask, Single
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,6 +18,35 @@ class Probability:
     left: int
     top: int
     values: Single
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ContactImage:
+    """What touches, as the camera sees it through the mirror, rectified to mm.
+
+    Attributes
+    ----------
+    light : (rows, cols) float32
+        Light over the mean of the picture that the mirror shows there in the null: an object's is what it
+        scatters, that of rubber between ridges up to 2, as the LCD is white there. NaN out of view. Columns
+        along x, rows along y.
+    mm_per_px : float
+        Side of a pixel: the camera's, as it sees the mirror there.
+    x_mm, y_mm : float
+        World place of the middle of pixel (0, 0).
+    """
+
+    light: Single
+    mm_per_px: float
+    x_mm: float
+    y_mm: float
+
+    def inside(self, outline_mm: Float) -> Mask:
+        """(rows, cols) pixels inside a closed polygon (n, 2), mm."""
+        at = (outline_mm - np.array([self.x_mm, self.y_mm])) / self.mm_per_px
+        mask = np.zeros(self.light.shape, np.uint8)
+        cv2.fillPoly(mask, [np.rint(at * 16).astype(np.int32)], 1, shift=4)
+        return np.asarray(mask > 0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,11 +95,13 @@ class Contact(ContactFigures):
 
     outline_mm: (n, 2) a closed polygon, world x and y, from x to y, its points about as far apart as pixels.
     outline_px: (n, 2) the border as the camera sees it, (u, v). probability: of contact, per pixel.
+    image: what touches; None where too little was read around it to place it in mm.
     """
 
     outline_mm: Float
     outline_px: Float
     probability: Probability
+    image: ContactImage | None = None
 
     @property
     def figures(self) -> ContactFigures:

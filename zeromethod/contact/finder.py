@@ -14,6 +14,7 @@ from zeromethod.contact.inside import carried_inside
 from zeromethod.contact.moments import moments
 from zeromethod.contact.outline import (
     WINDOW_PX,
+    Outline,
     compile_ahead,
     first_outline,
     normals,
@@ -21,6 +22,7 @@ from zeromethod.contact.outline import (
     refined,
     signed_area,
 )
+from zeromethod.contact.picture import image_of, places_of
 from zeromethod.contact.region import Region, RegionFinder
 from zeromethod.contact.rest import RestPicture
 from zeromethod.contact.track import ContactTrack
@@ -37,6 +39,8 @@ _LENS_PX = 0.5
 """Blur of a border by a pupil that the rig does not give."""
 _EDGE_PX = 0.15
 """What the blur's own uncertainty leaves open of a border."""
+_PARTED_PX = 4.0
+"""Standard deviation of the border drawn round parts with gaps between."""
 
 
 class ContactFinder:
@@ -50,6 +54,7 @@ class ContactFinder:
         self._regions = RegionFinder(rig, grid, _blur_px(rig))
         self._places = MirrorPlaces(optics, grid)
         self._track = ContactTrack()
+        self._grid, self._black = grid, rig.camera.noise.black_grey
         compile_ahead()
 
     @property
@@ -105,8 +110,38 @@ class ContactFinder:
         surface = replace(surface, inside=carried_inside(surface, contacts, self._places))
         return surface, deepest_of_all(surface, deepest), with_depths(surface, contacts)
 
+    def with_images(
+        self, image: Image, residual: Residual, surface: Surface, contacts: tuple[Contact, ...]
+    ) -> tuple[Contact, ...]:
+        """The contacts with their images.
+
+        Parameters
+        ----------
+        image, residual : array, Residual
+            The frame, and what was measured in it.
+        surface : Surface
+            As `carry` gave it.
+        contacts : tuple of Contact
+            What `follow` found.
+
+        Returns
+        -------
+        tuple of Contact
+            The same, each with an `image` where its place in mm is known.
+        """
+        if not contacts:
+            return contacts
+        mean, drift = self._rest.mean, self._rest.drift(residual)
+        placed = ((contact, places_of(contact, surface, self._grid)) for contact in contacts)
+        return tuple(
+            contact
+            if places is None
+            else replace(contact, image=image_of(contact, image, mean, drift, self._black, places))
+            for contact, places in placed
+        )
+
     def _contact(self, region: Region, surface: Surface) -> Contact | None:
-        outline = refined(first_outline(region.mask), region.columns, region.model)
+        outline = _outline(region)
         points_px = outline.points_px + np.array([region.left, region.top])
         if signed_area(points_px) < 0:
             points_px = points_px[::-1]
@@ -138,6 +173,12 @@ class ContactFinder:
             scattered=region.scattered,
             probability=Probability(region.left, region.top, region.probability),
         )
+
+
+def _outline(region: Region) -> Outline:
+    """The border in the region's own pixels; round parts with gaps it is as good as the gaps are narrow."""
+    first = first_outline(region.mask)
+    return Outline(first, _PARTED_PX) if region.parted else refined(first, region.columns, region.model)
 
 
 def _blur_px(rig: Rig) -> float:

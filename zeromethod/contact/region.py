@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from zeromethod.arrays import Bytes, Image, Mask, Single
 from zeromethod.contact.flat import local_deviation
 from zeromethod.contact.likelihood import UNKNOWN, GreyModel, grey_model
+from zeromethod.contact.parts import MOST_FILLED, Parts, closed_over, narrow_parts
 from zeromethod.contact.rest import RestPicture
 from zeromethod.rig.model import Rig
 from zeromethod.sensing.residual import Residual
@@ -29,11 +30,18 @@ _SHADOW_SHARE = 0.03
 """Light over the mean below which a region next to a brighter one is its shadow: a slope too steep for total
 reflection."""
 _SMOOTH_PX = 5
+_LEAST_PART_PX = 10
+_LEAST_WIDE_PX = 7
+_SMOOTH_PARTS_PX = 3
+"""The same where what touches has narrow parts."""
 
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """mask, probability, columns (`GreyModel.index`): (rows, cols) from pixel (left, top) on."""
+    """mask, probability, columns (`GreyModel.index`): (rows, cols) from pixel (left, top) on.
+
+    parted: it has parts with something else between, which its mask takes in.
+    """
 
     left: int
     top: int
@@ -42,6 +50,7 @@ class Region:
     columns: Bytes
     model: GreyModel
     scattered: float
+    parted: bool = False
 
 
 class RegionFinder:
@@ -61,9 +70,28 @@ class RegionFinder:
         if not lost.any():
             return []
         drift = rest.drift(residual)
-        found = [region for box in self._boxes(lost) for region in self._in_box(box, image, rest, drift)]
+        found = []
+        for box in self._boxes(lost):
+            inside = self._in_box(box, image, rest, drift, lost)
+            found += self._together([region for region in inside if not _is_shadow(region, inside)])
         found.sort(key=lambda region: -np.count_nonzero(region.mask))
         return [region for region in found if not _is_shadow(region, found)]
+
+    def _together(self, regions: list[Region]) -> list[Region]:
+        """Regions of one box, those nearer than a period to each other as one: it has the largest's light."""
+        if len(regions) < 2:
+            return regions
+        whole = np.logical_or.reduce([region.mask for region in regions])
+        count, labels = cv2.connectedComponents(closed_over(whole, self._grid.period_px).astype(np.uint8))
+        found = []
+        for k in range(1, count):
+            parts = [region for region in regions if (labels[region.mask] == k).any()]
+            largest = max(parts, key=lambda region: np.count_nonzero(region.mask))
+            if len(parts) > 1:
+                likely = np.maximum.reduce([region.probability for region in parts])
+                largest = replace(largest, mask=labels == k, probability=likely, parted=True)
+            found.append(largest)
+        return found
 
     def _boxes(self, lost: Mask) -> Iterator[tuple[int, int, int, int]]:
         """(left, top, right, bottom) px around groups of nodes, three half periods wider."""
@@ -80,8 +108,8 @@ class RegionFinder:
                 yield (*first, right, bottom)
 
     def _in_box(
-        self, box: tuple[int, int, int, int], image: Image, rest: RestPicture, drift: float
-    ) -> Iterator[Region]:
+        self, box: tuple[int, int, int, int], image: Image, rest: RestPicture, drift: float, lost: Mask
+    ) -> list[Region]:
         left, top, right, bottom = box
         place = slice(top, bottom), slice(left, right)
         picture = image[place].astype(np.float32) - np.float32(self._black)
@@ -91,6 +119,7 @@ class RegionFinder:
         flat = (deviation < allowed) & (local < DARKER_SHARE * mean) & ~rest.static[place]
         count, labels, stats, _ = cv2.connectedComponentsWithStats(flat.astype(np.uint8), connectivity=4)
         taken = np.zeros(flat.shape, np.bool_)
+        found: list[Region] = []
         for k in np.argsort(-stats[1:count, cv2.CC_STAT_AREA]) + 1:
             seed = labels == k
             if stats[k, cv2.CC_STAT_AREA] < SEED_PX or taken[seed].any():
@@ -98,7 +127,56 @@ class RegionFinder:
             region = self._grown(seed, picture, mean, rest, (left, top))
             if region is not None:
                 taken |= region.mask
-                yield region
+                found.append(region)
+        light = picture / mean
+        middle = float(np.median(mean))
+        noise = float(np.sqrt(self._noise[0] + self._noise[1] * 0.3 * middle)) / middle
+        dark = self._pixels(lost, box) & ~rest.static[place]
+        parts = narrow_parts(light, noise, dark, self._grid.period_px, taken)
+        if parts is not None:
+            wide = self._of_parts(parts, picture, mean, rest, (left, top))
+            found = [one for one in found if not any((one.mask & each.mask).any() for each in wide)] + wide
+        return found
+
+    def _pixels(self, nodes: Mask, box: tuple[int, int, int, int]) -> Mask:
+        """Pixels of a box that are nearest to some nodes."""
+        left, top, right, bottom = box
+        near = [
+            np.clip(np.rint((np.arange(low, high) - first) / self._grid.spacing_px).astype(int), 0, count - 1)
+            for low, high, first, count in (
+                (top, bottom, self._grid.v_px[0], nodes.shape[0]),
+                (left, right, self._grid.u_px[0], nodes.shape[1]),
+            )
+        ]
+        return np.asarray(nodes[np.ix_(*near)])
+
+    def _of_parts(
+        self, parts: Parts, picture: Single, mean: Single, rest: RestPicture, corner: tuple[int, int]
+    ) -> list[Region]:
+        """The regions of narrow parts, the gaps between them taken in."""
+        mirrored = float(np.median(mean[parts.where]))
+        model = self._model(parts.light * mirrored, mirrored, rest)
+        columns = model.index(picture * (mirrored / mean))
+        evidence = cv2.boxFilter(model.evidence[columns], -1, (_SMOOTH_PARTS_PX, _SMOOTH_PARTS_PX))
+        probability = (1 / (1 + np.exp(-_SMOOTH_PARTS_PX * evidence))).astype(np.float32)
+        # tips of the parts run out of where they are common
+        side = 2 * self._grid.period_px + 1
+        near = cv2.dilate(parts.where.astype(np.uint8), np.ones((side, side), np.uint8))
+        probability[near == 0] = 0
+        likely = (probability > 0.5).astype(np.uint8)
+        _, pieces, sizes, _ = cv2.connectedComponentsWithStats(likely, connectivity=8)
+        probability[(sizes[:, cv2.CC_STAT_AREA] < _LEAST_PART_PX)[pieces]] = 0
+        closed = closed_over(probability > 0.5, self._grid.period_px).astype(np.uint8)
+        # dark fringes that happen to join on are narrow
+        whole = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((_LEAST_WIDE_PX, _LEAST_WIDE_PX), np.uint8))
+        count, labels = cv2.connectedComponents(whole)
+        found = []
+        for k in range(1, count):
+            mask = labels == k
+            if (mask & parts.where).any() and np.mean(probability[mask] > 0.5) <= MOST_FILLED:
+                own = np.where(mask, probability, 0.0).astype(np.float32)
+                found.append(Region(*corner, mask, own, columns, model, parts.light, parted=True))
+        return found
 
     def _grown(
         self, seed: Mask, picture: Single, mean: Single, rest: RestPicture, corner: tuple[int, int]

@@ -38,7 +38,7 @@ class RestPicture:
         self._periodic = rig.target.kind != "noise"
         self._frames = 0
         self._sum: Single | None = np.zeros(grid.image_shape, np.float32)
-        self._amplitude = np.zeros(grid.shape)
+        self._amplitude = np.zeros((*grid.shape, 2))
         self._light = np.zeros(grid.shape)
         self.mean: Single = np.zeros(grid.image_shape, np.float32)
         self.static: Mask = np.zeros(grid.image_shape, np.bool_)
@@ -55,7 +55,7 @@ class RestPicture:
         if self._sum is None:
             return
         cv2.accumulate(image if image.dtype == np.uint8 else image.astype(np.float32), self._sum)
-        self._amplitude += np.where(residual.valid, residual.modulation.mean(axis=-1), 0.0)
+        self._amplitude += np.where(residual.valid[..., None], residual.modulation, 0.0)
         self._light += np.where(residual.valid, residual.mean - self._black, 0.0)
         self._frames += 1
         if self.known:
@@ -79,9 +79,15 @@ class RestPicture:
         self.shares = counts / max(counts.sum(), 1)
 
     def lost(self, residual: Residual, least: float) -> Mask:
-        """(rows, cols) nodes that have lost their carrier: amplitude below `least` of that at rest."""
-        seen = (self._amplitude > 0) & (residual.flags & np.uint16(Flag.OUTSIDE | Flag.NO_RAY) == 0)
-        return np.asarray(seen & (residual.modulation.mean(axis=-1) < least * self._amplitude))
+        """(rows, cols) nodes that have lost their carrier: amplitude below `least` of that at rest.
+
+        One of the two: bars as far apart as fringes look like the other.
+        """
+        seen = (self._amplitude > 0).all(axis=-1) & (
+            residual.flags & np.uint16(Flag.OUTSIDE | Flag.NO_RAY) == 0
+        )
+        weak = residual.modulation < least * self._amplitude
+        return np.asarray(seen & (weak[..., 0] | weak[..., 1]))
 
     def drift(self, residual: Residual) -> float:
         """Light of the nodes that are measured over theirs at rest."""

@@ -13,6 +13,7 @@ from typing import IO, Any
 import numpy as np
 
 from zeromethod.atomic_write import atomic_write
+from zeromethod.export.contact_nodes import contact_ids, contact_images
 from zeromethod.export.selection import SelectedSteps
 from zeromethod.recording.recording import Recording
 
@@ -29,6 +30,7 @@ _MAPS = {
     "sigma_y_mm": ("<f4", "mm", "standard deviation of y_mm, likewise"),
     "valid": ("|b1", "1", "whether depth was read at the node"),
     "contact": ("|b1", "1", "whether light was lost at the node"),
+    "contact_id": ("<i4", "1", "contact within whose border the node lies, by its id; 0 for none"),
 }
 """Type, unit and meaning of every map, (times, rows, columns[, 2])."""
 
@@ -42,6 +44,11 @@ _REST = {
     "contacts": (
         "1",
         "a row per contact and moment: id, place, area, axes, sigmas, its border",
+    ),
+    "contact_images": (
+        "1",
+        "a row per image: step, id, world place of its first pixel, mm per pixel; that of contact 1 in "
+        "step 9 is contact_images/9-1: light over the picture's mean, rows along y, columns along x",
     ),
     "about": ("1", "this: unit and meaning of every array, the recording and its rig, as JSON"),
 }
@@ -64,8 +71,11 @@ def export_npz(
         for step in selected.steps:
             surface = recording.surface(step)
             assert surface is not None
+            contacts = recording.contacts
+            own = {"contact_id": contact_ids(surface, contacts[contacts["step"] == step])}
             for name, (dtype, _, _) in _MAPS.items():
-                scratch[name].write(np.ascontiguousarray(getattr(surface, name)[inner], dtype).data)
+                values = own[name] if name in own else getattr(surface, name)
+                scratch[name].write(np.ascontiguousarray(values[inner], dtype).data)
             advance()
         archive = opened.enter_context(
             zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED, allowZip64=True, compresslevel=1)
@@ -83,6 +93,9 @@ def export_npz(
         for name, values in small.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asarray(values), allow_pickle=False)
+        for name, values in contact_images(recording, selected):
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, values, allow_pickle=False)
         for name, (dtype, _, _) in _MAPS.items():
             pair = (2,) if "slope" in name else ()
             shape = (len(selected.steps), len(v_px), len(u_px), *pair)

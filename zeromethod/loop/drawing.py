@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Mask
 from zeromethod.devices.protocols import Display, DisplayLost, DrawingDisplay
 from zeromethod.errors import InputError
 from zeromethod.gl import create_context
@@ -47,8 +47,8 @@ class Drawn:
     coded: int | None = None
 
 
-_Wanted = tuple[Float, int | None, Coded | None]
-"""Warp, mid-exposure of the frame it was made from, fringes over it."""
+_Wanted = tuple[Float, int | None, Coded | None, Mask | None]
+"""Warp, mid-exposure of the frame it was made from, fringes over it, nodes that are to be white."""
 
 
 class Drawer:
@@ -72,20 +72,21 @@ class Drawer:
         """Name of what draws, as GL gives it."""
         return str(self._context.info["GL_RENDERER"])
 
-    def draw(self, q: Float, code: int | None = None, coded: Coded | None = None) -> int:
+    def draw(
+        self, q: Float, code: int | None = None, coded: Coded | None = None, lamp: Mask | None = None
+    ) -> int:
         """Show the target warped by `q` (rows, cols, 2) LCD px, with `code` in its strips; time in ns.
 
-        coded: fringes over parts of it.
-
-        Raises DisplayLost; TypeError where the display does not say when.
+        coded: fringes over parts of it. lamp: (rows, cols) nodes that are to be white. Raises DisplayLost;
+        TypeError where the display does not say when.
         """
         if self._drawing is not None:
             time_ns = self._drawing.draw(
-                lambda framebuffer: self._renderer.render(framebuffer, q, code, coded)
+                lambda framebuffer: self._renderer.render(framebuffer, q, code, coded, lamp)
             )
         else:
             with self._context:
-                image = self._renderer.image(q, code, coded)
+                image = self._renderer.image(q, code, coded, lamp)
             time_ns = self._display.show(image)
         return round(time_ns)
 
@@ -124,12 +125,14 @@ class Drawing:
         if not self._worker.opened(OPENING_S):
             raise InputError(f"display: not ready to be drawn on within {OPENING_S:g} s")
 
-    def post(self, q: Float, source_ns: int | None, coded: Coded | None = None) -> None:
+    def post(
+        self, q: Float, source_ns: int | None, coded: Coded | None = None, lamp: Mask | None = None
+    ) -> None:
         """Draw `q`, which must not change any more; it replaces one that waits. Live, it returns at once.
 
-        source_ns: as in `Drawn`. coded: fringes over it. Raises DisplayLost, unless live.
+        source_ns: as in `Drawn`. coded, lamp: as `Drawer.draw` takes them. Raises DisplayLost, unless live.
         """
-        self._worker.post((q, source_ns, coded))
+        self._worker.post((q, source_ns, coded, lamp))
 
     def collect(self) -> list[Drawn]:
         """What was drawn since the last call.
@@ -151,10 +154,10 @@ class Drawing:
         drawer = self._make()
 
         def draw(request: _Wanted) -> Drawn:
-            q, source_ns, coded = request
+            q, source_ns, coded, lamp = request
             code = self._count % CODES if self._coded else None
             started = time.perf_counter()
-            time_ns = drawer.draw(q, code, coded)
+            time_ns = drawer.draw(q, code, coded, lamp)
             self._count += 1
             draw_ms = 1e3 * (time.perf_counter() - started)
             return Drawn(time_ns, q, source_ns, code, draw_ms, None if coded is None else coded.number)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator
 from contextlib import ExitStack
 from typing import Any
 
-from zeromethod.arrays import Float
+from zeromethod.arrays import Float, Mask
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Camera, Display, Frame
 from zeromethod.loop.assembly import make_circle
@@ -33,6 +33,9 @@ BURST_WORDS = "coded pictures read the warp where none can null it; keep what is
 
 WRONG_FRAMES_TO_END = 10
 """Consecutive frames of wrong shape or type after which the run ends."""
+
+LAMP_S = 0.5
+"""How long a lamp stays when nobody asks for it again: without readings, none knows what touches."""
 
 
 class Loop:
@@ -116,6 +119,7 @@ class Loop:
         self._garbage: PausedGC | None = None
         self._start_ns: int | None = None
         self._steps = 0
+        self._lamp: tuple[Mask | None, int] = None, 0
         self._frozen = self._stop = self._waiting = self._referenced = False
 
     @property
@@ -135,6 +139,16 @@ class Loop:
     def pause(self, on: bool = True) -> None:
         """Keep the command by the operator's wish: the state is PAUSED until `pause(False)`."""
         self.paused = on
+
+    def light(self, lamp: Mask | None) -> None:
+        """Draw white at some nodes, for `LAMP_S` at most; from any thread.
+
+        Parameters
+        ----------
+        lamp : (rows, cols) bool, optional
+            Nodes inside contacts; must not be changed any more. None: nowhere.
+        """
+        self._lamp = lamp, self._clock.now_ns()
 
     def rezero(self) -> None:
         """Take the mean warp of the next nulled frames as that of the untouched mirror, for all readings.
@@ -322,6 +336,8 @@ class Loop:
         dwell = self._screen.dwell
         if dwell is not None and not frozen:
             dwell.note(refusal is not None, result.residual_rms_px)
+        lamp, since_ns = self._lamp
+        self._screen.lamp = lamp if now_ns - since_ns < 1e9 * LAMP_S else None
         try:
             self._screen.offer(result.changed, frozen, now_ns)
         except Exception as error:

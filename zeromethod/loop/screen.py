@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from zeromethod.arrays import Mask
 from zeromethod.clock import Clock
 from zeromethod.loop.circle import Circle
 from zeromethod.loop.drawing import Drawing, Drawn
@@ -26,6 +27,8 @@ class Screen:
         """Pictures presented since `begin`."""
         self.presented_before = 0
         """How many of them before the step's frame was looked at."""
+        self.lamp: Mask | None = None
+        """(rows, cols) nodes to be white; a new one is drawn with the next `offer`."""
         self.dwell = dwell
         self._drawing = drawing
         self._circle = circle
@@ -33,6 +36,7 @@ class Screen:
         self._repaints = repaints
         self._undrawn = False
         self._posted_ns = 0
+        self._drawn_lamp: Mask | None = None
 
     def begin(self) -> None:
         """Begin a step."""
@@ -42,7 +46,9 @@ class Screen:
         """Have the present command drawn."""
         self._undrawn = False
         self._posted_ns = self._clock.now_ns()
-        self._drawing.post(self._circle.commanded.q, self._circle.source_ns, self._circle.coded)
+        self._drawn_lamp = lamp = self.lamp
+        circle = self._circle
+        self._drawing.post(circle.commanded.q, circle.source_ns, circle.coded, lamp)
 
     def repaint_if_due(self) -> None:
         """Draw the command again where it has stood for `REPAINT_S` of the host's time."""
@@ -56,7 +62,7 @@ class Screen:
 
     def offer(self, changed: bool, frozen: bool, now_ns: int) -> None:
         """Draw the command if it changed, or has not been drawn yet, and its time has come."""
-        self._undrawn |= changed
+        self._undrawn |= changed or self.lamp is not self._drawn_lamp
         if self._undrawn and not frozen and (self.dwell is None or self.dwell.may_present(now_ns)):
             self.draw()
             self.collect()

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from zeromethod.arrays import Bytes, Float
+from zeromethod.arrays import Bytes, Float, Mask
 from zeromethod.gl import float_texture, program, set_uniforms
 from zeromethod.pattern.coded import MOST_PARTS, Coded
 from zeromethod.pattern.response import TABLE_SIZE, Response
@@ -25,7 +25,7 @@ NEWTON_STEPS = 2
 """Steps from the linear mesh to the interpolant: at 40 LCD px over sigma 32 px, one leaves 0.05 camera px."""
 
 _KINDS = ("cosines", "checker", "lattice", "noise")
-_NODES, _PLACES, _CODES, _NOISE, _EXPONENTS = range(5)  # texture units
+_NODES, _PLACES, _CODES, _NOISE, _EXPONENTS, _LAMP = range(6)  # texture units
 
 
 def _triangles(columns: int, rows: int, turned: bool) -> NDArray[np.int32]:
@@ -108,7 +108,7 @@ class PatternRenderer:
             places = (one.start_px, one.unit_px, two.start_px, two.unit_px)
             set_uniforms(self._coded, {"strip_edges": (one.edge_px, two.edge_px), "strip_places": places})
         units = {"nodes": _NODES, "places": _PLACES, "codes": _CODES}
-        units |= {"texture_of_noise": _NOISE, "exponents": _EXPONENTS}
+        units |= {"texture_of_noise": _NOISE, "exponents": _EXPONENTS, "lamp": _LAMP}
         first_px = grid.u_px[0], grid.v_px[0]
         for box in (self._plain, self._coded):
             set_uniforms(box, units | {"display_px": size, "first_px": first_px, "facing": facing})
@@ -120,11 +120,13 @@ class PatternRenderer:
             _PLACES: ctx.texture(size, 2, dtype="f4"),
             _CODES: float_texture(ctx, response.table[None]),
             _NOISE: float_texture(ctx, noise),
+            _LAMP: float_texture(ctx, np.zeros((rows, cols), dtype=np.float32)),
         }
         if response.exponent is not None:
             self._textures[_EXPONENTS] = float_texture(ctx, np.array(response.exponent))
         self._places = ctx.framebuffer([self._textures[_PLACES]])
         self._own: moderngl.Framebuffer | None = None
+        self._lamp: Mask | None = None
 
     def render(
         self,
@@ -132,17 +134,22 @@ class PatternRenderer:
         q: Float,
         code: int | None = None,
         coded: Coded | None = None,
+        lamp: Mask | None = None,
     ) -> None:
         """Draw the picture of warp q, (rows, cols, 2) LCD px, into a framebuffer of the LCD's size.
 
         code: 0..15, drawn into the strips; without it, or without strips, there is only the target.
         coded: fringes drawn over parts of the LCD.
+        lamp: (rows, cols) nodes around which it is the target's brightest light, not to be changed any more.
         Nothing is read back. Red, green and blue all hold code / 255. Leaves `framebuffer` bound and
         blending, depth test and culling off.
         """
         window_matched(q, self._pairs)
         self._pairs[:, :-1, 2:] = self._pairs[:, 1:, :2]
         self._textures[_NODES].write(self._pairs)
+        if lamp is not None and lamp is not self._lamp:
+            self._textures[_LAMP].write(lamp.astype(np.float32))
+            self._lamp = lamp
         for unit, texture in self._textures.items():
             texture.use(unit)
         self._places.use()
@@ -157,7 +164,7 @@ class PatternRenderer:
         if bounds is not None:
             box = self._plain if code is None else self._coded
             bits = sum(bit << k for k, bit in enumerate(bits_of(code or 0)))
-            set_uniforms(box, {"bounds": bounds, "strip_bits": bits})
+            set_uniforms(box, {"bounds": bounds, "strip_bits": bits, "lit": int(lamp is not None)})
             set_uniforms(box, _fringes(coded))
             self._rectangles[box].render(moderngl.TRIANGLE_STRIP, vertices=4)
 
@@ -171,11 +178,13 @@ class PatternRenderer:
         right, bottom = 2 * (high + 0.5) / self._size - 1
         return float(left), float(-bottom), float(right), float(-top)
 
-    def image(self, q: Float, code: int | None = None, coded: Coded | None = None) -> Bytes:
-        """Picture as `render` draws it, (rows, cols) uint8 grey codes, row 0 at the top."""
+    def image(
+        self, q: Float, code: int | None = None, coded: Coded | None = None, lamp: Mask | None = None
+    ) -> Bytes:
+        """Picture of warp q, as `render` draws it, as (rows, cols) uint8 grey codes, row 0 at the top."""
         columns, rows = self._size
         if self._own is None:
             self._own = self._ctx.framebuffer([self._ctx.texture(self._size, 1)])
-        self.render(self._own, q, code, coded)
+        self.render(self._own, q, code, coded, lamp)
         upside_down = np.frombuffer(self._own.read(components=1, alignment=1), dtype=np.uint8)
         return np.ascontiguousarray(upside_down.reshape(rows, columns)[::-1])

@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 
 from zeromethod.arrays import Float, Image, Ints, Single
+from zeromethod.contact import ContactImage
 from zeromethod.devices.protocols import Frame
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 from zeromethod.recording.attributes import checked_attributes
+from zeromethod.recording.contact_images import images
 from zeromethod.recording.damage import contrary_peaks, damaged_items, unknown_surface
 from zeromethod.recording.growing import COMPLETE
 from zeromethod.recording.opening import Refusal, RefusedRecording
@@ -210,6 +212,22 @@ class Recording(AbstractContextManager["Recording"]):
     def contacts(self) -> Image:
         """Contacts: a structured array of `zeromethod.recording.schema.CONTACTS`, a row per frame read."""
         return self.tables.contacts()
+
+    def contact_images(self, step: int) -> dict[int, ContactImage]:
+        """What touched in a step as images, by the contact's id.
+
+        Parameters
+        ----------
+        step : int
+            Number of the step; images are kept where its surface is.
+
+        Returns
+        -------
+        dict of int to ContactImage
+            Empty where there are none; large ones are coarser than the camera's pixels.
+        """
+        rows = self.tables.contact_images()
+        return images(rows[rows["step"] == step])
 
     @property
     def drops(self) -> Image:

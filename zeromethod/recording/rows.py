@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from zeromethod.arrays import Float, Image
 from zeromethod.contact import Contact, evenly
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.step import Step
+from zeromethod.recording.contact_images import tiles
 from zeromethod.recording.message import Write
 from zeromethod.recording.schema import ANCHORS, EVENTS, OUTLINE_POINTS, STATES, Part, number_name
 from zeromethod.surface import Surface
@@ -109,11 +110,18 @@ class Rows:
         own |= {"x_sigma_mm": peak.sigma_x_mm, "y_sigma_mm": peak.sigma_y_mm}
         row = self._row("peaks/table", *self._fields("peaks/table", own, peak, step))
         rows = [row, *(self._contact(step, contact) for contact in step.contacts)]
+        if waiting.bytes:
+            arrays += [item for contact in step.contacts for item in self._image(step.number, contact)]
         return [*((Write.WITH_ROOM, *item) for item in arrays), *((Write.ALWAYS, *item) for item in rows)]
 
     def _contact(self, step: Step, contact: Contact) -> Item:
         own = {"step": step.number, "outline_mm": evenly(contact.outline_mm, OUTLINE_POINTS)}
         return self._row("contacts/table", *self._fields("contacts/table", own, contact, step))
+
+    def _image(self, step: int, contact: Contact) -> Iterator[Item]:
+        name = "contact_images/table"
+        for tile in tiles(contact):
+            yield self._row(name, *self._fields(name, {"step": step, **tile}))
 
     def note(self, words: str) -> Item:
         """Row of a message to the operator, at the last step."""

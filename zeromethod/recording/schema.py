@@ -16,6 +16,7 @@ import numpy as np
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
 from zeromethod.recording.checksums import CHECKSUMS
+from zeromethod.recording.contact_images import TILE_PX
 
 SCHEMA = "zeromethod recording"
 SCHEMA_VERSION = 3
@@ -123,6 +124,19 @@ CONTACTS: Fields = {
     ),
 }
 
+CONTACT_IMAGES: Fields = {
+    "step": ("i8", "", "step that it was seen in"),
+    "id": ("i4", "", "of the contact"),
+    "x_mm": ("f8", "mm", "world x of the middle of the image's pixel (0, 0); columns go along x"),
+    "y_mm": ("f8", "mm", "world y of it; rows go along y"),
+    "mm_per_px": ("f8", "mm", "side of a pixel"),
+    "rows": ("i4", "px", "of the whole image"),
+    "cols": ("i4", "px", "of the whole image"),
+    "row": ("i4", "px", "first row of this tile in it"),
+    "col": ("i4", "px", "first column of this tile in it"),
+    "light": (f"({TILE_PX},{TILE_PX})f2", "", "light over the picture's mean in the null; NaN out of view"),
+}
+
 DROPS: Fields = {
     "step": ("i8", "", "step in which frames were found missing, or whose arrays were not kept"),
     "time_ns": ("i8", "ns", "time of that step"),
@@ -150,11 +164,12 @@ TABLES: Mapping[str, tuple[Fields, str]] = {
     "presentation_log": (PRESENTATION_LOG, "one row per picture given to the panel"),
     "peaks": (PEAKS, "point of largest |depth| of every surface that was read"),
     "contacts": (CONTACTS, "what touches the mirror, one row per contact and frame that was read"),
+    "contact_images": (CONTACT_IMAGES, "what touches as an image, one row per tile, where surfaces are kept"),
     "drops": (DROPS, "frames that are not in this file"),
     "notes": (NOTES, "messages to the operator"),
 }
 
-LATER = frozenset({"contacts"})
+LATER = frozenset({"contacts", "contact_images"})
 """Tables that files of this format may lack."""
 
 _WHY = "why a node is not to be trusted: bits named in the attribute `flags`; 0 = valid"

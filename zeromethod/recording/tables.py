@@ -9,7 +9,15 @@ import numpy as np
 from zeromethod.arrays import Image
 from zeromethod.recording.opening import Refusal, RefusedRecording
 from zeromethod.recording.peaks import peak_table
-from zeromethod.recording.schema import ANCHORS, CONTACTS, EVENTS, STATES, AnchorMode, row_dtype
+from zeromethod.recording.schema import (
+    ANCHORS,
+    CONTACT_IMAGES,
+    CONTACTS,
+    EVENTS,
+    STATES,
+    AnchorMode,
+    row_dtype,
+)
 from zeromethod.recording.source import RecordingFile
 
 
@@ -56,6 +64,12 @@ class Tables:
         if "contacts/table" not in self._source.names:
             return np.zeros(0, row_dtype(CONTACTS))
         return self.rows("contacts")
+
+    def contact_images(self) -> Image:
+        """Rows of the table of contacts' images; none where the file has no such table."""
+        if "contact_images/table" not in self._source.names:
+            return np.zeros(0, row_dtype(CONTACT_IMAGES))
+        return self.rows("contact_images")
 
     def damaged_steps(self, name: str) -> set[int]:
         """Steps whose row of "steps" or "peaks" is left out, as far as it still says which step it is of."""

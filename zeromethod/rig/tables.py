@@ -182,6 +182,7 @@ class ControlSpec(Table):
     display are the simulated ones. `follow_bench`: motion of camera, LCD or prism is corrected where it shows
     whole, while nothing presses or by two places known to rest. `burst`: whether coded pictures read the warp
     where none can null it (folds, what is too fine for the LCD): never, when needed, or again and again.
+    `lamp`: the LCD is white inside contacts.
     """
 
     controller: Literal["composition", "integrator"] = "composition"
@@ -191,6 +192,7 @@ class ControlSpec(Table):
     strips: Literal["auto", "none", "edges"] = "auto"
     follow_bench: bool = False
     burst: Literal["never", "when-needed", "always"] = "when-needed"
+    lamp: bool = True
 
 
 class KnownRest(Table):
@@ -279,6 +281,24 @@ class Faults(Table):
     light_off_frames: tuple[Count, Count] | None = None
 
 
+class Nuisances(Table):
+    """What the simulated bench suffers besides presses, `simulation.ambient` apart.
+
+    `mains`: light of lamps on the mains, on average, as a share of full scale; it swings to nothing and back
+    `mains_hz` times a second. `backlight_per_minute`: growth of the LCD's light, relative. `dust`,
+    `scratches` (on the camera face), `bubbles` (in the rubber): how many in view. `kelvin_per_minute`: how
+    fast the rubber grows warmer, which then is not as the rig file has it.
+    """
+
+    mains: Share = 0.0
+    mains_hz: Rate = 100.0
+    backlight_per_minute: float = 0.0
+    dust: Count = 0
+    scratches: Count = 0
+    bubbles: Count = 0
+    kelvin_per_minute: float = 0.0
+
+
 class SimulationSpec(Table):
     """The simulated bench's own clocks, stray light and faults, which reading never uses.
 
@@ -301,3 +321,4 @@ class SimulationSpec(Table):
     ghost_gap: Share = 0.0
     ambient: Share = 0.0
     faults: Faults = Faults()
+    nuisances: Nuisances = Nuisances()

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.contact import Contact, ContactFinder
+from zeromethod.contact import Contact, ContactFinder, Lamp
 from zeromethod.control.stability_margin import margin_words, stability_margin
 from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
@@ -34,6 +34,7 @@ from zeromethod.session.result import RunResult
 from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.session.trust import is_readable, with_stated_geometry
+from zeromethod.session.uneven_rest import UnevenRest
 from zeromethod.surface import Surface, SurfaceReader
 from zeromethod.surface.comparison import AT_REST, TruthSource, compare, usable_nodes
 from zeromethod.warp.grid import NodeGrid
@@ -110,6 +111,8 @@ class Session:
             self._grid: NodeGrid = self.loop.grid
             self._surfaces = Surfaces(self.rig, self._optics, self._grid)
             self._contacts = ContactFinder(self.rig, self._optics, self._grid)
+            self._uneven = UnevenRest(self.loop.q_rest)
+            self._lamp = Lamp(self._grid) if self.rig.control.lamp else None
             self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
             self._truth: TruthSource | None = truth_of(self._devices.camera)
             self._scenario = script_of(self._devices.camera)
@@ -263,9 +266,14 @@ class Session:
         """Read one step; in real time in a thread of its own."""
         measured = step.measured
         assert measured is not None
-        surface, deepest, read_ms = timed(lambda: self._surfaces.read(measured))
+        levelled = self._uneven.levelled(measured, step)
+        surface, deepest, read_ms = timed(lambda: self._surfaces.read(levelled))
         contacts = self._touching(step, surface)
         surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts)
+        if step.image is not None and step.residual is not None:
+            contacts = self._contacts.with_images(step.image, step.residual, surface, contacts)
+        if self._lamp is not None:
+            self.loop.light(self._lamp.follow(contacts))
         found: dict[str, Any] = {"contacts": contacts, "touching": tuple(one.figures for one in contacts)}
         if self._truth is not None:
             if step.phase == "untouched":

@@ -15,6 +15,7 @@ from zeromethod.rig.model import Rig
 from zeromethod.simulation.bump import moved_rig, moved_share
 from zeromethod.simulation.display import SimulatedDisplay
 from zeromethod.simulation.faults import Delivery
+from zeromethod.simulation.nuisances import Nuisances, warmed_rig
 from zeromethod.simulation.panel import Presentation, SimulatedPanel
 from zeromethod.simulation.press import Mirror
 from zeromethod.simulation.renderer import Piece
@@ -41,7 +42,8 @@ class SimulatedCamera:
         self.scenario: Scenario = scenario_of(rig)
         self._delivery = Delivery(rig)
         self._sensor = Sensor(rig)
-        self._moved = 0.0
+        self._nuisances = Nuisances(rig)
+        self._moved = 0.0, 0.0
         self._closed = False
         opened_ns = clock.now_ns()
         if self._delivery.gone(opened_ns):
@@ -126,21 +128,22 @@ class SimulatedCamera:
 
     def _exposed(self, number: int) -> Image:
         """Image of what frame `number` was truly exposed to."""
-        share = moved_share(self._rig, number)
-        if share != self._moved:
-            self._display.renderer.move(moved_rig(self._rig, share))
-            self._moved = share
         start_ns = self._delivery.start_ns(number)
+        end_ns = start_ns + self._delivery.exposure_ns
+        moved = moved_share(self._rig, number), self._nuisances.kelvin(start_ns)
+        if moved != self._moved:
+            self._display.renderer.move(warmed_rig(moved_rig(self._rig, moved[0]), moved[1]))
+            self._moved = moved
         pieces = exposure_pieces(
             self.scenario,
             self._display.panel,
             self._display.presentations,
             start_ns,
-            start_ns + self._delivery.exposure_ns,
-            lit=self._delivery.lit(number),
+            end_ns,
+            backlight=self._nuisances.backlight(start_ns, end_ns) if self._delivery.lit(number) else 0.0,
         )
         light: Single = self._display.renderer.expose(pieces)
-        return self._sensor.image(light, number)
+        return self._sensor.image(self._nuisances.on(light, start_ns, end_ns), number)
 
 
 _GAUSS_LEGENDRE = 1 / np.sqrt(3.0)
@@ -152,13 +155,13 @@ def exposure_pieces(
     presentations: Sequence[Presentation],
     from_ns: int,
     to_ns: int,
-    lit: bool = True,
+    backlight: float = 1.0,
 ) -> list[Piece]:
     """Pieces of the exposure [from_ns, to_ns]; their weights add up to 1.
 
     It is cut where the scenario jumps or bends. A part in which the mirror stands still is one piece; one in
     which it moves is two, with the mirror at the two Gauss-Legendre instants (exact for motion whose effect
-    is cubic in time) and the panel's light of each half. `lit` False: the panel's light is off.
+    is cubic in time) and the panel's light of each half. backlight: the panel's light over the usual.
     """
     cuts = [from_ns, *scenario.bends_ns(from_ns, to_ns), to_ns]
     pieces = []
@@ -171,8 +174,8 @@ def exposure_pieces(
             parts = [(start, end, middle)]
         for part_from, part_to, at in parts:
             pictures = panel.weights(presentations, part_from, part_to)
-            if not lit:
-                pictures = [(handle, np.zeros_like(share)) for handle, share in pictures]
+            if backlight != 1:
+                pictures = [(handle, np.float32(backlight) * share) for handle, share in pictures]
             weight = (part_to - part_from) / (to_ns - from_ns)
             pieces.append(Piece(weight, scenario.mirror_at(at), pictures))
     return pieces

@@ -18,6 +18,7 @@ _NEEDED = {
     Form.PUNCH: ("radius_mm",),
     Form.EDGE: ("radius_mm", "length_mm"),
     Form.FINGER: ("radius_mm", "ridge_pitch_mm", "ridge_height_mm"),
+    Form.BARS: ("radius_mm", "ridge_pitch_mm", "ridge_height_mm"),
 }
 """Keys of each shape that must be given."""
 _ALLOWED = {
@@ -26,6 +27,7 @@ _ALLOWED = {
     Form.PUNCH: (),
     Form.EDGE: ("angle_deg",),
     Form.FINGER: ("angle_deg",),
+    Form.BARS: ("angle_deg",),
 }
 """Keys of each shape that may be given."""
 
@@ -46,10 +48,11 @@ class ObjectTable(Table):
     ball: of `radius_mm`, with `adhesion_j_m2` one that sticks (JKR). cone: its flank `flank_deg` from the
     surface. punch: a flat round face of `radius_mm`. edge: a rod of `radius_mm`, `length_mm` long along
     `angle_deg` (from x towards y). finger: a ball with ridges `ridge_pitch_mm` apart along `angle_deg`.
-    All points of a path have `depth_mm`, of the lowest point below the surface at rest, or all `force_n`.
+    bars: a punch with flat, sharp ridges like that, half a pitch wide. All points of a path have `depth_mm`,
+    of the lowest point below the surface at rest, or all `force_n`.
     """
 
-    shape: Literal["ball", "cone", "punch", "edge", "finger"]
+    shape: Literal["ball", "cone", "punch", "edge", "finger", "bars"]
     path: Annotated[tuple[ObjectPoint, ...], Field(min_length=1)]
     albedo: Literal["black", "grey", "white"] = "black"
     radius_mm: Positive | None = None

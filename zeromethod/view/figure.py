@@ -19,6 +19,7 @@ from zeromethod.session.session import Session
 from zeromethod.session.summary import summarise
 from zeromethod.surface import Surface
 from zeromethod.view.axes import centred, colour_bar, colours, labelled, over_mirror, picture
+from zeromethod.view.contact_picture import draw_contact
 from zeromethod.warp.grid import NodeGrid
 
 CROP_PX = (480, 360)
@@ -38,20 +39,25 @@ def plot_run(run: Session | RunResult, path: str | Path | None = None) -> Figure
     Returns
     -------
     matplotlib.figure.Figure
-        Twelve panels; those without data say so.
+        Twelve panels; those without data say so. A column more where something touches: its images.
     """
     result = run.result if isinstance(run, Session) else run
     grid = NodeGrid.of_rig(result.rig)
-    with picture(path, (16, 9.5), _title(summarise(result))) as figure:
-        axes = figure.subplots(3, 4)
+    nulled = result.nulled
+    touching = [one for one in (nulled.contacts if nulled is not None else ()) if one.image is not None]
+    columns = 5 if touching else 4
+    with picture(path, (4 * columns, 9.5), _title(summarise(result))) as figure:
+        axes = figure.subplots(3, columns)
+        if touching:
+            _draw_images(axes[:, 4], touching)
         _camera_row(axes[0, :3], result, grid)
         _timeline(axes[2, 3], result)
-        read_axes = [axes[0, 3], *axes[1], *axes[2, :3]]
-        if result.nulled is None:
+        read_axes = [axes[0, 3], *axes[1, :4], *axes[2, :3]]
+        if nulled is None:
             for axis in read_axes:
                 _say(axis, "never nulled")
         else:
-            _read_maps(read_axes, result, result.nulled)
+            _read_maps(read_axes, result, nulled)
     return figure
 
 
@@ -148,6 +154,15 @@ def draw_outlines(axis: Axes, contacts: Sequence[Contact]) -> None:
     for contact in contacts:
         axis.plot(*closed(contact.outline_mm).T, "k-", linewidth=0.8)
         axis.annotate(f"{contact.id}", (contact.x_mm, contact.y_mm), ha="center", va="center")
+
+
+def _draw_images(axes: Sequence[Axes], contacts: Sequence[Contact]) -> None:
+    """Images of the largest contacts, one to a panel."""
+    for axis in axes[len(contacts) :]:
+        axis.set_axis_off()
+    for axis, contact in zip(axes, contacts, strict=False):
+        assert contact.image is not None
+        draw_contact(axis, contact.image, contact.outline_mm, f"contact {contact.id}")
 
 
 def _section(axis: Axes, surface: Surface, truth: TrueMirror | None) -> None:

@@ -18,7 +18,7 @@ from zeromethod.recording.recording import Recording
 from zeromethod.recording.source import DamagedWarning
 from zeromethod.view import report_words as words
 from zeromethod.view.live import STATE_COLOURS
-from zeromethod.view.report_figures import LEAST_RATED, depth_map, timeline
+from zeromethod.view.report_figures import LEAST_RATED, contact_image, depth_map, timeline
 from zeromethod.view.report_history import happenings
 from zeromethod.view.report_summary import (
     Figures,
@@ -126,8 +126,13 @@ def _maps(recording: Recording) -> tuple[list[dict[str, str]], list[str]]:
         peak = peak_figures(peaks[peaks["step"] == step])
         said = f"step {step}" if peak is None else f"step {step}: {words.peak_words(peak)}"
         point = (np.nan, np.nan) if peak is None else (peak["x_mm"], peak["y_mm"])
-        borders = contacts["outline_mm"][contacts["step"] == step].astype(np.float64)
+        touching = contacts[contacts["step"] == step]
+        borders = touching["outline_mm"].astype(np.float64)
         maps.append({"name": ", ".join(names), "svg": depth_map(surface, point, borders), "words": said})
+        for number, image in recording.contact_images(step).items():
+            border = next((b for b, one in zip(borders, touching["id"], strict=True) if one == number), None)
+            about = f"step {step}: {1e3 * image.mm_per_px:.0f} µm per pixel"
+            maps.append({"name": f"contact {number}", "svg": contact_image(image, border), "words": about})
     return maps, damaged
 
 

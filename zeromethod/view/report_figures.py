@@ -18,11 +18,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from zeromethod.arrays import Float
-from zeromethod.contact import closed
+from zeromethod.contact import ContactImage, closed
 from zeromethod.loop.state import State
 from zeromethod.recording.recording import Recording
 from zeromethod.surface import Surface
 from zeromethod.view.axes import centred, colours, labelled, over_mirror, plain_log_ticks
+from zeromethod.view.contact_picture import draw_contact
 from zeromethod.view.live import STATE_COLOURS
 from zeromethod.view.report_history import Episode, episodes, seconds
 
@@ -108,6 +109,16 @@ def depth_map(surface: Surface, peak_mm: tuple[float, float], borders_mm: Sequen
         bar.solids.set_rasterized(True)
         bar.outline.set_visible(False)
         return _svg(figure, "depth over the mirror")
+
+
+def contact_image(image: ContactImage, border_mm: Float | None) -> str:
+    """What touches, as an image over the mirror in mm, with its border."""
+    with _page_style(f"contact {image.x_mm} {image.y_mm}"):
+        rows, cols = image.light.shape
+        tall = float(np.clip(rows / cols, 0.3, 2.0))
+        figure = Figure(figsize=(0.7 * _MAP_INCH, 0.5 + 0.7 * _MAP_INCH * tall), layout="constrained")
+        draw_contact(figure.subplots(), image, border_mm, "")
+        return _svg(figure, "what touches, as an image")
 
 
 def _shape(points_mm: Float) -> float | None:

@@ -18,6 +18,7 @@ class Form(enum.StrEnum):
     PUNCH = "punch"
     EDGE = "edge"
     FINGER = "finger"
+    BARS = "bars"
 
 
 ALBEDO = {"black": 0.04, "grey": 0.2, "white": 0.8}
@@ -29,8 +30,9 @@ class Solid:
     """An object, rigid compared with the rubber.
 
     radius_mm: of a ball, a punch (flat and round, its edge sharp), an edge (a rod of `length_mm` along
-    `angle_deg`, from x towards y), a finger (with `ridge_height_mm` high ridges, `ridge_pitch_mm` apart along
-    that angle). flank_deg: of a cone, from the surface. adhesion_j_m2: work to part a ball from the rubber.
+    `angle_deg`, from x towards y), a finger (a ball with `ridge_height_mm` high ridges, `ridge_pitch_mm`
+    apart along that angle), bars (a punch with such ridges, flat, sharp, half a pitch wide). flank_deg: of a
+    cone, from the surface. adhesion_j_m2: work to part a ball from the rubber.
     Balls are parabolas of that curvature, as Hertz has them.
     """
 
@@ -44,6 +46,11 @@ class Solid:
     adhesion_j_m2: float = 0.0
     albedo: float = ALBEDO["black"]
 
+    @property
+    def flat(self) -> bool:
+        """Whether it ends in a flat face of `radius_mm`."""
+        return self.form in (Form.PUNCH, Form.BARS)
+
     def profile(self, along: Float, across: Float) -> Float:
         """Height, mm, over the lowest point, at places in the object's own frame, mm; inf beside it."""
         r2 = along**2 + across**2
@@ -51,6 +58,10 @@ class Solid:
             return np.asarray(np.tan(np.radians(self.flank_deg)) * np.sqrt(r2))
         if self.form is Form.PUNCH:
             return np.where(r2 <= self.radius_mm**2, 0.0, np.inf)
+        if self.form is Form.BARS:
+            away = np.abs(along / self.ridge_pitch_mm - np.rint(along / self.ridge_pitch_mm))
+            grooved = np.where(away <= 0.25, 0.0, self.ridge_height_mm)
+            return np.where(r2 <= self.radius_mm**2, grooved, np.inf)
         if self.form is Form.EDGE:
             rod = across**2 / (2 * self.radius_mm) + 0.0 * along
             return np.where(np.abs(along) <= self.length_mm / 2, rod, np.inf)
@@ -68,7 +79,7 @@ class Solid:
         if self.form is Form.CONE:
             reach = height_mm / np.tan(np.radians(self.flank_deg))
             return float(reach), float(reach)
-        if self.form is Form.PUNCH:
+        if self.flat:
             return self.radius_mm, self.radius_mm
         bow = float(np.sqrt(2 * self.radius_mm * height_mm))
         return (self.length_mm / 2, bow) if self.form is Form.EDGE else (bow, bow)
@@ -77,7 +88,7 @@ class Solid:
         """Depth that a force reaches on a half-space, roughly; modulus: E / (1 - nu^2)."""
         if self.form is Form.CONE:
             return float(np.sqrt(0.5 * np.pi * np.tan(np.radians(self.flank_deg)) * force_n / modulus_mpa))
-        if self.form is Form.PUNCH:
+        if self.flat:
             return force_n / (2 * self.radius_mm * modulus_mpa)
         if self.form is Form.EDGE:
             return float(2 * force_n / (modulus_mpa * self.length_mm))

@@ -132,7 +132,7 @@ class Presser:
                 return rough
             reach = np.array([np.abs(rough.along_mm[cols]).max(), np.abs(rough.across_mm[rows]).max()])
             reach += rough.pitch_mm
-            held_by = np.array(solid.reach_mm(np.inf if solid.form is not Form.PUNCH else 0.0))
+            held_by = np.array(solid.reach_mm(0.0 if solid.flat else np.inf))
             if np.all((reach < half) | (reach > held_by)):
                 half = np.minimum(reach, held_by) * _MARGIN
                 return Lattice.over((float(half[0]), float(half[1])), CELLS)

@@ -1,0 +1,73 @@
+"""What dirt does to nodes is learned at rest and taken off; everything else stays."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from zeromethod.loop.state import State
+from zeromethod.session.uneven_rest import FRAMES, UnevenRest
+from zeromethod.warp.warp import Warp
+
+SHAPE = (40, 60)
+ROW, COL = np.indices(SHAPE)
+REST = np.stack([20.0 * COL, 18.0 * ROW], axis=-1) + 1e-3 * (ROW * COL)[..., None]
+SIGMA = 0.01
+DIRT = np.zeros((*SHAPE, 2))
+DIRT[20:23, 30:33] = 0.2, -0.15
+SLOW = 0.3 * np.sin(COL / 25)[..., None]
+"""A rest that is not quite the rig's."""
+
+
+def step(state=State.RESTING, zero=None):
+    return SimpleNamespace(state=state, zero=zero)
+
+
+def warp(seed, more=0.0, dirt=DIRT):
+    noise = SIGMA * np.random.default_rng(seed).standard_normal(REST.shape)
+    flags = np.zeros(SHAPE, np.uint16)
+    flags[5, 5] = 8
+    return Warp(REST + SLOW + dirt + more + noise, np.full(REST.shape, SIGMA), flags, seed)
+
+
+def learned(**given):
+    uneven = UnevenRest(REST)
+    for seed in range(FRAMES):
+        uneven.levelled(warp(seed, **given), step())
+    return uneven
+
+
+def test_what_dirt_does_is_taken_off_in_presses_too_and_left_open_in_sigma():
+    press = 3 * np.exp(-((COL - 30) ** 2 + (ROW - 20) ** 2) / 200)[..., None]
+    found = learned().levelled(warp(99, press), step(State.LOCKED))
+    off = found.q - REST - SLOW - press
+    disturbed = DIRT[..., 0] > 0
+    # noise of one frame, of sixteen, and the slow rest's curvature over the square that is the measure
+    assert np.sqrt(np.mean(off[disturbed] ** 2)) < 1.5 * SIGMA
+    assert (found.sigma[disturbed] > 0.25 * 0.2).all()
+    far = (np.abs(COL - 31) > 8) | (np.abs(ROW - 21) > 8)
+    assert np.sqrt(np.mean(off[far] ** 2)) == pytest.approx(SIGMA, rel=0.1)
+    assert (found.sigma[far] == SIGMA).all()
+
+
+def test_a_clean_rest_changes_nothing():
+    uneven = learned(dirt=0.0)
+    given = warp(99, dirt=0.0)
+    assert uneven.levelled(given, step()) is given or np.abs(
+        uneven.levelled(given, step()).q - given.q
+    ).max() < (5 * SIGMA)
+
+
+def test_nothing_is_learned_while_something_presses():
+    uneven = UnevenRest(REST)
+    for seed in range(2 * FRAMES):
+        uneven.levelled(warp(seed), step(State.LOCKED))
+    given = warp(99)
+    assert uneven.levelled(given, step()) is given
+
+
+def test_a_new_zero_is_learned_again():
+    uneven = learned()
+    zero = np.zeros_like(REST)
+    given = warp(99, dirt=0.0)
+    assert uneven.levelled(given, step(zero=zero)) is given

@@ -1,0 +1,71 @@
+"""Contacts of many narrow parts: ridges, bars, grains with reflecting rubber between them.
+
+Less than a period wide, no part is a flat place and no gap shows a carrier. What tells them from a picture is
+that one dark grey level is far too common: a picture has every level about as often as any other. And what
+lies nearer than a period to each other is one contact, as nothing between could be measured.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from zeromethod.arrays import Mask, Single
+
+_LEAST_SHARE = 0.2
+"""Share of the pixels over a period's square that have the level, within noise; in a picture some 0.1 do."""
+_MOST_DARKER = 0.75
+"""Pixels there that may be darker, over those that have the level: shadows of a white object's edges."""
+MOST_FILLED = 0.85
+"""Share of a patch that parts fill, above which it has no gaps."""
+_NOISES = 2.5
+_BRIGHTEST = 0.4
+"""Of the picture's mean: a perfectly white object scatters cos(pattern angle) / index^2 = 0.32 of it."""
+
+
+class Parts(NamedTuple):
+    """Where narrow parts touch: where the level is common (rows, cols), and that level, over the mean."""
+
+    where: Mask
+    light: float
+
+
+def narrow_parts(
+    light: Single, noise: float, lost: Mask, period_px: int, known: Mask | None = None
+) -> Parts | None:
+    """Patches of at least a period's square in which one dark level is too common; None for none.
+
+    light: (rows, cols) over that of the picture's mean. noise: its standard deviation. lost: (rows, cols)
+    pixels without a carrier that are not dirt. known: (rows, cols) what flat places explain already; where
+    they and half a period around leave too few dark pixels, none is looked for.
+    """
+    dark = lost & (light < _BRIGHTEST)
+    left = dark
+    if known is not None and known.any():
+        left = dark & (cv2.blur(known.astype(np.float32), (period_px, period_px)) == 0)
+    if np.count_nonzero(left) < _LEAST_SHARE * period_px**2:
+        return None
+    values = light[dark]
+    counts = np.bincount(np.maximum((values + 0.05) / noise, 0).astype(np.intp))
+    near = np.convolve(counts, np.ones(round(2 * _NOISES)), "same")
+    middle = (int(np.argmax(near)) + 0.5) * noise - 0.05
+    level = float(np.median(values[np.abs(values - middle) < _NOISES * noise]))
+    alike = dark & (np.abs(light - level) < _NOISES * noise)
+    side = period_px, period_px
+    share = cv2.boxFilter(alike.astype(np.float32), -1, side)
+    darker = cv2.boxFilter((light < level - _NOISES * noise).astype(np.float32), -1, side)
+    common = ((share > _LEAST_SHARE) & (darker < _MOST_DARKER * share) & lost).astype(np.uint8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(common, connectivity=4)
+    large = stats[:, cv2.CC_STAT_AREA] >= period_px**2
+    large[0] = False
+    return Parts(large[labels], level) if count > 1 and large.any() else None
+
+
+def closed_over(mask: Mask, period_px: int) -> Mask:
+    """The mask with all gaps of less than a period closed."""
+    round_one = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (period_px + 1, period_px + 1))
+    wide = np.pad(mask.astype(np.uint8), period_px)
+    inner = slice(period_px, -period_px)
+    return np.asarray(cv2.morphologyEx(wide, cv2.MORPH_CLOSE, round_one)[inner, inner] > 0)

@@ -1,0 +1,100 @@
+"""Ridges and bars in a contact's image: how far apart, which way, at what contrast."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from scipy.optimize import minimize
+
+from zeromethod.arrays import Float
+from zeromethod.contact.contact import Contact
+
+_LEAST_PERIODS = 3.0
+"""Periods across the contact from which on something counts as periodic."""
+_FINEST_PX = 3.0
+_FINE = 4
+_PHASES = 16
+_UNLIKE = 0.08
+"""Difference from the object's own light from which on a place is as unlike it as can be."""
+_FEWEST_PX = 200
+
+
+class Stripes(NamedTuple):
+    """Stripes of a contact.
+
+    pitch_mm: from one to the next. angle_deg: the way across them, from x towards y, 0 to 180.
+    contrast: (bright - dark) / (bright + dark) of the mean stripe.
+    """
+
+    pitch_mm: float
+    angle_deg: float
+    contrast: float
+
+
+def stripes(contact: Contact) -> Stripes | None:
+    """The strongest stripes in a contact's image.
+
+    Parameters
+    ----------
+    contact : Contact
+        A contact with an image.
+
+    Returns
+    -------
+    Stripes or None
+        None where it has no image, or one too small for three periods.
+    """
+    image = contact.image
+    if image is None:
+        return None
+    inside = image.inside(contact.outline_mm) & np.isfinite(image.light)
+    away = cv2.distanceTransform(np.pad(inside.astype(np.uint8), 1), cv2.DIST_L2, 3)[1:-1, 1:-1]
+    if np.count_nonzero(inside) < _FEWEST_PX:
+        return None
+    # smooth to 0 at the border, whose own frequencies would count else
+    weight = np.sqrt(away / away.max())
+    # how much of the rubber between is bright, and where, depends on what it happens to reflect
+    unlike = np.minimum(np.abs(np.nan_to_num(image.light) - contact.scattered), _UNLIKE)
+    light = np.where(inside, unlike, 0.0)
+    light = weight * (light - float((weight * light).sum() / weight.sum()))
+    found = _strongest(light)
+    if found is None:
+        return None
+    rows, cols = np.nonzero(inside)
+    cycles = _refined(light[inside], np.stack((cols, rows), axis=-1).astype(np.float64), found)
+    per_px = float(np.hypot(*cycles))
+    angle = float(np.degrees(np.arctan2(cycles[1], cycles[0])) % 180)
+    phase = (np.stack((cols, rows), axis=-1) @ cycles) % 1
+    bins = (phase * _PHASES).astype(int) % _PHASES
+    share = np.bincount(bins, weight[inside], _PHASES)
+    total = np.bincount(bins, weight[inside] * np.nan_to_num(image.light)[inside], _PHASES)
+    profile = total / np.maximum(share, 1e-9)
+    bright, dark = float(profile.max()), max(float(profile.min()), 0.0)
+    return Stripes(image.mm_per_px / per_px, angle, (bright - dark) / max(bright + dark, 1e-9))
+
+
+def _strongest(light: Float) -> Float | None:
+    """(2,) cycles per pixel along columns and rows of the highest peak of the spectrum."""
+    rows, cols = (_FINE * side for side in light.shape)
+    power = np.abs(np.fft.rfft2(light, (rows, cols)))
+    down, across = np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(cols)[None, :]
+    cycles = np.hypot(down, across)
+    power[(cycles < _LEAST_PERIODS / max(light.shape)) | (cycles > 1 / _FINEST_PX)] = 0
+    if not power.any():
+        return None
+    row, col = np.unravel_index(int(np.argmax(power)), power.shape)
+    return np.array([across[0, col], down[row, 0]])
+
+
+def _refined(light: Float, at: Float, cycles: Float) -> Float:
+    """The same to a fraction of the spectrum's step. light: (n,) at pixels (n, 2)."""
+    size = float(np.ptp(at, axis=0).max())
+
+    def lost(off: Float) -> float:
+        return -float(np.abs(np.sum(light * np.exp(-2j * np.pi * (at @ (cycles + off / size))))))
+
+    simplex = np.array([[0.0, 0.0], [0.2, 0.0], [0.0, 0.2]])
+    found = minimize(lost, np.zeros(2), method="Nelder-Mead", options={"initial_simplex": simplex})
+    return np.asarray(cycles + found.x / size)

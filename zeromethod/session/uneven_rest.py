@@ -1,0 +1,82 @@
+"""What dirt does to single nodes: learned while the mirror rests, taken off, and left open in their sigma.
+
+Dust or a scratch in a node's window moves its phase by as much in every nulled frame, as the camera then sees
+the same picture whatever presses. At rest it shows as nodes that are off against all around them, which no
+rubber at rest is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import maximum_filter, median_filter
+
+from zeromethod.arrays import Float, Mask
+from zeromethod.loop.state import State
+from zeromethod.loop.step import Step
+from zeromethod.warp.warp import Warp
+
+FRAMES = 16
+"""Frames at rest that are averaged: their noise adds 3 % to that of one."""
+_AROUND = 11
+"""Nodes on a side of the square whose median a node is held against: dirt disturbs four across."""
+_NOISES = 4.0
+"""Standard deviations of the average from which on a node is off."""
+_OPEN = 0.3
+"""Share of what was taken off that is left open: in a press the light around dirt differs."""
+
+
+class UnevenRest:
+    """The nodes that are off at rest, from frame to frame. rest_q: (rows, cols, 2) LCD px of the rest map."""
+
+    def __init__(self, rest_q: Float) -> None:
+        self._rest_q = rest_q
+        self._zero: Float | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        self._frames = 0
+        self._sum: Float | None = None
+        self._valid: Mask | None = None
+        self._variance: Float | None = None
+        self._off: Float | None = None
+        self._open: Float | None = None
+
+    def levelled(self, measured: Warp, step: Step) -> Warp:
+        """A measured warp, from the step's zero, without what dirt does to it; learns from steps at rest."""
+        if step.zero is not self._zero:
+            self._zero = step.zero
+            self._forget()
+        if self._frames < FRAMES and step.state is State.RESTING:
+            self._learn(measured)
+        if self._off is None or self._open is None:
+            return measured
+        return replace(measured, q=measured.q - self._off, sigma=np.hypot(measured.sigma, self._open))
+
+    def _learn(self, measured: Warp) -> None:
+        if self._sum is None or self._valid is None or self._variance is None:
+            self._sum, self._variance = np.zeros_like(measured.q), np.zeros_like(measured.sigma)
+            self._valid = np.ones(measured.valid.shape, np.bool_)
+        self._sum += np.where(measured.valid[..., None], measured.q, 0.0)
+        self._variance += np.where(measured.valid[..., None], measured.sigma**2, 0.0)
+        self._valid &= measured.valid
+        self._frames += 1
+        if self._frames == FRAMES:
+            self._finish(self._sum / FRAMES - self._rest_q, np.sqrt(self._variance) / FRAMES, self._valid)
+
+    def _finish(self, displaced: Float, sigma: Float, valid: Mask) -> None:
+        if not valid.any():
+            return
+        off = np.zeros_like(displaced)
+        for k in range(2):
+            away = np.where(valid, displaced[..., k], np.median(displaced[valid, k]))
+            off[..., k] = np.where(valid, away - median_filter(away, _AROUND, mode="nearest"), 0.0)
+        uneven = np.any(np.abs(off) > _NOISES * sigma, axis=-1) & valid
+        if not uneven.any():
+            return
+        # next to them, too, it is more than noise
+        near = maximum_filter(uneven, 3)
+        self._off = np.where(near[..., None], off, 0.0)
+        largest = maximum_filter(np.abs(self._off).max(axis=-1), 3)
+        self._open = np.repeat(_OPEN * largest[..., None], 2, axis=-1)
