@@ -10,6 +10,7 @@ from typing import Any
 from zeromethod.arrays import Float
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Camera, Display, Frame
+from zeromethod.loop.adjustments import Adjustments
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.bench_doubt import BenchDoubt
 from zeromethod.loop.circle import FrameResult, Sensor
@@ -103,6 +104,7 @@ class Loop:
         drawing = Drawing(lambda: Drawer(rig, display, parts.rest, parts.strips), timed, slowest_s, self.live)
         self.gl_renderer = drawing.gl_renderer
         """Name of what draws the pattern, as GL gives it."""
+        self.adjust = Adjustments(rig, self._circle.controller, drawing)
         self._screen = Screen(drawing, self._circle, clock, dwell, repaints=self.live)
         self._watch = DisplayWatch(display, timeout_s if self.live else None)
         meanwhile = self._attend if self.live else None

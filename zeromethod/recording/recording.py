@@ -154,8 +154,6 @@ class Recording(AbstractContextManager["Recording"]):
         with self._source.silence():
             return self.tables.leave_out(contrary_peaks(self, among))
 
-    # About the recording
-
     @property
     def complete(self) -> bool:
         """Whether it was ended in order; false while it is being written, or where it was cut off."""
@@ -220,6 +218,11 @@ class Recording(AbstractContextManager["Recording"]):
     def notes(self) -> Image:
         """Messages to the operator."""
         return self.tables.rows("notes")
+
+    @property
+    def calls(self) -> Image:
+        """Methods called during the run: a structured array of `zeromethod.recording.schema.CALLS`."""
+        return self.tables.calls()
 
     @property
     def seconds(self) -> float:
@@ -309,12 +312,12 @@ class Recording(AbstractContextManager["Recording"]):
                 return None
             return unknown_surface(self.grid.shape, self.row(step))
         *floats, valid, contact, mask, about = found
-        values = {name: array.astype(np.float64) for name, array in zip(names, floats, strict=True)}
+        values = {name: one.astype(np.float64) for name, one in zip(names, floats, strict=True)}
         sigma_mm, tail_mm = float(about["anchor_sigma_mm"]), float(about["anchor_tail_mm"])
         anchor = Anchor(self.tables.anchor(int(about["anchor"])), mask, sigma_mm, tail_mm)
         at_ns, count = int(about["time_ns"]), int(about["iterations"])
-        place = values["x_mm"], values["y_mm"]
-        _, values["sigma_x_mm"], values["sigma_y_mm"] = self.rig.geometry.sigmas(*place)
+        sigmas = self.rig.geometry.sigmas(values["x_mm"], values["y_mm"])
+        _, values["sigma_x_mm"], values["sigma_y_mm"] = sigmas
         return Surface(**values, valid=valid, contact=contact, anchor=anchor, time_ns=at_ns, iterations=count)
 
     def zero(self, step: int) -> Float | None:

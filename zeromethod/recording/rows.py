@@ -10,6 +10,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Image
 from zeromethod.contact import Contact, evenly
+from zeromethod.loop.call import Call
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.step import Step
 from zeromethod.recording.message import Write
@@ -78,6 +79,7 @@ class Rows:
         number, time_ns = self._last = step.number, step.time_ns
         rows = [self._step(step)]
         rows += [self.note(words) for words in step.notes]
+        rows += [self._call(step, call) for call in step.calls]
         if status_note is not None:
             rows.append(self.note(status_note))
         rows += self._drops(waiting)
@@ -114,6 +116,9 @@ class Rows:
     def _contact(self, step: Step, contact: Contact) -> Item:
         own = {"step": step.number, "outline_mm": evenly(contact.outline_mm, OUTLINE_POINTS)}
         return self._row("contacts/table", *self._fields("contacts/table", own, contact, step))
+
+    def _call(self, step: Step, call: Call) -> Item:
+        return self._row("calls/table", *self._fields("calls/table", {"step": step.number}, call, step))
 
     def note(self, words: str) -> Item:
         """Row of a message to the operator, at the last step."""

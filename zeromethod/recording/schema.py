@@ -136,6 +136,15 @@ NOTES: Fields = {
     "text": ("S240", "", "message to the operator"),
 }
 
+CALLS: Fields = {
+    "step": ("i8", "", "step in which it was carried out, before its frame was measured"),
+    "time_ns": ("i8", "ns", "time of that step"),
+    "method": ("S24", "", "name of the method (docs/page.md)"),
+    "arguments": ("S400", "", "its arguments, JSON"),
+    "source": ("S16", "", "who called: terminal, page, http, socket or python"),
+    "outcome": ("S160", "", "done, or why it was refused"),
+}
+
 READINGS: Fields = {
     "time_ns": ("i8", "ns", "mid-exposure of the frame that it was read from"),
     "iterations": ("i4", "", "ray-surface intersections taken until depth settled"),
@@ -151,9 +160,10 @@ TABLES: Mapping[str, tuple[Fields, str]] = {
     "contacts": (CONTACTS, "what touches the mirror, one row per contact and frame that was read"),
     "drops": (DROPS, "frames that are not in this file"),
     "notes": (NOTES, "messages to the operator"),
+    "calls": (CALLS, "methods that a person or a program called during the run"),
 }
 
-LATER = frozenset({"contacts"})
+LATER = frozenset({"contacts", "calls"})
 """Tables that files of this format may lack."""
 
 _WHY = "why a node is not to be trusted: bits named in the attribute `flags`; 0 = valid"

@@ -9,7 +9,7 @@ import numpy as np
 from zeromethod.arrays import Image
 from zeromethod.recording.opening import Refusal, RefusedRecording
 from zeromethod.recording.peaks import peak_table
-from zeromethod.recording.schema import ANCHORS, CONTACTS, EVENTS, STATES, AnchorMode, row_dtype
+from zeromethod.recording.schema import ANCHORS, CALLS, CONTACTS, EVENTS, STATES, AnchorMode, row_dtype
 from zeromethod.recording.source import RecordingFile
 
 
@@ -56,6 +56,12 @@ class Tables:
         if "contacts/table" not in self._source.names:
             return np.zeros(0, row_dtype(CONTACTS))
         return self.rows("contacts")
+
+    def calls(self) -> Image:
+        """Rows of the table of calls; none where the file has no such table."""
+        if "calls/table" not in self._source.names:
+            return np.zeros(0, row_dtype(CALLS))
+        return self.rows("calls")
 
     def damaged_steps(self, name: str) -> set[int]:
         """Steps whose row of "steps" or "peaks" is left out, as far as it still says which step it is of."""

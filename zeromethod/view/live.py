@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -36,7 +37,6 @@ EXPLAINED = frozenset(
         State.COVERED,
         State.LOST,
         State.FAULT,
-        State.PAUSED,
     }
 )
 """States whose reason is shown in place of the figures."""
@@ -107,18 +107,22 @@ class LiveStatus:
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
 
-    def update(self, step: Step, done_frames: int) -> None:
-        """Show the newest frame."""
-        for note in step.notes:
+    def say(self, *notes: str) -> None:
+        """Print notes above the line, and where there is no terminal."""
+        for note in notes:
             self._console.print(
                 f"note: {note}", style="yellow", markup=False, highlight=False, soft_wrap=True
             )
+
+    def update(self, step: Step, done_frames: int, values: Mapping[str, Any] | None = None) -> None:
+        """Show the newest frame. values: of the run (`zeromethod.operating.run_table`), where there are."""
+        self.say(*step.notes)
         if step.peak is not None:
             self._peak_mm = step.peak.depth_mm
             self._touching = contact_words(step.touching)
         state = self._lasting.see(step.state, step.time_s)
         if state is step.state:
-            self._figures = step.reason if state in EXPLAINED else self._measured(step)
+            self._figures = step.reason if state in EXPLAINED else self._measured(step, values or {})
         self._progress.update(
             self._task,
             completed=done_frames if self._unit == "frames" else step.time_s,
@@ -126,15 +130,20 @@ class LiveStatus:
             figures=escape(self._figures),
         )
 
-    def _measured(self, step: Step) -> str:
+    def _measured(self, step: Step, values: Mapping[str, Any]) -> str:
         """The figures that are known, or what is waited for."""
         parts = [step.phase] if step.phase else []
         if self._peak_mm is not None:
-            parts.append(f"peak {1e3 * self._peak_mm:.2f} µm{'' if step.calibrated else ' (relative)'}")
+            sigma_mm = values.get("peak_sigma_mm")
+            sigma = "" if sigma_mm is None else f" ± {1e3 * sigma_mm:.2f}"
+            relative = "" if step.calibrated else " (relative)"
+            parts.append(f"peak {1e3 * self._peak_mm:.2f}{sigma} µm{relative}")
         if self._touching:
             parts.append(self._touching)
         if math.isfinite(step.residual_rms_px):
             parts.append(f"residual {step.residual_rms_px:.3f} px  valid {100 * step.valid_share:.1f} %")
+            if (rate_hz := values.get("loop_rate_hz")) is not None:
+                parts.append(f"{rate_hz:.0f} Hz  {values['dropped']} dropped")
             parts.append(f"loop {step.loop_ms:.1f} ms")
         elif self._peak_mm is None:
             parts.append("waiting for a frame that shows the pattern")
