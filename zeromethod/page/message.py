@@ -17,7 +17,7 @@ SETTING, CONTENT, SAID, ANSWER, DRAWING = "setting", "content", "said", "answer"
 (rig, rest), of which the LCD's picture is drawn."""
 
 READY, REFUSED, ASK, CALL, NEWS = "ready", "refused", "ask", "call", "news"
-"""From the server: it serves (addresses); why it cannot; parts wanted next; a call; words for the operator."""
+"""From the server: it serves (addresses); why it cannot; parts wanted next; a call; words for people."""
 
 PARTS = ("camera", "lcd", "residual", "surface", "sigma", "place")
 """Parts that a viewer may ask for, apart from values: pictures of camera and LCD, maps of residual with mask,

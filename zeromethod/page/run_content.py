@@ -13,6 +13,7 @@ from zeromethod.operating.readings import Readings, number
 from zeromethod.page.message import Content
 from zeromethod.page.process import host_time_ns
 from zeromethod.surface import Surface
+from zeromethod.warp.grid import NodeGrid
 
 NOT_READ, MEASURED, CUT_OFF, CARRIED_IN, DARK = range(5)
 """Kinds of node: without depth; measured; tied to the others over a gap only; inside a contact, not measured;
@@ -29,6 +30,7 @@ class RunContent:
     read: Step | None
     live: bool
     bits: int
+    lattice: dict[str, Any]
 
     def compose(self, parts: frozenset[str]) -> Content:
         """Content with these parts; without an image or a surface, its values alone."""
@@ -44,12 +46,14 @@ class RunContent:
                 meta["camera"] = {"step": step.number, "time_s": step.time_s, "bits": self.bits}
             if "residual" in parts and step.residual is not None:
                 arrays["residual"], meta["residual"] = residual_maps(step)
+                meta["residual"]["lattice"] = self.lattice
             if "lcd" in parts:
                 arrays["lcd"] = {"q": np.ascontiguousarray(step.commanded.q, np.float32)}
                 meta["lcd"] = {"step": step.number}
         if read is not None and read.surface is not None and "surface" in parts:
             arrays["surface"], meta["surface"] = surface_maps(read.surface)
             meta["surface"] |= {
+                "lattice": self.lattice,
                 "time_s": self.readings.values["peak_time_s"],
                 "outlines": [
                     {"id": one.id, "px": np.round(one.outline_px, 1).tolist()} for one in read.contacts
@@ -57,6 +61,16 @@ class RunContent:
                 "peak_node": _peak_node(read.surface, read.peak),
             }
         return Content(self.readings.values, self.readings.take_rows(), unix_ns, arrays, meta)
+
+
+def lattice_of(grid: NodeGrid) -> dict[str, Any]:
+    """Where the nodes are in the camera's picture, px: the first one, their spacing, the picture's size."""
+    rows, columns = grid.image_shape
+    return {
+        "first": [float(grid.u_px[0]), float(grid.v_px[0])],
+        "spacing": grid.spacing_px,
+        "image": [columns, rows],
+    }
 
 
 def residual_maps(step: Step) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -7,7 +7,7 @@ from zeromethod.loop.step import Step
 from zeromethod.operating.readings import Readings
 from zeromethod.page.message import Content, Said
 from zeromethod.page.process import PageProcess
-from zeromethod.page.run_content import RunContent
+from zeromethod.page.run_content import RunContent, lattice_of
 from zeromethod.session.session import Session
 
 
@@ -23,6 +23,7 @@ class RunFeed:
     def __init__(self, page: PageProcess, session: Session, readings: Readings, clock: Clock) -> None:
         self._page, self._readings, self._clock = page, readings, clock
         self._live, self._bits = session.loop.live, session.rig.camera.bits
+        self._lattice = lattice_of(session.loop.grid)
         self._read: Step | None = None
         page.draw_by((session.rig, session.loop.rest))
 
@@ -32,5 +33,6 @@ class RunFeed:
             self._read = step
         for words in said:
             self._page.say(Said("state" if words.startswith(f"{step.state}") else "note", words, step.time_s))
-        newest = RunContent(self._readings, self._clock, step, self._read, self._live, self._bits)
+        run = self._readings, self._clock, step, self._read, self._live, self._bits, self._lattice
+        newest = RunContent(*run)
         self._page.offer(newest.compose)
