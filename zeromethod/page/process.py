@@ -166,8 +166,9 @@ class PageProcess:
             self._process.wait(CLOSING_S)
         except subprocess.TimeoutExpired:
             self._kill()
-        with contextlib.suppress(OSError):
-            self._from.close()
+        for stream in (self._to, self._from):
+            with contextlib.suppress(OSError):
+                stream.close()
 
     def __enter__(self) -> PageProcess:
         return self
@@ -176,9 +177,14 @@ class PageProcess:
         self.close()
 
     def _kill(self) -> None:
-        self._closing = True
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
         self._process.kill()
         self._process.wait()
+        for stream in (self._to, self._from):
+            with contextlib.suppress(OSError):  # what was not yet sent cannot be
+                stream.close()
 
     def _called(self, call: Call) -> None:
         outcome = "" if call.outcome == DONE else f" - {call.outcome}"

@@ -8,6 +8,8 @@ const TITLES = {
 };
 // of two methods with one key the one that makes sense now
 const PAIRS = { pause: (v) => !v.paused, resume: (v) => v.paused, record: (v) => !v.recording, stop_recording: (v) => v.recording };
+// methods that are worth a word though they need none
+const ASKS = new Set(["record", "mark"]);
 // methods that end something ask first
 const SURE = { stop: "End the run? What was measured is kept." };
 // present values, for the form
@@ -72,7 +74,8 @@ export class Controls {
   start(name) {
     const method = this.methods.find((one) => one.name === name);
     if (!method || !this.mayControl) return;
-    if (method.arguments.length || SURE[name]) this.ask(method);
+    const asks = ASKS.has(name) || SURE[name] || method.arguments.some((one) => one.required);
+    if (asks) this.ask(method);
     else this.run(name, {});
   }
 

@@ -14,6 +14,7 @@ export class DepthPanel {
     this.view = new MapView($("depth-canvas"), $("depth-bar"), DEPTH, this.scales.depth, { name: "mm", factor: 1e-3 });
     this.surface = this.sigma = this.place = null;
     this.line = null; // two nodes, [column, row] each
+    this.placed = false;
     this.probe = null;
     this.history = [[], [], []];
     this.section = plot($("section-plot"), "mm", [
@@ -41,7 +42,10 @@ export class DepthPanel {
     canvas.addEventListener("pointermove", (event) => {
       if (!event.buttons || !this.surface || !this.line) return;
       moved = true;
-      if (grip >= 0) this.line[grip] = this.view.node(event);
+      if (grip >= 0) {
+        this.line[grip] = this.view.node(event);
+        this.placed = true;
+      }
       this.paint();
     });
     canvas.addEventListener("pointerup", (event) => {
@@ -83,10 +87,11 @@ export class DepthPanel {
     if (parts.surface) this.surface = { ...parts.surface, values: parts.surface.maps.depth.values, ...lattice };
     if (parts.sigma) this.sigma = { ...parts.sigma, values: parts.sigma.maps.sigma.values, ...lattice };
     if (parts.place) this.place = { x: parts.place.maps.x.values, y: parts.place.maps.y.values };
-    if (this.surface && !this.line) {
+    if (this.surface && !this.placed) {
+      // through the peak, until somebody drags it
       const [rows, columns] = this.surface.shape;
-      const peak = this.surface.peak_node ?? [columns / 2, rows / 2];
-      this.line = [[0.08 * columns, peak[1]], [0.92 * columns, peak[1]]];
+      const row = (this.surface.peak_node ?? [0, rows / 2])[1];
+      this.line = [[0.08 * columns, row], [0.92 * columns, row]];
     }
     if (parts.surface) this.show();
   }

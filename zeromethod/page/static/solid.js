@@ -49,7 +49,10 @@ export class SolidPanel {
       this.turn.distance = Math.min(6, Math.max(0.8, this.turn.distance * 1.001 ** event.deltaY));
       this.paint(true);
     }, { passive: false });
-    $("exaggeration").addEventListener("input", () => this.paint(true));
+    $("exaggeration").addEventListener("input", () => {
+      this.chosen = true;
+      this.paint(true);
+    });
   }
 
   get factor() {
@@ -80,6 +83,11 @@ export class SolidPanel {
     }
     if (left >= right) return;
     const size = Math.max(right - left, high - low), mx = (left + right) / 2, my = (low + high) / 2;
+    if (!this.chosen && this.scale.high > this.scale.low) {
+      // the depth shown as an eighth of the width, until somebody chooses
+      const wanted = Math.log10(Math.max(1, (0.12 * size) / (1e-3 * (this.scale.high - this.scale.low))));
+      if (Math.abs(wanted - Number($("exaggeration").value)) > 0.25) $("exaggeration").value = wanted;
+    }
     const position = this.geometry.attributes.position.array, colour = this.geometry.attributes.color.array;
     const known = new Uint8Array(count), toMm = (1e-3 * this.factor) / size;
     for (let j = 0, n = 0; j < ny; j++) {
@@ -110,10 +118,10 @@ export class SolidPanel {
   }
 
   paint(now) {
-    $("exaggeration-out").textContent = `× ${this.factor}`;
     if (!this.three || !this.surface || !this.place || document.hidden) return;
     if (!now && performance.now() - this.painted < SHORTEST_MS) return;
     this.build();
+    $("exaggeration-out").textContent = `depth × ${this.factor}`;
     const scale = Math.min(window.devicePixelRatio || 1, 2), { clientWidth: width, clientHeight: height } = this.canvas;
     if (width < 20 || height < 20) return;
     this.renderer.setPixelRatio(scale);
