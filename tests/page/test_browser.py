@@ -44,7 +44,7 @@ def page(chromium: Any, run: Served) -> Iterator[Any]:
 
 
 def until(page: Any, condition: str) -> None:
-    """Wait for a condition; asked again and again, as the page's own policy lets no script be made of text."""
+    """Wait for a condition; asked again and again: the page lets no text be run as a script."""
     end_s = time.monotonic() + PATIENCE_S
     while not page.evaluate(condition):
         assert time.monotonic() < end_s, condition

@@ -12,6 +12,7 @@ from zeromethod.loop.step import Step
 from zeromethod.operating.readings import Readings, number
 from zeromethod.page.message import Content
 from zeromethod.page.process import host_time_ns
+from zeromethod.sensing.residual import Residual
 from zeromethod.surface import Surface
 from zeromethod.warp.grid import NodeGrid
 
@@ -45,7 +46,7 @@ class RunContent:
                 arrays["camera"] = {"image": step.image}
                 meta["camera"] = {"step": step.number, "time_s": step.time_s, "bits": self.bits}
             if "residual" in parts and step.residual is not None:
-                arrays["residual"], meta["residual"] = residual_maps(step)
+                arrays["residual"], meta["residual"] = residual_maps(step.residual, step.number)
                 meta["residual"]["lattice"] = self.lattice
             if "lcd" in parts:
                 arrays["lcd"] = {"q": np.ascontiguousarray(step.commanded.q, np.float32)}
@@ -73,12 +74,10 @@ def lattice_of(grid: NodeGrid) -> dict[str, Any]:
     }
 
 
-def residual_maps(step: Step) -> tuple[dict[str, Any], dict[str, Any]]:
+def residual_maps(residual: Residual, step: int) -> tuple[dict[str, Any], dict[str, Any]]:
     """Length of the residual per node, camera px."""
-    residual = step.residual
-    assert residual is not None
     length = np.hypot(residual.d[..., 0], residual.d[..., 1]).astype(np.float32)
-    return {"length": np.where(residual.flags == 0, length, np.nan)}, {"step": step.number}
+    return {"length": np.where(residual.flags == 0, length, np.nan)}, {"step": step}
 
 
 def surface_maps(surface: Surface) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -14,7 +14,7 @@ export class History {
     this.rows = [];
     this.columns = [];
     this.marks = [];
-    const marks = () => this.marks;
+    const marks = () => (this.now == null ? this.marks : [...this.marks, this.now]);
     this.peak = plot($("history-peak"), "s", [
       { label: "peak, µm", stroke: "--accent", width: 1.5 },
       { label: "2 sigma below", stroke: "--soft", dash: [3, 3] },
@@ -40,6 +40,11 @@ export class History {
     if (this.rows.length && rows[0][0] < this.rows.at(-1)[0]) this.rows = this.rows.filter((row) => row[0] < rows[0][0]);
     this.rows.push(...rows);
     if (this.rows.length > MOST) this.rows.splice(0, this.rows.length - MOST);
+  }
+
+  // the moment of a recording that is shown
+  moment(time) {
+    this.now = time;
   }
 
   mark(time) {

@@ -80,6 +80,7 @@ function paint(message) {
     timeline.show(values);
     guide.show(values);
     lists.values(values);
+    if (values.duration_s != null) history.moment(values.time_s);
     if (now - painted > 200) {
       painted = now;
       history.paint();
@@ -106,6 +107,7 @@ function hello(message) {
   $("events").replaceChildren();
   controls.begin(table, message.may_control);
   timeline.begin(table, message.may_control);
+  if (table.mode === "replay") $("history-span").value = "0";
   history.begin(message.columns, message.rows);
   said(message.said);
   page.table = table;
