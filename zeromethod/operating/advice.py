@@ -13,7 +13,7 @@ ADVICE = {
     State.MOVED: "Fasten what moved, clear the mirror, then take a zero (z), or calibrate again.",
     State.COVERED: "Take away what covers the mirror.",
     State.LOST: "Check light, LCD and camera; take away what hides the mirror.",
-    State.HOLDING: "No usable new picture: wait, or check camera and LCD if it lasts.",
+    State.HOLDING: "Wait; if it lasts, check camera and LCD.",
     State.PAUSED: "Corrections wait. Press p to go on.",
     State.FAULT: "Check the cables and the power of the device that is named.",
     State.STOPPED: "The run has ended.",

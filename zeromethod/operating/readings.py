@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
 from zeromethod.operating.advice import ADVICE, FRESH
+from zeromethod.operating.lasting import LastingState
 from zeromethod.operating.rates import Rate
 from zeromethod.session.session import Session
 from zeromethod.surface import Surface
@@ -51,7 +51,7 @@ class Readings:
         self._session = session
         self._loops, self._reads = Rate(), Rate()
         self._rows: deque[tuple[float | int | None, ...]] = deque(maxlen=_KEPT_ROWS)
-        self._state: State | None = None
+        self._lasting = LastingState()
         depth = session.rig.geometry.depth
         percent = 100 * math.sqrt(sum(mode[0] ** 2 for mode in depth)) if depth else None
         self._fixed: dict[str, Any] = {
@@ -97,10 +97,10 @@ class Readings:
             }
         values = self._newest = self._values(step)
         self._rows.append(tuple(values[name] for name in HISTORY))
-        changed = self._state is not None and step.state is not self._state
-        self._state = step.state
-        said = (f"{step.state}: {step.reason}" if step.reason else str(step.state),) if changed else ()
-        return said + step.notes
+        before = self._lasting.shown
+        shown = self._lasting.see(step.state, step.time_s)
+        words = f"{shown}: {step.reason}" if shown is step.state and step.reason else str(shown)
+        return ((words,) if shown is not before else ()) + step.notes
 
     def _read(self, step: Step, surface: Surface) -> None:
         peak = step.peak

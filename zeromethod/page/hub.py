@@ -13,8 +13,8 @@ from zeromethod.errors import MeasurementError
 from zeromethod.page.encoding import Encoded
 from zeromethod.page.message import ASK, CALL, NEWS, Content, Said, Setting, content_parts
 
-MOST_PER_S = 30.0
-"""Contents that are asked for per second at most."""
+MOST_PER_S = 40.0
+"""Contents that are asked for per second at most: of 60 frames per second, every other one."""
 
 IDLE_S = 0.1
 """How often values alone are asked for while no viewer waits."""

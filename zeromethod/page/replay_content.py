@@ -211,5 +211,6 @@ def nodes_of(surface: Surface, places_mm: Float) -> Float:
                 [(y[j, i1] - y[j, i0]) / (i1 - i0), (y[j1, i] - y[j0, i]) / (j1 - j0)],
             ]
         )
-        found[index] = np.linalg.solve(jacobian, [at_x - x[j, i], at_y - y[j, i]]) + (i, j)
+        step = np.linalg.solve(jacobian, [at_x - x[j, i], at_y - y[j, i]])
+        found[index] = i + step[0], j + step[1]
     return found

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import time
 from typing import Any
 
@@ -25,6 +26,9 @@ PATIENCE_S = 10.0
 PING_S, LOOK_S = 2.5, 0.5
 LATE_S = 0.3
 """How long a content without all wanted parts is passed over."""
+
+SEND_BUFFER_BYTES = 1 << 18
+"""Kernel buffer per viewer: about one message."""
 
 MOST_MESSAGE_BYTES = 1 << 16
 FIRST_ROWS = 3000
@@ -55,6 +59,11 @@ class Viewer:
     async def serve(self, request: web.Request) -> web.WebSocketResponse:
         """Serve it until it leaves, is dropped, or the run is over."""
         await self._socket.prepare(request)
+        plain = request.transport and request.transport.get_extra_info("socket")
+        if (
+            plain is not None
+        ):  # what the kernel holds is old by the time it is read, and memory of this machine
+            plain.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         tasks: list[asyncio.Task[None]] = []
         reason = ""
         try:

@@ -14,6 +14,7 @@ from rich.table import Column
 from zeromethod.contact import ContactFigures
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
+from zeromethod.operating.lasting import LastingState
 
 STATE_COLOURS = {
     State.LOCKED: "#2e9e5b",
@@ -40,27 +41,6 @@ EXPLAINED = frozenset(
     }
 )
 """States whose reason is shown in place of the figures."""
-
-
-LASTING_S = {State.HOLDING: 0.3}
-"""How long a state must have lasted before it is shown, of the run's clock: a single frame that may not be
-used comes now and then, and would only flash. Others are shown at once."""
-
-
-class LastingState:
-    """The state to show: the newest one that has lasted long enough. What is recorded is not its business."""
-
-    def __init__(self) -> None:
-        self._newest, self._since_s = State.STARTING, 0.0
-        self.shown = State.STARTING
-
-    def see(self, state: State, time_s: float) -> State:
-        """Take in the state of a step; the one to show."""
-        if state is not self._newest:
-            self._newest, self._since_s = state, time_s
-        if time_s - self._since_s >= LASTING_S.get(state, 0.0):
-            self.shown = state
-        return self.shown
 
 
 def contact_words(touching: Sequence[ContactFigures]) -> str:

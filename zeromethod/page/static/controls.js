@@ -34,7 +34,7 @@ export class Controls {
     $("controls").replaceChildren(...here.map((one) => this.button(one)));
     const help = this.small("?", "Keys", () => this.help());
     const theme = this.small("d", "Dark / light", () => this.keys.d());
-    help.classList.add("last");
+    // what was answered has a place of its own: nothing moves when it comes
     this.said = Object.assign(document.createElement("span"), { id: "said" });
     this.said.setAttribute("role", "status");
     if (!mayControl) this.said.textContent = "this page may only view";

@@ -70,9 +70,10 @@ export function beginValues(table) {
   }
 }
 
-export function values(all) {
+// steady: the same, without what only flashes, for the large letters
+export function values(all, steady) {
   for (const cell of document.querySelectorAll("[data-value]")) {
-    const text = words(all[cell.dataset.value], cell.dataset.unit);
+    const text = words((cell.closest("table") ? all : steady)[cell.dataset.value], cell.dataset.unit);
     const shown = cell.closest("table") || text !== "–" ? text : "";
     if (cell.textContent !== shown) cell.textContent = shown;
   }

@@ -9,7 +9,7 @@ import { Link } from "/static/link.js";
 import * as lists from "/static/lists.js";
 import { recolour } from "/static/plots.js";
 import { SolidPanel } from "/static/solid.js";
-import { showState, showFigures, stale } from "/static/state.js";
+import { lasting, showState, showFigures, stale } from "/static/state.js";
 import { Timeline } from "/static/timeline.js";
 
 const $ = (id) => document.getElementById(id);
@@ -79,7 +79,7 @@ function paint(message) {
     controls.show(values);
     timeline.show(values);
     guide.show(values);
-    lists.values(values);
+    lists.values(values, lasting(values));
     if (values.duration_s != null) history.moment(values.time_s);
     if (now - painted > 200) {
       painted = now;

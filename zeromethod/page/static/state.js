@@ -4,22 +4,36 @@ const $ = (id) => document.getElementById(id);
 
 // shape and word say it, colour too
 const LOOKS = {
-  locked: ["●", "good"], resting: ["○", "good"], nulling: ["◐", "warn"], starting: ["◌", ""], holding: ["⏸", "warn"],
-  paused: ["⏸", "warn"], "not calibrated": ["△", "warn"], "bench moved": ["▲", "bad"], covered: ["◼", "warn"],
+  locked: ["●", "good"], resting: ["○", "good"], nulling: ["◐", "warn"], starting: ["◌", ""], holding: ["‖", "warn"],
+  paused: ["‖", "warn"], "not calibrated": ["△", "warn"], "bench moved": ["▲", "bad"], covered: ["◼", "warn"],
   lost: ["✕", "bad"], fault: ["✖", "bad"], stopped: ["■", ""], done: ["✔", "good"], failed: ["✖", "bad"],
 };
 
-export function showState(values) {
+const FLASH_S = 0.3;
+let since = null, steady = null;
+
+// A single frame that may not be used comes now and then: what lasts less than 0.3 s is not shown.
+function lasting(values) {
+  if (values.state !== "holding" || !steady || values.time_s < since) {
+    since = values.time_s;
+    if (values.state !== "holding") steady = values;
+    return values;
+  }
+  return values.time_s - since < FLASH_S ? { ...values, state: steady.state, reason: steady.reason, fresh: true } : values;
+}
+
+export function showState(all) {
+  const values = lasting(all);
   const [symbol, level] = LOOKS[values.state] ?? ["●", ""];
   $("symbol").textContent = symbol;
   document.body.dataset.level = level;
   $("uncalibrated").hidden = values.calibrated !== false;
   const held = values.fresh === false && values.state !== "starting";
   document.body.classList.toggle("held", held);
-  const since = values.peak_time_s == null ? "" : ` since ${values.peak_time_s.toFixed(1)} s`;
+  const from = values.peak_time_s == null ? "" : ` since ${values.peak_time_s.toFixed(1)} s`;
   for (const badge of document.querySelectorAll(".badge")) {
     badge.hidden = !held;
-    badge.textContent = badge.closest("#camera") ? `${values.state}` : `not of now: held${since}`;
+    badge.textContent = badge.closest("#camera") ? `${values.state}` : `not of now: held${from}`;
   }
 }
 
@@ -45,6 +59,8 @@ export function showFigures(values) {
   const stale = values.peak_time_s == null || values.time_s == null ? "" : `${Math.max(0, values.time_s - values.peak_time_s).toFixed(2)} s behind`;
   set("depth-note", values.peak_where ? `peak ${values.peak_where}${values.time_s - values.peak_time_s > 0.5 ? `, ${stale}` : ""}` : "");
 }
+
+export { lasting };
 
 export function stale(is, words) {
   document.body.classList.toggle("stale", is);
