@@ -57,7 +57,7 @@ class Browser:
         self._ready.set()
 
     def close(self) -> dict[str, float]:
-        """Close it; figures of what it painted since it was ready: ms and 1/s, none where that is too little."""
+        """Close it; figures of what it painted since it was ready, ms and 1/s; none of too little."""
         try:
             answer, _ = self._process.communicate("\n", 60)
             late_ms, arrived_ms = json.loads(answer.splitlines()[-1])

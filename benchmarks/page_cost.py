@@ -1,9 +1,9 @@
 """What the operator's page costs the loop, and how soon a frame is on the screen.
 
 The live session (camera and drawing in threads, reading in a process of its own, coded strips) runs over
-frames of 1280x1024 in 8 bits from memory, at 60 per second of the host's clock; pictures are taken at once, as
-a graphics card takes them. Block by block, by turns, it serves its page to three viewers that take what they
-get (WebSocket clients, each a process of its own), and to none; each block with viewers is compared with the
+frames of 1280x1024 in 8 bits from memory, at 60 per second of the host's clock; pictures are taken at once,
+as a graphics card takes them. Block by block, by turns, it serves its page to three viewers that take what
+they get (WebSocket clients, each a process of its own), and to none; each block with viewers is compared with the
 one before it without.
 
 rate: frames that went round the loop per second. pictures: messages with a picture of 640x512 and the depth
@@ -94,6 +94,13 @@ class Viewers:
     def messages(self) -> int:
         """Messages that all of them got."""
         return sum(count.value for count in self.counts)
+
+    def start(self, served: Served) -> None:
+        """Have them ask, and run until each of them has got something."""
+        self.go.set()
+        until_s = time.monotonic() + 60
+        while not all(count.value for count in self.counts) and time.monotonic() < until_s:
+            served.rate_hz(0.2)
 
     def close(self) -> None:
         """End them."""
@@ -191,6 +198,7 @@ def _ask_and_do_not_read(url: str, begun: Any) -> None:
 
 def _paired(served: Served, pairs: int, data: dict[str, Any]) -> None:
     viewers = Viewers(served.live_url, VIEWERS, PARTS)
+    viewers.start(served)
     without, with_viewers, pictures = [], [], []
     with progress(pairs, "loop without and with viewers") as advance:
         for number in range(pairs):
@@ -216,8 +224,7 @@ def _counted(
 ) -> float:
     """Messages per second and viewer."""
     viewers = Viewers(served.live_url, number, parts, bytes_per_s)
-    viewers.go.set()
-    served.rate_hz(3.0)  # until they have started
+    viewers.start(served)
     before, began_s = viewers.messages, time.monotonic()
     served.rate_hz(seconds)
     found = (viewers.messages - before) / number / (time.monotonic() - began_s)
@@ -227,8 +234,8 @@ def _counted(
 
 def _slope(served: Served, seconds: float, data: dict[str, Any]) -> None:
     viewers = Viewers(served.live_url, 2, [])
-    viewers.go.set()
-    served.rate_hz(5.0)
+    viewers.start(served)
+    served.rate_hz(2.0)
     before, first_mb, began_s = viewers.messages, served.memory_mb(), time.monotonic()
     served.rate_hz(seconds)
     count, hours = viewers.messages - before, (time.monotonic() - began_s) / 3600

@@ -59,7 +59,8 @@ class Viewer:
     async def serve(self, request: web.Request) -> web.WebSocketResponse:
         """Serve it until it leaves, is dropped, or the run is over."""
         await self._socket.prepare(request)
-        plain = request.transport and request.transport.get_extra_info("socket")
+        transport = request.transport
+        plain: Any = None if transport is None else transport.get_extra_info("socket")
         if (
             plain is not None
         ):  # what the kernel holds is old by the time it is read, and memory of this machine

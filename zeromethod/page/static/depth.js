@@ -137,7 +137,12 @@ export class DepthPanel {
     }
     if (this.surface.peak_node) this.mark(context, this.surface.peak_node, "peak", scale);
     if (this.probe) this.mark(context, this.probe, "point", scale);
-    this.paintSection();
+    const now = performance.now();
+    if (now - (this.sectioned ?? 0) > 200 || this.placed !== this.sectionedAt) {
+      this.sectioned = now;
+      this.sectionedAt = this.placed;
+      this.paintSection();
+    }
   }
 
   mark(context, node, words, scale) {

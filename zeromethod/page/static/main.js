@@ -48,20 +48,36 @@ async function content(message) {
   const { parts, values } = message;
   page.values = values;
   for (const part of [parts.residual, parts.surface]) if (part?.lattice) lattice = part.lattice;
-  if (parts.camera) await camera.take(parts.camera);
-  if (parts.lcd) await lcd.take(parts.lcd);
+  // the pictures first: what is seen is as new as can be
+  const pictures = [parts.camera && camera.take(parts.camera), parts.lcd && lcd.take(parts.lcd)];
   if (parts.surface) camera.surface = parts.surface;
   if (parts.residual && lattice) {
     residual.take(parts.residual, lattice);
     camera.mask = residual.map;
   }
   if (lattice) depth.take(parts, lattice);
-  if (parts.surface && depth.place) solid.take(depth.surface, depth.place, depth.scales.depth);
+  await Promise.all(pictures);
+  camera.paint();
+  if (parts.lcd) lcd.paint();
+  await new Promise(requestAnimationFrame);
+  seen(message);
   depth.takeProbe(message.probe);
   history.take(message.rows);
   said(message.said);
-  await new Promise(requestAnimationFrame);
   paint(message);
+  if (parts.surface && depth.place) solid.take(depth.surface, depth.place, depth.scales.depth);
+}
+
+// How long ago what is on the screen now was exposed.
+function seen(message) {
+  page.contents += 1;
+  page.arrived.push(performance.now());
+  if (message.unix_time_ms && message.parts.camera) {
+    const late = performance.timeOrigin + performance.now() - message.unix_time_ms;
+    page.latencies_ms.push(late);
+    $("latency").textContent = late > -5 && late < 60000 ? `exposure to pixel ${late.toFixed(0)} ms` : "";
+  }
+  for (const list of [page.latencies_ms, page.arrived]) if (list.length > 2000) list.shift();
 }
 
 function said(list) {
@@ -70,9 +86,7 @@ function said(list) {
 }
 
 function paint(message) {
-  const { values, parts } = message, now = performance.now();
-  camera.paint();
-  if (parts.lcd) lcd.paint();
+  const { values } = message, now = performance.now();
   if (Object.keys(values).length) {
     showState(values);
     showFigures(values);
@@ -88,14 +102,6 @@ function paint(message) {
       lists.calibration(values);
     }
   }
-  page.contents += 1;
-  page.arrived.push(now);
-  if (message.unix_time_ms && parts.camera) {
-    const late = performance.timeOrigin + performance.now() - message.unix_time_ms;
-    page.latencies_ms.push(late);
-    $("latency").textContent = late > -5 && late < 60000 ? `exposure to pixel ${late.toFixed(0)} ms` : "";
-  }
-  for (const list of [page.latencies_ms, page.arrived]) if (list.length > 2000) list.shift();
 }
 
 function hello(message) {

@@ -5,6 +5,7 @@ import { DEPTH, ink } from "/static/colours.js";
 const $ = (id) => document.getElementById(id);
 const EVERY = 2; // nodes left out between those that are drawn
 const SHORTEST_MS = 90;
+const REST = 6; // without a graphics card a picture takes long: then so many times as long passes before the next
 
 export class SolidPanel {
   constructor() {
@@ -119,7 +120,8 @@ export class SolidPanel {
 
   paint(now) {
     if (!this.three || !this.surface || !this.place || document.hidden) return;
-    if (!now && performance.now() - this.painted < SHORTEST_MS) return;
+    const began = performance.now();
+    if (!now && began - this.painted < Math.max(SHORTEST_MS, REST * (this.took ?? 0))) return;
     this.build();
     $("exaggeration-out").textContent = `depth × ${this.factor}`;
     const scale = Math.min(window.devicePixelRatio || 1, 2), { clientWidth: width, clientHeight: height } = this.canvas;
@@ -137,5 +139,6 @@ export class SolidPanel {
     this.frame.material.color.set(ink("--soft"));
     this.renderer.render(this.scene, this.camera);
     this.painted = performance.now();
+    this.took = this.painted - began;
   }
 }
