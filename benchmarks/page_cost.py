@@ -3,8 +3,8 @@
 The live session (camera and drawing in threads, reading in a process of its own, coded strips) runs over
 frames of 1280x1024 in 8 bits from memory, at 60 per second of the host's clock; pictures are taken at once,
 as a graphics card takes them. Block by block, by turns, it serves its page to three viewers that take what
-they get (WebSocket clients, each a process of its own), and to none; each block with viewers is compared with the
-one before it without.
+they get (WebSocket clients, each a process of its own), and to none; each block with viewers is compared
+with the one before it without.
 
 rate: frames that went round the loop per second. pictures: messages with a picture of 640x512 and the depth
 map that a viewer got per second; on a slow link, by a viewer that takes 10 Mbit/s. exposure to pixel: from

@@ -13,16 +13,12 @@ import tempfile
 import time
 from pathlib import Path
 
-import cv2
 from playwright.sync_api import sync_playwright
 
 WIDTH, HEIGHT = 1280, 800
-RUN = ("run", "--scenario", "default", "--seconds", "600", "--view", "127.0.0.1:0")
-SHOWN_S = 1.0
+RUN = ("run", "--scenario", "ball", "--seconds", "600", "--view", "127.0.0.1:0")
+SHOWN_S = 0.9
 """Time of the run's clock at which the press is held."""
-
-LEVEL = 8
-"""Grey levels that become one."""
 
 
 def shoot(path: Path) -> None:
@@ -47,22 +43,9 @@ def shoot(path: Path) -> None:
             if time.monotonic() > until_s:
                 sys.exit("the run did not come so far within two minutes")
             page.wait_for_timeout(50)
-        page.keyboard.press("p")  # the picture stays, and so do the figures
-        page.wait_for_timeout(1500)
-        page.keyboard.press("p")
-        page.wait_for_timeout(1000)
         page.screenshot(path=str(path))
         browser.close()
         run.terminate()
-    small(path)
-
-
-def small(path: Path) -> None:
-    """The same picture with fewer grey levels a colour: noise costs most of the file."""
-    picture = cv2.imread(str(path))
-    levels = (picture // LEVEL) * LEVEL + LEVEL // 2
-    levels[picture > 255 - LEVEL] = 255
-    cv2.imwrite(str(path), levels, [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
 
 if __name__ == "__main__":

@@ -99,7 +99,8 @@ class Readings:
         self._rows.append(tuple(values[name] for name in HISTORY))
         before = self._lasting.shown
         shown = self._lasting.see(step.state, step.time_s)
-        words = f"{shown}: {step.reason}" if shown is step.state and step.reason else str(shown)
+        reason = step.reason.removeprefix(f"{shown}: ") if shown is step.state else ""
+        words = f"{shown}: {reason}" if reason else str(shown)
         return ((words,) if shown is not before else ()) + step.notes
 
     def _read(self, step: Step, surface: Surface) -> None:

@@ -84,6 +84,8 @@ class PageProcess:
         self._news: deque[str] = deque(maxlen=20)
         self._drawing: Any = None
         self._closing = False
+        self.time_s: float | None = None
+        """Time of the run, for what is called; set by who offers."""
         self.url = self.view_only_url = self.control_address = ""
         self._start()
 
@@ -189,7 +191,7 @@ class PageProcess:
     def _called(self, call: Call) -> None:
         outcome = "" if call.outcome == DONE else f" - {call.outcome}"
         arguments = "" if call.arguments == "{}" else f" {call.arguments}"
-        self.say(Said("call", f"{call.method}{arguments} ({call.source}){outcome}"))
+        self.say(Said("call", f"{call.method}{arguments} ({call.source}){outcome}", self.time_s))
 
     # In threads of their own
 

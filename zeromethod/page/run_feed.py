@@ -29,6 +29,7 @@ class RunFeed:
 
     def see(self, step: Step, said: tuple[str, ...]) -> None:
         """Show a step, and what happened in it."""
+        self._page.time_s = step.time_s
         if step.surface is not None:
             self._read = step
         for words in said:

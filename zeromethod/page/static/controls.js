@@ -2,7 +2,7 @@
 
 const $ = (id) => document.getElementById(id);
 const TITLES = {
-  pause: "Pause", resume: "Resume", zero: "Take zero", gain: "Gain…", exposure: "Exposure…", target: "Target…",
+  pause: "Pause", resume: "Resume", zero: "Zero", gain: "Gain…", exposure: "Exposure…", target: "Target…",
   record: "Record…", stop_recording: "Stop recording", snapshot: "Snapshot", mark: "Mark…", stop: "Stop run",
   play: "Play", seek: "Go to…", speed: "Speed…", stretch: "Loop a stretch…", close: "Close",
 };
@@ -33,7 +33,7 @@ export class Controls {
     const here = this.methods.filter((one) => !(this.replay && ON_TIMELINE.has(one.name)));
     $("controls").replaceChildren(...here.map((one) => this.button(one)));
     const help = this.small("?", "Keys", () => this.help());
-    const theme = this.small("d", "Dark / light", () => this.keys.d());
+    const theme = this.small("d", "Dark", () => this.keys.d());
     // what was answered has a place of its own: nothing moves when it comes
     this.said = Object.assign(document.createElement("span"), { id: "said" });
     this.said.setAttribute("role", "status");
