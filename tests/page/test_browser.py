@@ -64,7 +64,7 @@ def test_what_it_shows_is_what_the_loop_has(page, folder):
     until(page, "document.getElementById('peak').textContent !== '–'")
     shown = page.evaluate("zeromethod.values")
     assert shown["peak_mm"] == pytest.approx(0.2, rel=0.005)
-    assert page.inner_text("#state").endswith(shown["state"])
+    until(page, "document.querySelector('#state [data-value]').textContent === zeromethod.values.state")
     with open_recording(folder / "run.h5") as recording:
         until(
             page, f"zeromethod.values.step > {shown['step'] + 40}"

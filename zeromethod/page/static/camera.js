@@ -1,7 +1,7 @@
 // The camera's picture with what is laid over it, and the LCD's picture.
 
 import { ink } from "/static/colours.js";
-import { fit, placed } from "/static/mapview.js";
+import { fit, Layer, placed } from "/static/mapview.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -13,8 +13,16 @@ export class CameraPanel {
   constructor() {
     this.canvas = $("camera-canvas");
     this.picture = null;
-    this.mask = null; // the residual's lattice: what is not a number was not measured
+    this.mask = null;
     this.surface = null;
+    this.crosses = new Layer();
+    this.masks = 0;
+  }
+
+  // The residual's lattice: what is not a number in it was not measured.
+  setMask(mask) {
+    this.mask = mask;
+    this.masks += 1;
   }
 
   async take(part) {
@@ -31,7 +39,9 @@ export class CameraPanel {
     if (!this.picture) return;
     const at = placed(this.canvas, ...this.size);
     context.drawImage(this.picture, at.left, at.top, at.zoom * this.size[0], at.zoom * this.size[1]);
-    if ($("show-mask").checked && this.mask) this.paintMask(context, at, scale);
+    if ($("show-mask").checked && this.mask) {
+      this.crosses.onto(context, this.masks, (layer) => this.paintMask(layer, at, scale));
+    }
     if ($("show-contacts").checked && this.surface) this.paintContacts(context, at, scale);
   }
 

@@ -53,7 +53,7 @@ async function content(message) {
   if (parts.surface) camera.surface = parts.surface;
   if (parts.residual && lattice) {
     residual.take(parts.residual, lattice);
-    camera.mask = residual.map;
+    camera.setMask(residual.map);
   }
   if (lattice) depth.take(parts, lattice);
   await Promise.all(pictures);

@@ -16,6 +16,24 @@ export function placed(canvas, columns, rows) {
   return { zoom, left: (canvas.width - zoom * columns) / 2, top: (canvas.height - zoom * rows) / 2 };
 }
 
+// A drawing that is kept, and made again only when `key` changes: lines cost more than pictures.
+export class Layer {
+  constructor() {
+    this.canvas = document.createElement("canvas");
+  }
+  onto(context, key, draw) {
+    const { width, height } = context.canvas, whole = `${key} ${width} ${height}`;
+    if (whole !== this.key) {
+      this.key = whole;
+      Object.assign(this.canvas, { width, height });
+      draw(this.canvas.getContext("2d"));
+    }
+    context.drawImage(this.canvas, 0, 0);
+  }
+}
+
+const CONTOURS_MS = 200;
+
 export class Scale {
   // Follows the range at once outwards, slowly inwards, so that colours do not jump. least: smallest range.
   constructor(least, fromZero = false) {
@@ -48,6 +66,7 @@ export class MapView {
   constructor(canvas, bar, colours, scale, unit) {
     Object.assign(this, { canvas, bar, colours, scale, unit, lattice: null, image: [640, 512] });
     this.raster = document.createElement("canvas");
+    this.lines = new Layer();
   }
 
   // lattice: { shape, values, first: [u, v], spacing, image: [columns, rows] }
@@ -90,7 +109,9 @@ export class MapView {
       this.raster, at.left + at.zoom * first[0] - cell / 2, at.top + at.zoom * first[1] - cell / 2,
       cell * shape[1], cell * shape[0],
     );
-    if (withContours) this.contours(context, scale);
+    if (withContours) {
+      this.lines.onto(context, Math.floor(performance.now() / CONTOURS_MS), (layer) => this.contours(layer, scale));
+    }
     context.restore();
     this.paintBar(withContours);
   }
