@@ -13,12 +13,17 @@ import tempfile
 import time
 from pathlib import Path
 
+from PIL import Image
 from playwright.sync_api import sync_playwright
 
 WIDTH, HEIGHT = 1280, 800
 RUN = ("run", "--scenario", "ball", "--seconds", "600", "--view", "127.0.0.1:0")
 SHOWN_S = 0.9
 """Time of the run's clock at which the press is held."""
+
+
+COLOURS = 200
+"""Of the picture's palette, which keeps the file small."""
 
 
 def shoot(path: Path) -> None:
@@ -46,6 +51,9 @@ def shoot(path: Path) -> None:
         page.screenshot(path=str(path))
         browser.close()
         run.terminate()
+    with Image.open(path) as picture:
+        few = picture.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    few.save(path, optimize=True)
 
 
 if __name__ == "__main__":
