@@ -138,10 +138,10 @@ def run_command(
     limit_threads()
     with (
         stopped_by_signals(),
+        opened_page(view, control, RUN, HISTORY) as page,
+        Starting(Console(stderr=True), page, "opening LCD and camera") as say,
         open_devices(rig) as opened,
         nullcontext() if publish is None else Publisher(publish, opened.clock) as publisher,
-        opened_page(view, control, RUN, HISTORY) as page,
-        Starting(Console(stderr=True), page) as say,
     ):
         if publisher is not None:
             click.echo(f"publishing at {publisher.address}", err=True)
@@ -152,9 +152,10 @@ def run_command(
             click.echo(
                 f"! {rig_name}: no {DOCUMENT} next to it: whether it fits this bench is not checked", err=True
             )
-        say("preparing the loop: rays, shaders")
+        say("")
         with (
             with_first_rest(rig, rig_name, opened) as stated,
+            nullcontext(say("preparing the loop: rays, shaders")),
             Session(
                 stated, devices=opened, publisher=publisher, record=recording.maker(stated, stored)
             ) as session,

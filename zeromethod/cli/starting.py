@@ -14,11 +14,13 @@ from zeromethod.page.run_feed import starting
 class Starting:
     """A line on the terminal, which goes once the run has begun; nothing where there is none."""
 
-    def __init__(self, console: Console, page: PageProcess | None) -> None:
-        self._console, self._page = console, page
+    def __init__(self, console: Console, page: PageProcess | None, first: str) -> None:
+        """first: what is done first."""
+        self._console, self._page, self._first = console, page, first
         self._status: Status | None = None
 
     def __enter__(self) -> Callable[[str], None]:
+        self._say(self._first)
         return self._say
 
     def __exit__(self, *_: object) -> None:

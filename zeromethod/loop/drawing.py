@@ -156,7 +156,8 @@ class Drawing:
         def draw(request: tuple[Float, int | None]) -> Drawn:
             q, source_ns = request
             code = self._count % CODES if self._coded else None
-            drawer.target = self.target or drawer.target
+            if self.target is not None:
+                drawer.target = self.target
             started = time.perf_counter()
             time_ns = drawer.draw(q, code)
             self._count += 1
