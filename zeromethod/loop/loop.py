@@ -86,8 +86,7 @@ class Loop:
         """What the coded strips say of the delay; None without strips."""
         self.paused = False
         """Whether corrections are paused; see `pause`."""
-        self.status = Status()
-        self.over = False
+        self.status, self.over = Status(), False
         self.doubt: Doubt | None = None
         """Why readings must not be trusted, set by who knows; motion of the bench comes on top."""
         self.on_wait: Callable[[], None] | None = None

@@ -223,7 +223,11 @@ class PageProcess:
                 if self._closing:
                     return None
                 self._changed.wait()
-        return CONTENT, (wanted, compose(wanted))
+        try:
+            return CONTENT, (wanted, compose(wanted))
+        except Exception as error:  # whatever it is, it must not end the page, let alone the run
+            self._news.append(f"the page: {type(error).__name__}: {' '.join(str(error).split())}")
+            return CONTENT, (wanted, Content({}))
 
     def _listen(self, started: Future[dict[str, Any]]) -> None:
         """Take in the server's lines."""

@@ -248,8 +248,7 @@ class Recording(AbstractContextManager["Recording"]):
 
     def row(self, step: int) -> Any:
         """Row of `steps`; None where there is none of that number."""
-        numbers = self.steps["number"]
-        index = int(np.searchsorted(numbers, step))
+        index = int(np.searchsorted(numbers := self.steps["number"], step))
         return self.steps[index] if index < len(numbers) and numbers[index] == step else None
 
     def _arrays(self, group: str, step: int, *names: str) -> list[Any] | None:
@@ -316,15 +315,14 @@ class Recording(AbstractContextManager["Recording"]):
         sigma_mm, tail_mm = float(about["anchor_sigma_mm"]), float(about["anchor_tail_mm"])
         anchor = Anchor(self.tables.anchor(int(about["anchor"])), mask, sigma_mm, tail_mm)
         at_ns, count = int(about["time_ns"]), int(about["iterations"])
-        sigmas = self.rig.geometry.sigmas(values["x_mm"], values["y_mm"])
-        _, values["sigma_x_mm"], values["sigma_y_mm"] = sigmas
+        place = values["x_mm"], values["y_mm"]
+        _, values["sigma_x_mm"], values["sigma_y_mm"] = self.rig.geometry.sigmas(*place)
         return Surface(**values, valid=valid, contact=contact, anchor=anchor, time_ns=at_ns, iterations=count)
 
     def zero(self, step: int) -> Float | None:
         """(rows, cols, 2) LCD px, the zero from which `measured` of this step starts; None for the rig's."""
         steps = self._numbers("zeros")
-        index = int(np.count_nonzero(steps <= step)) - 1
-        if index < 0:
+        if (index := int(np.count_nonzero(steps <= step)) - 1) < 0:
             return None
         found = self._source.items("zeros", index, ("q",))
         if not found or steps.min() < 0:
