@@ -29,6 +29,7 @@ REAL_TIME = (
     "loop/test_live_",
     "drivers/",
     "publishing/",
+    "page/",
     "recording/test_recorder",
     "view/test_follow",
     "session/test_live_",

@@ -23,6 +23,8 @@ HARDWARE = (
         "--camera ",
         "--identify",
         "--focus",
+        "--view",
+        "--control",
         "--follow",
         "virtual-bench",
         "--cluster",

@@ -30,15 +30,18 @@ for output in DUMMY0 DUMMY1; do xrandr --addmode $output lcd; done
 xrandr --output DUMMY0 --mode lcd --primary --output DUMMY1 --mode lcd --right-of DUMMY0
 xrandr --query >/dev/null  # an output counts as connected once it is asked for after its first mode
 
-setsid "$BIN/zeromethod" virtual-bench --port 0 --truth out/truth.jsonl --start-after 5 >"$work/bench" &
+# a rehearsal that is watched goes on until it is stopped, and presses again and again
+seconds=27 again=
+case " $* " in *" --view"*) seconds=1800 again=--forever ;; esac
+setsid "$BIN/zeromethod" virtual-bench --port 0 --truth out/truth.jsonl --start-after 5 $again >"$work/bench" &
 bench=$!
 until grep -q tcp:// "$work/bench"; do
     kill -0 "$bench" 2>/dev/null || exit 1
     sleep 0.2
 done
 address=$(grep -o 'tcp://.*' "$work/bench")
-echo "zeromethod run --rig virtual --display 1 --camera $address --seconds 27 $*"
-"$BIN/zeromethod" run --rig virtual --display 1 --camera "$address" --seconds 27 \
+echo "zeromethod run --rig virtual --display 1 --camera $address --seconds $seconds $*"
+"$BIN/zeromethod" run --rig virtual --display 1 --camera "$address" --seconds $seconds \
     --summary out/rehearsal.json --figure out/rehearsal.png "$@"
 "$BIN/python" - <<'P'
 import json

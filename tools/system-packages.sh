@@ -1,8 +1,8 @@
 #!/bin/sh
 # Installs the system packages that zeromethod needs and this machine lacks: software OpenGL without a
 # screen (EGL and OSMesa of Mesa) and, where Python comes without it, the venv module; with the argument
-# `test` also screens (Xorg with two dummy monitors) and the library of GenICam cameras (Aravis) for the
-# tests. Says what it does; does nothing when all is there.
+# `test` also screens (Xorg with two dummy monitors), a browser and the library of GenICam cameras (Aravis) for
+# the tests. Says what it does; does nothing when all is there.
 # Where it cannot install, it names the packages and goes on.
 set -eu
 PYTHON=${PYTHON:-python3}
@@ -21,6 +21,7 @@ if [ "${1:-}" = test ]; then
     [ -n "$(ls /usr/lib/xorg/modules/drivers/dummy_drv.so 2>/dev/null)" ] || missing="$missing xserver-xorg-video-dummy"
     command -v xrandr >/dev/null 2>&1 || missing="$missing x11-xserver-utils"
     command -v ffprobe >/dev/null 2>&1 || missing="$missing ffmpeg"
+    command -v chromium >/dev/null 2>&1 || command -v google-chrome >/dev/null 2>&1 || missing="$missing chromium"
     has_library libaravis-0.8.so.0 || missing="$missing libaravis-0.8-0"
 fi
 [ -z "$missing" ] && exit 0

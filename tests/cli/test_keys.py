@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import StringIO
+from types import SimpleNamespace
 from typing import TextIO
 from unittest.mock import Mock, call
 
@@ -14,6 +15,7 @@ import pytest
 
 from zeromethod.cli.keys import Keys
 from zeromethod.loop.loop import Loop
+from zeromethod.operating.controls import Controls
 
 
 @dataclass
@@ -70,17 +72,22 @@ def test_the_terminal_is_put_back_when_a_run_fails_and_what_was_typed_is_forgott
 
 
 def test_keys_steer_the_loop_and_unknown_ones_do_nothing(terminal):
-    loop = Mock(Loop, paused=False)
+    controls = Mock(Controls)
+    session = SimpleNamespace(loop=Mock(Loop, paused=False), recording=SimpleNamespace(running=False))
     with Keys(terminal.stream) as keys:
-        on_wait = keys.for_loop(loop)
+        on_wait = keys.for_session(session, controls)
         terminal.type(b"p")
         on_wait()
-        loop.paused = True
-        terminal.type(b"P\xc3\xa4?")
+        session.loop.paused = session.recording.running = True
+        terminal.type(b"P\xc3\xa4?r")
         on_wait()
-        terminal.type(b"zxy\x1b q")
+        session.recording.running = False
+        terminal.type(b"zxy\x1b rsmq")
         on_wait()
-    assert loop.method_calls == [call.pause(True), call.pause(False), call.rezero(), call.stop()]
+    called = ["pause", "resume", "stop_recording", "zero", "record", "snapshot", "mark", "stop"]
+    asked = [each for each in controls.method_calls if each[0] == "call"]
+    assert asked == [call.call(method, source="terminal") for method in called]
+    assert controls.attend.call_count == 3
 
 
 def test_a_program_in_the_background_leaves_the_terminal_alone(terminal, monkeypatch):

@@ -45,6 +45,7 @@ HELPERS = {
     "dents",
     "hand_presses",
     "live_running",
+    "browser",
     "memory_devices",
     "fringe_bench",
     "against_peers",

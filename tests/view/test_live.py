@@ -7,7 +7,8 @@ import pytest
 from rich.console import Console
 
 from zeromethod import State, Step
-from zeromethod.view.live import LastingState, LiveStatus
+from zeromethod.operating.lasting import LastingState
+from zeromethod.view.live import LiveStatus
 from zeromethod.warp.warp import Role, Warp
 
 FRAME_S = 1 / 60

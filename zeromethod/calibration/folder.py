@@ -84,6 +84,14 @@ class Stored:
             for name, entry in self.document["parameters"].items()
         }
 
+    @property
+    def words(self) -> str:
+        """Which one it is, how old, and how far it can be trusted, in a few words."""
+        days = self.age_days()
+        age = f"{days:.0f} days old" if days >= 2 else f"{24 * days:.0f} hours old"
+        level = self.document["verdict"].get("level")
+        return f"{self.folder.name}, {age}" + (f", {level}" if level else "")
+
     def age_days(self, now: datetime | None = None) -> float:
         """Days since it was made.
 

@@ -18,6 +18,7 @@ from zeromethod.calibration.folder import ARRAYS, GIVEN, Stored, arrays_fault, h
 from zeromethod.calibration.level import Level
 from zeromethod.cli.calibrate_known import ball_of, check_depths, check_known, edge_of, known_of, numbers_of
 from zeromethod.cli.device_options import BenchOptions, opened_devices, other_devices, with_devices
+from zeromethod.cli.guide_page import PagePrompts, guide_page, watched
 from zeromethod.cli.output import TerminalPrompts, check_folder, write_summary
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.commissioning.calibration import (
@@ -32,6 +33,7 @@ from zeromethod.commissioning.calibration import (
 )
 from zeromethod.commissioning.calibration.plan import Known
 from zeromethod.errors import InputError, MeasurementError
+from zeromethod.operating.guide_tables import CALIBRATE
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
@@ -63,6 +65,7 @@ def calibrate_bench(
     show_folder: str | None,
     compared: tuple[Path, Path] | None,
     again_folder: Path | None,
+    view: str | None = None,
     **others: Any,
 ) -> Stored | None:
     """Do what the command line asks for; the calibration that was made or shown.
@@ -100,14 +103,18 @@ def calibrate_bench(
     plan = Plan(press_depths_mm=depths_mm, known=direct, ball_mm=ball_mm, edges=find is not False, **own)
     options, home = BenchOptions(**others), output or home_of(rig_name)
     rig = _bench(rig_name, options, plan, lens)
-    with _home(home):
+    with _home(home), guide_page(view, CALIBRATE, rig.camera.bits) as feed:
+        prompts = PagePrompts(feed)
         with stopped_by_signals():
             with opened_devices(rig) as opened:
-                recorded, found = record(rig, opened, plan, TerminalPrompts())
-            calibrated = evaluate_with(recorded, found, rig_name)
+                recorded, found = record(rig, watched(opened, feed), plan, prompts)
+            calibrated = evaluate_with(recorded, found, rig_name, prompts)
         late: list[bool] = []
         with stopped_by_signals(lambda: late.append(True)):
             stored = _store(calibrated, rig_name, home, options.settings)
+        if feed is not None:
+            verdict = f"{verdict_line(stored)} {depth_line(stored)}"
+            feed.set(state="done", step_name="Done", progress=None, verdict=verdict, fresh=False)
     _print_stored(console, stored, summary, _devices_words(options))
     if calibrated.recorded.interrupted:
         hint = f"evaluate it again: zeromethod calibrate --evaluate-again {shlex.quote(str(stored.folder))}"
@@ -151,7 +158,9 @@ def _home(home: Path) -> Iterator[None]:
                 break
 
 
-def evaluate_with(recorded: Recorded, found: Any, rig_name: str) -> Calibration:
+def evaluate_with(
+    recorded: Recorded, found: Any, rig_name: str, prompts: TerminalPrompts | None = None
+) -> Calibration:
     """Evaluate, against the rig's last calibration where that is of the same bench."""
     before, last = newest(rig_name), None
     if before is not None and not check(before.fingerprint, recorded.rig):
@@ -159,7 +168,7 @@ def evaluate_with(recorded: Recorded, found: Any, rig_name: str) -> Calibration:
         if load_rig(before.folder / GIVEN).camera.focal_px != recorded.rig.camera.focal_px:
             del last["camera.scale"]  # it is relative to the rig file's
     try:
-        return evaluate_or_keep(recorded, found, last, TerminalPrompts())
+        return evaluate_or_keep(recorded, found, last, prompts or TerminalPrompts())
     except KeyboardInterrupt:
         click.echo("! interrupted: storing what was recorded (again: nothing is stored)", err=True)
         return rest_alone(replace(recorded, interrupted=True), found, "interrupted before the fit was done")

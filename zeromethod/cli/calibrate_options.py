@@ -11,6 +11,7 @@ from zeromethod.calibration.camera_file import ASSUMED_PERCENT
 from zeromethod.cli.device_options import bench_options
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import several, summary_option
+from zeromethod.cli.page_options import view_option
 from zeromethod.commissioning.calibration import Plan
 from zeromethod.errors import InputError
 
@@ -69,6 +70,7 @@ calibrate_options = several(
         "--output", type=click.Path(path_type=Path, file_okay=False),
         help="Folder for the dated folder.  [default: calibrations/<rig> next to the rig file]",
     ),
+    view_option,
     summary_option,
     click.option(
         "--show", "show_folder", is_flag=False, flag_value="", metavar="[FOLDER]",

@@ -20,6 +20,7 @@ from zeromethod.cli.device_options import (
 )
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import summary_option, wide_console, write_summary
+from zeromethod.cli.page_options import view_option
 from zeromethod.errors import InputError
 from zeromethod.thread_limits import limit_threads
 from zeromethod.view.progress import progress
@@ -33,7 +34,7 @@ _IDENTIFY_S = 10.0
 _TASKS = {
     "--identify": frozenset({"--rig", "--seconds"}),
     "--delay": frozenset({"--rig", "--seconds", "--write"}) | BENCH_OPTIONS,
-    "--focus": frozenset({"--rig", "--seconds"}) | BENCH_OPTIONS,
+    "--focus": frozenset({"--rig", "--seconds", "--view"}) | BENCH_OPTIONS,
     "--speed": frozenset({"--rig"}),
 }
 """Every task, and the options that go with it, in addition to --summary."""
@@ -58,6 +59,7 @@ _TASKS = {
 @bench_options
 @click.option("--seconds", type=Real(min=0, min_open=True), help="How long to measure, look or show.")
 @click.option("--write", is_flag=True, help="Store the measured delay in the rig file.")
+@view_option
 @summary_option
 def devices_command(
     identify: str | None,
@@ -67,6 +69,7 @@ def devices_command(
     rig_name: str,
     seconds: float | None,
     write: bool,
+    view: str | None,
     summary: Path | None,
     **others: Any,
 ) -> None:
@@ -83,7 +86,7 @@ def devices_command(
     if focus:
         from zeromethod.cli.focus import watch_focus  # noqa: PLC0415 - the bench's libraries load slowly
 
-        watch_focus(rig_name, options, seconds, summary)
+        watch_focus(rig_name, options, seconds, summary, view)
         return
     if identify is not None:
         figures = _identify(identify, rig_name, seconds or _IDENTIFY_S)

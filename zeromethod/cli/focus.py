@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 from rich.console import Console
@@ -14,11 +15,13 @@ from zeromethod.cli.device_options import (
     with_devices,
     without_display,
 )
+from zeromethod.cli.guide_page import guide_page, show_sight
 from zeromethod.cli.keys import Keys
 from zeromethod.cli.output import write_summary
 from zeromethod.clock import SimulatedClock
 from zeromethod.commissioning.setting_up import SettingUp, Sight
 from zeromethod.errors import MeasurementError
+from zeromethod.operating.guide_tables import FOCUS
 from zeromethod.optics import check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.view.focus import focus_view, sight_figures, sight_table
@@ -29,7 +32,13 @@ _SIMULATED_S = 1.0
 _KEYS = "q ends"
 
 
-def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, summary: Path | None) -> None:
+def watch_focus(
+    rig_name: str,
+    options: BenchOptions,
+    seconds: float | None,
+    summary: Path | None,
+    view: str | None = None,
+) -> None:
     """Show figures until q, Ctrl-C or `seconds`; the last ones as a table and `summary`; see `SettingUp`."""
     rig = with_devices(load_rig(rig_name), options, camera_alone=True).model_copy(update={"scenario": "none"})
     with_lcd = rig.camera.driver not in REAL_CAMERAS or rig.display.driver != "simulated"
@@ -40,14 +49,20 @@ def watch_focus(rig_name: str, options: BenchOptions, seconds: float | None, sum
     console = Console()
     last: Sight | None = None
     try:
-        with opened_devices(rig, err=False) as devices:
+        stopped = threading.Event()
+        with (
+            guide_page(view, FOCUS, rig.camera.bits, stopped.set) as feed,
+            opened_devices(rig, err=False) as devices,
+        ):
             if seconds is None and isinstance(devices.clock, SimulatedClock):
                 seconds = _SIMULATED_S
             with Keys() as keys, focus_view(console, _KEYS if keys.active else "") as show:
                 for sight in SettingUp(rig, devices, with_lcd).sights(seconds):
                     last = sight
                     show(sight)
-                    if "q" in keys.pressed().lower():
+                    if feed is not None:
+                        show_sight(feed, sight)
+                    if "q" in keys.pressed().lower() or stopped.is_set():
                         break
     finally:
         if last is not None:

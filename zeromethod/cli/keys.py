@@ -10,20 +10,27 @@ import tty
 from collections.abc import Callable
 from typing import Any, TextIO
 
-from zeromethod.loop.loop import Loop
+from zeromethod.operating.controls import Controls
+from zeromethod.session.session import Session
 
-HELP = "p pause  z zero  q stop"
+HELP = "p pause  z zero  r record  s snapshot  m mark  q stop"
 
 
-def act(key: str, loop: Loop) -> None:
-    """Act on a key: p pause or resume, z re-zero, q stop; others nothing."""
-    match key.lower():
-        case "p":
-            loop.pause(not loop.paused)
-        case "z":
-            loop.rezero()
-        case "q":
-            loop.stop()
+def act(key: str, controls: Controls, paused: bool, recording: bool) -> None:
+    """Call the method of a key, of those that need no argument; other keys do nothing.
+
+    Of two methods with one key the one that makes sense: pause or resume, record or end the recording.
+    """
+    methods = {
+        "p": "resume" if paused else "pause",
+        "z": "zero",
+        "r": "stop_recording" if recording else "record",
+        "s": "snapshot",
+        "m": "mark",
+        "q": "stop",
+    }
+    if method := methods.get(key.lower()):
+        controls.call(method, source="terminal")
 
 
 class Keys:
@@ -73,12 +80,13 @@ class Keys:
             self._fd = None
         return typed.decode("ascii", "ignore")
 
-    def for_loop(self, loop: Loop) -> Callable[[], None]:
-        """What `Loop.on_wait` is to call."""
+    def for_session(self, session: Session, controls: Controls) -> Callable[[], None]:
+        """What `Loop.on_wait` is to call: it carries out keys, and whatever else was called."""
 
         def on_wait() -> None:
             for key in self.pressed():
-                act(key, loop)
+                act(key, controls, session.loop.paused, session.recording.running)
+            controls.attend()
 
         return on_wait
 

@@ -13,10 +13,12 @@ import click
 import numpy as np
 from rich.console import Console
 
-from zeromethod.cli.device_options import control_options
+from zeromethod.cli.device_options import control_options, given_options
 from zeromethod.cli.numbers import Real
 from zeromethod.cli.output import OutputFile, figure_option, summary_option, write_summary
+from zeromethod.cli.page_options import page_options
 from zeromethod.cli.recording_options import open_recording, recording_argument, time_options
+from zeromethod.cli.replay_page import watch_recording
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.errors import InputError
 from zeromethod.optics import check_geometry
@@ -93,6 +95,7 @@ class _Asked:
     type=OutputFile(".h5", new=True),
     help="closed-loop: record the last session (.h5). Never replaces a file.",
 )
+@page_options
 @figure_option
 @summary_option
 def replay_command(**options: Any) -> None:
@@ -103,7 +106,11 @@ def replay_command(**options: Any) -> None:
     surface, and the statistics are the same. With --set, --gain, ... the same is done with
     other settings, for comparison.
     """
+    view, control = options.pop("view"), options.pop("control")
     asked = _Asked(**options)
+    if view is not None or control is not None:
+        _show(asked, view, control)
+        return
     if asked.mode != CLOSED_LOOP:
         for option in ("loop_gain", "controller", "renderer", "record"):
             if (value := getattr(asked, option)) is not None:
@@ -124,6 +131,15 @@ def replay_command(**options: Any) -> None:
             **replay(asked, recording, window, rig),
         }
         write_summary(asked.summary, figures)
+
+
+def _show(asked: _Asked, view: str | None, control: str | None) -> None:
+    """Show the recording on the operator's page, instead of evaluating it again."""
+    for option in given_options(click.get_current_context()):
+        if option.startswith("-") and option not in {"--view", "--control", "--speed"}:
+            raise InputError(f"{option}: not with --view or --control, which show what was recorded")
+    with stopped_by_signals(), open_recording(asked.file) as recording:
+        watch_recording(recording, view, control, asked.speed)
 
 
 def _evaluate(asked: _Asked, recording: Recording, window: Window, rig: Rig) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +24,18 @@ from zeromethod.cli.device_options import (
     with_given,
 )
 from zeromethod.cli.first_rest import with_first_rest
-from zeromethod.cli.keys import HELP, Keys
+from zeromethod.cli.following import follow
 from zeromethod.cli.numbers import Real, Whole
 from zeromethod.cli.output import figure_option, summary_option, write_summary, writing
+from zeromethod.cli.page_options import opened_page, page_options
 from zeromethod.cli.recording_options import RecordingOptions, recording_options
+from zeromethod.cli.starting import Starting
 from zeromethod.cli.stopping import stopped_by_signals
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
 from zeromethod.loop.state import State
+from zeromethod.operating.readings import HISTORY
+from zeromethod.operating.run_table import RUN
 from zeromethod.optics import check_geometry
 from zeromethod.publishing.publisher import Publisher
 from zeromethod.rig.load import load_rig
@@ -41,7 +46,6 @@ from zeromethod.session.summary import summarise
 from zeromethod.session.trust import DOUBT
 from zeromethod.simulation.clone import simulated_clone
 from zeromethod.thread_limits import limit_threads
-from zeromethod.view.live import LiveStatus
 from zeromethod.view.table import summary_table
 
 _STRIPS = {True: "edges", False: "none", None: None}
@@ -67,6 +71,7 @@ _STRIPS = {True: "edges", False: "none", None: None}
 )
 @click.option("--publish", metavar="ADDRESS", help="Publish every reading: tcp://127.0.0.1:5556.")
 @recording_options
+@page_options
 @click.option("--force", is_flag=True, help="Run with a calibration that belongs to another bench.")
 @click.option("--simulate", is_flag=True, help="Simulate the rig's bench instead of opening its devices.")
 @scenario_options
@@ -90,6 +95,8 @@ def run_command(
     strips: bool | None,
     latency_s: float | None,
     publish: str | None,
+    view: str | None,
+    control: str | None,
     force: bool,
     simulate: bool,
     scenario: str | None,
@@ -138,6 +145,8 @@ def run_command(
     limit_threads()
     with (
         stopped_by_signals(),
+        opened_page(view, control, RUN, HISTORY) as page,
+        Starting(Console(stderr=True), page, "opening LCD and camera") as say,
         open_devices(rig) as opened,
         nullcontext() if publish is None else Publisher(publish, opened.clock) as publisher,
     ):
@@ -150,14 +159,25 @@ def run_command(
             click.echo(
                 f"! {rig_name}: no {DOCUMENT} next to it: whether it fits this bench is not checked", err=True
             )
+        say("")
         with (
             with_first_rest(rig, rig_name, opened) as stated,
+            nullcontext(say("preparing the loop: rays, shaders")),
             Session(
                 stated, devices=opened, publisher=publisher, record=recording.maker(stated, stored)
             ) as session,
             stopped_by_signals(session.interrupt),
         ):
-            _follow(session, frames, seconds)
+            say("")
+            follow(
+                session,
+                opened,
+                (frames, seconds),
+                page,
+                calibration="" if stored is None or simulate else stored.words,
+                folder=Path.cwd() if recording.recording is None else recording.recording.absolute().parent,
+                recorder=lambda path: replace(recording, recording=path).maker(stated, stored),
+            )
         recording.report(session.result.recording)
         _report(session.result, figure, summary)
 
@@ -174,15 +194,6 @@ def _check_calibration(stored: Stored, rig_name: str, rig: Rig, devices: Devices
         raise InputError(f"--rig: {rig_name}: {'; '.join(differences)}: calibrate again, or give --force")
     if warning := stored.age_warning():
         click.echo(f"! {warning}", err=True)
-
-
-def _follow(session: Session, frames: int | None, seconds: float | None) -> None:
-    """Run to the end, with the state in the terminal, and its keys."""
-    total, unit = session.length(frames, seconds)
-    with Keys() as keys, LiveStatus(Console(stderr=True), total, unit, HELP if keys.active else "") as live:
-        session.loop.on_wait = keys.for_loop(session.loop)
-        for count, record in enumerate(session.run(frames, seconds), start=1):
-            live.update(record, count)
 
 
 def _report(result: RunResult, figure: Path | None, summary: Path | None) -> None:

@@ -63,6 +63,9 @@ class Controller(Protocol):
         from the panel's first row to its last; None while unknown.
         """
 
+    def set_gain(self, gain: float) -> None:
+        """Apply at most this share of each correction, above 0 to 1, from the next frame on."""
+
     def filtered(self, time_ns: int) -> Warp:
         """Estimate of the warp, less noisy than one frame's."""
 
@@ -167,6 +170,10 @@ class Composition:
         self.estimate: Float = rest.q.copy()
         """(rows, cols, 2) LCD px, rest and x: the command without prediction."""
         self.commanded: Float = rest.q.copy()
+
+    def set_gain(self, gain: float) -> None:
+        """Let K be at most `gain`, 0..1, from now on."""
+        self._most, self._least = gain, min(LEAST_GAIN, gain)
 
     def update(
         self,

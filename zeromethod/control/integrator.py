@@ -31,6 +31,10 @@ class Integrator:
         self._sigma = np.zeros(rest.q.shape)
         self.commanded: Float = rest.q.copy()
 
+    def set_gain(self, gain: float) -> None:
+        """Apply this share of the residual from now on."""
+        self._gain = gain
+
     @property
     def estimate(self) -> Float:
         """(rows, cols, 2) LCD px: the command itself."""

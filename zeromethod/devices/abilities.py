@@ -39,6 +39,12 @@ def dropped_refreshes_of(display: object) -> int | None:
     return int(count) if isinstance(count, int | np.integer) else None
 
 
+def exposure_setter_of(camera: object) -> Callable[[float], float] | None:
+    """`set_exposure` of an `ExposingCamera`; None for any other, or one that is set once and for all."""
+    setter: Callable[[float], float] | None = _method(camera, "set_exposure", 0.01)
+    return setter if getattr(camera, "exposure_settable", True) else None
+
+
 def identity_of(camera: object) -> tuple[str, str]:
     """(serial, model) of an `IdentifiedCamera`, "" for what is not known."""
     return _text(camera, "serial"), _text(camera, "model")

@@ -187,6 +187,30 @@ class CountingDisplay(Protocol):
 
 
 @runtime_checkable
+class ExposingCamera(Protocol):
+    """A camera whose exposure can be changed while it is read. `exposure_settable` False: not this one."""
+
+    def set_exposure(self, exposure_s: float) -> float:
+        """Expose later frames for so long; called in a thread of its own, also while `read` waits.
+
+        Parameters
+        ----------
+        exposure_s
+            Wanted exposure time, s.
+
+        Returns
+        -------
+        float
+            The exposure time that the camera took, s. Later frames state it (`Frame.exposure_ns`).
+
+        Raises
+        ------
+        InputError
+            The camera does not take it; one line, with what it allows.
+        """
+
+
+@runtime_checkable
 class IdentifiedCamera(Protocol):
     """A camera that names itself, so that a calibration made with another one is refused."""
 

@@ -101,10 +101,15 @@ class MidExposure:
     """
 
     def __init__(self, exposure_s: float, latency_s: float, clock: DeviceClock | None = None) -> None:
-        self.exposure_ns = max(1, round(1e9 * exposure_s))
-        self._before_ns = round(1e9 * latency_s) + self.exposure_ns // 2
+        self._latency_ns = round(1e9 * latency_s)
+        self.set_exposure(exposure_s)
         self._clock = clock
         self._last_ns: int | None = None
+
+    def set_exposure(self, exposure_s: float) -> None:
+        """Take later frames as exposed for so long."""
+        self.exposure_ns = max(1, round(1e9 * exposure_s))
+        self._before_ns = self._latency_ns + self.exposure_ns // 2
 
     def of(self, received_ns: int, ticks: int = 0) -> int:
         """Middle of the exposure, ns, of a frame received at `received_ns`; ticks: its stamp, 0 = none."""

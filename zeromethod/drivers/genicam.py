@@ -114,8 +114,15 @@ class GenICamSource:
         self.serial, self.model = identity(features)
         clock = DeviceClock(tick_ns or configured.tick_ns)
         self._times = MidExposure(configured.exposure_s, settings.latency_s, clock)
+        self._settings_of = features
         self._triggered_s = -math.inf
         self._number = -1
+
+    def set_exposure(self, exposure_s: float) -> float:
+        """Expose later frames for so long, s; what the device took. Raises InputError."""
+        taken_s = set_exposure(self._settings_of, exposure_s)
+        self._times.set_exposure(taken_s)
+        return taken_s
 
     def _trigger_due(self) -> bool:
         """Whether to trigger now: once per frame, and again where that does not come for `REPEAT_S`."""
@@ -156,9 +163,7 @@ def configure(features: Features, settings: Settings) -> Configured:
     _optionally(features, "AcquisitionFrameRateEnable", False)
     for name, value in (("ExposureAuto", "Off"), ("GainAuto", "Off"), ("ExposureMode", "Timed")):
         _optionally(features, name, value)
-    exposure_us = 1e6 * settings.exposure_s
-    exposure = _first(features, "exposure_s", settings.exposure_s, _EXPOSURE)
-    _put(features, "exposure_s", exposure, exposure_us, settings.exposure_s, 1e-6)
+    exposure_s = set_exposure(features, settings.exposure_s)
     if settings.gain is not None:
         _put(features, "gain", _first(features, "gain", settings.gain, _GAIN), settings.gain)
     _trigger(features, settings)
@@ -169,7 +174,14 @@ def configure(features: Features, settings: Settings) -> Configured:
     _optionally(features, "AcquisitionMode", "Continuous")
     ticks = next((name for name in _TICKS_HZ if features.available(name)), None)
     ticks_hz = float(features.get(ticks)) if ticks else 1e9
-    return Configured(1e-6 * float(features.get(exposure)), bits, 1e9 / ticks_hz if ticks_hz > 0 else 1.0)
+    return Configured(exposure_s, bits, 1e9 / ticks_hz if ticks_hz > 0 else 1.0)
+
+
+def set_exposure(features: Features, exposure_s: float) -> float:
+    """Set the exposure, s; what the device made of it. Raises InputError."""
+    name = _first(features, "exposure_s", exposure_s, _EXPOSURE)
+    _put(features, "exposure_s", name, 1e6 * exposure_s, exposure_s, 1e-6)
+    return 1e-6 * float(features.get(name))
 
 
 def _pixel_format(features: Features, name: str, bits: int) -> int:

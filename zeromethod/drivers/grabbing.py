@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import Protocol
 
 from zeromethod.devices.abilities import identity_of
 from zeromethod.devices.protocols import CameraLost, CameraTimeout, Frame
-from zeromethod.worker import Worker
+from zeromethod.errors import InputError
+from zeromethod.worker import Worker, completed
+
+ANSWER_S = 3.0
+"""How long a change of the exposure may take."""
 
 CLOSING_S = 0.5
 """How long `close` waits for the device; a hung one is left to its thread."""
@@ -22,7 +29,7 @@ POLL_S = 0.1
 class Source(Protocol):
     """A device as the grabbing thread has it. All members are used in that thread only.
 
-    It may also have `serial` and `model`, text.
+    It may also have `serial` and `model`, text, and `set_exposure` as `ExposingCamera` has it.
     """
 
     @property
@@ -68,6 +75,8 @@ class GrabbedCamera:
         self._counted = 0
         self._returned = 0
         self._end = ""
+        self._settable = False
+        self._exposures: deque[tuple[float, Future[float]]] = deque()
         self._worker: Worker[None, tuple[Frame, int]]
         self._worker = Worker(f"camera {name}", self._source, kept=1, idle=(0.0, None))
         if not self._worker.opened(open_timeout_s):
@@ -89,6 +98,23 @@ class GrabbedCamera:
         skipped, self._returned = count - self._returned - 1, count
         return replace(frame, dropped=skipped)
 
+    @property
+    def exposure_settable(self) -> bool:
+        """Whether the exposure can be changed while frames are grabbed."""
+        return self._settable
+
+    def set_exposure(self, exposure_s: float) -> float:
+        """Expose later frames for so long, s; the exposure that the device took.
+
+        Raises InputError where the device does not take it, or does not answer within `ANSWER_S`.
+        """
+        future: Future[float] = Future()
+        self._exposures.append((exposure_s, future))
+        try:
+            return future.result(ANSWER_S)
+        except TimeoutError:
+            raise InputError(f"exposure: the camera did not answer within {ANSWER_S:g} s") from None
+
     def close(self) -> None:
         """Release the device; safe to call twice."""
         self._end = "it is closed"
@@ -103,6 +129,9 @@ class GrabbedCamera:
             if source.on_demand and not self._asked.wait(POLL_S):
                 return None
             try:
+                while self._exposures:
+                    wanted_s, future = self._exposures.popleft()
+                    completed(partial(source.set_exposure, wanted_s), future)  # type: ignore[attr-defined]
                 frame = source.grab()
             except CameraLost:
                 raise
@@ -117,6 +146,7 @@ class GrabbedCamera:
         try:
             self.serial, self.model = identity_of(source)
             self.shape, self.bits = source.shape, source.bits
+            self._settable = bool(getattr(source, "exposure_settable", hasattr(source, "set_exposure")))
             yield grab
         finally:
             source.close()

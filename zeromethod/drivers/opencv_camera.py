@@ -93,7 +93,8 @@ class OpenCVCamera(GrabbedCamera):
             times = MidExposure(exposure_s, latency_s, DeviceClock() if local else None)
             is_file = not local and "://" not in str(source)
             try:
-                return _Capture(capture, name, bits, region_px, times, rate_hz if is_file else None)
+                own_hz = rate_hz if is_file else None
+                return _Capture(capture, name, bits, region_px, times, own_hz, local=local)
             except BaseException:
                 capture.release()
                 raise
@@ -171,16 +172,22 @@ def _set_up(capture: cv2.VideoCapture, rate_hz: float, exposure_s: float, gain: 
     capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
     capture.set(cv2.CAP_PROP_FPS, rate_hz)
     capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, _MANUAL_EXPOSURE)
-    problem = ""
-    if capture.set(cv2.CAP_PROP_EXPOSURE, round(exposure_s / _EXPOSURE_UNIT_S)):
-        taken_s = capture.get(cv2.CAP_PROP_EXPOSURE) * _EXPOSURE_UNIT_S
-        if abs(taken_s - exposure_s) > max(_EXPOSURE_TOLERANCE * exposure_s, _EXPOSURE_UNIT_S):
-            problem = f"camera.exposure_s: {exposure_s:g}: the camera makes {taken_s:g} of it"
+    _, problem = _set_exposure(capture, exposure_s)
     if gain is not None and not capture.set(cv2.CAP_PROP_GAIN, gain):
         problem = f"camera.gain: {gain:g}: the camera does not take it"
     if problem:
         capture.release()
         raise InputError(problem)
+
+
+def _set_exposure(capture: cv2.VideoCapture, exposure_s: float) -> tuple[float, str]:
+    """Set a local camera's exposure, s: what it took, and what is wrong with that, "" for nothing."""
+    if not capture.set(cv2.CAP_PROP_EXPOSURE, round(exposure_s / _EXPOSURE_UNIT_S)):
+        return exposure_s, ""
+    taken_s = float(capture.get(cv2.CAP_PROP_EXPOSURE)) * _EXPOSURE_UNIT_S
+    if abs(taken_s - exposure_s) <= max(_EXPOSURE_TOLERANCE * exposure_s, _EXPOSURE_UNIT_S):
+        return taken_s, ""
+    return taken_s, f"camera.exposure_s: {exposure_s:g}: the camera makes {taken_s:g} of it"
 
 
 def _grey(image: Image) -> Image:
@@ -206,8 +213,11 @@ class _Capture:
         region_px: Sequence[int] | None,
         times: MidExposure,
         rate_hz: float | None,
+        *,
+        local: bool,
     ) -> None:
         self._capture = capture
+        self._local = local
         self._name = name
         self._times = times
         self._clock = HostClock()
@@ -245,6 +255,19 @@ class _Capture:
         middle_ns = self._times.of(received_ns, ticks)
         self._numbers += 1
         return Frame(image, middle_ns, self._times.exposure_ns, self._numbers - 1)
+
+    @property
+    def exposure_settable(self) -> bool:
+        """Whether it is a local camera: streams and files come as they are."""
+        return self._local
+
+    def set_exposure(self, exposure_s: float) -> float:
+        """Expose later frames for so long, s; what the camera took. Raises InputError."""
+        taken_s, problem = _set_exposure(self._capture, exposure_s)
+        if problem:
+            raise InputError(problem)
+        self._times.set_exposure(taken_s)
+        return taken_s
 
     def close(self) -> None:
         """Release the capture."""

@@ -6,12 +6,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.devices.protocols import Display, DisplayLost, DrawingDisplay
 from zeromethod.errors import InputError
-from zeromethod.gl import create_context
+from zeromethod.gl import collect, create_context
 from zeromethod.pattern import PatternRenderer, Response, Strips, Target
 from zeromethod.pattern.coded import Coded
 from zeromethod.pattern.strips import CODES
@@ -28,6 +27,10 @@ and a display that hangs ends the run."""
 
 CLOSING_S = 0.2
 """How long `close` waits for a picture that is being drawn; a display that hangs is left to its thread."""
+
+
+MOST_RENDERERS = 4
+"""Targets that are kept ready to be drawn again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +67,9 @@ class Drawer:
         self._strips = strips
         self._rest = rest
         self._display = display
+        self._renderers: dict[Target, PatternRenderer] = {}
+        self.target = Target.from_spec(rig.target)
+        """What is drawn; another one from the next picture on, where it is changed."""
         self._drawing = display if isinstance(display, DrawingDisplay) else None
         self._context = self._drawing.context if self._drawing else create_context()
 
@@ -82,11 +88,11 @@ class Drawer:
         """
         if self._drawing is not None:
             time_ns = self._drawing.draw(
-                lambda framebuffer: self._renderer.render(framebuffer, q, code, coded, lamp)
+                lambda framebuffer: self._renderer().render(framebuffer, q, code, coded, lamp)
             )
         else:
             with self._context:
-                image = self._renderer.image(q, code, coded, lamp)
+                image = self._renderer().image(q, code, coded, lamp)
             time_ns = self._display.show(image)
         return round(time_ns)
 
@@ -95,12 +101,18 @@ class Drawer:
         if self._drawing is None:
             self._context.release()
 
-    @cached_property
     def _renderer(self) -> PatternRenderer:
-        rig, rest = self._rig, self._rest
-        target, response = Target.from_spec(rig.target), Response.from_rig(rig.display)
-        lattice = rest.grid, rest.q, rest.display_size
-        return PatternRenderer(self._context, *lattice, target, response, self._strips)
+        """Renderer of the present target; to be used where the context is current."""
+        target = self.target
+        if target not in self._renderers:
+            if len(self._renderers) >= MOST_RENDERERS:
+                self._renderers.clear()
+                collect(self._context)
+            response, rest = Response.from_rig(self._rig.display), self._rest
+            lattice = rest.grid, rest.q, rest.display_size
+            renderer = PatternRenderer(self._context, *lattice, target, response, self._strips)
+            self._renderers[target] = renderer
+        return self._renderers[target]
 
 
 class Drawing:
@@ -120,6 +132,8 @@ class Drawing:
         self._count = 0
         self.gl_renderer = ""
         """Name of what draws, as GL gives it."""
+        self.target: Target | None = None
+        """In place of the rig's, from the next picture on."""
         self._worker: Worker[_Wanted, Drawn] | SameThread[_Wanted, Drawn]
         self._worker = Worker("drawing", self._drawer) if live else SameThread(self._drawer)
         if not self._worker.opened(OPENING_S):
@@ -156,6 +170,8 @@ class Drawing:
         def draw(request: _Wanted) -> Drawn:
             q, source_ns, coded, lamp = request
             code = self._count % CODES if self._coded else None
+            if self.target is not None:
+                drawer.target = self.target
             started = time.perf_counter()
             time_ns = drawer.draw(q, code, coded, lamp)
             self._count += 1

@@ -10,6 +10,7 @@ from typing import Any
 from zeromethod.arrays import Float, Mask
 from zeromethod.clock import Clock, HostClock
 from zeromethod.devices.protocols import Camera, Display, Frame
+from zeromethod.loop.adjustments import Adjustments
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.bench_doubt import BenchDoubt
 from zeromethod.loop.burst import Read
@@ -91,8 +92,7 @@ class Loop:
         """What the coded strips say of the delay; None without strips."""
         self.paused = False
         """Whether corrections are paused; see `pause`."""
-        self.status = Status()
-        self.over = False
+        self.status, self.over = Status(), False
         self.doubt: Doubt | None = None
         """Why readings must not be trusted, set by who knows; motion of the bench comes on top."""
         self.on_wait: Callable[[], None] | None = None
@@ -109,6 +109,7 @@ class Loop:
         drawing = Drawing(lambda: Drawer(rig, display, parts.rest, parts.strips), timed, slowest_s, self.live)
         self.gl_renderer = drawing.gl_renderer
         """Name of what draws the pattern, as GL gives it."""
+        self.adjust = Adjustments(rig, self._circle.controller, drawing)
         self._screen = Screen(drawing, self._circle, clock, dwell, repaints=self.live)
         self._watch = DisplayWatch(display, timeout_s if self.live else None)
         meanwhile = self._attend if self.live else None

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 
 from zeromethod.arrays import Float, Image
 from zeromethod.contact import Contact, ContactFigures
+from zeromethod.loop.call import Call
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.events import Event
 from zeromethod.loop.state import State
@@ -25,7 +26,7 @@ class StepFigures:
     number: steps so far. time_ns: mid-exposure of the frame, else the time of the event. time_s: the same
     since the loop's first step. phase: part of a simulated scenario, "" where unknown.
     state, reason: the loop's state after the step. events: what happened, by name.
-    notes: what the operator should know, one line each, when it begins.
+    notes: what the operator should know, one line each, when it begins. calls: of methods, that ended in it.
     frame_number, dropped, exposure_ns: the frame as the camera gave it; None, 0 and 0 for none.
     frozen: the command was kept on request, or paused. sensed: the frame was fit to be looked at.
     calibrated: the rig's geometry is known; without, depth is relative.
@@ -48,6 +49,7 @@ class StepFigures:
     reason: str = ""
     events: tuple[Event, ...] = ()
     notes: tuple[str, ...] = ()
+    calls: tuple[Call, ...] = ()
     phase: str = ""
     frame_number: int | None = None
     dropped: int = 0

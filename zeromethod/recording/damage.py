@@ -30,8 +30,9 @@ KINDS = {
     "presentation_log": ("row of the presentation log", "rows of the presentation log"),
     "drops": ("drop's row", "drops' rows"),
     "notes": ("note", "notes"),
+    "calls": ("call's row", "calls' rows"),
 }
-"""Words for one item of a group, and for several; the last five are tables alone."""
+"""Words for one item of a group, and for several; the last six are tables alone."""
 
 
 _ROUGH, _SIGMAS = 0.5, 5.0

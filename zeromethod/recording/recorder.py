@@ -139,6 +139,11 @@ class Recorder(AbstractContextManager["Recorder"]):
             return RecorderStatus()
 
     @property
+    def path(self) -> Path:
+        """The file."""
+        return self._path
+
+    @property
     def unkept(self) -> int:
         """Frames whose arrays are not in the file although `keep` asks for them."""
         with self._changed:

@@ -156,8 +156,6 @@ class Recording(AbstractContextManager["Recording"]):
         with self._source.silence():
             return self.tables.leave_out(contrary_peaks(self, among))
 
-    # About the recording
-
     @property
     def complete(self) -> bool:
         """Whether it was ended in order; false while it is being written, or where it was cut off."""
@@ -240,6 +238,11 @@ class Recording(AbstractContextManager["Recording"]):
         return self.tables.rows("notes")
 
     @property
+    def calls(self) -> Image:
+        """Methods called during the run: a structured array of `zeromethod.recording.schema.CALLS`."""
+        return self.tables.calls()
+
+    @property
     def seconds(self) -> float:
         """From the first step to the last, s of the run's clock."""
         steps = self.steps
@@ -263,8 +266,7 @@ class Recording(AbstractContextManager["Recording"]):
 
     def row(self, step: int) -> Any:
         """Row of `steps`; None where there is none of that number."""
-        numbers = self.steps["number"]
-        index = int(np.searchsorted(numbers, step))
+        index = int(np.searchsorted(numbers := self.steps["number"], step))
         return self.steps[index] if index < len(numbers) and numbers[index] == step else None
 
     def _arrays(self, group: str, step: int, *names: str) -> list[Any] | None:
@@ -327,7 +329,7 @@ class Recording(AbstractContextManager["Recording"]):
                 return None
             return unknown_surface(self.grid.shape, self.row(step))
         *floats, valid, contact, mask, about = found
-        values = {name: array.astype(np.float64) for name, array in zip(names, floats, strict=True)}
+        values = {name: one.astype(np.float64) for name, one in zip(names, floats, strict=True)}
         sigma_mm, tail_mm = float(about["anchor_sigma_mm"]), float(about["anchor_tail_mm"])
         anchor = Anchor(self.tables.anchor(int(about["anchor"])), mask, sigma_mm, tail_mm)
         at_ns, count = int(about["time_ns"]), int(about["iterations"])
@@ -338,8 +340,7 @@ class Recording(AbstractContextManager["Recording"]):
     def zero(self, step: int) -> Float | None:
         """(rows, cols, 2) LCD px, the zero from which `measured` of this step starts; None for the rig's."""
         steps = self._numbers("zeros")
-        index = int(np.count_nonzero(steps <= step)) - 1
-        if index < 0:
+        if (index := int(np.count_nonzero(steps <= step)) - 1) < 0:
             return None
         found = self._source.items("zeros", index, ("q",))
         if not found or steps.min() < 0:

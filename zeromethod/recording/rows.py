@@ -10,6 +10,7 @@ import numpy as np
 
 from zeromethod.arrays import Float, Image
 from zeromethod.contact import Contact, evenly
+from zeromethod.loop.call import Call
 from zeromethod.loop.drawing import Drawn
 from zeromethod.loop.step import Step
 from zeromethod.recording.contact_images import tiles
@@ -79,6 +80,7 @@ class Rows:
         number, time_ns = self._last = step.number, step.time_ns
         rows = [self._step(step)]
         rows += [self.note(words) for words in step.notes]
+        rows += [self._call(step, call) for call in step.calls]
         if status_note is not None:
             rows.append(self.note(status_note))
         rows += self._drops(waiting)
@@ -122,6 +124,9 @@ class Rows:
         name = "contact_images/table"
         for tile in tiles(contact):
             yield self._row(name, *self._fields(name, {"step": step, **tile}))
+
+    def _call(self, step: Step, call: Call) -> Item:
+        return self._row("calls/table", *self._fields("calls/table", {"step": step.number}, call, step))
 
     def note(self, words: str) -> Item:
         """Row of a message to the operator, at the last step."""

@@ -151,6 +151,15 @@ NOTES: Fields = {
     "text": ("S240", "", "message to the operator"),
 }
 
+CALLS: Fields = {
+    "step": ("i8", "", "step in which it was carried out, before its frame was measured"),
+    "time_ns": ("i8", "ns", "time of that step"),
+    "method": ("S24", "", "name of the method (docs/page.md)"),
+    "arguments": ("S400", "", "its arguments, JSON"),
+    "source": ("S16", "", "who called: terminal, page, http, socket or python"),
+    "outcome": ("S160", "", "done, or why it was refused"),
+}
+
 READINGS: Fields = {
     "time_ns": ("i8", "ns", "mid-exposure of the frame that it was read from"),
     "iterations": ("i4", "", "ray-surface intersections taken until depth settled"),
@@ -167,9 +176,10 @@ TABLES: Mapping[str, tuple[Fields, str]] = {
     "contact_images": (CONTACT_IMAGES, "what touches as an image, one row per tile, where surfaces are kept"),
     "drops": (DROPS, "frames that are not in this file"),
     "notes": (NOTES, "messages to the operator"),
+    "calls": (CALLS, "methods that a person or a program called during the run"),
 }
 
-LATER = frozenset({"contacts", "contact_images"})
+LATER = frozenset({"contacts", "contact_images", "calls"})
 """Tables that files of this format may lack."""
 
 _WHY = "why a node is not to be trusted: bits named in the attribute `flags`; 0 = valid"

@@ -11,6 +11,7 @@ from zeromethod.recording.opening import Refusal, RefusedRecording
 from zeromethod.recording.peaks import peak_table
 from zeromethod.recording.schema import (
     ANCHORS,
+    CALLS,
     CONTACT_IMAGES,
     CONTACTS,
     EVENTS,
@@ -70,6 +71,12 @@ class Tables:
         if "contact_images/table" not in self._source.names:
             return np.zeros(0, row_dtype(CONTACT_IMAGES))
         return self.rows("contact_images")
+
+    def calls(self) -> Image:
+        """Rows of the table of calls; none where the file has no such table."""
+        if "calls/table" not in self._source.names:
+            return np.zeros(0, row_dtype(CALLS))
+        return self.rows("calls")
 
     def damaged_steps(self, name: str) -> set[int]:
         """Steps whose row of "steps" or "peaks" is left out, as far as it still says which step it is of."""

@@ -20,17 +20,18 @@ from zeromethod.control.stability_margin import margin_words, stability_margin
 from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
+from zeromethod.loop.call import Call
 from zeromethod.loop.events import Event
 from zeromethod.loop.loop import Loop
 from zeromethod.loop.state import NULLED, READ, State
 from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
-from zeromethod.recording.status import LOST, Condition
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
-from zeromethod.session.outputs import Record, StepPublisher, publishing, recorder_of
+from zeromethod.session.outputs import Record, StepPublisher, publishing
 from zeromethod.session.reading import StepReader, rms_nm, timed, warm_up_warp, with_reading
 from zeromethod.session.result import RunResult
+from zeromethod.session.run_recording import RunRecording
 from zeromethod.session.summary import Figures, summarise
 from zeromethod.session.surfaces import Surfaces
 from zeromethod.session.trust import is_readable, with_stated_geometry
@@ -106,24 +107,25 @@ class Session:
             )
             self.loop.doubt = doubt
             stack.callback(self.loop.close)
-            self._recorder = recorder_of(record, self.rig, self.loop)
-            stack.callback(self._end_recording)
             self._grid: NodeGrid = self.loop.grid
-            self._surfaces = Surfaces(self.rig, self._optics, self._grid)
-            self._contacts = ContactFinder(self.rig, self._optics, self._grid)
-            self._uneven = UnevenRest(self.loop.q_rest)
-            self._lamp = Lamp(self._grid) if self.rig.control.lamp else None
-            self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
             self._truth: TruthSource | None = truth_of(self._devices.camera)
-            self._scenario = script_of(self._devices.camera)
-            self._phases = frozenset(one.name for one in (self._scenario.phases if self._scenario else ()))
-            self._recording = Condition.ALL_KEPT
-            self._unsteady = False
-            self._steps: Generator[Step] | None = None
-            self._reads_apart = self._closed = False
             usable = usable_nodes(self._optics, self._grid, AT_REST)[self._grid.inner]
             share = float(np.mean(usable))
             self.result = RunResult(self.rig, self.loop.gl_renderer, share, self.loop.rest, self._truth)
+            self.recording = RunRecording(record, self.rig, self.loop)
+            stack.callback(self._end_recording)
+            self._surfaces = Surfaces(self.rig, self._optics, self._grid)
+            self._contacts = ContactFinder(self.rig, self._optics, self._grid)
+            self._touched: tuple[Contact, ...] = ()
+            self._uneven = UnevenRest(self.loop.q_rest)
+            self._lamp = Lamp(self._grid) if self.rig.control.lamp else None
+            self._publisher = stack.enter_context(publishing(publisher, self._devices.clock))
+            self._scenario = script_of(self._devices.camera)
+            self._phases = frozenset(one.name for one in (self._scenario.phases if self._scenario else ()))
+            self._calls: list[Call] = []
+            self._unsteady = False
+            self._steps: Generator[Step] | None = None
+            self._reads_apart = self._closed = False
             self._closing = stack.pop_all()
 
     def __enter__(self) -> Session:
@@ -234,8 +236,9 @@ class Session:
                 for each in steps:
                     step = replace(each, phase=self._phase(each.time_ns), readable=is_readable(each))
                     reading.post(step if step.readable else replace(step, measured=None))
-                    if self._recorder is not None:
-                        self._recorder.add_step(step)
+                    self.recording.poll()
+                    step = replace(step, calls=self._taken_calls())
+                    self.recording.add_step(step)
                     step = replace(step, notes=step.notes + self._notes())
                     self.result.add(step.figures)
                     yield with_reading(step, self._collect(reading))
@@ -247,20 +250,31 @@ class Session:
         self.result.interrupted = True
         self.loop.stop()
 
+    def note_call(self, call: Call) -> None:
+        """Keep a call of a method with the step that ends next; to be called in the loop's thread.
+
+        Parameters
+        ----------
+        call : Call
+            What was called, and what became of it.
+        """
+        self._calls.append(call)
+
+    def _taken_calls(self) -> tuple[Call, ...]:
+        calls, self._calls = tuple(self._calls), []
+        return calls
+
     def _post_end(self, reading: StepReader) -> None:
         """Whoever follows the run learns how it ended."""
         self.result.dropped_refreshes = dropped_refreshes_of(self._devices.display)
         if self.loop.ended is not None:
             reading.post(self.loop.ended)
-            if self._recorder is not None:
-                self._recorder.add_step(self.loop.ended)
+            self.recording.add_step(replace(self.loop.ended, calls=self._taken_calls()))
 
     def _end_recording(self) -> None:
         """Write what waits still; what was lost stands in the result."""
-        if self._recorder is not None:
-            self._recorder.close()
-            status = self._recorder.status
-            self.result.recording, self.result.recording_lost = str(status), status.condition in LOST
+        self.recording.close()
+        self.result.recording, self.result.recording_lost = self.recording.trouble
 
     def _read(self, step: Step) -> Step:
         """Read one step; in real time in a thread of its own."""
@@ -310,8 +324,7 @@ class Session:
             curl = newest.surface.curl if newest.surface is not None else None
             if curl is not None and curl.moved and newest.state in NULLED:
                 self.loop.bench.report(curl, newest.time_ns)
-            if self._recorder is not None:
-                self._recorder.add_reading(newest)
+            self.recording.add_reading(newest)
             self.result.keep(newest, self._phases)
         return newest
 
@@ -320,14 +333,7 @@ class Session:
 
     def _notes(self) -> tuple[str, ...]:
         """Notes of everything but the loop itself."""
-        return self._delay_note() + self._recording_note() + self._surfaces.notes()
-
-    def _recording_note(self) -> tuple[str, ...]:
-        """What the operator should know of the recording, when that changes."""
-        if self._recorder is None or self._recorder.status.condition is self._recording:
-            return ()
-        self._recording = self._recorder.status.condition
-        return (self._recorder.status.note,)
+        return self._delay_note() + self.recording.notes() + self._surfaces.notes()
 
     def _delay_note(self) -> tuple[str, ...]:
         """What the coded strips say of the delay, and what that leaves of stability; shown once."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -13,6 +14,7 @@ from rich.table import Column
 from zeromethod.contact import ContactFigures
 from zeromethod.loop.state import State
 from zeromethod.loop.step import Step
+from zeromethod.operating.lasting import LastingState
 
 STATE_COLOURS = {
     State.LOCKED: "#2e9e5b",
@@ -36,31 +38,9 @@ EXPLAINED = frozenset(
         State.COVERED,
         State.LOST,
         State.FAULT,
-        State.PAUSED,
     }
 )
 """States whose reason is shown in place of the figures."""
-
-
-LASTING_S = {State.HOLDING: 0.3}
-"""How long a state must have lasted before it is shown, of the run's clock: a single frame that may not be
-used comes now and then, and would only flash. Others are shown at once."""
-
-
-class LastingState:
-    """The state to show: the newest one that has lasted long enough. What is recorded is not its business."""
-
-    def __init__(self) -> None:
-        self._newest, self._since_s = State.STARTING, 0.0
-        self.shown = State.STARTING
-
-    def see(self, state: State, time_s: float) -> State:
-        """Take in the state of a step; the one to show."""
-        if state is not self._newest:
-            self._newest, self._since_s = state, time_s
-        if time_s - self._since_s >= LASTING_S.get(state, 0.0):
-            self.shown = state
-        return self.shown
 
 
 def contact_words(touching: Sequence[ContactFigures]) -> str:
@@ -107,18 +87,22 @@ class LiveStatus:
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
 
-    def update(self, step: Step, done_frames: int) -> None:
-        """Show the newest frame."""
-        for note in step.notes:
+    def say(self, *notes: str) -> None:
+        """Print notes above the line, and where there is no terminal."""
+        for note in notes:
             self._console.print(
                 f"note: {note}", style="yellow", markup=False, highlight=False, soft_wrap=True
             )
+
+    def update(self, step: Step, done_frames: int, values: Mapping[str, Any] | None = None) -> None:
+        """Show the newest frame. values: of the run (`zeromethod.operating.run_table`), where there are."""
+        self.say(*step.notes)
         if step.peak is not None:
             self._peak_mm = step.peak.depth_mm
             self._touching = contact_words(step.touching)
         state = self._lasting.see(step.state, step.time_s)
         if state is step.state:
-            self._figures = step.reason if state in EXPLAINED else self._measured(step)
+            self._figures = step.reason if state in EXPLAINED else self._measured(step, values or {})
         self._progress.update(
             self._task,
             completed=done_frames if self._unit == "frames" else step.time_s,
@@ -126,15 +110,20 @@ class LiveStatus:
             figures=escape(self._figures),
         )
 
-    def _measured(self, step: Step) -> str:
+    def _measured(self, step: Step, values: Mapping[str, Any]) -> str:
         """The figures that are known, or what is waited for."""
         parts = [step.phase] if step.phase else []
         if self._peak_mm is not None:
-            parts.append(f"peak {1e3 * self._peak_mm:.2f} µm{'' if step.calibrated else ' (relative)'}")
+            sigma_mm = values.get("peak_sigma_mm")
+            sigma = "" if sigma_mm is None else f" ± {1e3 * sigma_mm:.2f}"
+            relative = "" if step.calibrated else " (relative)"
+            parts.append(f"peak {1e3 * self._peak_mm:.2f}{sigma} µm{relative}")
         if self._touching:
             parts.append(self._touching)
         if math.isfinite(step.residual_rms_px):
             parts.append(f"residual {step.residual_rms_px:.3f} px  valid {100 * step.valid_share:.1f} %")
+            if (rate_hz := values.get("loop_rate_hz")) is not None:
+                parts.append(f"{rate_hz:.0f} Hz  {values['dropped']} dropped")
             parts.append(f"loop {step.loop_ms:.1f} ms")
         elif self._peak_mm is None:
             parts.append("waiting for a frame that shows the pattern")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -12,6 +13,7 @@ import numpy as np
 
 from zeromethod.errors import InputError
 from zeromethod.loop.assembly import make_circle
+from zeromethod.loop.call import DONE
 from zeromethod.loop.circle import Circle, FrameResult
 from zeromethod.loop.frame_check import own
 from zeromethod.loop.state import READ
@@ -162,7 +164,7 @@ def replay_from_frames(
 def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tuple[Any, FrameResult]]:
     """Rows of the steps that reached the circle up to the window's end, and what it makes of them."""
     presentations, shown = recording.presentation_log, 0
-    referenced = False
+    referenced, gains = False, _gains(recording)
     lost = min(recording.tables.damaged_steps("steps"), default=None)
     dark = recording.tables.first_unknown_picture()
     for row in recording.steps:
@@ -187,6 +189,8 @@ def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tup
                 at_s = 1e-9 * (int(row["time_ns"]) - window.start_ns)
                 damage = f"the frame of step {step} ({at_s:.3f} s) {why}"
                 raise InputError(_ends_at(recording, window, step, damage))
+            for gain in gains.pop(step, ()):
+                circle.controller.set_gain(gain)
             taken = circle.take(own(frame), bool(row["frozen"]))
         if not referenced and recording.state_of(row) in READ:
             referenced = True
@@ -194,6 +198,19 @@ def _taken(recording: Recording, circle: Circle, window: Window) -> Iterator[tup
                 circle.take_reference(taken)
         if taken is not None:
             yield row, taken
+
+
+def _gains(recording: Recording) -> dict[int, list[float]]:
+    """Gains that were set during the run, by the step from which they held."""
+    frames = recording.steps["number"][recording.steps["sensed"]]
+    found: dict[int, list[float]] = {}
+    for row in recording.tables.calls():
+        if bytes(row["method"]) == b"gain" and bytes(row["outcome"]) == DONE.encode():
+            at = int(np.searchsorted(frames, row["step"]))
+            if at < len(frames):
+                value = float(json.loads(row["arguments"])["value"])
+                found.setdefault(int(frames[at]), []).append(value)
+    return found
 
 
 def _present(recording: Recording, window: Window, index: int, circle: Circle) -> None:

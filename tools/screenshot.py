@@ -1,0 +1,62 @@
+"""Make the picture of the operator's page: a simulated press, seen by a headless browser.
+
+python tools/screenshot.py docs/images/page.png
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+WIDTH, HEIGHT = 1280, 800
+RUN = ("run", "--scenario", "ball", "--seconds", "600", "--view", "127.0.0.1:0")
+SHOWN_S = 0.9
+"""Time of the run's clock at which the press is held."""
+
+
+COLOURS = 200
+"""Of the picture's palette, which keeps the file small."""
+
+
+def shoot(path: Path) -> None:
+    """Run, look, and write the picture."""
+    chromium = next((found for name in ("chromium", "google-chrome") if (found := shutil.which(name))), None)
+    if chromium is None:
+        sys.exit("no chromium is installed: sh tools/system-packages.sh test installs it")
+    command = [sys.executable, "-m", "zeromethod", *RUN]
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as run,
+        sync_playwright() as playwright,
+    ):
+        assert run.stderr is not None
+        url = next(found[1] for line in run.stderr if (found := re.match(r"view: (\S+)", line)))
+        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=chromium, args=arguments)
+        page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light")
+        page.goto(url)
+        until_s = time.monotonic() + 120
+        while not (page.evaluate("zeromethod.values.time_s") or 0) >= SHOWN_S:
+            if time.monotonic() > until_s:
+                sys.exit("the run did not come so far within two minutes")
+            page.wait_for_timeout(50)
+        page.screenshot(path=str(path))
+        browser.close()
+        run.terminate()
+    with Image.open(path) as picture:
+        few = picture.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    few.save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("one file name is wanted: python tools/screenshot.py docs/images/page.png")
+    shoot(Path(sys.argv[1]))

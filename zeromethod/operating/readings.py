@@ -1,0 +1,171 @@
+"""The values of a run as of its newest step, and the rows of its history."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from zeromethod.loop.step import Step
+from zeromethod.operating.advice import ADVICE, FRESH
+from zeromethod.operating.lasting import LastingState
+from zeromethod.operating.rates import Rate
+from zeromethod.session.session import Session
+from zeromethod.surface import Surface
+
+HISTORY = (
+    "time_s",
+    "peak_mm",
+    "peak_sigma_mm",
+    "residual_px",
+    "loop_rate_hz",
+    "delay_ms",
+    "dropped",
+    "force_normal_n",
+)
+"""Columns of the history, one row per step."""
+
+_KEPT_ROWS = 4096
+"""Rows that wait to be taken; older ones are left out where nobody takes them."""
+
+
+def number(value: float | None) -> float | None:
+    """A number as JSON has it: None where it is not known."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def median_sigma_um(surface: Surface) -> float | None:
+    """Standard deviation of depth, median over some of the valid nodes, µm."""
+    sigma_mm = surface.sigma_depth_mm[::4, ::4][surface.valid[::4, ::4]]
+    return number(1e3 * float(np.median(sigma_mm))) if sigma_mm.size else None
+
+
+class Readings:
+    """Follows the steps of a session, in its thread; `values` may be asked for in any other."""
+
+    def __init__(self, session: Session, calibration: str = "") -> None:
+        """calibration: in words, "" for none."""
+        self._session = session
+        self._loops, self._reads = Rate(), Rate()
+        self._rows: deque[tuple[float | int | None, ...]] = deque(maxlen=_KEPT_ROWS)
+        self._lasting = LastingState()
+        depth = session.rig.geometry.depth
+        percent = 100 * math.sqrt(sum(mode[0] ** 2 for mode in depth)) if depth else None
+        self._fixed: dict[str, Any] = {
+            "calibration": calibration or _geometry_words(session.rig.geometry.known),
+            "calibration_sigma_percent": percent,
+            "simulated_time": not session.loop.live,
+            "force_normal_n": None,
+            "force_shear_n": None,
+        }
+        self._peak: dict[str, Any] = dict.fromkeys(
+            (
+                *("peak_mm", "peak_sigma_mm", "peak_x_mm", "peak_y_mm", "peak_x_sigma_mm", "peak_y_sigma_mm"),
+                *("peak_where", "peak_time_s", "depth_sigma_um", "latency_ms"),
+            )
+        )
+        self._peak["contacts"] = []
+        self._frame: dict[str, Any] = {"frame": None, "exposure_ms": None, "delay_ms": None}
+        self._newest = self._values(None)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Every value of `zeromethod.operating.run_table`, as of the newest step; not to be changed."""
+        return self._newest
+
+    def take_rows(self) -> list[tuple[float | int | None, ...]]:
+        """Rows of the history since the last call, in `HISTORY`'s columns."""
+        rows = []
+        while self._rows:
+            rows.append(self._rows.popleft())
+        return rows
+
+    def see(self, step: Step) -> tuple[str, ...]:
+        """Take in a step of the session; what happened that a person should know, one line each."""
+        if step.sensed:
+            self._loops.note(step.time_s)
+        if step.surface is not None and step.peak is not None:
+            self._read(step, step.surface)
+        if step.frame_number is not None:
+            self._frame = {
+                "frame": step.frame_number,
+                "exposure_ms": number(1e-6 * step.exposure_ns),
+                "delay_ms": number(step.delay_ms) or self._frame["delay_ms"],
+            }
+        values = self._newest = self._values(step)
+        self._rows.append(tuple(values[name] for name in HISTORY))
+        before = self._lasting.shown
+        shown = self._lasting.see(step.state, step.time_s)
+        reason = step.reason.removeprefix(f"{shown}: ") if shown is step.state else ""
+        words = f"{shown}: {reason}" if reason else str(shown)
+        return ((words,) if shown is not before else ()) + step.notes
+
+    def _read(self, step: Step, surface: Surface) -> None:
+        peak = step.peak
+        assert peak is not None
+        at_s = step.time_s - 1e-9 * (step.time_ns - surface.time_ns)
+        self._reads.note(at_s)
+        self._peak = {
+            "peak_mm": number(peak.depth_mm),
+            "peak_sigma_mm": number(peak.sigma_mm),
+            "peak_x_mm": number(peak.x_mm),
+            "peak_y_mm": number(peak.y_mm),
+            "peak_x_sigma_mm": number(peak.sigma_x_mm),
+            "peak_y_sigma_mm": number(peak.sigma_y_mm),
+            "peak_where": peak.where.value,
+            "peak_time_s": max(at_s, 0.0),
+            "depth_sigma_um": median_sigma_um(surface),
+            "latency_ms": number(step.latency_ms),
+            "contacts": [
+                {key: number(value) if isinstance(value, float) else value for key, value in each.items()}
+                for each in map(asdict, step.touching)
+            ],
+        }
+
+    def _values(self, step: Step | None) -> dict[str, Any]:
+        session, loop = self._session, self._session.loop
+        recording = session.recording
+        if step is None:
+            status = loop.status
+            stepped: dict[str, Any] = {"state": status.state.value, "reason": status.reason, "phase": ""}
+            stepped |= {"time_s": 0.0, "step": 0, "calibrated": not session.rig.geometry.relative}
+            stepped |= {"residual_px": None, "valid_share": None, "loop_ms": None}
+            state, now_s = status.state, 0.0
+        else:
+            state, now_s = step.state, step.time_s
+            sensed = math.isfinite(step.residual_rms_px)
+            stepped = {
+                "state": state.value,
+                "reason": step.reason,
+                "phase": step.phase,
+                "time_s": step.time_s,
+            }
+            stepped |= {"step": step.number, "calibrated": step.calibrated}
+            stepped |= {
+                "residual_px": number(step.residual_rms_px),
+                "valid_share": number(step.valid_share) if sensed else None,
+                "loop_ms": number(step.loop_ms),
+            }
+        return {
+            **stepped,
+            **self._fixed,
+            **self._peak,
+            **self._frame,
+            "advice": ADVICE[state],
+            "fresh": state in FRESH,
+            "loop_rate_hz": self._loops.at(now_s),
+            "read_rate_hz": self._reads.at(now_s),
+            "dropped": session.result.dropped,
+            "paused": loop.paused,
+            "gain": loop.adjust.gain,
+            "contrast": loop.adjust.target.contrast,
+            "recording": "" if recording.path is None else recording.path.name,
+            "recording_trouble": recording.words,
+        }
+
+
+def _geometry_words(known: str) -> str:
+    return {"nominal": "not calibrated", "exact": "exact (a simulated bench)"}.get(known, known)

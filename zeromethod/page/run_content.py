@@ -1,0 +1,105 @@
+"""The newest of a run as viewers are shown it: picture, maps, outlines, values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from zeromethod.clock import Clock
+from zeromethod.loop.step import Step
+from zeromethod.operating.readings import Readings, number
+from zeromethod.page.message import Content
+from zeromethod.page.process import host_time_ns
+from zeromethod.sensing.residual import Residual
+from zeromethod.surface import Surface
+from zeromethod.warp.grid import NodeGrid
+
+NOT_READ, MEASURED, CUT_OFF, CARRIED_IN, DARK = range(5)
+"""Kinds of node: without depth; measured; tied to the others over a gap only; inside a contact, not measured;
+without light."""
+
+
+@dataclass(frozen=True)
+class RunContent:
+    """Composes contents of the newest step, and of the newest one that was read."""
+
+    readings: Readings
+    clock: Clock
+    newest: Step | None
+    read: Step | None
+    live: bool
+    bits: int
+    lattice: dict[str, Any]
+
+    def compose(self, parts: frozenset[str]) -> Content:
+        """Content with these parts; without an image or a surface, its values alone."""
+        arrays: dict[str, dict[str, Any]] = {}
+        meta: dict[str, dict[str, Any]] = {}
+        step, read = self.newest, self.read
+        unix_ns = 0
+        if step is not None:
+            if self.live:
+                unix_ns = host_time_ns(step.time_ns, self.clock.now_ns())
+            if "camera" in parts and step.image is not None:
+                arrays["camera"] = {"image": step.image}
+                meta["camera"] = {"step": step.number, "time_s": step.time_s, "bits": self.bits}
+            if "residual" in parts and step.residual is not None:
+                arrays["residual"], meta["residual"] = residual_maps(step.residual, step.number)
+                meta["residual"]["lattice"] = self.lattice
+            if "lcd" in parts:
+                arrays["lcd"] = {"q": np.ascontiguousarray(step.commanded.q, np.float32)}
+                meta["lcd"] = {"step": step.number}
+        if read is not None and read.surface is not None and "surface" in parts:
+            arrays["surface"], meta["surface"] = surface_maps(read.surface)
+            meta["surface"] |= {
+                "lattice": self.lattice,
+                "time_s": self.readings.values["peak_time_s"],
+                "outlines": [
+                    {"id": one.id, "px": np.round(one.outline_px, 1).tolist()} for one in read.contacts
+                ],
+                "peak_node": _peak_node(read.surface, read.peak),
+            }
+        return Content(self.readings.values, self.readings.take_rows(), unix_ns, arrays, meta)
+
+
+def lattice_of(grid: NodeGrid) -> dict[str, Any]:
+    """Where the nodes are in the camera's picture, px: the first one, their spacing, the picture's size."""
+    rows, columns = grid.image_shape
+    return {
+        "first": [float(grid.u_px[0]), float(grid.v_px[0])],
+        "spacing": grid.spacing_px,
+        "image": [columns, rows],
+    }
+
+
+def residual_maps(residual: Residual, step: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Length of the residual per node, camera px."""
+    length = np.hypot(residual.d[..., 0], residual.d[..., 1]).astype(np.float32)
+    return {"length": np.where(residual.flags == 0, length, np.nan)}, {"step": step}
+
+
+def surface_maps(surface: Surface) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Depth and its sigma, mm, slope, rad, and place, mm, per node, and what kind of node it is."""
+    depth, kind = surface.depth_mm.copy(), np.where(surface.valid, MEASURED, NOT_READ).astype(np.uint8)
+    sigma = surface.sigma_depth_mm.copy()
+    kind[surface.contact & ~surface.valid & surface.on_mirror] = DARK
+    for part, name in ((surface.cut_off, CUT_OFF), (surface.inside, CARRIED_IN)):
+        if part is not None:
+            own = part.valid & ~surface.valid
+            depth[own], sigma[own], kind[own] = part.depth_mm[own], part.sigma_depth_mm[own], name
+    unknown = (kind == DARK) | (kind == NOT_READ)
+    depth[unknown] = sigma[unknown] = np.nan
+    maps = {"depth": depth, "sigma": sigma, "slope": surface.slope, "x": surface.x_mm, "y": surface.y_mm}
+    arrays = {key: np.ascontiguousarray(values, np.float32) for key, values in maps.items()}
+    return arrays | {"kind": kind}, {}
+
+
+def _peak_node(surface: Surface, peak: Any) -> list[float] | None:
+    """(column, row) of the node nearest to the peak."""
+    if peak is None or number(peak.x_mm) is None:
+        return None
+    away = (surface.x_mm - peak.x_mm) ** 2 + (surface.y_mm - peak.y_mm) ** 2
+    row, column = np.unravel_index(int(np.nanargmin(away)), away.shape)
+    return [int(column), int(row)]

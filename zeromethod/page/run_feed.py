@@ -1,0 +1,39 @@
+"""What a run gives its page: steps as they come, and the surfaces read from them."""
+
+from __future__ import annotations
+
+from zeromethod.clock import Clock
+from zeromethod.loop.step import Step
+from zeromethod.operating.readings import Readings
+from zeromethod.page.message import Content, Said
+from zeromethod.page.process import PageProcess
+from zeromethod.page.run_content import RunContent, lattice_of
+from zeromethod.session.session import Session
+
+
+def starting(words: str) -> Content:
+    """Content while a run starts: what it is doing."""
+    values = {"state": "starting", "reason": words, "advice": "", "fresh": False}
+    return Content(values)
+
+
+class RunFeed:
+    """Hands the newest step of a session, and the newest that was read, to its page."""
+
+    def __init__(self, page: PageProcess, session: Session, readings: Readings, clock: Clock) -> None:
+        self._page, self._readings, self._clock = page, readings, clock
+        self._live, self._bits = session.loop.live, session.rig.camera.bits
+        self._lattice = lattice_of(session.loop.grid)
+        self._read: Step | None = None
+        page.draw_by((session.rig, session.loop.rest))
+
+    def see(self, step: Step, said: tuple[str, ...]) -> None:
+        """Show a step, and what happened in it."""
+        self._page.time_s = step.time_s
+        if step.surface is not None:
+            self._read = step
+        for words in said:
+            self._page.say(Said("state" if words.startswith(f"{step.state}") else "note", words, step.time_s))
+        run = self._readings, self._clock, step, self._read, self._live, self._bits, self._lattice
+        newest = RunContent(*run)
+        self._page.offer(newest.compose)

@@ -1,0 +1,227 @@
+// The depth map with its section line, the point that was clicked, and the plots of both.
+
+import { DEPTH, SMALL, ink } from "/static/colours.js";
+import { MapView, Scale } from "/static/mapview.js";
+import { plot } from "/static/plots.js";
+
+const $ = (id) => document.getElementById(id);
+const GRIP_PX = 12;
+const SAMPLES = 160;
+
+export class DepthPanel {
+  constructor() {
+    this.scales = { depth: new Scale(2), sigma: new Scale(0.02, true) };
+    this.view = new MapView($("depth-canvas"), $("depth-bar"), DEPTH, this.scales.depth, { name: "mm", factor: 1e-3 });
+    this.surface = this.sigma = this.place = null;
+    this.line = null; // two nodes, [column, row] each
+    this.placed = false;
+    this.probe = null;
+    this.history = [[], [], []];
+    this.section = plot($("section-plot"), "mm", [
+      { label: "depth, µm", stroke: "--accent", width: 1.5 },
+      { label: "2 sigma below", stroke: "--soft", dash: [3, 3] },
+      { label: "2 sigma above", stroke: "--soft", dash: [3, 3] },
+    ]);
+    this.point = plot($("point-history"), "s", [{ label: "depth, µm", stroke: "--accent", width: 1.5 }]);
+    this.listen();
+  }
+
+  get kind() {
+    return $("map-kind").value;
+  }
+
+  listen() {
+    const canvas = this.view.canvas;
+    let grip = -1, moved = false;
+    canvas.addEventListener("pointerdown", (event) => {
+      if (!this.surface) return;
+      canvas.setPointerCapture(event.pointerId);
+      grip = this.gripAt(event);
+      moved = false;
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!event.buttons || !this.surface || !this.line) return;
+      moved = true;
+      if (grip >= 0) {
+        this.line[grip] = this.view.node(event);
+        this.placed = true;
+      }
+      this.paint();
+    });
+    canvas.addEventListener("pointerup", (event) => {
+      if (this.surface && grip < 0 && !moved) this.choose(this.view.node(event).map(Math.round));
+      grip = -1;
+    });
+    for (const id of ["map-kind", "contours"]) $(id).addEventListener("change", () => this.show());
+    $("hold-scale").addEventListener("click", () => this.holdScale());
+  }
+
+  holdScale() {
+    const held = !this.scales.depth.held;
+    for (const scale of Object.values(this.scales)) scale.held = held;
+    $("hold-scale").setAttribute("aria-pressed", held);
+  }
+
+  choose(node) {
+    this.probe = node;
+    this.history = [[], []];
+    document.querySelector('[data-tab="point-plot"]').click();
+    this.paint();
+  }
+
+  clear() {
+    this.probe = null;
+    $("point").textContent = "";
+    this.paint();
+  }
+
+  gripAt(event) {
+    const box = this.view.canvas.getBoundingClientRect(), scale = this.view.canvas.width / box.width;
+    return (this.line ?? []).findIndex((end) => {
+      const [x, y] = this.view.onCanvas(end);
+      return Math.hypot(x / scale - (event.clientX - box.left), y / scale - (event.clientY - box.top)) < GRIP_PX;
+    });
+  }
+
+  take(parts, lattice) {
+    if (parts.surface) this.surface = { ...parts.surface, values: parts.surface.maps.depth.values, ...lattice };
+    if (parts.sigma) this.sigma = { ...parts.sigma, values: parts.sigma.maps.sigma.values, ...lattice };
+    if (parts.place) this.place = { x: parts.place.maps.x.values, y: parts.place.maps.y.values };
+    if (this.surface && !this.placed) {
+      // through the peak, until somebody drags it
+      const [rows, columns] = this.surface.shape;
+      const row = (this.surface.peak_node ?? [0, rows / 2])[1];
+      this.line = [[0.08 * columns, row], [0.92 * columns, row]];
+    }
+    if (parts.surface) this.show();
+  }
+
+  show() {
+    const map = this.kind === "sigma" ? this.sigma : this.surface;
+    if (!map) return;
+    const scale = this.scales[this.kind];
+    scale.follow(map.values);
+    this.view.scale = scale;
+    this.view.colours = this.kind === "sigma" ? SMALL : DEPTH;
+    this.view.unit = this.kind === "sigma" ? { name: "µm", factor: 1 } : { name: "mm", factor: 1e-3 };
+    this.view.show(map);
+    this.paint();
+  }
+
+  paint() {
+    this.view.paint($("contours").checked);
+    if (!this.surface || !this.view.at) return;
+    const context = this.view.canvas.getContext("2d"), scale = this.view.canvas.width / this.view.canvas.clientWidth;
+    if (this.line) {
+      const [a, b] = this.line.map((end) => this.view.onCanvas(end));
+      for (const [colour, width] of [["#000", 3.5], ["#fff", 1.5]]) {
+        context.strokeStyle = colour;
+        context.lineWidth = width * scale;
+        context.beginPath();
+        context.moveTo(...a);
+        context.lineTo(...b);
+        context.stroke();
+      }
+      for (const [name, [x, y]] of [["A", a], ["B", b]]) {
+        context.fillStyle = "#fff";
+        context.beginPath();
+        context.arc(x, y, 7 * scale, 0, 7);
+        context.fill();
+        context.fillStyle = "#000";
+        context.font = `bold ${10 * scale}px system-ui, sans-serif`;
+        context.textAlign = "center";
+        context.textBaseline = "middle";
+        context.fillText(name, x, y);
+      }
+      context.textAlign = "left";
+    }
+    if (this.surface.peak_node) this.mark(context, this.surface.peak_node, "peak", scale);
+    if (this.probe) this.mark(context, this.probe, "point", scale);
+    const now = performance.now();
+    if (now - (this.sectioned ?? 0) > 200 || this.placed !== this.sectionedAt) {
+      this.sectioned = now;
+      this.sectionedAt = this.placed;
+      this.paintSection();
+    }
+  }
+
+  mark(context, node, words, scale) {
+    const [x, y] = this.view.onCanvas(node), arm = 6 * scale;
+    context.strokeStyle = "#fff";
+    context.lineWidth = 2 * scale;
+    context.strokeRect(x - arm / 2, y - arm / 2, arm, arm);
+    context.fillStyle = "#fff";
+    context.font = `${11 * scale}px system-ui, sans-serif`;
+    context.textBaseline = "middle";
+    context.fillText(words, x + arm, y - arm);
+  }
+
+  // Depth along the line, by the four nodes around each place on it.
+  paintSection() {
+    if (!this.place || !this.line || $("section-plot").hidden) return;
+    const [a, b] = this.line, along = [], depth = [], below = [], above = [];
+    let last = null, way = 0;
+    for (let s = 0; s <= SAMPLES; s++) {
+      const node = [a[0] + ((b[0] - a[0]) * s) / SAMPLES, a[1] + ((b[1] - a[1]) * s) / SAMPLES];
+      const x = this.at(this.place.x, node), y = this.at(this.place.y, node), value = this.at(this.surface.values, node);
+      if (!Number.isFinite(x) || !Number.isFinite(y)) continue;
+      if (last) way += Math.hypot(x - last[0], y - last[1]);
+      last = [x, y];
+      const spread = this.sigma ? 2 * this.at(this.sigma.values, node) : NaN;
+      const known = (v) => (Number.isFinite(v) ? v : null);
+      along.push(way);
+      depth.push(known(value));
+      below.push(known(value - spread));
+      above.push(known(value + spread));
+    }
+    this.section.set([along, depth, below, above]);
+    if (last) $("section-note").textContent = `A to B: ${way.toFixed(1)} mm`;
+  }
+
+  at(values, [column, row]) {
+    const [rows, columns] = this.surface.shape, i = Math.floor(column), j = Math.floor(row);
+    if (i < 0 || j < 0 || i + 1 >= columns || j + 1 >= rows) return NaN;
+    const s = column - i, t = row - j, k = j * columns + i;
+    return (1 - t) * ((1 - s) * values[k] + s * values[k + 1]) + t * ((1 - s) * values[k + columns] + s * values[k + columns + 1]);
+  }
+
+  takeProbe(probe) {
+    if (!probe || !this.probe) return;
+    const words = (value, digits, unit) => (value == null ? "not known" : `${value.toFixed(digits)} ${unit}`);
+    const rows = [
+      ["depth", words(probe.depth_um, 2, "µm")], ["sigma", words(probe.sigma_um, 3, "µm")],
+      ["slope x", words(probe.slope_x_mrad, 3, "mrad")], ["slope y", words(probe.slope_y_mrad, 3, "mrad")],
+      ["at", `${words(probe.x_mm, 2, "")}, ${words(probe.y_mm, 2, "mm")}`], ["node is", probe.kind],
+    ];
+    $("point").replaceChildren(...rows.map(([name, value]) => {
+      const box = document.createElement("div");
+      box.append(Object.assign(document.createElement("dt"), { textContent: name }));
+      box.append(Object.assign(document.createElement("dd"), { textContent: value }));
+      return box;
+    }));
+    const [times, depths] = this.history;
+    if (times.at(-1) !== probe.time_s) {
+      if (times.at(-1) > probe.time_s) this.history = [[], []];
+      this.history[0].push(probe.time_s);
+      this.history[1].push(probe.depth_um);
+      if (times.length > 3000) this.history.forEach((one) => one.shift());
+    }
+    if (!$("point-plot").hidden) this.point.set(this.history);
+  }
+}
+
+export class ResidualPanel {
+  constructor() {
+    this.view = new MapView($("residual-canvas"), $("residual-bar"), SMALL, new Scale(0.1, true), { name: "px", factor: 1 });
+  }
+  take(part, lattice) {
+    this.map = { ...part, values: part.maps.length.values, ...lattice };
+    this.view.scale.follow(this.map.values);
+    this.view.show(this.map);
+    this.paint();
+  }
+  paint() {
+    if (this.map && !$("residual-tab").hidden) this.view.paint(false);
+    else if (!this.map) ink("--soft");
+  }
+}

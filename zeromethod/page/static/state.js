@@ -1,0 +1,69 @@
+// The state in large letters, the figures beside it, and marks on what is not of now.
+
+const $ = (id) => document.getElementById(id);
+
+// shape and word say it, colour too
+const LOOKS = {
+  locked: ["●", "good"], resting: ["○", "good"], nulling: ["◐", "warn"], starting: ["◌", ""], holding: ["‖", "warn"],
+  paused: ["‖", "warn"], "not calibrated": ["△", "warn"], "bench moved": ["▲", "bad"], covered: ["◼", "warn"],
+  lost: ["✕", "bad"], fault: ["✖", "bad"], stopped: ["■", ""], done: ["✔", "good"], failed: ["✖", "bad"],
+};
+
+const FLASH_S = 0.3;
+let since = null, steady = null;
+
+// A single frame that may not be used comes now and then: what lasts less than 0.3 s is not shown.
+function lasting(values) {
+  if (values.state !== "holding" || !steady || values.time_s < since) {
+    since = values.time_s;
+    if (values.state !== "holding") steady = values;
+    return values;
+  }
+  return values.time_s - since < FLASH_S ? { ...values, state: steady.state, reason: steady.reason, fresh: true } : values;
+}
+
+export function showState(all) {
+  const values = lasting(all);
+  const [symbol, level] = LOOKS[values.state] ?? ["●", ""];
+  $("symbol").textContent = symbol;
+  document.body.dataset.level = level;
+  $("uncalibrated").hidden = values.calibrated !== false;
+  const held = values.fresh === false && values.state !== "starting";
+  document.body.classList.toggle("held", held);
+  const from = values.peak_time_s == null ? "" : ` since ${values.peak_time_s.toFixed(1)} s`;
+  for (const badge of document.querySelectorAll(".badge")) {
+    badge.hidden = !held;
+    badge.textContent = badge.closest("#camera") ? `${values.state}` : `not of now: held${from}`;
+  }
+}
+
+const set = (id, text) => {
+  if ($(id).textContent !== text) $(id).textContent = text;
+};
+const digits = (value, sigma) => (sigma > 0 ? Math.max(0, Math.min(3, -Math.floor(Math.log10(sigma)))) : 2);
+const fixed = (value, n) => (value == null ? "–" : value.toFixed(n));
+
+export function showFigures(values) {
+  const um = values.peak_mm == null ? null : 1e3 * values.peak_mm;
+  const sigma = values.peak_sigma_mm == null ? null : 1e3 * values.peak_sigma_mm;
+  const n = digits(um, sigma);
+  set("peak", fixed(um, n));
+  set("peak-sigma", sigma == null ? "" : `± ${sigma.toFixed(n)}${values.calibrated === false ? " (relative)" : ""}`);
+  set("peak-at", values.peak_x_mm == null ? "–" : `${values.peak_x_mm.toFixed(1)}, ${values.peak_y_mm.toFixed(1)}`);
+  set("depth-sigma", fixed(values.depth_sigma_um, 3));
+  set("force", values.force_normal_n == null ? "not measured yet" : `${values.force_normal_n.toFixed(3)} N`);
+  set("residual-rms", fixed(values.residual_px, 3));
+  set("rate", fixed(values.loop_rate_hz, 1));
+  set("delay", fixed(values.delay_ms, 1));
+  set("dropped", values.dropped == null ? "–" : String(values.dropped));
+  const stale = values.peak_time_s == null || values.time_s == null ? "" : `${Math.max(0, values.time_s - values.peak_time_s).toFixed(2)} s behind`;
+  set("depth-note", values.peak_where ? `peak ${values.peak_where}${values.time_s - values.peak_time_s > 0.5 ? `, ${stale}` : ""}` : "");
+}
+
+export { lasting };
+
+export function stale(is, words) {
+  document.body.classList.toggle("stale", is);
+  $("banner").hidden = !is;
+  $("banner").textContent = is ? `Not live: ${words}` : "";
+}
