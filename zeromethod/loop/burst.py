@@ -35,7 +35,7 @@ QUIET_LCD_PX, QUIET_SHARE, QUIET_FRAMES = 0.1, 0.9, 6
 """Where other nodes stay to within this, for so many of them, for so many frames, the mirror is at rest."""
 
 MOVED_LCD_PX = 0.15
-"""Rms change of the nodes around from which what was read is over."""
+"""Change of the nodes around, or of those inside that see the carrier, from which what was read is over."""
 
 CARRIED = 3.0
 """What the nodes inside may have moved by over what those around have."""
@@ -290,13 +290,15 @@ class Burst:
 
 
 def _moved2(measured: Warp, before: Float, sigma: Float, nodes: Mask) -> float:
-    """Mean square by which valid ones of some nodes have moved, beyond noise, LCD px^2; inf where too few."""
+    """Median square by which valid ones of some nodes have moved, beyond noise, LCD px^2; inf where too few.
+
+    A few that differ much are at the edge of what can be nulled.
+    """
     watched = nodes & measured.valid
     if np.count_nonzero(watched) < LEAST_NODES:
         return np.inf
     change2 = (measured.q[watched] - before[watched]) ** 2
-    # a few nodes that differ much are at the edge of what can be nulled, or the first that move
-    return max(float(np.mean(change2 - sigma[watched] ** 2)), 0.0)
+    return max(float(np.median(change2 - sigma[watched] ** 2)), 0.0)
 
 
 def _grown(nodes: Mask, by: int) -> Mask:

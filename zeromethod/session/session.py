@@ -284,7 +284,7 @@ class Session:
         surface, deepest, read_ms = timed(lambda: self._surfaces.read(levelled))
         contacts = self._touching(step, surface)
         surface, deepest, contacts = self._contacts.carry(surface, deepest, contacts)
-        if step.image is not None and step.residual is not None:
+        if step.image is not None and step.residual is not None and Event.BURST not in step.events:
             contacts = self._contacts.with_images(step.image, step.residual, surface, contacts)
         if self._lamp is not None:
             self.loop.light(self._lamp.follow(contacts))
