@@ -271,7 +271,8 @@ def command(quick: bool) -> Report:
             f"loop's rate with three viewers, of {np.mean(data['without_hz']):.1f} Hz",
             f"{change:+.2f} % (95 %: {change - half:+.2f} to {change + half:+.2f})",
             ">= -1 %",
-            change >= -1.0,
+            # where other programs scatter it more widely than that, this run does not tell
+            True if change - half >= -1.0 else False if change + half < -1.0 else None,
         ),
         Figure(
             "pictures per second and viewer", f"{data['pictures_hz']:.1f}", ">= 25", data["pictures_hz"] >= 25
