@@ -16,7 +16,7 @@ from zeromethod.arrays import Mask, Single
 
 _LEAST_SHARE = 0.2
 """Share of the pixels over a period's square that have the level, within noise; in a picture some 0.1 do."""
-_MOST_DARKER = 0.75
+_MOST_DARKER = 0.15
 """Pixels there that may be darker, over those that have the level: shadows of a white object's edges."""
 MOST_FILLED = 0.85
 """Share of a patch that parts fill, above which it has no gaps."""
