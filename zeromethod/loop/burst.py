@@ -245,12 +245,16 @@ class Burst:
         return True
 
     def _fail(self, residual: Residual, flags: Flags) -> Mask | None:
-        """(rows, cols) nodes with light, far from any without, that cannot be nulled; None for none."""
+        """(rows, cols) nodes with light that cannot be nulled, in no patch with any without; None for none."""
         failing: Mask = ((flags & _CANNOT) != 0) & ((flags & (_MIXED | _CODED)) == 0) & self._rest.visible
         if self._light is None or not (failing.any() or self._failing.any()):
             return None
         lit = residual.mean - self._black > LIT_SHARE * (self._light - self._black)
-        return failing & ~_grown(self._rest.visible & ~lit, REACH_NODES)
+        dark = _grown(self._rest.visible & ~lit, REACH_NODES)
+        count, patches = cv2.connectedComponents((_grown(failing, 1) | dark).astype(np.uint8), connectivity=8)
+        touched = np.bincount(patches[dark], minlength=count) > 0
+        alone: Mask = failing & ~touched[patches]
+        return alone
 
     def _at_rest(self, measured: Warp, thought: Float, apart: Mask) -> bool:
         """Whether nodes other than these stay where they were."""
