@@ -245,7 +245,7 @@ class Burst:
         return True
 
     def _fail(self, residual: Residual, flags: Flags) -> Mask | None:
-        """(rows, cols) nodes with light that cannot be nulled, in no patch with any without; None for none."""
+        """(rows, cols) nodes with light that cannot be nulled, in no patch with dark ones; None for none."""
         failing: Mask = ((flags & _CANNOT) != 0) & ((flags & (_MIXED | _CODED)) == 0) & self._rest.visible
         if self._light is None or not (failing.any() or self._failing.any()):
             return None
