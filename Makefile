@@ -37,7 +37,7 @@ lint: $(VENV)/.dev-ready
 bench: $(VENV)/.run-ready
 	@mkdir -p out
 	$(BIN)/python -m benchmarks.against_peers --figure out/bench.png --summary out/bench.json
-	@for name in sigma press_suite peaks step_response wavelength_gain contacts curved_faces long_hold fault_tour live_cost calibration_study decoding passive_textures; do \
+	@for name in sigma press_suite peaks step_response wavelength_gain contacts contact_image curved_faces acquisition folds nuisances long_hold fault_tour live_cost calibration_study decoding passive_textures; do \
 		quick=; [ $$name = live_cost ] && quick=--quick; \
 		echo "$(BIN)/python -m benchmarks.$$name $$quick"; \
 		$(BIN)/python -m benchmarks.$$name $$quick --summary out/$$name.json || exit; \

@@ -34,7 +34,7 @@ from zeromethod.simulation.scenario import Scenario
 from zeromethod.view.progress import progress
 
 PRESSES, QUICK = 200, 8
-PRESS_AT, LAST = 8, 90
+PRESS_AT, LAST = 8, 110
 """Frames."""
 
 SIZES_MM = 0.8, 2.0

@@ -31,11 +31,12 @@ MOVES_SHARE, BROKEN_FRAMES = 0.02, 30
 """Share of the pixels that may have moved between pictures before a burst is broken off, and frames that the
 mirror is left alone after that."""
 
-QUIET_LCD_PX, QUIET_SHARE, QUIET_FRAMES = 0.1, 0.9, 6
+QUIET_LCD_PX, QUIET_SHARE, QUIET_FRAMES = 0.1, 0.9, 24
 """Where other nodes stay to within this, for so many of them, for so many frames, the mirror is at rest."""
 
-MOVED_LCD_PX = 0.15
-"""Change of the nodes around, or of those inside that see the carrier, from which what was read is over."""
+MOVED_LCD_PX, MOVED_FROM, OLD_S = 0.05, 0.75, 5.0
+"""Change of the nodes around, or of a quarter of those inside that see the carrier, from which what was read
+is over; and time after which it is read again: a picture that follows it may hide what changes inside."""
 
 CARRIED = 3.0
 """What the nodes inside may have moved by over what those around have."""
@@ -71,7 +72,7 @@ class Read:
 
     q, sigma: (rows, cols, 2) LCD px. mask: nodes read, of those in the region. ring, ring_q: nodes around
     that are watched. places, known: (h, w, 2) LCD px of single pixels, and which were told, from the image's
-    row `top` and column `left` on.
+    row `top` and column `left` on. time_ns: of the last picture.
     """
 
     q: Float
@@ -84,6 +85,7 @@ class Read:
     known: Mask
     top: int
     left: int
+    time_ns: int
 
 
 class _Running:
@@ -136,7 +138,7 @@ class _Running:
         self._sum[valid] += measured.q[valid]
         self._count += valid
 
-    def read(self, black_grey: float) -> Read:
+    def read(self, black_grey: float, time_ns: int) -> Read:
         """What all pictures say."""
         grid = self._rest.grid
         v, u = np.mgrid[self.top : self.bottom, self.left : self.right].astype(np.float32)
@@ -153,7 +155,7 @@ class _Running:
         mask: Mask = np.isfinite(q[..., 0])
         ring: Mask = _grown(self.blind, RING_NODES) & ~self.blind & (self._count >= PICTURES // 2)
         ring_q = self._sum / np.maximum(self._count, 1)[..., None]
-        return Read(q, sigma, mask, self.region, ring, ring_q, places, known, self.top, self.left)
+        return Read(q, sigma, mask, self.region, ring, ring_q, places, known, self.top, self.left, time_ns)
 
 
 class Burst:
@@ -166,13 +168,14 @@ class Burst:
         self._rest, self._black, self._always = rest, black_grey, always
         self._failing: Bytes = np.zeros(rest.q.shape[:2], np.uint8)
         self._light: Single | None = None
+        self._blank: Mask = np.zeros_like(rest.visible)
         self._quiet = 0
         self._running: _Running | None = None
         self._blinding: _Running | None = None
         self.read: Read | None = None
         """What the last one read, until the mirror moves."""
         self.unread = False
-        """Whether a burst is needed, or under way, for nodes that none has read."""
+        """Whether a burst is under way for nodes that none has read."""
         self._shown: dict[int, int | None] = {}
 
     @property
@@ -186,8 +189,9 @@ class Burst:
         return None if self._running is None else self._running.coded
 
     def take_reference(self, residual: Residual) -> None:
-        """Take the light at rest from a residual."""
+        """Take the light at rest from a residual, and which nodes fail even then."""
         self._light = residual.mean.copy()
+        self._blank = residual.flags != 0
 
     def presented(self, time_ns: int, coded: int | None) -> None:
         """Note the number of the coded picture presented at a time, None for none."""
@@ -219,7 +223,7 @@ class Burst:
         if not running.add(image, self._black):
             self._running, self._quiet = None, -BROKEN_FRAMES
         elif len(running.pictures) == PICTURES:
-            self.read, self._running, self._quiet = running.read(self._black), None, 0
+            self.read, self._running, self._quiet = running.read(self._black, measured.time_ns), None, 0
             self._failing[:] = 0
         return True
 
@@ -236,17 +240,29 @@ class Burst:
         at_rest = self._at_rest(measured, thought, _grown(failing | need, REACH_NODES))
         grows = np.count_nonzero(need & ~before) > 0.1 * np.count_nonzero(need)
         self._quiet = self._quiet + 1 if at_rest and not grows else min(self._quiet, 0)
-        new = need if self.read is None else need & ~self.read.region
-        self.unread = self._quiet > 0 and int(np.count_nonzero(new)) >= LEAST_NODES
-        wanted = np.count_nonzero(need) >= LEAST_NODES if self._always else self.unread
-        if not wanted or self._quiet < QUIET_FRAMES:
+        if not at_rest:
+            # what fails while the mirror moves is seen again when it rests
+            self._failing[:] = 0
+            self.unread = False
             return False
+        new = need if self.read is None else need & ~self.read.region
+        unread = int(np.count_nonzero(new)) >= LEAST_NODES
+        again = self._always or (self.read is not None and measured.time_ns > self.read.time_ns + 1e9 * OLD_S)
+        wanted = np.count_nonzero(need) >= LEAST_NODES if again else unread
+        if not wanted or self._quiet < QUIET_FRAMES:
+            self.unread = False
+            return False
+        self.unread = unread
         self._running = self._blinding = _Running(self._rest, need, thought, measured)
         return True
 
     def _fail(self, residual: Residual, flags: Flags) -> Mask | None:
-        """(rows, cols) nodes with light that cannot be nulled, in no patch with dark ones; None for none."""
-        failing: Mask = ((flags & _CANNOT) != 0) & ((flags & (_MIXED | _CODED)) == 0) & self._rest.visible
+        """(rows, cols) nodes that cannot be nulled; None for none.
+
+        In patches that have light everywhere: where something touches none is shone back.
+        """
+        failing: Mask = ((flags & _CANNOT) != 0) & ((flags & (_MIXED | _CODED)) == 0)
+        failing &= self._rest.visible & ~self._blank
         if self._light is None or not (failing.any() or self._failing.any()):
             return None
         lit = residual.mean - self._black > LIT_SHARE * (self._light - self._black)
@@ -294,15 +310,15 @@ class Burst:
 
 
 def _moved2(measured: Warp, before: Float, sigma: Float, nodes: Mask) -> float:
-    """Median square by which valid ones of some nodes have moved, beyond noise, LCD px^2; inf where too few.
+    """Square by which a quarter of the valid ones of some nodes have moved, beyond noise, LCD px^2.
 
-    A few that differ much are at the edge of what can be nulled.
+    A few that differ more are at the edge of what can be nulled. Infinite where too few are valid.
     """
     watched = nodes & measured.valid
     if np.count_nonzero(watched) < LEAST_NODES:
         return np.inf
     change2 = (measured.q[watched] - before[watched]) ** 2
-    return max(float(np.median(change2 - sigma[watched] ** 2)), 0.0)
+    return max(float(np.quantile(change2 - 4 * sigma[watched] ** 2, MOVED_FROM)), 0.0)
 
 
 def _grown(nodes: Mask, by: int) -> Mask:
