@@ -31,6 +31,9 @@ MOVES_SHARE, BROKEN_FRAMES = 0.02, 30
 """Share of the pixels that may have moved between pictures before a burst is broken off, and frames that the
 mirror is left alone after that."""
 
+LONGEST_S = 5.0
+"""A burst that takes longer, as no exposure sees its pictures alone, is broken off."""
+
 QUIET_LCD_PX, QUIET_SHARE, QUIET_FRAMES = 0.1, 0.9, 24
 """Where other nodes stay to within this, for so many of them, for so many frames, the mirror is at rest."""
 
@@ -118,6 +121,7 @@ class _Running:
         self.pictures: list[Single] = []
         self._sum, self._count = np.zeros_like(thought), np.zeros(thought.shape[:2], np.int64)
         self._rest = rest
+        self.since_ns = measured.time_ns
 
     @property
     def coded(self) -> Coded:
@@ -214,7 +218,8 @@ class Burst:
                 return False
             self._blinding = None
             return self._needed(residual, measured, thought)
-        if not self._at_rest(measured, thought, running.blind):
+        late = measured.time_ns - running.since_ns > 1e9 * LONGEST_S
+        if late or not self._at_rest(measured, thought, running.blind):
             self._running, self._quiet = None, -BROKEN_FRAMES
             return True
         running.watch(measured)

@@ -211,7 +211,7 @@ class Circle:
             residual, measured = self._measure(observation, known, self.rest.q + continued)
         if self.burst is None or not self.burst.blinding:
             self._hold.learn(measured.flags)
-        redraw, read = self._coded(observation, residual, measured, known_q)
+        redraw, read = self._coded(observation, residual, measured, known_q, frozen)
         changed, refusal = self._command(residual, measured, frozen)
         if order is not Order.KNOWN:
             changed = self.commanded.q is not drawn
@@ -239,12 +239,14 @@ class Circle:
         return check.order(observation.shown.time_ns), told
 
     def _coded(
-        self, observation: Observation, residual: Residual, measured: Warp, known_q: Float
+        self, observation: Observation, residual: Residual, measured: Warp, known_q: Float, frozen: bool
     ) -> tuple[bool, Mask | None]:
         """Whether other fringes are to be drawn; the nodes whose warp a burst has read."""
         burst = self.burst
         if burst is None:
             return False, None
+        if frozen and not burst.blinding:  # none begins while nothing may be drawn
+            return False, burst.merge(measured)
         redraw = burst.take(observation.frame.image, observation, residual, measured, known_q)
         return redraw, burst.merge(measured)
 
