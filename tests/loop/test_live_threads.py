@@ -89,7 +89,7 @@ class Pen:
         self.go.set()
         self.closed = False
 
-    def draw(self, q: np.ndarray, code: int | None = None) -> int:
+    def draw(self, q: np.ndarray, code: int | None = None, *_: object) -> int:
         self.shown.append((float(q[0]), code))
         self.go.wait(PATIENCE_S)
         return len(self.shown)

@@ -11,7 +11,7 @@ from zeromethod import load_rig
 from zeromethod.devices.protocols import Frame
 from zeromethod.exposure.pairing import Observation
 from zeromethod.loop.measured_warp import Known
-from zeromethod.loop.order_check import ENLARGED, LONGEST_S, Order, OrderCheck
+from zeromethod.loop.order_check import ENLARGED, LONGEST_S, STEADY_FRAMES, Order, OrderCheck
 from zeromethod.loop.state import State
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.warp import Role, Warp
@@ -32,9 +32,9 @@ class View:
         self.frames = 0
 
     def wrapped(self, d: np.ndarray) -> np.ndarray:
-        """What the sensor reads: phases of the carriers, in whole periods as near to zero as can be."""
+        """What the sensor reads: neighbours agree on their periods, and all are brought near to zero."""
         carriers = np.stack([d[..., 0] + d[..., 1], d[..., 0] - d[..., 1]], axis=-1) if self.diagonal else d
-        carriers = carriers - PERIOD_PX * np.rint(carriers / PERIOD_PX)
+        carriers = carriers - PERIOD_PX * np.rint(np.median(carriers[REST.visible], axis=0) / PERIOD_PX)
         if self.diagonal:
             carriers = 0.5 * np.stack(
                 [carriers[..., 0] + carriers[..., 1], carriers[..., 0] - carriers[..., 1]], axis=-1
@@ -55,7 +55,7 @@ class View:
         frame = Frame(np.zeros((1, 1), np.uint8), warp.time_ns, 8_000_000, self.frames)
         seen = Observation(frame, warp, None, np.zeros(1, np.int64), np.ones((1, 1)), None)
         expected = np.where(REST.visible[..., None], 0.0, np.nan)
-        return self.check.look(seen, residual, Known(REST.q, REST.visible, expected), REST.q)
+        return self.check.look(seen, residual, Known(REST.q, REST.visible, expected))
 
     def order(self, every_ns: int = FRAME_NS) -> Order:
         return self.check.order(self.frames * every_ns)
@@ -90,13 +90,11 @@ def test_where_a_quarter_of_the_view_is_at_rest_nothing_is_doubted():
     assert view.check.commanded is None
 
 
-def test_a_jump_of_the_whole_view_is_doubted_at_once_and_faster_motion_when_it_is_nulled():
+def test_a_jump_of_the_whole_view_is_doubted_and_slow_motion_is_not():
     view = View()
     view.look(plane(0.0, 0.0, 0.0))
-    for still_px in (1.0, 0.0):
-        view.look(plane(still_px, 0.0, 0.0))
-        assert view.order() is (Order.KNOWN if still_px else Order.DOUBTED)
-    assert view.look(plane(0.0, 0.0, 0.0)) is not None
+    view.look(plane(1.0, 0.0, 0.0))
+    assert view.order() is Order.KNOWN
     view.look(plane(5.0, 0.0, 0.0))
     assert view.order() is Order.DOUBTED
 
@@ -111,7 +109,7 @@ def test_order_is_doubted_after_a_gap_without_frames():
 
 def test_while_the_mirror_moves_nothing_is_told_and_after_a_second_it_is_said_to_be_unknown():
     view = View()
-    moving = (plane(5.0 + k % 2 * 0.25, 0.0, 0.0) for k in range(100))
+    moving = (plane(5.0 + 0.25 * k, 0.0, 0.0) for k in range(100))
     while view.frames < LONGEST_S * 60:
         assert view.look(next(moving)) is None
     assert view.order() is Order.DOUBTED
@@ -119,7 +117,7 @@ def test_while_the_mirror_moves_nothing_is_told_and_after_a_second_it_is_said_to
     view.look(next(moving))
     assert view.order() is Order.UNKNOWN
     # it settles, and is told
-    told = [view.look(plane(5.0, 0.0, 0.0)) for _ in range(4)]
+    told = [view.look(plane(5.0, 0.0, 0.0)) for _ in range(6 * STEADY_FRAMES)]
     assert any(one is not None for one in told)
     assert view.order() is Order.KNOWN
 
@@ -129,7 +127,7 @@ def test_a_press_that_moves_the_whole_view_by_periods_is_nulled_at_the_right_ord
     """A dent as wide as the prism, half of it out of view: 46 px, a period is 16; before, or suddenly."""
     at = VIEW_MIDDLE_MM + 90.0, 0.0
     with pressed(load_rig("simulated"), step_path(press_s, 2.5), 100.0, at) as rig, opened(rig) as bench:
-        *_, step = bench.loop.run(frames=round(60 * press_s) + 14)
+        *_, step = bench.loop.run(frames=round(60 * press_s) + 20)
         moved = bench.true_warp(bench.truth(step.time_ns))
     assert step.measured is not None
     assert step.residual_rms_px < 0.05

@@ -78,9 +78,13 @@ def make_circle(
 
 
 def order_check(rig: Rig, rest: Rest) -> OrderCheck | None:
-    """Make what tells the carrier's order; None for noise, and for the integrator, whose pictures change."""
+    """Make what tells the carrier's order; None where none is told.
+
+    Noise has none, the integrator's pictures never stay, and a bench that was not calibrated has no rest that
+    orders count from.
+    """
     kind = rig.target.kind
-    if kind == "noise" or rig.control.controller != "composition":
+    if kind == "noise" or rig.control.controller != "composition" or rig.geometry.relative:
         return None
     return OrderCheck(rest, diagonal=kind == "checker")
 

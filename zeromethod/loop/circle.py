@@ -235,7 +235,7 @@ class Circle:
         check = self._order_check
         if check is None:
             return Order.KNOWN, None
-        told = None if frozen else check.look(observation, residual, known, self.controller.commanded)
+        told = None if frozen else check.look(observation, residual, known)
         return check.order(observation.shown.time_ns), told
 
     def _coded(

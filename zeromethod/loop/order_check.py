@@ -2,9 +2,8 @@
 
 Phase is known up to whole periods, and neighbours settle the order of neighbours. Nothing settles that of the
 whole view when a run begins with something pressed, after frames without a view, or after a jump of all of
-it; one that looks like a small motion is checked as soon as the picture is nulled again. Then the command is
-kept, and one frame of it is compared with one of the same picture enlarged by s about the view's middle: a
-node that sees the point a of the target (camera px from the middle) in the first sees
+it. Then the picture is kept, and one frame of it is compared with one of the same picture enlarged by s about
+the view's middle: a node that sees the point a of the target (camera px from the middle) in the first sees
 b = (1 + s) a in the second. Both are read up to whole periods P,
 
     b - (1 + s) a = s m P + (whole periods),
@@ -22,7 +21,7 @@ import numpy as np
 
 from zeromethod.arrays import Flags, Float, Mask
 from zeromethod.exposure.pairing import Observation
-from zeromethod.loop.measured_warp import Known
+from zeromethod.loop.measured_warp import Known, expect
 from zeromethod.sensing.residual import Residual
 from zeromethod.warp.compose import compose
 from zeromethod.warp.continuation import continue_smoothly
@@ -32,20 +31,23 @@ ENLARGED = 1 / 32
 """s: half a camera px for each period of 16, some fifty times a node's noise."""
 
 QUIET_PX, QUIET_SHARE = 0.25, 0.25
-"""Residual beside the expected one up to which a node is where it was thought to be, and share of such nodes
-from which the order is not in doubt: of a jump by any way, one in a thousand would look so."""
+"""Residual beside the expected one up to which a node is where it was, or where it is at rest, and share of
+such nodes from which the order is not in doubt: of a jump by any way, one in a thousand would look so."""
 
-JUMP_PERIODS, JUMPED_SHARE = 1 / 8, 0.5
-"""Change between frames, in periods, from which a node jumped, and share of nodes of a view that did."""
-
-NULLED_SHARE = 0.75
-"""Share of the nodes within `QUIET_PX` of the target in a frame that is nulled."""
+JUMP_PERIODS, JUMPED_SHARE, JUMPED_QUIET_SHARE = 1 / 8, 0.5, 0.08
+"""Change between frames, in periods, from which a node jumped, and share of nodes of a view that did; and
+share that did not move, above which it was a press."""
 
 GAP_S, LEAST_SHARE = 0.25, 0.5
 """Time without a measurement, and share of the nodes measured, after which order is to be told again."""
 
 CLEAR, CLEAR_SHARE = 0.25, 0.8
-"""A node tells its order where it comes as close to a whole number; share of the nodes that must."""
+"""A node tells its order where it comes as close to a whole number; share of the nodes that must tell the
+same one, as neighbours have told each other theirs already."""
+
+STEADY_FRAMES = 3
+"""Frames running that must have seen a picture alone, once a try has failed: where the delay is not known the
+first of them may have seen the one before."""
 
 LONGEST_S = 1.0
 """Time after which an order that could not be told counts as lost."""
@@ -76,8 +78,10 @@ class OrderCheck:
         )
         self._diagonal = diagonal
         self._visible = int(np.count_nonzero(rest.visible))
-        self._started = self._moved = False
+        self._started = False
         self._last_ns = 0
+        self._steady = 0
+        self._failed = False
         self._since_ns = 0
         self._kept: Float | None = None
         self._larger: Float | None = None
@@ -94,50 +98,57 @@ class OrderCheck:
             return Order.KNOWN
         return Order.UNKNOWN if time_ns - self._since_ns > 1e9 * LONGEST_S else Order.DOUBTED
 
-    def look(
-        self, observation: Observation, residual: Residual, known: Known, commanded: Float
-    ) -> Known | None:
+    def look(self, observation: Observation, residual: Residual, known: Known) -> Known | None:
         """Take in a frame's residual; what it must be held against, where the order has just been told.
 
-        known: what was expected of the frame. commanded: (rows, cols, 2) LCD px, the controller's.
+        known: what was expected of the frame.
         """
         time_ns = observation.shown.time_ns
         if np.count_nonzero(residual.flags == 0) < LEAST_SHARE * self._visible:
+            # the picture that is kept may be what hides them: the loop goes on by itself, in doubt again
+            self._kept = self._larger = self._seen = None
+            self._started = False
             return None
         interrupted = not self._started or time_ns - self._last_ns > 1e9 * GAP_S
         self._started, self._last_ns = True, time_ns
         if self._kept is None:
             jump_px = JUMP_PERIODS * self._rest.grid.period_px
-            changes = _changes(residual.d, known.residual_px, residual.flags, QUIET_PX, jump_px)
-            quiet, jumped, nulled = changes
-            moves = quiet < QUIET_SHARE
-            jumps = moves and (interrupted or jumped > JUMPED_SHARE)
-            if not (jumps or (self._moved and nulled > NULLED_SHARE)):
-                self._moved |= moves
+            quiet, jumped = _changes(residual.d, known.residual_px, residual.flags, QUIET_PX, jump_px)
+            jumps = jumped > JUMPED_SHARE and quiet < JUMPED_QUIET_SHARE
+            if quiet > QUIET_SHARE or not (interrupted or jumps):
                 return None
-            self._kept, self._since_ns, self._seen, self._moved = commanded, time_ns, None, False
+            at_rest = expect(observation, self._rest.q, self._rest.visible, self._rest).residual_px
+            if _changes(residual.d, at_rest, residual.flags, QUIET_PX, jump_px)[0] > QUIET_SHARE:
+                return None
+            # as this frame saw it, which shows what a picture to be kept must
+            self._kept, self._since_ns, self._seen = observation.shown.q.copy(), time_ns, None
+            self._steady = 0
         return self._told(observation, residual, known)
 
     def _told(self, observation: Observation, residual: Residual, known: Known) -> Known | None:
         """The order by a frame of the picture that is kept and one of the enlarged one, in turn."""
         assert self._kept is not None
         if observation.mixture is not None:
+            self._steady = 0
             return None
-        if self._seen is None:
-            if _same(observation.shown.q, self._kept):
-                self._seen = residual.d.copy(), residual.valid.copy()
-                self._larger = self._enlarged(self._kept)
+        wanted = self._kept if self._larger is None else self._larger
+        self._steady = self._steady + 1 if _same(observation.shown.q, wanted) else 0
+        if self._steady < (STEADY_FRAMES if self._failed else 1):
             return None
-        if self._larger is None or not _same(observation.shown.q, self._larger):
+        self._steady = 0
+        if self._seen is None or self._larger is None:
+            self._seen = residual.d.copy(), residual.valid.copy()
+            self._larger = self._enlarged(self._kept)
             return None
         d, valid = self._seen
-        expected, clear = self._absolute(d, residual.d)
         both: Mask = valid & residual.valid
+        expected, clear = self._absolute(d, residual.d, both)
         self._seen = self._larger = None
-        if not np.count_nonzero(clear & both) > CLEAR_SHARE * np.count_nonzero(both):
+        clear &= both
+        self._failed = not np.count_nonzero(clear) > CLEAR_SHARE * np.count_nonzero(both)
+        if self._failed:
             return None
         self._kept = None
-        clear &= both
         expected[~clear] = np.nan
         return Known(known.q, clear, expected)
 
@@ -149,13 +160,16 @@ class OrderCheck:
         out: Float = self._rest.q + continue_smoothly(larger, inside)
         return out
 
-    def _absolute(self, d: Float, d_larger: Float) -> tuple[Float, Mask]:
-        """(Residual (rows, cols, 2) against the enlarged picture, camera px; where its order is clear)."""
+    def _absolute(self, d: Float, d_larger: Float, both: Mask) -> tuple[Float, Mask]:
+        """(Residual (rows, cols, 2) against the enlarged picture, camera px; where its order is clear).
+
+        both: nodes that both pictures were read at, which tell how many periods all are off.
+        """
         period, away = self._rest.grid.period_px, self._from_middle
         one = self._to_carriers(away + d)
         left = self._to_carriers(away + d_larger) - (1 + ENLARGED) * one
         orders = (left - period * np.rint(left / period)) / (ENLARGED * period)
-        whole = np.rint(orders)
+        whole = np.rint(np.median(orders[both], axis=0)) if both.any() else np.zeros(2)
         expected = (1 + ENLARGED) * self._from_carriers(one + period * whole) - away
         return expected, (np.abs(orders - whole) < CLEAR).all(axis=-1)
 
@@ -171,11 +185,9 @@ def _same(q: Float, other: Float) -> bool:
 
 
 @numba.njit(cache=True)
-def _changes(
-    d: Float, expected: Float, flags: Flags, quiet_px: float, jump_px: float
-) -> tuple[float, float, float]:
-    """Shares of the valid nodes (rows, cols) that are as expected, that jumped, and that see the target."""
-    nodes = quiet = jumped = nulled = 0
+def _changes(d: Float, expected: Float, flags: Flags, quiet_px: float, jump_px: float) -> tuple[float, float]:
+    """Shares of the valid nodes (rows, cols) that are as expected, and that jumped; camera px."""
+    nodes = quiet = jumped = 0
     for j in range(flags.shape[0]):
         for i in range(flags.shape[1]):
             if flags[j, i] == 0 and math.isfinite(expected[j, i, 0]):
@@ -183,5 +195,4 @@ def _changes(
                 nodes += 1
                 quiet += change < quiet_px
                 jumped += change > jump_px
-                nulled += max(abs(d[j, i, 0]), abs(d[j, i, 1])) < quiet_px
-    return quiet / max(nodes, 1), jumped / max(nodes, 1), nulled / max(nodes, 1)
+    return quiet / max(nodes, 1), jumped / max(nodes, 1)
