@@ -3,7 +3,7 @@
 from zeromethod.contact.contact import Contact, ContactFigures, ContactImage, Probability
 from zeromethod.contact.finder import ContactFinder
 from zeromethod.contact.lamp import Lamp
-from zeromethod.contact.outline import closed, evenly
+from zeromethod.contact.polygon import closed, evenly
 from zeromethod.contact.stripes import Stripes, stripes
 
 __all__ = [

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
-from zeromethod.arrays import Image
+from zeromethod.arrays import Float, Image, Single
+from zeromethod.contact import in_mm, outline, shadow
 from zeromethod.contact.contact import Contact, Probability
 from zeromethod.contact.deepest import deepest_of_all, with_depths
 from zeromethod.contact.in_mm import MirrorPlaces
@@ -15,16 +17,14 @@ from zeromethod.contact.moments import moments
 from zeromethod.contact.outline import (
     WINDOW_PX,
     Outline,
-    compile_ahead,
     first_outline,
-    normals,
-    perimeter,
     refined,
-    signed_area,
 )
 from zeromethod.contact.picture import image_of, places_of
+from zeromethod.contact.polygon import normals, perimeter, signed_area
 from zeromethod.contact.region import Region, RegionFinder
 from zeromethod.contact.rest import RestPicture
+from zeromethod.contact.shadow import Shadows
 from zeromethod.contact.track import ContactTrack
 from zeromethod.optics import Optics
 from zeromethod.optics.pupil import footprint_terms
@@ -52,10 +52,12 @@ class ContactFinder:
     def __init__(self, rig: Rig, optics: Optics, grid: NodeGrid) -> None:
         self._rest = RestPicture(rig, grid)
         self._regions = RegionFinder(rig, grid, _blur_px(rig))
+        self._shadows = Shadows(optics, _blur_px(rig), self._regions.noise)
         self._places = MirrorPlaces(optics, grid)
         self._track = ContactTrack()
         self._grid, self._black = grid, rig.camera.noise.black_grey
-        compile_ahead()
+        for module in (outline, in_mm, shadow):
+            module.compile_ahead()
 
     @property
     def ready(self) -> bool:
@@ -141,11 +143,16 @@ class ContactFinder:
         )
 
     def _contact(self, region: Region, surface: Surface) -> Contact | None:
-        outline = _outline(region)
-        points_px = outline.points_px + np.array([region.left, region.top])
-        if signed_area(points_px) < 0:
-            points_px = points_px[::-1]
+        edge = _outline(region)
+        corner = np.array([region.left, region.top])
+        points_px = edge.points_px + corner
         seen = self._places.seen(points_px, surface)
+        slant = self._places.per_depth(points_px)
+        trimmed = self._shadows.without(edge.points_px, region, seen.outline_mm, slant, seen.at_1_mm)
+        if trimmed is not None:
+            points_px = trimmed.points_px + corner
+            seen = self._places.seen(points_px, surface)
+            region = replace(region, probability=_within(region.probability, trimmed.points_px))
         seen_mm = seen.outline_mm
         if signed_area(seen_mm) < 0:  # the camera sees the mirror mirrored
             seen_mm, points_px = seen_mm[::-1], points_px[::-1]
@@ -156,8 +163,9 @@ class ContactFinder:
         beyond = seen.beyond_mm / 2
         outline_mm = seen_mm - beyond * normals(seen_mm)
         pixel_mm = float(np.sqrt(area / abs(signed_area(points_px))))
-        open_mm = float(np.hypot(beyond, _EDGE_PX * pixel_mm))
-        own_mm = outline.sigma_px * pixel_mm
+        shadow_px = 0.0 if trimmed is None else trimmed.sigma_px
+        open_mm = float(np.hypot(beyond, np.hypot(_EDGE_PX, shadow_px) * pixel_mm))
+        own_mm = edge.sigma_px * pixel_mm
         around_mm = perimeter(outline_mm)
         apart_mm = own_mm / np.sqrt(max(around_mm / pixel_mm / WINDOW_PX, 1.0))
         sigma_x, sigma_y = (float(np.hypot(part, max(apart_mm, 0.2 * open_mm))) for part in seen.sigma_mm)
@@ -173,6 +181,13 @@ class ContactFinder:
             scattered=region.scattered,
             probability=Probability(region.left, region.top, region.probability),
         )
+
+
+def _within(probability: Single, points_px: Float) -> Single:
+    """The probability, 0 beyond a border."""
+    mask = np.zeros(probability.shape, np.uint8)
+    cv2.fillPoly(mask, [np.rint(points_px * 16).astype(np.int32)], 1, shift=4)
+    return np.where(mask > 0, probability, np.float32(0))
 
 
 def _outline(region: Region) -> Outline:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numba
 import numpy as np
-from scipy.ndimage import map_coordinates
 
 from zeromethod.arrays import Float, Mask
 from zeromethod.contact.moments import moments
-from zeromethod.contact.outline import perimeter
+from zeromethod.contact.polygon import perimeter
 from zeromethod.optics import Optics
 from zeromethod.surface import Surface
 from zeromethod.warp.grid import NodeGrid
@@ -33,11 +33,15 @@ pi / 2 (pi / 2 - 1) 2 / pi = 1.14. Source: Johnson 1985, 4.2 and 5.2."""
 
 
 class Seen(NamedTuple):
-    """A border in mm, (n, 2), what its depth leaves open of its place, and the light lost beyond it, mm."""
+    """A border in mm, (n, 2), what its depth leaves open of its place, and the light lost beyond it, mm.
+
+    at_1_mm: depth x distance far from it, mm^2; 0 where it is not known.
+    """
 
     outline_mm: Float
     sigma_mm: tuple[float, float]
     beyond_mm: float
+    at_1_mm: float = 0.0
 
 
 class _Force(NamedTuple):
@@ -60,15 +64,20 @@ class MirrorPlaces:
         u, v = grid.mesh()
         trace = optics.trace(u, v, optics.rest)
         _, direction = optics.rubber_rays(u, v)
-        self._first, self._spacing = (float(grid.u_px[0]), float(grid.v_px[0])), grid.spacing_px
-        self._point = np.nan_to_num(trace.point[..., :2])
+        self._first = np.array([grid.u_px[0], grid.v_px[0]], dtype=np.float64)
+        self._spacing = grid.spacing_px
+        self._point = np.ascontiguousarray(np.nan_to_num(trace.point[..., :2]))
         self._per_depth = np.nan_to_num(direction[..., :2] / direction[..., 2:])
         beyond = optics.rig.prism.index**2 * (1 - np.nan_to_num(trace.cos_incidence) ** 2) - 1
-        self._evanescent = WAVELENGTH_MM / (2 * np.pi * np.sqrt(np.maximum(beyond, 0.01)))
+        self._evanescent = (WAVELENGTH_MM / (2 * np.pi * np.sqrt(np.maximum(beyond, 0.01))))[..., None]
 
     def at_depth(self, nodes: Mask, depth_mm: Float) -> Float:
         """(n, 2) mm where the rays of n nodes (rows, cols) meet the mirror at these depths, mm."""
         return np.asarray(self._point[nodes] - depth_mm[:, None] * self._per_depth[nodes])
+
+    def per_depth(self, points_px: Float) -> Float:
+        """(n, 2): how far a ray goes along x and y per mm of depth, at pixels (n, 2)."""
+        return self._at(self._per_depth, points_px)
 
     def seen(self, points_px: Float, surface: Surface) -> Seen:
         """Where the border points (n, 2) px lie, at the depth that the nodes around say.
@@ -91,9 +100,11 @@ class MirrorPlaces:
         opening = (
             2.83 * np.pi * force.at_1_mm / (shape.area_mm2 * np.sqrt(2 * shape.area_mm2 / perimeter(at_rest)))
         )
-        evanescent = float(np.mean(self._at(self._evanescent[..., None], points_px)))
+        evanescent = float(np.mean(self._at(self._evanescent, points_px)))
         beyond = min(0.9 * (evanescent / (2 * opening)) ** (2 / 3), MOST_LIGHT_MM)
-        return Seen(at_rest - depth[:, None] * per_depth, _open(doubt, per_depth), float(beyond))
+        return Seen(
+            at_rest - depth[:, None] * per_depth, _open(doubt, per_depth), float(beyond), force.at_1_mm
+        )
 
     @staticmethod
     def _force(centre: Float, area_mm2: float, surface: Surface) -> _Force | None:
@@ -118,16 +129,51 @@ class MirrorPlaces:
         near = surface.valid[part]
         if not near.any():
             return np.zeros(len(at_mm))
-        nodes = np.stack((surface.x_mm[part][near], surface.y_mm[part][near]), axis=-1)
-        off = at_mm[:, None] - nodes
-        nearest = np.argmin(off[..., 0] ** 2 + off[..., 1] ** 2, axis=1)
-        off = off[np.arange(len(at_mm)), nearest]
-        slope = surface.slope[part][near][nearest]
-        return np.asarray(surface.depth_mm[part][near][nearest] + (slope * off).sum(axis=-1))
+        read = (surface.x_mm, surface.y_mm, surface.depth_mm, surface.slope)
+        x, y, depth, slope = (np.ascontiguousarray(one[part], np.float64) for one in read)
+        return np.asarray(_nearest(at_mm, x, y, depth, slope, np.ascontiguousarray(near)))
 
     def _at(self, values: Float, points_px: Float) -> Float:
         """Values (rows, cols, k) of the nodes at pixels (n, 2), linear between: (n, k)."""
-        col = (points_px[:, 0] - self._first[0]) / self._spacing
-        row = (points_px[:, 1] - self._first[1]) / self._spacing
-        planes = np.moveaxis(values, -1, 0)
-        return np.stack([map_coordinates(p, (row, col), order=1, mode="nearest") for p in planes], axis=-1)
+        at = np.ascontiguousarray(points_px)
+        return np.asarray(_between(values, (at - self._first) / self._spacing))
+
+
+@numba.njit(cache=True, nogil=True)
+def _between(values: Float, at: Float) -> Float:
+    """Values (rows, cols, k) at places (n, 2), (col, row), linear between; beyond the border the border's."""
+    rows, cols, width = values.shape
+    result = np.zeros((len(at), width))
+    for i in range(len(at)):
+        col, row = min(max(at[i, 0], 0.0), cols - 1.0), min(max(at[i, 1], 0.0), rows - 1.0)
+        left, top = min(int(col), cols - 2), min(int(row), rows - 2)
+        s, t = col - left, row - top
+        for k in range(width):
+            upper = (1 - s) * values[top, left, k] + s * values[top, left + 1, k]
+            lower = (1 - s) * values[top + 1, left, k] + s * values[top + 1, left + 1, k]
+            result[i, k] = (1 - t) * upper + t * lower
+    return result
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest(at: Float, x: Float, y: Float, depth: Float, slope: Float, near: Mask) -> Float:
+    """Depth (n,) at places (n, 2) as the nearest of nodes (rows, cols) continues it by its slope."""
+    result = np.zeros(len(at))
+    rows, cols = near.shape
+    for i in range(len(at)):
+        least = np.inf
+        for row in range(rows):
+            for col in range(cols):
+                if near[row, col]:
+                    u, v = at[i, 0] - x[row, col], at[i, 1] - y[row, col]
+                    if u * u + v * v < least:
+                        least = u * u + v * v
+                        result[i] = depth[row, col] + slope[row, col, 0] * u + slope[row, col, 1] * v
+    return result
+
+
+def compile_ahead() -> None:
+    """Have the compiled functions ready before the first contact."""
+    node, place = np.zeros((2, 2)), np.zeros((1, 2))
+    _between(np.zeros((2, 2, 1)), place)
+    _nearest(place, node, node, node, np.zeros((2, 2, 2)), np.zeros((2, 2), np.bool_))

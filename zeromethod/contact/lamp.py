@@ -13,7 +13,7 @@ import numpy as np
 
 from zeromethod.arrays import Bytes, Mask
 from zeromethod.contact.contact import Contact
-from zeromethod.contact.outline import closed
+from zeromethod.contact.polygon import closed
 from zeromethod.warp.grid import NodeGrid
 
 MOST_SHARE = 0.3

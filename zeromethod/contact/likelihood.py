@@ -28,16 +28,23 @@ class GreyModel:
     """Log-likelihoods (distances, grey levels): distance -REACH_PX (inside) to REACH_PX by STEP_PX.
 
     Grey levels, black taken off: `first` + k x `step`, k below LEVELS; the last column, UNKNOWN, is 0.
+    `mirrored`: mean grey of the picture.
     """
 
     table: Single
     first: float
     step: float
+    mirrored: float
 
     def index(self, grey: Single) -> Bytes:
         """Column of the table of each grey level."""
         column = np.clip(np.rint((grey - self.first) / self.step), 0, LEVELS - 1)
         return np.asarray(column, dtype=np.uint8)
+
+    @property
+    def light(self) -> Single:
+        """(LEVELS + 1,) light of each column over the picture's mean; 0 for UNKNOWN."""
+        return np.append((self.first + self.step * np.arange(LEVELS)) / self.mirrored, 0).astype(np.float32)
 
     @property
     def evidence(self) -> Single:
@@ -70,4 +77,4 @@ def grey_model(
     density = np.exp(-0.5 * z) / np.sqrt(2 * np.pi * variance)[:, None, :]
     table = np.log(density @ shares + _LEAST)
     table = np.concatenate((table, np.zeros((len(table), 1))), axis=1)
-    return GreyModel(table.astype(np.float32), float(first), float(step))
+    return GreyModel(table.astype(np.float32), float(first), float(step), mirrored)

@@ -11,7 +11,7 @@ import numpy as np
 
 from zeromethod.arrays import Float
 from zeromethod.contact.contact import Contact
-from zeromethod.contact.outline import evenly
+from zeromethod.contact.polygon import evenly
 
 SHAPES = 8
 """Pressures of a contact; the first is a ball's, the others sum up to no force."""

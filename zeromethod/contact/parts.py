@@ -42,10 +42,11 @@ def narrow_parts(
     they and half a period around leave too few dark pixels, none is looked for.
     """
     dark = lost & (light < _BRIGHTEST)
-    left = dark
+    other = np.ones(dark.shape, np.bool_)
     if known is not None and known.any():
-        left = dark & (cv2.blur(known.astype(np.float32), (period_px, period_px)) == 0)
-    if np.count_nonzero(left) < _LEAST_SHARE * period_px**2:
+        square = np.ones((period_px, period_px), np.uint8)
+        other = cv2.dilate(known.astype(np.uint8), square) == 0
+    if np.count_nonzero(dark & other) < _LEAST_SHARE * period_px**2:
         return None
     values = light[dark]
     counts = np.bincount(np.maximum((values + 0.05) / noise, 0).astype(np.intp))
@@ -57,10 +58,11 @@ def narrow_parts(
     share = cv2.boxFilter(alike.astype(np.float32), -1, side)
     darker = cv2.boxFilter((light < level - _NOISES * noise).astype(np.float32), -1, side)
     common = ((share > _LEAST_SHARE) & (darker < _MOST_DARKER * share) & lost).astype(np.uint8)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(common, connectivity=4)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(common, connectivity=4)
     large = stats[:, cv2.CC_STAT_AREA] >= period_px**2
     large[0] = False
-    return Parts(large[labels], level) if count > 1 and large.any() else None
+    where = large[labels]
+    return Parts(where, level) if np.count_nonzero(where & other) >= period_px**2 else None
 
 
 def closed_over(mask: Mask, period_px: int) -> Mask:

@@ -60,7 +60,7 @@ class RegionFinder:
         noise = rig.camera.noise
         self._black, self._blur_px = noise.black_grey, blur_px
         per_grey = 0.0 if noise.electrons_per_grey is None else 1 / noise.electrons_per_grey
-        self._noise = noise.read_grey**2 + 1 / 12, per_grey
+        self.noise = noise.read_grey**2 + 1 / 12, per_grey
         self._grid = grid
         self._models: dict[tuple[float, float], GreyModel] = {}
 
@@ -115,22 +115,23 @@ class RegionFinder:
         picture = image[place].astype(np.float32) - np.float32(self._black)
         mean = rest.mean[place] * np.float32(drift)
         local, deviation = local_deviation(picture)
-        allowed = _NOISES * np.sqrt(self._noise[0] + self._noise[1] * np.maximum(local, 0))
+        allowed = _NOISES * np.sqrt(self.noise[0] + self.noise[1] * np.maximum(local, 0))
         flat = (deviation < allowed) & (local < DARKER_SHARE * mean) & ~rest.static[place]
         count, labels, stats, _ = cv2.connectedComponentsWithStats(flat.astype(np.uint8), connectivity=4)
         taken = np.zeros(flat.shape, np.bool_)
         found: list[Region] = []
-        for k in np.argsort(-stats[1:count, cv2.CC_STAT_AREA]) + 1:
+        sizes = stats[1:count, cv2.CC_STAT_AREA]
+        for k in np.argsort(-sizes)[: np.count_nonzero(sizes >= SEED_PX)] + 1:
             seed = labels == k
-            if stats[k, cv2.CC_STAT_AREA] < SEED_PX or taken[seed].any():
+            if taken[seed].any():
                 continue
             region = self._grown(seed, picture, mean, rest, (left, top))
             if region is not None:
                 taken |= region.mask
                 found.append(region)
         light = picture / mean
-        middle = float(np.median(mean))
-        noise = float(np.sqrt(self._noise[0] + self._noise[1] * 0.3 * middle)) / middle
+        middle = float(np.median(mean[::4, ::4]))
+        noise = float(np.sqrt(self.noise[0] + self.noise[1] * 0.3 * middle)) / middle
         dark = self._pixels(lost, box) & ~rest.static[place]
         parts = narrow_parts(light, noise, dark, self._grid.period_px, taken)
         if parts is not None:
@@ -204,7 +205,7 @@ class RegionFinder:
         if key not in self._models:
             if len(self._models) > 32:
                 self._models.clear()
-            self._models[key] = grey_model(*key, rest.levels, rest.shares, self._blur_px, self._noise)
+            self._models[key] = grey_model(*key, rest.levels, rest.shares, self._blur_px, self.noise)
         return self._models[key]
 
 

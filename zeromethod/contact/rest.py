@@ -40,6 +40,7 @@ class RestPicture:
         self._sum: Single | None = np.zeros(grid.image_shape, np.float32)
         self._amplitude = np.zeros((*grid.shape, 2))
         self._light = np.zeros(grid.shape)
+        self._seen: Mask = np.zeros(grid.shape, np.bool_)
         self.mean: Single = np.zeros(grid.image_shape, np.float32)
         self.static: Mask = np.zeros(grid.image_shape, np.bool_)
         self.levels: Float = np.linspace(0.0, 2.4, BINS + 1)[:-1] + 1.2 / BINS
@@ -65,6 +66,7 @@ class RestPicture:
     def _finish(self, picture: Single) -> None:
         self._amplitude /= self._frames
         self._light /= self._frames
+        self._seen = np.asarray((self._amplitude > 0).all(axis=-1))
         side = 2 * self._period
         # two passes: the mean of a picture with a hole is not the hole's
         mean = np.maximum(cv2.boxFilter(picture, -1, (side, side)), 1e-3)
@@ -83,9 +85,7 @@ class RestPicture:
 
         One of the two: bars as far apart as fringes look like the other.
         """
-        seen = (self._amplitude > 0).all(axis=-1) & (
-            residual.flags & np.uint16(Flag.OUTSIDE | Flag.NO_RAY) == 0
-        )
+        seen = self._seen & (residual.flags & np.uint16(Flag.OUTSIDE | Flag.NO_RAY) == 0)
         weak = residual.modulation < least * self._amplitude
         return np.asarray(seen & (weak[..., 0] | weak[..., 1]))
 
