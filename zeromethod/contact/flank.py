@@ -38,13 +38,13 @@ class Around(NamedTuple):
     """What the camera sees about n points of a border.
 
     ray: (n, 3) unit vectors towards the mirror. rest: (n, 2) slopes of the mirror's own shape. share: (n,) of
-    s-polarised light. index: the rubber's.
+    s-polarised light. rubber: its index.
     """
 
     ray: Float
     rest: Float
     share: Float
-    index: float
+    rubber: float
 
 
 @numba.njit(cache=True, nogil=True)

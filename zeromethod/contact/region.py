@@ -30,6 +30,12 @@ _SHADOW_SHARE = 0.03
 """Light over the mean below which a region next to a brighter one is its shadow: a slope too steep for total
 reflection."""
 _SMOOTH_PX = 5
+_ALIKE_NOISES = 2.0
+"""Deviation, in those of one pixel, up to which 3 x 3 px count as of one level."""
+_WIDE_PX, _NEAR_PX = 5, 7
+"""Least width of what is of one level, and how far beyond it a region reaches where a border blurs."""
+_LEAST_WHOLE = 0.7
+"""Share of a region that its widest piece must have."""
 _LEAST_PART_PX = 10
 _LEAST_WIDE_PX = 7
 _SMOOTH_PARTS_PX = 3
@@ -187,7 +193,8 @@ class RegionFinder:
         dirt = rest.static[top : top + seed.shape[0], left : left + seed.shape[1]]
         scattered, mirrored = float(np.median(picture[seed])), float(np.median(mean[seed]))
         model = self._model(scattered, mirrored, rest)
-        columns = model.index(picture * (mirrored / mean))
+        grey = picture * (mirrored / mean)
+        columns = model.index(grey)
         columns[dirt] = UNKNOWN
         # pixels of one window are not as independent as their product has it: one carrier for all of them
         evidence = cv2.boxFilter(model.evidence[columns], -1, (_SMOOTH_PX, _SMOOTH_PX))
@@ -198,7 +205,24 @@ class RegionFinder:
         mask = labels == label
         if not label or not mask.any():
             return None
+        mask = self._without_fringes(mask, grey, scattered)
         return Region(*corner, mask, probability, columns, model, scattered / mirrored)
+
+    def _without_fringes(self, mask: Mask, grey: Single, scattered: float) -> Mask:
+        """A region less what sticks out of it and is not of one grey level: dark fringes that join on.
+
+        grey: (rows, cols) levels over that of the picture beside. What would lose most of itself stays.
+        """
+        noise = np.sqrt(self.noise[0] + self.noise[1] * max(scattered, 0.0))
+        alike = mask & (np.abs(cv2.boxFilter(grey, -1, (3, 3)) - scattered) < _ALIKE_NOISES * noise)
+        whole = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_OPEN, _disc(_WIDE_PX))
+        near = np.asarray(cv2.dilate(whole, _disc(_NEAR_PX)), np.uint8)
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(mask * near, connectivity=4)
+        if count < 2:
+            return mask
+        largest = int(np.argmax(stats[1:, cv2.CC_STAT_AREA])) + 1
+        enough = stats[largest, cv2.CC_STAT_AREA] > _LEAST_WHOLE * np.count_nonzero(mask)
+        return np.asarray(labels == largest) if enough else mask
 
     def _model(self, scattered: float, mirrored: float, rest: RestPicture) -> GreyModel:
         key = round(scattered), round(mirrored)
@@ -207,6 +231,10 @@ class RegionFinder:
                 self._models.clear()
             self._models[key] = grey_model(*key, rest.levels, rest.shares, self._blur_px, self.noise)
         return self._models[key]
+
+
+def _disc(side: int) -> Bytes:
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)), np.uint8)
 
 
 def _is_shadow(region: Region, others: list[Region]) -> bool:
