@@ -36,6 +36,9 @@ _LIKELY_LCD_PX = 1.0
 _VISIBLE = 1e-3
 """Curl energy of a combination of modes, over the largest, from which it counts as visible."""
 
+_SOLVED = 1e-6
+"""Error of the modes' depths, relative."""
+
 _KEEP_SHARE = 0.05
 """Templates are kept while the mask differs on fewer nodes than this share."""
 
@@ -146,7 +149,7 @@ class CurlTest:
         weight_across, weight_down = integrator.step_weights
         slopes = np.where(island[..., None], np.nan_to_num([*self._slopes, self._constant]), 0.0)
         count = len(self._slopes)
-        depth = np.stack([integrator.integrate(one, x_mm, y_mm) for one in slopes])
+        depth = np.stack([integrator.integrate(one, x_mm, y_mm, share=_SOLVED) for one in slopes])
         left = [
             integrator.left_over(integrator.steps(one, x_mm, y_mm), part)
             for one, part in zip(slopes, depth, strict=True)

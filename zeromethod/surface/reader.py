@@ -168,7 +168,7 @@ class SurfaceReader:
         variance = self._lever.variance(spread, reading.depth, reading.slope)
         state = bending, sigma_q, reading.depth, reading.slope
         noise = SlopeNoise(lambda: self._lever.factor(*state), variance, *self._overlap)
-        surface = self._surface(warp, reading, noise)
+        surface = self._surface(warp, reading, noise, previous is None)
         return self._with_cut_off(surface, reading, q, usable, variance)
 
     def follow(self, warp: Warp) -> Surface:
@@ -232,14 +232,15 @@ class SurfaceReader:
                 moved_on(depth, *steps, apart_ns / back_ns, ahead_ns / apart_ns)
         return Start(depth, nodes)
 
-    def _surface(self, warp: Warp, reading: Reading, noise: SlopeNoise) -> Surface:
+    def _surface(self, warp: Warp, reading: Reading, noise: SlopeNoise, alone: bool) -> Surface:
+        """alone: sigma is to be as exact as it can be, and not only after some readings."""
         island = self._integrator.island
         sigma_depth = np.full(island.shape, np.nan)
         anchor = Anchor("none", np.zeros(self._grid.shape, bool), 0.0)
         x, y = reading.point[..., 0], reading.point[..., 1]
         fit, curl, systematic = reading.fit, None, np.zeros((0, *island.shape))
         if fit is not None and self._drift is not None:
-            of_frame = self._noise.sigma(noise, x, y, fit.weights)
+            of_frame = self._noise.sigma(noise, x, y, fit.weights, alone)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
             fit, systematic = self._drift.systematic(fit, read, noise)
             sigma_depth = together(self._scale, of_frame, systematic, self._depth_share, reading.depth)
