@@ -287,7 +287,8 @@ class Nuisances(Table):
     `mains`: light of lamps on the mains, on average, as a share of full scale; it swings to nothing and back
     `mains_hz` times a second. `backlight_per_minute`: growth of the LCD's light, relative. `dust`,
     `scratches` (on the camera face), `bubbles` (in the rubber): how many in view. `kelvin_per_minute`: how
-    fast the rubber grows warmer, which then is not as the rig file has it.
+    fast the rubber grows warmer, which then is not as the rig file has it. `pixel_gain`, `pixel_offset_grey`:
+    fixed pattern of the chip, standard deviations of a pixel's own gain (relative) and black level.
     """
 
     mains: Share = 0.0
@@ -297,6 +298,8 @@ class Nuisances(Table):
     scratches: Count = 0
     bubbles: Count = 0
     kelvin_per_minute: float = 0.0
+    pixel_gain: NotNegative = 0.0
+    pixel_offset_grey: NotNegative = 0.0
 
 
 class SimulationSpec(Table):
