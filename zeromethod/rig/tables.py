@@ -155,19 +155,30 @@ class Rubber(Table):
         return self
 
 
+LEAST_STEP = 8
+"""Fewest pictures per period of a moving target: of fewer, two in one exposure leave too little contrast."""
+
+
 class TargetSpec(Table):
     """The target: the picture that the camera should see, in camera pixels.
 
-    Light = mean +- contrast x mean; the period is even and a node lies every half period.
+    Light = mean +- contrast x mean; the period is even and a node lies every half period. `step`: the target
+    moves from drawn picture to drawn picture by 1 / step of a period along u and 2 / step along v, a period
+    (two) there and back; 0: it stands still.
     """
 
     kind: Literal["cosines", "checker", "lattice", "noise"] = "cosines"
     period_px: Annotated[int, Field(ge=8, le=64, multiple_of=2)] = 16
     mean: Annotated[float, Field(gt=0, lt=1)] = 0.5
     contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
+    step: Annotated[int, Field(ge=0, le=64)] = 0
 
     @model_validator(mode="after")
     def _displayable(self) -> TargetSpec:
+        if 0 < self.step < LEAST_STEP:
+            raise refused("step", self.step, f"0, or {LEAST_STEP} to 64")
+        if self.step and self.kind == "noise":
+            raise refused("step", self.step, "0 for target.kind 'noise', which has no phase")
         if self.mean * (1 + self.contrast) > 1 + 1e-9:
             raise refused("contrast", self.contrast, f"at most 1 / mean - 1 = {1 / self.mean - 1:.6g}")
         return self

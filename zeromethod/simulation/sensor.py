@@ -39,9 +39,9 @@ class Sensor:
 
     Light 1 gives `peak_grey_share` of the full scale 2^bits - 1, light 0 the black level. Variance =
     read_grey^2 + signal / electrons_per_grey, the signal counted above black. The noise of frame n
-    depends on seed and n alone. Every pixel has its own gain and black level, by the seed, which stay from frame
-    to frame (`simulation.nuisances.pixel_gain`, `pixel_offset_grey`). Quantisation rounds to the nearest grey
-    level and clips.
+    depends on seed and n alone. Every pixel has its own gain and black level, by the seed, which stay from
+    frame to frame (`simulation.nuisances.pixel_gain`, `pixel_offset_grey`). Quantisation rounds to the
+    nearest grey level and clips.
     """
 
     def __init__(self, rig: Rig) -> None:
