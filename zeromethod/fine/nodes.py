@@ -58,7 +58,7 @@ def read_nodes(
     shown = np.tensordot(design.weights.mean(axis=0), each, axes=1)
     bending = jacobian(shown, grid.spacing_px)
     # what the fit took for the mean: displacements against each frame's own warp and phases
-    apart = _matvec(np.linalg.inv(bending), shown - each)
+    apart = _matvec(np.asarray(np.linalg.inv(bending), np.float64), shown - each)
     apart += per_rad * np.stack([frame.off_row_rad() for frame in frames])
     excess = np.einsum("kt,trck->rck", design.weights, apart)
     added = [frame.measured.q - compose(frame.shown, frame.d, grid.spacing_px) for frame in frames]

@@ -137,7 +137,7 @@ class Lever:
 
     @property
     def planes(self) -> tuple[Float, NDArray[np.float32]]:
-        """Sensitivity (4, rows, cols) at rest, row by row; its change (12, ...) by depth, slope x, slope y."""
+        """Sensitivity (4, rows, cols) at rest, row by row; its change (12, ...) by depth and slope x, y."""
         return self._planes, self._by
 
     def factor(self, jacobian: Float, sigma_q: Float, depth_mm: Float, slope: Float) -> Float:
