@@ -126,10 +126,10 @@ class DepthNoise:
 
     One node's variance takes one solution of the integrator's equations (`NodeVariance`). Over the rough one
     of the lattices (`log_rough_variance`) it varies slowly: its logarithm is a thin-plate spline through some
-    250 nodes, closer together towards the border and around the narrowest dent. That is within 1 % rms of
+    220 nodes, closer together towards the border and around the narrowest dent. That is within 1 % rms of
     sigma, and within a third at single nodes of holes' rims, whose noise is their own. Where readings follow
     each other, the samples of a new mask or new weights are worked out a few at a time: at once every third
-    along both axes, which is within 5 % rms of sigma and mostly within 10 %, then the others in some thirty
+    along both axes, which is within 5 % rms of sigma and mostly within 10 %, then the others in some twenty
     readings. They are kept while mask and noise keep their shape; a frame then costs a rescaling: noise at
     distance r reaches depth with weight 1 / r (the gradient of Green's function in the plane), so that every
     octave of r counts alike and what the noise has grown by is the mean of its means over boxes, octave by

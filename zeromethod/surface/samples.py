@@ -16,11 +16,11 @@ from zeromethod.warp.continuation import continue_smoothly
 
 _SAMPLES_PER_AXIS = 13
 _COARSE = 3
-_AROUND = np.array([-6, -4, -2, -1, 0, 1, 2, 4, 6])
+_AROUND = np.array([-6, -3, -1, 0, 1, 3, 6])
 _BLURS, _OFF_BORDER = ((3, 3), (15, 15)), 3
 _RINGS, _ON_RING = 2, 16
 """Rings around holes, and samples on each."""
-AT_FIRST, AT_A_TIME = 25, 8
+AT_FIRST, AT_A_TIME = 25, 12
 """Samples that are worked out at once, and in every reading after that, where a few at a time will do."""
 _LEAST_SAMPLE = 1e-6
 """Variance of a sample over the largest, at least."""
