@@ -116,8 +116,12 @@ class NodeVariance:
         of_across = derivatives(x, y, island, DERIVATIVE)
         of_down = derivatives(x_turned, y_turned, turned, DERIVATIVE)
         ways = of_across, [one.T for one in of_down]
-        self._by = tuple(np.einsum("ijca,cij->aij", factor, np.stack(way)).astype(np.float32) for way in ways)
-        self._stencils = integral_stencils(island), integral_stencils(turned)[:, [1, 0, 2, 3]]
+        self._by = tuple(
+            np.ascontiguousarray(np.einsum("ijca,cij->aij", factor, np.stack(way)), np.float32)
+            for way in ways
+        )
+        down = integral_stencils(turned)[:, [1, 0, 2, 3]]
+        self._stencils = integral_stencils(island), np.ascontiguousarray(down)
         steps = []
         for weights, next_to_gap in zip((linear.across, linear.down), self._stencils, strict=True):
             inside = weights.astype(np.float32)
