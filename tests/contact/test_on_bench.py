@@ -5,7 +5,12 @@ import pytest
 
 from zeromethod import Session, binned, load_rig
 
-VIEW = {"camera.columns": 320, "camera.rows": 256, "camera.centre_px": [159.5, 127.5], "camera.pupil_mm": 1.25}
+VIEW = {
+    "camera.columns": 320,
+    "camera.rows": 256,
+    "camera.centre_px": [159.5, 127.5],
+    "camera.pupil_mm": 1.25,
+}
 """Pixels twice as large as the packaged bench's, of the middle of its view: the object has room in it."""
 
 
