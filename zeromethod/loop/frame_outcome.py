@@ -51,6 +51,7 @@ def frame_figures(frame: Frame, verdict: FrameVerdict, result: FrameResult) -> d
         "image": frame.image,
         "residual": result.residual and result.residual.copy(),
         "shown": result.observation and result.observation.shown.copy(),
+        "target": result.observation and result.observation.target,
         "residual_rms_px": result.residual_rms_px,
         "valid_share": result.valid_share,
     }
