@@ -39,7 +39,7 @@ def shoot(path: Path) -> None:
     ):
         assert run.stderr is not None
         url = next(found[1] for line in run.stderr if (found := re.match(r"view: (\S+)", line)))
-        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        arguments = ["--no-sandbox", "--enable-unsafe-swiftshader"]
         browser = playwright.chromium.launch(executable_path=chromium, args=arguments)
         page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light")
         page.goto(url)
