@@ -57,7 +57,7 @@ class Shown:
         later = {name: given[name] + self._contents for name in ("time_s", "peak_time_s")}
         given = given | later | {"step": self._contents}
         depth = 1e-3 * np.arange(15 * 20, dtype=np.float32).reshape(15, 20)
-        maps = {name: depth for name in ("depth", "sigma", "x", "y")}
+        maps = dict.fromkeys(("depth", "sigma", "x", "y"), depth)
         maps |= {"slope": np.zeros((15, 20, 2), np.float32), "kind": np.full((15, 20), kind, np.uint8)}
 
         def compose(parts: frozenset[str]) -> Content:
@@ -123,10 +123,11 @@ def test_not_calibrated_is_said_where_depth_is_and_everything_fits(shown):
         assert "NOT CALIBRATED" in shown.text("#uncalibrated")
         assert "relative" in shown.text("#peak-name")
         assert shown.text("#depth .badge")
-        places = """Array.from(document.querySelectorAll('header > *, #figures > div, #uncalibrated, #why strong'))
-            .map((one) => { const b = one.getBoundingClientRect();
+        boxes = "header > *, #figures > div, #uncalibrated, #why strong"
+        places = """(boxes) => Array.from(document.querySelectorAll(boxes)).map((one) => {
+            const b = one.getBoundingClientRect();
             return [one.id, b.left, b.right, one.scrollWidth - one.clientWidth]; })"""
-        for name, left, right, over in shown.page.evaluate(places):
+        for name, left, right, over in shown.page.evaluate(places, boxes):
             assert left >= 0, name
             assert right <= 1280, name
             assert over <= 1, name

@@ -67,10 +67,7 @@ class ReplayContent:
 
     def _history(self) -> list[tuple[Any, ...]]:
         stride = -(-len(self.steps) // MOST_ROWS)
-        found = []
-        for index in range(0, len(self.steps), stride):
-            found.append(history_row(self.values(index)))
-        return found
+        return [history_row(self.values(index)) for index in range(0, len(self.steps), stride)]
 
     def index_at(self, time_s: float) -> int:
         """Index of the step of a moment: the last one up to it."""
@@ -95,7 +92,9 @@ class ReplayContent:
             if lasting.see(state, time_s) is not before:
                 row = self.steps[index]
                 reason = Recording.text(row["reason"]).removeprefix(f"{state}: ")
-                words = f"{lasting.shown}: {reason}" if reason and lasting.shown is state else str(lasting.shown)
+                words = (
+                    f"{lasting.shown}: {reason}" if reason and lasting.shown is state else str(lasting.shown)
+                )
                 found.append((int(row["time_ns"]), "state", words))
         return found
 

@@ -90,6 +90,7 @@ async function content(message, ask) {
 function seen(message) {
   page.contents += 1;
   page.first_ms ??= performance.now();
+  solid.begin();
   page.arrived.push(performance.now());
   if (message.stages_ms && message.parts.camera) {
     page.stages.push({ ...message.stages_ms, arrived: message.arrived, decoded: message.decoded, painted: unix() });

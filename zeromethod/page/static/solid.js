@@ -24,6 +24,12 @@ export class SolidPanel {
     this.turn = { azimuth: -0.6, height: 0.75, distance: 1.55 };
     this.painted = 0;
     this.listen();
+  }
+
+  // Loads what draws in space; three quarters of the page, so not before the first picture is there.
+  begin() {
+    if (this.begun) return;
+    this.begun = true;
     import("/vendor/three.module.min.js").then((three) => this.make(three)).catch(() => {
       $("solid-note").textContent = "this browser has no WebGL";
     });
