@@ -51,7 +51,7 @@ from zeromethod.rig.load import load_rig
 from zeromethod.session.session import Session
 from zeromethod.view.progress import progress
 
-PAIRS, QUICK_PAIRS, BLOCK_S, SETTLING_S = 40, 8, 2.0, 0.4
+PAIRS, QUICK_PAIRS, BLOCK_S, SETTLING_S = 24, 6, 2.0, 0.4
 RESAMPLED, SEED = 4000, 5
 RATE_PERCENT = 1.0
 VIEWERS = 3

@@ -111,6 +111,7 @@ def tab(opened: Any, url: str, width: int = 1280, height: int = 800) -> Iterator
             wrong.append(f"asked {asked.url}")
 
     page.on("request", request)
+    page.on("websocket", request)
     page.goto(url)
     yield page
     page.close()
