@@ -22,7 +22,7 @@ SHOWN_S = 0.9
 """Time of the run's clock at which the press is held."""
 
 
-COLOURS = 200
+COLOURS = 256
 """Of the picture's palette, which keeps the file small."""
 
 
@@ -52,7 +52,7 @@ def shoot(path: Path) -> None:
         browser.close()
         run.terminate()
     with Image.open(path) as picture:
-        few = picture.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+        few = picture.convert("RGB").quantize(COLOURS, kmeans=3, dither=Image.Dither.NONE)
     few.save(path, optimize=True)
 
 
