@@ -108,6 +108,7 @@ function paint(values) {
   const now = performance.now(), steady = lasting(values);
   if (values.duration_s != null) history.moment(values.time_s);
   timeline.show(values);
+  controls.values = values; // of two methods with one key, the one that makes sense now
   if (now - painted < WORDS_MS && steady.state === stated) {
     waiting = values;
     return;
