@@ -104,6 +104,14 @@ class FrameResult:
         return None if mixed or self.order is not Order.KNOWN else self.measured
 
 
+def from_zero(result: FrameResult, zero: Float | None) -> Warp | None:
+    """The warp that may be believed less a zero (rows, cols, 2), LCD px, with what was left to null."""
+    measured = result.believed
+    if measured is None or result.observation is None or result.residual is None:
+        return None
+    return measured.less(zero).with_left(result.observation.shown.q, zero, result.residual.valid)
+
+
 def controller_of(control: ControlSpec, rest: Rest) -> Controller:
     """Make the controller that the rig asks for."""
     if control.controller == "integrator":

@@ -14,7 +14,7 @@ from zeromethod.loop.adjustments import Adjustments
 from zeromethod.loop.assembly import make_circle
 from zeromethod.loop.bench_doubt import BenchDoubt
 from zeromethod.loop.burst import Read
-from zeromethod.loop.circle import FrameResult, Sensor
+from zeromethod.loop.circle import FrameResult, Sensor, from_zero
 from zeromethod.loop.display_watch import DisplayWatch
 from zeromethod.loop.drawing import HANGING_S, Drawer, Drawing
 from zeromethod.loop.events import Event, Notice, Notices
@@ -292,7 +292,7 @@ class Loop:
             image=frame.image,
             residual=result.residual and result.residual.copy(),
             shown=result.observation and result.observation.shown.copy(),
-            measured=measured and measured.less(self._zero.q),
+            measured=from_zero(result, self._zero.q),
             residual_rms_px=result.residual_rms_px,
             valid_share=result.valid_share,
             loop_ms=loop_ms,

@@ -20,6 +20,10 @@ from zeromethod.warp.overlap import overlap_correlation, shared_nodes
 from zeromethod.warp.warp import Warp
 
 
+_NULLED_PX = 0.05
+"""Residual rms, camera px, below which a frame says where the bench is, as in the loop."""
+
+
 class BenchDrift:
     """Drift as seen last while nothing pressed, and the curl test; of one reader."""
 
@@ -48,7 +52,12 @@ class BenchDrift:
         self._curl = CurlTest(integrator, np.moveaxis(slopes, -1, 0), scale_gradient)
 
     def look(self, warp: Warp) -> None:
-        """Follow the drift."""
+        """Follow the drift, in frames that are nulled."""
+        if warp.left is not None:
+            left = warp.left[::2, ::2][warp.valid[::2, ::2]]
+            away_px = self.watch.modes.camera_px * float(np.sqrt(np.nanmean(np.sum(left**2, axis=-1))))
+            if not away_px < _NULLED_PX:
+                return
         self.watch.look(warp, self._rest_q)
 
     def test(self, warp: Warp, read: Reading, noise: SlopeNoise) -> Curl:
