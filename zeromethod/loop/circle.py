@@ -78,8 +78,8 @@ class FrameResult:
     where the frame could not be paired or is dark. residual_rms_px: rms length of the residual over valid
     nodes. valid_share, covered_share: those valid, and those without light, of the nodes visible at rest.
     order: whether it is known which period of the carrier is seen, is being told, or could not be. coded: the
-    frame may have seen coded pictures in places. unread: a burst is under way for nodes that none has
-    read.
+    frame may have seen coded pictures in places. unread: nodes that no burst has read wait for one, or one
+    is under way for them.
     """
 
     changed: bool = False

@@ -30,6 +30,7 @@ from zeromethod.loop.zero import Zero
 from zeromethod.optics import Optics
 from zeromethod.rig.model import Rig
 
+BURST_AHEAD = "no picture nulls a part of the view: coded ones will read it; keep what is pressed still"
 BURST_WORDS = "coded pictures read the warp where none can null it; keep what is pressed still"
 
 WRONG_FRAMES_TO_END = 10
@@ -328,7 +329,7 @@ class Loop:
         at_rest = locked and self._circle.at_rest(result.measured, self._zero.rest_q)
         blinded = "the camera is blinded: too bright" if Event.SATURATED in events else ""
         doubt = self.bench.doubt or self.doubt
-        unread = BURST_WORDS if result.unread else ""
+        unread = (BURST_WORDS if result.coded else BURST_AHEAD) if result.unread else ""
         seen = result.residual_rms_px, result.valid_share, at_rest, result.covered_share
         return StepOutcome(Outcome.MEASURED, blinded, *seen, doubt, result.order, unread)
 
