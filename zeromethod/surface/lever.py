@@ -135,6 +135,11 @@ class Lever:
         inverse = np.linalg.inv(np.where(regular, per_q, np.eye(2)))
         return np.where(regular, inverse, self._rest)
 
+    @property
+    def planes(self) -> tuple[Float, NDArray[np.float32]]:
+        """Sensitivity (4, rows, cols) at rest, row by row; its change (12, ...) by depth and slope x, y."""
+        return self._planes, self._by
+
     def factor(self, jacobian: Float, sigma_q: Float, depth_mm: Float, slope: Float) -> Float:
         """Matrix (rows, cols, 2, 2), rad: slope's error = factor @ (unit noise along u, along v).
 

@@ -119,6 +119,8 @@ class SurfaceReader:
             fixed = self._integrator, self._scale_gradient
             self._drift = BenchDrift(rig, optics, grid, self._rays.rest_q, regular, sensitivity, *fixed)
         self._hidden = HiddenDepth(grid, sensitivity, point[..., 0], point[..., 1])
+        self.noise_mm: Float = np.full(island.shape, np.nan)
+        """(measurable rows, cols) of the last surface's `sigma_depth_mm`, what the warp's own noise makes."""
         self._last: _Last | None = None
         self._before: tuple[Surface | None, Surface | None] = None, None
 
@@ -240,6 +242,7 @@ class SurfaceReader:
         anchor = Anchor("none", np.zeros(self._grid.shape, bool), 0.0)
         x, y = reading.point[..., 0], reading.point[..., 1]
         fit, curl, systematic = reading.fit, None, np.zeros((0, *island.shape))
+        self.noise_mm = np.full(island.shape, np.nan)
         if fit is not None and self._drift is not None:
             of_frame = self._noise.sigma(noise, x, y, fit.weights)
             read = KnownReading(x, y, reading.depth, self._scale, of_frame, reading.slope, noise.variance)
@@ -249,6 +252,7 @@ class SurfaceReader:
                 systematic = systematic if hidden is None else np.concatenate([systematic, hidden[None]])
             sigma_depth = together(self._scale, of_frame, systematic, self._depth_share, reading.depth)
             curl = self._drift.test(warp, reading, noise)
+            self.noise_mm = self._scale * of_frame
         if fit is not None:
             typical = fit.sigma_mm * float(np.sqrt(np.vdot(self._scale2, island) / np.count_nonzero(island)))
             anchor = Anchor(fit.mode, self._grid.padded(fit.weights > 0.0, False), typical, fit.far_field_mm)
