@@ -7,6 +7,8 @@ camera that turns moves the press in the view, too.
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from zeromethod.arrays import Float, Mask
@@ -22,6 +24,9 @@ REFERENCE_FRAMES = 4
 MOST_BENT = 0.1
 """How much a press may stretch the warp, relative, where it is looked at: a camera that turns by a pixel
 moves a dent by a quarter of one."""
+
+HELD_FRAMES = 4
+"""Frames whose mean is held against the reference, since the last jump."""
 
 _LEAST_SHARE = 0.2
 """Share of the view that must be bent as little."""
@@ -48,6 +53,12 @@ class HeldPress:
         self._valid = self._visible
         self._frames = 0
         self._first: Terms | None = None
+        self._last: deque[Terms] = deque(maxlen=HELD_FRAMES)
+
+    @property
+    def settled(self) -> bool:
+        """Whether as many frames agree as are averaged."""
+        return len(self._last) == HELD_FRAMES
 
     def look(self, warp: Warp, rest_q: Float, whole: Terms) -> Terms | None:
         """What a frame has moved by since the press was last seen to change; None while that is not known.
@@ -62,15 +73,24 @@ class HeldPress:
         if terms is None:
             self.forget()
             return None
-        return Terms(terms.values, terms.noise_px * np.sqrt(1.0 + 1.0 / self._frames), terms.passing)
+        if self._last and self._differ(terms, self._last[-1]):
+            self._last.clear()
+        self._last.append(terms)
+        values = np.mean([one.values for one in self._last], axis=0)
+        noise_px = terms.noise_px * np.sqrt(1.0 / len(self._last) + 1.0 / self._frames)
+        return Terms(values, float(noise_px), terms.passing)
+
+    @staticmethod
+    def _differ(one: Terms, other: Terms) -> bool:
+        """Whether two frames differ by more than noise."""
+        change = float(np.linalg.norm(one.values - other.values))
+        return change > _SIGMAS * one.noise_px * np.sqrt(2.0 * len(one.values))
 
     def _add(self, warp: Warp, rest_q: Float, whole: Terms) -> None:
         """Take in a frame that changes nothing; after some of them, choose the nodes to be looked at."""
         first = self._first
-        if first is not None and len(first.values) == len(whole.values):
-            change = float(np.linalg.norm(whole.values - first.values))
-            if change > _SIGMAS * whole.noise_px * np.sqrt(2.0 * len(whole.values)):
-                self.forget()
+        if first is not None and (len(first.values) != len(whole.values) or self._differ(whole, first)):
+            self.forget()
         if self._first is None or self._sum is None:
             self._first, self._sum = whole, np.zeros_like(warp.q)
         self._sum += warp.q

@@ -32,9 +32,8 @@ _SIGMAS = 5.0
 _PASSING = 0.98
 """Share of the nodes that must agree with rigid motion within their noise, or something presses."""
 
-_HELD_FRAMES, _PASSING_HELD = 4, 0.9
-"""Consecutive frames that must show motion under a held press, and the share of the nodes that must agree with
-it: a camera that turned moves the press in the view as well."""
+_PASSING_HELD = 0.9
+"""The same under a held press: a camera that turned moves the press in the view as well."""
 
 _SURE = 5.0
 """Motion over all else from which it stays in the drift when the press changes."""
@@ -127,7 +126,6 @@ class BenchWatch:
         self.modes = modes
         self._view = _Averaged(modes, grid, visible)
         self._press = HeldPress(modes, grid, visible)
-        self._held: deque[tuple[Float, float]] = deque(maxlen=_HELD_FRAMES)
         self._before: Float = np.zeros(modes.count)
         self._sure = self._before
         self._known = _Averaged(modes, grid, known & visible)
@@ -157,7 +155,6 @@ class BenchWatch:
             self.motion = fitter.motion(terms)
             self.drift = self._before = self._sure = found.drift
             self._press.forget()
-            self._held.clear()
         if found.rigid and found.motion_px > max(LEAST_LCD_PX, self._largest_px):
             self._largest_px = found.motion_px
             self.moved = f"the bench moved {self.modes.words(fitter.motion(terms))}"
@@ -165,27 +162,21 @@ class BenchWatch:
 
     def _judge_held(self, warp: Warp, rest_q: Float, whole: Terms) -> None:
         """Judge what has moved while a press is held."""
-        terms = self._press.look(warp, rest_q, whole)
-        if terms is None:
-            self._held.clear()
+        press = self._press
+        terms, fitter = press.look(warp, rest_q, whole), press.fitter
+        if terms is None or fitter is None:
             return
-        fitter = self._press.fitter
-        assert fitter is not None
         found = _Found.of(fitter, terms)
         if not (terms.passing > _PASSING_HELD and (found.rigid or found.alike)):
             # the press has changed; what was no press before stays
-            self._press.forget()
-            self._held.clear()
+            press.forget()
             self.drift = self._before = self._sure
             return
         self.drift = self._before + found.drift
         if found.motion_px > _SURE * found.left_px:
             self._sure = self.drift
-        self._held.append((fitter.motion(terms), found.motion_px if found.rigid else 0.0))
-        least_px = min(moved_px for _, moved_px in self._held)
-        if len(self._held) == _HELD_FRAMES and least_px > LEAST_LCD_PX and not self.moved:
-            motion = np.mean([one for one, _ in self._held], axis=0)
-            self.moved = f"the bench moved {self.modes.words(motion)}"
+        if press.settled and found.rigid and found.motion_px > LEAST_LCD_PX and not self.moved:
+            self.moved = f"the bench moved {self.modes.words(fitter.motion(terms))}"
 
     def _judge_known(self, fitter: MotionFitter, terms: Terms) -> None:
         moved_px = float(np.linalg.norm(terms.values[: fitter.count]))
@@ -217,6 +208,5 @@ class BenchWatch:
         self._view.forget()
         self._known.forget()
         self._press.forget()
-        self._held.clear()
         self.moved, self.motion, self._largest_px = "", None, 0.0
         self.drift = self._before = self._sure = np.zeros(self.modes.count)

@@ -54,9 +54,10 @@ class BenchDrift:
     def look(self, warp: Warp) -> None:
         """Follow the drift, in frames that are nulled."""
         if warp.left is not None:
-            left = warp.left[::2, ::2][warp.valid[::2, ::2]]
-            away_px = self.watch.modes.camera_px * float(np.sqrt(np.nanmean(np.sum(left**2, axis=-1))))
-            if not away_px < _NULLED_PX:
+            # every second node says as much
+            square2 = np.sum(warp.left[::2, ::2][warp.valid[::2, ::2]] ** 2, axis=-1)
+            square2 = square2[np.isfinite(square2)]
+            if len(square2) and self.watch.modes.camera_px * np.sqrt(square2.mean()) > _NULLED_PX:
                 return
         self.watch.look(warp, self._rest_q)
 
