@@ -106,9 +106,12 @@ def test_wide_honest_presses_are_no_motion_however_they_come(bench, watch):
 
 
 @pytest.mark.parametrize(
-    ("turned_deg", "slid_mm"), [((0.1 * PX_DEG, 0, 0), (0, 0)), ((0, 0, 0), (0.012, 0)), ((0, PX_DEG, 0), (0, 0))]
+    ("turned_deg", "slid_mm"),
+    [((0.1 * PX_DEG, 0, 0), (0, 0)), ((0, 0, 0), (0.012, 0)), ((0, PX_DEG, 0), (0, 0))],
 )
-def test_a_bench_that_moves_under_a_held_press_is_named_and_is_drift(bench, modes, watch, turned_deg, slid_mm):
+def test_a_bench_that_moves_under_a_held_press_is_named_and_is_drift(
+    bench, modes, watch, turned_deg, slid_mm
+):
     """Pan of 0.1 px, LCD slid by 0.2 px, tilt of 1 px: the first two look like a mirror displaced whole."""
     true, noise, one = bumped(bench.rig, turned_deg, slid_mm), np.random.default_rng(3), watch()
     dent, rest_q = Gauss(0.15, bench.centre_mm, 0.0, 5.0), Rest.of(bench.rig, bench.optics).q

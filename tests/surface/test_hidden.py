@@ -1,4 +1,4 @@
-"""What the sensing window hides of a press that is not yet nulled: in sigma, and nothing where it is nulled."""
+"""What the sensing window hides of a press not yet nulled is in sigma, and nothing where it is nulled."""
 
 from dataclasses import replace
 

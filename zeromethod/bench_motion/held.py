@@ -84,7 +84,7 @@ class HeldPress:
     def _differ(one: Terms, other: Terms) -> bool:
         """Whether two frames differ by more than noise."""
         change = float(np.linalg.norm(one.values - other.values))
-        return change > _SIGMAS * one.noise_px * np.sqrt(2.0 * len(one.values))
+        return bool(change > _SIGMAS * one.noise_px * np.sqrt(2.0 * len(one.values)))
 
     def _add(self, warp: Warp, rest_q: Float, whole: Terms) -> None:
         """Take in a frame that changes nothing; after some of them, choose the nodes to be looked at."""
@@ -109,6 +109,7 @@ class HeldPress:
 
     def _flat(self, displaced: Float) -> Mask:
         """Nodes (rows, cols) at which a displacement, LCD px, stretches the warp little."""
-        bending = self._modes.camera_px * np.abs(jacobian(displaced, self._grid.spacing_px)).max(axis=(-1, -2))
+        stretch = np.abs(jacobian(displaced, self._grid.spacing_px)).max(axis=(-1, -2))
+        bending = self._modes.camera_px * stretch
         nodes: Mask = self._valid & (np.nan_to_num(bending, nan=np.inf) < MOST_BENT)
         return nodes

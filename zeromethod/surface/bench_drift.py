@@ -19,7 +19,6 @@ from zeromethod.warp.grid import NodeGrid
 from zeromethod.warp.overlap import overlap_correlation, shared_nodes
 from zeromethod.warp.warp import Warp
 
-
 _NULLED_PX = 0.05
 """Residual rms, camera px, below which a frame says where the bench is, as in the loop."""
 

@@ -48,29 +48,18 @@ class HiddenDepth:
 
         left: (rows, cols, 2) LCD px of a warp on the whole grid. variance: (rows, cols, 2) rad^2 of slope.
         """
-        found = np.zeros(island.shape)
-        least = _NOISES * _NOISE * self._share
-        inner = left[self._inner]
-        if not _hidden(inner, self._per_px, self._share, self._step, variance, least, island, found):
+        hidden = _divergence(left[self._inner], self._per_px, self._share, island)
+        found = _beyond_noise(hidden, self._step, variance, _NOISES * _NOISE * self._share, island)
+        if not found.any():
             return None
-        size = np.abs(found) * island
-        around2 = cv2.blur(size**2, (_AROUND, _AROUND), borderType=cv2.BORDER_REPLICATE)
+        around2 = cv2.blur(found**2, (_AROUND, _AROUND), borderType=cv2.BORDER_REPLICATE)
         # a running sum may fall below 0 by rounding
-        return np.asarray(np.sqrt(np.maximum(size**2, around2)) * island, np.float64)
+        return np.asarray(np.sqrt(np.maximum(found**2, around2)) * island, np.float64)
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _hidden(
-    left: Single,
-    per_px: Float,
-    share: float,
-    step: Float,
-    variance: Float,
-    least: float,
-    island: Mask,
-    out: Float,
-) -> bool:
-    """Whether any node's is more than noise, and those in `out`."""
+def _divergence(left: Single, per_px: Float, share: float, island: Mask) -> Float:
+    """Share of the divergence (rows, cols) of the slope that is left, mm; 0 where a neighbour lacks it."""
     rows, cols = island.shape
     rise = np.full((2, rows, cols), np.nan)
     for i in range(rows):
@@ -78,29 +67,36 @@ def _hidden(
             if island[i, j]:
                 for k in range(2):
                     rise[k, i, j] = per_px[i, j, k, 0] * left[i, j, 0] + per_px[i, j, k, 1] * left[i, j, 1]
-    raw = np.zeros((rows, cols))
+    out = np.zeros((rows, cols))
     for i in range(rows):
         for j in range(cols):
+            across = rise[0, i, j + 1] - rise[0, i, j - 1] if 0 < j < cols - 1 else math.nan
+            down = rise[1, i + 1, j] - rise[1, i - 1, j] if 0 < i < rows - 1 else math.nan
             if island[i, j]:
-                across = rise[0, i, j + 1] - rise[0, i, j - 1] if 0 < j < cols - 1 else math.nan
-                down = rise[1, i + 1, j] - rise[1, i - 1, j] if 0 < i < rows - 1 else math.nan
-                # a node without neighbours says nothing
-                raw[i, j] += 0.0 if math.isnan(across) else 0.5 * share * across
-                raw[i, j] += 0.0 if math.isnan(down) else 0.5 * share * down
-    found = False
+                out[i, j] += 0.0 if math.isnan(across) else 0.5 * share * across
+                out[i, j] += 0.0 if math.isnan(down) else 0.5 * share * down
+    return out
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _beyond_noise(hidden: Float, step: Float, variance: Float, least: float, island: Mask) -> Float:
+    """The nodes around which the mean over 3 x 3 is more than so many deviations of noise; 0 elsewhere.
+
+    step: (rows, cols, 4) mm per node, x and y along columns, then along rows.
+    """
+    rows, cols = island.shape
+    out = np.zeros((rows, cols))
     for i in range(rows):
         for j in range(cols):
-            if island[i, j]:
-                total, count = 0.0, 0
-                for m in range(max(i - 1, 0), min(i + 2, rows)):
-                    for n in range(max(j - 1, 0), min(j + 2, cols)):
-                        if island[m, n]:
-                            total += raw[m, n]
-                            count += 1
-                noise2 = 0.0
-                for k in range(4):
-                    noise2 += step[i, j, k] ** 2 * variance[i, j, k % 2]
-                if abs(total) > count * least * math.sqrt(noise2):
-                    out[i, j] = raw[i, j]
-                    found = True
-    return found
+            total, count = 0.0, 0
+            for m in range(max(i - 1, 0), min(i + 2, rows)):
+                for n in range(max(j - 1, 0), min(j + 2, cols)):
+                    total += hidden[m, n]
+                    count += island[m, n]
+            noise2 = 0.0
+            for k in range(4):
+                noise2 += step[i, j, k] ** 2 * variance[i, j, k % 2]
+            # False for nodes off the island, whose variance may be NaN
+            if island[i, j] and abs(total) > count * least * math.sqrt(noise2):
+                out[i, j] = hidden[i, j]
+    return out
