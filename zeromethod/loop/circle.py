@@ -59,11 +59,17 @@ class Sensor(Protocol):
     """What turns an image into the residual."""
 
     def measure(
-        self, image: Image, guess: Float | None = None, *, light_share: Single | None = None
+        self,
+        image: Image,
+        guess: Float | None = None,
+        *,
+        light_share: Single | None = None,
+        target_rad: Float | None = None,
     ) -> Residual:
         """Residual of a (rows, cols) image; guess: (rows, cols, 2) px expected, NaN = none.
 
         light_share: (rows, cols) of the image, light expected over that at rest; None = as at rest.
+        target_rad: (rows, cols, 2) known phase of the target along its two carriers; None = 0.
         """
 
     def set_reference(self, residual: Residual | None) -> None:
@@ -180,13 +186,14 @@ class Circle:
         *,
         source_ns: int | None,
         coded: int | None = None,
+        shift: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Note that `q` (copied) was presented at `time_ns`, with `code` in its strips.
 
         source_ns: what the property of this name was when `q` was the command. coded: number of the coded
-        picture drawn over it.
+        picture drawn over it. shift: of a moving target, periods.
         """
-        self.exposures.log.record(time_ns, q, source_ns, code)
+        self.exposures.log.record(time_ns, q, source_ns, code, shift)
         if self.burst is not None:
             self.burst.presented(time_ns, coded)
 
@@ -260,7 +267,9 @@ class Circle:
         bias_px = None if observation.mixture is None else observation.mixture.bias_px
         guess = known.residual_px if bias_px is None else known.residual_px + bias_px
         light = None if self._expected_light is None else self._expected_light.share(lit_q)
-        residual = self._sensor.measure(observation.frame.image, guess, light_share=light)
+        target = None if observation.target is None else observation.target.node_rad
+        image = observation.frame.image
+        residual = self._sensor.measure(image, guess, light_share=light, target_rad=target)
         return unmixed(residual, observation, self.rest.grid)
 
     def _command(self, residual: Residual, measured: Warp, frozen: bool) -> tuple[bool, Event | None]:

@@ -106,7 +106,13 @@ class Loop:
         timeout_s, timed = rig.control.timeout_s, parts.strips is not None
         dwell = PatternDwell(1e9 / rig.camera.rate_hz, timed) if self.live or timed else None
         slowest_s = max(timeout_s, HANGING_S)
-        drawing = Drawing(lambda: Drawer(rig, display, parts.rest, parts.strips), timed, slowest_s, self.live)
+        drawing = Drawing(
+            lambda: Drawer(rig, display, parts.rest, parts.strips),
+            timed,
+            slowest_s,
+            self.live,
+            rig.target.step,
+        )
         self.gl_renderer = drawing.gl_renderer
         """Name of what draws the pattern, as GL gives it."""
         self.adjust = Adjustments(rig, self._circle.controller, drawing)
@@ -292,6 +298,7 @@ class Loop:
             image=frame.image,
             residual=result.residual and result.residual.copy(),
             shown=result.observation and result.observation.shown.copy(),
+            target=result.observation and result.observation.target,
             measured=measured and measured.less(self._zero.q),
             residual_rms_px=result.residual_rms_px,
             valid_share=result.valid_share,

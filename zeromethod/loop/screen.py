@@ -70,7 +70,9 @@ class Screen:
     def collect(self) -> None:
         """Note in the log what was presented."""
         for one in self._drawing.collect():
-            self._circle.presented(one.time_ns, one.q, one.code, source_ns=one.source_ns, coded=one.coded)
+            self._circle.presented(
+                one.time_ns, one.q, one.code, source_ns=one.source_ns, coded=one.coded, shift=one.shift
+            )
             if self.dwell is not None:
                 self.dwell.presented(one.time_ns)
             self.presented.append(one)

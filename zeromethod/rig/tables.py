@@ -155,19 +155,30 @@ class Rubber(Table):
         return self
 
 
+LEAST_STEP = 8
+"""Fewest pictures per period of a moving target: of fewer, two in one exposure leave too little contrast."""
+
+
 class TargetSpec(Table):
     """The target: the picture that the camera should see, in camera pixels.
 
-    Light = mean +- contrast x mean; the period is even and a node lies every half period.
+    Light = mean +- contrast x mean; the period is even and a node lies every half period. `step`: the target
+    moves from drawn picture to drawn picture by 1 / step of a period along u and 2 / step along v, a period
+    (two) there and back; 0: it stands still.
     """
 
     kind: Literal["cosines", "checker", "lattice", "noise"] = "cosines"
     period_px: Annotated[int, Field(ge=8, le=64, multiple_of=2)] = 16
     mean: Annotated[float, Field(gt=0, lt=1)] = 0.5
     contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
+    step: Annotated[int, Field(ge=0, le=64)] = 0
 
     @model_validator(mode="after")
     def _displayable(self) -> TargetSpec:
+        if 0 < self.step < LEAST_STEP:
+            raise refused("step", self.step, f"0, or {LEAST_STEP} to 64")
+        if self.step and self.kind == "noise":
+            raise refused("step", self.step, "0 for target.kind 'noise', which has no phase")
         if self.mean * (1 + self.contrast) > 1 + 1e-9:
             raise refused("contrast", self.contrast, f"at most 1 / mean - 1 = {1 / self.mean - 1:.6g}")
         return self
@@ -287,7 +298,8 @@ class Nuisances(Table):
     `mains`: light of lamps on the mains, on average, as a share of full scale; it swings to nothing and back
     `mains_hz` times a second. `backlight_per_minute`: growth of the LCD's light, relative. `dust`,
     `scratches` (on the camera face), `bubbles` (in the rubber): how many in view. `kelvin_per_minute`: how
-    fast the rubber grows warmer, which then is not as the rig file has it.
+    fast the rubber grows warmer, which then is not as the rig file has it. `pixel_gain`, `pixel_offset_grey`:
+    fixed pattern of the chip, standard deviations of a pixel's own gain (relative) and black level.
     """
 
     mains: Share = 0.0
@@ -297,6 +309,8 @@ class Nuisances(Table):
     scratches: Count = 0
     bubbles: Count = 0
     kelvin_per_minute: float = 0.0
+    pixel_gain: NotNegative = 0.0
+    pixel_offset_grey: NotNegative = 0.0
 
 
 class SimulationSpec(Table):

@@ -223,8 +223,16 @@ def _present(recording: Recording, window: Window, index: int, circle: Circle) -
     code, source_ns = int(row["strip_code"]), int(row["newest_frame_ns"])
     source = None if source_ns < 0 else source_ns
     coded = int(row["coded_picture"])
-    shown = {"source_ns": source, "coded": None if coded < 0 else coded}
-    circle.presented(int(row["time_ns"]), q, None if code < 0 else code, **shown)
+    # recordings made before targets moved have none
+    shift = row["target_shift"].tolist() if "target_shift" in (row.dtype.names or ()) else (0.0, 0.0)
+    circle.presented(
+        int(row["time_ns"]),
+        q,
+        None if code < 0 else code,
+        source_ns=source,
+        coded=None if coded < 0 else coded,
+        shift=shift,
+    )
 
 
 def _ends_at(recording: Recording, window: Window, step: int, why: str) -> str:
