@@ -21,6 +21,12 @@ def shift_of(step: int, number: int) -> tuple[float, float]:
     """
     if step == 0:
         return 0.0, 0.0
-    place = number % (2 * step)
-    along = min(place, 2 * step - place) / step
-    return along, ALONG_V * along
+    along_u, along_v = (_to_and_fro(place, step) for place in (number, number + step // 2))
+    # whole periods are the same picture: v begins where it stands in the rig file
+    return along_u, (ALONG_V * along_v) % 1.0 if step % 2 else ALONG_V * along_v - 1.0
+
+
+def _to_and_fro(place: int, step: int) -> float:
+    """0 to 1 in equal steps, and back."""
+    place %= 2 * step
+    return min(place, 2 * step - place) / step
