@@ -72,7 +72,8 @@ def make_circle(
         blur = PanelBlur(rig, rest.grid)
         expected = light if light.needed else None
         order, coded = order_check(rig, rest), burst(rig, rest)
-        return Circle(rest, exposures, sensor, controller, black_grey, expected, blur, order, coded)
+        unsteady = UnsteadyNodes(grid.shape) if rig.target.step else None
+        return Circle(rest, exposures, sensor, controller, black_grey, expected, blur, order, coded, unsteady)
 
     warm_up(circle(), target, rig)
     return CircleParts(rest, strips, circle())

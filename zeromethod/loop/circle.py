@@ -9,7 +9,7 @@ frame -> observation   what was shown while it was exposed         exposure/
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numba
@@ -29,6 +29,7 @@ from zeromethod.loop.light_quality import LightWatch
 from zeromethod.loop.measured_warp import Known, expect, measure_warp, unmixed
 from zeromethod.loop.order_check import Order, OrderCheck
 from zeromethod.loop.panel_blur import PanelBlur
+from zeromethod.loop.unsteady_nodes import UnsteadyNodes
 from zeromethod.pattern.coded import Coded
 from zeromethod.rig.model import ControlSpec
 from zeromethod.sensing.residual import Residual
@@ -53,6 +54,7 @@ _REFUSALS = {Unpaired.CONTRADICTED: Event.STRIPS_CONTRADICT, Unpaired.NOT_LIT: E
 
 
 _LIGHT_LOST = int(Flag.LIGHT_LOST)
+_BESIDE_DARK = np.uint16(Flag.BESIDE_DARK)
 
 
 class Sensor(Protocol):
@@ -134,11 +136,13 @@ class Circle:
         panel_blur: PanelBlur | None = None,
         order_check: OrderCheck | None = None,
         burst: Burst | None = None,
+        unsteady: UnsteadyNodes | None = None,
     ) -> None:
         """Put the parts together.
 
         expected_light: None where the light at rest is the light everywhere. panel_blur: None for a panel
         that has none. order_check: None for a target without periods. burst: None where none is ever drawn.
+        unsteady: counts nodes that are not to be followed; None where all are.
         """
         self.rest = rest
         self.exposures = exposures
@@ -150,6 +154,7 @@ class Circle:
         self._panel_blur = panel_blur
         self._order_check = order_check
         self.burst = burst
+        self._unsteady = unsteady
         self._horizon = Horizon(exposures.timing.upwards)
         self._source_ns: int | None = None
         # At rest the order of every node is known: it is that of the rest map.
@@ -278,7 +283,13 @@ class Circle:
             return False, Event.FROZEN
         if self.coded is not None:
             return False, None
-        changed = self.controller.update(residual, measured, self._horizon.age_s)
+        followed = measured
+        if self._unsteady is not None:
+            left = self._unsteady.learn(measured.flags, measured.time_ns)
+            if left is not None:
+                flags = np.where(left, measured.flags | _BESIDE_DARK, measured.flags)
+                followed = replace(measured, flags=flags)
+        changed = self.controller.update(residual, followed, self._horizon.age_s)
         if not changed and measured.valid.any():
             return False, Event.PICTURES_MIXED
         self._trusted = measured.valid
