@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from zeromethod.contact import Contact, ContactFinder, Lamp
-from zeromethod.control.stability_margin import margin_words, stability_margin
 from zeromethod.devices.abilities import dropped_refreshes_of, script_of, truth_of
 from zeromethod.devices.opening import Devices, open_devices
 from zeromethod.errors import InputError, MeasurementError
@@ -28,6 +27,7 @@ from zeromethod.loop.step import Step
 from zeromethod.optics import Optics, check_geometry
 from zeromethod.rig.load import load_rig
 from zeromethod.rig.model import Rig
+from zeromethod.session.delay_note import DelayNote
 from zeromethod.session.fine import FineReadings, with_moving_target
 from zeromethod.session.outputs import Record, StepPublisher, publishing
 from zeromethod.session.reading import StepReader, rms_nm, timed, warm_up_warp, with_reading
@@ -43,13 +43,6 @@ from zeromethod.warp.grid import NodeGrid
 
 DEFAULT_SECONDS = 5.0
 """How long a run in simulated time lasts when neither the caller nor a scenario says so."""
-
-_DELAY_FRAMES = 24
-"""Frames that timed the display before its delay is reported: of a few, the scatter is not known."""
-_UNSTEADY = (
-    "the delay is not steady: it scatters by {:.0f} ms from frame to frame: the display drops pictures, or "
-    "the computer is too busy; stability is not known"
-)
 
 COMPARED_PHASES = frozenset({"hold", "slide"})
 """Parts of a simulated scenario in which every reading is compared with the truth."""
@@ -133,7 +126,7 @@ class Session:
             self._scenario = script_of(self._devices.camera)
             self._phases = frozenset(one.name for one in (self._scenario.phases if self._scenario else ()))
             self._calls: list[Call] = []
-            self._unsteady = False
+            self._delay_note = DelayNote(self.rig, self.loop, self.result)
             self._steps: Generator[Step] | None = None
             self._reads_apart = self._closed = False
             self._closing = stack.pop_all()
@@ -357,24 +350,4 @@ class Session:
     def _notes(self) -> tuple[str, ...]:
         """Notes of everything but the loop itself."""
         fine = () if self._fine is None else self._fine.notes()
-        return self._delay_note() + self.recording.notes() + self._surfaces.notes() + fine
-
-    def _delay_note(self) -> tuple[str, ...]:
-        """What the coded strips say of the delay, and what that leaves of stability; shown once."""
-        delay, horizon_s = self.loop.delay, self.loop.horizon_s
-        if delay is None or delay.estimator.frames < _DELAY_FRAMES:
-            return ()
-        control, estimator = self.rig.control, delay.estimator
-        if not estimator.settled:
-            said, self._unsteady = self._unsteady, True
-            return () if said else (_UNSTEADY.format(1e-6 * estimator.scatter_ns),)
-        self.result.delay_ms = 1e-6 * estimator.value_ns
-        if self.result.margin is not None or not np.isfinite(horizon_s):
-            return ()
-        self.result.margin = stability_margin(control, horizon_s * self.rig.camera.rate_hz)
-        return (
-            f"delay {1e-6 * estimator.value_ns:.1f} ms, "
-            f"± {1e-6 * estimator.scatter_ns:.1f} ms from frame to frame; "
-            f"{self.result.margin.delay_frames:.1f} frames round the loop; "
-            f"{margin_words(self.result.margin, control)}",
-        )
+        return self._delay_note.take() + self.recording.notes() + self._surfaces.notes() + fine
