@@ -76,8 +76,8 @@ class Demodulated:
     """Every pixel's displacement against the target as shown, (rows, cols) each, last axis along u, v.
 
     d: (rows, cols, 2) camera px, within half a period. variance: (rows, cols, 2) px^2. modulation:
-    (rows, cols, 2) amplitude of the carriers, grey levels. mean: (rows, cols) grey level. misfit: (rows, cols)
-    variance of the grey levels about the fit, grey^2: noise alone where nothing moved.
+    (rows, cols, 2) amplitude of the carriers, grey levels. mean: (rows, cols) grey level. misfit: (rows,
+    cols) variance of the grey levels about the fit, grey^2: noise alone where nothing moved.
     """
 
     d: Single

@@ -131,7 +131,7 @@ class PixelIntegrator:
 
 
 def _evened(across: Single, down: Single) -> tuple[Single, float]:
-    """Factor (rows, cols) that makes weights about even from both sides, and the weight down over that across.
+    """Factor (rows, cols) that evens weights out from both sides, and the weight down over that across.
 
     Over the smooth mean of weights around: L is about S^-1 L' S^-1, L' with even ones.
     """

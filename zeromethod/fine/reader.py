@@ -103,7 +103,9 @@ class FineReader:
         """Pixels between the nodes."""
         found = demodulate(images, design, self._grid.period_px, self._camera.noise)
         fields = found.d, found.variance, found.modulation, found.mean, found.misfit
-        d, variance, modulation, mean, misfit = (np.ascontiguousarray(one[self._lattice.box]) for one in fields)
+        d, variance, modulation, mean, misfit = (
+            np.ascontiguousarray(one[self._lattice.box]) for one in fields
+        )
         return Demodulated(d, variance, modulation, mean, misfit)
 
     def _read_pixels(self, nodes: NodeWindows, pixels: Demodulated, usable: Mask, count: int) -> FineSurface:

@@ -9,7 +9,7 @@ frame -> observation   what was shown while it was exposed         exposure/
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numba
@@ -54,7 +54,6 @@ _REFUSALS = {Unpaired.CONTRADICTED: Event.STRIPS_CONTRADICT, Unpaired.NOT_LIT: E
 
 
 _LIGHT_LOST = int(Flag.LIGHT_LOST)
-_BESIDE_DARK = np.uint16(Flag.BESIDE_DARK)
 
 
 class Sensor(Protocol):
@@ -142,7 +141,7 @@ class Circle:
 
         expected_light: None where the light at rest is the light everywhere. panel_blur: None for a panel
         that has none. order_check: None for a target without periods. burst: None where none is ever drawn.
-        unsteady: counts nodes that are not to be followed; None where all are.
+        unsteady: counts nodes that are to be followed slowly; None where none are.
         """
         self.rest = rest
         self.exposures = exposures
@@ -283,13 +282,10 @@ class Circle:
             return False, Event.FROZEN
         if self.coded is not None:
             return False, None
-        followed = measured
+        unsteady = None
         if self._unsteady is not None:
-            left = self._unsteady.learn(measured.flags, measured.time_ns)
-            if left is not None:
-                flags = np.where(left, measured.flags | _BESIDE_DARK, measured.flags)
-                followed = replace(measured, flags=flags)
-        changed = self.controller.update(residual, followed, self._horizon.age_s)
+            unsteady = self._unsteady.learn(measured.flags, measured.time_ns)
+        changed = self.controller.update(residual, measured, self._horizon.age_s, unsteady)
         if not changed and measured.valid.any():
             return False, Event.PICTURES_MIXED
         self._trusted = measured.valid

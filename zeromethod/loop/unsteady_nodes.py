@@ -1,8 +1,9 @@
 """Nodes that fail again and again: what they measure is too fine or too steep for the sensing window.
 
-A dent narrower than the window is measured while the picture over it is smooth; drawn, it makes the window fail, the
-picture is continued smoothly, and so on: the picture swings for ever. A moving target is read pixel by pixel,
-which needs a picture that stands: such nodes are not followed any more, their picture stays the smooth one.
+A dent narrower than the window is measured while the picture over it is smooth; drawn, it makes the window
+fail, the picture is continued smoothly, and so on: the picture swings for ever. A moving target is read pixel
+by pixel, which needs a picture that stands: such nodes are followed slowly, and stay as they are once they
+fail.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ FAILURES = 2
 """Failures within `WITHIN_S`, each after a frame in which the node was valid, that make it unsteady."""
 WITHIN_S = 0.7
 KEPT_S = 5.0
-"""How long a node is not followed after it failed last."""
+"""How long a node is followed slowly after it failed last."""
 _NOT_THE_WINDOW = np.uint16(Flag.OUTSIDE | Flag.NO_RAY | Flag.MIXED | Flag.CODED)
 
 
@@ -30,7 +31,7 @@ class UnsteadyNodes:
         self._until_ns: Ints = np.zeros(shape, np.int64)
 
     def learn(self, flags: Flags, time_ns: int) -> Mask | None:
-        """Take in a frame's flags; (rows, cols) nodes that are not to be followed, None for none."""
+        """Take in a frame's flags; (rows, cols) nodes to be followed slowly, None for none."""
         failed = self._valid & (flags != 0) & (flags & _NOT_THE_WINDOW == 0)
         self._valid = flags == 0
         if failed.any():

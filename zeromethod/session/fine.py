@@ -1,4 +1,4 @@
-"""Fine surfaces of a run: the last frames kept, read now and then, compared with the truth where it is known."""
+"""Fine surfaces of a run: the last frames kept, and read now and then."""
 
 from __future__ import annotations
 
@@ -42,7 +42,8 @@ _FOLLOWED = NULLED | {State.NULLING}
 def with_moving_target(rig: Rig) -> Rig:
     """The rig with a target that moves, as fine surfaces need it. Raises InputError for one that cannot.
 
-    Without bursts when needed: the target stands while they are drawn, and pixels read most of what they would.
+    Without bursts when needed: the target stands while they are drawn, and pixels read most of what they
+    would.
     """
     if rig.target.kind != "cosines":
         raise InputError(f"--fine: target.kind {rig.target.kind!r}: only cosines are read pixel by pixel")
@@ -73,9 +74,10 @@ class FineReadings:
         self._asked_ns: int | None = None
         self._own: FineReader | None = None
         self._process: SurfaceProcess | None = None
-        self._worker: Worker[_Asked, tuple[FineSurface, FineFigures]] | SameThread[
-            _Asked, tuple[FineSurface, FineFigures]
-        ]
+        self._worker: (
+            Worker[_Asked, tuple[FineSurface, FineFigures]]
+            | SameThread[_Asked, tuple[FineSurface, FineFigures]]
+        )
         self._worker = SameThread(lambda: nullcontext(self._serve))
         self._lost = ""
 
@@ -123,7 +125,11 @@ class FineReadings:
         if self._process is not None:
             self._process.give_up_if_late()
         lost, self._lost = self._lost, ""
-        return (f"the process that reads fine surfaces is lost ({lost}): there are none any more",) if lost else ()
+        return (
+            (f"the process that reads fine surfaces is lost ({lost}): there are none any more",)
+            if lost
+            else ()
+        )
 
     def _serve(self, asked: _Asked) -> tuple[FineSurface, FineFigures] | None:
         try:
@@ -152,5 +158,3 @@ def _frame_of(step: Step) -> FineFrame | None:
     else:
         phases = step.target.node_rad, step.target.node_contrast, step.target.node_late_rad_per_s
     return FineFrame(step.image, *phases, step.shown.q, step.measured, step.residual.d)
-
-

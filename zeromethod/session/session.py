@@ -63,8 +63,8 @@ class Session:
     record : str, Path or callable, optional
         File in which to record everything (.h5), or what makes the recorder of a loop.
     fine : bool
-        Read slope and depth on every camera pixel, too, from the last frames, about twice a second. The target
-        then moves (`target.step`).
+        Read slope and depth on every camera pixel, too, from the last frames, about twice a second. The
+        target then moves (`target.step`).
 
     Raises
     ------

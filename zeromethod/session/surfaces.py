@@ -43,8 +43,8 @@ class SurfaceProcess:
     ) -> None:
         """Start it; `read` waits until it has started. Raises ReadingLost where it cannot be.
 
-        module: whose `main` it runs. size: bytes of shared memory; 0: what surfaces need. patience_s: how long
-        a reading may take.
+        module: whose `main` it runs. size: bytes of shared memory; 0: what surfaces need. patience_s: how
+        long a reading may take.
         """
         self._patience_s = patience_s
         self._turn = threading.Lock()
