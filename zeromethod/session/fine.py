@@ -97,7 +97,7 @@ class FineReadings:
 
     def add(self, step: Step) -> None:
         """Keep a step's frame, and have the last ones read when it is time. Raises what a reading raised."""
-        frame = _frame_of(step)
+        frame = frame_of(step)
         if step.zero is not self._zero:
             self._zero = step.zero
             self._frames.clear()
@@ -146,7 +146,7 @@ class FineReadings:
         return self._own.read(frames)
 
 
-def _frame_of(step: Step) -> FineFrame | None:
+def frame_of(step: Step) -> FineFrame | None:
     """A step's frame for the fine reading; None where it has none, or something else was drawn over it."""
     if step.image is None or step.residual is None or step.shown is None or step.measured is None:
         return None

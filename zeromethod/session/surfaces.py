@@ -39,7 +39,7 @@ class SurfaceProcess:
     """A `SurfaceReader` in a process of its own: of the same warps in turn the same readings, bit for bit."""
 
     def __init__(
-        self, rig: Rig, grid: NodeGrid, module: str = __name__, size: int = 0, patience_s: float = PATIENCE_S
+        self, rig: Rig, grid: NodeGrid, module: str = __name__, size: int = 0, patience_s: float | None = None
     ) -> None:
         """Start it; `read` waits until it has started. Raises ReadingLost where it cannot be.
 
@@ -101,9 +101,9 @@ class SurfaceProcess:
 
     def give_up_if_late(self) -> None:
         """End it where a reading takes longer than it may, which makes that raise ReadingLost."""
-        asked_s = self._asked_s
-        if asked_s is not None and time.monotonic() - asked_s > self._patience_s and not self._why:
-            self._why = f"a reading took more than {self._patience_s:g} s"
+        asked_s, patience_s = self._asked_s, self._patience_s or PATIENCE_S
+        if asked_s is not None and time.monotonic() - asked_s > patience_s and not self._why:
+            self._why = f"a reading took more than {patience_s:g} s"
             self._process.kill()
 
     def _end(self) -> str:
